@@ -1,0 +1,1 @@
+//! Cubic Bezier legs: definition, proven densification, fitting; and the planning program.

@@ -1,0 +1,1 @@
+//! Pure functions between STANAG 4586 and MAVLink: routes, modes, states.

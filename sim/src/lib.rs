@@ -1,0 +1,1 @@
+//! A simulated PX4 and a CUCS.

@@ -1,0 +1,1 @@
+//! Conformance, interoperability and end-to-end tests.

@@ -1,0 +1,1 @@
+//! The bridge: sessions, shell and the vsm program.
