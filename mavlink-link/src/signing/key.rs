@@ -1,0 +1,190 @@
+//! The signing key: wiped when dropped, never printed, never compared with `==`.
+
+use core::fmt;
+
+use hmac::{Hmac, KeyInit as _, Mac as _};
+use sha2::Sha256;
+use subtle::ConstantTimeEq as _;
+use thiserror::Error;
+use zeroize::{Zeroize, ZeroizeOnDrop};
+
+/// The 32 octets that both ends of a link share.
+///
+/// Neither `Clone` nor `PartialEq`, so that copies and comparisons are seen where they happen; `Debug`
+/// shows nothing of it.
+#[derive(Zeroize, ZeroizeOnDrop)]
+pub struct SigningKey([u8; 32]);
+
+impl SigningKey {
+    /// A key of these octets.
+    ///
+    /// # Errors
+    /// All octets are zero: anyone could sign.
+    pub fn new(octets: [u8; 32]) -> Result<Self, KeyError> {
+        let key = Self(octets);
+        if bool::from(key.0.ct_eq(&[0; 32])) {
+            Err(KeyError::AllZero)
+        } else {
+            Ok(key)
+        }
+    }
+
+    /// A key of any octets, all-zero too: PX4 takes such a key, so a model of it needs one.
+    #[must_use]
+    pub fn new_allowing_zero(octets: [u8; 32]) -> Self {
+        Self(octets)
+    }
+
+    /// A key written as 64 hexadecimal digits; white space around them is passed over.
+    ///
+    /// # Errors
+    /// Says where the text is wrong, but nothing of what it holds.
+    pub fn from_hex(text: &str) -> Result<Self, KeyError> {
+        let offset = text.len() - text.trim_start().len();
+        let digits = text.trim().as_bytes();
+        let mut key = Self([0; 32]);
+        for (at, &digit) in digits.iter().enumerate() {
+            let value = match digit {
+                b'0'..=b'9' => digit - b'0',
+                b'a'..=b'f' => digit - b'a' + 10,
+                b'A'..=b'F' => digit - b'A' + 10,
+                _ => {
+                    return Err(KeyError::Digit {
+                        offset: offset + at,
+                    });
+                }
+            };
+            if let Some(octet) = key.0.get_mut(at / 2) {
+                *octet = *octet << 4 | value;
+            }
+        }
+        if digits.len() != 64 {
+            return Err(KeyError::Length {
+                digits: digits.len(),
+            });
+        }
+        if bool::from(key.0.ct_eq(&[0; 32])) {
+            Err(KeyError::AllZero)
+        } else {
+            Ok(key)
+        }
+    }
+
+    /// The public name of the key: the first 8 octets of HMAC-SHA256(key, "vsm/1 key id").
+    #[must_use]
+    pub fn id(&self) -> KeyId {
+        // A MAC takes a key of any length, so this cannot fail; the id of no key would be zero.
+        let mut id = [0; 8];
+        if let Ok(mut mac) = Hmac::<Sha256>::new_from_slice(&self.0) {
+            mac.update(b"vsm/1 key id");
+            id.copy_from_slice(&mac.finalize().into_bytes()[..8]);
+        }
+        KeyId(id)
+    }
+
+    /// Whether both are the same key, in constant time.
+    #[must_use]
+    pub fn same_as(&self, other: &Self) -> bool {
+        self.0.ct_eq(&other.0).into()
+    }
+
+    /// A second copy, where two owners are wanted: each is wiped on its own.
+    #[must_use]
+    pub fn duplicate(&self) -> Self {
+        Self(self.0)
+    }
+
+    /// The octets themselves, for the hash, a key file or SETUP_SIGNING. Keep no copy.
+    #[must_use]
+    pub fn expose(&self) -> &[u8; 32] {
+        &self.0
+    }
+}
+
+impl fmt::Debug for SigningKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("SigningKey(..)")
+    }
+}
+
+/// Names a key without giving it away: for logs, status and the file names of stored clocks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct KeyId([u8; 8]);
+
+impl KeyId {
+    /// The id's octets.
+    #[must_use]
+    pub const fn octets(&self) -> &[u8; 8] {
+        &self.0
+    }
+}
+
+impl fmt::Display for KeyId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|octet| write!(f, "{octet:02x}"))
+    }
+}
+
+/// Why a text or octets are no key. Never shows any of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum KeyError {
+    /// Not 64 digits.
+    #[error("{digits} hexadecimal digits, expected 64")]
+    Length {
+        /// Digits found.
+        digits: usize,
+    },
+    /// Something else than a hexadecimal digit.
+    #[error("no hexadecimal digit at offset {offset}")]
+    Digit {
+        /// Offset in octets from the start of the text.
+        offset: usize,
+    },
+    /// The all-zero key, which everyone knows.
+    #[error("the key is all zero, expected 32 random octets")]
+    AllZero,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEX: &str = "0102030405060708090a0b0c0d0e0f101112131415161718191A1B1C1D1E1F20";
+
+    #[test]
+    fn hex_is_read_with_its_newline() {
+        let key = SigningKey::from_hex(&format!("{HEX}\n")).unwrap();
+        assert_eq!(key.expose()[0], 1);
+        assert_eq!(key.expose()[31], 0x20);
+        assert!(key.same_as(&key.duplicate()));
+    }
+
+    #[test]
+    fn a_wrong_text_says_where_and_nothing_else() {
+        let long = format!("{HEX}00");
+        assert_eq!(
+            SigningKey::from_hex(&long).unwrap_err(),
+            KeyError::Length { digits: 66 }
+        );
+        assert_eq!(
+            SigningKey::from_hex("").unwrap_err(),
+            KeyError::Length { digits: 0 }
+        );
+        let wrong = format!(" {}", HEX.replace("0a", "0g"));
+        assert_eq!(
+            SigningKey::from_hex(&wrong).unwrap_err(),
+            KeyError::Digit { offset: 20 }
+        );
+        assert_eq!(
+            SigningKey::from_hex(&"0".repeat(64)).unwrap_err(),
+            KeyError::AllZero
+        );
+    }
+
+    #[test]
+    fn the_id_is_an_hmac_of_the_key() {
+        // python3 -c 'import hmac; print(hmac.new(bytes(range(1, 33)), b"vsm/1 key id", "sha256").hexdigest()[:16])'
+        let key = SigningKey::from_hex(HEX).unwrap();
+        assert_eq!(key.id().to_string(), "965fac51df6401b4");
+    }
+}
