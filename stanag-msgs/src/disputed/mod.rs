@@ -1,0 +1,3 @@
+//! What sources are silent on or disagree about, and what this project took.
+
+pub mod values;

@@ -1,0 +1,111 @@
+//! Texts of fixed length.
+
+use std::fmt;
+
+use super::Field;
+use crate::codec::{Fault, Reader, Writer};
+use crate::table::Wire;
+
+/// `Character N`: 7-bit characters in `N` octets, the last always NUL, the rest padded with NUL.
+///
+/// Characters that are not 7-bit become `?`, on the way in as on the way out. What a sender puts
+/// behind the first NUL, or into the last octet, is dropped.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Text<const N: usize>([u8; N]);
+
+impl<const N: usize> Text<N> {
+    /// The text, cut at `N - 1` characters or at its first NUL.
+    pub fn new(text: &str) -> Self {
+        let mut octets = [0; N];
+        for (octet, character) in octets[..N - 1].iter_mut().zip(text.chars()) {
+            match character {
+                '\0' => break,
+                character if character.is_ascii() => *octet = character as u8,
+                _ => *octet = b'?',
+            }
+        }
+        Self(octets)
+    }
+
+    /// The text of these octets, which may be anything.
+    fn from_octets(mut octets: [u8; N]) -> Self {
+        let end = octets[..N - 1]
+            .iter()
+            .position(|&octet| octet == 0)
+            .unwrap_or(N - 1);
+        octets[end..].fill(0);
+        for octet in &mut octets[..end] {
+            if !octet.is_ascii() {
+                *octet = b'?';
+            }
+        }
+        Self(octets)
+    }
+
+    /// The characters before the first NUL.
+    pub fn as_str(&self) -> &str {
+        let end = self.0.iter().position(|&octet| octet == 0).unwrap_or(N);
+        // All octets are 7-bit by construction, so this never falls back.
+        std::str::from_utf8(&self.0[..end]).unwrap_or_default()
+    }
+}
+
+impl<const N: usize> From<&str> for Text<N> {
+    fn from(text: &str) -> Self {
+        Self::new(text)
+    }
+}
+
+impl<const N: usize> Default for Text<N> {
+    fn default() -> Self {
+        Self([0; N])
+    }
+}
+
+impl<const N: usize> fmt::Display for Text<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.as_str())
+    }
+}
+
+impl<const N: usize> fmt::Debug for Text<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(self.as_str(), f)
+    }
+}
+
+impl<const N: usize> Field for Text<N> {
+    const WIRE: Wire = Wire::Char(N as u16);
+
+    #[inline]
+    fn read(reader: &mut Reader<'_>) -> Result<Self, Fault> {
+        reader.chunk().map(Self::from_octets)
+    }
+
+    #[inline]
+    fn write(self, writer: &mut Writer<'_>) -> Result<(), Fault> {
+        writer.put(self.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_is_cut_and_kept_seven_bit() {
+        assert_eq!(Text::<6>::new("ABCDEFG").as_str(), "ABCDE");
+        assert_eq!(Text::<6>::new("Zürich").as_str(), "Z?ric");
+        assert_eq!(Text::<6>::new("A\0B").as_str(), "A");
+        assert_eq!(Text::<6>::new("").as_str(), "");
+        assert_eq!(format!("{:?}", Text::<6>::new("AB")), "\"AB\"");
+    }
+
+    #[test]
+    fn octets_from_the_wire_are_made_a_text() {
+        let read = |octets: &[u8; 4]| Text::<4>::read(&mut Reader::new(octets)).unwrap();
+        assert_eq!(read(b"ABCD"), Text::new("ABC"));
+        assert_eq!(read(b"A\xE9C\0"), Text::new("A?C"));
+        assert_eq!(read(b"A\0\xFFD"), Text::new("A"));
+    }
+}

@@ -1,0 +1,280 @@
+//! Taking a datagram apart into messages.
+
+use nom::number::complete::{be_u16, be_u32};
+use nom::{IResult, Parser};
+
+use super::{
+    ACK_REQUESTED, ChecksumStyle, HEADER_OCTETS, Header, MAX_DATA, MAX_DATAGRAM, Sum16Variant,
+};
+use crate::id::Id;
+
+/// A message in a datagram whose wrapper is sound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Frame<'a> {
+    /// What the header says.
+    pub header: Header,
+    /// The message data: presence vector and fields.
+    pub data: &'a [u8],
+    /// The whole message, from the header to the checksum.
+    pub octets: &'a [u8],
+}
+
+/// Why a part of a datagram is not a message. `offset` counts from the start of the datagram.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum WrapperError {
+    /// The datagram is longer than any may be.
+    #[error("offset {offset}: a datagram of {value} octets, expected at most {expected}")]
+    Oversized {
+        /// Where the octets that are too many start.
+        offset: usize,
+        /// Octets of the datagram.
+        value: usize,
+        /// The most there may be.
+        expected: usize,
+    },
+    /// There is no room for a header.
+    #[error("offset {offset}: {value} octets, expected a header of {expected}")]
+    NoHeader {
+        /// Where the header should start.
+        offset: usize,
+        /// Octets that are there.
+        value: usize,
+        /// Octets of a header.
+        expected: usize,
+    },
+    /// The Message Length is impossible.
+    #[error("offset {offset}: message length {value}, expected 1 to {expected}")]
+    Length {
+        /// Where the length stands.
+        offset: usize,
+        /// The length.
+        value: usize,
+        /// The most there may be.
+        expected: usize,
+    },
+    /// The datagram ends within data or checksum.
+    #[error("offset {offset}: {value} octets, expected a message of {expected}")]
+    Truncated {
+        /// Where the message starts.
+        offset: usize,
+        /// Octets that are there.
+        value: usize,
+        /// Octets by header and checksum style.
+        expected: usize,
+    },
+    /// The interface version is none that this wrapper is for.
+    #[error(
+        "offset {offset}: IDD version {value}, expected {} to {expected}",
+        Header::IDD_ED3
+    )]
+    Idd {
+        /// Where the version stands.
+        offset: usize,
+        /// The version.
+        value: u8,
+        /// The greatest known.
+        expected: u8,
+    },
+    /// A checksum style that the edition does not have.
+    #[error(
+        "offset {offset}: checksum style {value} in IDD version {}, expected 0 to {expected}",
+        Header::IDD_ED3
+    )]
+    ChecksumStyle {
+        /// Where the style stands.
+        offset: usize,
+        /// The style.
+        value: u8,
+        /// The greatest that the edition has.
+        expected: u8,
+    },
+    /// The checksum is wrong.
+    #[error("offset {offset}: checksum {value:#x}, expected {expected:#x}")]
+    Checksum {
+        /// Where the checksum stands.
+        offset: usize,
+        /// The checksum received.
+        value: u32,
+        /// The checksum of what was received.
+        expected: u32,
+    },
+}
+
+impl WrapperError {
+    /// Where in the datagram.
+    pub const fn offset(&self) -> usize {
+        match *self {
+            Self::Oversized { offset, .. }
+            | Self::NoHeader { offset, .. }
+            | Self::Length { offset, .. }
+            | Self::Truncated { offset, .. }
+            | Self::Idd { offset, .. }
+            | Self::ChecksumStyle { offset, .. }
+            | Self::Checksum { offset, .. } => offset,
+        }
+    }
+
+    /// A word for a counter of such errors.
+    pub const fn reason(&self) -> &'static str {
+        match self {
+            Self::Oversized { .. } => "oversized",
+            Self::NoHeader { .. } | Self::Truncated { .. } => "truncated",
+            Self::Length { .. } => "length",
+            Self::Idd { .. } => "idd",
+            Self::ChecksumStyle { .. } => "checksum_style",
+            Self::Checksum { .. } => "checksum",
+        }
+    }
+}
+
+/// The messages of a datagram, in order.
+///
+/// A message with a wrong checksum or IDD version is an error, and the next one follows. Where
+/// it cannot be known where the next one starts, the error is the last item. An empty datagram
+/// is an error too.
+pub fn frames(datagram: &[u8]) -> Frames<'_> {
+    frames_with(Sum16Variant::Sum, datagram)
+}
+
+/// [`frames`] with a choice of what checksum style 1 means.
+pub fn frames_with(variant: Sum16Variant, datagram: &[u8]) -> Frames<'_> {
+    Frames {
+        variant,
+        datagram,
+        offset: 0,
+        ended: false,
+    }
+}
+
+/// See [`frames`].
+#[derive(Clone, Debug)]
+pub struct Frames<'a> {
+    variant: Sum16Variant,
+    datagram: &'a [u8],
+    offset: usize,
+    ended: bool,
+}
+
+impl<'a> Iterator for Frames<'a> {
+    type Item = Result<Frame<'a>, WrapperError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.ended {
+            return None;
+        }
+        let outcome = self.extent().and_then(|(prefix, octets)| {
+            self.offset += octets.len();
+            self.check(prefix, octets)
+        });
+        // An error that leaves the offset where it was has no known end.
+        self.ended = match outcome {
+            Err(
+                WrapperError::Oversized { .. }
+                | WrapperError::NoHeader { .. }
+                | WrapperError::Length { .. }
+                | WrapperError::Truncated { .. }
+                | WrapperError::ChecksumStyle { .. },
+            ) => true,
+            _ => self.offset == self.datagram.len(),
+        };
+        Some(outcome)
+    }
+}
+
+impl<'a> Frames<'a> {
+    /// The next message's header and all of its octets, by length and checksum style alone.
+    fn extent(&self) -> Result<(Prefix, &'a [u8]), WrapperError> {
+        let offset = self.offset;
+        if self.datagram.len() > MAX_DATAGRAM {
+            let value = self.datagram.len();
+            return Err(WrapperError::Oversized {
+                offset: MAX_DATAGRAM,
+                value,
+                expected: MAX_DATAGRAM,
+            });
+        }
+        let rest = &self.datagram[offset..];
+        let Ok((_, prefix)) = prefix(rest) else {
+            return Err(WrapperError::NoHeader {
+                offset,
+                value: rest.len(),
+                expected: HEADER_OCTETS,
+            });
+        };
+        let length = usize::from(prefix.length);
+        if length == 0 || length > MAX_DATA {
+            let offset = offset + 2;
+            return Err(WrapperError::Length {
+                offset,
+                value: length,
+                expected: MAX_DATA,
+            });
+        }
+        let expected = HEADER_OCTETS + length + prefix.header.checksum.octets();
+        match rest.get(..expected) {
+            Some(octets) => Ok((prefix, octets)),
+            None => Err(WrapperError::Truncated {
+                offset,
+                value: rest.len(),
+                expected,
+            }),
+        }
+    }
+
+    fn check(&self, prefix: Prefix, octets: &'a [u8]) -> Result<Frame<'a>, WrapperError> {
+        let Header { idd, checksum, .. } = prefix.header;
+        let start = self.offset - octets.len();
+        if !(Header::IDD_ED3..=Header::IDD_ED4).contains(&idd) {
+            return Err(WrapperError::Idd {
+                offset: start + 14,
+                value: idd,
+                expected: Header::IDD_ED4,
+            });
+        }
+        if idd == Header::IDD_ED3 && checksum == ChecksumStyle::Crc32 {
+            let (value, expected) = (checksum.code(), ChecksumStyle::Sum32.code());
+            return Err(WrapperError::ChecksumStyle {
+                offset: start + 15,
+                value,
+                expected,
+            });
+        }
+        let (summed, sum) = octets.split_at(octets.len() - checksum.octets());
+        let value = sum
+            .iter()
+            .fold(0, |value, &octet| value << 8 | u32::from(octet));
+        let expected = checksum.of(self.variant, summed);
+        if value != expected {
+            return Err(WrapperError::Checksum {
+                offset: start + summed.len(),
+                value,
+                expected,
+            });
+        }
+        Ok(Frame {
+            header: prefix.header,
+            data: &summed[HEADER_OCTETS..],
+            octets,
+        })
+    }
+}
+
+/// A header as it stands, its length with it.
+struct Prefix {
+    length: u16,
+    header: Header,
+}
+
+fn prefix(octets: &[u8]) -> IResult<&[u8], Prefix> {
+    let (rest, (_reserved, length, source, destination, message_type, properties)) =
+        (be_u16, be_u16, be_u32, be_u32, be_u16, be_u16).parse(octets)?;
+    let header = Header {
+        source: Id(source),
+        destination: Id(destination),
+        message_type,
+        ack_requested: properties & ACK_REQUESTED != 0,
+        idd: (properties >> 8 & 0x7F) as u8,
+        checksum: ChecksumStyle::from_code((properties >> 6) as u8),
+    };
+    Ok((rest, Prefix { length, header }))
+}

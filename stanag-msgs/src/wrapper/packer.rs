@@ -1,0 +1,81 @@
+//! Putting several messages into a datagram.
+
+use super::{Envelope, MAX_DATAGRAM};
+use crate::codec::EncodeError;
+use crate::table::Message;
+
+/// Packs messages into datagrams of at most [`MAX_DATAGRAM`] octets, in the order they come.
+///
+/// ```
+/// use stanag_msgs::{Envelope, Id, Message, Packer, TimeStamp, messages::Heartbeat};
+///
+/// let envelope = Envelope::new(Id(0x1b00_0101), Id::BROADCAST);
+/// let beat = Message::from(Heartbeat { time_stamp: Some(TimeStamp(1)) });
+/// let mut sent = Vec::new();
+/// let mut packer = Packer::new();
+/// for _ in 0..30 {
+///     packer.push(&envelope, &beat, |datagram| sent.push(datagram.len()))?;
+/// }
+/// packer.flush(|datagram| sent.push(datagram.len()));
+/// assert_eq!(sent, [24 * 22, 6 * 22]);
+/// # Ok::<(), stanag_msgs::EncodeError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Packer {
+    datagram: [u8; MAX_DATAGRAM],
+    length: usize,
+}
+
+impl Packer {
+    /// A packer with nothing in it.
+    pub const fn new() -> Self {
+        Self {
+            datagram: [0; MAX_DATAGRAM],
+            length: 0,
+        }
+    }
+
+    /// Adds a message. Where it does not fit behind those before it, they are sent first. A
+    /// message that cannot be written changes nothing.
+    pub fn push(
+        &mut self,
+        envelope: &Envelope,
+        message: &Message,
+        send: impl FnOnce(&[u8]),
+    ) -> Result<(), EncodeError> {
+        match message.encode(envelope, &mut self.datagram[self.length..]) {
+            Ok(octets) => {
+                self.length += octets;
+                Ok(())
+            }
+            Err(EncodeError::BufferTooSmall { .. }) if self.length > 0 => {
+                let mut alone = [0; MAX_DATAGRAM];
+                let octets = message.encode(envelope, &mut alone)?;
+                self.flush(send);
+                self.datagram = alone;
+                self.length = octets;
+                Ok(())
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Sends what is left, if anything is.
+    pub fn flush(&mut self, send: impl FnOnce(&[u8])) {
+        if self.length > 0 {
+            send(&self.datagram[..self.length]);
+            self.length = 0;
+        }
+    }
+
+    /// Whether nothing is waiting to be sent.
+    pub const fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+}
+
+impl Default for Packer {
+    fn default() -> Self {
+        Self::new()
+    }
+}
