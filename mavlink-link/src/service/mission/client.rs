@@ -1,0 +1,607 @@
+//! The bridge's end: one transfer at a time with one vehicle.
+//!
+//! PX4 gives a transfer no name, so that messages of an earlier one can meddle with the present
+//! one. What is done about it:
+//! - items are served in the vehicle's order, 0 first, repeats at will; a request out of that
+//!   order belongs to another transfer, which is cancelled before it can mix two plans;
+//! - an upload counts as done only when every item was asked for and MISSION_ACK.opaque_id is
+//!   this plan's [`plan_id`](super::plan_id) (0, for autopilots without one, passes);
+//! - MAV_MISSION_ERROR is PX4's answer to a late duplicate as well as to a real failure, so it
+//!   ends nothing by itself: the vehicle goes on asking, or the transfer starts again.
+
+use std::time::Duration;
+
+use mavlink::dialects::development::{
+    MISSION_ACK_DATA, MISSION_CLEAR_ALL_DATA, MISSION_SET_CURRENT_DATA, MavMessage,
+    MavMissionResult, MavMissionType,
+};
+
+use super::download::Download;
+use super::item::{Item, UnknownInDialect};
+use super::upload::Upload;
+use crate::service::{Bounded, Node};
+
+/// Waits and repeats, chosen for a radio at 0.3 s round trip and PX4's own 0.25 s and 5 s.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Timing {
+    /// Wait for the first answer (to COUNT, REQUEST_LIST, CLEAR_ALL, SET_CURRENT).
+    pub first_answer: Duration,
+    /// How often such a first message is sent in all.
+    pub first_tries: u8,
+    /// Wait before an item request, or the last item of an upload, is repeated.
+    pub item: Duration,
+    /// Without progress for this long the transfer is lost; longer than PX4's 5 s, after which
+    /// it has forgotten the transfer without saying so.
+    pub stall: Duration,
+    /// Wait for the vehicle to go on after MAV_MISSION_ERROR.
+    pub settle: Duration,
+    /// How often a transfer is begun in all.
+    pub attempts: u8,
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        Self {
+            first_answer: Duration::from_millis(700),
+            first_tries: 10,
+            item: Duration::from_millis(400),
+            stall: Duration::from_secs(6),
+            settle: Duration::from_millis(1500),
+            attempts: 4,
+        }
+    }
+}
+
+/// What a [`Client`] can be busy with.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Operation {
+    /// A plan on its way to the vehicle.
+    Upload,
+    /// A plan on its way from the vehicle.
+    Download,
+    /// MISSION_CLEAR_ALL.
+    Clear,
+    /// MISSION_SET_CURRENT.
+    SetCurrent,
+}
+
+/// Why an operation was not begun.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum StartError {
+    /// Another one has not ended.
+    #[error("busy with {0:?}")]
+    Busy(Operation),
+    /// An upload without items; clearing is an operation of its own.
+    #[error("a plan without items")]
+    Empty,
+    /// More items than MISSION_COUNT.count can say.
+    #[error("{0} items, at most 65535")]
+    TooMany(usize),
+    /// MAV_MISSION_TYPE_ALL can be cleared, not transferred.
+    #[error("no single kind of plan")]
+    Kind,
+    /// An item that no message can carry.
+    #[error("item {seq}: {fault}")]
+    Item {
+        /// Place of the item in the plan, from 0.
+        seq: usize,
+        /// What is unknown.
+        fault: UnknownInDialect,
+    },
+}
+
+/// Why an operation that was begun did not reach its end.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Failure {
+    /// The vehicle said so by MISSION_ACK.
+    Refused {
+        /// MISSION_ACK.type
+        result: MavMissionResult,
+        /// The item it had asked for last; `None` when it had asked for none.
+        seq: Option<u16>,
+    },
+    /// The vehicle acknowledged a plan, but not this one.
+    OtherPlan {
+        /// This plan's id.
+        expected: u32,
+        /// MISSION_ACK.opaque_id
+        found: u32,
+    },
+    /// Every repeat went without an answer that helps.
+    NoAnswer {
+        /// The item the vehicle had asked for last, or the item asked of it.
+        seq: Option<u16>,
+    },
+    /// The caller ended it.
+    Cancelled,
+}
+
+/// What a [`Client`] tells its caller.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Event {
+    /// A transfer went on. Unread progress is replaced, not queued.
+    Progress {
+        /// Which way.
+        operation: Operation,
+        /// Items that the receiver is known to hold.
+        done: u16,
+        /// Items of the plan.
+        total: u16,
+        /// 0..=100
+        percent: u8,
+    },
+    /// The vehicle holds the plan.
+    Uploaded {
+        /// What kind of plan.
+        kind: MavMissionType,
+        /// MISSION_ACK.opaque_id, 0 from autopilots without plan ids.
+        opaque_id: u32,
+    },
+    /// The plan aboard.
+    Downloaded {
+        /// What kind of plan.
+        kind: MavMissionType,
+        /// The items in order.
+        items: Vec<Item>,
+        /// MISSION_COUNT.opaque_id
+        opaque_id: u32,
+    },
+    /// The vehicle holds no plan of this kind.
+    Cleared {
+        /// What kind of plan.
+        kind: MavMissionType,
+    },
+    /// MISSION_CURRENT says that the vehicle is at this item.
+    CurrentSet {
+        /// The item.
+        seq: u16,
+    },
+    /// The operation ended otherwise.
+    Failed {
+        /// Which operation.
+        operation: Operation,
+        /// What kind of plan.
+        kind: MavMissionType,
+        /// Why.
+        reason: Failure,
+    },
+}
+
+/// The mission services of one vehicle, as a ground station uses them.
+#[derive(Debug)]
+pub struct Client {
+    us: Node,
+    vehicle: Node,
+    timing: Timing,
+    job: Option<Job>,
+    /// The vehicle may still be in this transfer: the last one did not end by its word.
+    unsettled: Option<MavMissionType>,
+    out: Bounded<MavMessage>,
+    events: Bounded<Event>,
+}
+
+#[derive(Debug)]
+enum Job {
+    Upload(Upload),
+    Download(Download),
+    Clear {
+        kind: MavMissionType,
+        repeat: Repeat,
+    },
+    SetCurrent {
+        seq: u16,
+        repeat: Repeat,
+    },
+}
+
+/// A message sent again until something answers it.
+#[derive(Debug)]
+pub(super) struct Repeat {
+    pub(super) at: Duration,
+    pub(super) left: u8,
+}
+
+/// What a job needs of its client while it works.
+pub(super) struct Context<'a> {
+    pub(super) vehicle: Node,
+    pub(super) timing: Timing,
+    pub(super) out: &'a mut Bounded<MavMessage>,
+    pub(super) events: &'a mut Bounded<Event>,
+}
+
+impl Client {
+    /// A client named `us` on the link, for the plans of `vehicle`.
+    pub const fn new(us: Node, vehicle: Node, timing: Timing) -> Self {
+        Self {
+            us,
+            vehicle,
+            timing,
+            job: None,
+            unsettled: None,
+            out: Bounded::new(MAX_OUT),
+            events: Bounded::new(MAX_EVENTS),
+        }
+    }
+
+    /// What it is busy with.
+    pub fn busy(&self) -> Option<Operation> {
+        self.job.as_ref().map(Job::operation)
+    }
+
+    /// Begins to send a plan; ends in [`Event::Uploaded`] or [`Event::Failed`].
+    pub fn upload(
+        &mut self,
+        now: Duration,
+        kind: MavMissionType,
+        items: Vec<Item>,
+    ) -> Result<(), StartError> {
+        self.check_idle()?;
+        check_single(kind)?;
+        if items.is_empty() {
+            return Err(StartError::Empty);
+        }
+        let count = u16::try_from(items.len()).map_err(|_| StartError::TooMany(items.len()))?;
+        for (seq, item) in items.iter().enumerate() {
+            item.check_dialect()
+                .map_err(|fault| StartError::Item { seq, fault })?;
+        }
+        self.settle();
+        let job = Upload::start(now, kind, items, count, &mut self.context());
+        self.job = Some(Job::Upload(job));
+        Ok(())
+    }
+
+    /// Begins to fetch the plan aboard; ends in [`Event::Downloaded`] or [`Event::Failed`].
+    pub fn download(&mut self, now: Duration, kind: MavMissionType) -> Result<(), StartError> {
+        self.check_idle()?;
+        check_single(kind)?;
+        let job = Download::start(now, kind, &mut self.context());
+        self.job = Some(Job::Download(job));
+        Ok(())
+    }
+
+    /// Begins to clear a kind of plan, or all; ends in [`Event::Cleared`] or [`Event::Failed`].
+    pub fn clear(&mut self, now: Duration, kind: MavMissionType) -> Result<(), StartError> {
+        self.check_idle()?;
+        self.settle();
+        let repeat = self.first_repeat(now);
+        self.out.push(clear_all(self.vehicle, kind));
+        self.job = Some(Job::Clear { kind, repeat });
+        Ok(())
+    }
+
+    /// Begins to make item `seq` the current one; ends in [`Event::CurrentSet`], when
+    /// MISSION_CURRENT says so, or in [`Event::Failed`].
+    pub fn set_current(&mut self, now: Duration, seq: u16) -> Result<(), StartError> {
+        self.check_idle()?;
+        self.settle();
+        let repeat = self.first_repeat(now);
+        self.out.push(set_current(self.vehicle, seq));
+        self.job = Some(Job::SetCurrent { seq, repeat });
+        Ok(())
+    }
+
+    /// Ends the present operation and tells the vehicle; [`Event::Failed`] follows.
+    pub fn cancel(&mut self) {
+        if let Some(job) = self.job.take() {
+            self.end(&job, Err(Failure::Cancelled));
+        }
+    }
+
+    /// Takes a message of `from`; `fresh` is false when its signing stamp may be a replay.
+    ///
+    /// Returns whether the message was meant for this service.
+    pub fn handle_message(
+        &mut self,
+        now: Duration,
+        from: Node,
+        message: &MavMessage,
+        fresh: bool,
+    ) -> bool {
+        if from != self.vehicle || !fresh {
+            return false;
+        }
+        let Some((target, kind)) = target_and_kind(message) else {
+            return false;
+        };
+        if target.is_some_and(|node| !self.us.is_target(node.system, node.component)) {
+            return false;
+        }
+        let Some(mut job) = self.job.take() else {
+            self.refuse_stray_request(message, kind);
+            return true;
+        };
+        if kind.is_some_and(|kind| kind != job.kind()) || !job.expects(message) {
+            self.refuse_stray_request(message, kind);
+            self.job = Some(job);
+            return true;
+        }
+        match job.handle_message(now, message, &mut self.context()) {
+            Some(end) => self.end(&job, end),
+            None => self.job = Some(job),
+        }
+        true
+    }
+
+    /// Does what is due.
+    pub fn handle_timeout(&mut self, now: Duration) {
+        let Some(mut job) = self.job.take() else {
+            return;
+        };
+        if job.deadline() > now {
+            self.job = Some(job);
+            return;
+        }
+        match job.handle_timeout(now, &mut self.context()) {
+            Some(end) => self.end(&job, end),
+            None => self.job = Some(job),
+        }
+    }
+
+    /// When [`Client::handle_timeout`] is next needed.
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        self.job.as_ref().map(Job::deadline)
+    }
+
+    /// The next message for the vehicle.
+    pub fn poll_transmit(&mut self) -> Option<MavMessage> {
+        self.out.pop()
+    }
+
+    /// The next event.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop()
+    }
+
+    fn context(&mut self) -> Context<'_> {
+        Context {
+            vehicle: self.vehicle,
+            timing: self.timing,
+            out: &mut self.out,
+            events: &mut self.events,
+        }
+    }
+
+    fn first_repeat(&self, now: Duration) -> Repeat {
+        Repeat::first(now, &self.timing)
+    }
+
+    fn check_idle(&self) -> Result<(), StartError> {
+        self.busy()
+            .map_or(Ok(()), |busy| Err(StartError::Busy(busy)))
+    }
+
+    /// Frees the vehicle of a transfer that did not end by its word. PX4 would otherwise answer
+    /// "busy", or go on with the old number of items and the new items.
+    fn settle(&mut self) {
+        if let Some(kind) = self.unsettled.take() {
+            self.out.push(cancel(self.vehicle, kind));
+        }
+    }
+
+    fn end(&mut self, job: &Job, end: Result<Event, Failure>) {
+        let (operation, kind) = (job.operation(), job.kind());
+        let event = end.unwrap_or_else(|reason| {
+            if matches!(operation, Operation::Upload | Operation::Download) {
+                self.out.push(cancel(self.vehicle, kind));
+                self.unsettled = Some(kind);
+            }
+            Event::Failed {
+                operation,
+                kind,
+                reason,
+            }
+        });
+        if operation == Operation::Download {
+            // Our last MISSION_ACK may be lost, and then PX4 waits 5 s for it.
+            self.unsettled = Some(kind);
+        }
+        if matches!(self.events.last_mut(), Some(Event::Progress { .. })) {
+            self.events.pop_last();
+        }
+        self.events.push(event);
+    }
+
+    /// Ends a transfer that nobody here wants, lest it keep the vehicle busy for 5 s.
+    fn refuse_stray_request(&mut self, message: &MavMessage, kind: Option<MavMissionType>) {
+        let request = matches!(
+            message,
+            MavMessage::MISSION_REQUEST(_) | MavMessage::MISSION_REQUEST_INT(_)
+        );
+        if request {
+            self.out
+                .push(cancel(self.vehicle, kind.unwrap_or_default()));
+        }
+    }
+}
+
+impl Job {
+    fn operation(&self) -> Operation {
+        match self {
+            Self::Upload(_) => Operation::Upload,
+            Self::Download(_) => Operation::Download,
+            Self::Clear { .. } => Operation::Clear,
+            Self::SetCurrent { .. } => Operation::SetCurrent,
+        }
+    }
+
+    fn kind(&self) -> MavMissionType {
+        match self {
+            Self::Upload(upload) => upload.kind(),
+            Self::Download(download) => download.kind(),
+            Self::Clear { kind, .. } => *kind,
+            Self::SetCurrent { .. } => MavMissionType::MAV_MISSION_TYPE_MISSION,
+        }
+    }
+
+    fn expects(&self, message: &MavMessage) -> bool {
+        use MavMessage as M;
+        match (self, message) {
+            (Self::Upload(_), M::MISSION_REQUEST(_) | M::MISSION_REQUEST_INT(_))
+            | (Self::Download(_), M::MISSION_COUNT(_))
+            | (Self::Download(_), M::MISSION_ITEM_INT(_) | M::MISSION_ITEM(_))
+            | (Self::SetCurrent { .. }, M::MISSION_CURRENT(_)) => true,
+            (Self::SetCurrent { .. }, _) => false,
+            (_, M::MISSION_ACK(_)) => true,
+            _ => false,
+        }
+    }
+
+    fn handle_message(
+        &mut self,
+        now: Duration,
+        message: &MavMessage,
+        context: &mut Context<'_>,
+    ) -> Option<Result<Event, Failure>> {
+        match (self, message) {
+            (Self::Upload(upload), _) => upload.handle_message(now, message, context),
+            (Self::Download(download), _) => download.handle_message(now, message, context),
+            (Self::Clear { kind, .. }, MavMessage::MISSION_ACK(ack)) => match ack.mavtype {
+                // The acknowledgement of an upload names a plan, and is a late one.
+                MavMissionResult::MAV_MISSION_ACCEPTED if ack.opaque_id == 0 => {
+                    Some(Ok(Event::Cleared { kind: *kind }))
+                }
+                MavMissionResult::MAV_MISSION_ACCEPTED
+                | MavMissionResult::MAV_MISSION_ERROR
+                | MavMissionResult::MAV_MISSION_INVALID_SEQUENCE => None,
+                result => Some(Err(Failure::Refused { result, seq: None })),
+            },
+            (Self::SetCurrent { seq, .. }, MavMessage::MISSION_CURRENT(current)) => {
+                (current.seq == *seq).then_some(Ok(Event::CurrentSet { seq: *seq }))
+            }
+            _ => None,
+        }
+    }
+
+    fn handle_timeout(
+        &mut self,
+        now: Duration,
+        context: &mut Context<'_>,
+    ) -> Option<Result<Event, Failure>> {
+        let (repeat, message, seq) = match self {
+            Self::Upload(upload) => return upload.handle_timeout(now, context),
+            Self::Download(download) => return download.handle_timeout(now, context),
+            Self::Clear { kind, repeat } => (repeat, clear_all(context.vehicle, *kind), None),
+            Self::SetCurrent { seq, repeat } => {
+                (repeat, set_current(context.vehicle, *seq), Some(*seq))
+            }
+        };
+        if !repeat.again(now, &context.timing) {
+            return Some(Err(Failure::NoAnswer { seq }));
+        }
+        context.out.push(message);
+        None
+    }
+
+    fn deadline(&self) -> Duration {
+        match self {
+            Self::Upload(upload) => upload.deadline(),
+            Self::Download(download) => download.deadline(),
+            Self::Clear { repeat, .. } | Self::SetCurrent { repeat, .. } => repeat.at,
+        }
+    }
+}
+
+impl Repeat {
+    pub(super) fn first(now: Duration, timing: &Timing) -> Self {
+        Self {
+            at: now + timing.first_answer,
+            left: timing.first_tries.saturating_sub(1),
+        }
+    }
+
+    /// Whether it may be sent once more, now.
+    pub(super) fn again(&mut self, now: Duration, timing: &Timing) -> bool {
+        let Some(left) = self.left.checked_sub(1) else {
+            return false;
+        };
+        self.left = left;
+        self.at = now + timing.first_answer;
+        true
+    }
+}
+
+impl Context<'_> {
+    pub(super) fn progress(&mut self, operation: Operation, done: u16, total: u16) {
+        let percent = u32::from(done) * 100 / u32::from(total.max(1));
+        let event = Event::Progress {
+            operation,
+            done,
+            total,
+            percent: u8::try_from(percent).unwrap_or(100),
+        };
+        match self.events.last_mut() {
+            Some(last @ Event::Progress { .. }) => *last = event,
+            _ => {
+                self.events.push(event);
+            }
+        }
+    }
+
+    pub(super) fn cancel(&mut self, kind: MavMissionType) {
+        self.out.push(cancel(self.vehicle, kind));
+    }
+}
+
+/// Messages that wait for the caller; what is more is repeated anyhow.
+const MAX_OUT: usize = 32;
+/// Events that wait for the caller: one final event an operation, and one progress.
+const MAX_EVENTS: usize = 64;
+
+fn check_single(kind: MavMissionType) -> Result<(), StartError> {
+    if kind == MavMissionType::MAV_MISSION_TYPE_ALL {
+        return Err(StartError::Kind);
+    }
+    Ok(())
+}
+
+fn cancel(vehicle: Node, kind: MavMissionType) -> MavMessage {
+    ack(
+        vehicle,
+        kind,
+        MavMissionResult::MAV_MISSION_OPERATION_CANCELLED,
+    )
+}
+
+pub(super) fn ack(vehicle: Node, kind: MavMissionType, result: MavMissionResult) -> MavMessage {
+    MavMessage::MISSION_ACK(MISSION_ACK_DATA {
+        target_system: vehicle.system,
+        target_component: vehicle.component,
+        mavtype: result,
+        mission_type: kind,
+        opaque_id: 0,
+    })
+}
+
+fn clear_all(vehicle: Node, kind: MavMissionType) -> MavMessage {
+    MavMessage::MISSION_CLEAR_ALL(MISSION_CLEAR_ALL_DATA {
+        target_system: vehicle.system,
+        target_component: vehicle.component,
+        mission_type: kind,
+    })
+}
+
+fn set_current(vehicle: Node, seq: u16) -> MavMessage {
+    MavMessage::MISSION_SET_CURRENT(MISSION_SET_CURRENT_DATA {
+        seq,
+        target_system: vehicle.system,
+        target_component: vehicle.component,
+    })
+}
+
+/// Whom a mission message is for (`None`: everybody) and of which plan it speaks (`None`: of no
+/// kind in particular); `None` for a message of another service.
+fn target_and_kind(message: &MavMessage) -> Option<(Option<Node>, Option<MavMissionType>)> {
+    use MavMessage as M;
+    let (system, component, kind) = match message {
+        M::MISSION_CURRENT(_) => return Some((None, None)),
+        M::MISSION_ACK(m) => (m.target_system, m.target_component, m.mission_type),
+        M::MISSION_COUNT(m) => (m.target_system, m.target_component, m.mission_type),
+        M::MISSION_REQUEST(m) => (m.target_system, m.target_component, m.mission_type),
+        M::MISSION_REQUEST_INT(m) => (m.target_system, m.target_component, m.mission_type),
+        M::MISSION_ITEM(m) => (m.target_system, m.target_component, m.mission_type),
+        M::MISSION_ITEM_INT(m) => (m.target_system, m.target_component, m.mission_type),
+        _ => return None,
+    };
+    Some((Some(Node::new(system, component)), Some(kind)))
+}

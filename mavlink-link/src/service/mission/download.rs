@@ -1,0 +1,216 @@
+//! A plan on its way from the vehicle, item by item in order, as PX4 insists.
+
+use std::time::Duration;
+
+use mavlink::dialects::development::{
+    MISSION_ACK_DATA, MISSION_COUNT_DATA, MISSION_REQUEST_INT_DATA, MISSION_REQUEST_LIST_DATA,
+    MavMessage, MavMissionResult, MavMissionType,
+};
+
+use super::Item;
+use super::client::{Context, Event, Failure, Operation, Repeat, ack};
+
+/// The state of one download.
+#[derive(Debug)]
+pub(super) struct Download {
+    kind: MavMissionType,
+    /// Times that the transfer was begun.
+    attempt: u8,
+    /// MISSION_COUNT's count and opaque_id, once it came.
+    announced: Option<(u16, u32)>,
+    items: Vec<Item>,
+    /// Repeats MISSION_REQUEST_LIST, then the request for the next item.
+    repeat: Repeat,
+    /// The attempt is lost then, unless the next item comes.
+    stalled_at: Duration,
+    /// The attempt is lost then, unless the next item comes.
+    restart_at: Option<Duration>,
+    complaint: Option<Failure>,
+}
+
+type End = Option<Result<Event, Failure>>;
+
+impl Download {
+    /// Sends the first MISSION_REQUEST_LIST.
+    pub(super) fn start(now: Duration, kind: MavMissionType, context: &mut Context<'_>) -> Self {
+        let mut download = Self {
+            kind,
+            attempt: 0,
+            announced: None,
+            items: Vec::new(),
+            repeat: Repeat::first(now, &context.timing),
+            stalled_at: now,
+            restart_at: None,
+            complaint: None,
+        };
+        download.begin(now, context);
+        download
+    }
+
+    pub(super) const fn kind(&self) -> MavMissionType {
+        self.kind
+    }
+
+    pub(super) fn deadline(&self) -> Duration {
+        let own = if self.announced.is_some() {
+            self.repeat.at.min(self.stalled_at)
+        } else {
+            self.repeat.at
+        };
+        self.restart_at.map_or(own, |at| at.min(own))
+    }
+
+    pub(super) fn handle_message(
+        &mut self,
+        now: Duration,
+        message: &MavMessage,
+        context: &mut Context<'_>,
+    ) -> End {
+        match message {
+            MavMessage::MISSION_COUNT(m) => self.handle_count(now, m, context),
+            MavMessage::MISSION_ITEM_INT(m) => self.handle_item(now, m.seq, m.into(), context),
+            MavMessage::MISSION_ITEM(m) => self.handle_item(now, m.seq, m.into(), context),
+            MavMessage::MISSION_ACK(m) => self.handle_ack(now, m, context),
+            _ => None,
+        }
+    }
+
+    pub(super) fn handle_timeout(&mut self, now: Duration, context: &mut Context<'_>) -> End {
+        let lost = self.announced.is_some() && self.stalled_at <= now;
+        if lost || self.restart_at.is_some_and(|at| at <= now) {
+            return self.restart(now, context);
+        }
+        if self.announced.is_some() {
+            self.request_next(now, context);
+        } else if self.repeat.again(now, &context.timing) {
+            self.send_request_list(context);
+        } else {
+            return Some(Err(self.failure()));
+        }
+        None
+    }
+
+    fn handle_count(
+        &mut self,
+        now: Duration,
+        count: &MISSION_COUNT_DATA,
+        context: &mut Context<'_>,
+    ) -> End {
+        let announced = (count.count, count.opaque_id);
+        if self.announced == Some(announced) {
+            return None;
+        }
+        if !self.items.is_empty() {
+            // The plan aboard changed meanwhile: what came belongs to another one.
+            return self.restart(now, context);
+        }
+        self.announced = Some(announced);
+        self.stalled_at = now + context.timing.stall;
+        self.continue_or_finish(now, context)
+    }
+
+    fn handle_item(
+        &mut self,
+        now: Duration,
+        seq: u16,
+        item: Item,
+        context: &mut Context<'_>,
+    ) -> End {
+        let (count, _) = self.announced?;
+        if usize::from(seq) != self.items.len() {
+            return None;
+        }
+        self.items.push(item);
+        self.stalled_at = now + context.timing.stall;
+        self.restart_at = None;
+        context.progress(Operation::Download, seq.saturating_add(1), count);
+        self.continue_or_finish(now, context)
+    }
+
+    fn handle_ack(&mut self, now: Duration, ack: &MISSION_ACK_DATA, context: &Context<'_>) -> End {
+        use MavMissionResult as R;
+        match ack.mavtype {
+            // The late end of an upload.
+            R::MAV_MISSION_ACCEPTED => None,
+            result @ (R::MAV_MISSION_ERROR | R::MAV_MISSION_INVALID_SEQUENCE) => {
+                self.complaint = Some(self.refusal(result));
+                self.restart_at.get_or_insert(now + context.timing.settle);
+                None
+            }
+            result => Some(Err(self.refusal(result))),
+        }
+    }
+
+    fn continue_or_finish(&mut self, now: Duration, context: &mut Context<'_>) -> End {
+        let (count, opaque_id) = self.announced?;
+        if self.items.len() < usize::from(count) {
+            self.request_next(now, context);
+            return None;
+        }
+        let accepted = MavMissionResult::MAV_MISSION_ACCEPTED;
+        context.out.push(ack(context.vehicle, self.kind, accepted));
+        Some(Ok(Event::Downloaded {
+            kind: self.kind,
+            items: std::mem::take(&mut self.items),
+            opaque_id,
+        }))
+    }
+
+    fn restart(&mut self, now: Duration, context: &mut Context<'_>) -> End {
+        if self.attempt >= context.timing.attempts {
+            return Some(Err(self.failure()));
+        }
+        self.begin(now, context);
+        None
+    }
+
+    fn begin(&mut self, now: Duration, context: &mut Context<'_>) {
+        self.attempt += 1;
+        self.announced = None;
+        self.items.clear();
+        self.repeat = Repeat::first(now, &context.timing);
+        self.restart_at = None;
+        self.send_request_list(context);
+    }
+
+    fn next_seq(&self) -> Option<u16> {
+        self.announced
+            .and_then(|_| u16::try_from(self.items.len()).ok())
+    }
+
+    fn refusal(&self, result: MavMissionResult) -> Failure {
+        Failure::Refused {
+            result,
+            seq: self.next_seq(),
+        }
+    }
+
+    fn failure(&self) -> Failure {
+        self.complaint.unwrap_or(Failure::NoAnswer {
+            seq: self.next_seq(),
+        })
+    }
+
+    fn send_request_list(&self, context: &mut Context<'_>) {
+        let request = MISSION_REQUEST_LIST_DATA {
+            target_system: context.vehicle.system,
+            target_component: context.vehicle.component,
+            mission_type: self.kind,
+        };
+        context.out.push(MavMessage::MISSION_REQUEST_LIST(request));
+    }
+
+    fn request_next(&mut self, now: Duration, context: &mut Context<'_>) {
+        let Some(seq) = self.next_seq() else {
+            return;
+        };
+        self.repeat.at = now + context.timing.item;
+        let request = MISSION_REQUEST_INT_DATA {
+            seq,
+            target_system: context.vehicle.system,
+            target_component: context.vehicle.component,
+            mission_type: self.kind,
+        };
+        context.out.push(MavMessage::MISSION_REQUEST_INT(request));
+    }
+}

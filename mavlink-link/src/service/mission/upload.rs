@@ -1,0 +1,221 @@
+//! A plan on its way to the vehicle, which asks for one item after the other.
+
+use std::time::Duration;
+
+use mavlink::dialects::development::{
+    MISSION_ACK_DATA, MISSION_COUNT_DATA, MavMessage, MavMissionResult, MavMissionType,
+};
+
+use super::client::{Context, Event, Failure, Operation, Repeat};
+use super::{Item, plan_id};
+
+/// The state of one upload.
+#[derive(Debug)]
+pub(super) struct Upload {
+    kind: MavMissionType,
+    items: Vec<Item>,
+    count: u16,
+    id: u32,
+    /// Times that the transfer was begun.
+    attempt: u8,
+    /// Items that the vehicle has asked for in this attempt: all below this one.
+    asked: u16,
+    /// Repeats MISSION_COUNT while no item was asked for, and the last item once all were.
+    repeat: Repeat,
+    /// The attempt is lost then, unless the vehicle asks for a further item.
+    stalled_at: Duration,
+    /// The attempt is lost then, unless the vehicle asks for any item.
+    restart_at: Option<Duration>,
+    /// What to say when no attempt succeeds.
+    complaint: Option<Failure>,
+}
+
+type End = Option<Result<Event, Failure>>;
+
+impl Upload {
+    /// Sends the first MISSION_COUNT. `count` is the number of items.
+    pub(super) fn start(
+        now: Duration,
+        kind: MavMissionType,
+        items: Vec<Item>,
+        count: u16,
+        context: &mut Context<'_>,
+    ) -> Self {
+        let id = plan_id(&items);
+        let mut upload = Self {
+            kind,
+            items,
+            count,
+            id,
+            attempt: 0,
+            asked: 0,
+            repeat: Repeat::first(now, &context.timing),
+            stalled_at: now,
+            restart_at: None,
+            complaint: None,
+        };
+        upload.begin(now, context);
+        upload
+    }
+
+    pub(super) const fn kind(&self) -> MavMissionType {
+        self.kind
+    }
+
+    pub(super) fn deadline(&self) -> Duration {
+        let own = if self.asked == 0 {
+            self.repeat.at
+        } else if self.asked == self.count {
+            self.repeat.at.min(self.stalled_at)
+        } else {
+            self.stalled_at
+        };
+        self.restart_at.map_or(own, |at| at.min(own))
+    }
+
+    pub(super) fn handle_message(
+        &mut self,
+        now: Duration,
+        message: &MavMessage,
+        context: &mut Context<'_>,
+    ) -> End {
+        match message {
+            MavMessage::MISSION_REQUEST_INT(m) => self.handle_request(now, m.seq, context),
+            MavMessage::MISSION_REQUEST(m) => self.handle_request(now, m.seq, context),
+            MavMessage::MISSION_ACK(m) => return self.handle_ack(now, m, context),
+            _ => {}
+        }
+        None
+    }
+
+    pub(super) fn handle_timeout(&mut self, now: Duration, context: &mut Context<'_>) -> End {
+        let lost = self.asked > 0 && self.stalled_at <= now;
+        if lost || self.restart_at.is_some_and(|at| at <= now) {
+            return self.restart(now, context);
+        }
+        if self.asked == 0 {
+            if !self.repeat.again(now, &context.timing) {
+                return Some(Err(self.failure()));
+            }
+            self.send_count(context);
+        } else if self.asked == self.count {
+            // The vehicle misses the last item, or we its MISSION_ACK, which PX4 sends again.
+            self.repeat.at = now + context.timing.item;
+            self.send_item(self.count - 1, context);
+        }
+        None
+    }
+
+    fn handle_request(&mut self, now: Duration, seq: u16, context: &mut Context<'_>) {
+        if seq > self.asked || seq >= self.count {
+            // Out of order: the vehicle is in another transfer, and would mix the plans.
+            context.cancel(self.kind);
+            self.restart_at = Some(now + context.timing.settle);
+            return;
+        }
+        if seq == self.asked {
+            self.asked += 1;
+            self.stalled_at = now + context.timing.stall;
+            context.progress(Operation::Upload, seq, self.count);
+        }
+        self.restart_at = None;
+        self.repeat.at = now + context.timing.item;
+        self.send_item(seq, context);
+    }
+
+    fn handle_ack(&mut self, now: Duration, ack: &MISSION_ACK_DATA, context: &Context<'_>) -> End {
+        use MavMissionResult as R;
+        let soon = now + context.timing.settle;
+        match ack.mavtype {
+            R::MAV_MISSION_ACCEPTED => {
+                let ours = ack.opaque_id == 0 || ack.opaque_id == self.id;
+                if ours && self.asked == self.count {
+                    return Some(Ok(Event::Uploaded {
+                        kind: self.kind,
+                        opaque_id: ack.opaque_id,
+                    }));
+                }
+                // A late one of another transfer; or a transfer that went wrong.
+                if !ours {
+                    self.complaint = Some(Failure::OtherPlan {
+                        expected: self.id,
+                        found: ack.opaque_id,
+                    });
+                }
+                self.restart_at.get_or_insert(soon);
+            }
+            result @ (R::MAV_MISSION_ERROR | R::MAV_MISSION_INVALID_SEQUENCE) => {
+                self.complaint = Some(self.refusal(result));
+                self.restart_at.get_or_insert(soon);
+            }
+            // A late one: it speaks of an item, and we have sent none.
+            R::MAV_MISSION_UNSUPPORTED_FRAME
+            | R::MAV_MISSION_UNSUPPORTED
+            | R::MAV_MISSION_INVALID_PARAM1
+            | R::MAV_MISSION_INVALID_PARAM2
+            | R::MAV_MISSION_INVALID_PARAM3
+            | R::MAV_MISSION_INVALID_PARAM4
+            | R::MAV_MISSION_INVALID_PARAM5_X
+            | R::MAV_MISSION_INVALID_PARAM6_Y
+            | R::MAV_MISSION_INVALID_PARAM7
+                if self.asked == 0 => {}
+            result => return Some(Err(self.refusal(result))),
+        }
+        None
+    }
+
+    fn restart(&mut self, now: Duration, context: &mut Context<'_>) -> End {
+        if self.attempt >= context.timing.attempts {
+            return Some(Err(self.failure()));
+        }
+        if self.asked > 0 {
+            context.cancel(self.kind);
+        }
+        self.begin(now, context);
+        None
+    }
+
+    fn begin(&mut self, now: Duration, context: &mut Context<'_>) {
+        self.attempt += 1;
+        self.asked = 0;
+        self.repeat = Repeat::first(now, &context.timing);
+        self.stalled_at = now + context.timing.stall;
+        self.restart_at = None;
+        self.send_count(context);
+    }
+
+    fn refusal(&self, result: MavMissionResult) -> Failure {
+        Failure::Refused {
+            result,
+            seq: self.asked.checked_sub(1),
+        }
+    }
+
+    fn failure(&self) -> Failure {
+        self.complaint.unwrap_or(Failure::NoAnswer {
+            seq: self.asked.checked_sub(1),
+        })
+    }
+
+    fn send_count(&self, context: &mut Context<'_>) {
+        context
+            .out
+            .push(MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
+                count: self.count,
+                target_system: context.vehicle.system,
+                target_component: context.vehicle.component,
+                mission_type: self.kind,
+                opaque_id: 0,
+            }));
+    }
+
+    fn send_item(&self, seq: u16, context: &mut Context<'_>) {
+        let Some(item) = self.items.get(usize::from(seq)) else {
+            return;
+        };
+        // Every item was checked against the dialect before the transfer began.
+        if let Ok(message) = item.to_message(context.vehicle, self.kind, seq) {
+            context.out.push(message);
+        }
+    }
+}

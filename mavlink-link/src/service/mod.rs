@@ -1,0 +1,47 @@
+//! The MAVLink services that the bridge uses of a PX4, and that a simulated PX4 offers.
+//!
+//! Every service is a state machine without socket, clock or randomness: messages and the
+//! monotonic time go in (`handle_message`, `handle_timeout`), messages and events come out
+//! (`poll_transmit`, `poll_event`), and `poll_timeout` says when to come back. Nothing is sent
+//! that was not asked for by the caller or by the other side.
+//!
+//! Promised for any input:
+//! - no call panics, and no queue or table grows past a fixed bound;
+//! - a client listens only to the node it was made for, and only to answers addressed to it;
+//! - a client takes a message that the caller calls not `fresh` (its signing stamp may be a
+//!   replay) for no confirmation of anything: such a message changes nothing;
+//! - every operation that was started ends in exactly one final event within a bound that
+//!   follows from its `Timing`, as long as `handle_timeout` is called when `poll_timeout` asks.
+
+mod bounded;
+
+
+pub mod mission;
+
+
+
+pub use bounded::Bounded;
+
+/// One MAVLink node: a system and a component of it.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
+pub struct Node {
+    /// System id, 1..=255; 0 addresses every system.
+    pub system: u8,
+    /// Component id, 1..=255; 0 addresses every component of the system.
+    pub component: u8,
+}
+
+impl Node {
+    /// The node with this system and component id.
+    pub const fn new(system: u8, component: u8) -> Self {
+        Self { system, component }
+    }
+
+    /// Whether a message with these target fields is meant for this node alone.
+    ///
+    /// Component 0 is every component of the system; system 0 is everybody and therefore
+    /// never an answer to us.
+    pub const fn is_target(self, system: u8, component: u8) -> bool {
+        self.system == system && (component == 0 || self.component == component)
+    }
+}
