@@ -1,1 +1,17 @@
-//! Cubic Bezier legs: definition, proven densification, fitting; and the planning program.
+//! Cubic Bezier legs: what they mean, straight legs that are proven to keep within a tolerance of them, whether they
+//! can be flown, and the fewest of them through a track. Pure geometry: no clock, randomness, input or output.
+#![forbid(unsafe_code)]
+
+pub mod bound;
+pub mod cubic;
+mod densify;
+mod leg;
+mod local;
+pub mod vector;
+mod walk;
+pub mod wgs84;
+
+pub use densify::{Densified, DensifyError, Leg, Options, Vertex, densify};
+pub use leg::{BezierLeg, Control, LegError, Reach};
+pub use local::Charges;
+pub use wgs84::{Ground, Position};

@@ -1,0 +1,301 @@
+//! From curved legs to the vertices of straight ones, within a tolerance that is proven.
+//!
+//! Promised: the polyline through the vertices and the curve are nowhere further apart than `bound_m`, both ways, in
+//! three dimensions, all charges included; `bound_m` is at most the tolerance asked for; every leg's own ends are
+//! vertices, each joint once; a route that ends where it began ends in the very same numbers. Nothing is allocated
+//! but the output.
+
+use thiserror::Error;
+
+use crate::leg::BezierLeg;
+use crate::local::Charges;
+use crate::vector::Vec3;
+use crate::walk::{Rules, walk};
+use crate::wgs84::{Ground, Position};
+
+/// One leg of a route.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Leg {
+    /// The geodesic from one position to another, climbing evenly: one chord, which is charged its roundings only.
+    Straight {
+        /// Its start.
+        from: Position,
+        /// Its end.
+        to: Position,
+    },
+    /// A cubic Bezier leg.
+    Bezier(BezierLeg),
+}
+
+impl Leg {
+    /// Where it starts.
+    #[must_use]
+    pub const fn start(&self) -> Position {
+        match self {
+            Self::Straight { from, .. } => *from,
+            Self::Bezier(leg) => leg.p1(),
+        }
+    }
+
+    /// Where it ends.
+    #[must_use]
+    pub const fn end(&self) -> Position {
+        match self {
+            Self::Straight { to, .. } => *to,
+            Self::Bezier(leg) => leg.p4(),
+        }
+    }
+}
+
+impl From<BezierLeg> for Leg {
+    fn from(leg: BezierLeg) -> Self {
+        Self::Bezier(leg)
+    }
+}
+
+/// How to densify.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Greatest deviation of the polyline from the curve and of the curve from the polyline, m.
+    pub tolerance_m: f64,
+    /// Shortest chord between two vertices of a curved leg, m on the ground; 4 for flight, 0 for no rule.
+    pub min_chord_m: f64,
+    /// What is charged to the bound beside the geometry.
+    pub charges: Charges,
+}
+
+impl Options {
+    /// For a mission that PX4 flies: its charges, and chords of at least 4 m.
+    #[must_use]
+    pub const fn flight(tolerance_m: f64) -> Self {
+        Self {
+            tolerance_m,
+            min_chord_m: 4.0,
+            charges: Charges::MISSION_ITEM,
+        }
+    }
+
+    /// Geometry only: no charges, no least chord.
+    #[must_use]
+    pub const fn geometry(tolerance_m: f64) -> Self {
+        Self {
+            tolerance_m,
+            min_chord_m: 0.0,
+            charges: Charges::NONE,
+        }
+    }
+}
+
+/// A vertex of the densified route.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vertex {
+    /// Where it is.
+    pub position: Position,
+    /// The leg that it ends or lies in, from 0; the route's first vertex belongs to leg 0.
+    pub leg: usize,
+    /// Its parameter in that leg: 0 only for the route's first vertex, 1 for a leg's end.
+    pub t: f64,
+}
+
+/// The vertices, and what is proven of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Densified {
+    /// The vertices in order; the last equals the first in every bit of its position when the route is closed.
+    pub vertices: Vec<Vertex>,
+    /// Proven deviation both ways, charges included, m; never over the tolerance.
+    pub bound_m: f64,
+    /// The shortest chord on the ground between two vertices, m; infinite when there is none.
+    pub shortest_chord_m: f64,
+}
+
+/// Why a route cannot be densified as asked.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum DensifyError {
+    /// The route has no leg.
+    #[error("the route has no leg, expected at least one")]
+    Empty,
+    /// A leg starts elsewhere than the one before it ends.
+    #[error(
+        "leg {leg} starts {gap_m} m from the end of the leg before it, expected the same position"
+    )]
+    Gap {
+        /// The leg, from 0.
+        leg: usize,
+        /// The distance, m.
+        gap_m: f64,
+    },
+    /// The tolerance is no number, or smaller than what the charges take of it.
+    #[error("tolerance is {tolerance_m} m, expected {least_m:.4} to 10000 m")]
+    Tolerance {
+        /// What was asked for, m.
+        tolerance_m: f64,
+        /// The least that can be kept, m.
+        least_m: f64,
+    },
+    /// The curve turns too tightly for chords of the least length.
+    #[error("leg {leg} at t = {t:.4}: no chord of {min_chord_m} m keeps {tolerance_m} m")]
+    ChordTooShort {
+        /// The leg, from 0.
+        leg: usize,
+        /// The parameter.
+        t: f64,
+        /// The least chord, m.
+        min_chord_m: f64,
+        /// The tolerance, m.
+        tolerance_m: f64,
+    },
+}
+
+/// The vertices of a whole route.
+///
+/// # Errors
+/// When the route is empty or torn, the tolerance cannot be kept, or the least chord forbids it.
+pub fn densify(legs: &[Leg], options: &Options) -> Result<Densified, DensifyError> {
+    let first = legs.first().ok_or(DensifyError::Empty)?.start();
+    let fixed_m = check(legs, options)?;
+    let rules = Rules {
+        tolerance_m: options.tolerance_m - fixed_m,
+        min_chord_m: options.min_chord_m,
+        charges: options.charges,
+    };
+    let mut out = Densified {
+        vertices: vec![Vertex {
+            position: first,
+            leg: 0,
+            t: 0.0,
+        }],
+        bound_m: fixed_m,
+        shortest_chord_m: f64::INFINITY,
+    };
+    for (index, leg) in legs.iter().enumerate() {
+        match leg {
+            Leg::Straight { from, to } => {
+                let length_m = from.ground().distance_m(to.ground());
+                out.shortest_chord_m = out.shortest_chord_m.min(length_m);
+                out.vertices.push(Vertex {
+                    position: *to,
+                    leg: index,
+                    t: 1.0,
+                });
+            }
+            Leg::Bezier(leg) => {
+                densify_leg(leg, index, &rules, fixed_m, &mut out).map_err(|t| {
+                    DensifyError::ChordTooShort {
+                        leg: index,
+                        t,
+                        min_chord_m: options.min_chord_m,
+                        tolerance_m: options.tolerance_m,
+                    }
+                })?
+            }
+        }
+    }
+    if let [first, .., last] = &mut out.vertices[..] {
+        if apart_m(first.position, last.position) <= SAME_M {
+            last.position = first.position;
+        }
+    }
+    Ok(out)
+}
+
+fn densify_leg(
+    leg: &BezierLeg,
+    index: usize,
+    rules: &Rules,
+    fixed_m: f64,
+    out: &mut Densified,
+) -> Result<(), f64> {
+    let mut altitude = AltitudeAlong::new(leg);
+    walk(leg, rules, |chord| {
+        out.bound_m = out.bound_m.max(fixed_m + chord.bound_m);
+        out.shortest_chord_m = out.shortest_chord_m.min(chord.ground_m);
+        let position = if chord.b >= 1.0 {
+            leg.p4()
+        } else {
+            let ground = Ground::from_ecef(leg.origin() + leg.offsets().at(chord.b));
+            Position::new(
+                ground.lat_deg,
+                ground.lon_deg,
+                altitude.at(chord.a, chord.b),
+            )
+        };
+        out.vertices.push(Vertex {
+            position,
+            leg: index,
+            t: chord.b,
+        });
+    })
+    .map_err(|stuck| stuck.t)
+}
+
+/// The altitude at rising parameters, the length summed up from chord to chord.
+struct AltitudeAlong<'a> {
+    leg: &'a BezierLeg,
+    length_m: f64,
+}
+
+impl<'a> AltitudeAlong<'a> {
+    const fn new(leg: &'a BezierLeg) -> Self {
+        Self { leg, length_m: 0.0 }
+    }
+
+    fn at(&mut self, a: f64, b: f64) -> f64 {
+        match self.leg.climb() {
+            crate::leg::Climb::Cubic(_) => self.leg.altitude_at(b),
+            crate::leg::Climb::Even {
+                from_m,
+                rise_m,
+                length_m,
+            } => {
+                self.length_m += self.leg.offsets().part(a, b).length();
+                from_m + rise_m * (self.length_m / length_m).min(1.0)
+            }
+        }
+    }
+}
+
+/// Checks the route against its options; what every vertex is charged, m.
+pub(crate) fn check(legs: &[Leg], options: &Options) -> Result<f64, DensifyError> {
+    for (index, pair) in legs.windows(2).enumerate() {
+        let gap_m = apart_m(pair[0].end(), pair[1].start());
+        if gap_m.is_nan() || gap_m > SAME_M {
+            return Err(DensifyError::Gap {
+                leg: index + 1,
+                gap_m,
+            });
+        }
+    }
+    let highest_m = legs.iter().map(highest).fold(0.0, f64::max);
+    let fixed_m = options.charges.fixed_m(highest_m);
+    let least_m = fixed_m + LEAST_GEOMETRY_M;
+    if !(least_m..=MOST_TOLERANCE_M).contains(&options.tolerance_m) {
+        return Err(DensifyError::Tolerance {
+            tolerance_m: options.tolerance_m,
+            least_m,
+        });
+    }
+    Ok(fixed_m)
+}
+
+fn highest(leg: &Leg) -> f64 {
+    let ends = leg.start().alt_m.abs().max(leg.end().alt_m.abs());
+    match leg {
+        Leg::Straight { .. } => ends,
+        Leg::Bezier(leg) => [leg.p2(), leg.p3()]
+            .iter()
+            .filter_map(|c| c.alt_m)
+            .fold(ends, |m, a| m.max(a.abs())),
+    }
+}
+
+fn apart_m(a: Position, b: Position) -> f64 {
+    let flat: Vec3 = a.ground().to_ecef() - b.ground().to_ecef();
+    flat.norm().hypot(a.alt_m - b.alt_m)
+}
+
+/// Two positions no further apart than this are one: far under what any message can carry, m.
+const SAME_M: f64 = 1e-6;
+/// What the charges must leave for the geometry, m.
+const LEAST_GEOMETRY_M: f64 = 1e-3;
+/// A tolerance over this is a mistake, m.
+const MOST_TOLERANCE_M: f64 = 10_000.0;

@@ -1,0 +1,165 @@
+//! The ellipsoid: between geodetic degrees and earth-centred metres, and the local horizontal.
+//!
+//! Closed forms, valid at the poles and across the date line; no iteration, no panic. The way back is exact to
+//! two micrometres for points within 5 km of the surface, which holds for every legal leg.
+
+use crate::vector::Vec3;
+
+/// Equatorial radius of WGS-84, m.
+pub const SEMI_MAJOR_M: f64 = 6_378_137.0;
+/// Flattening of WGS-84.
+pub const FLATTENING: f64 = 1.0 / 298.257_223_563;
+/// Smallest radius of curvature anywhere on the ellipsoid (north-south at the equator), m.
+pub const SMALLEST_RADIUS_M: f64 = SEMI_MAJOR_M * (1.0 - FLATTENING) * (1.0 - FLATTENING);
+
+const SEMI_MINOR_M: f64 = SEMI_MAJOR_M * (1.0 - FLATTENING);
+const E2: f64 = FLATTENING * (2.0 - FLATTENING);
+const EP2: f64 = E2 / (1.0 - E2);
+
+/// A place on the ground: geodetic latitude and longitude on WGS-84.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ground {
+    /// Latitude, degrees, -90 to 90, north positive.
+    pub lat_deg: f64,
+    /// Longitude, degrees, -180 to 180, east positive.
+    pub lon_deg: f64,
+}
+
+impl Ground {
+    /// A place from degrees.
+    #[must_use]
+    pub const fn new(lat_deg: f64, lon_deg: f64) -> Self {
+        Self { lat_deg, lon_deg }
+    }
+
+    /// A place from radians, as the DLI carries them.
+    #[must_use]
+    pub fn from_radians(lat_rad: f64, lon_rad: f64) -> Self {
+        Self::new(lat_rad.to_degrees(), lon_rad.to_degrees())
+    }
+
+    /// Earth-centred, earth-fixed coordinates at height 0, m.
+    #[must_use]
+    pub fn to_ecef(self) -> Vec3 {
+        let (sin_lat, cos_lat) = self.lat_deg.to_radians().sin_cos();
+        let (sin_lon, cos_lon) = self.lon_deg.to_radians().sin_cos();
+        let n = SEMI_MAJOR_M / (1.0 - E2 * sin_lat * sin_lat).sqrt();
+        Vec3::new(
+            n * cos_lat * cos_lon,
+            n * cos_lat * sin_lon,
+            n * (1.0 - E2) * sin_lat,
+        )
+    }
+
+    /// The geodetic latitude and longitude of an earth-centred point (its height is dropped).
+    #[inline]
+    #[must_use]
+    pub fn from_ecef(q: Vec3) -> Self {
+        let p = (q.x * q.x + q.y * q.y).sqrt();
+        // Bowring's formula once, the parametric latitude taken without trigonometry.
+        let (u, v) = (q.z * SEMI_MINOR_M, p * SEMI_MAJOR_M);
+        let r = (p * p + q.z * q.z).sqrt();
+        let u = u * (1.0 + EP2 * SEMI_MINOR_M / r);
+        let k = 1.0 / (u * u + v * v).sqrt();
+        let (s, c) = (u * k, v * k);
+        let lat = (q.z + EP2 * SEMI_MINOR_M * s * s * s).atan2(p - E2 * SEMI_MAJOR_M * c * c * c);
+        Self::new(lat.to_degrees(), q.y.atan2(q.x).to_degrees())
+    }
+
+    /// The straight distance to another place, m (8 cm short of the geodesic at 50 km).
+    #[must_use]
+    pub fn distance_m(self, to: Self) -> f64 {
+        (to.to_ecef() - self.to_ecef()).norm()
+    }
+}
+
+/// A place with an altitude. The altitude's reference is the caller's: one and the same for a whole route.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Position {
+    /// Latitude, degrees, -90 to 90, north positive.
+    pub lat_deg: f64,
+    /// Longitude, degrees, -180 to 180, east positive.
+    pub lon_deg: f64,
+    /// Altitude, m.
+    pub alt_m: f64,
+}
+
+impl Position {
+    /// A position from degrees and metres.
+    #[must_use]
+    pub const fn new(lat_deg: f64, lon_deg: f64, alt_m: f64) -> Self {
+        Self {
+            lat_deg,
+            lon_deg,
+            alt_m,
+        }
+    }
+
+    /// Its place on the ground.
+    #[must_use]
+    pub const fn ground(self) -> Ground {
+        Ground::new(self.lat_deg, self.lon_deg)
+    }
+}
+
+/// The outward normal of the ellipsoid under or over a point, length 1.
+#[inline]
+pub(crate) fn up(q: Vec3) -> Vec3 {
+    const K: f64 = 1.0 / (1.0 - E2);
+    Vec3::new(q.x, q.y, q.z * K).unit()
+}
+
+/// East and north at a point, for its outward normal; at a pole, east is towards longitude 90 degrees.
+pub(crate) fn east_north(up: Vec3) -> (Vec3, Vec3) {
+    let level = Vec3::new(-up.y, up.x, 0.0);
+    let east = if level.norm2() > 1e-24 {
+        level.unit()
+    } else {
+        Vec3::new(0.0, 1.0, 0.0)
+    };
+    (east, up.cross(east))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_and_back_is_exact_to_micrometres_near_the_surface() {
+        for lat in [
+            -90.0,
+            -89.999_999,
+            -45.3,
+            -0.000_1,
+            0.0,
+            37.29,
+            52.0,
+            89.5,
+            90.0,
+        ] {
+            for lon in [-180.0, -127.2, 0.0, 1e-7, 8.5, 179.999_999_9] {
+                for height in [-5_000.0, -50.0, 0.0, 8_000.0] {
+                    let ground = Ground::new(lat, lon);
+                    let q = ground.to_ecef();
+                    let back = Ground::from_ecef(q + up(q) * height);
+                    assert!(
+                        back.distance_m(ground) < 2e-6,
+                        "{ground:?} {height} {back:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_local_axes_are_orthonormal_also_at_the_pole() {
+        for lat in [-90.0, 0.0, 37.0, 90.0] {
+            let u = up(Ground::new(lat, 12.0).to_ecef());
+            let (e, n) = east_north(u);
+            for (a, b) in [(e, n), (e, u), (n, u)] {
+                assert!(a.dot(b).abs() < 1e-15);
+            }
+            assert!((e.norm() - 1.0).abs() < 1e-15 && (n.norm() - 1.0).abs() < 1e-15);
+        }
+    }
+}
