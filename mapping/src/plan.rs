@@ -1,0 +1,269 @@
+//! The routes and waypoints that a CUCS has sent for one vehicle, as it sent them.
+//!
+//! A plan only stores. What can be told from one message alone is refused at once ([`StoreError`]); everything that
+//! needs the others is told when the route is flown ([`crate::route`]), so that waypoints may come in any order.
+
+use std::collections::BTreeMap;
+
+use stanag_msgs::enums::RouteType;
+use stanag_msgs::messages::{
+    CurveSegment, CurveSegmentPaper, UaLoiterWaypoint, UaPositionWaypoint, UaRoute,
+};
+use stanag_msgs::{Id, Message};
+
+/// Routes (13001), waypoints (13002), their loiters (13003) and curves (50001, 50002).
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Plan {
+    routes: Vec<UaRoute>,
+    waypoints: BTreeMap<u16, UaPositionWaypoint>,
+    loiters: BTreeMap<u16, UaLoiterWaypoint>,
+    curves: BTreeMap<(u16, u16), Curve>,
+}
+
+/// A curved leg as it came.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Curve {
+    /// 50001, the paper's message.
+    Paper(CurveSegmentPaper),
+    /// 50002, in the scalars of Edition 4.
+    Native(CurveSegment),
+}
+
+/// A message that the plan does not take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum StoreError {
+    /// The number that says which one it is, is absent.
+    #[error("{message} without {field}")]
+    Missing {
+        /// Message type.
+        message: u16,
+        /// The field as the tables name it.
+        field: &'static str,
+    },
+    /// A waypoint number outside 1 to 65534.
+    #[error("{field} {number}, expected 1 to 65534")]
+    Number {
+        /// The field as the tables name it.
+        field: &'static str,
+        /// The number.
+        number: u16,
+    },
+    /// 50001 that names another vehicle or CUCS than its wrapper.
+    #[error("50001 {field} {found} is not the wrapper's {expected}")]
+    NotTheWrappers {
+        /// The field.
+        field: &'static str,
+        /// What it holds.
+        found: Id,
+        /// What the wrapper holds.
+        expected: Id,
+    },
+    /// The plan is full: a bound on memory, beyond what any vehicle carries.
+    #[error("more than {0} {1} in one plan")]
+    Full(usize, &'static str),
+    /// Not a message of a plan.
+    #[error("message {0} is not part of a plan")]
+    NotAPlanMessage(u16),
+}
+
+/// Most waypoints, curves and loiters that a plan stores (each): PX4's own bound in simulation.
+pub const MOST_WAYPOINTS: usize = 10_000;
+/// Most routes that a plan stores.
+pub const MOST_ROUTES: usize = 64;
+
+impl Plan {
+    /// Stores one message; a later one for the same route or waypoint replaces the earlier.
+    ///
+    /// `cucs` and `vehicle` are the wrapper's source and destination.
+    ///
+    /// # Errors
+    /// The message cannot be stored; the plan is as before.
+    pub fn store(&mut self, message: &Message, cucs: Id, vehicle: Id) -> Result<(), StoreError> {
+        match message {
+            Message::UaRoute(route) => self.store_route(route),
+            Message::UaPositionWaypoint(waypoint) => {
+                let number = numbered(13002, "Waypoint Number", waypoint.waypoint_number)?;
+                insert(&mut self.waypoints, number, waypoint.clone(), "waypoints")
+            }
+            Message::UaLoiterWaypoint(loiter) => {
+                let number = numbered(13003, "Waypoint Number", loiter.waypoint_number)?;
+                insert(
+                    &mut self.loiters,
+                    number,
+                    loiter.clone(),
+                    "loiter waypoints",
+                )
+            }
+            Message::CurveSegment(curve) => {
+                let ends = ends(50002, curve.p1_waypoint_no, curve.p4_waypoint_no)?;
+                insert(
+                    &mut self.curves,
+                    ends,
+                    Curve::Native(curve.clone()),
+                    "curves",
+                )
+            }
+            Message::CurveSegmentPaper(curve) => {
+                let ends = ends(50001, curve.p1_waypoint_no, curve.p4_waypoint_no)?;
+                the_wrappers("Vehicle ID", curve.vehicle_id, vehicle)?;
+                the_wrappers("CUCS ID", curve.cucs_id, cucs)?;
+                insert(
+                    &mut self.curves,
+                    ends,
+                    Curve::Paper(curve.clone()),
+                    "curves",
+                )
+            }
+            other => Err(StoreError::NotAPlanMessage(other.id())),
+        }
+    }
+
+    fn store_route(&mut self, route: &UaRoute) -> Result<(), StoreError> {
+        let initial = route.initial_waypoint_number.ok_or(StoreError::Missing {
+            message: 13001,
+            field: "Initial Waypoint Number",
+        })?;
+        // The latest definition stands last: it is the one that a load without a Route ID means.
+        let kept = self
+            .routes
+            .iter()
+            .filter(|known| known.route_id != route.route_id)
+            .count();
+        if initial != 0 && kept == MOST_ROUTES {
+            return Err(StoreError::Full(MOST_ROUTES, "routes"));
+        }
+        self.routes.retain(|known| known.route_id != route.route_id);
+        if initial != 0 {
+            self.routes.push(route.clone());
+        }
+        Ok(())
+    }
+
+    /// Forgets everything (13000 mode 1).
+    pub fn clear(&mut self) {
+        *self = Plan::default();
+    }
+
+    /// Whether nothing is stored.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        *self == Plan::default()
+    }
+
+    /// The latest route of a type; absent is flight (0801.06).
+    #[must_use]
+    pub fn route_of_type(&self, wanted: RouteType) -> Option<&UaRoute> {
+        self.routes
+            .iter()
+            .rev()
+            .find(|route| route_type(route) == wanted)
+    }
+
+    /// The route with this Route ID.
+    #[must_use]
+    pub fn route_named(&self, name: &str) -> Option<&UaRoute> {
+        self.routes.iter().find(|route| {
+            route
+                .route_id
+                .as_ref()
+                .is_some_and(|id| id.as_str() == name)
+        })
+    }
+
+    /// All routes, the latest last.
+    #[must_use]
+    pub fn routes(&self) -> &[UaRoute] {
+        &self.routes
+    }
+
+    /// The waypoint of this number.
+    #[must_use]
+    pub fn waypoint(&self, number: u16) -> Option<&UaPositionWaypoint> {
+        self.waypoints.get(&number)
+    }
+
+    /// The loiter at the waypoint of this number.
+    #[must_use]
+    pub fn loiter(&self, number: u16) -> Option<&UaLoiterWaypoint> {
+        self.loiters.get(&number)
+    }
+
+    /// The curved legs that start at this waypoint: (P4's number, curve).
+    pub fn curves_from(&self, p1: u16) -> impl Iterator<Item = (u16, &Curve)> {
+        self.curves
+            .range((p1, 0)..=(p1, u16::MAX))
+            .map(|((_, p4), curve)| (*p4, curve))
+    }
+
+    /// Everything, as messages, in the order of an upload: routes, waypoints with their loiters, curves.
+    pub fn messages(&self) -> impl Iterator<Item = Message> + '_ {
+        let routes = self.routes.iter().cloned().map(Message::UaRoute);
+        let waypoints = self.waypoints.iter().flat_map(|(number, waypoint)| {
+            let loiter = self
+                .loiters
+                .get(number)
+                .cloned()
+                .map(Message::UaLoiterWaypoint);
+            std::iter::once(Message::UaPositionWaypoint(waypoint.clone())).chain(loiter)
+        });
+        let stray = self
+            .loiters
+            .iter()
+            .filter(|(number, _)| !self.waypoints.contains_key(number));
+        let stray = stray.map(|(_, loiter)| Message::UaLoiterWaypoint(loiter.clone()));
+        let curves = self.curves.values().map(|curve| match curve {
+            Curve::Paper(curve) => Message::CurveSegmentPaper(curve.clone()),
+            Curve::Native(curve) => Message::CurveSegment(curve.clone()),
+        });
+        routes.chain(waypoints).chain(stray).chain(curves)
+    }
+}
+
+/// The type of a route; absent is flight.
+#[must_use]
+pub fn route_type(route: &UaRoute) -> RouteType {
+    route.route_type.unwrap_or(RouteType::Flight)
+}
+
+fn numbered(message: u16, field: &'static str, number: Option<u16>) -> Result<u16, StoreError> {
+    match number.ok_or(StoreError::Missing { message, field })? {
+        number @ (0 | u16::MAX) => Err(StoreError::Number { field, number }),
+        number => Ok(number),
+    }
+}
+
+fn ends(message: u16, p1: Option<u16>, p4: Option<u16>) -> Result<(u16, u16), StoreError> {
+    Ok((
+        numbered(message, "P1 Waypoint No", p1)?,
+        numbered(message, "P4 Waypoint No", p4)?,
+    ))
+}
+
+fn the_wrappers(field: &'static str, found: Option<Id>, expected: Id) -> Result<(), StoreError> {
+    let found = found.ok_or(StoreError::Missing {
+        message: 50001,
+        field,
+    })?;
+    if found == expected {
+        Ok(())
+    } else {
+        Err(StoreError::NotTheWrappers {
+            field,
+            found,
+            expected,
+        })
+    }
+}
+
+fn insert<K: Ord, V>(
+    map: &mut BTreeMap<K, V>,
+    key: K,
+    value: V,
+    what: &'static str,
+) -> Result<(), StoreError> {
+    if map.len() >= MOST_WAYPOINTS && !map.contains_key(&key) {
+        return Err(StoreError::Full(MOST_WAYPOINTS, what));
+    }
+    map.insert(key, value);
+    Ok(())
+}

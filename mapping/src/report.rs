@@ -1,0 +1,269 @@
+//! Messages 3001, 3002, 4000 and 4001 from what the vehicle has said.
+//!
+//! A field that the vehicle has not told is absent, never zero.
+
+use mavlink_link::dialect::{MavLandedState, MavState, MissionState};
+use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, SpeedType, UaState};
+use stanag_msgs::messages::{
+    FromToNextWaypointStates, InertialStates, VehicleOperatingModeReport, VehicleOperatingStates,
+};
+use stanag_msgs::{Bam16, Bam32, Scaled, TimeStamp};
+
+use crate::altitude::Level;
+use crate::mode::Px4Mode;
+use crate::route::{Flight, Leg, metres};
+use crate::telemetry::Telemetry;
+
+/// UA State (3002.01) of a vehicle in the air: VSM specific, described by 41002.
+pub const UA_STATE_AIRBORNE: u8 = 10;
+/// UA State of a vehicle that takes off.
+pub const UA_STATE_TAKE_OFF: u8 = 11;
+/// UA State of a vehicle that lands.
+pub const UA_STATE_LANDING: u8 = 12;
+/// UA State of a vehicle that flies a failsafe.
+pub const UA_STATE_FAILSAFE: u8 = 13;
+
+/// What the CUCS has commanded last and the vehicle has taken: the source of 3002's commanded fields.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Commanded {
+    /// Altitude, above mean sea level.
+    pub altitude_amsl_m: Option<f64>,
+    /// Speed, m/s.
+    pub speed_m_s: Option<f64>,
+    /// Its reference.
+    pub speed_type: Option<SpeedType>,
+    /// Loiter position: degrees north and east.
+    pub loiter_position: Option<(f64, f64)>,
+}
+
+/// 3001: the mode that the vehicle is in, never the one asked for. `None` before it has told one.
+#[must_use]
+pub fn operating_mode(vehicle: &Telemetry, stamp: TimeStamp) -> Option<VehicleOperatingModeReport> {
+    Some(VehicleOperatingModeReport {
+        time_stamp: Some(stamp),
+        select_flight_path_control_mode: Some(vehicle.mode?.reported()),
+    })
+}
+
+/// 3001 of a vehicle that has fallen silent: no mode.
+#[must_use]
+pub fn no_operating_mode(stamp: TimeStamp) -> VehicleOperatingModeReport {
+    VehicleOperatingModeReport {
+        time_stamp: Some(stamp),
+        select_flight_path_control_mode: Some(FlightPathControlMode::NoMode),
+    }
+}
+
+/// 3002. `stale` leaves only what does not come from the vehicle, with UA State unknown.
+#[must_use]
+pub fn operating_states(
+    vehicle: &Telemetry,
+    commanded: &Commanded,
+    flight: Option<&Flight>,
+    stale: bool,
+    stamp: TimeStamp,
+) -> VehicleOperatingStates {
+    let mut states = VehicleOperatingStates {
+        time_stamp: Some(stamp),
+        ..VehicleOperatingStates::default()
+    };
+    if stale {
+        states.ua_state = Some(UaState::NotKnown);
+        return states;
+    }
+    states.ua_state = Some(ua_state(vehicle));
+    let (altitude_type, offset_m) = reference(vehicle);
+    if let Some(altitude) = commanded
+        .altitude_amsl_m
+        .and_then(|m| Scaled::from_si(m + offset_m).ok())
+    {
+        states.commanded_altitude = Some(altitude);
+        states.altitude_type = Some(altitude_type);
+    }
+    if let Some(speed) = commanded
+        .speed_m_s
+        .and_then(|m_s| Scaled::from_si(m_s).ok())
+    {
+        states.commanded_speed = Some(speed);
+        states.speed_type = commanded.speed_type;
+    }
+    states.power_level = vehicle
+        .throttle
+        .and_then(|percent| i8::try_from(percent).ok());
+    states.current_propulsion_energy_level = vehicle
+        .battery
+        .and_then(|percent| Scaled::from_si(f64::from(percent)).ok());
+    if let Some((latitude, longitude)) = commanded.loiter_position {
+        states.commanded_loiter_position_latitude = Some(Bam32::from_degrees(latitude));
+        states.commanded_loiter_position_longitude = Some(Bam32::from_degrees(longitude));
+    }
+    states.commanded_waypoint_number = to_leg(vehicle, flight).map(|leg| leg.number);
+    states
+}
+
+/// 4000. `None` before the vehicle has told anything that it carries.
+///
+/// Altitude is type 3 (ellipsoid) where the vehicle's geoid separation is known, else type 1 (AMSL). Without a
+/// position fix latitude, longitude and altitude are absent.
+#[must_use]
+pub fn inertial_states(vehicle: &Telemetry, stamp: TimeStamp) -> Option<InertialStates> {
+    let position = vehicle.position.filter(|_| vehicle.gps_fix != Some(false));
+    if position.is_none() && vehicle.attitude.is_none() && vehicle.velocity_ned.is_none() {
+        return None;
+    }
+    let mut states = InertialStates {
+        time_stamp: Some(stamp),
+        ..InertialStates::default()
+    };
+    if let Some(place) = position {
+        let (altitude_type, offset_m) = reference(vehicle);
+        states.latitude = Some(Bam32::from_degrees(place.latitude));
+        states.longitude = Some(Bam32::from_degrees(place.longitude));
+        states.altitude = Scaled::from_si(place.amsl_m + offset_m).ok();
+        states.altitude_type = states.altitude.is_some().then_some(altitude_type);
+    }
+    if let Some([north, east, down]) = vehicle.velocity_ned {
+        states.u_speed = Scaled::from_si(north).ok();
+        states.v_speed = Scaled::from_si(east).ok();
+        states.w_speed = Scaled::from_si(down).ok();
+    }
+    if let Some(attitude) = vehicle.attitude {
+        states.roll = Some(Bam16::from_radians(attitude.roll));
+        states.pitch = Some(Bam16::from_radians(attitude.pitch));
+        states.heading = Some(Bam16::from_radians(attitude.yaw));
+        states.roll_rate = Scaled::from_si(attitude.roll_rate).ok();
+        states.pitch_rate = Scaled::from_si(attitude.pitch_rate).ok();
+        states.turn_rate = Scaled::from_si(attitude.yaw_rate).ok();
+    }
+    Some(states)
+}
+
+/// 4001, in the CUCS's own waypoint numbers; 0 where there is no such waypoint.
+///
+/// `unix_ms` is the time of `stamp` for the estimates of arrival.
+#[must_use]
+pub fn waypoint_states(
+    vehicle: &Telemetry,
+    flight: Option<&Flight>,
+    stamp: TimeStamp,
+) -> FromToNextWaypointStates {
+    let mut states = FromToNextWaypointStates {
+        time_stamp: Some(stamp),
+        from_waypoint_number: Some(0),
+        to_waypoint_number: Some(0),
+        next_waypoint_number: Some(0),
+        ..FromToNextWaypointStates::default()
+    };
+    let Some(flight) = flight else { return states };
+    let Some(at) = to_index(vehicle, flight) else {
+        return states;
+    };
+    let geoid_m = vehicle.geoid_m;
+    let altitude_type = reference(vehicle).0;
+    let home_m = vehicle.home.map(|home| home.amsl_m);
+    let altitude = |leg: &Leg| {
+        let amsl_m = match leg.level {
+            Level::Amsl(m) => m,
+            Level::AboveHome(m) => m + home_m?,
+        };
+        Scaled::from_si(amsl_m + geoid_m.unwrap_or(0.0)).ok()
+    };
+    states.altitude_type = Some(altitude_type);
+    states.speed_type = Some(SpeedType::Ground);
+    if let Some(from) = at
+        .checked_sub(1)
+        .and_then(|before| flight.order.get(before))
+    {
+        states.from_waypoint_latitude = Some(Bam32::from_degrees(from.latitude));
+        states.from_waypoint_longitude = Some(Bam32::from_degrees(from.longitude));
+        states.from_waypoint_altitude = altitude(from);
+        states.from_waypoint_number = Some(from.number);
+    }
+    let mut arrival_ms = None;
+    if let Some(to) = flight.order.get(at) {
+        arrival_ms = eta_ms(vehicle, to, stamp);
+        states.to_waypoint_latitude = Some(Bam32::from_degrees(to.latitude));
+        states.to_waypoint_longitude = Some(Bam32::from_degrees(to.longitude));
+        states.to_waypoint_altitude = altitude(to);
+        states.to_waypoint_speed = to.speed_m_s.and_then(|speed| Scaled::from_si(speed).ok());
+        states.to_waypoint_time = arrival_ms.map(TimeStamp);
+        states.to_waypoint_number = Some(to.number);
+    }
+    if let (Some(to), Some(next)) = (flight.order.get(at), flight.order.get(at + 1)) {
+        states.next_waypoint_latitude = Some(Bam32::from_degrees(next.latitude));
+        states.next_waypoint_longitude = Some(Bam32::from_degrees(next.longitude));
+        states.next_waypoint_altitude = altitude(next);
+        states.next_waypoint_speed = next.speed_m_s.and_then(|speed| Scaled::from_si(speed).ok());
+        states.next_waypoint_time = arrival_ms.and_then(|arrival_ms| {
+            let distance_m = metres((to.latitude, to.longitude), (next.latitude, next.longitude));
+            later(
+                arrival_ms,
+                distance_m,
+                next.speed_m_s.or(vehicle.groundspeed)?,
+            )
+            .map(TimeStamp)
+        });
+        states.next_waypoint_number = Some(next.number);
+    }
+    states
+}
+
+/// The altitude type of reports, and what to add to an altitude above mean sea level for it.
+fn reference(vehicle: &Telemetry) -> (AltitudeType, f64) {
+    match vehicle.geoid_m {
+        Some(geoid_m) => (AltitudeType::Wgs84, geoid_m),
+        None => (AltitudeType::Barometric, 0.0),
+    }
+}
+
+fn ua_state(vehicle: &Telemetry) -> UaState {
+    let failsafe = matches!(
+        vehicle.system_status,
+        Some(MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY)
+    );
+    match vehicle.landed {
+        _ if failsafe && vehicle.airborne() => UaState::from_raw(UA_STATE_FAILSAFE),
+        Some(MavLandedState::MAV_LANDED_STATE_IN_AIR) => UaState::from_raw(UA_STATE_AIRBORNE),
+        Some(MavLandedState::MAV_LANDED_STATE_TAKEOFF) => UaState::from_raw(UA_STATE_TAKE_OFF),
+        Some(MavLandedState::MAV_LANDED_STATE_LANDING) => UaState::from_raw(UA_STATE_LANDING),
+        _ if vehicle.armed == Some(true) => UaState::PreLaunch,
+        _ => match vehicle.system_status {
+            Some(MavState::MAV_STATE_STANDBY) => UaState::PreStart,
+            Some(_) => UaState::PowerUp,
+            None => UaState::NotKnown,
+        },
+    }
+}
+
+fn to_index(vehicle: &Telemetry, flight: &Flight) -> Option<usize> {
+    let mission = vehicle.mission?;
+    // A mission that is over flies to nothing any more; the last waypoint stays the one it came from.
+    if mission.state == MissionState::MISSION_STATE_COMPLETE {
+        return Some(flight.order.len());
+    }
+    flight.leg_of_item(mission.seq)
+}
+
+fn to_leg<'a>(vehicle: &Telemetry, flight: Option<&'a Flight>) -> Option<&'a Leg> {
+    let flight = flight?;
+    if vehicle.mode != Some(Px4Mode::MISSION) {
+        return None;
+    }
+    flight.order.get(to_index(vehicle, flight)?)
+}
+
+fn eta_ms(vehicle: &Telemetry, to: &Leg, stamp: TimeStamp) -> Option<u64> {
+    let place = vehicle.position?;
+    let distance_m = metres(
+        (place.latitude, place.longitude),
+        (to.latitude, to.longitude),
+    );
+    later(stamp.0, distance_m, vehicle.groundspeed?)
+}
+
+/// When a distance is flown; `None` at a speed so low that it says nothing.
+fn later(from_ms: u64, distance_m: f64, speed_m_s: f64) -> Option<u64> {
+    const SLOWEST_M_S: f64 = 0.5;
+    (speed_m_s >= SLOWEST_M_S)
+        .then(|| from_ms.saturating_add((distance_m / speed_m_s * 1e3) as u64))
+}

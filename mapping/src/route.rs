@@ -1,0 +1,481 @@
+//! A route becomes mission items for PX4, or a refusal that names the waypoint.
+//!
+//! Everything is validated here, since PX4 is no check: it takes latitude 200, a NaN altitude and a jump to item 99.
+//!
+//! | DLI | PX4 |
+//! |---|---|
+//! | waypoint (13002) | NAV_WAYPOINT, the altitude in the frame of its type |
+//! | Waypoint to Speed (0802.10) | DO_CHANGE_SPEED before it: the speed of the leg to it |
+//! | Turn Type (0802.16) 0 or absent | acceptance radius 0: the vehicle's own, NAV_ACC_RAD |
+//! | Turn Type 1, fly over | acceptance radius 3 m: PX4 misses smaller ones for good |
+//! | loiter (13003) with a duration | NAV_LOITER_TIME |
+//! | loiter without | NAV_LOITER_UNLIM |
+
+use geo::{Distance, Haversine, Point};
+use mavlink_link::service::mission::Item;
+use stanag_msgs::enums::{
+    LocationType, LoiterDurationUnits, LoiterType, TurnType, WaypointSpeedType, WaypointType,
+};
+use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
+
+use crate::altitude::{self, Agl, AltitudeError, Level};
+use crate::plan::Plan;
+use crate::telemetry::Place;
+
+/// What a route must stay within.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Farthest first waypoint from home, m.
+    pub first_m: f64,
+    /// Longest leg, m.
+    pub leg_m: f64,
+    /// Lowest waypoint, m above home.
+    pub lowest_m: f64,
+    /// Highest waypoint, m above home.
+    pub highest_m: f64,
+    /// Fastest commanded speed, m/s.
+    pub speed_m_s: f64,
+    /// Most mission items.
+    pub items: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits {
+            first_m: 5_000.0,
+            leg_m: 50_000.0,
+            lowest_m: -500.0,
+            highest_m: 5_000.0,
+            speed_m_s: 100.0,
+            items: 500,
+        }
+    }
+}
+
+/// What must be known of the vehicle to fly a route.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Site {
+    /// Home.
+    pub home: Place,
+    /// Height of the geoid above the ellipsoid, m, once the vehicle has told it.
+    pub geoid_m: Option<f64>,
+    /// How AGL is flown.
+    pub agl: Agl,
+    /// Whether it can stand still.
+    pub hovers: bool,
+    /// Bounds.
+    pub limits: Limits,
+}
+
+/// A route as it goes to PX4, and whose waypoint each item is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flight {
+    /// The items, the first with `current` set.
+    pub items: Vec<Item>,
+    /// The CUCS's waypoint number of each item.
+    pub waypoint_of: Vec<u16>,
+    /// The waypoints in the order that they are flown.
+    pub order: Vec<Leg>,
+}
+
+/// A waypoint of a route with what 4001 reports of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leg {
+    /// The CUCS's number.
+    pub number: u16,
+    /// Where; the altitude as `level`.
+    pub latitude: f64,
+    /// Degrees east.
+    pub longitude: f64,
+    /// Its altitude.
+    pub level: Level,
+    /// Commanded speed of the leg to it, m/s.
+    pub speed_m_s: Option<f64>,
+}
+
+impl Flight {
+    /// The first item made for a waypoint: where a flight to it starts.
+    #[must_use]
+    pub fn first_item_of(&self, waypoint: u16) -> Option<u16> {
+        let at = self
+            .waypoint_of
+            .iter()
+            .position(|number| *number == waypoint)?;
+        u16::try_from(at).ok()
+    }
+
+    /// The leg that an item belongs to, as an index of `order`.
+    #[must_use]
+    pub fn leg_of_item(&self, seq: u16) -> Option<usize> {
+        let number = self.waypoint_of.get(usize::from(seq))?;
+        self.order.iter().position(|leg| leg.number == *number)
+    }
+}
+
+/// Why a route cannot be flown, and at which waypoint.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("waypoint {waypoint}: {reason}")]
+pub struct RouteError {
+    /// The offending waypoint, as the CUCS numbers it.
+    pub waypoint: u16,
+    /// Why.
+    pub reason: Reason,
+}
+
+/// Why a waypoint cannot be flown.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Reason {
+    /// A Next Waypoint or an Initial Waypoint Number that no 13002 has described.
+    #[error("not received")]
+    Unknown,
+    /// A Next Waypoint leads back.
+    #[error("the route comes back to it: loops are not flown yet")]
+    Loop,
+    /// A field that cannot be done without.
+    #[error("{0} is missing")]
+    Missing(&'static str),
+    /// Latitude beyond the poles.
+    #[error("latitude {0:.4} deg, expected -90 to 90")]
+    Latitude(f64),
+    /// Coordinates relative to the route's reference.
+    #[error("relative coordinates (Location Type {0}) are not flown")]
+    Relative(u8),
+    /// The altitude has no usable reference.
+    #[error(transparent)]
+    Altitude(#[from] AltitudeError),
+    /// Too low or too high.
+    #[error("{height_m:.0} m above home, expected {lowest_m:.0} to {highest_m:.0}")]
+    Height {
+        /// Metres above home.
+        height_m: f64,
+        /// Lowest allowed.
+        lowest_m: f64,
+        /// Highest allowed.
+        highest_m: f64,
+    },
+    /// AGL at or below the ground.
+    #[error("{0:.1} m above ground, expected more than 0")]
+    InTheGround(f64),
+    /// The first waypoint is too far from home.
+    #[error("{distance_m:.0} m from home, at most {most_m:.0}")]
+    FarFromHome {
+        /// Metres.
+        distance_m: f64,
+        /// Metres.
+        most_m: f64,
+    },
+    /// A leg is too long.
+    #[error("{distance_m:.0} m from the waypoint before, at most {most_m:.0}")]
+    LongLeg {
+        /// Metres.
+        distance_m: f64,
+        /// Metres.
+        most_m: f64,
+    },
+    /// A speed that cannot be flown.
+    #[error("speed {speed_m_s:.1} m/s, expected above 0, at most {most_m_s:.0}")]
+    Speed {
+        /// m/s
+        speed_m_s: f64,
+        /// m/s
+        most_m_s: f64,
+    },
+    /// An arrival time: PX4 flies speeds only.
+    #[error("Waypoint Speed Type 3 (arrival time): PX4 flies speeds only")]
+    ArrivalTime,
+    /// A value that no source names.
+    #[error("{field} {value} is not known")]
+    UnknownValue {
+        /// The field.
+        field: &'static str,
+        /// Its value.
+        value: u8,
+    },
+    /// A pattern that PX4 cannot fly.
+    #[error("PX4 cannot loiter in a {0}")]
+    LoiterType(&'static str),
+    /// A number of turns: PX4 has no such item.
+    #[error("a loiter of so many turns cannot be flown, only of a time")]
+    LoiterTurns,
+    /// A curved leg.
+    #[error("its curved leg to {0} cannot be flown yet")]
+    Curve(u16),
+    /// More items than the vehicle takes.
+    #[error("the route needs more than {0} items")]
+    TooManyItems(usize),
+}
+
+/// Makes the mission of the route that starts at `initial`.
+///
+/// # Errors
+/// The first waypoint, in flying order, that cannot be flown, and why. Nothing is half done.
+pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteError> {
+    let mut flight = Flight {
+        items: Vec::new(),
+        waypoint_of: Vec::new(),
+        order: Vec::new(),
+    };
+    let mut before: Option<(f64, f64)> = None;
+    let mut number = initial;
+    while number != 0 {
+        let at = |reason| RouteError {
+            waypoint: number,
+            reason,
+        };
+        let waypoint = plan.waypoint(number).ok_or_else(|| at(Reason::Unknown))?;
+        if flight.order.iter().any(|leg| leg.number == number) {
+            return Err(at(Reason::Loop));
+        }
+        let leg = leg(number, waypoint, site).map_err(at)?;
+        distance(&leg, before, site).map_err(at)?;
+        if let Some((p4, _)) = plan.curves_from(number).next() {
+            return Err(at(Reason::Curve(p4)));
+        }
+        if let Some(speed_m_s) = leg.speed_m_s {
+            let airspeed = waypoint.waypoint_speed_type != Some(WaypointSpeedType::Ground);
+            flight.push(number, change_speed(speed_m_s, airspeed));
+        }
+        flight.push(
+            number,
+            position_item(&leg, waypoint, plan.loiter(number)).map_err(at)?,
+        );
+        if flight.items.len() > site.limits.items {
+            return Err(at(Reason::TooManyItems(site.limits.items)));
+        }
+        before = Some((leg.latitude, leg.longitude));
+        flight.order.push(leg);
+        number = waypoint.next_waypoint.unwrap_or(0);
+    }
+    match flight.items.first_mut() {
+        Some(first) => first.current = true,
+        None => {
+            return Err(RouteError {
+                waypoint: initial,
+                reason: Reason::Unknown,
+            });
+        }
+    }
+    Ok(flight)
+}
+
+impl Flight {
+    fn push(&mut self, waypoint: u16, item: Item) {
+        self.items.push(item);
+        self.waypoint_of.push(waypoint);
+    }
+}
+
+fn leg(number: u16, waypoint: &UaPositionWaypoint, site: &Site) -> Result<Leg, Reason> {
+    match waypoint.location_type {
+        None | Some(LocationType::Absolute) => {}
+        Some(other) => return Err(Reason::Relative(other.raw())),
+    }
+    if let Some(kind) = waypoint.waypoint_type
+        && kind != WaypointType::Normal
+    {
+        return Err(match kind {
+            WaypointType::EndOfLoop => Reason::Loop,
+            other => Reason::UnknownValue {
+                field: "Waypoint Type",
+                value: other.raw(),
+            },
+        });
+    }
+    let latitude = waypoint
+        .waypoint_to_latitude_or_relative_y
+        .ok_or(Reason::Missing("Waypoint to Latitude"))?
+        .degrees();
+    let longitude = waypoint
+        .waypoint_to_longitude_or_relative_x
+        .ok_or(Reason::Missing("Waypoint to Longitude"))?
+        .degrees();
+    if !(-90.0..=90.0).contains(&latitude) {
+        return Err(Reason::Latitude(latitude));
+    }
+    let altitude_m = waypoint
+        .waypoint_to_altitude
+        .ok_or(Reason::Missing("Waypoint to Altitude"))?
+        .si();
+    let level = altitude::level(
+        altitude_m,
+        waypoint.waypoint_altitude_type,
+        site.geoid_m,
+        site.agl,
+    )?;
+    height(level, site)?;
+    Ok(Leg {
+        number,
+        latitude,
+        longitude,
+        level,
+        speed_m_s: speed(waypoint, &site.limits)?,
+    })
+}
+
+/// Whether a level lies within the limits.
+///
+/// # Errors
+/// Too low, too high, or in the ground.
+pub fn height(level: Level, site: &Site) -> Result<(), Reason> {
+    if let Level::AboveHome(m) = level
+        && m <= 0.0
+    {
+        return Err(Reason::InTheGround(m));
+    }
+    let Limits {
+        lowest_m,
+        highest_m,
+        ..
+    } = site.limits;
+    let height_m = level.amsl(site.home.amsl_m) - site.home.amsl_m;
+    if (lowest_m..=highest_m).contains(&height_m) {
+        return Ok(());
+    }
+    Err(Reason::Height {
+        height_m,
+        lowest_m,
+        highest_m,
+    })
+}
+
+/// Metres over ground between two places given in degrees, on the sphere: for limits, not for geometry.
+#[must_use]
+pub fn metres(from: (f64, f64), to: (f64, f64)) -> f64 {
+    Haversine.distance(Point::new(from.1, from.0), Point::new(to.1, to.0))
+}
+
+fn distance(leg: &Leg, before: Option<(f64, f64)>, site: &Site) -> Result<(), Reason> {
+    let here = (leg.latitude, leg.longitude);
+    match before {
+        None => {
+            let (distance_m, most_m) = (
+                metres((site.home.latitude, site.home.longitude), here),
+                site.limits.first_m,
+            );
+            if distance_m > most_m {
+                Err(Reason::FarFromHome { distance_m, most_m })
+            } else {
+                Ok(())
+            }
+        }
+        Some(before) => {
+            let (distance_m, most_m) = (metres(before, here), site.limits.leg_m);
+            if distance_m > most_m {
+                Err(Reason::LongLeg { distance_m, most_m })
+            } else {
+                Ok(())
+            }
+        }
+    }
+}
+
+fn speed(waypoint: &UaPositionWaypoint, limits: &Limits) -> Result<Option<f64>, Reason> {
+    match waypoint.waypoint_speed_type {
+        Some(WaypointSpeedType::ArrivalTime) => return Err(Reason::ArrivalTime),
+        Some(WaypointSpeedType::Unknown(value)) if waypoint.waypoint_to_speed.is_some() => {
+            return Err(Reason::UnknownValue {
+                field: "Waypoint Speed Type",
+                value,
+            });
+        }
+        _ => {}
+    }
+    let Some(speed_m_s) = waypoint.waypoint_to_speed.map(|speed| speed.si()) else {
+        return Ok(None);
+    };
+    if speed_m_s > 0.0 && speed_m_s <= limits.speed_m_s {
+        return Ok(Some(speed_m_s));
+    }
+    Err(Reason::Speed {
+        speed_m_s,
+        most_m_s: limits.speed_m_s,
+    })
+}
+
+fn change_speed(speed_m_s: f64, airspeed: bool) -> Item {
+    let kind = if airspeed {
+        SPEED_TYPE_AIRSPEED
+    } else {
+        SPEED_TYPE_GROUND
+    };
+    Item {
+        frame: FRAME_MISSION,
+        command: DO_CHANGE_SPEED,
+        autocontinue: true,
+        params: [kind, speed_m_s as f32, THROTTLE_UNCHANGED, 0.0],
+        ..Item::default()
+    }
+}
+
+fn position_item(
+    leg: &Leg,
+    waypoint: &UaPositionWaypoint,
+    loiter: Option<&UaLoiterWaypoint>,
+) -> Result<Item, Reason> {
+    let (frame, z) = leg.level.frame();
+    let (command, params) = match loiter {
+        Some(loiter) => loiter_item(loiter)?,
+        None => (NAV_WAYPOINT, [0.0, acceptance(waypoint)?, 0.0, f32::NAN]),
+    };
+    let degrees_e7 = |degrees: f64| (degrees * 1e7).round() as i32;
+    Ok(Item {
+        frame,
+        command,
+        current: false,
+        autocontinue: true,
+        params,
+        x: degrees_e7(leg.latitude),
+        y: degrees_e7(leg.longitude),
+        z: z as f32,
+    })
+}
+
+fn acceptance(waypoint: &UaPositionWaypoint) -> Result<f32, Reason> {
+    match waypoint.turn_type {
+        None | Some(TurnType::ShortTurn) => Ok(0.0),
+        Some(TurnType::FlyOver) => Ok(FLY_OVER_M),
+        Some(TurnType::Unknown(value)) => Err(Reason::UnknownValue {
+            field: "Turn Type",
+            value,
+        }),
+    }
+}
+
+fn loiter_item(loiter: &UaLoiterWaypoint) -> Result<(u16, [f32; 4]), Reason> {
+    match loiter.waypoint_loiter_type {
+        None | Some(LoiterType::Circular | LoiterType::Hover) => {}
+        Some(LoiterType::Racetrack) => return Err(Reason::LoiterType("racetrack")),
+        Some(LoiterType::Figure8) => return Err(Reason::LoiterType("figure 8")),
+        Some(LoiterType::Unknown(value)) => {
+            return Err(Reason::UnknownValue {
+                field: "Waypoint Loiter Type",
+                value,
+            });
+        }
+    }
+    let radius_m = loiter.loiter_radius.map_or(0.0, |radius| radius.si()) as f32;
+    match loiter.loiter_duration.filter(|duration| *duration > 0) {
+        None => Ok((NAV_LOITER_UNLIM, [0.0, 0.0, radius_m, f32::NAN])),
+        Some(duration) => match loiter.loiter_duration_units {
+            None | Some(LoiterDurationUnits::Seconds) => {
+                Ok((NAV_LOITER_TIME, [f32::from(duration), 0.0, radius_m, 0.0]))
+            }
+            Some(LoiterDurationUnits::Turns) => Err(Reason::LoiterTurns),
+            Some(LoiterDurationUnits::Unknown(value)) => Err(Reason::UnknownValue {
+                field: "Loiter Duration Units",
+                value,
+            }),
+        },
+    }
+}
+
+const NAV_WAYPOINT: u16 = 16;
+const NAV_LOITER_UNLIM: u16 = 17;
+const NAV_LOITER_TIME: u16 = 19;
+const DO_CHANGE_SPEED: u16 = 178;
+const FRAME_MISSION: u8 = 2;
+const SPEED_TYPE_AIRSPEED: f32 = 0.0;
+const SPEED_TYPE_GROUND: f32 = 1.0;
+const THROTTLE_UNCHANGED: f32 = -1.0;
+/// Acceptance radius of a fly-over, m: under 2 m a multicopter at 5 m/s can miss the waypoint and fly on for good.
+const FLY_OVER_M: f32 = 3.0;

@@ -1,0 +1,64 @@
+//! What can be wrong with a configuration file, said with line, key and expectation.
+
+use std::path::{Path, PathBuf};
+
+/// A configuration that is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("cannot read the configuration {path}: {cause}", path = path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        cause: std::io::Error,
+    },
+    /// Not TOML, an unknown or missing key, or a value that is not of its kind.
+    #[error("{0}")]
+    Syntax(Box<str>),
+    /// A value that does not fit the others, or is out of its range.
+    #[error("line {line}: {key} is {found}, expected {expected}")]
+    Value {
+        /// Line of the table that holds the key, from 1.
+        line: usize,
+        /// The key.
+        key: String,
+        /// The value as found.
+        found: String,
+        /// What would be accepted.
+        expected: String,
+    },
+    /// Any of these, in a named file.
+    #[error("{path}: {cause}", path = path.display())]
+    InFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        cause: Box<ConfigError>,
+    },
+}
+
+impl ConfigError {
+    pub(super) fn syntax(cause: toml::de::Error) -> ConfigError {
+        ConfigError::Syntax(cause.to_string().trim_end().into())
+    }
+
+    pub(super) fn in_file(self, path: &Path) -> ConfigError {
+        ConfigError::InFile { path: path.to_owned(), cause: Box::new(self) }
+    }
+}
+
+/// A fault at an octet of the text, before the line is known.
+pub(super) struct Fault {
+    pub(super) at: usize,
+    pub(super) key: String,
+    pub(super) found: String,
+    pub(super) expected: String,
+}
+
+impl Fault {
+    pub(super) fn located(self, text: &str) -> ConfigError {
+        let line = 1 + text.as_bytes().iter().take(self.at).filter(|octet| **octet == b'\n').count();
+        ConfigError::Value { line, key: self.key, found: self.found, expected: self.expected }
+    }
+}

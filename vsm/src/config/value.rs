@@ -1,0 +1,187 @@
+//! Values of the configuration that are more than text or a number.
+
+use std::fmt;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use serde::de::{self, Deserializer, MapAccess, Visitor};
+use serde::{Deserialize, Serialize};
+use stanag_msgs::{Id, LoiBitmap};
+
+/// Where a vehicle's MAVLink is: `udpin:127.0.0.1:14550`, `udpout:host:port` or `serial:/dev/ttyACM0:57600`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum LinkAddress {
+    /// Bind and wait for the vehicle.
+    UdpIn(SocketAddr),
+    /// Send to host and port, from a port that the system chooses.
+    UdpOut(String),
+    /// A serial device and its speed in baud.
+    Serial {
+        /// The device file.
+        device: String,
+        /// Baud.
+        baud: u32,
+    },
+}
+
+impl fmt::Display for LinkAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            LinkAddress::UdpIn(address) => write!(f, "udpin:{address}"),
+            LinkAddress::UdpOut(address) => write!(f, "udpout:{address}"),
+            LinkAddress::Serial { device, baud } => write!(f, "serial:{device}:{baud}"),
+        }
+    }
+}
+
+impl LinkAddress {
+    const EXPECTED: &'static str =
+        "\"udpin:ADDRESS:PORT\", \"udpout:HOST:PORT\" or \"serial:DEVICE:BAUD\", such as \"udpin:127.0.0.1:14550\"";
+
+    fn parse(text: &str) -> Option<LinkAddress> {
+        let (kind, rest) = text.split_once(':')?;
+        let (place, number) = rest.rsplit_once(':')?;
+        match kind {
+            "udpin" => rest.parse().ok().map(LinkAddress::UdpIn),
+            "udpout" if !place.is_empty() && number.parse::<u16>().is_ok_and(|port| port > 0) => {
+                Some(LinkAddress::UdpOut(rest.to_owned()))
+            }
+            "serial" if !place.is_empty() => match number.parse() {
+                Ok(baud) if baud > 0 => Some(LinkAddress::Serial { device: place.to_owned(), baud }),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for LinkAddress {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        LinkAddress::parse(&text).ok_or_else(|| de::Error::invalid_value(de::Unexpected::Str(&text), &Self::EXPECTED))
+    }
+}
+
+/// `vehicle.signing`: `{ key_file = "uav1.key" }`, or `"off"`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Signing {
+    /// The file that holds 32 octets in hex.
+    KeyFile(PathBuf),
+    /// Nothing is signed and nothing is verified: said aloud in the log and in 16000.
+    Off,
+}
+
+impl<'de> Deserialize<'de> for Signing {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Signing;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("{ key_file = \"FILE\" } or \"off\"")
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<Signing, E> {
+                match text {
+                    "off" => Ok(Signing::Off),
+                    _ => Err(E::invalid_value(de::Unexpected::Str(text), &self)),
+                }
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Signing, A::Error> {
+                let mut file = None;
+                while let Some(key) = map.next_key::<String>()? {
+                    match key.as_str() {
+                        "key_file" => file = Some(map.next_value::<PathBuf>()?),
+                        _ => return Err(de::Error::unknown_field(&key, &["key_file"])),
+                    }
+                }
+                file.map(Signing::KeyFile).ok_or_else(|| de::Error::missing_field("key_file"))
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+/// The levels of interoperability that a CUCS may hold, from a list of numbers 2 to 5.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LoiSet(pub LoiBitmap);
+
+impl<'de> Deserialize<'de> for LoiSet {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut set = LoiBitmap::default();
+        for level in Vec::<u8>::deserialize(deserializer)? {
+            set = set
+                | match level {
+                    2 => LoiBitmap::LOI2,
+                    3 => LoiBitmap::LOI3,
+                    4 => LoiBitmap::LOI4,
+                    5 => LoiBitmap::LOI5,
+                    other => {
+                        let found = de::Unexpected::Unsigned(other.into());
+                        return Err(de::Error::invalid_value(found, &"levels of interoperability from 2 to 5"));
+                    }
+                };
+        }
+        Ok(LoiSet(set))
+    }
+}
+
+/// `authority.on_loss`: what the vehicle is told when its controller has been silent for `act_s`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OnLoss {
+    /// Nothing: it goes on with what it does.
+    Continue,
+    /// AUTO.LOITER.
+    Hold,
+    /// The contingency route A where one is loaded, else AUTO.RTL.
+    Contingency,
+    /// AUTO.RTL.
+    Rtl,
+}
+
+/// An identification number that something can own: neither broadcast, null, nor of the reserved owner ff.
+pub(super) fn id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Id, D::Error> {
+    const EXPECTED: &str = "four octets in hex, the owning nation first, such as \"1b:00:00:01\" (ff is reserved)";
+    let text = String::deserialize(deserializer)?;
+    match text.parse::<Id>() {
+        Ok(id) if id.0 >> 24 != 0xff => Ok(id),
+        _ => Err(de::Error::invalid_value(de::Unexpected::Str(&text), &EXPECTED)),
+    }
+}
+
+/// A multicast group and port.
+pub(super) fn group<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<SocketAddr>, D::Error> {
+    let address = SocketAddr::deserialize(deserializer)?;
+    if address.ip().is_multicast() {
+        return Ok(Some(address));
+    }
+    let text = address.to_string();
+    let expected = "a multicast group and port, such as \"225.200.1.0:51017\"";
+    Err(de::Error::invalid_value(de::Unexpected::Str(&text), &expected))
+}
+
+/// A time of silence in seconds, 0.5 to 3600.
+pub(super) fn silence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    struct Seconds;
+    impl Visitor<'_> for Seconds {
+        type Value = f64;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("0.5 to 3600 (seconds)")
+        }
+
+        fn visit_f64<E: de::Error>(self, value: f64) -> Result<f64, E> {
+            if (0.5..=3600.0).contains(&value) {
+                return Ok(value);
+            }
+            Err(E::invalid_value(de::Unexpected::Float(value), &self))
+        }
+
+        fn visit_i64<E: de::Error>(self, value: i64) -> Result<f64, E> {
+            self.visit_f64(value as f64)
+        }
+    }
+    deserializer.deserialize_any(Seconds)
+}

@@ -1,0 +1,42 @@
+//! What must survive a restart, and when it is written: before it is answered.
+
+use stanag_msgs::Id;
+
+/// Named records on disk. Writing one replaces it whole: after a crash it holds the old octets or the new.
+pub trait Store {
+    /// Writes a record.
+    ///
+    /// # Errors
+    /// Nothing of the record has changed.
+    fn save(&mut self, name: &str, octets: &[u8], durability: Durability) -> Result<(), StoreError>;
+
+    /// Reads a record; `None` where it was never written.
+    ///
+    /// # Errors
+    /// It is there and cannot be read.
+    fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError>;
+}
+
+/// What a record must survive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Durability {
+    /// The end of this process, `kill -9` too.
+    Process,
+    /// A power cut as well: synchronised to the disk before the call returns.
+    Power,
+}
+
+/// A record that could not be written or read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("record {name}: {cause}")]
+pub struct StoreError {
+    /// The record.
+    pub name: String,
+    /// The system's reason.
+    pub cause: String,
+}
+
+/// The name of a vehicle's record of a kind.
+pub(crate) fn record_name(kind: &str, vehicle: Id) -> String {
+    format!("{kind}-{:08x}.json", vehicle.0)
+}

@@ -1,0 +1,110 @@
+//! Records as files of one folder: written beside, synchronised, renamed; locked against a second process.
+
+use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
+use std::io::{self, Read, Write};
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use mavlink_link::clock::{CeilingStore, StoreError as CeilingError};
+use mavlink_link::signing::{KeyId, Stamp};
+
+use crate::session::{Durability, Store, StoreError};
+
+/// The folder of `[store] dir`. Only one process holds it at a time.
+#[derive(Debug)]
+pub struct FileStore {
+    folder: PathBuf,
+    /// Held open for its lock.
+    _lock: File,
+}
+
+/// The store cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The folder cannot be made, entered or written.
+    #[error("[store] dir {folder}: {cause}", folder = folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// The system's reason.
+        cause: io::Error,
+    },
+    /// Others may read or write it: it holds what decides which frames are believed.
+    #[error("[store] dir {folder} is open to others (mode {mode:03o}), expected 0700: chmod 700 it", folder = folder.display())]
+    Permissions {
+        /// The folder.
+        folder: PathBuf,
+        /// Its mode.
+        mode: u32,
+    },
+    /// Another process has it.
+    #[error("[store] dir {folder} is in use by another vsm: two must not share one signing clock", folder = folder.display())]
+    Locked {
+        /// The folder.
+        folder: PathBuf,
+    },
+}
+
+impl FileStore {
+    /// Opens a folder, made with mode 0700 where it is missing, and locks it for this process.
+    ///
+    /// # Errors
+    /// It cannot be made or written, others may use it, or another process has it.
+    pub fn open(folder: &Path) -> Result<FileStore, OpenError> {
+        let fault = |cause| OpenError::Folder { folder: folder.to_owned(), cause };
+        DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(fault)?;
+        let mode = fs::metadata(folder).map_err(fault)?.permissions().mode() & 0o777;
+        if mode & 0o077 != 0 {
+            return Err(OpenError::Permissions { folder: folder.to_owned(), mode });
+        }
+        let lock = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .open(folder.join("lock"))
+            .map_err(fault)?;
+        match lock.try_lock() {
+            Ok(()) => Ok(FileStore { folder: folder.to_owned(), _lock: lock }),
+            Err(TryLockError::WouldBlock) => Err(OpenError::Locked { folder: folder.to_owned() }),
+            Err(TryLockError::Error(cause)) => Err(fault(cause)),
+        }
+    }
+
+    fn write(&self, name: &str, octets: &[u8], durability: Durability) -> io::Result<()> {
+        let beside = self.folder.join(format!("{name}.new"));
+        let mut file = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&beside)?;
+        file.write_all(octets)?;
+        if durability == Durability::Power {
+            file.sync_all()?;
+        }
+        fs::rename(&beside, self.folder.join(name))?;
+        if durability == Durability::Power {
+            File::open(&self.folder)?.sync_all()?;
+        }
+        Ok(())
+    }
+
+    fn read(&self, name: &str) -> io::Result<Option<Vec<u8>>> {
+        let mut octets = Vec::new();
+        match File::open(self.folder.join(name)) {
+            Ok(file) => file.take(MOST_OCTETS).read_to_end(&mut octets).map(|_| Some(octets)),
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(cause) => Err(cause),
+        }
+    }
+}
+
+impl Store for FileStore {
+    fn save(&mut self, name: &str, octets: &[u8], durability: Durability) -> Result<(), StoreError> {
+        self.write(name, octets, durability)
+            .map_err(|cause| StoreError { name: name.to_owned(), cause: cause.to_string() })
+    }
+
+    fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        self.read(name).map_err(|cause| StoreError { name: name.to_owned(), cause: cause.to_string() })
+    }
+}
+
+/// Bound on a record that is read back: a full plan of 10,000 waypoints is a quarter of it.
+const MOST_OCTETS: u64 = 16 << 20;
