@@ -2,10 +2,14 @@
 
 #![forbid(unsafe_code)]
 
+pub mod clock;
 pub mod frame;
+pub mod link;
+pub mod receiver;
 pub mod service;
 pub mod signing;
 mod time;
+pub mod tlog;
 
 pub use mavlink::dialects::development as dialect;
 

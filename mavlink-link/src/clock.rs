@@ -1,0 +1,271 @@
+//! The signing clock: stamps that never repeat, over restarts, power cuts and jumps of the wall clock.
+//!
+//! Promised: every stamp sent or accepted under a key is at most the ceiling that has been stored for
+//! it, and a later start begins above that ceiling. The wall clock is read once; afterwards the base
+//! runs on monotonic time, so that no wrong wall clock pulls the stamps along. What peers stamp is
+//! followed, but never further than an hour beyond the base: measured from the clock itself, the limit
+//! would move with whoever pushes it.
+
+use core::time::Duration;
+
+use thiserror::Error;
+
+use crate::Now;
+use crate::signing::{KeyId, Stamp};
+
+/// Keeps one ceiling a key where a power cut does not reach it.
+pub trait CeilingStore {
+    /// The stored ceiling of a key, `None` where there has never been one.
+    ///
+    /// # Errors
+    /// The store cannot be read; the clock must not be started then.
+    fn load(&mut self, key: &KeyId) -> Result<Option<Stamp>, StoreError>;
+
+    /// Stores the ceiling; returns only when it would survive a power cut.
+    ///
+    /// # Errors
+    /// It could not be made durable. The old ceiling stays in force.
+    fn store(&mut self, key: &KeyId, ceiling: Stamp) -> Result<(), StoreError>;
+}
+
+/// A ceiling could not be read or made durable.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("the signing clock's ceiling: {reason}")]
+pub struct StoreError {
+    /// What the store says, for a person.
+    pub reason: String,
+}
+
+/// Where a key came from, which decides the first floor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// Read from a key file; what was signed with it before is not known.
+    KeyFile,
+    /// Given to the vehicle by us just now, with this initial time stamp: nothing older can exist.
+    Provisioned {
+        /// SETUP_SIGNING.initial_timestamp.
+        initial: Stamp,
+    },
+}
+
+/// How the computer's wall clock stands to the ceiling.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WallState {
+    /// At or up to 366 days beyond the ceiling: used.
+    Fits,
+    /// Behind the ceiling or the build date: not used, harmless.
+    Behind,
+    /// More than 366 days beyond the ceiling: not used until a person accepts it.
+    FarAhead,
+}
+
+/// The signing clock of one key.
+#[derive(Debug)]
+pub struct SigningClock {
+    key: KeyId,
+    /// The stored ceiling; no stamp beyond it is sent or accepted.
+    ceiling: u64,
+    floor: Stamp,
+    base: u64,
+    base_at: Duration,
+    /// The least stamp that may be sent next: above the ceiling at start, all sent, all accepted.
+    least: u64,
+    wall_reference: Now,
+    wall: WallState,
+    retry_at: Duration,
+}
+
+impl SigningClock {
+    /// Starts the clock of a key from its stored ceiling.
+    ///
+    /// `not_before` is a date that cannot be in the future, such as that of the build.
+    #[must_use]
+    pub fn start(
+        key: KeyId,
+        origin: Origin,
+        stored: Option<Stamp>,
+        not_before: Stamp,
+        now: Now,
+    ) -> Self {
+        let wall_stamp = Stamp::from_unix(now.wall);
+        let (start, wall) = match stored {
+            Some(ceiling) => match judge_wall(ceiling.get(), wall_stamp) {
+                WallState::Fits => (wall_stamp.get(), WallState::Fits),
+                other => (ceiling.get() + 1, other),
+            },
+            None if wall_stamp < not_before => (not_before.get(), WallState::Behind),
+            None => (wall_stamp.get(), WallState::Fits),
+        };
+        let (start, floor) = match (origin, stored) {
+            (Origin::Provisioned { initial }, None) => {
+                let before = Stamp::new(initial.get().saturating_sub(1));
+                (start.max(initial.get()), before)
+            }
+            (_, Some(ceiling)) => (start, ceiling),
+            (Origin::KeyFile, None) => (start, Stamp::new(start)),
+        };
+        let ceiling = stored.map_or(start, Stamp::get);
+        Self {
+            key,
+            ceiling,
+            floor,
+            base: start,
+            base_at: now.mono,
+            least: ceiling + 1,
+            wall_reference: now,
+            wall,
+            retry_at: Duration::ZERO,
+        }
+    }
+
+    /// The floor: frames stamped at or below it are never accepted.
+    #[must_use]
+    pub fn floor(&self) -> Stamp {
+        self.floor
+    }
+
+    /// The ceiling as last made durable.
+    #[must_use]
+    pub fn ceiling(&self) -> Stamp {
+        Stamp::new(self.ceiling)
+    }
+
+    /// The base: start value and monotonic time since.
+    #[must_use]
+    pub fn base(&self, now: Now) -> Stamp {
+        Stamp::new(self.base).plus(now.mono.saturating_sub(self.base_at))
+    }
+
+    /// The clock: the stamp that would be sent next.
+    #[must_use]
+    pub fn reading(&self, now: Now) -> Stamp {
+        Stamp::new(self.least.max(self.base(now).get()))
+    }
+
+    /// How the wall clock was judged last.
+    #[must_use]
+    pub fn wall_state(&self) -> WallState {
+        self.wall
+    }
+
+    /// Takes the stamp for one frame; no two calls give the same, over restarts too.
+    ///
+    /// # Errors
+    /// The ceiling cannot be raised, or the last stamp has been used. Nothing may be sent then.
+    pub fn take(&mut self, now: Now, store: &mut dyn CeilingStore) -> Result<Stamp, ClockError> {
+        if self.least > Stamp::MAX.get() {
+            return Err(ClockError::Exhausted);
+        }
+        let stamp = self.reading(now);
+        self.raise_ceiling(stamp, now, store)?;
+        self.least = stamp.get() + 1;
+        Ok(stamp)
+    }
+
+    /// Whether a stamp lies within an hour beyond the base.
+    #[must_use]
+    pub fn allows(&self, stamp: Stamp, now: Now) -> bool {
+        stamp <= self.base(now).plus(LEAD)
+    }
+
+    /// Follows a verified peer's stamp, for which [`allows`](Self::allows) has said yes.
+    ///
+    /// # Errors
+    /// The ceiling cannot be raised to it: the frame must not be accepted.
+    pub fn follow(
+        &mut self,
+        stamp: Stamp,
+        now: Now,
+        store: &mut dyn CeilingStore,
+    ) -> Result<(), ClockError> {
+        self.raise_ceiling(stamp, now, store)?;
+        self.least = self.least.max(stamp.get());
+        Ok(())
+    }
+
+    /// Looks whether the wall clock has been set since, and puts it to the same test as at start.
+    ///
+    /// Only a step of more than a second counts, and the base only ever moves forward.
+    pub fn watch_wall(&mut self, now: Now) -> WallState {
+        let reference = self.wall_reference;
+        let expected = reference
+            .wall
+            .saturating_add(now.mono.saturating_sub(reference.mono));
+        if now.wall.abs_diff(expected) > WALL_STEP {
+            self.wall_reference = now;
+            self.wall = judge_wall(self.ceiling, Stamp::from_unix(now.wall));
+            if self.wall == WallState::Fits {
+                self.rebase(now);
+            }
+        }
+        self.wall
+    }
+
+    /// A person vouches for the wall clock: it is used from here on, however far ahead.
+    pub fn accept_wall(&mut self, now: Now) {
+        self.wall_reference = now;
+        self.wall = WallState::Fits;
+        self.rebase(now);
+    }
+
+    fn rebase(&mut self, now: Now) {
+        self.base = self.base(now).max(Stamp::from_unix(now.wall)).get();
+        self.base_at = now.mono;
+    }
+
+    /// Writes ahead: nothing beyond the stored ceiling exists, sent or accepted.
+    fn raise_ceiling(
+        &mut self,
+        stamp: Stamp,
+        now: Now,
+        store: &mut dyn CeilingStore,
+    ) -> Result<(), ClockError> {
+        if stamp.get() <= self.ceiling {
+            return Ok(());
+        }
+        // A failing disk is not asked again for every frame.
+        if now.mono < self.retry_at {
+            return Err(ClockError::Ceiling);
+        }
+        let ceiling = stamp.plus(WRITE_AHEAD);
+        if store.store(&self.key, ceiling).is_err() {
+            self.retry_at = now.mono.saturating_add(STORE_RETRY);
+            return Err(ClockError::Ceiling);
+        }
+        self.ceiling = ceiling.get();
+        Ok(())
+    }
+}
+
+/// Why there is no stamp to be had.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum ClockError {
+    /// The ceiling could not be stored: neither sending nor accepting goes beyond the old one.
+    #[error("the signing clock's ceiling could not be stored")]
+    Ceiling,
+    /// The 48 bits are used up.
+    #[error("the signing clock has reached its last stamp: the key must be replaced")]
+    Exhausted,
+}
+
+fn judge_wall(ceiling: u64, wall: Stamp) -> WallState {
+    let ceiling = Stamp::new(ceiling);
+    if wall < ceiling {
+        WallState::Behind
+    } else if wall > ceiling.plus(WALL_AHEAD) {
+        WallState::FarAhead
+    } else {
+        WallState::Fits
+    }
+}
+
+/// How far beyond the base a peer is followed.
+const LEAD: Duration = Duration::from_secs(3600);
+/// How far the ceiling is written ahead.
+const WRITE_AHEAD: Duration = Duration::from_secs(10);
+/// How far beyond the ceiling the wall clock is believed.
+const WALL_AHEAD: Duration = Duration::from_secs(366 * 86_400);
+/// The least change against monotonic time that counts as setting the wall clock.
+const WALL_STEP: Duration = Duration::from_secs(1);
+/// The pause after a failed store.
+const STORE_RETRY: Duration = Duration::from_secs(1);

@@ -1,0 +1,216 @@
+//! One physical link to one vehicle: parser, receiver, peer lock and sender in one machine.
+//!
+//! The caller owns sockets, clocks, keys and disk. It hands in what arrives with
+//! [`Link::handle_datagram`], calls [`Link::handle_timeout`] when [`Link::poll_timeout`] says so, and
+//! after each of the two sends what [`Link::poll_transmit`] has and reads [`Link::poll_event`].
+//!
+//! Promised: foreign input never panics, blocks or allocates; on a signed link no frame is delivered
+//! that was not verified, but for the configured list, none is delivered twice, and only a verified
+//! frame moves the peer. Our own heartbeats go out at 1 Hz unprompted: they are what lifts the stamps
+//! of a vehicle that has restarted.
+
+mod config;
+mod event;
+mod freshness;
+mod peer;
+mod presence;
+mod receive;
+mod send;
+mod stats;
+
+pub use self::config::{LinkConfig, Role, Security};
+pub use self::event::{Alert, Event, KeyExchangeFrame};
+pub use self::freshness::Age;
+pub use self::peer::{Endpoint, UNSIGNED_SILENCE};
+pub use self::presence::LinkState;
+pub use self::receive::Delivery;
+pub use self::send::{SendError, Sent};
+pub use self::stats::LinkStats;
+
+use core::time::Duration;
+
+use self::event::Events;
+use self::freshness::HeartbeatLog;
+use self::peer::PeerLock;
+use self::presence::Presence;
+use crate::Now;
+use crate::clock::CeilingStore;
+use crate::frame::Parser;
+use crate::receiver::KeyState;
+
+/// What a link signs and verifies with, lent for one call.
+pub enum Auth<'a> {
+    /// The key's state, shared by all links of the key, and the store of its clock.
+    Signed {
+        /// Key, clock and streams.
+        key: &'a mut KeyState,
+        /// Where the clock's ceiling is kept.
+        store: &'a mut dyn CeilingStore,
+    },
+    /// For a link with [`Security::Off`]; a signed link neither sends nor takes anything without key.
+    Off,
+}
+
+/// One link. `A` is an address: a socket address, or `()` on a serial port.
+#[derive(Debug)]
+pub struct Link<A> {
+    config: LinkConfig<A>,
+    /// Joins frames that the peer split over two datagrams.
+    parser: Parser,
+    /// For everybody else's datagrams, each on its own, so that nobody can hold up the peer's frames.
+    strange: Parser,
+    octets_at: Duration,
+    core: Core<A>,
+}
+
+/// All of a link but its parsers, which lend out the frames it works on.
+#[derive(Debug)]
+struct Core<A> {
+    config: LinkConfig<A>,
+    peer: PeerLock<A>,
+    presence: Presence,
+    pin: Option<Pin>,
+    heartbeats: HeartbeatLog,
+    seq: u8,
+    heartbeat_at: Duration,
+    heartbeat_due: bool,
+    lift: Option<A>,
+    bad_signatures: Burst,
+    events: Events<A>,
+    stats: LinkStats,
+}
+
+/// The link id that the autopilot's stream has on this link.
+#[derive(Debug, Clone, Copy)]
+struct Pin {
+    link_id: u8,
+    heard: Duration,
+    configured: bool,
+}
+
+/// Tells many in a short time from a few now and then.
+#[derive(Debug, Default)]
+struct Burst {
+    since: Duration,
+    count: u32,
+}
+
+impl Burst {
+    /// Counts one more; true from the tenth within ten seconds on.
+    fn one_more(&mut self, mono: Duration) -> bool {
+        if mono.saturating_sub(self.since) > Duration::from_secs(10) {
+            (self.since, self.count) = (mono, 0);
+        }
+        self.count = self.count.saturating_add(1);
+        self.count >= 10
+    }
+}
+
+impl<A: Copy + Eq> Link<A> {
+    /// A link that has heard nothing; its first heartbeat is due at once.
+    #[must_use]
+    pub fn new(config: LinkConfig<A>) -> Self {
+        let pin = config.vehicle_link_id.map(|link_id| Pin {
+            link_id,
+            heard: Duration::ZERO,
+            configured: true,
+        });
+        Self {
+            config,
+            parser: Parser::new(),
+            strange: Parser::new(),
+            octets_at: Duration::ZERO,
+            core: Core {
+                config,
+                peer: PeerLock::new(config.endpoint),
+                presence: Presence::new(),
+                pin,
+                heartbeats: HeartbeatLog::new(),
+                seq: 0,
+                heartbeat_at: Duration::ZERO,
+                heartbeat_due: false,
+                lift: None,
+                bad_signatures: Burst::default(),
+                events: Events::new(),
+                stats: LinkStats::default(),
+            },
+        }
+    }
+
+    /// The settings.
+    #[must_use]
+    pub fn config(&self) -> &LinkConfig<A> {
+        &self.config
+    }
+
+    /// To whom messages go; `None` on a listening link that has not heard its vehicle yet.
+    #[must_use]
+    pub fn peer(&self) -> Option<A> {
+        self.core.peer.peer()
+    }
+
+    /// How the link stands.
+    #[must_use]
+    pub fn state(&self) -> LinkState {
+        self.core.presence.state()
+    }
+
+    /// When the last frame was accepted, in the caller's monotonic time.
+    #[must_use]
+    pub fn accepted_at(&self) -> Option<Duration> {
+        self.core.presence.accepted_at()
+    }
+
+    /// The next thing to tell, in the order it happened.
+    pub fn poll_event(&mut self) -> Option<Event<A>> {
+        self.core.events.pop()
+    }
+
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Duration {
+        let heartbeat = self.core.heartbeat_at;
+        self.core
+            .presence
+            .alert_at()
+            .map_or(heartbeat, |alert| alert.min(heartbeat))
+    }
+
+    /// Does what is due by now. Calling it early or late does no harm.
+    pub fn handle_timeout(&mut self, now: Now) {
+        let core = &mut self.core;
+        if core.heartbeat_at <= now.mono {
+            core.heartbeat_due = true;
+            let next = core.heartbeat_at.saturating_add(HEARTBEAT_EVERY);
+            // After a long pause the beat starts anew, without making up for what was missed.
+            core.heartbeat_at = if next > now.mono {
+                next
+            } else {
+                now.mono.saturating_add(HEARTBEAT_EVERY)
+            };
+        }
+        if core.presence.take_alert(now.mono) {
+            core.events.alert(Alert::StaysBehind, now.mono);
+        }
+    }
+
+    /// The counters as they stand.
+    #[must_use]
+    pub fn stats(&self) -> LinkStats {
+        let (own, strange) = (self.parser.counts(), self.strange.counts());
+        let mut stats = self.core.stats;
+        stats.events_lost = self.core.events.lost;
+        for counts in [own, strange] {
+            stats.good_frames += counts.good;
+            stats.bad_crc += counts.bad_crc;
+            stats.unknown_incompat += counts.unknown_incompat;
+            stats.mavlink1 += counts.mavlink1;
+            stats.unknown_id += counts.unknown_id;
+            stats.truncated += counts.truncated;
+            stats.garbage_octets += counts.garbage_octets;
+        }
+        stats
+    }
+}
+
+const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);

@@ -1,0 +1,363 @@
+//! From octets to deliveries.
+
+use core::time::Duration;
+
+use super::event::{Alert, Event, KeyExchangeFrame};
+use super::freshness::Age;
+use super::{Auth, Core, Link, Pin, Security};
+use crate::Now;
+use crate::dialect::MavMessage;
+use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, Undecoded};
+use crate::receiver::{AUTOPILOT, Expected, Refusal};
+use crate::signing::Stamp;
+
+/// A frame handed on, each at most once.
+#[derive(Debug)]
+pub struct Delivery<'a> {
+    /// The frame's header.
+    pub header: Header,
+    /// The message, or why the dialect's structs do not take it.
+    pub message: Result<MavMessage, Undecoded>,
+    /// The payload as on the wire, trailing zeros trimmed.
+    pub payload: &'a [u8],
+    /// The whole frame, for a recording.
+    pub frame: FrameView<'a>,
+    /// Whether the signature was verified and the stamp accepted.
+    pub verified: bool,
+    /// The stamp of a verified frame.
+    pub stamp: Option<Stamp>,
+    /// How old a verified frame can be at most.
+    pub age: Age,
+}
+
+impl Delivery<'_> {
+    /// Whether this frame can be the answer to something that was sent with that stamp.
+    ///
+    /// The vehicle lifts its stamps to ours, so an answer is never stamped below the question, and a
+    /// frame that may be older than a minute confirms nothing. Without signing (`None`) nothing can be
+    /// told, and everything counts.
+    #[must_use]
+    pub fn can_answer(&self, sent: Option<Stamp>) -> bool {
+        match sent {
+            None => true,
+            Some(sent) => self.stamp.is_some_and(|stamp| stamp >= sent) && !self.age.is_late(),
+        }
+    }
+}
+
+impl<A: Copy + Eq> Link<A> {
+    /// Takes a datagram, or what a serial port had, and delivers the frames that are to be believed.
+    ///
+    /// A frame split over two datagrams is joined only where both come from the peer.
+    pub fn handle_datagram(
+        &mut self,
+        now: Now,
+        from: A,
+        bytes: &[u8],
+        mut auth: Auth<'_>,
+        deliver: &mut dyn FnMut(Delivery<'_>),
+    ) {
+        let core = &mut self.core;
+        core.stats.datagrams += 1;
+        core.stats.octets += bytes.len() as u64;
+        let is_peer = core.peer.peer() == Some(from);
+        let parser = if is_peer {
+            &mut self.parser
+        } else {
+            &mut self.strange
+        };
+        if is_peer {
+            if now.mono.saturating_sub(self.octets_at) > PARTIAL_FRAME_LIFE {
+                parser.expire_pending();
+            }
+            self.octets_at = now.mono;
+        }
+        let mut frames = parser.feed(bytes);
+        while let Some(item) = frames.next() {
+            // Refusals are counted by the parser.
+            let Ok(frame) = item else { continue };
+            if core.take(now, from, &frame, &mut auth, deliver) == Trust::Verified {
+                frames.accept_unchecked();
+            }
+        }
+        self.strange.discard_pending();
+    }
+}
+
+/// Whether a frame's octets were vouched for by its signature.
+#[derive(PartialEq, Eq)]
+enum Trust {
+    Verified,
+    Unverified,
+}
+
+impl<A: Copy + Eq> Core<A> {
+    fn take(
+        &mut self,
+        now: Now,
+        from: A,
+        frame: &FrameView<'_>,
+        auth: &mut Auth<'_>,
+        deliver: &mut dyn FnMut(Delivery<'_>),
+    ) -> Trust {
+        if self.config.security == Security::Off {
+            self.take_unsigned_link(now, from, frame, deliver);
+            return Trust::Unverified;
+        }
+        let Auth::Signed { key, store } = auth else {
+            self.stats.no_key += 1;
+            return Trust::Unverified;
+        };
+        let expected = Expected {
+            own_system: self.config.own_system,
+            system: self.config.vehicle_system,
+            autopilot_link: self.pinned_link(now.mono),
+        };
+        if !frame.is_signed() && frame.header().system_id != self.config.own_system {
+            self.take_unsigned(now, from, frame, deliver);
+            return Trust::Unverified;
+        }
+        match key.receive(frame, expected, now, &mut **store) {
+            Ok(stamp) => {
+                self.accept(now, from, frame, stamp, deliver);
+                Trust::Verified
+            }
+            Err(refusal) => self.refuse(now, from, frame, refusal),
+        }
+    }
+
+    fn accept(
+        &mut self,
+        now: Now,
+        from: A,
+        frame: &FrameView<'_>,
+        stamp: Stamp,
+        deliver: &mut dyn FnMut(Delivery<'_>),
+    ) {
+        let header = frame.header();
+        if let (AUTOPILOT, Some(signature)) = (header.component_id, frame.signature()) {
+            self.pin(signature.link_id, now.mono);
+        }
+        if let Some((before, to)) = self.peer.confirm(from, now.mono) {
+            self.events.push(Event::PeerChanged { from: before, to });
+        }
+        if self.presence.accepted(now.mono) {
+            self.events.push(Event::Live);
+        }
+        if header.message_id == KEY_EXCHANGE_ID {
+            self.stats.key_exchange += 1;
+            self.events
+                .push_exchange(KeyExchangeFrame::new(from, frame, Some(stamp)));
+            return;
+        }
+        let age = self.heartbeats.age(stamp, now.mono);
+        self.stats.delivered_verified += 1;
+        self.stats.late += u64::from(age.is_late());
+        self.hand_on(frame, Some(stamp), age, deliver);
+    }
+
+    fn refuse(&mut self, now: Now, from: A, frame: &FrameView<'_>, refusal: Refusal) -> Trust {
+        // Without CRC_EXTRA and without a good signature these are just octets.
+        let verified = matches!(
+            refusal,
+            Refusal::TableFull | Refusal::Future | Refusal::Stale | Refusal::Ceiling
+        );
+        if !frame.is_checked() && !verified {
+            self.stats.unknown_id += 1;
+            return Trust::Unverified;
+        }
+        let stats = &mut self.stats;
+        match refusal {
+            Refusal::Reflected => stats.reflected += 1,
+            Refusal::UnexpectedSystem => stats.unexpected_system += 1,
+            Refusal::UnexpectedLink => stats.unexpected_link += 1,
+            Refusal::Unsigned => stats.unsigned_vehicle += 1,
+            Refusal::BadSignature => {
+                stats.bad_signature += 1;
+                if self.bad_signatures.one_more(now.mono) {
+                    self.events.alert(Alert::BadSignatures, now.mono);
+                }
+            }
+            Refusal::TableFull => {
+                stats.stream_table_full += 1;
+                self.events.alert(Alert::StreamTableFull, now.mono);
+            }
+            Refusal::Future => {
+                stats.future += 1;
+                self.events.alert(Alert::Future, now.mono);
+            }
+            Refusal::Ceiling => {
+                stats.ceiling_not_stored += 1;
+                self.events.alert(Alert::CeilingNotStored, now.mono);
+            }
+            Refusal::Stale => {
+                stats.stale += 1;
+                self.fallen_back(now.mono, from);
+            }
+        }
+        if verified {
+            Trust::Verified
+        } else {
+            Trust::Unverified
+        }
+    }
+
+    /// A verified frame with an old stamp: perhaps the vehicle has restarted, so a heartbeat that lifts
+    /// its stamps goes there at once, and nothing else.
+    fn fallen_back(&mut self, mono: Duration, from: A) {
+        self.peer.stale_from(from, mono);
+        if self.presence.stale(mono) {
+            self.events.push(Event::Behind);
+        }
+        let to_peer = self.peer.heartbeat_to() == Some(from);
+        if self.presence.may_lift(to_peer, mono) {
+            // The peer's own heartbeat is never put off for somebody else's.
+            if to_peer || self.lift.is_none() {
+                self.lift = Some(from);
+            }
+        }
+    }
+
+    /// An unsigned frame on a signed link.
+    fn take_unsigned(
+        &mut self,
+        now: Now,
+        from: A,
+        frame: &FrameView<'_>,
+        deliver: &mut dyn FnMut(Delivery<'_>),
+    ) {
+        let Header {
+            system_id,
+            component_id,
+            message_id,
+            ..
+        } = frame.header();
+        let of_vehicle = system_id == self.config.vehicle_system;
+        if message_id == KEY_EXCHANGE_ID && of_vehicle {
+            self.stats.key_exchange += 1;
+            self.events
+                .push_exchange(KeyExchangeFrame::new(from, frame, None));
+        } else if self.config.accept_unsigned.contains(&message_id) {
+            if self.peer.peer() == Some(from) {
+                self.stats.delivered_unverified += 1;
+                self.hand_on(frame, None, Age::Unknown, deliver);
+            } else {
+                self.stats.unsigned_stranger += 1;
+            }
+        } else if of_vehicle {
+            self.stats.unsigned_vehicle += 1;
+            if component_id == AUTOPILOT && message_id != HEARTBEAT_ID {
+                self.events.alert(Alert::VehicleUnsigned, now.mono);
+            }
+        } else {
+            self.stats.unexpected_system += 1;
+        }
+    }
+
+    /// Any frame on a link without signing.
+    fn take_unsigned_link(
+        &mut self,
+        now: Now,
+        from: A,
+        frame: &FrameView<'_>,
+        deliver: &mut dyn FnMut(Delivery<'_>),
+    ) {
+        let Header {
+            system_id,
+            message_id,
+            ..
+        } = frame.header();
+        if !frame.is_checked() {
+            self.stats.unknown_id += 1;
+            return;
+        }
+        if system_id == self.config.own_system {
+            self.stats.reflected += 1;
+            return;
+        }
+        let of_vehicle = system_id == self.config.vehicle_system;
+        if !of_vehicle {
+            // A radio's status comes under the radio's own id; it never takes the peer lock.
+            if !self.config.accept_unsigned.contains(&message_id) {
+                self.stats.unexpected_system += 1;
+            } else if self.peer.peer() == Some(from) {
+                self.stats.delivered_unverified += 1;
+                self.hand_on(frame, None, Age::Unknown, deliver);
+            } else {
+                self.stats.unsigned_stranger += 1;
+            }
+            return;
+        }
+        match self.peer.admit_unsigned(from, now.mono) {
+            Err(_) => {
+                self.stats.wrong_peer += 1;
+                return;
+            }
+            Ok(Some((before, to))) => self.events.push(Event::PeerChanged { from: before, to }),
+            Ok(None) => {}
+        }
+        if self.presence.accepted(now.mono) {
+            self.events.push(Event::Live);
+        }
+        if message_id == KEY_EXCHANGE_ID {
+            self.stats.key_exchange += 1;
+            self.events
+                .push_exchange(KeyExchangeFrame::new(from, frame, None));
+        } else {
+            self.stats.delivered_unverified += 1;
+            self.hand_on(frame, None, Age::Unknown, deliver);
+        }
+    }
+
+    fn hand_on(
+        &mut self,
+        frame: &FrameView<'_>,
+        stamp: Option<Stamp>,
+        age: Age,
+        deliver: &mut dyn FnMut(Delivery<'_>),
+    ) {
+        let message = frame.message();
+        match message {
+            Ok(_) => {}
+            Err(Undecoded::UnknownId(_)) => self.stats.undecoded_id += 1,
+            Err(Undecoded::UnknownValue { .. } | Undecoded::Size) => {
+                self.stats.undecoded_value += 1
+            }
+        }
+        deliver(Delivery {
+            header: frame.header(),
+            message,
+            payload: frame.payload(),
+            frame: *frame,
+            verified: stamp.is_some(),
+            stamp,
+            age,
+        });
+    }
+
+    /// The link id that the autopilot must use. A learned one is let go after a silence, or a single
+    /// capture of another link, played in first, would lock the vehicle out.
+    fn pinned_link(&self, mono: Duration) -> Option<u8> {
+        self.pin
+            .filter(|pin| pin.configured || mono.saturating_sub(pin.heard) <= PIN_SILENCE)
+            .map(|pin| pin.link_id)
+    }
+
+    fn pin(&mut self, link_id: u8, mono: Duration) {
+        let configured = self.pin.is_some_and(|pin| pin.configured);
+        if self.pin.is_some_and(|pin| pin.link_id != link_id) {
+            self.events.alert(Alert::LinkIdMoved, mono);
+        }
+        self.pin = Some(Pin {
+            link_id,
+            heard: mono,
+            configured,
+        });
+    }
+}
+
+const HEARTBEAT_ID: u32 = 0;
+/// How long the start of a frame waits for its end.
+const PARTIAL_FRAME_LIFE: Duration = Duration::from_millis(500);
+/// How long the autopilot must be silent before its stream may have another link id.
+const PIN_SILENCE: Duration = Duration::from_secs(5);

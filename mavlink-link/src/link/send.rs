@@ -1,0 +1,182 @@
+//! From messages to frames: numbered, stamped and signed at the moment they are sent.
+
+use mavlink::Message as _;
+use thiserror::Error;
+
+use super::event::Alert;
+use super::{Auth, Core, Link, Security};
+use crate::Now;
+use crate::clock::{ClockError, WallState};
+use crate::dialect::MavMessage;
+use crate::frame::{EncodeError, Header, INCOMPAT_SIGNED, MAX_FRAME, encode, encode_raw};
+use crate::signing::{SignError, Stamp, sign};
+
+/// A frame that stands ready in the caller's buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sent<A> {
+    /// Where it must go.
+    pub to: A,
+    /// Its octets in the buffer.
+    pub len: usize,
+    /// Its sequence number.
+    pub seq: u8,
+    /// Its stamp, on a signed link: an answer is never stamped below it.
+    pub stamp: Option<Stamp>,
+}
+
+/// Why a message cannot be sent now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum SendError {
+    /// Nobody has proved to be the vehicle yet.
+    #[error("the vehicle has not been heard, there is nowhere to send to")]
+    NoPeer,
+    /// The link is signed and no key was given.
+    #[error("the link is signed, but no key is at hand")]
+    NoKey,
+    /// The signing clock gives no stamp.
+    #[error(transparent)]
+    Clock(#[from] ClockError),
+    /// The octets given are no payload.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// The frame has no room for its trailer.
+    #[error(transparent)]
+    Sign(#[from] SignError),
+}
+
+impl<A: Copy + Eq> Link<A> {
+    /// Writes a message to the peer into `out`. A retry must come here again: the same octets sent
+    /// twice would be a replay.
+    ///
+    /// # Errors
+    /// There is no peer, no key, or no stamp to be had; nothing may be sent then.
+    pub fn send(
+        &mut self,
+        now: Now,
+        auth: Auth<'_>,
+        msg: &MavMessage,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Result<Sent<A>, SendError> {
+        let to = self.core.peer.peer().ok_or(SendError::NoPeer)?;
+        self.core.send_to(to, now, auth, Content::Message(msg), out)
+    }
+
+    /// Writes a message given by its id and payload, for one that the dialect does not have, such as
+    /// KEY_EXCHANGE. It goes to `to`, or to the peer.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send); also where the payload is too long or the message's CRC_EXTRA unknown.
+    pub fn send_raw(
+        &mut self,
+        now: Now,
+        auth: Auth<'_>,
+        message_id: u32,
+        payload: &[u8],
+        to: Option<A>,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Result<Sent<A>, SendError> {
+        let to = to.or(self.core.peer.peer()).ok_or(SendError::NoPeer)?;
+        self.core
+            .send_to(to, now, auth, Content::Raw(message_id, payload), out)
+    }
+
+    /// The next heartbeat that is due, if any. Call it until it gives `None`, after each
+    /// [`handle_datagram`](Self::handle_datagram) and [`handle_timeout`](Self::handle_timeout).
+    pub fn poll_transmit(
+        &mut self,
+        now: Now,
+        mut auth: Auth<'_>,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<Sent<A>> {
+        let core = &mut self.core;
+        if let Auth::Signed { key, .. } = &mut auth
+            && core.heartbeat_due
+            && key.watch_wall(now) == WallState::FarAhead
+        {
+            core.events.alert(Alert::WallFarAhead, now.mono);
+        }
+        let to = core.next_heartbeat_to()?;
+        let heartbeat = MavMessage::HEARTBEAT(core.config.heartbeat());
+        let sent = core
+            .send_to(to, now, auth, Content::Message(&heartbeat), out)
+            .ok()?;
+        core.stats.sent_heartbeats += 1;
+        if let Some(stamp) = sent.stamp {
+            core.heartbeats.note(stamp, now.mono);
+        }
+        Some(sent)
+    }
+}
+
+/// What goes into a frame.
+enum Content<'a> {
+    Message(&'a MavMessage),
+    Raw(u32, &'a [u8]),
+}
+
+impl<A: Copy + Eq> Core<A> {
+    fn next_heartbeat_to(&mut self) -> Option<A> {
+        let regular = self.peer.heartbeat_to();
+        if let Some(lift) = self.lift.take() {
+            // One heartbeat serves both purposes where it goes to the same place.
+            self.heartbeat_due &= regular != Some(lift);
+            return Some(lift);
+        }
+        core::mem::take(&mut self.heartbeat_due)
+            .then_some(regular)
+            .flatten()
+    }
+
+    fn send_to(
+        &mut self,
+        to: A,
+        now: Now,
+        auth: Auth<'_>,
+        content: Content<'_>,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Result<Sent<A>, SendError> {
+        let signed = self.config.security == Security::Signed;
+        let seq = self.seq;
+        let header = Header {
+            seq,
+            system_id: self.config.own_system,
+            component_id: self.config.own_component,
+            message_id: match content {
+                Content::Message(msg) => msg.message_id(),
+                Content::Raw(message_id, _) => message_id,
+            },
+            incompat: if signed { INCOMPAT_SIGNED } else { 0 },
+            compat: 0,
+        };
+        let mut len = match content {
+            Content::Message(msg) => encode(msg, header, out),
+            Content::Raw(_, payload) => encode_raw(header, payload, out)?,
+        };
+        let mut stamp = None;
+        if signed {
+            let Auth::Signed { key, store } = auth else {
+                self.stats.no_key += 1;
+                return Err(SendError::NoKey);
+            };
+            let taken = key.take_stamp(now, store).inspect_err(|error| {
+                self.stats.send_refused += 1;
+                let alert = match error {
+                    ClockError::Ceiling => Alert::CeilingNotStored,
+                    ClockError::Exhausted => Alert::ClockExhausted,
+                };
+                self.events.alert(alert, now.mono);
+            })?;
+            len = sign(key.key(), self.config.link_id, taken, out, len)?;
+            stamp = Some(taken);
+        }
+        self.seq = self.seq.wrapping_add(1);
+        self.stats.sent += 1;
+        self.stats.sent_octets += len as u64;
+        Ok(Sent {
+            to,
+            len,
+            seq,
+            stamp,
+        })
+    }
+}

@@ -1,0 +1,237 @@
+//! The receiving side of one key, shared by every link that uses it.
+//!
+//! Promised: no frame is accepted twice, over links, restarts and jumps of the clock, and nothing
+//! changes before the signature has been verified. The order is fixed: checksum and MAVLink 2 (by the
+//! parser), not our own system, expected, signature, stamp; only then state.
+
+use thiserror::Error;
+
+use crate::Now;
+use crate::clock::{CeilingStore, ClockError, Origin, SigningClock, StoreError, WallState};
+use crate::frame::FrameView;
+use crate::signing::{KeyId, SigningKey, Stamp, verify};
+
+/// A key, its clock and all the streams heard under it.
+///
+/// There is one for each key, lent to every link that uses it: a frame heard on one link is a replay on
+/// the others.
+#[derive(Debug)]
+pub struct KeyState {
+    key: SigningKey,
+    id: KeyId,
+    clock: SigningClock,
+    streams: Streams,
+}
+
+impl KeyState {
+    /// Starts the key's clock from what the store holds.
+    ///
+    /// `not_before` is a date that cannot be in the future, such as that of the build.
+    ///
+    /// # Errors
+    /// The store cannot be read.
+    pub fn start(
+        key: SigningKey,
+        origin: Origin,
+        not_before: Stamp,
+        now: Now,
+        store: &mut dyn CeilingStore,
+    ) -> Result<Self, StoreError> {
+        let id = key.id();
+        let stored = store.load(&id)?;
+        let clock = SigningClock::start(id, origin, stored, not_before, now);
+        Ok(Self {
+            key,
+            id,
+            clock,
+            streams: Streams::default(),
+        })
+    }
+
+    /// The public name of the key.
+    #[must_use]
+    pub fn id(&self) -> KeyId {
+        self.id
+    }
+
+    /// The key itself.
+    #[must_use]
+    pub fn key(&self) -> &SigningKey {
+        &self.key
+    }
+
+    /// The key's signing clock.
+    #[must_use]
+    pub fn clock(&self) -> &SigningClock {
+        &self.clock
+    }
+
+    /// Takes the stamp for one frame of ours.
+    ///
+    /// # Errors
+    /// See [`SigningClock::take`].
+    pub fn take_stamp(
+        &mut self,
+        now: Now,
+        store: &mut dyn CeilingStore,
+    ) -> Result<Stamp, ClockError> {
+        self.clock.take(now, store)
+    }
+
+    /// See [`SigningClock::watch_wall`].
+    pub fn watch_wall(&mut self, now: Now) -> WallState {
+        self.clock.watch_wall(now)
+    }
+
+    /// See [`SigningClock::accept_wall`].
+    pub fn accept_wall(&mut self, now: Now) {
+        self.clock.accept_wall(now);
+    }
+
+    /// Judges a frame; on success it is accepted once and for all.
+    ///
+    /// # Errors
+    /// The first of the checks that the frame fails; nothing has changed then.
+    pub fn receive(
+        &mut self,
+        frame: &FrameView<'_>,
+        expected: Expected,
+        now: Now,
+        store: &mut dyn CeilingStore,
+    ) -> Result<Stamp, Refusal> {
+        let header = frame.header();
+        if header.system_id == expected.own_system {
+            return Err(Refusal::Reflected);
+        }
+        if header.system_id != expected.system {
+            return Err(Refusal::UnexpectedSystem);
+        }
+        let Some(signature) = frame.signature() else {
+            return Err(Refusal::Unsigned);
+        };
+        let name = StreamName {
+            system: header.system_id,
+            component: header.component_id,
+            link: signature.link_id,
+        };
+        if let Some(link) = expected.autopilot_link
+            && name.component == AUTOPILOT
+            && name.link != link
+        {
+            return Err(Refusal::UnexpectedLink);
+        }
+        verify(&self.key, frame).map_err(|_| Refusal::BadSignature)?;
+
+        let stamp = signature.stamp;
+        if !self.clock.allows(stamp, now) {
+            return Err(Refusal::Future);
+        }
+        let place = self.streams.place(name);
+        let last = place
+            .and_then(|at| self.streams.last(at))
+            .unwrap_or(Stamp::ZERO);
+        if stamp <= last.max(self.clock.floor()) {
+            return Err(Refusal::Stale);
+        }
+        let place = place.ok_or(Refusal::TableFull)?;
+        self.clock
+            .follow(stamp, now, store)
+            .map_err(|_| Refusal::Ceiling)?;
+        self.streams.set(place, name, stamp);
+        Ok(stamp)
+    }
+}
+
+/// Whose frames a link takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Expected {
+    /// Our own system id: a frame with it is our own, come back.
+    pub own_system: u8,
+    /// The vehicle's system id.
+    pub system: u8,
+    /// The link id of the vehicle's component 1 on this link, once it is known.
+    pub autopilot_link: Option<u8>,
+}
+
+/// Why a frame is not accepted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum Refusal {
+    /// It carries our own system id.
+    #[error("our own frame came back")]
+    Reflected,
+    /// It is not from the vehicle.
+    #[error("not from the vehicle's system")]
+    UnexpectedSystem,
+    /// Component 1 with another link id than the one it has on this link: a capture of another link.
+    #[error("the autopilot does not use this link id here")]
+    UnexpectedLink,
+    /// It carries no signature.
+    #[error("not signed")]
+    Unsigned,
+    /// The signature does not fit the key.
+    #[error("wrong signature")]
+    BadSignature,
+    /// All places for streams are taken.
+    #[error("too many streams under one key")]
+    TableFull,
+    /// The stamp is more than an hour beyond our base.
+    #[error("stamp too far ahead")]
+    Future,
+    /// The stamp is at or below the floor or the last of its stream: a replay, late by reordering, or
+    /// a vehicle that has fallen back.
+    #[error("stamp not above the last")]
+    Stale,
+    /// The ceiling could not be raised to the stamp.
+    #[error("the signing clock's ceiling could not be stored")]
+    Ceiling,
+}
+
+/// A sender's stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct StreamName {
+    system: u8,
+    component: u8,
+    link: u8,
+}
+
+/// The last stamp of each stream. Nothing is ever evicted: a forgotten stream could be replayed.
+#[derive(Debug, Default)]
+struct Streams {
+    entries: [(StreamName, Stamp); STREAMS],
+    len: usize,
+}
+
+impl Streams {
+    /// Where the stream is, or where a new one may go.
+    ///
+    /// The last places are kept for component 1, so that other components can never lock it out.
+    fn place(&self, name: StreamName) -> Option<usize> {
+        let known = self.entries[..self.len]
+            .iter()
+            .position(|(entry, _)| *entry == name);
+        known.or_else(|| {
+            let others = self.entries[..self.len]
+                .iter()
+                .filter(|(e, _)| e.component != AUTOPILOT);
+            let free = self.len < STREAMS;
+            (free && (name.component == AUTOPILOT || others.count() < OTHER_STREAMS))
+                .then_some(self.len)
+        })
+    }
+
+    fn last(&self, at: usize) -> Option<Stamp> {
+        self.entries[..self.len].get(at).map(|(_, stamp)| *stamp)
+    }
+
+    fn set(&mut self, at: usize, name: StreamName, stamp: Stamp) {
+        self.entries[at] = (name, stamp);
+        self.len = self.len.max(at + 1);
+    }
+}
+
+/// The autopilot's component id, MAV_COMP_ID_AUTOPILOT1.
+pub const AUTOPILOT: u8 = 1;
+/// Streams under one key, as many as PX4 itself can hold.
+const STREAMS: usize = 16;
+/// Of these, for components other than the autopilot.
+const OTHER_STREAMS: usize = 12;

@@ -1,0 +1,48 @@
+//! Recordings of a link in QGroundControl's format, fit to be handed around.
+//!
+//! Promised: a record holds no key and nothing that a signed vehicle accepts. SETUP_SIGNING is
+//! blanked, the flag of a signed frame cleared, its trailer stripped and the checksum made anew.
+
+use core::time::Duration;
+
+use crate::frame::{
+    CRC_LEN, FrameView, HEADER_LEN, INCOMPAT_SIGNED, MAX_FRAME, MAX_PAYLOAD, checksum, crc_extra,
+};
+
+/// Octets of the longest record.
+pub const MAX_RECORD: usize = STAMP_LEN + MAX_FRAME;
+
+/// Writes one record: microseconds since 1970 as u64 big-endian, then the frame, and returns its length.
+///
+/// `wall` is the time since 1970 at which the frame was seen.
+pub fn record(wall: Duration, frame: &FrameView<'_>, out: &mut [u8; MAX_RECORD]) -> usize {
+    let micros = u64::try_from(wall.as_micros()).unwrap_or(u64::MAX);
+    out[..STAMP_LEN].copy_from_slice(&micros.to_be_bytes());
+
+    let original = frame.as_bytes();
+    let len = HEADER_LEN + frame.payload().len();
+    let record = &mut out[STAMP_LEN..];
+    record[..len].copy_from_slice(&original[..len]);
+    if frame.header().message_id == SETUP_SIGNING_ID {
+        record[HEADER_LEN..len].fill(0);
+    } else if !frame.is_signed() {
+        record[len..original.len()].copy_from_slice(&original[len..]);
+        return STAMP_LEN + original.len();
+    }
+    record[2] &= !INCOMPAT_SIGNED;
+    let crc = checksum(&record[1..len], extra_of(frame));
+    record[len..len + CRC_LEN].copy_from_slice(&crc.to_le_bytes());
+    STAMP_LEN + len + CRC_LEN
+}
+
+/// CRC_EXTRA of a frame, of an unknown message too: its checksum was right, so one octet fits.
+fn extra_of(frame: &FrameView<'_>) -> u8 {
+    let covered = &frame.as_bytes()[1..HEADER_LEN + frame.payload().len()];
+    crc_extra(frame.header().message_id)
+        .or_else(|| (0..=u8::MAX).find(|&extra| checksum(covered, extra) == frame.crc()))
+        .unwrap_or(0)
+}
+
+const STAMP_LEN: usize = 8;
+const SETUP_SIGNING_ID: u32 = 256;
+const _: () = assert!(MAX_RECORD > STAMP_LEN + HEADER_LEN + MAX_PAYLOAD + CRC_LEN);
