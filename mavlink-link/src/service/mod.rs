@@ -14,11 +14,11 @@
 //!   follows from its `Timing`, as long as `handle_timeout` is called when `poll_timeout` asks.
 
 mod bounded;
-
-
+pub mod command;
+pub mod interval;
 pub mod mission;
-
-
+pub mod param;
+pub mod text;
 
 pub use bounded::Bounded;
 

@@ -1,0 +1,440 @@
+//! The bridge's end: one request at a time, the rest in a queue.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use mavlink::dialects::development::{
+    MavMessage, MavParamError, PARAM_ERROR_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
+    PARAM_SET_DATA, PARAM_VALUE_DATA,
+};
+
+use super::{HASH_CHECK, NO_INDEX, Name, Value};
+use crate::service::{Bounded, Node};
+
+/// Waits and repeats.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Timing {
+    /// Wait for an answer before a repeat. PX4 answers in 1 ms; the rest is the radio.
+    pub answer: Duration,
+    /// How often a request is sent in all, and how many rounds of a list may bring nothing new.
+    pub tries: u8,
+    /// Parameters of a list that are asked for again in one round.
+    pub window: u8,
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        Self {
+            answer: Duration::from_millis(700),
+            tries: 8,
+            window: 10,
+        }
+    }
+}
+
+/// One parameter of a list.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Entry {
+    /// PARAM_VALUE.param_id
+    pub name: Name,
+    /// PARAM_VALUE.param_value
+    pub value: Value,
+}
+
+/// Why a parameter was neither read nor set.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Refusal {
+    /// PARAM_ERROR.error
+    Error(MavParamError),
+    /// No answer to any try.
+    NoAnswer,
+    /// After PARAM_SET the vehicle still tells another value.
+    OtherValue(Value),
+}
+
+/// What a [`Client`] tells its caller; every request ends in one event that is not progress.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Event {
+    /// The answer to a read.
+    Read {
+        /// Which parameter.
+        name: Name,
+        /// Its value.
+        value: Value,
+    },
+    /// The vehicle tells the value that was set.
+    Set {
+        /// Which parameter.
+        name: Name,
+        /// Its value.
+        value: Value,
+    },
+    /// A read or a set that came to nothing.
+    Refused {
+        /// Which parameter.
+        name: Name,
+        /// Why.
+        reason: Refusal,
+    },
+    /// How far a list is. Unread progress is replaced, not queued.
+    Progress {
+        /// Parameters that came.
+        have: usize,
+        /// PARAM_VALUE.param_count
+        total: u16,
+    },
+    /// The whole list, in the vehicle's order.
+    List {
+        /// All parameters that the vehicle uses.
+        entries: Vec<Entry>,
+        /// The value of _HASH_CHECK, if it came.
+        hash: Option<u32>,
+    },
+    /// A list that stayed incomplete.
+    ListFailed {
+        /// Parameters that came.
+        have: usize,
+        /// PARAM_VALUE.param_count, 0 when nothing came at all.
+        total: u16,
+    },
+}
+
+/// Why a request was not taken.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum StartError {
+    /// Too many wait already, or too many events are unread.
+    #[error("{0} parameter requests wait already")]
+    Full(usize),
+}
+
+/// The parameters of one node, as a ground station uses them.
+#[derive(Debug)]
+pub struct Client {
+    us: Node,
+    vehicle: Node,
+    timing: Timing,
+    waiting: VecDeque<Request>,
+    active: Option<Active>,
+    out: Bounded<MavMessage>,
+    events: Bounded<Event>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Request {
+    Read(Name),
+    Set(Name, Value),
+    List,
+}
+
+#[derive(Debug)]
+struct Active {
+    job: Job,
+    tries: u8,
+    deadline: Duration,
+}
+
+#[derive(Debug)]
+enum Job {
+    Read(Name),
+    Set {
+        name: Name,
+        value: Value,
+        other: Option<Value>,
+    },
+    List(List),
+}
+
+#[derive(Debug, Default)]
+struct List {
+    total: u16,
+    entries: BTreeMap<u16, Entry>,
+    hash: Option<u32>,
+}
+
+impl Client {
+    /// A client named `us` on the link, for the parameters of `vehicle`.
+    pub const fn new(us: Node, vehicle: Node, timing: Timing) -> Self {
+        Self {
+            us,
+            vehicle,
+            timing,
+            waiting: VecDeque::new(),
+            active: None,
+            out: Bounded::new(MAX_OUT),
+            events: Bounded::new(MAX_EVENTS),
+        }
+    }
+
+    /// Reads a parameter when its turn comes.
+    pub fn read(&mut self, now: Duration, name: Name) -> Result<(), StartError> {
+        self.enqueue(now, Request::Read(name))
+    }
+
+    /// Sets a parameter when its turn comes. PX4 checks no range: the caller has done so.
+    pub fn set(&mut self, now: Duration, name: Name, value: Value) -> Result<(), StartError> {
+        self.enqueue(now, Request::Set(name, value))
+    }
+
+    /// Fetches all parameters when its turn comes.
+    pub fn list(&mut self, now: Duration) -> Result<(), StartError> {
+        self.enqueue(now, Request::List)
+    }
+
+    /// Requests that have not ended.
+    pub fn pending(&self) -> usize {
+        self.waiting.len() + usize::from(self.active.is_some())
+    }
+
+    /// Takes a message of `from`; `fresh` is false when its signing stamp may be a replay.
+    ///
+    /// Returns whether it answered the present request.
+    pub fn handle_message(
+        &mut self,
+        now: Duration,
+        from: Node,
+        message: &MavMessage,
+        fresh: bool,
+    ) -> bool {
+        if from != self.vehicle || !fresh {
+            return false;
+        }
+        let Some(mut active) = self.active.take() else {
+            return false;
+        };
+        let (taken, end) = match message {
+            MavMessage::PARAM_VALUE(data) => self.handle_value(now, &mut active, data),
+            MavMessage::PARAM_ERROR(data) => {
+                let end = self.handle_error(&active.job, data);
+                (end.is_some(), end)
+            }
+            _ => (false, None),
+        };
+        match end {
+            Some(event) => self.finish(now, event),
+            None => self.active = Some(active),
+        }
+        taken
+    }
+
+    /// Does what is due.
+    pub fn handle_timeout(&mut self, now: Duration) {
+        let Some(mut active) = self.active.take_if(|active| active.deadline <= now) else {
+            return;
+        };
+        if active.tries >= self.timing.tries {
+            let event = match active.job {
+                Job::Read(name) => refused(name, Refusal::NoAnswer),
+                Job::Set { name, other, .. } => {
+                    refused(name, other.map_or(Refusal::NoAnswer, Refusal::OtherValue))
+                }
+                Job::List(list) => Event::ListFailed {
+                    have: list.entries.len(),
+                    total: list.total,
+                },
+            };
+            self.finish(now, event);
+            return;
+        }
+        active.tries += 1;
+        active.deadline = now + self.timing.answer;
+        self.send(&active.job);
+        self.active = Some(active);
+    }
+
+    /// When [`Client::handle_timeout`] is next needed.
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        self.active.as_ref().map(|active| active.deadline)
+    }
+
+    /// The next message for the vehicle.
+    pub fn poll_transmit(&mut self) -> Option<MavMessage> {
+        self.out.pop()
+    }
+
+    /// The next event.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop()
+    }
+
+    fn enqueue(&mut self, now: Duration, request: Request) -> Result<(), StartError> {
+        let pending = self.pending();
+        // One event is kept free for progress.
+        if pending + self.events.len() + 1 >= MAX_EVENTS {
+            return Err(StartError::Full(pending));
+        }
+        self.waiting.push_back(request);
+        self.advance(now);
+        Ok(())
+    }
+
+    fn advance(&mut self, now: Duration) {
+        if self.active.is_some() {
+            return;
+        }
+        let Some(request) = self.waiting.pop_front() else {
+            return;
+        };
+        let job = match request {
+            Request::Read(name) => Job::Read(name),
+            Request::Set(name, value) => Job::Set {
+                name,
+                value,
+                other: None,
+            },
+            Request::List => Job::List(List::default()),
+        };
+        self.send(&job);
+        self.active = Some(Active {
+            job,
+            tries: 1,
+            deadline: now + self.timing.answer,
+        });
+    }
+
+    fn finish(&mut self, now: Duration, event: Event) {
+        if matches!(self.events.last_mut(), Some(Event::Progress { .. })) {
+            self.events.pop_last();
+        }
+        self.events.push(event);
+        self.advance(now);
+    }
+
+    /// Whether the value was for the present request, and the event that ends it.
+    fn handle_value(
+        &mut self,
+        now: Duration,
+        active: &mut Active,
+        data: &PARAM_VALUE_DATA,
+    ) -> (bool, Option<Event>) {
+        let Some(got) = Name::from_wire(&data.param_id) else {
+            return (false, None);
+        };
+        let Some(value) = Value::from_wire(data.param_value, data.param_type) else {
+            return (false, None);
+        };
+        match &mut active.job {
+            Job::Read(name) if *name == got => (true, Some(Event::Read { name: got, value })),
+            Job::Set {
+                name,
+                value: wanted,
+                other,
+            } if *name == got => {
+                if *wanted == value {
+                    return (true, Some(Event::Set { name: got, value }));
+                }
+                // It may be the answer to an earlier question: the repeat decides.
+                *other = Some(value);
+                (true, None)
+            }
+            Job::List(list) => {
+                if got.as_str() == HASH_CHECK {
+                    list.hash = Some(data.param_value.to_bits());
+                } else if data.param_index != NO_INDEX && data.param_index < data.param_count {
+                    let entry = Entry { name: got, value };
+                    list.total = data.param_count;
+                    if list.entries.insert(data.param_index, entry).is_none() {
+                        active.tries = 1;
+                        active.deadline = now + self.timing.answer;
+                    }
+                }
+                (true, self.list_progress(list))
+            }
+            Job::Read(_) | Job::Set { .. } => (false, None),
+        }
+    }
+
+    fn list_progress(&mut self, list: &mut List) -> Option<Event> {
+        let have = list.entries.len();
+        if list.total > 0 && list.first_missing().is_none() {
+            let mut entries = std::mem::take(&mut list.entries);
+            // The vehicle may have taken a parameter out of use while it told them.
+            entries.split_off(&list.total);
+            return Some(Event::List {
+                entries: entries.into_values().collect(),
+                hash: list.hash,
+            });
+        }
+        let total = list.total;
+        let event = Event::Progress { have, total };
+        match self.events.last_mut() {
+            Some(last @ Event::Progress { .. }) => *last = event,
+            _ => {
+                self.events.push(event);
+            }
+        }
+        None
+    }
+
+    fn handle_error(&self, job: &Job, data: &PARAM_ERROR_DATA) -> Option<Event> {
+        if !self.us.is_target(data.target_system, data.target_component) {
+            return None;
+        }
+        // PX4 leaves param_index as it was in memory: only the name tells what it is about.
+        let about = Name::from_wire(&data.param_id)?;
+        match job {
+            Job::Read(name) | Job::Set { name, .. } if *name == about => {
+                Some(refused(about, Refusal::Error(data.error)))
+            }
+            _ => None,
+        }
+    }
+
+    fn send(&mut self, job: &Job) {
+        match job {
+            Job::Read(name) => self.request_read(*name, -1),
+            Job::Set { name, value, .. } => {
+                self.out.push(MavMessage::PARAM_SET(PARAM_SET_DATA {
+                    param_value: value.to_wire(),
+                    target_system: self.vehicle.system,
+                    target_component: self.vehicle.component,
+                    param_id: name.to_wire(),
+                    param_type: value.kind(),
+                }));
+            }
+            Job::List(list) if list.entries.is_empty() => {
+                self.out
+                    .push(MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA {
+                        target_system: self.vehicle.system,
+                        target_component: self.vehicle.component,
+                    }));
+            }
+            Job::List(list) => {
+                let window = usize::from(self.timing.window);
+                for index in list.missing().take(window) {
+                    // An index above 32767 cannot be asked for; the list then fails.
+                    if let Ok(index) = i16::try_from(index) {
+                        self.request_read(Name([0; 16]), index);
+                    }
+                }
+            }
+        }
+    }
+
+    fn request_read(&mut self, name: Name, param_index: i16) {
+        let request = PARAM_REQUEST_READ_DATA {
+            param_index,
+            target_system: self.vehicle.system,
+            target_component: self.vehicle.component,
+            param_id: name.to_wire(),
+        };
+        self.out.push(MavMessage::PARAM_REQUEST_READ(request));
+    }
+}
+
+impl List {
+    fn first_missing(&self) -> Option<u16> {
+        self.missing().next()
+    }
+
+    fn missing(&self) -> impl Iterator<Item = u16> + '_ {
+        (0..self.total).filter(|index| !self.entries.contains_key(index))
+    }
+}
+
+/// Requests and unread events together.
+const MAX_EVENTS: usize = 64;
+const MAX_OUT: usize = 64;
+
+fn refused(name: Name, reason: Refusal) -> Event {
+    Event::Refused { name, reason }
+}

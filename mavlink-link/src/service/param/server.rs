@@ -1,0 +1,257 @@
+//! The vehicle's end, as PX4 v1.18 answers.
+
+use std::time::Duration;
+
+use crc::{CRC_32_JAMCRC, Crc};
+use mavlink::dialects::development::{
+    MavMessage, MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_REQUEST_READ_DATA,
+    PARAM_SET_DATA, PARAM_VALUE_DATA,
+};
+
+use super::{HASH_CHECK, NO_INDEX, Name, Value};
+use crate::service::{Bounded, Node};
+
+/// One parameter of the vehicle.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub name: Name,
+    /// Its value, whose type never changes.
+    pub value: Value,
+    /// Whether some part of the vehicle uses it. One that is not used has no place in the
+    /// list; the first read answers with index 65535 and makes it used.
+    pub used: bool,
+    /// PARAM_SET is refused.
+    pub read_only: bool,
+}
+
+/// What happened to the parameters.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum ServerEvent {
+    /// PARAM_SET stored a value, in range or not.
+    Set {
+        /// Which parameter.
+        name: Name,
+        /// Its value now.
+        value: Value,
+    },
+}
+
+/// The parameters of a simulated PX4.
+#[derive(Debug)]
+pub struct Server {
+    us: Node,
+    /// By name, as PX4 orders them.
+    table: Vec<Parameter>,
+    /// The place of the list to be told next, and when.
+    telling: Option<(usize, Duration)>,
+    out: Bounded<MavMessage>,
+    events: Bounded<ServerEvent>,
+}
+
+impl Server {
+    /// A vehicle with these parameters; of two with one name the first stays.
+    pub fn new(us: Node, parameters: impl IntoIterator<Item = Parameter>) -> Self {
+        let mut table: Vec<_> = parameters.into_iter().collect();
+        table.sort_by_key(|parameter| parameter.name);
+        table.dedup_by_key(|parameter| parameter.name);
+        Self {
+            us,
+            table,
+            telling: None,
+            out: Bounded::new(MAX_OUT),
+            events: Bounded::new(MAX_EVENTS),
+        }
+    }
+
+    /// The value of a parameter.
+    pub fn value(&self, name: Name) -> Option<Value> {
+        self.place(name).map(|place| self.table[place].value)
+    }
+
+    /// Takes a message of `from`; returns whether it was for this service.
+    pub fn handle_message(&mut self, now: Duration, from: Node, message: &MavMessage) -> bool {
+        match message {
+            MavMessage::PARAM_REQUEST_LIST(m)
+                if self.us.is_target(m.target_system, m.target_component) =>
+            {
+                if self.telling.is_none() {
+                    self.send_hash();
+                }
+                self.telling = Some((0, now));
+            }
+            MavMessage::PARAM_REQUEST_READ(m)
+                if self.us.is_target(m.target_system, m.target_component) =>
+            {
+                self.handle_read(from, m);
+            }
+            MavMessage::PARAM_SET(m) if self.us.is_target(m.target_system, m.target_component) => {
+                self.handle_set(from, m);
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    /// Tells a part of the list, if one was asked for.
+    pub fn handle_timeout(&mut self, now: Duration) {
+        let Some((mut place, _)) = self.telling.take_if(|(_, due)| *due <= now) else {
+            return;
+        };
+        for _ in 0..BURST {
+            while self.table.get(place).is_some_and(|p| !p.used) {
+                place += 1;
+            }
+            if place >= self.table.len() {
+                return;
+            }
+            if self.out.len() >= MAX_OUT / 2 {
+                break;
+            }
+            self.send_value(place);
+            place += 1;
+        }
+        self.telling = Some((place, now + BURST_PAUSE));
+    }
+
+    /// When [`Server::handle_timeout`] is next needed.
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        self.telling.map(|(_, due)| due)
+    }
+
+    /// The next message to send.
+    pub fn poll_transmit(&mut self) -> Option<MavMessage> {
+        self.out.pop()
+    }
+
+    /// The next event.
+    pub fn poll_event(&mut self) -> Option<ServerEvent> {
+        self.events.pop()
+    }
+
+    fn handle_read(&mut self, from: Node, request: &PARAM_REQUEST_READ_DATA) {
+        if let Ok(index) = usize::try_from(request.param_index) {
+            let mut used = (0..self.table.len()).filter(|&place| self.table[place].used);
+            match used.nth(index) {
+                Some(place) => self.send_value(place),
+                None => self.send_error(
+                    from,
+                    MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST,
+                    [0; 16],
+                    request.param_index,
+                ),
+            }
+            return;
+        }
+        let name = Name::from_wire(&request.param_id);
+        if name.is_some_and(|name| name.as_str() == HASH_CHECK) {
+            self.send_hash();
+            return;
+        }
+        match name.and_then(|name| self.place(name)) {
+            Some(place) => {
+                self.send_value(place);
+                self.table[place].used = true;
+            }
+            None => self.send_error(
+                from,
+                MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST,
+                *request.param_id,
+                -1,
+            ),
+        }
+    }
+
+    fn handle_set(&mut self, from: Node, request: &PARAM_SET_DATA) {
+        use MavParamError as E;
+        let name = Name::from_wire(&request.param_id);
+        if name.is_some_and(|name| name.as_str() == HASH_CHECK) {
+            // PX4's sign for "I have your list already".
+            self.telling = None;
+            self.send_error(from, E::MAV_PARAM_ERROR_READ_ONLY, *request.param_id, -1);
+            return;
+        }
+        let two_types = matches!(
+            request.param_type,
+            MavParamType::MAV_PARAM_TYPE_INT32 | MavParamType::MAV_PARAM_TYPE_REAL32
+        );
+        let error = match name.and_then(|name| self.place(name)) {
+            None => E::MAV_PARAM_ERROR_DOES_NOT_EXIST,
+            Some(_) if !two_types => E::MAV_PARAM_ERROR_TYPE_UNSUPPORTED,
+            Some(place) if self.table[place].value.kind() != request.param_type => {
+                E::MAV_PARAM_ERROR_TYPE_MISMATCH
+            }
+            Some(place) if self.table[place].read_only => E::MAV_PARAM_ERROR_READ_ONLY,
+            Some(place) => {
+                if let Some(value) = Value::from_wire(request.param_value, request.param_type) {
+                    let parameter = &mut self.table[place];
+                    parameter.value = value;
+                    let name = parameter.name;
+                    self.events.push(ServerEvent::Set { name, value });
+                }
+                self.send_value(place);
+                return;
+            }
+        };
+        self.send_error(from, error, *request.param_id, -1);
+    }
+
+    fn place(&self, name: Name) -> Option<usize> {
+        self.table.binary_search_by_key(&name, |p| p.name).ok()
+    }
+
+    fn used_before(&self, place: usize) -> u16 {
+        let count = self.table[..place].iter().filter(|p| p.used).count();
+        u16::try_from(count).unwrap_or(NO_INDEX)
+    }
+
+    fn send_value(&mut self, place: usize) {
+        let parameter = self.table[place];
+        self.out.push(MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+            param_value: parameter.value.to_wire(),
+            param_count: self.used_before(self.table.len()),
+            param_index: if parameter.used {
+                self.used_before(place)
+            } else {
+                NO_INDEX
+            },
+            param_id: parameter.name.to_wire(),
+            param_type: parameter.value.kind(),
+        }));
+    }
+
+    fn send_hash(&mut self) {
+        const CRC: Crc<u32> = Crc::<u32>::new(&crc::Algorithm {
+            init: 0,
+            ..CRC_32_JAMCRC
+        });
+        let mut hash = CRC.digest();
+        for parameter in self.table.iter().filter(|p| p.used) {
+            hash.update(parameter.name.as_str().as_bytes());
+            hash.update(&parameter.value.to_wire().to_bits().to_le_bytes());
+        }
+        self.out.push(MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+            param_value: f32::from_bits(hash.finalize()),
+            param_count: self.used_before(self.table.len()),
+            param_index: NO_INDEX,
+            param_id: HASH_CHECK.into(),
+            param_type: MavParamType::MAV_PARAM_TYPE_UINT32,
+        }));
+    }
+
+    fn send_error(&mut self, to: Node, error: MavParamError, id: [u8; 16], param_index: i16) {
+        self.out.push(MavMessage::PARAM_ERROR(PARAM_ERROR_DATA {
+            param_index,
+            target_system: to.system,
+            target_component: to.component,
+            param_id: id.into(),
+            error,
+        }));
+    }
+}
+
+/// PX4 tells up to 20 parameters in one go; 947 take it 0.85 s.
+const BURST: usize = 20;
+const BURST_PAUSE: Duration = Duration::from_millis(18);
+const MAX_OUT: usize = 64;
+const MAX_EVENTS: usize = 64;

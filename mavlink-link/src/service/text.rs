@@ -1,0 +1,226 @@
+//! Whole texts from STATUSTEXT (253), whose long ones come in chunks of 50 octets.
+//!
+//! PX4 ends a text with a tabulator when it also sends it as EVENT (410), for ground stations
+//! that decode events. Without the vehicle's event metadata the text is all there is, so that
+//! it is kept, the tabulator taken off; only a twin, the same words with and without tabulator
+//! within a second, is dropped.
+
+use std::time::Duration;
+
+use mavlink::dialects::development::{MavMessage, MavSeverity, STATUSTEXT_DATA};
+
+use super::{Bounded, Node};
+
+/// A whole text.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Text {
+    /// Who said it.
+    pub from: Node,
+    /// STATUSTEXT.severity
+    pub severity: MavSeverity,
+    /// The words, with `…` where a chunk is missing. Octets that are no UTF-8 are replaced.
+    pub text: String,
+    /// No chunk is missing.
+    pub complete: bool,
+    /// The vehicle sends the same as EVENT.
+    pub is_event_twin: bool,
+}
+
+/// Puts the texts of one system together.
+#[derive(Debug)]
+pub struct Texts {
+    system: u8,
+    partial: Vec<Partial>,
+    recent: Vec<Recent>,
+    events: Bounded<Text>,
+}
+
+#[derive(Debug)]
+struct Partial {
+    from: Node,
+    id: u16,
+    severity: MavSeverity,
+    /// By chunk_seq.
+    chunks: Vec<Option<Vec<u8>>>,
+    /// The number of chunks, once the last has come.
+    total: Option<usize>,
+    due: Duration,
+}
+
+#[derive(Debug)]
+struct Recent {
+    from: Node,
+    /// STATUSTEXT.id, which a late copy of a chunk bears.
+    id: u16,
+    text: String,
+    is_event_twin: bool,
+    until: Duration,
+}
+
+impl Texts {
+    /// For the texts of all components of `system`.
+    pub const fn new(system: u8) -> Self {
+        Self {
+            system,
+            partial: Vec::new(),
+            recent: Vec::new(),
+            events: Bounded::new(MAX_EVENTS),
+        }
+    }
+
+    /// Takes a message of `from`; returns whether it was a text of this system.
+    pub fn handle_message(&mut self, now: Duration, from: Node, message: &MavMessage) -> bool {
+        let MavMessage::STATUSTEXT(data) = message else {
+            return false;
+        };
+        if from.system != self.system {
+            return false;
+        }
+        if data.id == 0 {
+            let said = words(&[Some(chunk(data))], true);
+            self.emit(now, from, 0, data.severity, said);
+        } else {
+            self.handle_chunk(now, from, data);
+        }
+        true
+    }
+
+    /// Gives out the texts whose missing chunks did not come in time.
+    pub fn handle_timeout(&mut self, now: Duration) {
+        self.recent.retain(|recent| recent.until > now);
+        while let Some(place) = self.partial.iter().position(|p| p.due <= now) {
+            self.give_out(now, place);
+        }
+    }
+
+    /// When [`Texts::handle_timeout`] is next needed.
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        self.partial.iter().map(|partial| partial.due).min()
+    }
+
+    /// The next text.
+    pub fn poll_event(&mut self) -> Option<Text> {
+        self.events.pop()
+    }
+
+    fn handle_chunk(&mut self, now: Duration, from: Node, data: &STATUSTEXT_DATA) {
+        let copy = |r: &Recent| r.from == from && r.id == data.id && r.until > now;
+        if self.recent.iter().any(copy) {
+            return;
+        }
+        let same = |p: &Partial| p.from == from && p.id == data.id;
+        let place = match self.partial.iter().position(same) {
+            Some(place) => place,
+            None => {
+                if self.partial.len() >= MAX_PARTIAL {
+                    self.give_out(now, 0);
+                }
+                self.partial.push(Partial {
+                    from,
+                    id: data.id,
+                    severity: data.severity,
+                    chunks: Vec::new(),
+                    total: None,
+                    due: now + PATIENCE,
+                });
+                self.partial.len() - 1
+            }
+        };
+        let Some(partial) = self.partial.get_mut(place) else {
+            return;
+        };
+        let seq = usize::from(data.chunk_seq);
+        if partial.chunks.len() <= seq {
+            partial.chunks.resize(seq + 1, None);
+        }
+        let octets = chunk(data);
+        // A NUL ends the text, and with it the chunks.
+        if octets.len() < data.text.len() {
+            partial.total = Some(seq + 1);
+        }
+        partial.chunks[seq] = Some(octets);
+        if partial.is_whole() {
+            self.give_out(now, place);
+        }
+    }
+
+    fn give_out(&mut self, now: Duration, place: usize) {
+        let partial = self.partial.remove(place);
+        let whole = partial.is_whole();
+        let said = words(&partial.chunks, whole);
+        self.emit(now, partial.from, partial.id, partial.severity, said);
+    }
+
+    fn emit(
+        &mut self,
+        now: Duration,
+        from: Node,
+        id: u16,
+        severity: MavSeverity,
+        (mut text, complete): (String, bool),
+    ) {
+        let is_event_twin = text.ends_with('\t');
+        text.truncate(text.trim_end().len());
+        if text.is_empty() {
+            return;
+        }
+        self.recent.retain(|recent| recent.until > now);
+        let twin = self.recent.iter().any(|recent| {
+            recent.from == from && recent.text == text && recent.is_event_twin != is_event_twin
+        });
+        if twin {
+            return;
+        }
+        if self.recent.len() < MAX_RECENT {
+            self.recent.push(Recent {
+                from,
+                id,
+                text: text.clone(),
+                is_event_twin,
+                until: now + PATIENCE,
+            });
+        }
+        self.events.push(Text {
+            from,
+            severity,
+            text,
+            complete,
+            is_event_twin,
+        });
+    }
+}
+
+impl Partial {
+    fn is_whole(&self) -> bool {
+        self.total == Some(self.chunks.len()) && self.chunks.iter().all(Option::is_some)
+    }
+}
+
+/// How long a missing chunk is waited for, and a twin remembered.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Texts in the making; the oldest is given out when there are more.
+const MAX_PARTIAL: usize = 8;
+const MAX_RECENT: usize = 32;
+const MAX_EVENTS: usize = 64;
+
+fn chunk(data: &STATUSTEXT_DATA) -> Vec<u8> {
+    data.text.iter().copied().take_while(|&o| o != 0).collect()
+}
+
+fn words(chunks: &[Option<Vec<u8>>], whole: bool) -> (String, bool) {
+    let mut octets = Vec::new();
+    let mut gap = false;
+    for chunk in chunks {
+        match chunk {
+            Some(chunk) => octets.extend_from_slice(chunk),
+            // One mark for a gap, however wide.
+            None if !gap => octets.extend_from_slice("…".as_bytes()),
+            None => {}
+        }
+        gap = chunk.is_none();
+    }
+    if !whole && !gap {
+        octets.extend_from_slice("…".as_bytes());
+    }
+    (String::from_utf8_lossy(&octets).into_owned(), whole)
+}
