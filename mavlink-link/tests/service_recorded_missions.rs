@@ -1,0 +1,238 @@
+//! Our mission server answers recorded ground stations as the recorded PX4 v1.18 did.
+#![allow(
+    deprecated,
+    reason = "the recordings hold MISSION_REQUEST and MISSION_ITEM"
+)]
+
+use std::collections::BTreeMap;
+use std::io::Read as _;
+use std::path::Path;
+use std::time::Duration;
+
+use flate2::read::GzDecoder;
+use mavlink::dialects::development::{MavMessage, MavMissionType};
+use mavlink_link::frame::Parser;
+use mavlink_link::service::Node;
+use mavlink_link::service::mission::{
+    Airframe, Item, Limits, Px4Rules, Server, ServerEvent, plan_id, verify,
+};
+
+const PX4: Node = Node::new(1, 1);
+
+/// A mission message of a recording.
+struct Heard {
+    from_px4: bool,
+    at: Duration,
+    from: Node,
+    message: MavMessage,
+}
+
+#[test]
+fn the_uploads_good_and_bad_of_recording_02() {
+    let heard = read("02-params-mission-upload");
+    let (recorded, ours) = replay(&heard, PX4);
+    assert!(recorded.len() > 1500, "{}", recorded.len());
+    compare(&recorded, &ours);
+}
+
+#[test]
+fn the_flight_plans_of_recordings_03_and_06() {
+    let mut heard = read("03-arm-takeoff-mission-landa");
+    heard.extend(read("03-arm-takeoff-mission-landb"));
+    let (recorded, ours) = replay(&heard, PX4);
+    assert!(recorded.len() > 5, "{}", recorded.len());
+    compare(&recorded, &ours);
+}
+
+#[test]
+fn every_acknowledged_plan_has_the_id_that_we_compute() {
+    let mut plans = 0;
+    for name in [
+        "02-params-mission-upload",
+        "03-arm-takeoff-mission-landa",
+        "06-reupload-failsafe",
+        "20-px4-v1.17.0-flight",
+    ] {
+        let mut items: BTreeMap<u16, Item> = BTreeMap::new();
+        for heard in read(name) {
+            match heard.message {
+                MavMessage::MISSION_COUNT(_) if !heard.from_px4 => items.clear(),
+                MavMessage::MISSION_ITEM_INT(m) if !heard.from_px4 => {
+                    items.insert(m.seq, (&m).into());
+                }
+                // A plan of MISSION_ITEM has the floats of x and y in its id.
+                MavMessage::MISSION_ITEM(_) => items.clear(),
+                MavMessage::MISSION_ACK(m) if m.opaque_id != 0 && !items.is_empty() => {
+                    let items: Vec<_> = items.values().copied().collect();
+                    assert_eq!(plan_id(&items), m.opaque_id, "{name} at {:?}", heard.at);
+                    plans += 1;
+                }
+                _ => {}
+            }
+        }
+    }
+    assert!(plans > 15, "{plans}");
+}
+
+#[test]
+fn every_recorded_download_verifies_against_its_upload() {
+    let mut downloads = 0;
+    for name in [
+        "02-params-mission-upload",
+        "03-arm-takeoff-mission-landa",
+        "06-reupload-failsafe",
+    ] {
+        // By the plan's kind and id: what was sent; by kind: the id and what came back so far.
+        let mut sent: BTreeMap<(u32, u32), Vec<Item>> = BTreeMap::new();
+        let mut sending: Vec<Item> = Vec::new();
+        let mut told: BTreeMap<u32, (u32, usize, Vec<Item>)> = BTreeMap::new();
+        for heard in read(name) {
+            match heard.message {
+                MavMessage::MISSION_COUNT(m) if heard.from_px4 => {
+                    let kind = m.mission_type as u32;
+                    told.insert(kind, (m.opaque_id, m.count.into(), Vec::new()));
+                }
+                MavMessage::MISSION_COUNT(_) => sending.clear(),
+                MavMessage::MISSION_ITEM_INT(m) if heard.from_px4 => {
+                    let kind = m.mission_type as u32;
+                    let Some((id, count, items)) = told.get_mut(&kind) else {
+                        continue;
+                    };
+                    if items.len() == usize::from(m.seq) {
+                        items.push((&m).into());
+                    }
+                    if items.len() == *count
+                        && let Some(sent) = sent.get(&(kind, *id))
+                    {
+                        assert_eq!(verify(m.mission_type, sent, items), Ok(()), "{name}");
+                        downloads += 1;
+                    }
+                }
+                MavMessage::MISSION_ITEM_INT(m) if sending.len() == usize::from(m.seq) => {
+                    sending.push((&m).into());
+                }
+                MavMessage::MISSION_ACK(m) if heard.from_px4 && m.opaque_id != 0 => {
+                    sent.insert((m.mission_type as u32, m.opaque_id), sending.clone());
+                }
+                _ => {}
+            }
+        }
+    }
+    assert!(downloads >= 5, "{downloads}");
+}
+
+/// What PX4 said, and what our server says to the same ground stations at the same times.
+fn replay(heard: &[Heard], px4: Node) -> (Vec<String>, Vec<String>) {
+    let rules = Px4Rules {
+        airframe: Airframe::RotaryWing,
+    };
+    let mut server = Server::new(px4, Limits::PX4_SITL, rules);
+    let (mut recorded, mut ours) = (Vec::new(), Vec::new());
+    let say = |said: &mut Vec<String>, server: &mut Server<Px4Rules>| {
+        while let Some(message) = server.poll_transmit() {
+            note(said, &message);
+        }
+        while let Some(event) = server.poll_event() {
+            // The vehicle puts the first item up when the plan names none.
+            if let ServerEvent::Stored { start: None, .. } = event {
+                server.set_current(Some(0));
+            }
+        }
+    };
+    for heard in heard {
+        while let Some(due) = server.poll_timeout().filter(|due| *due < heard.at) {
+            server.handle_timeout(due);
+            say(&mut ours, &mut server);
+        }
+        if heard.from_px4 {
+            note(&mut recorded, &heard.message);
+        } else {
+            server.handle_message(heard.at, heard.from, &heard.message);
+            say(&mut ours, &mut server);
+        }
+    }
+    (recorded, ours)
+}
+
+/// Adds what the vehicle said, unless it only repeats a request by its clock.
+fn note(said: &mut Vec<String>, message: &MavMessage) {
+    let line = match message {
+        MavMessage::MISSION_REQUEST(_)
+        | MavMessage::MISSION_REQUEST_INT(_)
+        | MavMessage::MISSION_COUNT(_)
+        | MavMessage::MISSION_ACK(_) => format!("{message:?}"),
+        // Its own progress marks the current item; yaw takes a trip through radians.
+        MavMessage::MISSION_ITEM_INT(m) => {
+            let mut item = m.clone();
+            item.current = 0;
+            item.param4 = (item.param4 * 100.0).round() / 100.0;
+            format!("{item:?}")
+        }
+        MavMessage::MISSION_ITEM(m) => {
+            let mut item = m.clone();
+            item.current = 0;
+            format!("{item:?}")
+        }
+        _ => return,
+    };
+    if said.last() != Some(&line) {
+        said.push(line);
+    }
+}
+
+fn compare(recorded: &[String], ours: &[String]) {
+    for (place, (recorded, ours)) in recorded.iter().zip(ours).enumerate() {
+        assert_eq!(recorded, ours, "answer {place}");
+    }
+    assert_eq!(recorded.len(), ours.len());
+}
+
+/// The mission messages of a recording that the dialect can carry.
+fn read(name: &str) -> Vec<Heard> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../tests/data/captures")
+        .join(format!("{name}.mvr.gz"));
+    let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let mut octets = Vec::new();
+    GzDecoder::new(file).read_to_end(&mut octets).unwrap();
+
+    let mut heard = Vec::new();
+    let mut parsers = [Parser::new(), Parser::new()];
+    let mut rest = &octets[..];
+    while let [direction, header @ ..] = rest {
+        let (time, body) = header.split_at(8);
+        let (len, body) = body.split_at(2);
+        let len = usize::from(u16::from_be_bytes(len.try_into().unwrap()));
+        let (datagram, next) = body.split_at(len);
+        rest = next;
+        let at = Duration::from_micros(u64::from_be_bytes(time.try_into().unwrap()));
+        let from_px4 = *direction == b'<';
+        let mut frames = parsers[usize::from(from_px4)].feed(datagram);
+        while let Some(frame) = frames.next() {
+            let Ok(frame) = frame else { continue };
+            let header = frame.header();
+            let mission = matches!(header.message_id, 39..=41 | 43..=45 | 47 | 51 | 73);
+            if let Ok(message) = frame.message()
+                && mission
+            {
+                heard.push(Heard {
+                    from_px4,
+                    at,
+                    from: Node::new(header.system_id, header.component_id),
+                    message,
+                });
+            }
+        }
+    }
+    assert!(!heard.is_empty(), "{name}");
+    heard
+}
+
+#[test]
+fn the_lossy_upload_and_the_uploads_in_flight_of_recording_06() {
+    let heard = read("06-reupload-failsafe");
+    let (recorded, ours) = replay(&heard, Node::new(6, 1));
+    let kind = MavMissionType::MAV_MISSION_TYPE_MISSION;
+    assert!(recorded.len() > 60, "{} {kind:?}", recorded.len());
+    compare(&recorded, &ours);
+}
