@@ -81,6 +81,31 @@ pub enum DecodeError {
     },
 }
 
+impl DecodeError {
+    /// Where in the message data.
+    pub const fn offset(&self) -> usize {
+        match *self {
+            Self::UnknownMessage { .. }
+            | Self::NoPresence { .. }
+            | Self::UnknownPresence { .. } => 0,
+            Self::Truncated { offset, .. }
+            | Self::UnknownLength { offset, .. }
+            | Self::Trailing { offset, .. } => offset,
+        }
+    }
+
+    /// A word for a counter of such errors.
+    pub const fn reason(&self) -> &'static str {
+        match self {
+            Self::UnknownMessage { .. } => "unknown_message",
+            Self::NoPresence { .. } | Self::Truncated { .. } => "short_data",
+            Self::UnknownPresence { .. } => "unknown_field",
+            Self::UnknownLength { .. } => "unknown_length",
+            Self::Trailing { .. } => "left_over",
+        }
+    }
+}
+
 /// Why a message cannot be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EncodeError {

@@ -25,12 +25,16 @@ pub mod codec;
 pub mod disputed;
 pub mod enums;
 pub mod id;
+pub mod json;
+pub mod profile;
 pub mod scalar;
 pub mod table;
+pub mod vectors;
 pub mod wrapper;
 
 pub use codec::{DecodeError, EncodeError};
 pub use id::Id;
+pub use profile::Profile;
 pub use scalar::{Bam16, Bam32, I24, OutOfRange, Scaled, Text, TimeStamp, U24, U40};
 pub use table::{Body, Message, messages};
 pub use wrapper::{

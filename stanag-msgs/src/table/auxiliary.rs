@@ -12,7 +12,8 @@ use crate::scalar::{TimeStamp, U24};
 messages! {
     ElectricalReport = 12001, "Electrical Report", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("12001.01");
         bus_id: u8 = 1, "Bus ID", uid("12001.02");
         bus_voltage: u8 = 2, "Bus Voltage",
@@ -25,7 +26,8 @@ messages! {
     BatteryReport = 12101, "Battery Report", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
-        note("scales not found") {
+        note("scales not found")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("12101.01");
         bank_selected: u8 = 1, "Bank Selected", uid("12101.02");
         connection_status: u8 = 2, "Connection Status", uid("12101.03");

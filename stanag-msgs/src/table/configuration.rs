@@ -19,7 +19,8 @@ messages! {
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(2000) ed2_message("1200")
         source("E2 #1200 = F")
         corroboration("not applicable")
-        note("by analogy with 41000 expect Station 1-16, Component, Sub-Component, Route Type, Station 17-32 in Ed4") {
+        note("by analogy with 41000 expect Station 1-16, Component, Sub-Component, Route Type, Station 17-32 in Ed4")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1200.01");
         vsm_id: Id = 1, "VSM ID", uid("1200.04");
         data_link_id: Id = 2, "Data Link ID", uid("1200.05"), note("0 = N/A");
@@ -34,7 +35,8 @@ messages! {
 
     FieldConfigurationIntegerResponse = 41000, "Field Configuration Integer Response", presence octets 4
         sent(ToCucs, PushPull) layout(Ed4, B) ed2_message("1300")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1300.01");
         vsm_id: Id = 1, "VSM ID", uid("1300.04");
         data_link_id: Id = 2, "Data Link ID", uid("1300.05"), note("0 = N/A");
@@ -66,7 +68,8 @@ messages! {
     FieldConfigurationFloatResponse = 41001, "Field Configuration Float Response", presence octets 4
         sent(ToCucs, PushPull) layout(Ed4, B) ed2_message("1301")
         source("K + E2")
-        note("Ed2 used doubles; K float") {
+        note("Ed2 used doubles; K float")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1301.01");
         vsm_id: Id = 1, "VSM ID", uid("1301.04");
         data_link_id: Id = 2, "Data Link ID", uid("1301.05"), note("0 = N/A");
@@ -98,7 +101,8 @@ messages! {
     FieldConfigurationEnumeratedResponse = 41002, "Field Configuration Enumerated Response", presence octets 3
         sent(ToCucs, PushPull) layout(Ed4, B) ed2_message("1302")
         source("K + E2")
-        note("for bit fields the right-most bit is enumeration index 0 (E2)") {
+        note("for bit fields the right-most bit is enumeration index 0 (E2)")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1302.01");
         vsm_id: Id = 1, "VSM ID", uid("1302.04");
         data_link_id: Id = 2, "Data Link ID", uid("1302.05");
@@ -124,7 +128,8 @@ messages! {
     FieldConfigurationUnsignedResponse = 41003, "Field Configuration Unsigned Response", presence octets 4
         sent(ToCucs, PushPull) layout(Ed4, B)
         source("K")
-        note("uids differ: .05 time, .06 VSM, .07 DL, .08 stn, .09 msg, .10 field, .11 supported, .24 default, .12-.20 limits, .21 help, .25 subsystem, .03 route, .04 stn17-32, .22, .23") {
+        note("uids differ: .05 time, .06 VSM, .07 DL, .08 stn, .09 msg, .10 field, .11 supported, .24 default, .12-.20 limits, .21 help, .25 subsystem, .03 route, .04 stn17-32, .22, .23")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("41003.01");
         vsm_id: Id = 1, "VSM ID", uid("41003.04");
         data_link_id: Id = 2, "Data Link ID", uid("41003.05"), note("0 = N/A");
@@ -155,7 +160,8 @@ messages! {
 
     FieldConfigurationCharacterResponse = 41004, "Field Configuration Character Response", presence octets 2
         sent(ToCucs, PushPull) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("41004.05");
         vsm_id: Id = 1, "VSM ID", uid("41004.06");
         data_link_id: Id = 2, "Data Link ID", uid("41004.07");
@@ -173,7 +179,8 @@ messages! {
 
     ConfigurationComplete = 41005, "Configuration Complete", presence octets 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("1203")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1203.01");
         vsm_id: Id = 1, "VSM ID", uid("1203.04");
         data_link_id: Id = 2, "Data Link ID", uid("1203.05");

@@ -20,7 +20,8 @@ messages! {
     DataLinkControlRequest = 28000, "Data Link Control Request", presence octets 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(2000) ed2_message("404")
         source("E2 #404 (Data Link Assignment Request); name/id Korean paper; uid 28000.07 = Data Link Control Availability proves 28000 has at least 7 own fields")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0404.01");
         vsm_id: Id = 1, "VSM ID", uid("0404.04");
         data_link_id: Id = 2, "Data Link ID", uid("0404.05");
@@ -32,7 +33,8 @@ messages! {
 
     DataLinkConfigurationAssignmentMessage = 28001, "Data Link Configuration / Assignment Message", presence octets 2
         sent(ToCucs, Pull) layout(Ed4, B) latency_ms(1000) ed2_message("500")
-        source("K + E2 #500") {
+        source("K + E2 #500")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0500.01");
         vsm_vehicle_id: Id = 1, "VSM/Vehicle ID", uid("28001.06");
         access_authorized: u8 = 2, "Access Authorized", uid("28001.01");
@@ -52,7 +54,8 @@ messages! {
 
     DlToVehicleIdReport = 32000, "DL to Vehicle ID Report", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32000.01");
         communication_vehicle_id_uplink: Id = 1, "Communication Vehicle ID - Uplink",
             uid("32000.02");
@@ -64,7 +67,8 @@ messages! {
 
     DlControlStatusReport = 32003, "DL Control Status Report", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32003.01");
         transmitter_state: u8 = 1, "Transmitter State", uid("32003.02");
         transmit_attenuation_state: u8 = 2, "Transmit Attenuation State", uid("32003.03");
@@ -78,14 +82,16 @@ messages! {
 
     RfCommandProcessingStatusReport = 32004, "RF Command Processing Status Report", presence octets 1
         sent(ToCucs, Pull) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32004.01");
         commands_from_rf: u8 = 1, "Commands from RF", uid("32004.02");
     }
 
     LegacyDlStatusReport = 32005, "Legacy DL Status Report", presence octets 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("501")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32005.01");
         addressed_terminal: DlTerminal = 1, "Addressed Terminal", uid("0501.05");
         data_link_state: DlState = 2, "Data Link State", uid("0501.06");
@@ -105,7 +111,8 @@ messages! {
 
     LegacyDlControlCommandStatus = 32006, "Legacy DL Control Command Status", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("502")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32006.01");
         addressed_terminal: DlTerminal = 1, "Addressed Terminal", uid("0502.05");
         reported_demanded_data_link_state: DlState = 2, "Reported Demanded Data Link State",
@@ -118,7 +125,8 @@ messages! {
 
     AntennaPedestalLocationStatusReport = 32100, "Antenna Pedestal Location Status Report", presence octets 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("503")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32100.01");
         pedestal_index: u8 = 1, "Pedestal Index", uid("32100.10"), note("K SByte");
         antenna_pedestal_latitude: Bam32 = 2, "Antenna Pedestal Latitude",
@@ -138,7 +146,8 @@ messages! {
 
     AntennaControlStatusReport = 32101, "Antenna Control Status Report", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32101.01");
         pedestal_index: u8 = 1, "Pedestal Index", uid("32101.02");
         pedestal_state: PedestalMode = 2, "Pedestal State", uid("32101.03");
@@ -150,7 +159,8 @@ messages! {
 
     AntennaPositionReport = 32102, "Antenna Position Report", presence octets 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("503")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32102.01");
         pedestal_index: u8 = 1, "Pedestal Index", uid("32102.02");
         reported_antenna_azimuth: Bam16 = 2, "Reported Antenna Azimuth", uid("0503.07");
@@ -176,7 +186,8 @@ messages! {
 
     LegacyPedestalStatusReport = 32103, "Legacy Pedestal Status Report", presence octets 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("503")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32103.01");
         addressed_pedestal: DlTerminal = 1, "Addressed Pedestal", uid("0503.05");
         pedestal_mode_state: PedestalMode = 2, "Pedestal Mode State", uid("0503.06");
@@ -195,21 +206,24 @@ messages! {
 
     LinkHealthStatus = 32200, "Link Health Status", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32200.01");
         bit_mode_status: u8 = 1, "BIT Mode Status", uid("32200.02");
     }
 
     DlFallbackStatus = 32201, "DL Fallback Status", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32201.01");
         fallback_status: u8 = 1, "Fallback Status", uid("32201.02");
     }
 
     DataLinkUdpCount = 32300, "Data Link UDP Count", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32300.01");
         udp_message_count: u8 = 1, "UDP Message Count",
             uid("32300.02"), note("T also names this message");
@@ -218,7 +232,8 @@ messages! {
     UaIpDisclosureMessage = 32301, "UA IP Disclosure Message", presence octets 2
         sent(ToCucs, PushPull) layout(Ed4, B)
         source("K")
-        note("T's report calls 32301 'Universal Multicast Address Announcement': name disagreement") {
+        note("T's report calls 32301 'Universal Multicast Address Announcement': name disagreement")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32301.01");
         controlled_station_1_16: u16 = 1, "Controlled Station 1-16", uid("32301.02");
         component_number: u16 = 2, "Component Number", uid("32301.03");
@@ -233,7 +248,8 @@ messages! {
 
     DlInControlReport = 32302, "DL in Control Report", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32302.01");
         data_link_id: Id = 1, "Data Link ID", uid("32302.02");
         in_control_cucs_id: Id = 2, "In Control CUCS ID", uid("32302.03");
@@ -247,7 +263,8 @@ messages! {
 
     LostLinkDelayTimerReport = 32400, "Lost Link Delay Timer Report", presence octets 1
         sent(ToCucs, PushPull) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("32400.01");
         lost_link_delay_timer_status: u8 = 1, "Lost Link Delay Timer Status", uid("32400.02");
         current_delay_time: u8 = 2, "Current Delay Time", uid("32400.03"), unit("s?");
@@ -256,7 +273,8 @@ messages! {
     VehicleDataLinkTransitionCoordination = 34000, "Vehicle Data Link Transition Coordination", presence octets 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("600")
         source("E2 #600")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0600.01");
         data_link_id_adt: Id = 1, "Data Link ID (ADT)", uid("0600.04");
         acquiring_cucs_id: Id = 2, "Acquiring CUCS ID", uid("0600.05");
@@ -276,7 +294,8 @@ messages! {
         sent(ToCucs, Pull) layout(Ed2Derived, C) latency_ms(1000) ed2_message("700")
         source("E2 #700")
         corroboration("not applicable")
-        note("Ed4 moved vehicle/CUCS ids to the wrapper in general; whether both CUCS ids stay is not known") {
+        note("Ed4 moved vehicle/CUCS ids to the wrapper in general; whether both CUCS ids stay is not known")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0700.01");
         cucs_id_relinquishing_control: Id = 1, "CUCS ID (relinquishing control)", uid("0700.03");
         cucs_id_acquiring_control: Id = 2, "CUCS ID (acquiring control)", uid("0700.04");

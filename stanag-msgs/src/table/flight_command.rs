@@ -24,7 +24,8 @@ messages! {
     VehicleConfigurationCommand = 2000, "Vehicle Configuration Command", presence octets 1
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000) table("4-42") ed2_message("40")
         source("T+K")
-        corroboration("T+K") {
+        corroboration("T+K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0040.01");
         energy_storage_unit: u8 = 1, "Energy Storage Unit", uid("2000.01");
         initial_propulsion_energy: InitialEnergy = 2, "Initial Propulsion Energy",
@@ -35,7 +36,8 @@ messages! {
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(500) table("4-43?") ed2_message("46")
         source("E2 #46; the id 2005 is inferred from 3005 = report and from table order")
         corroboration("not applicable")
-        note("must be sent twice, state 1 then 2, to execute. Ed4 probably appends Activity ID (u24).") {
+        note("must be sent twice, state 1 then 2, to execute. Ed4 probably appends Activity ID (u24).")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0046.01");
         commanded_flight_termination_state: FtState = 1, "Commanded Flight Termination State",
             uid("0046.04");
@@ -44,7 +46,8 @@ messages! {
 
     UnmannedAircraftLights = 2007, "Unmanned Aircraft Lights", presence octets 1
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000) table("4-44") ed2_message("44")
-        source("T") {
+        source("T")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0044.01");
         set_lights: LightsBitmap = 1, "Set Lights", uid("0044.04");
         activity_id: U24 = 2, "Activity ID";
@@ -52,7 +55,8 @@ messages! {
 
     EngineCommand = 2008, "Engine Command", presence octets 1
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(100) table("4-45") ed2_message("45")
-        source("T") {
+        source("T")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0045.01");
         engine_number: u8 = 1, "Engine Number",
             uid("0045.04"), note("Ed2 Integer 4; 3007 uses u16");
@@ -67,7 +71,8 @@ messages! {
     UaStickCommand = 2010, "UA Stick Command", presence octets 2
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(50) table("4-47")
         source("T")
-        note("stick scaling (percent of travel, -100..100 / 0..100?) not found") {
+        note("stick scaling (percent of travel, -100..100 / 0..100?) not found")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("2010.01");
         lateral_stick: i8 = 1, "Lateral Stick", uid("2010.02");
         longitudinal_stick: i8 = 2, "Longitudinal Stick", uid("2010.03");
@@ -87,7 +92,8 @@ messages! {
     VehicleOperatingModeCommand = 2016, "Vehicle Operating Mode Command", presence octets 3
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(100) table("4-53") ed2_message("42+43")
         source("T; semantics of 0042/0043 fields from E2")
-        note("Ed4 merges Ed2 #42 (mode) and #43 (steering); the separate steering command and mode preference command are gone (no table between 3002 and 3004, one table between 2000 and 2007)") {
+        note("Ed4 merges Ed2 #42 (mode) and #43 (steering); the separate steering command and mode preference command are gone (no table between 3002 and 3004, one table between 2000 and 2007)")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp";
         select_flight_path_control_mode: FlightPathControlMode = 1, "Select Flight Path Control Mode",
             uid("0042.04");
@@ -118,7 +124,8 @@ messages! {
 
     LoiterConfiguration = 2017, "Loiter Configuration", presence octets 2
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(100) table("4-54") ed2_message("41")
-        source("T; order equals K's 3004/13003 pattern") {
+        source("T; order equals K's 3004/13003 pattern")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0041.01");
         loiter_type: LoiterType = 1, "Loiter Type", uid("0041.04");
         loiter_radius: Distance = 2, "Loiter Radius", uid("0041.05");

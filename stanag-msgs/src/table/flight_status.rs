@@ -24,7 +24,8 @@ use crate::scalar::{
 messages! {
     VehicleConfiguration = 3000, "Vehicle Configuration", presence octets 2
         sent(ToCucs, Pull) layout(Ed4, B) latency_ms(10000) table("4-57?") ed2_message("100")
-        source("K; units E2") {
+        source("K; units E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0100.01");
         configuration_id: u32 = 1, "Configuration ID",
             uid("0100.05"), conf(C), width_inferred(), note("K declares 64 bit (would mean Unsigned 5); E2 Unsigned 4");
@@ -49,7 +50,8 @@ messages! {
     VehicleOperatingModeReport = 3001, "Vehicle Operating Mode Report", presence octets 1
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(100) table("4-58") ed2_message("106")
         source("T+K")
-        corroboration("T+K") {
+        corroboration("T+K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0106.01");
         select_flight_path_control_mode: FlightPathControlMode = 1, "Select Flight Path Control Mode",
             uid("0106.04");
@@ -58,7 +60,8 @@ messages! {
     VehicleOperatingStates = 3002, "Vehicle Operating States", presence octets 3
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(500) table("4-59") ed2_message("104")
         source("T+K agree on all 24; first 19 also E3 text")
-        corroboration("T+K all 24, E3 text first 19") {
+        corroboration("T+K all 24, E3 text first 19")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0104.01");
         commanded_altitude: Altitude = 1, "Commanded Altitude", uid("0104.04");
         altitude_type: AltitudeType = 2, "Altitude Type", uid("0104.05");
@@ -95,7 +98,8 @@ messages! {
     LoiterConfigurationReport = 3004, "Loiter Configuration Report", presence octets 2
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(100) table("4-60")
         source("T+K agree on all 14")
-        corroboration("T+K all 14") {
+        corroboration("T+K all 14")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("3004.06");
         loiter_type: LoiterType = 1, "Loiter Type", uid("3004.07");
         loiter_radius: Distance = 2, "Loiter Radius", uid("3004.08");
@@ -114,7 +118,8 @@ messages! {
 
     FlightTerminationModeReport = 3005, "Flight Termination Mode Report", presence octets 1
         sent(ToCucs, PushPull) layout(Ed4, B) latency_ms(2000) table("4-61?") ed2_message("108")
-        source("K+E2") {
+        source("K+E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0108.01");
         reported_flight_termination_state: FtState = 1, "Reported Flight Termination State",
             uid("0108.04");
@@ -124,7 +129,8 @@ messages! {
 
     VehicleLightsState = 3006, "Vehicle Lights State", presence octets 1
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(1000) table("4-62") ed2_message("107")
-        source("T") {
+        source("T")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0107.01");
         navigation_lights_state: LightsBitmap = 1, "Navigation Lights State", uid("0107.04");
     }
@@ -133,7 +139,8 @@ messages! {
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(500) table("4-63") ed2_message("105")
         source("T+K agree on all 37 and on the 5-octet presence vector")
         corroboration("T+K all 37")
-        note("one message per engine; Engine Speed/Temperature/Pressure Type enumerations not found") {
+        note("one message per engine; Engine Speed/Temperature/Pressure Type enumerations not found")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0105.01");
         engine_number: u16 = 1, "Engine Number", uid("0105.04");
         engine_status: EngineStatus = 2, "Engine Status", uid("0105.05");
@@ -185,7 +192,8 @@ messages! {
     AirAndGroundRelativeStates = 3009, "Air and Ground Relative States", presence octets 2
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(1000) table("4-65?") ed2_message("102")
         source("K (Ed4) + E3 text agree on all 16")
-        corroboration("K+E3 text") {
+        corroboration("K+E3 text")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0102.01");
         angle_of_attack: Bam16 = 1, "Angle of Attack", uid("0102.04");
         angle_of_sideslip: Bam16 = 2, "Angle of Sideslip", uid("0102.05");
@@ -208,7 +216,8 @@ messages! {
     BodyRelativeSensedStates = 3010, "Body-Relative Sensed States", presence octets 1
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(200) table("4-66?") ed2_message("103")
         source("K + E3 text")
-        corroboration("K+E3 text") {
+        corroboration("K+E3 text")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0103.01"), note("K labels the uids 3010.xx");
         x_body_accel: Acceleration = 1, "X_Body_Accel", uid("0103.04"), note("forward +");
         y_body_accel: Acceleration = 2, "Y_Body_Accel", uid("0103.05"), note("right +");
@@ -221,7 +230,8 @@ messages! {
     UaStickStatus = 3011, "UA Stick Status", presence octets 2
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(50) table("4-67")
         source("T; K identical but without Taxi Stick")
-        corroboration("T+K, except Taxi Stick (T only)") {
+        corroboration("T+K, except Taxi Stick (T only)")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("3011.01");
         lateral_stick: i8 = 1, "Lateral Stick", uid("3011.02");
         longitudinal_stick: i8 = 2, "Longitudinal Stick", uid("3011.03");
@@ -240,7 +250,8 @@ messages! {
 
     RelativeRouteWaypointLocationReport = 3016, "Relative Route/Waypoint Location Report", presence octets 2
         sent(ToCucs, PushPull) layout(Ed4, B) latency_ms(1000) table("4-72?")
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("3016.01");
         route_slave_to_location_identifier: u8 = 1, "Route/Slave-to-Location Identifier",
             uid("3016.02");

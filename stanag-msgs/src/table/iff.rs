@@ -15,7 +15,8 @@ messages! {
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) table("4-75?") ed2_message("1500")
         source("E2 #1500")
         corroboration("not applicable")
-        note("Ed4 adds Mode S / Mode 5 and renames to IFF/SSR: do not trust the order") {
+        note("Ed4 adds Mode S / Mode 5 and renames to IFF/SSR: do not trust the order")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1500.01");
         mode_1_code: i8 = 1, "Mode 1 Code", uid("1500.04");
         mode_1_enable: IffOnoff = 2, "Mode 1 Enable", uid("1500.05");
@@ -34,7 +35,8 @@ messages! {
     IffSsrIdentSquawkCommand = 5001, "IFF/SSR Ident (Squawk) Command", presence octets 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1501")
         source("E2 #1501; id 5001 inferred (Ed3 group IFF Command has 2)")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1501.01");
         mode_3_a_ident: u8 = 1, "Mode 3/A Ident", uid("1501.04");
         ident_enable_duration: u16 = 2, "Ident Enable Duration",
@@ -44,7 +46,8 @@ messages! {
     IffSsrStatusReport = 6000, "IFF/SSR Status Report", presence octets 2
         sent(ToCucs, PushPull) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1600")
         source("E2 #1600 (E3 confirms the id)")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1600.01");
         mode_1_code: i8 = 1, "Mode 1 Code", uid("1600.04");
         mode_1_enabled: IffOnoff = 2, "Mode 1 Enabled", uid("1600.05");

@@ -18,7 +18,8 @@ messages! {
     InertialStates = 4000, "Inertial States", presence octets 3
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(500) table("4-73") ed2_message("101")
         source("T+K+E3 text agree on all 18")
-        corroboration("T+K+E3 text") {
+        corroboration("T+K+E3 text")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0101.01");
         latitude: Bam32 = 1, "Latitude", uid("0101.04"), range(-FRAC_PI_2, FRAC_PI_2);
         longitude: Bam32 = 2, "Longitude", uid("0101.05");
@@ -44,7 +45,8 @@ messages! {
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(500) table("4-74") ed2_message("110")
         source("T+K agree on all 21")
         corroboration("T+K")
-        note("waypoint numbers used here must not collide with mission waypoint numbers except to report those") {
+        note("waypoint numbers used here must not collide with mission waypoint numbers except to report those")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0110.01");
         altitude_type: AltitudeType = 1, "Altitude Type", uid("0110.04");
         speed_type: SpeedType = 2, "Speed Type", uid("0110.05");

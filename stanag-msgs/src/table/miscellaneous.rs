@@ -16,7 +16,8 @@ messages! {
     MessageAcknowledgement = 17000, "Message Acknowledgement", presence octets 1
         sent(Both, Pull) layout(Ed4, A) latency_ms(500) ed2_message("1400")
         source("T+K agree on all 4")
-        corroboration("T+K") {
+        corroboration("T+K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1400.01");
         original_message_time_stamp: TimeStamp = 1, "Original Message Time Stamp", uid("1400.06");
         original_message_type: u16 = 2, "Original Message Type", uid("1400.08");
@@ -25,7 +26,8 @@ messages! {
 
     ScheduleMessageUpdateCommand = 17001, "Schedule Message Update Command", presence octets 1
         sent(Both, Push) layout(Ed4, B) latency_ms(2000) ed2_message("1402")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1402.01");
         requested_message_type: u16 = 1, "Requested Message Type", uid("1402.04");
         frequency: u16 = 2, "Frequency",
@@ -36,7 +38,8 @@ messages! {
     GenericInformationRequestMessage = 17002, "Generic Information Request Message", presence octets 1
         sent(Both, Push) layout(Ed4, B) latency_ms(1000) ed2_message("1403")
         source("K + E2")
-        note("not for requesting field configuration responses; those are asked with 40000") {
+        note("not for requesting field configuration responses; those are asked with 40000")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1403.01");
         station_number_1_16: StationBitmap1To16 = 1, "Station Number 1-16", uid("1403.06");
         component_number: u16 = 2, "Component Number", uid("17002.01");
@@ -50,7 +53,8 @@ messages! {
 
     FileTransferNotification = 17003, "File Transfer Notification", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("17003.01");
         file_type: u8 = 1, "File Type", uid("17003.02");
         file_name: UnsizedText = 2, "File Name", uid("17003.03"), conf(C), note("length not found");
@@ -58,7 +62,8 @@ messages! {
 
     MeteorologicalTableReport = 18300, "Meteorological Table Report", presence octets 2
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("18300.01");
         publish_time: TimeStamp = 1, "Publish Time", uid("18300.02");
         forecast_time: TimeStamp = 2, "Forecast Time", uid("18300.03");
@@ -75,7 +80,8 @@ messages! {
     GpsStatusReport = 18500, "GPS Status Report", presence octets 2
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
-        note("mode/status values and DOP scales not found") {
+        note("mode/status values and DOP scales not found")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("18500.01");
         number_of_satellites: u8 = 1, "Number of Satellites", uid("18500.02");
         gps_mode: u8 = 2, "GPS Mode", uid("18500.03");

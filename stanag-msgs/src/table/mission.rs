@@ -20,7 +20,8 @@ use crate::scalar::{Altitude, Bam16, Bam32, Distance, Speed, Text, TimeStamp, U2
 messages! {
     MissionTransferCommand = 13000, "Mission Transfer Command", presence octets 1
         sent(ToVsm, Push) layout(Ed4, B) latency_ms(1000) table("4-92?") ed2_message("800")
-        source("K (order, uids) + E2/P (enums, lengths)") {
+        source("K (order, uids) + E2/P (enums, lengths)")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0800.01");
         mission_id: Text<20> = 1, "Mission ID", uid("0800.04");
         mission_plan_mode: MissionPlanMode = 2, "Mission Plan Mode", uid("0800.05");
@@ -31,7 +32,8 @@ messages! {
 
     UaRoute = 13001, "UA Route", presence octets 1
         sent(Both, PushPull) layout(Ed4, B) latency_ms(2000) table("4-93?") ed2_message("801")
-        source("K + E2/P") {
+        source("K + E2/P")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0801.01");
         initial_waypoint_number: u16 = 1, "Initial Waypoint Number",
             uid("0801.04"), note("0 deletes the route definition (not its waypoints)");
@@ -45,7 +47,8 @@ messages! {
         sent(Both, PushPull) layout(Ed4, A) latency_ms(1000) table("4-94") ed2_message("802")
         source("T+K agree on all 18; P confirms the 0802 fields")
         corroboration("T+K")
-        note("Ed2 contingency waypoint A/B fields (0802.13/.14) are gone; contingency is by route type") {
+        note("Ed2 contingency waypoint A/B fields (0802.13/.14) are gone; contingency is by route type")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0802.01");
         waypoint_number: u16 = 1, "Waypoint Number",
             uid("0802.04"), range(1.0, 65534.0), note("1..65534");
@@ -73,7 +76,8 @@ messages! {
 
     UaLoiterWaypoint = 13003, "UA Loiter Waypoint", presence octets 2
         sent(Both, PushPull) layout(Ed4, B) latency_ms(2000) table("4-95?") ed2_message("803")
-        source("K (order, widths) + T's scales on the twin 2017/3004 + E2 enums") {
+        source("K (order, widths) + T's scales on the twin 2017/3004 + E2 enums")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0803.01");
         waypoint_number: u16 = 1, "Waypoint Number", uid("0803.04");
         waypoint_loiter_type: LoiterType = 2, "Waypoint Loiter Type", uid("0803.06");
@@ -94,7 +98,8 @@ messages! {
         sent(Both, PushPull) layout(Ed2Derived, C) latency_ms(2000) table("4-96?") ed2_message("804")
         source("E2 #804")
         corroboration("not applicable")
-        note("Ed4 certainly inserts Component/Sub-Component Number and appends Activity ID and Station 17-32: layout NOT trustworthy") {
+        note("Ed4 certainly inserts Component/Sub-Component Number and appends Activity ID and Station 17-32: layout NOT trustworthy")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0804.01");
         waypoint_number: u16 = 1, "Waypoint Number", uid("0804.04");
         station_number_1_16: StationBitmap1To16 = 2, "Station Number (1-16)", uid("0804.05");
@@ -115,7 +120,8 @@ messages! {
     AirframeActionWaypoint = 13005, "Airframe Action Waypoint", presence octets 1
         sent(Both, PushPull) layout(Ed2Derived, C) latency_ms(2000) table("4-97?") ed2_message("805")
         source("E2 #805")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0805.01");
         waypoint_number: u16 = 1, "Waypoint Number", uid("0805.04");
         function: AirframeFunction = 2, "Function", uid("0805.05");
@@ -126,7 +132,8 @@ messages! {
     VehicleSpecificWaypoint = 13006, "Vehicle Specific Waypoint", presence octets 1
         sent(Both, PushPull) layout(Ed2Derived, C) latency_ms(2000) table("4-98?") ed2_message("806")
         source("E2 #806")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0806.01");
         waypoint_number: u16 = 1, "Waypoint Number",
             uid("0806.04"), note("0 = mission generic data");
@@ -137,7 +144,8 @@ messages! {
 
     MissionUploadDownloadStatus = 14000, "Mission Upload / Download Status", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B) latency_ms(2000) table("4-99?") ed2_message("900")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0900.01");
         mission_id: Text<20> = 1, "Mission ID", uid("14000.01"), conf(B), width_inferred();
         status: MissionTransferStatus = 2, "Status", uid("0900.04");

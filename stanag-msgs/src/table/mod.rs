@@ -19,8 +19,10 @@ mod private;
 mod services;
 mod subsystem;
 mod system_id;
+mod walk;
 
 pub use info::{Confidence, Direction, FieldInfo, Layout, MessageInfo, Traffic, Wire};
+pub use walk::{Walk, walk};
 
 use crate::codec::{DecodeError, EncodeError};
 use crate::wrapper::{self, Envelope};

@@ -22,7 +22,8 @@ messages! {
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(200) ed2_message("200")
         source("E2 #200 = F = P")
         corroboration("not applicable")
-        note("Ed4 order unknown: Component/Sub-Component, Activity ID, Station 17-32 are missing here") {
+        note("Ed4 order unknown: Component/Sub-Component, Activity ID, Station 17-32 are missing here")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0200.01");
         station_number_1_16: StationBitmap1To16 = 1, "Station Number 1-16", uid("0200.04");
         set_centreline_azimuth_angle: Bam16 = 2, "Set Centreline Azimuth Angle",
@@ -48,7 +49,8 @@ messages! {
     EoIrLaserPayloadCommand = 19100, "EO/IR/Laser Payload Command", presence octets 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("201")
         source("F (AEP-84 era order) / E2 #201")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0201.01");
         station_number_1_16: StationBitmap1To16 = 1, "Station Number 1-16", uid("0201.04");
         addressed_sensor: AddressedSensor = 2, "Addressed Sensor", uid("0201.05");
@@ -71,7 +73,8 @@ messages! {
     SarPayloadCommand = 19200, "SAR Payload Command", presence octets 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("202")
         source("E2 #202")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0202.01");
         station_number_1_16: StationBitmap1To16 = 1, "Station Number 1-16", uid("0202.04");
         set_radar_state: u8 = 2, "Set Radar State", uid("0202.05");
@@ -83,7 +86,8 @@ messages! {
     PayloadConfiguration = 21000, "Payload Configuration", presence octets 1
         sent(ToCucs, PushPull) layout(Ed2Derived, C) latency_ms(1000) ed2_message("300")
         source("E2 #300 / F; the id 21000 is by group start")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0300.01");
         vsm_id: Id = 1, "VSM ID", uid("0300.04");
         payload_stations_available_1_16: StationBitmap1To16 = 2, "Payload Stations Available 1-16",
@@ -99,7 +103,8 @@ messages! {
         sent(ToCucs, Pull) layout(Ed2Derived, C) latency_ms(200) ed2_message("301")
         source("E2 #301 / F; id guessed")
         corroboration("not applicable")
-        note("id not established (pattern guess)") {
+        note("id not established (pattern guess)")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0301.01");
         vsm_id: Id = 1, "VSM ID", uid("0301.04");
         station_number_1_16: u16 = 2, "Station Number 1-16", uid("0301.05");
@@ -120,7 +125,8 @@ messages! {
         sent(ToCucs, PushPull) layout(Ed2Derived, C) latency_ms(2000) ed2_message("302")
         source("E2 #302 / F; id guessed")
         corroboration("not applicable")
-        note("id not established (pattern guess)") {
+        note("id not established (pattern guess)")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0302.01");
         station_number_1_16: u16 = 1, "Station Number 1-16", uid("0302.04");
         addressed_sensor: AddressedSensor = 2, "Addressed Sensor", uid("0302.05");

@@ -18,7 +18,8 @@ messages! {
         sent(Both, PushPull) layout(Ed4, A) latency_ms(1000)
         source("the project's source paper, its table of the private message, in an Edition 4 wrapper")
         corroboration("own definition")
-        note("joins to Bezier control points P2, P3 the 13002 waypoints P1 and P4; Vehicle ID and CUCS ID must equal the wrapper's") {
+        note("joins to Bezier control points P2, P3 the 13002 waypoints P1 and P4; Vehicle ID and CUCS ID must equal the wrapper's")
+    {
         time_stamp: f64 = 0, "Time Stamp", unit("ms since 2000-01-01T00:00:00Z");
         vehicle_id: Id = 1, "Vehicle ID";
         cucs_id: Id = 2, "CUCS ID";
@@ -34,7 +35,8 @@ messages! {
         sent(Both, PushPull) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
-        note("as 50001, in the scalars of Edition 4, with altitudes; absent altitudes: the leg climbs evenly along its length") {
+        note("as 50001, in the scalars of Edition 4, with altitudes; absent altitudes: the leg climbs evenly along its length")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp";
         p1_waypoint_no: u16 = 1, "P1 Waypoint No";
         p4_waypoint_no: u16 = 2, "P4 Waypoint No";

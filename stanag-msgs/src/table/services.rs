@@ -16,7 +16,8 @@ messages! {
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(2000) ed2_message("1201")
         source("E2 #1201; id by group start")
         corroboration("not applicable")
-        note("id guessed") {
+        note("id guessed")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1201.01");
         vsm_id: Id = 1, "VSM ID", uid("1201.04");
         distance: u8 = 2, "Distance", uid("1201.05"), note("0 m 1 ft");
@@ -33,7 +34,8 @@ messages! {
 
     ReportControllableElementMessage = 42003, "Report Controllable Element Message", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("42003.01");
         controllable_element_id: u16 = 1, "Controllable Element ID", uid("42003.02");
         name: UnsizedText = 2, "Name", uid("42003.03"), conf(C);
@@ -42,7 +44,8 @@ messages! {
 
     VsmServicesReportMessage = 43000, "VSM Services Report Message", presence octets 1
         sent(ToCucs, Pull) layout(Ed4, B) ed2_message("1304")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1304.01");
         vsm_home_web_page_url: Text<249> = 1, "VSM Home Web Page URL",
             uid("1304.04"), note("E2 length");
@@ -51,7 +54,8 @@ messages! {
 
     UaRouteConfiguration = 43001, "UA Route Configuration", presence octets 1
         sent(ToCucs, Pull) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("43001.01");
         route_type: RouteType = 1, "Route Type", uid("43001.02");
         instances: u8 = 2, "Instances", uid("43001.03");
@@ -61,7 +65,8 @@ messages! {
 
     RemoteWindowsGuiDefinition = 43002, "Remote Windows GUI Definition", presence octets 1
         sent(ToCucs, Pull) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("43002.01");
         gui_reference_id: u8 = 1, "GUI Reference ID", uid("43002.02");
         parent_gui_reference_id: u8 = 2, "Parent GUI Reference ID", uid("43002.03");
@@ -72,7 +77,8 @@ messages! {
 
     FieldChangeIntegerCommand = 44000, "Field Change Integer Command", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("44000.01");
         requested_message: u16 = 1, "Requested Message", uid("44000.02");
         requested_field: u8 = 2, "Requested Field", uid("44000.03");
@@ -81,7 +87,8 @@ messages! {
 
     FieldChangeFloatCommand = 44001, "Field Change Float Command", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("44001.01");
         requested_message: u16 = 1, "Requested Message", uid("44001.02");
         requested_field: u8 = 2, "Requested Field", uid("44001.03");
@@ -90,7 +97,8 @@ messages! {
 
     FieldChangeEnumeratedCommand = 44002, "Field Change Enumerated Command", presence octets 1
         sent(ToCucs, Push) layout(Ed4, B)
-        source("K") {
+        source("K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("44002.01");
         requested_message: u16 = 1, "Requested Message", uid("44002.02");
         requested_field: u8 = 2, "Requested Field", uid("44002.03");
@@ -100,7 +108,8 @@ messages! {
 
     MessageParameterAvailability = 44003, "Message Parameter Availability", presence octets 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("1303")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1303.01");
         station_number_1_16: u16 = 1, "Station Number 1-16", uid("1303.05");
         component_number: u16 = 2, "Component Number", uid("44003.01");

@@ -17,7 +17,8 @@ messages! {
     SubsystemStatusRequest = 15000, "Subsystem Status Request", presence octets 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1000")
         source("E2 #1000; id 15000 by group range")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1000.01");
         subsystem_id: SubsystemBitmap = 1, "Subsystem ID", uid("1000.04");
     }
@@ -25,7 +26,8 @@ messages! {
     SubsystemStatusDetailRequest = 15001, "Subsystem Status Detail Request", presence octets 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1001")
         source("E2 #1001; id 15001 by group range")
-        corroboration("not applicable") {
+        corroboration("not applicable")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1001.01");
         subsystem_state_report_reference: i32 = 1, "Subsystem State Report Reference",
             uid("1001.04"), note("-1 = none");
@@ -33,7 +35,8 @@ messages! {
 
     SubsystemStatusAlert = 16000, "Subsystem Status Alert", presence octets 3
         sent(ToCucs, Push) layout(Ed4, B) latency_ms(1000) ed2_message("1100")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1100.01");
         data_link_id: Id = 1, "Data Link ID", uid("1100.11");
         priority: AlertPriority = 2, "Priority", uid("1100.04");
@@ -60,7 +63,8 @@ messages! {
 
     SubsystemStatusReport = 16001, "Subsystem Status Report", presence octets 2
         sent(ToCucs, PushPull) layout(Ed4, B) latency_ms(1000) ed2_message("1101")
-        source("K + E2") {
+        source("K + E2")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp",
             uid("1101.01"), note("K types it UInt32: programmer slip, u40 as everywhere");
         subsystem_id: SubsystemId = 1, "Subsystem ID", uid("1101.04");
@@ -80,7 +84,8 @@ messages! {
     Heartbeat = 16002, "Heartbeat", presence octets 1
         sent(Both, Push) layout(Ed4, C) latency_ms(1000)
         source("T only; its table reference (4-49) cannot be right")
-        note("T: 1-octet presence vector and the time stamp only, 1 Hz. K does not list it. Treat id as unconfirmed.") {
+        note("T: 1-octet presence vector and the time stamp only, 1 Hz. K does not list it. Treat id as unconfirmed.")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp";
     }
 }

@@ -18,7 +18,8 @@ messages! {
     CucsAuthorisationRequest = 1, "CUCS Authorisation Request", presence octets 3
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000) table("4-34") ed2_message("1")
         source("T+K (K omits nothing); M partial")
-        corroboration("T and K agree on field order; K's integer holders for the 1-octet fields are 32 bit, so widths rest on T") {
+        corroboration("T and K agree on field order; K's integer holders for the 1-octet fields are 32 bit, so widths rest on T")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0001.01");
         vsm_id: Id = 1, "VSM ID", uid("0001.04");
         data_link_id: Id = 2, "Data Link ID", uid("0001.05");
@@ -45,7 +46,8 @@ messages! {
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(1000) table("4-38") ed2_message("21")
         source("T; K confirms first 8 (uids 0021.01/.04/.05/.13/.09/.06/.07/.16)")
         corroboration("T and K agree on the first 8 fields; the rest T only")
-        note("T's first version had Flight Modes Granted as u32 bitmap and CUCS Subtype u8; corrected in its 'aligned' commit and K has Byte") {
+        note("T's first version had Flight Modes Granted as u32 bitmap and CUCS Subtype u8; corrected in its 'aligned' commit and K has Byte")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0021.01");
         vsm_id: Id = 1, "VSM ID", uid("0021.04");
         data_link_id: Id = 2, "Data Link ID", uid("0021.05");
@@ -70,7 +72,8 @@ messages! {
     VehicleId = 3, "Vehicle ID", presence octets 2
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(1000) table("4-39") ed2_message("20")
         source("T+K")
-        corroboration("T+K") {
+        corroboration("T+K")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0020.01");
         vsm_id: Id = 1, "VSM ID", uid("0020.04");
         vehicle_id_update: Id = 2, "Vehicle ID Update", uid("0020.05");
@@ -87,7 +90,8 @@ messages! {
     PositiveHandoverAuthorisationRequest = 4, "Positive Handover Authorisation Request", presence octets 2
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000) table("4-40")
         source("T only")
-        note("new in Ed4 (Ed3 group System ID has 3 messages)") {
+        note("new in Ed4 (Ed3 group System ID has 3 messages)")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp";
         vsm_id: Id = 1, "VSM ID";
         data_link_id: Id = 2, "Data Link ID";
@@ -110,7 +114,8 @@ messages! {
     PositiveHandoverAuthorisationGranted = 5, "Positive Handover Authorisation Granted", presence octets 2
         sent(ToCucs, Pull) layout(Ed4, A) latency_ms(1000) table("4-41")
         source("T only")
-        note("ANOMALY: T states a 3-octet presence vector for 16 fields; the ceil(n/8) rule gives 2. Either the table has an odd width or a 17th field is missing.") {
+        note("ANOMALY: T states a 3-octet presence vector for 16 fields; the ceil(n/8) rule gives 2. Either the table has an odd width or a 17th field is missing.")
+    {
         time_stamp: TimeStamp = 0, "Time Stamp";
         vsm_id: Id = 1, "VSM ID";
         data_link_id: Id = 2, "Data Link ID";

@@ -182,6 +182,11 @@ impl<'a> Iterator for Frames<'a> {
 }
 
 impl<'a> Frames<'a> {
+    /// Where the next message starts.
+    pub const fn offset(&self) -> usize {
+        self.offset
+    }
+
     /// The next message's header and all of its octets, by length and checksum style alone.
     fn extent(&self) -> Result<(Prefix, &'a [u8]), WrapperError> {
         let offset = self.offset;

@@ -1,3 +1,0 @@
-//! What sources are silent on or disagree about, and what this project took.
-
-pub mod values;

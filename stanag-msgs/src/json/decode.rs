@@ -1,0 +1,152 @@
+//! From octets to JSON.
+
+use serde_json::{Map, Value, json};
+
+use super::number::{f32_value, f64_value};
+use crate::codec::DecodeError;
+use crate::enums::{EnumInfo, EnumKind};
+use crate::table::{self, FieldInfo, MessageInfo, Wire};
+use crate::wrapper::{Frame, HEADER_OCTETS, frames};
+
+/// The messages of a datagram in hexadecimal, one object each; an object with `error` and
+/// `offset` for what is none. The offset counts octets of the datagram, or characters of the
+/// line where that is not hexadecimal. A blank line has no messages.
+pub fn decode_line(hex: &str, raw: bool) -> Vec<Value> {
+    let line = hex.trim();
+    if line.is_empty() {
+        return Vec::new();
+    }
+    let datagram = match octets(line) {
+        Ok(octets) => octets,
+        Err((text, offset)) => return vec![error(text, offset)],
+    };
+    let mut values = Vec::new();
+    let mut messages = frames(&datagram);
+    loop {
+        let start = messages.offset();
+        values.push(match messages.next() {
+            None => return values,
+            Some(Err(fault)) => error(fault, fault.offset()),
+            Some(Ok(message)) => frame(&message, raw).unwrap_or_else(|fault| {
+                let mut value = error(fault, start + HEADER_OCTETS + fault.offset());
+                value["id"] = message.header.message_type.into();
+                value
+            }),
+        });
+    }
+}
+
+/// A message as an object, its wrapper with it.
+pub fn frame(frame: &Frame<'_>, raw: bool) -> Result<Value, DecodeError> {
+    let header = &frame.header;
+    let message_type = header.message_type;
+    let message =
+        table::message(message_type).ok_or(DecodeError::UnknownMessage { message_type })?;
+    Ok(json!({
+        "id": message_type,
+        "name": message.name,
+        "source": header.source.0,
+        "destination": header.destination.0,
+        "ack": header.ack_requested,
+        "idd": header.idd,
+        "checksum": header.checksum.code(),
+        "fields": fields(message, frame.data, raw)?,
+    }))
+}
+
+/// The fields of message data, by name.
+pub fn fields(
+    message: &'static MessageInfo,
+    data: &[u8],
+    raw: bool,
+) -> Result<Map<String, Value>, DecodeError> {
+    table::walk(message, data)
+        .map(|outcome| {
+            let (field, octets) = outcome?;
+            Ok((field.name.to_owned(), value(field, octets, raw)))
+        })
+        .collect()
+}
+
+fn value(field: &FieldInfo, octets: &[u8], raw: bool) -> Value {
+    match field.wire {
+        Wire::F32 => octets
+            .try_into()
+            .map_or(Value::Null, |octets| f32_value(f32::from_be_bytes(octets))),
+        Wire::F64 => octets
+            .try_into()
+            .map_or(Value::Null, |octets| f64_value(f64::from_be_bytes(octets))),
+        Wire::Char(_) => {
+            let text = octets.iter().take_while(|&&octet| octet != 0);
+            Value::from(text.map(|&octet| character(octet, raw)).collect::<String>())
+        }
+        _ => {
+            let number = integer(octets, field.wire);
+            match field.enumeration {
+                _ if raw => Value::from(number),
+                Some(info) if info.kind == EnumKind::Bitmap => bits(info, number),
+                Some(info) => info
+                    .text(number)
+                    .map_or_else(|| Value::from(number), Value::from),
+                None if field.step() == 1.0 => Value::from(number),
+                None => Value::from(number as f64 * field.step()),
+            }
+        }
+    }
+}
+
+fn character(octet: u8, raw: bool) -> char {
+    if raw || octet.is_ascii() {
+        char::from(octet)
+    } else {
+        '?'
+    }
+}
+
+fn integer(octets: &[u8], wire: Wire) -> i64 {
+    let number = octets
+        .iter()
+        .fold(0, |number: i64, &octet| number << 8 | i64::from(octet));
+    match wire.integers() {
+        Some((_, high)) if number > high => number - 2 * (high + 1),
+        _ => number,
+    }
+}
+
+/// The texts of the bits that are set, and the bits that have none.
+fn bits(info: &EnumInfo, number: i64) -> Value {
+    let set = (0..32).map(|bit| 1 << bit).filter(|bit| number & bit != 0);
+    set.map(|bit| info.text(bit).map_or_else(|| Value::from(bit), Value::from))
+        .collect()
+}
+
+pub(super) fn error(text: impl ToString, offset: usize) -> Value {
+    json!({ "error": text.to_string(), "offset": offset })
+}
+
+/// The octets of a text in hexadecimal, or what is wrong with it and at which character.
+fn octets(line: &str) -> Result<Vec<u8>, (String, usize)> {
+    let digit = |(offset, character): (usize, char)| match character.to_digit(16) {
+        Some(digit) => Ok(digit as u8),
+        None => Err((
+            format!("{character:?}, expected a hexadecimal digit"),
+            offset,
+        )),
+    };
+    let digits = line
+        .chars()
+        .enumerate()
+        .map(digit)
+        .collect::<Result<Vec<_>, _>>()?;
+    let (pairs, odd) = digits.as_chunks::<2>();
+    match odd {
+        [] => Ok(pairs.iter().map(|[high, low]| high << 4 | low).collect()),
+        _ => Err((
+            format!(
+                "{} hexadecimal digits, expected an even number",
+                digits.len()
+            ),
+            digits.len(),
+        )),
+    }
+}

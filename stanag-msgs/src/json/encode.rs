@@ -1,0 +1,356 @@
+//! From JSON to octets.
+
+use serde_json::{Map, Value, json};
+
+use super::number::{f32_of, f64_of, integer_of};
+use crate::codec::EncodeError;
+use crate::enums::{EnumInfo, EnumKind};
+use crate::id::Id;
+use crate::table::{self, FieldInfo, MessageInfo, Wire};
+use crate::wrapper::{self, ChecksumStyle, Envelope, Header, MAX_DATAGRAM};
+
+/// The message of a JSON object, in hexadecimal.
+///
+/// `id`, `source`, `destination` and `fields` must be there; `ack` is false, `idd` 32 and
+/// `checksum` 0 unless they are. `source` and `destination` may also be texts as `1b:00:00:01`.
+/// `name` and keys that this does not know are not looked at.
+pub fn encode_line(json: &str, raw: bool) -> Result<String, JsonError> {
+    let value: Value = serde_json::from_str(json).map_err(|error| JsonError::Json {
+        // Columns count from 1; a line has but one row.
+        offset: error.column().saturating_sub(1),
+        cause: error.to_string(),
+    })?;
+    let object = value
+        .as_object()
+        .ok_or_else(|| JsonError::value("the line", &value, "an object"))?;
+    let id = integer(object, "id", (0, 0xFFFF))? as u16;
+    let message = table::message(id).ok_or(JsonError::UnknownMessage { id })?;
+    let envelope = Envelope {
+        source: station(object, "source")?,
+        destination: station(object, "destination")?,
+        ack_requested: match object.get("ack") {
+            None => false,
+            Some(ack) => ack
+                .as_bool()
+                .ok_or_else(|| JsonError::value("ack", ack, "true or false"))?,
+        },
+        idd: match object.get("idd") {
+            None => Header::IDD_ED4,
+            Some(_) => integer(
+                object,
+                "idd",
+                (Header::IDD_ED3.into(), Header::IDD_ED4.into()),
+            )? as u8,
+        },
+        checksum: match object.get("checksum") {
+            None => ChecksumStyle::None,
+            Some(_) => ChecksumStyle::from_code(integer(object, "checksum", (0, 3))? as u8),
+        },
+    };
+    let fields = required(object, "fields")?;
+    let fields = fields
+        .as_object()
+        .ok_or_else(|| JsonError::value("fields", fields, "an object"))?;
+    let data = data(message, fields, raw)?;
+
+    let mut out = [0; MAX_DATAGRAM];
+    let length = wrapper::encode(id, &envelope, &mut out, |out| {
+        let expected = out.len().min(wrapper::MAX_DATA);
+        let too_long = EncodeError::TooLong {
+            message_type: id,
+            found: data.len(),
+            expected,
+        };
+        out.get_mut(..data.len())
+            .ok_or(too_long)?
+            .copy_from_slice(&data);
+        Ok(data.len())
+    })?;
+    Ok(out[..length]
+        .iter()
+        .map(|octet| format!("{octet:02x}"))
+        .collect())
+}
+
+/// Why a line is not a message.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum JsonError {
+    /// It is not JSON.
+    #[error("not JSON: {cause}")]
+    Json {
+        /// The character of the line where that shows.
+        offset: usize,
+        /// What is wrong.
+        cause: String,
+    },
+    /// Something that must be there is not.
+    #[error("{key} is missing")]
+    Missing {
+        /// The key.
+        key: &'static str,
+    },
+    /// A value is of the wrong kind.
+    #[error("{place}: {found}, expected {expected}")]
+    Value {
+        /// The key or field.
+        place: String,
+        /// The value.
+        found: String,
+        /// What it should be.
+        expected: String,
+    },
+    /// A value is outside its range.
+    #[error("{place}: {found}, expected {low} to {high}{}{}", if unit.is_empty() { "" } else { " " }, unit)]
+    Range {
+        /// The key or field.
+        place: String,
+        /// The value.
+        found: String,
+        /// The least there may be.
+        low: f64,
+        /// The greatest there may be.
+        high: f64,
+        /// The unit of both; may be empty.
+        unit: &'static str,
+    },
+    /// The table has no such message.
+    #[error("id: unknown message type {id}")]
+    UnknownMessage {
+        /// The Message Type.
+        id: u16,
+    },
+    /// The message has no such field.
+    #[error("message {id} has no field {name:?}")]
+    UnknownField {
+        /// The Message Type.
+        id: u16,
+        /// The name.
+        name: String,
+    },
+    /// It cannot be written.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+}
+
+impl JsonError {
+    /// The error as an object, with the character of the line where it shows: the first, unless
+    /// the line is not JSON.
+    pub fn to_value(&self) -> Value {
+        let offset = if let Self::Json { offset, .. } = self {
+            *offset
+        } else {
+            0
+        };
+        json!({ "error": self.to_string(), "offset": offset })
+    }
+
+    fn value(place: &str, found: &Value, expected: impl ToString) -> Self {
+        let (place, found) = (place.to_owned(), found.to_string());
+        Self::Value {
+            place,
+            found,
+            expected: expected.to_string(),
+        }
+    }
+
+    fn range(place: &str, found: &Value, (low, high): (f64, f64), unit: &'static str) -> Self {
+        Self::Range {
+            place: place.to_owned(),
+            found: found.to_string(),
+            low,
+            high,
+            unit,
+        }
+    }
+}
+
+fn required<'a>(object: &'a Map<String, Value>, key: &'static str) -> Result<&'a Value, JsonError> {
+    object.get(key).ok_or(JsonError::Missing { key })
+}
+
+fn integer(
+    object: &Map<String, Value>,
+    key: &'static str,
+    bounds: (i64, i64),
+) -> Result<i64, JsonError> {
+    let value = required(object, key)?;
+    let number = integer_of(value).ok_or_else(|| JsonError::value(key, value, "an integer"))?;
+    if (bounds.0..=bounds.1).contains(&number) {
+        Ok(number)
+    } else {
+        Err(JsonError::range(
+            key,
+            value,
+            (bounds.0 as f64, bounds.1 as f64),
+            "",
+        ))
+    }
+}
+
+fn station(object: &Map<String, Value>, key: &'static str) -> Result<Id, JsonError> {
+    match required(object, key)?.as_str() {
+        None => Ok(Id(integer(object, key, (0, u32::MAX.into()))? as u32)),
+        Some(text) => text
+            .parse()
+            .map_err(|error| JsonError::value(key, &object[key], error)),
+    }
+}
+
+/// Presence vector and fields.
+fn data(
+    message: &MessageInfo,
+    values: &Map<String, Value>,
+    raw: bool,
+) -> Result<Vec<u8>, JsonError> {
+    if let Some(name) = values.keys().find(|name| message.field(name).is_none()) {
+        return Err(JsonError::UnknownField {
+            id: message.id,
+            name: name.clone(),
+        });
+    }
+    let mut presence = 0u64;
+    let mut octets = vec![0; message.presence_octets.into()];
+    for field in message.fields {
+        let Some(value) = values.get(field.name) else {
+            continue;
+        };
+        presence |= 1 << field.bit;
+        match field.wire {
+            Wire::F32 => octets.extend(float(field, value, raw, f32_of)?.to_be_bytes()),
+            Wire::F64 => octets.extend(float(field, value, raw, f64_of)?.to_be_bytes()),
+            Wire::Char(length) => octets.extend(text(field, value, length.into(), raw)?),
+            Wire::UnsizedText | Wire::UnsizedOctets => {
+                let (message_type, bit) = (message.id, field.bit);
+                return Err(EncodeError::UnknownLength { message_type, bit }.into());
+            }
+            _ => {
+                let number = number(field, value, raw)?;
+                let width = field.wire.octets().unwrap_or_default();
+                octets.extend(&number.to_be_bytes()[8 - width..]);
+            }
+        }
+    }
+    let start = 8 - usize::from(message.presence_octets);
+    octets[..message.presence_octets.into()].copy_from_slice(&presence.to_be_bytes()[start..]);
+    Ok(octets)
+}
+
+/// The integer on the wire.
+fn number(field: &FieldInfo, value: &Value, raw: bool) -> Result<i64, JsonError> {
+    let bounds = field.wire.integers().unwrap_or_default();
+    let (low, high) = (bounds.0 as f64, bounds.1 as f64);
+    let unit = field.unit.unwrap_or_default();
+    let step = field.step();
+    let number = match field.enumeration {
+        Some(info) if !raw => member(info, value).ok_or_else(|| {
+            JsonError::value(
+                field.name,
+                value,
+                format!("an integer or {}", members(info)),
+            )
+        })?,
+        None if !raw && step != 1.0 => {
+            let number = value
+                .as_f64()
+                .ok_or_else(|| JsonError::value(field.name, value, "a number"))?;
+            check(field, value, number)?;
+            let steps = (number / step).round();
+            if !(low..=high).contains(&steps) {
+                return Err(JsonError::range(
+                    field.name,
+                    value,
+                    (low * step, high * step),
+                    unit,
+                ));
+            }
+            steps as i64
+        }
+        _ => integer_of(value).ok_or_else(|| JsonError::value(field.name, value, "an integer"))?,
+    };
+    if !(bounds.0..=bounds.1).contains(&number) {
+        return Err(JsonError::range(field.name, value, (low, high), unit));
+    }
+    if !raw && step == 1.0 {
+        check(field, value, number as f64)?;
+    }
+    Ok(number)
+}
+
+/// Checks the range that sources give.
+fn check(field: &FieldInfo, value: &Value, number: f64) -> Result<(), JsonError> {
+    match field.range {
+        Some((low, high)) if !(low..=high).contains(&number) => Err(JsonError::range(
+            field.name,
+            value,
+            (low, high),
+            field.unit.unwrap_or_default(),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// The value of an integer, of a text, or of a list of either where it is a bitmap.
+fn member(info: &EnumInfo, value: &Value) -> Option<i64> {
+    match value {
+        Value::String(text) => info.value(text),
+        Value::Array(bits) if info.kind == EnumKind::Bitmap => bits
+            .iter()
+            .try_fold(0, |all, bit| Some(all | member(info, bit)?)),
+        _ => integer_of(value),
+    }
+}
+
+fn members(info: &EnumInfo) -> String {
+    let texts = info.values.iter().map(|(_, _, text)| format!("{text:?}"));
+    let list = texts.collect::<Vec<_>>().join(", ");
+    if info.kind == EnumKind::Bitmap {
+        format!("a list of {list}")
+    } else {
+        list
+    }
+}
+
+fn float<T: Copy + Into<f64>>(
+    field: &FieldInfo,
+    value: &Value,
+    raw: bool,
+    read: impl Fn(&Value) -> Option<T>,
+) -> Result<T, JsonError> {
+    let number = read(value).ok_or_else(|| {
+        JsonError::value(
+            field.name,
+            value,
+            format!("a number that fits {}", field.wire),
+        )
+    })?;
+    if !raw {
+        check(field, value, number.into())?;
+    }
+    Ok(number)
+}
+
+/// The octets of a text: cut when raw, refused otherwise where it is too long.
+fn text(field: &FieldInfo, value: &Value, length: usize, raw: bool) -> Result<Vec<u8>, JsonError> {
+    let most = length - 1;
+    let fitting = || {
+        JsonError::value(
+            field.name,
+            value,
+            format!("a text of at most {most} characters"),
+        )
+    };
+    let text = value.as_str().ok_or_else(fitting)?;
+    if !raw && text.chars().count() > most {
+        return Err(fitting());
+    }
+    let mut octets: Vec<u8> = text
+        .chars()
+        .take(most)
+        .map(|character| match u8::try_from(character) {
+            Ok(octet) if raw || octet.is_ascii() => octet,
+            _ => b'?',
+        })
+        .collect();
+    octets.resize(length, 0);
+    Ok(octets)
+}

@@ -1,0 +1,26 @@
+//! Messages as JSON, by the table alone: what `vsm decode` and `vsm encode` do.
+//!
+//! A message is `{"id", "name", "source", "destination", "ack", "idd", "checksum", "fields"}`; the
+//! fields are named as in the table, and only those present are there.
+//!
+//! | wire | raw | otherwise |
+//! |---|---|---|
+//! | integers, BAM | the integer on the wire | times the step, in the unit of the table |
+//! | time stamps | ms since 2000 | the same |
+//! | enumerations | the integer | the text of the table, or the integer where it has none |
+//! | bitmaps | the integer | a list of the texts of the bits, unknown bits as integers |
+//! | f32, f64 | the number that it equals exactly | the same |
+//! | not a number | `"NaN"`, `"Infinity"`, `"-Infinity"`; another NaN with its bits, `"NaN:7f800001"` | the same |
+//! | text | the characters before the first NUL | the same, others than 7-bit as `?` |
+//!
+//! In a raw text an octet that is not 7-bit is the Unicode character of the same number, both
+//! ways, so nothing before the first NUL is lost; what follows it is. Both ways a text is cut to
+//! leave room for its NUL, but only raw: otherwise a text too long is an error, as is a value
+//! outside its range. Integers never lose a bit either way.
+
+mod decode;
+mod encode;
+mod number;
+
+pub use decode::{decode_line, fields, frame};
+pub use encode::{JsonError, encode_line};

@@ -1,0 +1,420 @@
+//! A peer's reading of what sources leave open, translated to and from this project's.
+//!
+//! The default profile is this project's own and costs one comparison a message. Any other
+//! changes values between the wire and the structs, so that nothing above ever sees them.
+
+mod value_map;
+
+use crate::codec::{DecodeError, EncodeError};
+use crate::disputed::{Choices, Disputed};
+use crate::enums::LoiBitmap;
+use crate::messages::PositiveHandoverAuthorisationGranted as Message5;
+use crate::scalar::{FineAngularRate, Integer};
+use crate::table::Message;
+use crate::wrapper::{self, Envelope, Frames, Sum16Variant, frames_with};
+use value_map::{ValueMap, Way};
+
+/// How a peer reads what [`DISPUTED`](crate::disputed::DISPUTED) lists.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    checksum_1: Sum16Variant,
+    loi_shift: u32,
+    turn_rate_factor: i64,
+    message_5_presence_octets: usize,
+    ack_type: ValueMap,
+    heading_reference: ValueMap,
+    waypoint_type: ValueMap,
+    limit_type: ValueMap,
+    loiter_duration_units: ValueMap,
+    loiter_length_units: ValueMap,
+    presence_vector_support: ValueMap,
+    flight_mode: ValueMap,
+}
+
+const DEFAULT: Profile = Profile {
+    checksum_1: Sum16Variant::Sum,
+    loi_shift: 0,
+    turn_rate_factor: 1,
+    message_5_presence_octets: 2,
+    ack_type: ValueMap::SAME,
+    heading_reference: ValueMap::SAME,
+    waypoint_type: ValueMap::SAME,
+    limit_type: ValueMap::SAME,
+    loiter_duration_units: ValueMap::SAME,
+    loiter_length_units: ValueMap::SAME,
+    presence_vector_support: ValueMap::SAME,
+    flight_mode: ValueMap::SAME,
+};
+
+impl Default for Profile {
+    fn default() -> Self {
+        DEFAULT
+    }
+}
+
+impl Profile {
+    /// Sets the reading of one entry of [`DISPUTED`](crate::disputed::DISPUTED), in the form of
+    /// its [`Disputed::default`].
+    pub fn set(&mut self, name: &str, reading: &str) -> Result<(), ProfileError> {
+        let unknown = || ProfileError::Name {
+            name: name.to_owned(),
+        };
+        let disputed = Disputed::find(name).ok_or_else(unknown)?;
+        let refused = || ProfileError::Reading {
+            disputed,
+            found: reading.to_owned(),
+        };
+        let ours = match disputed.choices {
+            Choices::OneOf(choices) if !choices.contains(&reading) => return Err(refused()),
+            Choices::OneOf(_) => None,
+            Choices::Values(_) => {
+                Some(ValueMap::parse(disputed.default, reading).ok_or_else(refused)?)
+            }
+        };
+        match (name, ours) {
+            ("loi_bits", _) => self.loi_shift = u32::from(reading == "m"),
+            ("checksum_1", _) => {
+                self.checksum_1 = if reading == "crc16" {
+                    Sum16Variant::Crc16
+                } else {
+                    Sum16Variant::Sum
+                };
+            }
+            ("turn_rate_step", _) => {
+                self.turn_rate_factor = if reading == "0.005" { 50 } else { 1 }
+            }
+            ("message_5_presence_octets", _) => {
+                self.message_5_presence_octets = if reading == "3" { 3 } else { 2 };
+            }
+            ("ack_type", Some(map)) => self.ack_type = map,
+            ("heading_reference", Some(map)) => self.heading_reference = map,
+            ("waypoint_type", Some(map)) => self.waypoint_type = map,
+            ("limit_type", Some(map)) => self.limit_type = map,
+            ("loiter_duration_units", Some(map)) => self.loiter_duration_units = map,
+            ("loiter_length_units", Some(map)) => self.loiter_length_units = map,
+            ("presence_vector_support", Some(map)) => self.presence_vector_support = map,
+            ("contingency_modes", Some(map)) => self.flight_mode = map,
+            // The rest has one choice only: there is nothing to keep.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// [`frames`](crate::frames) under this profile.
+    pub fn frames<'a>(&self, datagram: &'a [u8]) -> Frames<'a> {
+        frames_with(self.checksum_1, datagram)
+    }
+
+    /// [`Message::decode`] under this profile.
+    pub fn decode(&self, message_type: u16, data: &[u8]) -> Result<Message, DecodeError> {
+        if *self == DEFAULT {
+            return Message::decode(message_type, data);
+        }
+        let mut message = match data {
+            [high, data @ ..]
+                if message_type == Message5::ID && self.message_5_presence_octets == 3 =>
+            {
+                if *high != 0 {
+                    let presence = u64::from(*high) << 16;
+                    return Err(DecodeError::UnknownPresence {
+                        message_type,
+                        presence,
+                        known: 0xFFFF,
+                    });
+                }
+                Message::decode(message_type, data)?
+            }
+            _ => Message::decode(message_type, data)?,
+        };
+        self.translate(&mut message, Way::In);
+        Ok(message)
+    }
+
+    /// [`Message::encode`] under this profile.
+    pub fn encode(
+        &self,
+        message: &Message,
+        envelope: &Envelope,
+        out: &mut [u8],
+    ) -> Result<usize, EncodeError> {
+        if *self == DEFAULT {
+            return message.encode(envelope, out);
+        }
+        let mut message = message.clone();
+        self.translate(&mut message, Way::Out);
+        let id = message.id();
+        wrapper::encode_with(self.checksum_1, id, envelope, out, |out| match out {
+            [high, rest @ ..] if id == Message5::ID && self.message_5_presence_octets == 3 => {
+                *high = 0;
+                message.encode_data(rest).map(|octets| octets + 1)
+            }
+            _ => message.encode_data(out),
+        })
+    }
+
+    fn translate(&self, message: &mut Message, way: Way) {
+        match message {
+            Message::CucsAuthorisationRequest(m) => {
+                self.loi(&mut m.requested_handover_loi, way);
+                self.flight_mode
+                    .translate(&mut m.requested_flight_mode, way);
+                self.presence_vector_support
+                    .translate(&mut m.presence_vector_support, way);
+            }
+            Message::VsmAuthorisationResponse(m) => {
+                self.loi(&mut m.loi_authorized, way);
+                self.loi(&mut m.loi_granted, way);
+                self.flight_mode.translate(&mut m.flight_modes_granted, way);
+                self.presence_vector_support
+                    .translate(&mut m.presence_vector_support, way);
+            }
+            Message::PositiveHandoverAuthorisationRequest(m) => {
+                self.loi(&mut m.requested_handover_loi, way);
+                self.presence_vector_support
+                    .translate(&mut m.presence_vector_support, way);
+            }
+            Message::PositiveHandoverAuthorisationGranted(m) => {
+                self.loi(&mut m.loi_authorized, way);
+                self.presence_vector_support
+                    .translate(&mut m.presence_vector_support, way);
+            }
+            Message::VehicleOperatingModeCommand(m) => {
+                self.turn_rate(&mut m.commanded_turn_rate, way);
+                self.flight_mode
+                    .translate(&mut m.select_flight_path_control_mode, way);
+                self.heading_reference
+                    .translate(&mut m.heading_reference, way);
+            }
+            Message::VehicleOperatingModeReport(m) => self
+                .flight_mode
+                .translate(&mut m.select_flight_path_control_mode, way),
+            Message::VehicleOperatingStates(m) => self.turn_rate(&mut m.commanded_turn_rate, way),
+            Message::LoiterConfiguration(m) => {
+                self.loiter_duration_units
+                    .translate(&mut m.loiter_duration_units, way);
+                self.loiter_length_units
+                    .translate(&mut m.loiter_length_units, way);
+            }
+            Message::LoiterConfigurationReport(m) => {
+                self.loiter_duration_units
+                    .translate(&mut m.loiter_duration_units, way);
+                self.loiter_length_units
+                    .translate(&mut m.loiter_length_units, way);
+            }
+            Message::UaLoiterWaypoint(m) => {
+                self.loiter_duration_units
+                    .translate(&mut m.loiter_duration_units, way);
+                self.loiter_length_units
+                    .translate(&mut m.loiter_length_units, way);
+            }
+            Message::UaPositionWaypoint(m) => {
+                self.waypoint_type.translate(&mut m.waypoint_type, way);
+                self.limit_type.translate(&mut m.limit_type, way);
+            }
+            Message::MessageAcknowledgement(m) => {
+                self.ack_type.translate(&mut m.acknowledgement_type, way)
+            }
+            _ => {}
+        }
+    }
+
+    fn loi(&self, bits: &mut Option<LoiBitmap>, way: Way) {
+        let (Some(bits), true) = (bits, self.loi_shift > 0) else {
+            return;
+        };
+        *bits = LoiBitmap::from_raw(match (way, bits.raw()) {
+            // That reading has a bit of its own for "none".
+            (Way::Out, 0) => 1,
+            (Way::Out, raw) => raw << self.loi_shift,
+            (Way::In, raw) => raw >> self.loi_shift,
+        });
+    }
+
+    fn turn_rate(&self, rate: &mut Option<FineAngularRate>, way: Way) {
+        let Some(rate) = rate else { return };
+        let raw = rate.raw().to_i64();
+        let translated = match way {
+            Way::In => raw * self.turn_rate_factor,
+            Way::Out => (raw as f64 / self.turn_rate_factor as f64).round() as i64,
+        };
+        // Beyond 3.2 rad/s the fine step has no values; the nearest is as good as any.
+        *rate = FineAngularRate::from_raw(Integer::clamped(translated));
+    }
+}
+
+/// Why a profile cannot be set so.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum ProfileError {
+    /// There is no such question.
+    #[error("{name}: no such entry, expected one of {}", names())]
+    Name {
+        /// The name.
+        name: String,
+    },
+    /// The reading is none of those that there are.
+    #[error("{}: found {found:?}, expected {}", disputed.name, expectation(disputed))]
+    Reading {
+        /// The question.
+        disputed: &'static Disputed,
+        /// The reading.
+        found: String,
+    },
+}
+
+fn names() -> String {
+    let names: Vec<_> = crate::disputed::DISPUTED
+        .iter()
+        .map(|disputed| disputed.name)
+        .collect();
+    names.join(", ")
+}
+
+fn expectation(disputed: &Disputed) -> String {
+    match disputed.choices {
+        Choices::OneOf(choices) => choices.join(" or "),
+        Choices::Values(meanings) => {
+            format!(
+                "different values 0 to 255, as {}, for {}",
+                disputed.default,
+                meanings.join(", ")
+            )
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::enums::{AckType, FlightPathControlMode};
+    use crate::messages::*;
+    use crate::{ChecksumStyle, Id};
+
+    const ENVELOPE: Envelope = Envelope::new(Id(1), Id(2)).summed(ChecksumStyle::Sum16);
+
+    fn profile(name: &str, reading: &str) -> Profile {
+        let mut profile = Profile::default();
+        profile.set(name, reading).unwrap();
+        profile
+    }
+
+    /// The data on the wire under the profile, which must also come back as it was.
+    fn wire(profile: &Profile, message: impl Into<Message>) -> Vec<u8> {
+        let message = message.into();
+        let mut out = [0; crate::MAX_DATAGRAM];
+        let length = profile.encode(&message, &ENVELOPE, &mut out).unwrap();
+        let frame = profile.frames(&out[..length]).next().unwrap().unwrap();
+        assert_eq!(profile.decode(message.id(), frame.data), Ok(message));
+        frame.data.to_vec()
+    }
+
+    #[test]
+    fn loi_bits_shift_and_none_has_its_own_bit() {
+        let m = profile("loi_bits", "m");
+        let response = |bits| VsmAuthorisationResponse {
+            loi_granted: Some(bits),
+            ..Default::default()
+        };
+        assert_eq!(
+            wire(&m, response(LoiBitmap::LOI4 | LoiBitmap::LOI5)),
+            [0, 0, 0x40, 0x18]
+        );
+        assert_eq!(wire(&m, response(LoiBitmap::NONE)), [0, 0, 0x40, 0x01]);
+        let ours = Profile::default();
+        assert_eq!(
+            wire(&ours, response(LoiBitmap::LOI4 | LoiBitmap::LOI5)),
+            [0, 0, 0x40, 0x0C]
+        );
+    }
+
+    #[test]
+    fn turn_rates_change_their_step() {
+        let coarse = profile("turn_rate_step", "0.005");
+        let rate = FineAngularRate::from_si(0.1).unwrap();
+        let command = VehicleOperatingModeCommand {
+            commanded_turn_rate: Some(rate),
+            ..Default::default()
+        };
+        assert_eq!(wire(&coarse, command.clone()), [0, 2, 0, 0, 20]);
+        assert_eq!(wire(&Profile::default(), command), [0, 2, 0, 0x03, 0xE8]);
+        let Ok(Message::VehicleOperatingStates(states)) =
+            coarse.decode(3002, &[0, 0, 0x20, 0x7F, 0xFF])
+        else {
+            panic!("a 3002 with a turn rate")
+        };
+        assert_eq!(states.commanded_turn_rate.unwrap().raw(), i16::MAX);
+    }
+
+    #[test]
+    fn message_5_may_have_three_presence_octets() {
+        let three = profile("message_5_presence_octets", "3");
+        let granted = Message5 {
+            loi_authorized: Some(LoiBitmap::LOI4),
+            ..Default::default()
+        };
+        assert_eq!(wire(&three, granted.clone()), [0, 0, 8, 4]);
+        assert_eq!(wire(&Profile::default(), granted), [0, 8, 4]);
+        let error = DecodeError::UnknownPresence {
+            message_type: 5,
+            presence: 0x10000,
+            known: 0xFFFF,
+        };
+        assert_eq!(three.decode(5, &[1, 0, 8, 4]), Err(error));
+        assert!(three.decode(5, &[]).is_err());
+    }
+
+    #[test]
+    fn values_are_exchanged_and_none_is_lost() {
+        let shifted = profile("ack_type", "0,1,2");
+        let ack = |kind| MessageAcknowledgement {
+            acknowledgement_type: Some(kind),
+            ..Default::default()
+        };
+        assert_eq!(wire(&shifted, ack(AckType::Received)), [8, 0]);
+        assert_eq!(wire(&shifted, ack(AckType::Refused)), [8, 2]);
+        for raw in 0..=255 {
+            wire(&shifted, ack(AckType::from_raw(raw)));
+        }
+        let modes = profile("contingency_modes", "40, 41, 42");
+        let report = VehicleOperatingModeReport {
+            select_flight_path_control_mode: Some(FlightPathControlMode::ContingencyB),
+            ..Default::default()
+        };
+        assert_eq!(wire(&modes, report), [2, 41]);
+    }
+
+    #[test]
+    fn checksum_1_may_be_a_crc() {
+        let crc = profile("checksum_1", "crc16");
+        let mut out = [0; 64];
+        let beat = Message::from(Heartbeat::default());
+        let length = crc.encode(&beat, &ENVELOPE, &mut out).unwrap();
+        assert!(crc.frames(&out[..length]).all(|frame| frame.is_ok()));
+        assert!(
+            Profile::default()
+                .frames(&out[..length])
+                .all(|frame| frame.is_err())
+        );
+    }
+
+    #[test]
+    fn readings_are_checked() {
+        let mut profile = Profile::default();
+        let mut refuse =
+            |name: &str, reading: &str| profile.set(name, reading).unwrap_err().to_string();
+        assert!(refuse("loi", "m").starts_with("loi: no such entry, expected one of loi_bits, "));
+        assert_eq!(
+            refuse("loi_bits", "x"),
+            "loi_bits: found \"x\", expected ed2 or m"
+        );
+        for reading in ["", "1", "1,1,2", "1,2,256", "1,2,3,4", "a,b,c"] {
+            assert!(
+                refuse("ack_type", reading).contains("different values"),
+                "{reading}"
+            );
+        }
+        for disputed in crate::disputed::DISPUTED {
+            profile.set(disputed.name, disputed.default).unwrap();
+        }
+        assert_eq!(profile, Profile::default());
+    }
+}

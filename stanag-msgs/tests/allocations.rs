@@ -1,0 +1,82 @@
+//! Decoding and encoding allocate nothing.
+#![allow(unsafe_code)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::hint::black_box;
+
+use stanag_msgs::table::MESSAGES;
+use stanag_msgs::{ChecksumStyle, Envelope, Id, Message, Packer, Profile, frames};
+
+struct Counting;
+
+thread_local! {
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: every call is passed on as it came to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.set(COUNT.get() + 1);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn allocations(work: impl FnOnce()) -> usize {
+    let before = COUNT.get();
+    work();
+    COUNT.get() - before
+}
+
+#[test]
+fn the_count_counts() {
+    assert_eq!(allocations(|| drop(black_box(Box::new(1)))), 1);
+}
+
+#[test]
+fn no_message_allocates() {
+    let envelope = Envelope::new(Id(1), Id(2)).summed(ChecksumStyle::Crc32);
+    let mut messages = Vec::new();
+    for info in MESSAGES {
+        let mut data = vec![0; info.full_octets()];
+        let start = 8 - usize::from(info.presence_octets);
+        let known = info
+            .fields
+            .iter()
+            .filter(|field| field.wire.octets().is_some());
+        let presence = known.fold(0u64, |bits, field| bits | 1 << field.bit);
+        data[..info.presence_octets.into()].copy_from_slice(&presence.to_be_bytes()[start..]);
+        messages.push(Message::decode(info.id, &data).unwrap());
+    }
+    let profile = Profile::default();
+    let mut packer = Packer::new();
+    let mut decoded = 0;
+    let count = allocations(|| {
+        for message in &messages {
+            let mut out = [0; 548];
+            let length = profile.encode(message, &envelope, &mut out).unwrap();
+            for frame in frames(&out[..length]) {
+                let frame = frame.unwrap();
+                let back = profile
+                    .decode(frame.header.message_type, frame.data)
+                    .unwrap();
+                decoded += usize::from(back == *message);
+            }
+            let bad = &out[16..length - 5];
+            black_box(Message::decode(message.id(), bad).is_err());
+            packer
+                .push(&envelope, message, |datagram| {
+                    black_box(datagram.len());
+                })
+                .unwrap();
+        }
+    });
+    assert_eq!((count, decoded), (0, MESSAGES.len()));
+}

@@ -1,0 +1,136 @@
+//! Message data that is none: every kind of error, where it shows, and never a panic.
+
+use proptest::prelude::*;
+use stanag_msgs::codec::DecodeError::{self, *};
+use stanag_msgs::json::{decode_line, encode_line};
+use stanag_msgs::messages::FileTransferNotification;
+use stanag_msgs::scalar::UnsizedText;
+use stanag_msgs::table::{self, MESSAGES};
+use stanag_msgs::{EncodeError, Message, frames};
+
+#[test]
+fn every_error_says_where_and_why() {
+    let cases: &[(u16, &[u8], DecodeError, &str)] = &[
+        (
+            2009,
+            &[1],
+            UnknownMessage { message_type: 2009 },
+            "unknown message type 2009",
+        ),
+        (
+            4000,
+            &[0, 0],
+            NoPresence {
+                message_type: 4000,
+                found: 2,
+                expected: 3,
+            },
+            "message 4000: 2 octets, expected a presence vector of 3",
+        ),
+        (
+            16002,
+            &[3, 0, 0, 0, 0, 0, 0],
+            UnknownPresence {
+                message_type: 16002,
+                presence: 3,
+                known: 1,
+            },
+            "message 16002: presence vector 0x3 has bits beyond 0x1",
+        ),
+        (
+            4000,
+            &[0, 0, 0x0C, 1, 2, 3, 4, 5, 6],
+            Truncated {
+                message_type: 4000,
+                bit: 3,
+                offset: 7,
+                found: 2,
+            },
+            "message 4000 field 4 (Altitude) at offset 7: 2 octets, expected 3",
+        ),
+        (
+            17003,
+            &[5, 0, 0, 0, 0, 0, 65],
+            UnknownLength {
+                message_type: 17003,
+                bit: 2,
+                offset: 6,
+            },
+            "message 17003 field 3 (File Name) at offset 6: its length is not known",
+        ),
+        (
+            16002,
+            &[1, 0, 0, 0, 0, 0, 9, 9],
+            Trailing {
+                message_type: 16002,
+                offset: 6,
+                found: 2,
+            },
+            "message 16002: 2 octets left over at offset 6, expected none",
+        ),
+    ];
+    for (message_type, data, error, text) in cases {
+        assert_eq!(Message::decode(*message_type, data), Err(*error));
+        assert_eq!(error.to_string(), *text);
+        if let Some(info) = table::message(*message_type) {
+            assert_eq!(table::walk(info, data).last().unwrap().err(), Some(*error));
+        }
+    }
+}
+
+#[test]
+fn a_field_of_unknown_length_only_bars_messages_that_carry_it() {
+    let known = FileTransferNotification::decode(&[1, 0, 0, 0, 0, 7]).unwrap();
+    assert_eq!(known.time_stamp.unwrap().0, 7);
+    assert_eq!(known.file_name, None);
+    let barred = FileTransferNotification {
+        file_name: Some(UnsizedText),
+        ..known
+    };
+    let error = EncodeError::UnknownLength {
+        message_type: 17003,
+        bit: 2,
+    };
+    assert_eq!(barred.encode_data(&mut [0; 64]), Err(error));
+    assert_eq!(
+        error.to_string(),
+        "message 17003 field 3 (File Name): its length is not known"
+    );
+}
+
+#[test]
+fn an_empty_presence_vector_is_an_empty_message() {
+    for info in MESSAGES {
+        let data = vec![0; info.presence_octets.into()];
+        assert_eq!(
+            Message::decode(info.id, &data).ok(),
+            Message::empty(info.id),
+            "{}",
+            info.name
+        );
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4000))]
+
+    #[test]
+    fn any_octets_give_an_answer(datagram in proptest::collection::vec(any::<u8>(), 0..80)) {
+        for frame in frames(&datagram).flatten() {
+            let _ = Message::decode(frame.header.message_type, frame.data);
+        }
+        for info in MESSAGES {
+            let by_struct = Message::decode(info.id, &datagram).err();
+            let by_table = table::walk(info, &datagram).find_map(Result::err);
+            prop_assert_eq!(by_struct, by_table);
+        }
+        let hex: String = datagram.iter().map(|octet| format!("{octet:02x}")).collect();
+        prop_assert_eq!(decode_line(&hex, true).is_empty(), hex.is_empty());
+    }
+
+    #[test]
+    fn any_line_gives_an_answer(line in "\\PC{0,60}", raw: bool) {
+        let _ = decode_line(&line, raw);
+        let _ = encode_line(&line, raw);
+    }
+}
