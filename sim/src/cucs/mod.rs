@@ -1,0 +1,1 @@
+//! A scriptable CUCS: the ground station's side of the Data Link Interface.

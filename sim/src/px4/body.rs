@@ -1,0 +1,152 @@
+//! The airframe, whichever it is, behind one set of calls.
+
+use super::attitude::Motion;
+use super::config::{Airframe, Config};
+use super::geo::Ned;
+use super::guidance::{Guidance, Heading};
+use super::params::{Param, Params};
+use super::plane::{Plane, PlaneTuning};
+use super::quad::{Quad, QuadTuning};
+use super::trajectory::{Limits, Trajectory};
+
+/// One of the airframes.
+#[derive(Debug, Clone)]
+pub enum Body {
+    /// Quadrotor.
+    Quad(Box<Quad>),
+    /// Fixed wing.
+    Plane(Box<Plane>),
+}
+
+impl Body {
+    /// On the ground at the origin.
+    pub fn new(config: &Config) -> Self {
+        match config.airframe {
+            Airframe::Quad => Self::Quad(Box::new(Quad::new(
+                config.heading_rad,
+                config.wind_ne_ms,
+                config.seed,
+            ))),
+            Airframe::Plane => Self::Plane(Box::new(Plane::new(
+                config.heading_rad,
+                config.wind_ne_ms,
+                config.seed,
+            ))),
+        }
+    }
+
+    /// The true motion.
+    pub fn motion(&self) -> &Motion {
+        match self {
+            Self::Quad(quad) => quad.motion(),
+            Self::Plane(plane) => plane.motion(),
+        }
+    }
+
+    /// Setpoint of the trajectory.
+    pub fn setpoint(&self) -> &Trajectory {
+        match self {
+            Self::Quad(quad) => quad.setpoint(),
+            Self::Plane(plane) => plane.setpoint(),
+        }
+    }
+
+    /// Heading setpoint, radians.
+    pub fn heading_setpoint(&self) -> f64 {
+        match self {
+            Self::Quad(quad) => quad.heading_setpoint(),
+            Self::Plane(plane) => plane.motion().attitude[2],
+        }
+    }
+
+    /// Throttle, 0 to 1.
+    pub fn throttle(&self) -> f64 {
+        match self {
+            Self::Quad(quad) => quad.throttle(),
+            Self::Plane(plane) => plane.throttle(),
+        }
+    }
+
+    /// Airspeed, m/s, where there is a sensor.
+    pub fn airspeed(&self) -> Option<f64> {
+        match self {
+            Self::Quad(_) => None,
+            Self::Plane(plane) => Some(plane.airspeed()),
+        }
+    }
+
+    /// One step.
+    pub fn step(
+        &mut self,
+        dt: f64,
+        guidance: &Guidance,
+        heading: &Heading,
+        error: Ned,
+        tuning: &Tuning,
+    ) {
+        match (self, tuning) {
+            (Self::Quad(quad), Tuning::Quad(tuning)) => {
+                quad.step(dt, guidance, heading, error, tuning)
+            }
+            (Self::Plane(plane), Tuning::Plane(tuning)) => plane.step(dt, guidance, error, tuning),
+            // The tuning is made for the airframe at hand.
+            _ => {}
+        }
+    }
+}
+
+/// The parameters that an airframe flies by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tuning {
+    /// Of a quadrotor.
+    Quad(QuadTuning),
+    /// Of a fixed wing.
+    Plane(PlaneTuning),
+}
+
+impl Tuning {
+    /// Reads them; a value that physics cannot have is replaced by the nearest that it can.
+    pub fn read(airframe: Airframe, p: &Params) -> Self {
+        let above = |param: Param, least: f64| {
+            let v = p.get(param);
+            if v.is_finite() { v.max(least) } else { least }
+        };
+        match airframe {
+            Airframe::Quad => Self::Quad(QuadTuning {
+                limits: Limits {
+                    acc_hor: above(Param::MPC_ACC_HOR, 0.1),
+                    jerk: above(Param::MPC_JERK_AUTO, 0.1),
+                    corner_gain: above(Param::MPC_XY_TRAJ_P, 0.01),
+                    speed_max: above(Param::MPC_XY_VEL_MAX, 0.1),
+                    climb: above(Param::MPC_Z_V_AUTO_UP, 0.1),
+                    sink: above(Param::MPC_Z_V_AUTO_DN, 0.1),
+                    acc_up: above(Param::MPC_ACC_UP_MAX, 0.1),
+                    acc_down: above(Param::MPC_ACC_DOWN_MAX, 0.1),
+                    lead_xy: above(Param::MPC_XY_ERR_MAX, 0.1),
+                    lead_z: above(Param::MPC_Z_ERR_MAX, 0.1),
+                    altitude_acceptance: above(Param::NAV_MC_ALT_RAD, 0.05),
+                },
+                position_gain: above(Param::MPC_XY_P, 0.0),
+                velocity_gain: above(Param::MPC_XY_VEL_P_ACC, 0.1),
+                takeoff_speed: above(Param::MPC_TKO_SPEED, 0.1),
+                takeoff_ramp: above(Param::MPC_TKO_RAMP_T, 0.1),
+                land_speed: above(Param::MPC_LAND_SPEED, 0.1),
+                land_crawl: above(Param::MPC_LAND_CRWL, 0.1),
+                land_altitudes: [
+                    above(Param::MPC_LAND_ALT1, 0.0),
+                    above(Param::MPC_LAND_ALT2, 0.0),
+                    above(Param::MPC_LAND_ALT3, 0.0),
+                ],
+                yaw_rate: above(Param::MPC_YAWRAUTO_MAX, 1.0).to_radians(),
+                yaw_acc: above(Param::MPC_YAWRAUTO_ACC, 1.0).to_radians(),
+            }),
+            Airframe::Plane => Self::Plane(PlaneTuning {
+                airspeed_min: above(Param::FW_AIRSPD_MIN, 1.0),
+                airspeed_max: above(Param::FW_AIRSPD_MAX, 1.0),
+                bank_max: above(Param::FW_R_LIM, 5.0).min(65.0).to_radians(),
+                climb: above(Param::FW_T_CLMB_R_SP, 0.1),
+                sink: above(Param::FW_T_SINK_R_SP, 0.1),
+            }),
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! Positions on the globe and in the vehicle's local frame, as PX4 projects them: azimuthal
+//! equidistant on a sphere of 6,371,000 m about the place of boot.
+
+/// Mean earth radius of PX4's projection, metres.
+pub const EARTH_RADIUS_M: f64 = 6_371_000.0;
+
+/// A place: WGS-84 degrees, altitude AMSL in metres.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Geodetic {
+    /// Degrees, north positive.
+    pub latitude_deg: f64,
+    /// Degrees, east positive.
+    pub longitude_deg: f64,
+    /// Metres above mean sea level.
+    pub altitude_m: f64,
+}
+
+/// North, east, down in metres (or metres a second, and so on).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Ned {
+    /// North.
+    pub n: f64,
+    /// East.
+    pub e: f64,
+    /// Down.
+    pub d: f64,
+}
+
+impl Ned {
+    /// From its three components.
+    pub const fn new(n: f64, e: f64, d: f64) -> Self {
+        Self { n, e, d }
+    }
+
+    /// Length of the horizontal part.
+    pub fn horizontal(self) -> f64 {
+        self.n.hypot(self.e)
+    }
+
+    /// The horizontal part.
+    pub fn xy(self) -> [f64; 2] {
+        [self.n, self.e]
+    }
+
+    /// Direction of the horizontal part, radians clockwise from north.
+    pub fn bearing(self) -> f64 {
+        self.e.atan2(self.n)
+    }
+
+    /// Length.
+    pub fn norm(self) -> f64 {
+        self.horizontal().hypot(self.d)
+    }
+
+    /// True when no component is infinite or NaN.
+    pub fn is_finite(self) -> bool {
+        self.n.is_finite() && self.e.is_finite() && self.d.is_finite()
+    }
+}
+
+impl std::ops::Add for Ned {
+    type Output = Self;
+    fn add(self, o: Self) -> Self {
+        Self::new(self.n + o.n, self.e + o.e, self.d + o.d)
+    }
+}
+
+impl std::ops::Sub for Ned {
+    type Output = Self;
+    fn sub(self, o: Self) -> Self {
+        Self::new(self.n - o.n, self.e - o.e, self.d - o.d)
+    }
+}
+
+impl std::ops::Mul<f64> for Ned {
+    type Output = Self;
+    fn mul(self, k: f64) -> Self {
+        Self::new(self.n * k, self.e * k, self.d * k)
+    }
+}
+
+/// The tangent frame at an origin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LocalFrame {
+    origin: Geodetic,
+    sin_lat: f64,
+    cos_lat: f64,
+}
+
+impl LocalFrame {
+    /// The frame whose zero is `origin`.
+    pub fn new(origin: Geodetic) -> Self {
+        let (sin_lat, cos_lat) = origin.latitude_deg.to_radians().sin_cos();
+        Self {
+            origin,
+            sin_lat,
+            cos_lat,
+        }
+    }
+
+    /// The zero of this frame.
+    pub fn origin(&self) -> Geodetic {
+        self.origin
+    }
+
+    /// Degrees and metres to north, east, down.
+    pub fn to_local(&self, at: Geodetic) -> Ned {
+        let (sin_lat, cos_lat) = at.latitude_deg.to_radians().sin_cos();
+        let d_lon = (at.longitude_deg - self.origin.longitude_deg).to_radians();
+        let cos_c =
+            (self.sin_lat * sin_lat + self.cos_lat * cos_lat * d_lon.cos()).clamp(-1.0, 1.0);
+        let c = cos_c.acos();
+        let k = if c > 1e-12 { c / c.sin() } else { 1.0 };
+        Ned {
+            n: k * (self.cos_lat * sin_lat - self.sin_lat * cos_lat * d_lon.cos()) * EARTH_RADIUS_M,
+            e: k * cos_lat * d_lon.sin() * EARTH_RADIUS_M,
+            d: self.origin.altitude_m - at.altitude_m,
+        }
+    }
+
+    /// North, east, down to degrees and metres.
+    pub fn to_global(&self, at: Ned) -> Geodetic {
+        let (x, y) = (at.n / EARTH_RADIUS_M, at.e / EARTH_RADIUS_M);
+        let c = x.hypot(y);
+        let altitude_m = self.origin.altitude_m - at.d;
+        if c < 1e-12 {
+            return Geodetic {
+                altitude_m,
+                ..self.origin
+            };
+        }
+        let (sin_c, cos_c) = c.sin_cos();
+        let lat = (cos_c * self.sin_lat + x * sin_c * self.cos_lat / c)
+            .clamp(-1.0, 1.0)
+            .asin();
+        let lon = self.origin.longitude_deg.to_radians()
+            + (y * sin_c).atan2(c * self.cos_lat * cos_c - x * self.sin_lat * sin_c);
+        Geodetic {
+            latitude_deg: lat.to_degrees(),
+            longitude_deg: wrap_deg(lon.to_degrees()),
+            altitude_m,
+        }
+    }
+}
+
+/// An angle to (-pi, pi].
+pub fn wrap_pi(rad: f64) -> f64 {
+    let r = rad.rem_euclid(std::f64::consts::TAU);
+    if r > std::f64::consts::PI {
+        r - std::f64::consts::TAU
+    } else {
+        r
+    }
+}
+
+fn wrap_deg(deg: f64) -> f64 {
+    let r = (deg + 180.0).rem_euclid(360.0) - 180.0;
+    if r == -180.0 { 180.0 } else { r }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_survives_the_projection_and_back() {
+        let frame = LocalFrame::new(Geodetic {
+            latitude_deg: 47.4,
+            longitude_deg: 8.5,
+            altitude_m: 488.0,
+        });
+        for (n, e, d) in [
+            (0.0, 0.0, 0.0),
+            (100.0, -250.0, -30.0),
+            (-40_000.0, 9_000.0, 5.0),
+        ] {
+            let back = frame.to_local(frame.to_global(Ned::new(n, e, d)));
+            assert!((back - Ned::new(n, e, d)).norm() < 1e-3, "{back:?}");
+        }
+    }
+
+    #[test]
+    fn angles_wrap_to_half_a_turn() {
+        assert!((wrap_pi(3.5 * std::f64::consts::PI) + 0.5 * std::f64::consts::PI).abs() < 1e-12);
+        assert!((wrap_pi(-0.25) + 0.25).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,734 @@
+//! Flying the mission: which item is current, what it asks for, and when it is done.
+
+use mavlink_link::service::mission::{Item, plan_id};
+
+use super::attitude::GRAVITY;
+use super::config::Airframe;
+use super::geo::{Geodetic, LocalFrame, Ned};
+use super::guidance::{Guidance, Heading};
+use super::params::{Param, Params};
+use super::trajectory::Leg;
+
+/// What the navigator knows of the vehicle.
+#[derive(Debug, Clone, Copy)]
+pub struct View<'a> {
+    /// Time since boot, s.
+    pub now: f64,
+    /// Believed position.
+    pub position: Ned,
+    /// Believed velocity.
+    pub velocity: Ned,
+    /// Heading, radians.
+    pub yaw: f64,
+    /// Standing on the ground.
+    pub landed: bool,
+    /// Home in the local frame.
+    pub home: Ned,
+    /// The local frame.
+    pub frame: &'a LocalFrame,
+    /// Parameters.
+    pub params: &'a Params,
+    /// Airframe.
+    pub airframe: Airframe,
+}
+
+impl View<'_> {
+    /// Acceptance radius where an item gives none, m.
+    pub fn acceptance(&self) -> f64 {
+        self.params.get(Param::NAV_ACC_RAD)
+    }
+
+    /// Vertical acceptance, m.
+    pub fn altitude_acceptance(&self) -> f64 {
+        match self.airframe {
+            Airframe::Quad => self.params.get(Param::NAV_MC_ALT_RAD),
+            Airframe::Plane => self.params.get(Param::NAV_FW_ALT_RAD),
+        }
+    }
+
+    /// Speed where nothing else is commanded, m/s.
+    pub fn cruise(&self) -> f64 {
+        match self.airframe {
+            Airframe::Quad => self.params.get(Param::MPC_XY_CRUISE),
+            Airframe::Plane => self.params.get(Param::FW_AIRSPD_TRIM),
+        }
+    }
+}
+
+/// Something that the vehicle has to say.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Note {
+    /// STATUSTEXT, severity 6.
+    Info(String),
+    /// STATUSTEXT, severity 2.
+    Critical(String),
+    /// MISSION_ITEM_REACHED.
+    Reached(u16),
+    /// Go on in another mode: the item was NAV_RETURN_TO_LAUNCH.
+    ReturnHome,
+}
+
+/// What the vehicle is about within an item.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Work {
+    /// The item itself.
+    Item,
+    /// Up to this height (local down) first, over this place.
+    Climb(Ned),
+    /// Over the landing point first, at the height it has.
+    ToLand(f64),
+    /// Coming down.
+    Landing,
+}
+
+/// The mission and how far it has come.
+#[derive(Debug, Clone)]
+pub struct Mission {
+    items: Vec<Item>,
+    id: u32,
+    feasible: Option<String>,
+    index: usize,
+    jumps: Vec<u32>,
+    finished: bool,
+    activated: bool,
+    running: bool,
+    reached: Option<u16>,
+    work: Work,
+    from: Ned,
+    reached_at: Option<f64>,
+    speed: Option<f64>,
+    hold: Option<Ned>,
+    disarmed_inactive: bool,
+}
+
+impl Mission {
+    /// No mission.
+    pub fn new() -> Self {
+        Self {
+            items: Vec::new(),
+            id: 0,
+            feasible: None,
+            index: 0,
+            jumps: Vec::new(),
+            finished: false,
+            activated: false,
+            running: false,
+            reached: None,
+            work: Work::Item,
+            from: Ned::default(),
+            reached_at: None,
+            speed: None,
+            hold: None,
+            disarmed_inactive: false,
+        }
+    }
+
+    /// Items aboard.
+    pub fn count(&self) -> usize {
+        self.items.len()
+    }
+
+    /// MISSION_CURRENT.seq.
+    pub fn index(&self) -> usize {
+        self.index
+    }
+
+    /// MISSION_CURRENT.mission_id.
+    pub fn id(&self) -> u32 {
+        self.id
+    }
+
+    /// True when there is a mission that passed the checks.
+    pub fn is_valid(&self) -> bool {
+        !self.items.is_empty() && self.feasible.is_none()
+    }
+
+    /// Flown to its end.
+    pub fn is_finished(&self) -> bool {
+        self.finished
+    }
+
+    /// The last item reached in this activation.
+    pub fn reached(&self) -> Option<u16> {
+        self.reached
+    }
+
+    /// MISSION_CURRENT also calls a take-off by command a finished mission.
+    pub fn set_finished(&mut self, finished: bool) {
+        self.finished = finished;
+    }
+
+    /// Sets DO_CHANGE_SPEED's ground speed for the rest of the activation; none is the default.
+    pub fn set_speed(&mut self, speed: Option<f64>) {
+        self.speed = speed;
+    }
+
+    /// A plan has been uploaded. While the mission is flown, another plan is flown at once from
+    /// the same index, or from the item marked current; the same plan changes nothing.
+    pub fn replace(
+        &mut self,
+        items: Vec<Item>,
+        current: Option<usize>,
+        active: bool,
+        view: &View<'_>,
+    ) -> Vec<Note> {
+        let id = plan_id(&items);
+        let last = items.len().saturating_sub(1);
+        let index = current.unwrap_or(self.index).min(last);
+        let same = id == self.id && items.len() == self.items.len();
+        let mut notes = Vec::new();
+        if same && index == self.index {
+            return notes;
+        }
+        self.items = items;
+        self.id = id;
+        self.index = index;
+        self.reached = None;
+        if !same {
+            self.jumps = vec![0; self.items.len()];
+            self.finished = false;
+            self.check(view, &mut notes);
+        }
+        if active {
+            self.begin(view, &mut notes);
+        } else if !same {
+            self.activated = false;
+        }
+        notes
+    }
+
+    /// MISSION_SET_CURRENT; false when there is no such item.
+    pub fn select(&mut self, index: usize, active: bool, view: &View<'_>) -> (bool, Vec<Note>) {
+        let mut notes = Vec::new();
+        if index >= self.items.len() {
+            return (false, notes);
+        }
+        self.index = index;
+        self.finished = false;
+        if active {
+            self.begin(view, &mut notes);
+        }
+        (true, notes)
+    }
+
+    /// PX4's own checks, few as they are. They need a home.
+    pub fn check(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
+        self.feasible = None;
+        for item in &self.items {
+            let height = self.altitude(item, view) - view.frame.origin().altitude_m + view.home.d;
+            if item.command == TAKEOFF && height <= 0.0 {
+                self.feasible = Some("Mission rejected: takeoff altitude too low!".into());
+                break;
+            }
+        }
+        if let Some(text) = &self.feasible {
+            notes.push(Note::Critical(format!("{text}\t")));
+        }
+    }
+
+    /// A fence check that failed makes the plan infeasible.
+    pub fn reject(&mut self, text: String) -> Note {
+        self.feasible = Some(text.clone());
+        Note::Critical(text)
+    }
+
+    /// Items with a place, for the fence check: index and position.
+    pub fn places<'a>(&'a self, view: &'a View<'_>) -> impl Iterator<Item = (usize, Ned)> + 'a {
+        self.items
+            .iter()
+            .enumerate()
+            .filter(|(_, item)| has_place(item))
+            .map(|(i, item)| (i, self.target(item, view)))
+    }
+
+    /// The mode has been entered.
+    pub fn activate(&mut self, view: &View<'_>) -> Vec<Note> {
+        let mut notes = Vec::new();
+        if self.disarmed_inactive && self.activated && self.index + 1 >= self.items.len() {
+            self.index = 0;
+            self.jumps.iter_mut().for_each(|j| *j = 0);
+            self.speed = None;
+        }
+        self.activated = true;
+        self.disarmed_inactive = false;
+        self.finished = false;
+        self.begin(view, &mut notes);
+        notes
+    }
+
+    /// The mode has been left.
+    pub fn deactivate(&mut self) {
+        self.running = false;
+        self.work = Work::Item;
+        self.hold = None;
+    }
+
+    /// Called while another mode is active.
+    pub fn idle(&mut self, armed: bool) {
+        if !armed {
+            self.disarmed_inactive = true;
+        }
+    }
+
+    fn begin(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
+        self.reached_at = None;
+        self.hold = None;
+        self.reached = None;
+        if !self.is_valid() {
+            let then = if view.landed {
+                "refusing takeoff"
+            } else {
+                "loitering"
+            };
+            notes.push(Note::Critical(format!(
+                "No valid mission available, {then}\t"
+            )));
+            self.running = false;
+            return;
+        }
+        if !self.running {
+            notes.push(Note::Info("Executing Mission\t".into()));
+        }
+        self.running = true;
+        self.from = view.position;
+        self.start_item(view, notes, true);
+    }
+
+    /// Sets the work of the current item up.
+    fn start_item(&mut self, view: &View<'_>, notes: &mut Vec<Note>, activation: bool) {
+        self.reached_at = None;
+        self.work = Work::Item;
+        let Some(item) = self.items.get(self.index).copied() else {
+            return;
+        };
+        if !has_place(&item) && !activation {
+            return;
+        }
+        if (activation || view.landed) && view.airframe == Airframe::Quad {
+            if let Some(next) = self.place_from(self.index, view) {
+                let below = view.position.d - next.d;
+                if below > view.altitude_acceptance() && has_place(&item) {
+                    let top = Ned {
+                        d: next.d,
+                        ..view.position
+                    };
+                    let above_home = view.home.d - next.d;
+                    notes.push(Note::Info(format!(
+                        "Climb to {above_home:.1} meters above home\t"
+                    )));
+                    self.work = Work::Climb(top);
+                    return;
+                }
+            }
+        }
+        if item.command == LAND {
+            self.work = Work::ToLand(view.position.d);
+        }
+    }
+
+    /// One step while the mode is active.
+    pub fn step(&mut self, view: &View<'_>) -> (Guidance, Heading, Vec<Note>) {
+        let mut notes = Vec::new();
+        if self.running {
+            self.progress(view, &mut notes);
+        }
+        let (guidance, heading) = self.guide(view);
+        (guidance, heading, notes)
+    }
+
+    fn progress(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
+        // One item a step, as PX4's navigator takes one a cycle.
+        let Some(item) = self.items.get(self.index).copied() else {
+            return;
+        };
+        match self.work {
+            Work::Climb(top) => {
+                let margin = view
+                    .altitude_acceptance()
+                    .min((view.home.d - top.d).max(0.0) / 2.0 + 1e-3);
+                if !view.landed && view.position.d < top.d + margin {
+                    self.from = view.position;
+                    self.work = if item.command == LAND {
+                        Work::ToLand(top.d)
+                    } else {
+                        Work::Item
+                    };
+                    self.reached_at = None;
+                }
+            }
+            Work::ToLand(height) => {
+                let over = Ned {
+                    d: height,
+                    ..self.target(&item, view)
+                };
+                if (over - view.position).horizontal() <= view.acceptance() {
+                    self.work = Work::Landing;
+                }
+            }
+            Work::Landing => {
+                if view.landed {
+                    self.complete(view, notes);
+                }
+            }
+            Work::Item => {
+                if self.item_done(&item, view) {
+                    self.apply(&item, view, notes);
+                    self.complete(view, notes);
+                }
+            }
+        }
+    }
+
+    fn complete(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
+        self.reached = u16::try_from(self.index).ok();
+        if let Some(seq) = self.reached {
+            notes.push(Note::Reached(seq));
+        }
+        let Some(item) = self.items.get(self.index).copied() else {
+            return;
+        };
+        if has_place(&item) {
+            self.from = self.target(&item, view);
+        }
+        if !item.autocontinue {
+            self.hold = Some(view.position);
+            return;
+        }
+        match self.next_index(self.index + 1, true) {
+            Some(next) => {
+                self.index = next;
+                self.start_item(view, notes, false);
+            }
+            None => {
+                let how = if view.landed { "landed" } else { "loitering" };
+                notes.push(Note::Info(format!("Mission finished, {how}\t")));
+                self.finished = true;
+                self.running = false;
+                self.hold = (!view.landed).then(|| {
+                    if has_place(&item) {
+                        self.from
+                    } else {
+                        view.position
+                    }
+                });
+                if self.index + 1 == self.items.len() {
+                    self.jumps.iter_mut().for_each(|j| *j = 0);
+                }
+            }
+        }
+    }
+
+    fn item_done(&mut self, item: &Item, view: &View<'_>) -> bool {
+        match item.command {
+            LOITER_UNLIM => false,
+            LAND => view.landed,
+            DELAY => self.waited(f64::from(item.params[0]), view),
+            command if !is_place_command(command) => true,
+            _ => {
+                if view.landed {
+                    return false;
+                }
+                if self.reached_at.is_none() && self.is_near(item, view) {
+                    self.reached_at = Some(view.now);
+                }
+                let hold = match item.command {
+                    WAYPOINT | LOITER_TIME => f64::from(item.params[0]).max(0.0),
+                    _ => 0.0,
+                };
+                self.reached_at.is_some_and(|at| view.now - at >= hold)
+            }
+        }
+    }
+
+    fn waited(&mut self, seconds: f64, view: &View<'_>) -> bool {
+        let since = *self.reached_at.get_or_insert(view.now);
+        view.now - since >= seconds
+    }
+
+    fn is_near(&self, item: &Item, view: &View<'_>) -> bool {
+        let target = self.target(item, view);
+        let off = target - view.position;
+        if off.d.abs() > view.altitude_acceptance() {
+            return false;
+        }
+        match view.airframe {
+            Airframe::Quad => {
+                let own = f64::from(item.params[1]);
+                let uses_own = item.command == WAYPOINT && own.is_finite() && own > 0.0;
+                off.horizontal() <= if uses_own { own } else { view.acceptance() }
+            }
+            Airframe::Plane if matches!(item.command, LOITER_TIME | LOITER_TO_ALT) => {
+                off.horizontal() <= view.acceptance() + loiter_radius(item, view).abs()
+            }
+            Airframe::Plane => {
+                let leg = target - self.from;
+                let beyond = view.position - target;
+                let passed = leg.horizontal() > 1e-3 && leg.n * beyond.n + leg.e * beyond.e > 0.0;
+                off.horizontal() <= turn_switch_distance(view) || passed
+            }
+        }
+    }
+
+    /// What a command without a place does.
+    fn apply(&mut self, item: &Item, _view: &View<'_>, notes: &mut Vec<Note>) {
+        match item.command {
+            CHANGE_SPEED => {
+                let speed = f64::from(item.params[1]);
+                self.speed = (speed > 0.0).then_some(speed);
+            }
+            RETURN_TO_LAUNCH => notes.push(Note::ReturnHome),
+            _ => {}
+        }
+    }
+
+    fn guide(&self, view: &View<'_>) -> (Guidance, Heading) {
+        let speed = self.speed.unwrap_or_else(|| view.cruise());
+        let acceptance = view.acceptance();
+        if let Some(hold) = self.hold {
+            return (loiter(hold, view), Heading::Hold);
+        }
+        let item = self.items.get(self.index).filter(|_| self.running);
+        let Some(item) = item else {
+            let here = if view.landed {
+                Guidance::Ground
+            } else {
+                loiter(view.position, view)
+            };
+            return (here, Heading::Hold);
+        };
+        let yaw = f64::from(item.params[3]);
+        let heading =
+            if yaw.is_finite() && is_place_command(item.command) && item.command != TAKEOFF {
+                Heading::To(yaw.to_radians())
+            } else {
+                Heading::Along
+            };
+        match self.work {
+            Work::Climb(top) => {
+                let leg = Leg::to(top, acceptance, speed);
+                (
+                    if view.landed || view.home.d - view.position.d < 10.0 {
+                        Guidance::Climb(leg)
+                    } else {
+                        Guidance::Leg(leg)
+                    },
+                    Heading::Hold,
+                )
+            }
+            Work::ToLand(height) => {
+                let over = Ned {
+                    d: height,
+                    ..self.target(item, view)
+                };
+                (
+                    Guidance::Leg(Leg {
+                        from: self.from,
+                        target: over,
+                        next: over,
+                        acceptance,
+                        speed,
+                    }),
+                    heading,
+                )
+            }
+            Work::Landing => (
+                Guidance::Land(Leg::to(self.target(item, view), acceptance, speed)),
+                Heading::Hold,
+            ),
+            Work::Item => (self.along(item, view, speed), heading),
+        }
+    }
+
+    fn along(&self, item: &Item, view: &View<'_>, speed: f64) -> Guidance {
+        let Some(target) = self.place_from(self.index, view) else {
+            return loiter(view.position, view);
+        };
+        let stays = matches!(item.command, LOITER_UNLIM | LOITER_TIME | LOITER_TO_ALT);
+        if view.airframe == Airframe::Plane
+            && (stays || self.reached_at.is_some() && hold_time(item) > 0.0)
+        {
+            return Guidance::Circle {
+                centre: target,
+                radius: loiter_radius(item, view),
+                speed,
+                altitude_d: target.d,
+            };
+        }
+        let own = f64::from(item.params[1]);
+        let uses_own = item.command == WAYPOINT
+            && own.is_finite()
+            && own > 0.0
+            && view.airframe == Airframe::Quad;
+        let acceptance = if uses_own { own } else { view.acceptance() };
+        let brakes = stays || !item.autocontinue || hold_time(item) > 0.0;
+        let next = if brakes { None } else { self.place_after(view) };
+        Guidance::Leg(Leg {
+            from: self.from,
+            target,
+            next: next.unwrap_or(target),
+            acceptance,
+            speed,
+        })
+    }
+
+    /// The place of the first item at or after `index` that has one.
+    fn place_from(&self, index: usize, view: &View<'_>) -> Option<Ned> {
+        self.place_index(index)
+            .map(|i| self.target(&self.items[i], view))
+    }
+
+    fn place_after(&self, view: &View<'_>) -> Option<Ned> {
+        let here = self.place_index(self.index)?;
+        let next = self.place_index(here + 1)?;
+        let target = self.target(&self.items[next], view);
+        // PX4 flies to a landing point at the height it comes from.
+        Some(if self.items[next].command == LAND {
+            Ned {
+                d: self.target(&self.items[here], view).d,
+                ..target
+            }
+        } else {
+            target
+        })
+    }
+
+    /// Follows jumps as they would be taken, without taking them.
+    fn place_index(&self, mut index: usize) -> Option<usize> {
+        for _ in 0..=self.items.len() {
+            let item = self.items.get(index)?;
+            if has_place(item) {
+                return Some(index);
+            }
+            index = match self.jump_target(index) {
+                Some(to) => to,
+                None => index + 1,
+            };
+        }
+        None
+    }
+
+    fn jump_target(&self, index: usize) -> Option<usize> {
+        let item = self.items.get(index).filter(|i| i.command == JUMP)?;
+        let repeats = item.params[1];
+        let left = repeats < 0.0
+            || f64::from(self.jumps.get(index).copied().unwrap_or(0)) < f64::from(repeats);
+        let to = item.params[0];
+        (left && to >= 0.0 && (to as usize) < self.items.len()).then_some(to as usize)
+    }
+
+    /// The item to go on with at `index`, jumps taken.
+    fn next_index(&mut self, mut index: usize, take: bool) -> Option<usize> {
+        for _ in 0..=self.items.len() {
+            let item = self.items.get(index)?;
+            if item.command != JUMP {
+                return Some(index);
+            }
+            index = match self.jump_target(index) {
+                Some(to) => {
+                    if take && let Some(count) = self.jumps.get_mut(index) {
+                        *count = count.saturating_add(1);
+                    }
+                    to
+                }
+                None => index + 1,
+            };
+        }
+        None
+    }
+
+    fn target(&self, item: &Item, view: &View<'_>) -> Ned {
+        let altitude_m = self.altitude(item, view);
+        // INT32_MAX and 0/0 are no place: PX4 takes the place where it is.
+        if item.x == i32::MAX || item.y == i32::MAX {
+            return Ned {
+                d: view.frame.origin().altitude_m - altitude_m,
+                ..view.position
+            };
+        }
+        view.frame.to_local(Geodetic {
+            latitude_deg: f64::from(item.x) * 1e-7,
+            longitude_deg: f64::from(item.y) * 1e-7,
+            altitude_m,
+        })
+    }
+
+    /// AMSL, m.
+    fn altitude(&self, item: &Item, view: &View<'_>) -> f64 {
+        let z = f64::from(item.z);
+        let relative = matches!(item.frame, 3 | 6);
+        let home = view.frame.origin().altitude_m - view.home.d;
+        match (z.is_finite(), relative) {
+            (true, true) => home + z,
+            (true, false) => z,
+            (false, _) => view.frame.origin().altitude_m - view.position.d,
+        }
+    }
+}
+
+impl Default for Mission {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Staying at a place: on it for a multicopter, round it on wings.
+pub fn loiter(at: Ned, view: &View<'_>) -> Guidance {
+    match view.airframe {
+        Airframe::Quad => Guidance::Leg(Leg::to(at, view.acceptance(), view.cruise())),
+        Airframe::Plane => Guidance::Circle {
+            centre: at,
+            radius: view.params.get(Param::NAV_LOITER_RAD),
+            speed: view.cruise(),
+            altitude_d: at.d,
+        },
+    }
+}
+
+fn hold_time(item: &Item) -> f64 {
+    match item.command {
+        WAYPOINT | LOITER_TIME => f64::from(item.params[0]).max(0.0),
+        _ => 0.0,
+    }
+}
+
+fn loiter_radius(item: &Item, view: &View<'_>) -> f64 {
+    let own = f64::from(if item.command == LOITER_TO_ALT {
+        item.params[1]
+    } else {
+        item.params[2]
+    });
+    if own.is_finite() && own.abs() > 1e-6 {
+        own
+    } else {
+        view.params.get(Param::NAV_LOITER_RAD)
+    }
+}
+
+/// How early a plane turns: the tangent of its turn circle, at least the acceptance radius.
+fn turn_switch_distance(view: &View<'_>) -> f64 {
+    let bank = view.params.get(Param::FW_R_LIM).to_radians().min(0.8);
+    let radius = view.velocity.horizontal().powi(2) / (GRAVITY * bank.tan());
+    view.acceptance().max(0.6 * radius)
+}
+
+fn has_place(item: &Item) -> bool {
+    is_place_command(item.command)
+}
+
+fn is_place_command(command: u16) -> bool {
+    matches!(
+        command,
+        WAYPOINT | LOITER_UNLIM | LOITER_TIME | LAND | TAKEOFF | LOITER_TO_ALT | 84 | 85
+    )
+}
+
+const WAYPOINT: u16 = 16;
+const LOITER_UNLIM: u16 = 17;
+const LOITER_TIME: u16 = 19;
+const RETURN_TO_LAUNCH: u16 = 20;
+const LAND: u16 = 21;
+const TAKEOFF: u16 = 22;
+const LOITER_TO_ALT: u16 = 31;
+const DELAY: u16 = 93;
+const JUMP: u16 = 177;
+const CHANGE_SPEED: u16 = 178;

@@ -1,0 +1,400 @@
+//! The modes in which the vehicle finds its own way: take-off, hold, mission, return, land, orbit.
+
+use super::config::Airframe;
+use super::geo::Ned;
+use super::guidance::{Guidance, Heading};
+use super::mission::{Mission, Note, View, loiter};
+use super::mode::Mode;
+use super::params::Param;
+use super::trajectory::Leg;
+
+/// DO_REPOSITION's wish.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reposition {
+    /// Local target; a component that is NaN stays as it is.
+    pub target: Ned,
+    /// Heading, radians, NaN for toward the target.
+    pub yaw: f64,
+    /// Ground speed, m/s, where given.
+    pub speed: Option<f64>,
+    /// Loiter radius of a plane, m, where given; positive is clockwise.
+    pub radius: Option<f64>,
+}
+
+/// DO_ORBIT's wish.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Orbit {
+    /// Centre in the local frame; down is the height to keep.
+    pub centre: Ned,
+    /// Radius, m; positive is clockwise.
+    pub radius: f64,
+    /// Speed, m/s.
+    pub speed: f64,
+}
+
+/// What a step asks for.
+#[derive(Debug)]
+pub struct Step {
+    /// Where to go.
+    pub guidance: Guidance,
+    /// Where to look.
+    pub heading: Heading,
+    /// What to say.
+    pub notes: Vec<Note>,
+    /// The mode has done what it is for, and hands over to this one.
+    pub then: Option<Mode>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Return {
+    Climb(f64),
+    Back(f64),
+    Down,
+    Land,
+}
+
+/// The navigator.
+#[derive(Debug, Clone)]
+pub struct Navigator {
+    /// The mission and its progress.
+    pub mission: Mission,
+    active: Option<Mode>,
+    hold: Ned,
+    reposition: Option<Reposition>,
+    takeoff_altitude: Option<f64>,
+    takeoff_target: Ned,
+    homeward: Return,
+    orbit: Option<Orbit>,
+    speed: Option<f64>,
+}
+
+impl Navigator {
+    /// Nothing active, no mission.
+    pub fn new() -> Self {
+        Self {
+            mission: Mission::new(),
+            active: None,
+            hold: Ned::default(),
+            reposition: None,
+            takeoff_altitude: None,
+            takeoff_target: Ned::default(),
+            homeward: Return::Land,
+            orbit: None,
+            speed: None,
+        }
+    }
+
+    /// NAV_TAKEOFF's altitude, AMSL; none is MIS_TAKEOFF_ALT above here.
+    pub fn set_takeoff_altitude(&mut self, amsl: Option<f64>) {
+        self.takeoff_altitude = amsl;
+    }
+
+    /// DO_REPOSITION.
+    pub fn set_reposition(&mut self, wish: Reposition, view: &View<'_>) {
+        self.reposition = Some(wish);
+        if self.active == Some(Mode::Loiter) {
+            self.apply_reposition(view);
+        }
+    }
+
+    /// DO_ORBIT.
+    pub fn set_orbit(&mut self, orbit: Orbit) {
+        self.orbit = Some(orbit);
+    }
+
+    /// The orbit that is flown.
+    pub fn orbit(&self) -> Option<Orbit> {
+        self.orbit
+    }
+
+    /// DO_CHANGE_SPEED by command: for the mode that is active.
+    pub fn set_speed(&mut self, speed: Option<f64>) {
+        self.speed = speed;
+        self.mission.set_speed(speed);
+    }
+
+    /// One step in `mode`; `armed` decides whether anything moves at all.
+    pub fn step(&mut self, mode: Mode, armed: bool, view: &View<'_>) -> Step {
+        let mut notes = Vec::new();
+        let wanted = armed.then_some(mode);
+        if wanted != self.active {
+            if self.active == Some(Mode::Mission) {
+                self.mission.deactivate();
+            }
+            self.active = wanted;
+            if let Some(mode) = wanted {
+                self.enter(mode, view, &mut notes);
+            }
+        }
+        if wanted != Some(Mode::Mission) {
+            self.mission.idle(armed);
+        }
+        if !armed {
+            return Step {
+                guidance: Guidance::Ground,
+                heading: Heading::Hold,
+                notes,
+                then: None,
+            };
+        }
+        let mut then = None;
+        let (guidance, heading) = match mode {
+            Mode::Mission => {
+                let (guidance, heading, said) = self.mission.step(view);
+                notes.extend(said);
+                if notes.contains(&Note::ReturnHome) {
+                    then = Some(Mode::Rtl);
+                } else if !self.mission.is_valid() {
+                    then = Some(Mode::Loiter);
+                }
+                (guidance, heading)
+            }
+            Mode::Takeoff => self.take_off(view, &mut then),
+            Mode::Rtl => self.return_home(view, &mut notes),
+            Mode::Land => (self.land(self.hold, view), Heading::Hold),
+            Mode::Orbit => self.fly_orbit(view),
+            _ if view.landed => (Guidance::Ground, Heading::Hold),
+            _ => self.stay(view),
+        };
+        Step {
+            guidance,
+            heading,
+            notes,
+            then,
+        }
+    }
+
+    fn enter(&mut self, mode: Mode, view: &View<'_>, notes: &mut Vec<Note>) {
+        if mode != Mode::Mission {
+            self.hold = stopping_point(view);
+        }
+        match mode {
+            Mode::Mission => notes.extend(self.mission.activate(view)),
+            Mode::Loiter => {
+                self.speed = None;
+                self.apply_reposition(view);
+            }
+            Mode::Takeoff => self.prepare_takeoff(view, notes),
+            Mode::Rtl => self.prepare_return(view, notes),
+            _ => {}
+        }
+        if mode != Mode::Loiter {
+            self.reposition = None;
+        }
+    }
+
+    fn apply_reposition(&mut self, view: &View<'_>) {
+        let Some(wish) = self.reposition else { return };
+        let keep = |wanted: f64, now: f64| if wanted.is_finite() { wanted } else { now };
+        let here = stopping_point(view);
+        self.hold = Ned::new(
+            keep(wish.target.n, here.n),
+            keep(wish.target.e, here.e),
+            keep(wish.target.d, here.d),
+        );
+        if wish.speed.is_some() {
+            self.speed = wish.speed;
+        }
+    }
+
+    fn stay(&self, view: &View<'_>) -> (Guidance, Heading) {
+        let mut guidance = loiter(self.hold, view);
+        if let Guidance::Leg(leg) = &mut guidance
+            && let Some(speed) = self.speed
+        {
+            leg.speed = speed;
+        }
+        if let Guidance::Circle { radius, .. } = &mut guidance
+            && let Some(wanted) = self.reposition.and_then(|r| r.radius)
+        {
+            *radius = wanted;
+        }
+        let heading = match self.reposition {
+            Some(wish) if wish.yaw.is_finite() => Heading::To(wish.yaw),
+            Some(_) => Heading::Along,
+            None => Heading::Hold,
+        };
+        (guidance, heading)
+    }
+
+    fn prepare_takeoff(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
+        let ground = view.frame.origin().altitude_m;
+        let amsl = self.takeoff_altitude.take().unwrap_or_else(|| {
+            let above = view.params.get(Param::MIS_TAKEOFF_ALT);
+            notes.push(Note::Info(format!(
+                "Using default takeoff altitude: {above:.1} m\t"
+            )));
+            ground - view.position.d + above
+        });
+        let mut d = ground - amsl;
+        if !view.landed && d > view.position.d {
+            notes.push(Note::Critical(
+                "Already higher than takeoff altitude\t".into(),
+            ));
+            d = view.position.d;
+        }
+        let ahead = if view.airframe == Airframe::Plane {
+            400.0
+        } else {
+            0.0
+        };
+        self.takeoff_target = Ned::new(
+            view.position.n + ahead * view.yaw.cos(),
+            view.position.e + ahead * view.yaw.sin(),
+            d,
+        );
+        self.mission.set_finished(false);
+    }
+
+    fn take_off(&mut self, view: &View<'_>, then: &mut Option<Mode>) -> (Guidance, Heading) {
+        let to_go = view.position.d - self.takeoff_target.d;
+        let height = view.home.d - self.takeoff_target.d;
+        let margin = match view.airframe {
+            Airframe::Quad => view.altitude_acceptance().min((height / 2.0).max(0.1)),
+            Airframe::Plane => 0.0,
+        };
+        if !view.landed && to_go < margin {
+            self.mission.set_finished(true);
+            *then = Some(Mode::Loiter);
+        }
+        let leg = Leg::to(self.takeoff_target, view.acceptance(), view.cruise());
+        (Guidance::Climb(leg), Heading::Hold)
+    }
+
+    fn prepare_return(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
+        if view.landed {
+            self.homeward = Return::Land;
+            return;
+        }
+        let d = return_height(view);
+        let amsl = view.frame.origin().altitude_m - d;
+        let above = view.home.d - d;
+        notes.push(Note::Info(format!(
+            "RTL: start return at {amsl:.0} m ({above:.0} m above destination)\t"
+        )));
+        self.homeward = Return::Climb(d);
+    }
+
+    fn return_home(&mut self, view: &View<'_>, notes: &mut Vec<Note>) -> (Guidance, Heading) {
+        let leg = |target: Ned| Leg::to(target, view.acceptance(), view.cruise());
+        let descend = view.home.d - view.params.get(Param::RTL_DESCEND_ALT);
+        match self.homeward {
+            Return::Climb(d) => {
+                if view.position.d - d < view.altitude_acceptance() {
+                    self.homeward = Return::Back(d);
+                    self.hold = view.position;
+                }
+                (fly_to(Ned { d, ..self.hold }, view), Heading::Hold)
+            }
+            Return::Back(d) => {
+                let over = Ned { d, ..view.home };
+                if (over - view.position).horizontal() < view.acceptance() {
+                    self.homeward = Return::Down;
+                }
+                (
+                    Guidance::Leg(Leg {
+                        from: self.hold,
+                        ..leg(over)
+                    }),
+                    Heading::Along,
+                )
+            }
+            Return::Down => {
+                let d = descend.max(view.position.d.min(descend));
+                let over = Ned { d, ..view.home };
+                let off = over - view.position;
+                let near = match view.airframe {
+                    Airframe::Quad => off.horizontal() < 1.0,
+                    Airframe::Plane => true,
+                };
+                if near && view.position.d > d - view.altitude_acceptance() {
+                    notes.push(Note::Info("RTL: land at destination\t".into()));
+                    self.homeward = Return::Land;
+                }
+                (loiter(over, view), Heading::Hold)
+            }
+            Return::Land => (self.land(view.home, view), Heading::Hold),
+        }
+    }
+
+    fn land(&self, at: Ned, view: &View<'_>) -> Guidance {
+        if view.landed {
+            return Guidance::Ground;
+        }
+        Guidance::Land(Leg::to(
+            Ned {
+                d: view.home.d,
+                ..at
+            },
+            view.acceptance(),
+            view.cruise(),
+        ))
+    }
+
+    fn fly_orbit(&self, view: &View<'_>) -> (Guidance, Heading) {
+        let Some(orbit) = self.orbit.filter(|_| !view.landed) else {
+            return self.stay(view);
+        };
+        let guidance = Guidance::Circle {
+            centre: orbit.centre,
+            radius: orbit.radius,
+            speed: orbit.speed,
+            altitude_d: orbit.centre.d,
+        };
+        (guidance, Heading::Along)
+    }
+}
+
+impl Default for Navigator {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Where the vehicle comes to rest if it brakes now.
+fn stopping_point(view: &View<'_>) -> Ned {
+    if view.airframe == Airframe::Plane {
+        return view.position;
+    }
+    let speed = view.velocity.horizontal();
+    let acc = view.params.get(Param::MPC_ACC_HOR).max(0.5);
+    let jerk = view.params.get(Param::MPC_JERK_AUTO).max(0.5);
+    let time = speed / (2.0 * acc) + acc / (2.0 * jerk);
+    Ned::new(
+        view.position.n + view.velocity.n * time,
+        view.position.e + view.velocity.e * time,
+        view.position.d + view.velocity.d * 0.3,
+    )
+}
+
+fn fly_to(target: Ned, view: &View<'_>) -> Guidance {
+    match view.airframe {
+        Airframe::Quad => Guidance::Leg(Leg::to(target, view.acceptance(), view.cruise())),
+        Airframe::Plane => loiter(target, view),
+    }
+}
+
+/// The height (local down) at which PX4 returns: RTL_RETURN_ALT above home, lower close to it.
+fn return_height(view: &View<'_>) -> f64 {
+    let home = view.home.d;
+    let highest = home - view.params.get(Param::RTL_RETURN_ALT);
+    if view.airframe == Airframe::Plane || view.params.int(Param::RTL_CONE_ANG) <= 0 {
+        return highest.min(view.position.d);
+    }
+    let distance = (view.home - view.position).horizontal();
+    let near = view.acceptance();
+    let wanted = if distance <= near {
+        home - 2.0 * distance
+    } else {
+        let mut d = highest;
+        if distance <= view.params.get(Param::RTL_MIN_DIST) {
+            let half = f64::from(view.params.int(Param::RTL_CONE_ANG))
+                .clamp(1.0, 89.0)
+                .to_radians();
+            d = d.max(home - distance / half.tan());
+        }
+        d.min(home - 2.0 * near)
+    };
+    // Never lower than now, never higher than RTL_RETURN_ALT unless it is already.
+    wanted.max(highest).min(view.position.d)
+}

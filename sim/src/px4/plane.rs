@@ -1,0 +1,249 @@
+//! A fixed wing: it flies at an airspeed, turns by banking, drifts with the wind, and never stops
+//! before it has landed.
+
+use super::attitude::{GRAVITY, Motion};
+use super::geo::{Ned, wrap_pi};
+use super::guidance::Guidance;
+use super::rng::{Drift, Rng};
+use super::trajectory::{Leg, Trajectory};
+
+/// What the guidance needs from the parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlaneTuning {
+    /// FW_AIRSPD_MIN, m/s.
+    pub airspeed_min: f64,
+    /// FW_AIRSPD_MAX, m/s.
+    pub airspeed_max: f64,
+    /// FW_R_LIM, radians.
+    pub bank_max: f64,
+    /// FW_T_CLMB_R_SP, m/s.
+    pub climb: f64,
+    /// FW_T_SINK_R_SP, m/s.
+    pub sink: f64,
+}
+
+/// The airframe's state.
+#[derive(Debug, Clone)]
+pub struct Plane {
+    motion: Motion,
+    target: Trajectory,
+    airspeed: f64,
+    climb: f64,
+    bank: f64,
+    wind: [f64; 2],
+    turbulence: Drift,
+    rng: Rng,
+    throttle: f64,
+}
+
+/// What the guidance law asks for: a course over ground, a climb rate, an airspeed.
+struct Wish {
+    course: f64,
+    climb: f64,
+    airspeed: f64,
+}
+
+impl Plane {
+    /// Stands on the ground at the origin.
+    pub fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
+        Self {
+            motion: Motion {
+                attitude: [0.0, 0.0, heading],
+                ..Motion::default()
+            },
+            target: Trajectory::default(),
+            airspeed: 0.0,
+            climb: 0.0,
+            bank: 0.0,
+            wind,
+            turbulence: Drift::new(0.01, 0.7),
+            rng: Rng::new(seed ^ 0xF1A9),
+            throttle: 0.0,
+        }
+    }
+
+    /// The true motion.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// Where it is going.
+    pub fn setpoint(&self) -> &Trajectory {
+        &self.target
+    }
+
+    /// Throttle, 0 to 1.
+    pub fn throttle(&self) -> f64 {
+        self.throttle
+    }
+
+    /// Airspeed, m/s.
+    pub fn airspeed(&self) -> f64 {
+        self.airspeed
+    }
+
+    /// One step; `error` is the estimator's position error.
+    pub fn step(&mut self, dt: f64, guidance: &Guidance, error: Ned, tuning: &PlaneTuning) {
+        let believed = self.motion.position + error;
+        let on_ground = self.motion.position.d >= 0.0;
+        let wish = match guidance {
+            Guidance::Ground => None,
+            Guidance::Leg(leg) => Some(self.along(leg, believed, tuning)),
+            Guidance::Climb(leg) => Some(Wish {
+                course: self.motion.attitude[2],
+                climb: self.climb_to(leg.target.d, believed, tuning),
+                airspeed: leg.speed,
+            }),
+            Guidance::Land(leg) => Some(Wish {
+                course: self.course(),
+                climb: -tuning.sink.min(0.4 + 0.15 * -self.motion.position.d),
+                airspeed: leg.speed.min(tuning.airspeed_min * 1.2),
+            }),
+            Guidance::Circle {
+                centre,
+                radius,
+                speed,
+                altitude_d,
+            } => Some(Wish {
+                course: round(*centre, *radius, believed),
+                climb: self.climb_to(*altitude_d, believed, tuning),
+                airspeed: *speed,
+            }),
+            // No stick or setpoint steering: straight and level.
+            Guidance::Steer { .. } => Some(Wish {
+                course: self.course(),
+                climb: 0.0,
+                airspeed: self.airspeed,
+            }),
+        };
+        match wish {
+            Some(wish) if !(on_ground && matches!(guidance, Guidance::Land(_))) => {
+                self.fly(dt, &wish, tuning)
+            }
+            _ => self.roll_out(dt),
+        }
+    }
+
+    fn along(&mut self, leg: &Leg, believed: Ned, tuning: &PlaneTuning) -> Wish {
+        self.target.position = leg.target;
+        let line = leg.target - leg.from;
+        let length = line.horizontal();
+        let to_target = leg.target - believed;
+        let course = if length < 1.0 {
+            to_target.bearing()
+        } else {
+            let (un, ue) = (line.n / length, line.e / length);
+            let run = believed - leg.from;
+            let off = -run.n * ue + run.e * un;
+            // The farther off the line, the steeper the way back to it.
+            line.bearing() - (off / (0.3 * 6.0 * self.airspeed.max(8.0))).atan()
+        };
+        Wish {
+            course,
+            climb: self.climb_to(leg.target.d, believed, tuning),
+            airspeed: leg.speed,
+        }
+    }
+
+    fn climb_to(&self, d: f64, believed: Ned, tuning: &PlaneTuning) -> f64 {
+        (0.4 * (believed.d - d)).clamp(-tuning.sink, tuning.climb)
+    }
+
+    fn course(&self) -> f64 {
+        let v = self.motion.velocity;
+        if v.horizontal() > 1.0 {
+            v.bearing()
+        } else {
+            self.motion.attitude[2]
+        }
+    }
+
+    fn fly(&mut self, dt: f64, wish: &Wish, tuning: &PlaneTuning) {
+        let airspeed = wish
+            .airspeed
+            .clamp(tuning.airspeed_min, tuning.airspeed_max);
+        let airborne = self.motion.position.d < 0.0;
+        // Thrust gives about 3 m/s2; the nose comes up only with the speed to fly.
+        let push = (airspeed - self.airspeed).clamp(-1.5, 3.0);
+        self.airspeed = (self.airspeed + push * dt).max(0.0);
+        let flying = self.airspeed >= tuning.airspeed_min;
+        let climb = if flying || airborne { wish.climb } else { 0.0 };
+        self.climb += (climb - self.climb).clamp(-1.5 * dt, 1.5 * dt);
+
+        let speed = self.motion.velocity.horizontal().max(5.0);
+        let turn = 0.8 * wrap_pi(wish.course - self.course());
+        let bank = if airborne {
+            (speed * turn / GRAVITY).atan()
+        } else {
+            0.0
+        };
+        let bank =
+            bank.clamp(-tuning.bank_max, tuning.bank_max) + self.turbulence.step(dt, &mut self.rng);
+        let roll_rate = 60f64.to_radians();
+        self.bank += (2.5 * (bank - self.bank) * dt).clamp(-roll_rate * dt, roll_rate * dt);
+
+        let heading_rate = GRAVITY * self.bank.tan() / self.airspeed.max(5.0);
+        let heading = self.motion.attitude[2] + heading_rate * dt;
+        let pitch = (self.climb / self.airspeed.max(5.0))
+            .clamp(-0.6, 0.6)
+            .asin()
+            + 0.03;
+        let wind = if airborne { self.wind } else { [0.0; 2] };
+        let level = (self.airspeed * self.airspeed - self.climb * self.climb)
+            .max(0.0)
+            .sqrt();
+        let velocity = Ned::new(
+            level * heading.cos() + wind[0],
+            level * heading.sin() + wind[1],
+            -self.climb,
+        );
+        self.motion.acceleration = (velocity - self.motion.velocity) * (1.0 / dt);
+        self.motion.velocity = velocity;
+        self.motion.position = self.motion.position + velocity * dt;
+        self.throttle = (0.35 + 0.1 * push + 0.12 * self.climb).clamp(0.05, 1.0);
+        self.touch();
+        self.target.velocity = velocity;
+        self.motion.turn_to([self.bank, pitch, heading], dt);
+    }
+
+    /// On its wheels, braking; or gliding down where the motor was stopped in the air.
+    fn roll_out(&mut self, dt: f64) {
+        self.throttle = 0.0;
+        self.bank -= self.bank * dt;
+        let yaw = self.motion.attitude[2];
+        if self.motion.position.d < 0.0 {
+            self.climb += (-3.0 - self.climb) * dt;
+            self.airspeed += (8.0 - self.airspeed) * 0.2 * dt;
+        } else {
+            self.climb = 0.0;
+            self.airspeed = (self.airspeed - 4.0 * dt).max(0.0);
+        }
+        let velocity = Ned::new(
+            self.airspeed * yaw.cos(),
+            self.airspeed * yaw.sin(),
+            -self.climb,
+        );
+        self.motion.acceleration = Ned::default();
+        self.motion.velocity = velocity;
+        self.motion.position = self.motion.position + velocity * dt;
+        self.touch();
+        self.motion.turn_to([self.bank, 0.0, yaw], dt);
+    }
+
+    fn touch(&mut self) {
+        if self.motion.position.d > 0.0 {
+            self.motion.position.d = 0.0;
+            self.motion.velocity.d = 0.0;
+            self.climb = self.climb.max(0.0);
+        }
+    }
+}
+
+/// Course round a circle: along its tangent, bent inward or outward by the distance from it.
+fn round(centre: Ned, radius: f64, at: Ned) -> f64 {
+    let out = at - centre;
+    let r = radius.abs().max(10.0);
+    let side = if radius < 0.0 { -1.0 } else { 1.0 };
+    let off = ((out.horizontal() - r) / (0.5 * r)).atan();
+    out.bearing() + side * (std::f64::consts::FRAC_PI_2 + off)
+}

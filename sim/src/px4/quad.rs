@@ -1,0 +1,316 @@
+//! A quadrotor: it follows a trajectory as PX4's controllers make it, a little late and a little
+//! off, tilts into its acceleration, and stands on flat ground at the height of its home.
+
+use super::attitude::{GRAVITY, Motion, tilt_for};
+use super::geo::{Ned, wrap_pi};
+use super::guidance::{Guidance, Heading};
+use super::rng::{Drift, Rng};
+use super::trajectory::{Limits, Trajectory};
+
+/// What the controllers need from the parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct QuadTuning {
+    /// Limits of the trajectory.
+    pub limits: Limits,
+    /// MPC_XY_P, 1/s.
+    pub position_gain: f64,
+    /// MPC_XY_VEL_P_ACC, 1/s.
+    pub velocity_gain: f64,
+    /// MPC_TKO_SPEED, m/s.
+    pub takeoff_speed: f64,
+    /// MPC_TKO_RAMP_T, s.
+    pub takeoff_ramp: f64,
+    /// MPC_LAND_SPEED, m/s.
+    pub land_speed: f64,
+    /// MPC_LAND_CRWL, m/s, below MPC_LAND_ALT3.
+    pub land_crawl: f64,
+    /// MPC_LAND_ALT1, 2, 3, m above ground.
+    pub land_altitudes: [f64; 3],
+    /// MPC_YAWRAUTO_MAX, rad/s.
+    pub yaw_rate: f64,
+    /// MPC_YAWRAUTO_ACC, rad/s2.
+    pub yaw_acc: f64,
+}
+
+/// The airframe's state.
+#[derive(Debug, Clone)]
+pub struct Quad {
+    motion: Motion,
+    trajectory: Trajectory,
+    steering: Steering,
+    heading: f64,
+    heading_rate: f64,
+    wind: [f64; 2],
+    gusts: [Drift; 3],
+    rng: Rng,
+    throttle: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Steering {
+    Ground,
+    Leg,
+    Other,
+}
+
+impl Quad {
+    /// Stands on the ground at the origin.
+    pub fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
+        let motion = Motion {
+            attitude: [0.0, 0.0, heading],
+            ..Motion::default()
+        };
+        Self {
+            motion,
+            trajectory: Trajectory::default(),
+            steering: Steering::Ground,
+            heading,
+            heading_rate: 0.0,
+            wind,
+            gusts: [
+                Drift::new(0.12, 1.2),
+                Drift::new(0.12, 1.2),
+                Drift::new(0.08, 0.8),
+            ],
+            rng: Rng::new(seed ^ 0x51AD),
+            throttle: 0.0,
+        }
+    }
+
+    /// The true motion.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// The trajectory's present setpoint: position, velocity, acceleration.
+    pub fn setpoint(&self) -> &Trajectory {
+        &self.trajectory
+    }
+
+    /// Throttle, 0 to 1.
+    pub fn throttle(&self) -> f64 {
+        self.throttle
+    }
+
+    /// Heading setpoint, radians.
+    pub fn heading_setpoint(&self) -> f64 {
+        self.heading
+    }
+
+    /// One step. `error` is the estimator's present position error: the controllers steer by what
+    /// they believe.
+    pub fn step(
+        &mut self,
+        dt: f64,
+        guidance: &Guidance,
+        heading: &Heading,
+        error: Ned,
+        tuning: &QuadTuning,
+    ) {
+        if matches!(guidance, Guidance::Ground) {
+            self.rest(dt);
+            return;
+        }
+        let believed = self.motion.position + error;
+        self.plan(dt, guidance, believed, tuning);
+        self.steer_heading(dt, guidance, heading, believed, tuning);
+        self.fly(dt, believed, tuning);
+    }
+
+    fn rest(&mut self, dt: f64) {
+        self.steering = Steering::Ground;
+        if self.motion.position.d < 0.0 {
+            // Motors stopped in the air.
+            self.motion.acceleration = Ned::new(0.0, 0.0, GRAVITY);
+            self.motion.velocity.d += GRAVITY * dt;
+            self.motion.position = self.motion.position + self.motion.velocity * dt;
+        }
+        if self.motion.position.d >= 0.0 {
+            self.motion.position.d = 0.0;
+            self.motion.velocity = Ned::default();
+            self.motion.acceleration = Ned::default();
+        }
+        self.heading = self.motion.attitude[2];
+        self.heading_rate = 0.0;
+        self.throttle = 0.0;
+        let yaw = self.motion.attitude[2];
+        self.motion.turn_to([0.0, 0.0, yaw], dt);
+    }
+
+    fn plan(&mut self, dt: f64, guidance: &Guidance, believed: Ned, tuning: &QuadTuning) {
+        let kind = match guidance {
+            Guidance::Leg { .. } | Guidance::Land { .. } | Guidance::Climb { .. } => Steering::Leg,
+            _ => Steering::Other,
+        };
+        if kind != self.steering {
+            let at = self.motion.position;
+            if self.steering == Steering::Ground {
+                self.trajectory.reset(believed, Ned::default());
+            } else if (at - self.trajectory.position).norm() > 3.0 {
+                self.trajectory.reset(believed, self.motion.velocity);
+            }
+            self.steering = kind;
+        }
+        let above_ground = -self.motion.position.d;
+        let mut limits = tuning.limits;
+        match guidance {
+            Guidance::Ground => {}
+            Guidance::Leg(leg) => self.trajectory.follow(dt, leg, believed, &limits),
+            Guidance::Climb(leg) => {
+                if above_ground < tuning.land_altitudes[0] {
+                    limits.climb = tuning.takeoff_speed;
+                    limits.acc_up = tuning.takeoff_speed / tuning.takeoff_ramp;
+                }
+                self.trajectory.follow(dt, leg, believed, &limits);
+            }
+            Guidance::Land(leg) => {
+                let sink = self.landing_speed(tuning);
+                self.trajectory
+                    .follow_and_sink(dt, leg, sink, believed, &limits);
+            }
+            Guidance::Steer { position, velocity } => {
+                let wanted = self.steered(position, velocity, tuning);
+                self.trajectory.advance(dt, wanted, believed, &limits);
+            }
+            Guidance::Circle {
+                centre,
+                radius,
+                speed,
+                altitude_d,
+            } => {
+                let out = believed - *centre;
+                let r = out.horizontal().max(0.1);
+                let (un, ue) = (out.n / r, out.e / r);
+                let side = radius.signum();
+                // Toward the circle first, then round it.
+                let outward = (0.6 * (radius.abs() - r)).clamp(-speed.abs(), speed.abs());
+                let round = (speed * speed - outward * outward).max(0.0).sqrt() * side;
+                let climb = (1.0 * (altitude_d - self.trajectory.position.d))
+                    .clamp(-limits.climb, limits.sink);
+                let wanted = Ned::new(un * outward - ue * round, ue * outward + un * round, climb);
+                self.trajectory.advance(dt, wanted, believed, &limits);
+            }
+        }
+    }
+
+    /// Fast above the first height, slow below the second, crawling below the third.
+    fn landing_speed(&self, tuning: &QuadTuning) -> f64 {
+        let height = -self.motion.position.d;
+        let [high, low, crawl] = tuning.land_altitudes;
+        if height <= crawl {
+            return tuning.land_crawl;
+        }
+        let share = ((height - low) / (high - low)).clamp(0.0, 1.0);
+        tuning.land_speed + share * (tuning.limits.sink - tuning.land_speed)
+    }
+
+    /// Velocity that a steering setpoint asks for: a position pulls, a velocity leads, and an
+    /// axis with neither stops.
+    fn steered(
+        &self,
+        position: &[Option<f64>; 3],
+        velocity: &[Option<f64>; 3],
+        tuning: &QuadTuning,
+    ) -> Ned {
+        let at = self.trajectory.position;
+        let axis = |i: usize, here: f64, gain: f64| {
+            let lead = velocity[i].unwrap_or(0.0);
+            lead + position[i].map_or(0.0, |p| gain * (p - here))
+        };
+        let (n, e) = (
+            axis(0, at.n, tuning.position_gain),
+            axis(1, at.e, tuning.position_gain),
+        );
+        let d = axis(2, at.d, 1.0).clamp(-tuning.limits.climb, tuning.limits.sink);
+        let speed = n.hypot(e);
+        let k = if speed > tuning.limits.speed_max {
+            tuning.limits.speed_max / speed
+        } else {
+            1.0
+        };
+        Ned::new(n * k, e * k, d)
+    }
+
+    fn steer_heading(
+        &mut self,
+        dt: f64,
+        guidance: &Guidance,
+        heading: &Heading,
+        believed: Ned,
+        t: &QuadTuning,
+    ) {
+        let goal = match heading {
+            Heading::Hold => None,
+            Heading::To(yaw) => Some(*yaw),
+            Heading::Rate(rate) => {
+                self.heading_rate = rate.clamp(-3.5, 3.5);
+                self.heading = wrap_pi(self.heading + self.heading_rate * dt);
+                return;
+            }
+            Heading::Along => match guidance {
+                Guidance::Leg(leg) => {
+                    let way = leg.target - believed;
+                    (way.horizontal() > leg.acceptance).then(|| way.bearing())
+                }
+                Guidance::Circle { centre, .. } => Some((*centre - believed).bearing()),
+                _ => None,
+            },
+        };
+        let wanted = match goal {
+            Some(goal) => {
+                let off = wrap_pi(goal - self.heading);
+                let rate = (2.0 * t.yaw_acc * off.abs())
+                    .sqrt()
+                    .min(4.0 * off.abs())
+                    .min(t.yaw_rate);
+                rate * off.signum()
+            }
+            None => 0.0,
+        };
+        self.heading_rate += (wanted - self.heading_rate).clamp(-t.yaw_acc * dt, t.yaw_acc * dt);
+        self.heading = wrap_pi(self.heading + self.heading_rate * dt);
+    }
+
+    fn fly(&mut self, dt: f64, believed: Ned, tuning: &QuadTuning) {
+        let plan = &self.trajectory;
+        let off = plan.position - believed;
+        let v = self.motion.velocity;
+        let k = tuning.velocity_gain;
+        let mut wanted = Ned::new(
+            plan.acceleration.n + k * (plan.velocity.n + tuning.position_gain * off.n - v.n),
+            plan.acceleration.e + k * (plan.velocity.e + tuning.position_gain * off.e - v.e),
+            plan.acceleration.d + 4.0 * (plan.velocity.d + 1.0 * off.d - v.d),
+        );
+        let tilt = wanted.horizontal();
+        if tilt > GRAVITY {
+            wanted.n *= GRAVITY / tilt;
+            wanted.e *= GRAVITY / tilt;
+        }
+        wanted.d = wanted.d.clamp(-6.0, 6.0);
+        // Attitude answers with a delay, thrust faster.
+        let (slow, fast) = ((dt / 0.15).min(1.0), (dt / 0.06).min(1.0));
+        let a = &mut self.motion.acceleration;
+        a.n += (wanted.n - a.n) * slow;
+        a.e += (wanted.e - a.e) * slow;
+        a.d += (wanted.d - a.d) * fast;
+        let acceleration = *a;
+        let [gn, ge, gd] = &mut self.gusts;
+        let gust = Ned::new(
+            gn.step(dt, &mut self.rng),
+            ge.step(dt, &mut self.rng),
+            gd.step(dt, &mut self.rng),
+        );
+        self.motion.velocity = self.motion.velocity + (acceleration + gust) * dt;
+        self.motion.position = self.motion.position + self.motion.velocity * dt;
+        if self.motion.position.d > 0.0 {
+            self.motion.position.d = 0.0;
+            self.motion.velocity = Ned::default();
+        }
+        let v = self.motion.velocity;
+        let drag = Ned::new(v.n - self.wind[0], v.e - self.wind[1], 0.0) * 0.3;
+        let force = acceleration + drag - Ned::new(0.0, 0.0, GRAVITY);
+        let (roll, pitch) = tilt_for(force, self.heading);
+        self.throttle = (0.5 * force.norm() / GRAVITY).clamp(0.0, 1.0);
+        self.motion.turn_to([roll, pitch, self.heading], dt);
+    }
+}

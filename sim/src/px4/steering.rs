@@ -1,0 +1,193 @@
+//! Steering from outside: the pilot's sticks and OFFBOARD setpoints.
+
+use mavlink::dialects::development::{
+    MANUAL_CONTROL_DATA, SET_POSITION_TARGET_GLOBAL_INT_DATA, SET_POSITION_TARGET_LOCAL_NED_DATA,
+};
+
+use super::geo::{Geodetic, LocalFrame, Ned};
+use super::guidance::{Guidance, Heading};
+use super::params::{Param, Params};
+
+/// MANUAL_CONTROL, each axis from -1 to 1.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Sticks {
+    forward: f64,
+    right: f64,
+    up: f64,
+    turn: f64,
+}
+
+impl Sticks {
+    /// From the message; an axis that is INT16_MAX is not there and counts as centred.
+    pub fn new(m: &MANUAL_CONTROL_DATA) -> Self {
+        let axis = |v: i16| {
+            if v == i16::MAX {
+                0.0
+            } else {
+                (f64::from(v) / 1000.0).clamp(-1.0, 1.0)
+            }
+        };
+        let throttle = if m.z == i16::MAX {
+            0.0
+        } else {
+            f64::from(m.z) / 500.0 - 1.0
+        };
+        Self {
+            forward: axis(m.x),
+            right: axis(m.y),
+            up: throttle.clamp(-1.0, 1.0),
+            turn: axis(m.r),
+        }
+    }
+
+    /// Climbing is asked for: what it takes to leave the ground.
+    pub fn wants_up(&self) -> bool {
+        self.up > DEADZONE
+    }
+
+    /// The velocity that the sticks ask for, in the heading's frame.
+    pub fn guidance(&self, yaw: f64, params: &Params) -> (Guidance, Heading) {
+        let speed = params.get(Param::MPC_VEL_MANUAL);
+        let (forward, right) = (dead(self.forward) * speed, dead(self.right) * speed);
+        let up = dead(self.up);
+        let climb = up
+            * params.get(if up > 0.0 {
+                Param::MPC_Z_VEL_MAX_UP
+            } else {
+                Param::MPC_Z_VEL_MAX_DN
+            });
+        let (sin, cos) = yaw.sin_cos();
+        let velocity = [
+            Some(forward * cos - right * sin),
+            Some(forward * sin + right * cos),
+            Some(-climb),
+        ];
+        let rate = dead(self.turn) * params.get(Param::MPC_MAN_Y_MAX).to_radians();
+        (
+            Guidance::Steer {
+                position: [None; 3],
+                velocity,
+            },
+            Heading::Rate(rate),
+        )
+    }
+}
+
+/// What OFFBOARD flies: local frame, NaN where not commanded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Setpoint {
+    position: [Option<f64>; 3],
+    velocity: [Option<f64>; 3],
+    heading: Heading,
+}
+
+impl Setpoint {
+    /// From SET_POSITION_TARGET_LOCAL_NED in LOCAL_NED (1) or BODY_NED (8) and BODY_FRD (12,
+    /// velocity only). `None` where nothing in it can be flown.
+    pub fn from_local(m: &SET_POSITION_TARGET_LOCAL_NED_DATA, yaw: f64) -> Option<Self> {
+        let mask = m.type_mask.bits();
+        let mut position = pick([m.x, m.y, m.z], mask, 0);
+        let mut velocity = pick([m.vx, m.vy, m.vz], mask, 3);
+        match m.coordinate_frame as u32 {
+            1 => {}
+            8 | 12 => {
+                position = [None; 3];
+                if let [Some(forward), Some(right), _] = velocity {
+                    let (sin, cos) = yaw.sin_cos();
+                    velocity[0] = Some(forward * cos - right * sin);
+                    velocity[1] = Some(forward * sin + right * cos);
+                }
+            }
+            _ => return None,
+        }
+        Self::new(position, velocity, heading(m.yaw, m.yaw_rate, mask))
+    }
+
+    /// From SET_POSITION_TARGET_GLOBAL_INT, altitude AMSL (frames 0, 5) or above home (3, 6).
+    pub fn from_global(
+        m: &SET_POSITION_TARGET_GLOBAL_INT_DATA,
+        frame: &LocalFrame,
+        home: Ned,
+    ) -> Option<Self> {
+        let mask = m.type_mask.bits();
+        let at = frame.to_local(Geodetic {
+            latitude_deg: f64::from(m.lat_int) * 1e-7,
+            longitude_deg: f64::from(m.lon_int) * 1e-7,
+            altitude_m: f64::from(m.alt),
+        });
+        let d = match m.coordinate_frame as u32 {
+            0 | 5 => at.d,
+            3 | 6 => home.d - f64::from(m.alt),
+            _ => return None,
+        };
+        let mut position = pick([at.n as f32, at.e as f32, d as f32], mask, 0);
+        if let [Some(n), Some(e), _] = &mut position {
+            (*n, *e) = (at.n, at.e);
+        }
+        Self::new(
+            position,
+            pick([m.vx, m.vy, m.vz], mask, 3),
+            heading(m.yaw, m.yaw_rate, mask),
+        )
+    }
+
+    fn new(
+        position: [Option<f64>; 3],
+        velocity: [Option<f64>; 3],
+        heading: Heading,
+    ) -> Option<Self> {
+        let flyable = position.iter().chain(&velocity).any(Option::is_some);
+        flyable.then_some(Self {
+            position,
+            velocity,
+            heading,
+        })
+    }
+
+    /// What to fly.
+    pub fn guidance(&self) -> (Guidance, Heading) {
+        (
+            Guidance::Steer {
+                position: self.position,
+                velocity: self.velocity,
+            },
+            self.heading,
+        )
+    }
+
+    /// It asks for a climb: what it takes to leave the ground.
+    pub fn wants_up(&self, down: f64) -> bool {
+        self.position[2].is_some_and(|d| d < down - 0.3)
+            || self.velocity[2].is_some_and(|v| v < -0.1)
+    }
+}
+
+fn pick(values: [f32; 3], mask: u16, shift: u32) -> [Option<f64>; 3] {
+    let mut out = [None; 3];
+    for (i, value) in values.into_iter().enumerate() {
+        let ignored = mask >> (shift + i as u32) & 1 == 1;
+        out[i] = (!ignored && value.is_finite()).then_some(f64::from(value));
+    }
+    out
+}
+
+fn heading(yaw: f32, rate: f32, mask: u16) -> Heading {
+    if mask & 0x400 == 0 && yaw.is_finite() {
+        Heading::To(f64::from(yaw))
+    } else if mask & 0x800 == 0 && rate.is_finite() {
+        Heading::Rate(f64::from(rate))
+    } else {
+        Heading::Hold
+    }
+}
+
+/// The middle of a stick does nothing.
+fn dead(v: f64) -> f64 {
+    if v.abs() < DEADZONE {
+        0.0
+    } else {
+        (v.abs() - DEADZONE) / (1.0 - DEADZONE) * v.signum()
+    }
+}
+
+const DEADZONE: f64 = 0.1;
