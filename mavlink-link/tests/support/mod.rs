@@ -163,9 +163,9 @@ pub(crate) struct Vehicle {
     pub(crate) component: u8,
     pub(crate) link_id: u8,
     pub(crate) stamp: Stamp,
-    initial: Stamp,
-    streams: HashMap<(u8, u8, u8), Stamp>,
-    seq: u8,
+    pub(crate) initial: Stamp,
+    pub(crate) streams: HashMap<(u8, u8, u8), Stamp>,
+    pub(crate) seq: u8,
 }
 
 impl Vehicle {

@@ -1,0 +1,689 @@
+//! The services' two ends over a network that loses, doubles, delays and reorders.
+//!
+//! Every run is a function of its seed. Time is virtual.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use mavlink::dialects::development::{
+    MISSION_ACK_DATA, MavMessage, MavMissionResult, MavMissionType,
+};
+use mavlink_link::service::Node;
+use mavlink_link::service::mission::{
+    self, Airframe, Event, Failure, Item, Limits, Operation, Px4Rules, ServerEvent, StartError,
+    plan_id, verify,
+};
+use mavlink_link::service::param::{self, Name, Value};
+
+const US: Node = Node::new(255, 190);
+const PX4: Node = Node::new(1, 1);
+const MISSION: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
+const FENCE: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
+
+// ---- the network ----
+
+/// How a network treats each message, one way or the other.
+#[derive(Clone, Copy, Debug)]
+struct Weather {
+    /// Lost, in percent.
+    loss: u64,
+    /// Delivered twice, in percent.
+    double: u64,
+    /// Delay in milliseconds, from and to; the spread makes messages overtake each other.
+    delay_ms: (u64, u64),
+}
+
+const FAIR: Weather = Weather {
+    loss: 0,
+    double: 0,
+    delay_ms: (5, 5),
+};
+const RADIO: Weather = Weather {
+    loss: 20,
+    double: 0,
+    delay_ms: (60, 60),
+};
+const BAD: Weather = Weather {
+    loss: 40,
+    double: 0,
+    delay_ms: (20, 60),
+};
+const WILD: Weather = Weather {
+    loss: 25,
+    double: 10,
+    delay_ms: (1, 120),
+};
+
+struct Network {
+    weather: Weather,
+    seed: u64,
+    /// By time and order of sending: whether it goes to the vehicle, and what.
+    flying: BTreeMap<(Duration, u64), (bool, MavMessage)>,
+    sent: u64,
+}
+
+impl Network {
+    fn new(weather: Weather, seed: u64) -> Self {
+        Self {
+            weather,
+            seed,
+            flying: BTreeMap::new(),
+            sent: 0,
+        }
+    }
+
+    fn send(&mut self, now: Duration, to_vehicle: bool, message: &MavMessage) {
+        let copies = if self.percent(self.weather.double) {
+            2
+        } else {
+            1
+        };
+        for _ in 0..copies {
+            if self.percent(self.weather.loss) {
+                continue;
+            }
+            let (from, to) = self.weather.delay_ms;
+            let delay = from + self.random() % (to - from + 1);
+            self.sent += 1;
+            let at = now + Duration::from_millis(delay);
+            self.flying
+                .insert((at, self.sent), (to_vehicle, message.clone()));
+        }
+    }
+
+    fn next_at(&self) -> Option<Duration> {
+        self.flying.keys().next().map(|(at, _)| *at)
+    }
+
+    fn arrive(&mut self, now: Duration) -> Option<(bool, MavMessage)> {
+        let entry = self.flying.first_entry()?;
+        (entry.key().0 <= now).then(|| entry.remove())
+    }
+
+    fn percent(&mut self, chance: u64) -> bool {
+        self.random() % 100 < chance
+    }
+
+    /// SplitMix64.
+    fn random(&mut self) -> u64 {
+        self.seed = self.seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.seed;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+}
+
+// ---- missions ----
+
+struct World {
+    now: Duration,
+    network: Network,
+    client: mission::Client,
+    server: mission::Server<Px4Rules>,
+    texts: Vec<&'static str>,
+    /// Every plan of items that the vehicle ever stored.
+    stored: Vec<Vec<Item>>,
+}
+
+impl World {
+    fn new(weather: Weather, seed: u64) -> Self {
+        let rules = Px4Rules {
+            airframe: Airframe::RotaryWing,
+        };
+        Self {
+            now: Duration::from_secs(100),
+            network: Network::new(weather, seed),
+            client: mission::Client::new(US, PX4, mission::Timing::default()),
+            server: mission::Server::new(PX4, Limits::PX4_SITL, rules),
+            texts: Vec::new(),
+            stored: Vec::new(),
+        }
+    }
+
+    /// Runs until the client's operation ends; returns its last event.
+    fn run(&mut self) -> Event {
+        let start = self.now;
+        loop {
+            self.exchange();
+            while let Some(event) = self.client.poll_event() {
+                if !matches!(event, Event::Progress { .. }) {
+                    assert_eq!(self.client.busy(), None);
+                    return event;
+                }
+            }
+            self.step();
+            assert!(
+                self.now - start < Duration::from_secs(600),
+                "no end in ten minutes"
+            );
+        }
+    }
+
+    /// Lets `time` pass.
+    fn wait(&mut self, time: Duration) {
+        let end = self.now + time;
+        self.exchange();
+        while self.next_at().is_some_and(|at| at <= end) {
+            self.step();
+            self.exchange();
+        }
+        self.now = end;
+    }
+
+    fn next_at(&self) -> Option<Duration> {
+        let (client, server) = (self.client.poll_timeout(), self.server.poll_timeout());
+        [client, server, self.network.next_at()]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    fn step(&mut self) {
+        let next = self
+            .next_at()
+            .expect("something is due while an operation runs");
+        self.now = self.now.max(next);
+        while let Some((to_vehicle, message)) = self.network.arrive(self.now) {
+            if to_vehicle {
+                self.server.handle_message(self.now, US, &message);
+            } else {
+                self.client.handle_message(self.now, PX4, &message, true);
+            }
+            self.exchange();
+        }
+        self.client.handle_timeout(self.now);
+        self.server.handle_timeout(self.now);
+    }
+
+    fn exchange(&mut self) {
+        while let Some(message) = self.client.poll_transmit() {
+            self.network.send(self.now, true, &message);
+        }
+        while let Some(message) = self.server.poll_transmit() {
+            self.network.send(self.now, false, &message);
+        }
+        while let Some(event) = self.server.poll_event() {
+            match event {
+                ServerEvent::Stored { kind, .. } => {
+                    self.stored.push(self.server.items(kind).to_vec());
+                }
+                ServerEvent::Text(text) => self.texts.push(text),
+                ServerEvent::CurrentSet(_) => {}
+            }
+        }
+    }
+}
+
+/// A plan of `count` items in which every item differs, and differs from those of another `salt`.
+fn plan(count: u16, salt: i32) -> Vec<Item> {
+    (0..count)
+        .map(|seq| Item {
+            frame: if seq % 3 == 0 { 0 } else { 6 },
+            command: 16,
+            current: seq == 0,
+            autocontinue: true,
+            params: [f32::from(seq % 7), 2.0, 0.0, f32::NAN],
+            x: 473_977_418 + i32::from(seq) * 1000 + salt,
+            y: -85_455_938 - i32::from(seq) * 777,
+            z: 20.0 + f32::from(seq) / 4.0,
+        })
+        .collect()
+}
+
+#[test]
+fn an_upload_ends_right_or_with_a_stated_failure_and_stores_no_other_plan() {
+    let mut uploaded = 0;
+    let mut runs = 0;
+    for (weather, seeds) in [(FAIR, 2), (RADIO, 20), (BAD, 30), (WILD, 60)] {
+        for seed in 0..seeds {
+            let mut world = World::new(weather, seed);
+            let items = plan(1 + (seed % 25) as u16, 0);
+            let id = plan_id(&items);
+            world
+                .client
+                .upload(world.now, MISSION, items.clone())
+                .unwrap();
+            runs += 1;
+            match world.run() {
+                Event::Uploaded { kind, opaque_id } => {
+                    assert_eq!((kind, opaque_id), (MISSION, id), "{weather:?} {seed}");
+                    assert_eq!(world.server.items(MISSION), items);
+                    uploaded += 1;
+                }
+                Event::Failed {
+                    operation: Operation::Upload,
+                    ..
+                } => {}
+                event => panic!("{weather:?} {seed}: {event:?}"),
+            }
+            assert!(
+                world.stored.iter().all(|stored| *stored == items),
+                "{weather:?} {seed}"
+            );
+        }
+    }
+    // A failure must be stated; it need not be usual.
+    assert!(uploaded * 100 >= runs * 97, "{uploaded} of {runs}");
+}
+
+#[test]
+fn plan_after_plan_in_wild_weather_never_takes_one_for_another() {
+    let mut confirmed = 0;
+    for seed in 0..25 {
+        let mut world = World::new(WILD, 7000 + seed);
+        for round in 0..6 {
+            let items = plan(1 + (world.network.random() % 9) as u16, round + 1);
+            world
+                .client
+                .upload(world.now, MISSION, items.clone())
+                .unwrap();
+            if let Event::Uploaded { opaque_id, .. } = world.run() {
+                assert_eq!(opaque_id, plan_id(&items), "{seed} {round}");
+                assert_eq!(world.server.items(MISSION), items, "{seed} {round}");
+                confirmed += 1;
+            }
+            let pause = world.network.random() % 400;
+            world.wait(Duration::from_millis(pause));
+        }
+    }
+    assert!(confirmed > 130, "{confirmed} of 150");
+}
+
+#[test]
+fn a_download_brings_what_the_vehicle_holds_and_verifies() {
+    let mut downloaded = 0;
+    for (weather, seeds) in [(FAIR, 2), (RADIO, 15), (BAD, 20), (WILD, 30)] {
+        for seed in 0..seeds {
+            let mut world = World::new(weather, 500 + seed);
+            world.network.weather = FAIR;
+            let items = plan(1 + (seed % 12) as u16, 3);
+            world
+                .client
+                .upload(world.now, MISSION, items.clone())
+                .unwrap();
+            assert!(matches!(world.run(), Event::Uploaded { .. }));
+            world.wait(Duration::from_secs(1));
+
+            world.network.weather = weather;
+            world.client.download(world.now, MISSION).unwrap();
+            match world.run() {
+                Event::Downloaded {
+                    kind,
+                    items: read,
+                    opaque_id,
+                } => {
+                    assert_eq!((kind, opaque_id), (MISSION, plan_id(&items)));
+                    assert_eq!(verify(MISSION, &items, &read), Ok(()), "{weather:?} {seed}");
+                    downloaded += 1;
+                }
+                Event::Failed {
+                    operation: Operation::Download,
+                    ..
+                } => {}
+                event => panic!("{weather:?} {seed}: {event:?}"),
+            }
+        }
+    }
+    assert!(downloaded >= 60, "{downloaded} of 67");
+}
+
+#[test]
+fn an_upload_right_after_a_download_whose_last_word_was_lost_succeeds() {
+    let mut world = World::new(FAIR, 1);
+    world.client.upload(world.now, MISSION, plan(3, 0)).unwrap();
+    assert!(matches!(world.run(), Event::Uploaded { .. }));
+    world.client.download(world.now, MISSION).unwrap();
+    assert!(matches!(world.run(), Event::Downloaded { .. }));
+    world.network.flying.clear();
+    while world.client.poll_transmit().is_some() {}
+    assert!(world.server.is_busy());
+
+    let next = plan(2, 9);
+    world
+        .client
+        .upload(world.now, MISSION, next.clone())
+        .unwrap();
+    assert!(matches!(world.run(), Event::Uploaded { .. }));
+    assert_eq!(world.server.items(MISSION), next);
+}
+
+#[test]
+fn clearing_works_in_bad_weather_and_clears_what_it_says() {
+    for seed in 0..20 {
+        let mut world = World::new(BAD, 900 + seed);
+        world.client.clear(world.now, MISSION).unwrap();
+        assert_eq!(world.run(), Event::Cleared { kind: MISSION }, "{seed}");
+        assert_eq!(world.server.opaque_id(MISSION), 0);
+    }
+    let mut world = World::new(FAIR, 0);
+    world.client.upload(world.now, MISSION, plan(3, 0)).unwrap();
+    assert!(matches!(world.run(), Event::Uploaded { .. }));
+    world.client.clear(world.now, FENCE).unwrap();
+    assert_eq!(world.run(), Event::Cleared { kind: FENCE });
+    assert_eq!(world.server.items(MISSION).len(), 3);
+    world
+        .client
+        .clear(world.now, MavMissionType::MAV_MISSION_TYPE_ALL)
+        .unwrap();
+    assert!(matches!(world.run(), Event::Cleared { .. }));
+    assert!(world.server.items(MISSION).is_empty());
+}
+
+#[test]
+fn a_refused_item_is_named_and_the_plan_aboard_stays() {
+    let mut world = World::new(RADIO, 4);
+    let held = plan(4, 0);
+    world
+        .client
+        .upload(world.now, MISSION, held.clone())
+        .unwrap();
+    assert!(matches!(world.run(), Event::Uploaded { .. }));
+    let mut bad = plan(6, 5);
+    bad[3].command = 18;
+    world.client.upload(world.now, MISSION, bad).unwrap();
+    let result = MavMissionResult::MAV_MISSION_UNSUPPORTED;
+    assert_eq!(
+        world.run(),
+        Event::Failed {
+            operation: Operation::Upload,
+            kind: MISSION,
+            reason: Failure::Refused {
+                result,
+                seq: Some(3)
+            },
+        }
+    );
+    assert_eq!(world.server.items(MISSION), held);
+}
+
+#[test]
+fn too_many_items_are_refused_before_any_is_sent() {
+    let mut world = World::new(FAIR, 4);
+    world.client.upload(world.now, FENCE, plan(65, 0)).unwrap();
+    let result = MavMissionResult::MAV_MISSION_NO_SPACE;
+    assert_eq!(
+        world.run(),
+        Event::Failed {
+            operation: Operation::Upload,
+            kind: FENCE,
+            reason: Failure::Refused { result, seq: None },
+        }
+    );
+}
+
+#[test]
+fn a_silent_vehicle_fails_every_operation_in_ten_seconds() {
+    let dead = Weather {
+        loss: 100,
+        double: 0,
+        delay_ms: (1, 1),
+    };
+    let start = |world: &mut World, operation: Operation| match operation {
+        Operation::Upload => world.client.upload(world.now, MISSION, plan(2, 0)),
+        Operation::Download => world.client.download(world.now, MISSION),
+        Operation::Clear => world.client.clear(world.now, MISSION),
+        Operation::SetCurrent => world.client.set_current(world.now, 1),
+    };
+    for wanted in [
+        Operation::Upload,
+        Operation::Download,
+        Operation::Clear,
+        Operation::SetCurrent,
+    ] {
+        let mut world = World::new(dead, 1);
+        let begun = world.now;
+        start(&mut world, wanted).unwrap();
+        assert_eq!(
+            start(&mut world, Operation::Clear),
+            Err(StartError::Busy(wanted))
+        );
+        let Event::Failed {
+            operation, reason, ..
+        } = world.run()
+        else {
+            panic!("{wanted:?} cannot succeed");
+        };
+        assert_eq!(operation, wanted);
+        assert!(matches!(reason, Failure::NoAnswer { .. }), "{reason:?}");
+        assert!(world.now - begun <= Duration::from_secs(10));
+    }
+}
+
+#[test]
+fn a_link_that_dies_in_the_middle_is_stated_and_px4_gives_up_after_five_seconds() {
+    let mut world = World::new(FAIR, 1);
+    world
+        .client
+        .upload(world.now, MISSION, plan(50, 0))
+        .unwrap();
+    world.wait(Duration::from_millis(100));
+    assert!(world.server.is_busy());
+    world.network.weather.loss = 100;
+    let Event::Failed { reason, .. } = world.run() else {
+        panic!("a dead link cannot succeed");
+    };
+    assert!(matches!(reason, Failure::NoAnswer { .. }), "{reason:?}");
+    world.wait(Duration::from_secs(6));
+    assert_eq!(world.texts, ["Mission sync timeout\t"]);
+    assert!(world.stored.is_empty());
+}
+
+#[test]
+fn a_cancelled_upload_frees_the_vehicle_at_once() {
+    let mut world = World::new(FAIR, 1);
+    world
+        .client
+        .upload(world.now, MISSION, plan(50, 0))
+        .unwrap();
+    world.wait(Duration::from_millis(100));
+    world.client.cancel();
+    assert!(matches!(
+        world.run(),
+        Event::Failed {
+            reason: Failure::Cancelled,
+            ..
+        }
+    ));
+    world.wait(Duration::from_millis(50));
+    assert!(!world.server.is_busy());
+    assert!(world.texts.is_empty() && world.stored.is_empty());
+}
+
+#[test]
+fn a_plan_that_another_program_left_half_sent_is_not_finished_with_ours() {
+    // The other one has our name, as our predecessor before a restart would.
+    let mut world = World::new(FAIR, 1);
+    world.client.upload(world.now, MISSION, plan(9, 1)).unwrap();
+    world.wait(Duration::from_millis(45));
+    assert!(world.server.is_busy());
+    world.client = mission::Client::new(US, PX4, mission::Timing::default());
+    let ours = plan(9, 2);
+    world
+        .client
+        .upload(world.now, MISSION, ours.clone())
+        .unwrap();
+    assert!(matches!(world.run(), Event::Uploaded { .. }));
+    assert_eq!(world.stored, [ours]);
+}
+
+#[test]
+fn a_transfer_that_another_station_left_is_waited_for() {
+    let other = Node::new(254, 190);
+    let mut world = World::new(FAIR, 1);
+    let mut rival = mission::Client::new(other, PX4, mission::Timing::default());
+    rival.upload(world.now, MISSION, plan(3, 1)).unwrap();
+    let count = rival.poll_transmit().unwrap();
+    world.server.handle_message(world.now, other, &count);
+    while world.server.poll_transmit().is_some() {}
+    world.client.upload(world.now, MISSION, plan(2, 2)).unwrap();
+    // The rival falls silent, PX4 gives it up after 5 s, and then it is our turn. Whoever asks
+    // more often than that keeps the dead transfer alive.
+    assert!(matches!(world.run(), Event::Uploaded { .. }));
+    assert_eq!(world.texts, ["Mission sync timeout\t"]);
+}
+
+#[test]
+fn a_station_that_goes_on_with_its_transfer_is_stated() {
+    let mut world = World::new(FAIR, 1);
+    let error = MavMissionResult::MAV_MISSION_ERROR;
+    world.client.upload(world.now, MISSION, plan(2, 2)).unwrap();
+    let end = loop {
+        // A vehicle that is busy with the other one whenever we ask.
+        while let Some(message) = world.client.poll_transmit() {
+            if matches!(message, MavMessage::MISSION_COUNT(_)) {
+                let busy = MavMessage::MISSION_ACK(MISSION_ACK_DATA {
+                    target_system: US.system,
+                    target_component: US.component,
+                    mavtype: error,
+                    ..MISSION_ACK_DATA::default()
+                });
+                world.client.handle_message(world.now, PX4, &busy, true);
+            }
+        }
+        if let Some(event) = world.client.poll_event() {
+            break event;
+        }
+        world.now = world.client.poll_timeout().unwrap();
+        world.client.handle_timeout(world.now);
+    };
+    assert_eq!(
+        end,
+        Event::Failed {
+            operation: Operation::Upload,
+            kind: MISSION,
+            reason: Failure::Refused {
+                result: error,
+                seq: None
+            },
+        }
+    );
+}
+
+// ---- parameters ----
+
+fn name(name: &str) -> Name {
+    Name::new(name).unwrap()
+}
+
+fn parameters(count: u16) -> Vec<param::Parameter> {
+    (0..count)
+        .map(|number| param::Parameter {
+            name: name(&format!("P_{number:04}")),
+            value: if number % 2 == 0 {
+                Value::Int(i32::from(number) - 50)
+            } else {
+                Value::Real(f32::from(number) / 3.0)
+            },
+            used: true,
+            read_only: false,
+        })
+        .collect()
+}
+
+fn run_params(
+    client: &mut param::Client,
+    server: &mut param::Server,
+    network: &mut Network,
+    mut now: Duration,
+) -> param::Event {
+    let start = now;
+    loop {
+        while let Some(message) = client.poll_transmit() {
+            network.send(now, true, &message);
+        }
+        while let Some(message) = server.poll_transmit() {
+            network.send(now, false, &message);
+        }
+        while let Some(event) = client.poll_event() {
+            if !matches!(event, param::Event::Progress { .. }) {
+                return event;
+            }
+        }
+        let due = [
+            client.poll_timeout(),
+            server.poll_timeout(),
+            network.next_at(),
+        ];
+        now = now.max(due.into_iter().flatten().min().unwrap());
+        assert!(now - start < Duration::from_secs(300));
+        while let Some((to_vehicle, message)) = network.arrive(now) {
+            if to_vehicle {
+                server.handle_message(now, US, &message);
+            } else {
+                client.handle_message(now, PX4, &message, true);
+            }
+        }
+        client.handle_timeout(now);
+        server.handle_timeout(now);
+    }
+}
+
+#[test]
+fn a_parameter_list_is_complete_whatever_the_weather() {
+    for (weather, seeds) in [(FAIR, 1), (RADIO, 4), (BAD, 8), (WILD, 8)] {
+        for seed in 0..seeds {
+            let mut network = Network::new(weather, seed);
+            let mut server = param::Server::new(PX4, parameters(300));
+            let mut client = param::Client::new(US, PX4, param::Timing::default());
+            let now = Duration::from_secs(5);
+            client.list(now).unwrap();
+            let param::Event::List { entries, .. } =
+                run_params(&mut client, &mut server, &mut network, now)
+            else {
+                panic!("{weather:?} {seed}");
+            };
+            let expected = parameters(300);
+            assert_eq!(entries.len(), expected.len());
+            for (got, expected) in entries.iter().zip(&expected) {
+                assert_eq!((got.name, got.value), (expected.name, expected.value));
+            }
+        }
+    }
+}
+
+#[test]
+fn reading_and_setting_answer_as_px4_does() {
+    let mut network = Network::new(BAD, 11);
+    let mut server = param::Server::new(PX4, parameters(10));
+    let mut client = param::Client::new(US, PX4, param::Timing::default());
+    let mut now = Duration::from_secs(5);
+    let mut ask = |start: &dyn Fn(&mut param::Client, Duration)| {
+        start(&mut client, now);
+        let event = run_params(&mut client, &mut server, &mut network, now);
+        now += Duration::from_secs(60);
+        network.flying.clear();
+        event
+    };
+    let unknown = name("NO_SUCH");
+    let (int, real) = (name("P_0002"), name("P_0003"));
+    let refused = |name, error| param::Event::Refused {
+        name,
+        reason: param::Refusal::Error(error),
+    };
+
+    let event = ask(&|c, now| c.read(now, int).unwrap());
+    assert_eq!(
+        event,
+        param::Event::Read {
+            name: int,
+            value: Value::Int(-48)
+        }
+    );
+    let event = ask(&|c, now| c.read(now, unknown).unwrap());
+    let missing = param::MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST;
+    assert_eq!(event, refused(unknown, missing));
+    let event = ask(&|c, now| c.set(now, int, Value::Real(1.0)).unwrap());
+    let mismatch = param::MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH;
+    assert_eq!(event, refused(int, mismatch));
+    // Out of any sensible range, and taken: PX4 checks none.
+    let event = ask(&|c, now| c.set(now, real, Value::Real(5e9)).unwrap());
+    assert_eq!(
+        event,
+        param::Event::Set {
+            name: real,
+            value: Value::Real(5e9)
+        }
+    );
+    assert_eq!(server.value(real), Some(Value::Real(5e9)));
+}
