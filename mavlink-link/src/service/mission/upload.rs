@@ -63,9 +63,10 @@ impl Upload {
     }
 
     pub(super) fn deadline(&self) -> Duration {
-        let own = if self.asked == 0 {
-            self.repeat.at
-        } else if self.asked == self.count {
+        if self.asked == 0 {
+            return self.restart_at.unwrap_or(self.repeat.at);
+        }
+        let own = if self.asked == self.count {
             self.repeat.at.min(self.stalled_at)
         } else {
             self.stalled_at
@@ -94,6 +95,9 @@ impl Upload {
             return self.restart(now, context);
         }
         if self.asked == 0 {
+            if self.restart_at.is_some() {
+                return None;
+            }
             if !self.repeat.again(now, &context.timing) {
                 return Some(Err(self.failure()));
             }
@@ -146,7 +150,14 @@ impl Upload {
             }
             result @ (R::MAV_MISSION_ERROR | R::MAV_MISSION_INVALID_SEQUENCE) => {
                 self.complaint = Some(self.refusal(result));
-                self.restart_at.get_or_insert(soon);
+                // Before the first request it means: busy, with another station perhaps. PX4
+                // then forgets a dead transfer only when nobody sends MISSION_COUNT for 5 s.
+                let at = if self.asked == 0 {
+                    now + context.timing.stall
+                } else {
+                    soon
+                };
+                self.restart_at.get_or_insert(at);
             }
             // A late one: it speaks of an item, and we have sent none.
             R::MAV_MISSION_UNSUPPORTED_FRAME
