@@ -41,6 +41,8 @@ enum Step {
     Heartbeats { arrive: bool },
     /// We send a message, and it reaches the vehicle or not.
     WeSend { link: usize, arrive: bool },
+    /// The vehicle's stamps run ahead of what we have stored, as ArduPilot's do.
+    VehicleAhead { link: usize, minutes: u64 },
     /// The vehicle restarts and its stamps fall back.
     VehicleRestarts,
     /// We are killed and start again.
@@ -64,6 +66,7 @@ fn step() -> impl Strategy<Value = Step> {
             .prop_map(|(link, which, stranger)| Step::Replay { link, which, stranger }),
         5 => any::<bool>().prop_map(|arrive| Step::Heartbeats { arrive }),
         3 => (link, any::<bool>()).prop_map(|(link, arrive)| Step::WeSend { link, arrive }),
+        1 => (0..2usize, 0..50u64).prop_map(|(link, minutes)| Step::VehicleAhead { link, minutes }),
         1 => Just(Step::VehicleRestarts),
         1 => Just(Step::WeRestart),
         1 => prop_oneof![-3_653..3_653i64, -2..2i64].prop_map(Step::WallSet),
@@ -83,6 +86,8 @@ struct World {
     delivered: HashSet<Vec<u8>>,
     /// The largest stamp of ours that ever left, over all restarts.
     sent: Stamp,
+    /// The largest stamp that was ever delivered.
+    accepted: Stamp,
 }
 
 fn links() -> [Link<Addr>; 2] {
@@ -111,20 +116,22 @@ impl World {
             recorder: vec![],
             delivered: HashSet::new(),
             sent: Stamp::ZERO,
+            accepted: Stamp::ZERO,
         }
     }
 
     fn receive(&mut self, link: usize, from: Addr, bytes: &[u8]) -> usize {
         let mut count = 0;
         let auth = Station::auth(&mut self.keys, &mut self.store);
-        let ceilings = &mut self.delivered;
+        let (delivered, newest) = (&mut self.delivered, &mut self.accepted);
         self.links[link].handle_datagram(self.now, from, bytes, auth, &mut |d| {
             count += 1;
             assert!(d.verified);
             assert!(
-                ceilings.insert(d.frame.as_bytes().to_vec()),
+                delivered.insert(d.frame.as_bytes().to_vec()),
                 "delivered twice"
             );
+            *newest = d.stamp.unwrap().max(*newest);
         });
         self.check_ceiling();
         count
@@ -138,7 +145,7 @@ impl World {
             .get(&key().id())
             .copied()
             .unwrap_or(Stamp::ZERO);
-        assert!(self.sent <= stored);
+        assert!(self.sent <= stored && self.accepted <= stored);
     }
 
     fn note_sent(&mut self, stamp: Stamp) {
@@ -210,6 +217,16 @@ impl World {
                         self.vehicles[link].receive(&out[..sent.len]);
                     }
                 }
+            }
+            Step::VehicleAhead { link, minutes } => {
+                let stored = self
+                    .store
+                    .ceilings
+                    .get(&key().id())
+                    .copied()
+                    .unwrap_or(Stamp::ZERO);
+                let ahead = stored.plus(Duration::from_secs(60 * minutes));
+                self.vehicles[link].stamp = self.vehicles[link].stamp.max(ahead);
             }
             Step::VehicleRestarts => self.vehicles.iter_mut().for_each(Vehicle::restart),
             Step::WeRestart => {
