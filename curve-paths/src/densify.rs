@@ -7,7 +7,7 @@
 
 use thiserror::Error;
 
-use crate::leg::BezierLeg;
+use crate::leg::{BezierLeg, LegError, Reach, check_altitude, check_ground, check_reach};
 use crate::local::Charges;
 use crate::vector::Vec3;
 use crate::walk::{Rules, walk};
@@ -15,6 +15,10 @@ use crate::wgs84::{Ground, Position};
 
 /// One leg of a route.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a route has a few hundred legs at most, and a leg stays Copy"
+)]
 pub enum Leg {
     /// The geodesic from one position to another, climbing evenly: one chord, which is charged its roundings only.
     Straight {
@@ -28,6 +32,24 @@ pub enum Leg {
 }
 
 impl Leg {
+    /// A legal straight leg.
+    ///
+    /// # Errors
+    /// When a number is not finite or out of range, or the ends more than 50 km apart.
+    pub fn straight(from: Position, to: Position) -> Result<Self, LegError> {
+        check_ground("P1", from.ground())?;
+        check_ground("P4", to.ground())?;
+        check_altitude("P1", from.alt_m)?;
+        check_altitude("P4", to.alt_m)?;
+        check_reach(
+            "P4",
+            "P1",
+            from.ground().distance_m(to.ground()),
+            Reach::default().leg_m,
+        )?;
+        Ok(Self::Straight { from, to })
+    }
+
     /// Where it starts.
     #[must_use]
     pub const fn start(&self) -> Position {
@@ -190,10 +212,10 @@ pub fn densify(legs: &[Leg], options: &Options) -> Result<Densified, DensifyErro
             }
         }
     }
-    if let [first, .., last] = &mut out.vertices[..] {
-        if apart_m(first.position, last.position) <= SAME_M {
-            last.position = first.position;
-        }
+    if let [first, .., last] = &mut out.vertices[..]
+        && apart_m(first.position, last.position) <= SAME_M
+    {
+        last.position = first.position;
     }
     Ok(out)
 }

@@ -5,6 +5,7 @@
 pub mod bound;
 pub mod cubic;
 mod densify;
+pub mod fit;
 mod leg;
 mod local;
 pub mod vector;

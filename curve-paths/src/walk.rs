@@ -73,10 +73,10 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64, last: f64) -> Chord {
         } else {
             high = h;
         }
-        if let Some(best) = best {
-            if high - low <= NARROW * high || step >= MOST_STEPS {
-                return best;
-            }
+        if let Some(best) = best
+            && (high - low <= NARROW * high || step >= MOST_STEPS)
+        {
+            return best;
         }
         if before_f > 0.0 && f > 0.0 && h != before_h {
             let measured = (f / before_f).ln() / (h / before_h).ln();

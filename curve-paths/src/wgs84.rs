@@ -120,6 +120,24 @@ pub(crate) fn east_north(up: Vec3) -> (Vec3, Vec3) {
     (east, up.cross(east))
 }
 
+/// Where the line through `q` along `direction` meets the ellipsoid, on the side nearer to `q`; none if it misses.
+pub(crate) fn on_ground(q: Vec3, direction: Vec3) -> Option<Vec3> {
+    const K: f64 = 1.0 / (1.0 - E2);
+    let dot = |a: Vec3, b: Vec3| a.x * b.x + a.y * b.y + a.z * b.z * K;
+    let (a, b, c) = (
+        dot(direction, direction),
+        dot(q, direction),
+        dot(q, q) - SEMI_MAJOR_M * SEMI_MAJOR_M,
+    );
+    let discriminant = b * b - a * c;
+    if discriminant < 0.0 {
+        return None;
+    }
+    // The root of the smaller size, without cancellation.
+    let step = -c / (b + discriminant.sqrt().copysign(b));
+    step.is_finite().then(|| q + direction * step)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,0 +1,51 @@
+//! `curve-plan`: plans curved routes, and says what they cost.
+//!
+//! Exit status 0: done; 1: the answer is no (the route cannot be flown, or cannot be had within what was asked for);
+//! 2: the command line or a file is wrong, with the file, the line and the field on standard error.
+#![forbid(unsafe_code)]
+
+mod compare;
+mod failure;
+mod formats;
+mod route;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use failure::Failure;
+
+/// Plans curved routes for unmanned aircraft: cubic Bezier legs, flown as straight ones within a proven tolerance.
+#[derive(Debug, Parser)]
+#[command(version, about, propagate_version = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Fewest straight legs against fewest cubic ones for a recorded track.
+    Compare(compare::Compare),
+}
+
+fn main() -> ExitCode {
+    let done = match Arguments::parse().command {
+        Command::Compare(compare) => compare.run(),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}
+
+/// Writes to standard output; a reader that has gone away ends the program quietly.
+fn print(text: &str) -> Result<(), Failure> {
+    use std::io::Write;
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Failure::file("standard output", e))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,107 @@
+//! A chain whose legs also share their direction where they meet.
+//!
+//! Each leg takes over the direction in which the one before it arrived, and goes as far as it can with its own end
+//! free; a closed track's last leg is held at both ends. Which start is best cannot be known beforehand, so starts
+//! along the whole first leg are tried.
+
+use super::Cubics;
+use super::chain::Shape;
+use super::pair::Tangents;
+use super::plane::{Cubic2, Vec2};
+
+/// A leg of a chain: from fix, to fix (of the second round where it must), and the curve.
+pub(crate) type Link = (usize, usize, Cubic2);
+
+/// The shortest smooth chain found. `reaches` are those of legs free at both ends: no leg reaches further.
+pub(crate) fn fewest(
+    shape: &Shape<'_>,
+    reaches: &[usize],
+    cubics: &mut Cubics<'_>,
+    progress: &mut dyn FnMut(f64),
+) -> Vec<Link> {
+    let mut starts = shape.starts();
+    if starts.len() > 1 {
+        let first = reaches[0].min(shape.count);
+        let stride = (first / STARTS).max(1);
+        starts = (0..first).step_by(stride).collect();
+    }
+    let mut best: Option<Vec<Link>> = None;
+    let tries = starts.len();
+    for (k, start) in starts.into_iter().enumerate() {
+        progress(k as f64 / tries as f64);
+        let most = best.as_ref().map_or(usize::MAX, Vec::len);
+        if let Some(chain) = chain_from(start, shape, reaches, cubics, most) {
+            best = Some(chain);
+        }
+    }
+    progress(1.0);
+    best.unwrap_or_default()
+}
+
+/// The chain from one start, or none once it cannot be shorter than `most`.
+fn chain_from(
+    start: usize,
+    shape: &Shape<'_>,
+    reaches: &[usize],
+    cubics: &mut Cubics<'_>,
+    most: usize,
+) -> Option<Vec<Link>> {
+    let end = shape.end(start);
+    let is_corner = |i: usize| shape.corners.contains(&(i % shape.count));
+    let mut chain: Vec<Link> = Vec::new();
+    let mut at = start;
+    let mut direction: Option<Vec2> = None;
+    while at < end {
+        if chain.len() + 1 >= most {
+            return None;
+        }
+        let lap = if shape.closed {
+            at / shape.count * shape.count
+        } else {
+            0
+        };
+        let reach = (reaches[at - lap] + lap).min(end);
+        let closing = match chain.first() {
+            Some((_, _, first)) if shape.closed && !is_corner(end) => Some(leaving(first)),
+            _ => None,
+        };
+        let mut fit = |to: usize, end_tangent: Option<Vec2>| {
+            let tangents = Tangents {
+                start: direction,
+                end: end_tangent,
+            };
+            cubics.fitting(at - lap, to - lap, tangents)
+        };
+        let mut to = reach;
+        let cubic = loop {
+            let tangent = if to == end { closing } else { None };
+            if let Some(cubic) = fit(to, tangent) {
+                break cubic;
+            }
+            // A last leg that cannot close in one is halved: both halves are then easy.
+            to = if to == end && closing.is_some() {
+                at + (end - at).div_ceil(2).min(end - at - 1)
+            } else {
+                to - 1
+            };
+            if to <= at {
+                return None;
+            }
+        };
+        chain.push((at - lap, to - lap, cubic));
+        direction = (!is_corner(to)).then(|| arriving(&cubic));
+        at = to;
+    }
+    Some(chain)
+}
+
+fn leaving(c: &Cubic2) -> Vec2 {
+    (c.0[1] - c.0[0]).unit()
+}
+
+fn arriving(c: &Cubic2) -> Vec2 {
+    (c.0[3] - c.0[2]).unit()
+}
+
+/// Starts tried on a closed track without corners.
+const STARTS: usize = 32;
