@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use mavlink::dialects::development::{
-    MISSION_ACK_DATA, MavMessage, MavMissionResult, MavMissionType,
+    MISSION_ACK_DATA, MISSION_REQUEST_INT_DATA, MavMessage, MavMissionResult, MavMissionType,
 };
 use mavlink_link::service::Node;
 use mavlink_link::service::mission::{
@@ -556,6 +556,109 @@ fn a_station_that_goes_on_with_its_transfer_is_stated() {
                 result: error,
                 seq: None
             },
+        }
+    );
+}
+
+#[test]
+fn a_shorter_plan_whose_cancelling_was_lost_does_not_cut_the_next_one_short() {
+    let mut world = World::new(FAIR, 1);
+    world.client.upload(world.now, MISSION, plan(2, 1)).unwrap();
+    let count = world.client.poll_transmit().unwrap();
+    world.server.handle_message(world.now, US, &count);
+    while world.server.poll_transmit().is_some() {}
+    world.client.cancel();
+    while world.client.poll_transmit().is_some() {}
+    assert!(matches!(
+        world.client.poll_event(),
+        Some(Event::Failed { .. })
+    ));
+
+    let ours = plan(5, 2);
+    world
+        .client
+        .upload(world.now, MISSION, ours.clone())
+        .unwrap();
+    assert!(matches!(world.run(), Event::Uploaded { .. }));
+    assert_eq!(world.stored, [ours]);
+}
+
+fn request(seq: u16) -> MavMessage {
+    MavMessage::MISSION_REQUEST_INT(MISSION_REQUEST_INT_DATA {
+        seq,
+        target_system: US.system,
+        target_component: US.component,
+        ..MISSION_REQUEST_INT_DATA::default()
+    })
+}
+
+fn accepted(opaque_id: u32) -> MavMessage {
+    MavMessage::MISSION_ACK(MISSION_ACK_DATA {
+        target_system: US.system,
+        target_component: US.component,
+        opaque_id,
+        ..MISSION_ACK_DATA::default()
+    })
+}
+
+#[test]
+fn an_acknowledgement_before_the_last_item_was_asked_for_is_an_old_one() {
+    let mut world = World::new(FAIR, 1);
+    let items = plan(2, 0);
+    let id = plan_id(&items);
+    world.client.upload(world.now, MISSION, items).unwrap();
+    for message in [accepted(id), request(0), accepted(id), request(1)] {
+        world.client.handle_message(world.now, PX4, &message, true);
+        let event = world.client.poll_event();
+        assert!(
+            matches!(event, None | Some(Event::Progress { .. })),
+            "{event:?}"
+        );
+    }
+    world
+        .client
+        .handle_message(world.now, PX4, &accepted(id), true);
+    let uploaded = Event::Uploaded {
+        kind: MISSION,
+        opaque_id: id,
+    };
+    assert_eq!(world.client.poll_event(), Some(uploaded));
+}
+
+#[test]
+fn an_acknowledgement_of_another_plan_never_confirms_this_one() {
+    let mut world = World::new(FAIR, 1);
+    let items = plan(1, 0);
+    let expected = plan_id(&items);
+    world.client.upload(world.now, MISSION, items).unwrap();
+    let end = loop {
+        while let Some(message) = world.client.poll_transmit() {
+            let answer = match message {
+                MavMessage::MISSION_COUNT(_) => request(0),
+                MavMessage::MISSION_ITEM_INT(_) => accepted(77),
+                _ => continue,
+            };
+            world.client.handle_message(world.now, PX4, &answer, true);
+        }
+        match world.client.poll_event() {
+            None | Some(Event::Progress { .. }) => {}
+            Some(event) => break event,
+        }
+        if let Some(due) = world.client.poll_timeout() {
+            world.now = due;
+            world.client.handle_timeout(due);
+        }
+    };
+    let reason = Failure::OtherPlan {
+        expected,
+        found: 77,
+    };
+    assert_eq!(
+        end,
+        Event::Failed {
+            operation: Operation::Upload,
+            kind: MISSION,
+            reason
         }
     );
 }

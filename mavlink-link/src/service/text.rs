@@ -78,7 +78,7 @@ impl Texts {
         }
         if data.id == 0 {
             let said = words(&[Some(chunk(data))], true);
-            self.emit(now, from, 0, data.severity, said);
+            self.emit(now, from, 0, data.severity, (said, true));
         } else {
             self.handle_chunk(now, from, data);
         }
@@ -147,8 +147,12 @@ impl Texts {
     fn give_out(&mut self, now: Duration, place: usize) {
         let partial = self.partial.remove(place);
         let whole = partial.is_whole();
-        let said = words(&partial.chunks, whole);
-        self.emit(now, partial.from, partial.id, partial.severity, said);
+        let ended = partial
+            .total
+            .is_some_and(|total| total <= partial.chunks.len());
+        let said = words(&partial.chunks, ended);
+        let severity = partial.severity;
+        self.emit(now, partial.from, partial.id, severity, (said, whole));
     }
 
     fn emit(
@@ -207,7 +211,8 @@ fn chunk(data: &STATUSTEXT_DATA) -> Vec<u8> {
     data.text.iter().copied().take_while(|&o| o != 0).collect()
 }
 
-fn words(chunks: &[Option<Vec<u8>>], whole: bool) -> (String, bool) {
+/// The chunks as a text; `ended` when the last one is among them.
+fn words(chunks: &[Option<Vec<u8>>], ended: bool) -> String {
     let mut octets = Vec::new();
     let mut gap = false;
     for chunk in chunks {
@@ -219,8 +224,8 @@ fn words(chunks: &[Option<Vec<u8>>], whole: bool) -> (String, bool) {
         }
         gap = chunk.is_none();
     }
-    if !whole && !gap {
+    if !ended {
         octets.extend_from_slice("…".as_bytes());
     }
-    (String::from_utf8_lossy(&octets).into_owned(), whole)
+    String::from_utf8_lossy(&octets).into_owned()
 }

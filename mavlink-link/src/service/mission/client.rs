@@ -71,6 +71,9 @@ pub enum StartError {
     /// Another one has not ended.
     #[error("busy with {0:?}")]
     Busy(Operation),
+    /// Too many events are unread: the end of this operation would have no room.
+    #[error("events are unread")]
+    Unread,
     /// An upload without items; clearing is an operation of its own.
     #[error("a plan without items")]
     Empty,
@@ -367,8 +370,14 @@ impl Client {
     }
 
     fn check_idle(&self) -> Result<(), StartError> {
-        self.busy()
-            .map_or(Ok(()), |busy| Err(StartError::Busy(busy)))
+        if let Some(busy) = self.busy() {
+            return Err(StartError::Busy(busy));
+        }
+        // One place for progress, one for the end.
+        if self.events.len() + 2 > MAX_EVENTS {
+            return Err(StartError::Unread);
+        }
+        Ok(())
     }
 
     /// Frees the vehicle of a transfer that did not end by its word. PX4 would otherwise answer
