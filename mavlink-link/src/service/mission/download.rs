@@ -8,7 +8,8 @@ use mavlink::dialects::development::{
 };
 
 use super::Item;
-use super::client::{Context, Event, Failure, Operation, Repeat, ack};
+use super::event::{Event, Failure, Operation};
+use super::job::{Context, Repeat, ack};
 
 /// The state of one download.
 #[derive(Debug)]

@@ -12,7 +12,9 @@
 
 mod client;
 mod download;
+mod event;
 mod item;
+mod job;
 mod param_table;
 mod plan_id;
 mod readback;
@@ -20,7 +22,8 @@ mod rules;
 mod server;
 mod upload;
 
-pub use client::{Client, Event, Failure, Operation, StartError, Timing};
+pub use client::Client;
+pub use event::{Event, Failure, Operation, StartError, Timing};
 pub use item::{FRAME_GLOBAL, FRAME_GLOBAL_RELATIVE, FRAME_MISSION, Item, UnknownInDialect};
 pub use mavlink::dialects::development::{MavMissionResult, MavMissionType};
 pub use param_table::{Airframe, first_unused_param_set};

@@ -6,7 +6,8 @@ use mavlink::dialects::development::{
     MISSION_ACK_DATA, MISSION_COUNT_DATA, MavMessage, MavMissionResult, MavMissionType,
 };
 
-use super::client::{Context, Event, Failure, Operation, Repeat};
+use super::event::{Event, Failure, Operation};
+use super::job::{Context, Repeat};
 use super::{Item, plan_id};
 
 /// The state of one upload.

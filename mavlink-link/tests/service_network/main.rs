@@ -1,0 +1,12 @@
+//! The services' two ends over a network that loses, doubles, delays and reorders.
+//!
+//! Every run is a function of its seed. Time is virtual.
+
+mod missions;
+mod network;
+mod parameters;
+
+use mavlink_link::service::Node;
+
+const US: Node = Node::new(255, 190);
+const PX4: Node = Node::new(1, 1);
