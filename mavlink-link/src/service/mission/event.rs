@@ -37,7 +37,7 @@ impl Default for Timing {
     }
 }
 
-/// What a [`Client`] can be busy with.
+/// What a [`Client`](super::Client) can be busy with.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Operation {
     /// A plan on its way to the vehicle.
@@ -104,7 +104,7 @@ pub enum Failure {
     Cancelled,
 }
 
-/// What a [`Client`] tells its caller.
+/// What a [`Client`](super::Client) tells its caller.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Event {
     /// A transfer went on. Unread progress is replaced, not queued.
