@@ -79,7 +79,7 @@ macro_rules! gather {
             /// Reads the data, presence vector and fields, of a message of this type.
             pub fn decode(message_type: u16, data: &[u8]) -> Result<Self, DecodeError> {
                 match message_type {
-                    $($($Name::ID => $Name::decode(data).map(Self::$Name),)*)*
+                    $($($Name::ID => Ok(Self::$Name($Name::decode(data)?)),)*)*
                     _ => Err(DecodeError::UnknownMessage { message_type }),
                 }
             }
