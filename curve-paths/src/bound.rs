@@ -9,6 +9,7 @@
 //! with it the Hausdorff distance in both directions. `lag` is the greatest difference along the chord; it is zero
 //! where 0 <= s1 <= s2 <= 1.
 
+use crate::cubic::Cubic;
 use crate::vector::Vec3;
 
 /// The two parts of the bound for one chord, m.
@@ -63,6 +64,97 @@ impl ChordBound {
     }
 }
 
+/// Proven distance, m, both ways, between a part of a cubic and a chord whose ends need not lie on it: `c` are the
+/// part's control points relative to the chord's start, `v` is the chord.
+///
+/// The offset across the chord is a cubic in each of two directions, of which the extremes are known exactly. Along
+/// it, what lies before the chord's start or beyond its end is matched with that end, and lies in the hull of its own
+/// control points; a part that does not run forward throughout is charged all that it runs back.
+#[must_use]
+pub fn off_curve_m(c: [Vec3; 4], v: Vec3) -> f64 {
+    let l2 = v.norm2();
+    let ends = c[0].norm().max((c[3] - v).norm());
+    if l2 < NO_CHORD_M2 {
+        return c.iter().map(|p| p.norm()).fold(l2.sqrt(), f64::max);
+    }
+    let s = c.map(|p| p.dot(v) / l2);
+    let mut w = c;
+    for (w, s) in w.iter_mut().zip(s) {
+        *w = *w - v * s;
+    }
+    let widest = w
+        .iter()
+        .copied()
+        .fold(Vec3::ZERO, |a, b| if b.norm2() > a.norm2() { b } else { a });
+    let first = widest.unit();
+    let second = v.unit().cross(first);
+    let across = greatest(w.map(|w| w.dot(first))).hypot(greatest(w.map(|w| w.dot(second))));
+    if s[0] <= s[1] && s[1] <= s[2] && s[2] <= s[3] {
+        let curve = Cubic(c);
+        let mut worst = across.max(ends);
+        if s[0] < 0.0 {
+            worst = worst.max(hull(&curve.part(0.0, crossing(s, 0.0)), Vec3::ZERO));
+        }
+        if s[3] > 1.0 {
+            worst = worst.max(hull(&curve.part(crossing(s, 1.0), 1.0), v));
+        }
+        return worst;
+    }
+    let back: f64 = s.windows(2).map(|p| (p[0] - p[1]).max(0.0)).sum();
+    let (least, most) = (
+        s.iter().copied().fold(0.0, f64::min),
+        s.iter().copied().fold(1.0, f64::max),
+    );
+    let lag_m = (back - least + (most - 1.0)) * l2.sqrt();
+    across.hypot(lag_m).max(ends)
+}
+
+fn hull(part: &Cubic, around: Vec3) -> f64 {
+    part.0
+        .iter()
+        .map(|p| (*p - around).norm())
+        .fold(0.0, f64::max)
+}
+
+/// A parameter at or past which (for 0) or up to which (for 1) a rising Bernstein cubic is on the far side of `level`.
+fn crossing(s: [f64; 4], level: f64) -> f64 {
+    let at = |t: f64| {
+        let r = 1.0 - t;
+        r * r * (r * s[0] + 3.0 * t * s[1]) + t * t * (3.0 * r * s[2] + t * s[3])
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..20 {
+        let middle = 0.5 * (low + high);
+        if at(middle) < level {
+            low = middle
+        } else {
+            high = middle
+        }
+    }
+    if level > 0.5 { low } else { high }
+}
+
+/// The greatest absolute value of a Bernstein cubic on 0 to 1.
+fn greatest(x: [f64; 4]) -> f64 {
+    let at = |t: f64| {
+        let r = 1.0 - t;
+        r * r * (r * x[0] + 3.0 * t * x[1]) + t * t * (3.0 * r * x[2] + t * x[3])
+    };
+    let (d0, d1, d2) = (x[1] - x[0], x[2] - x[1], x[3] - x[2]);
+    let (a, b, c) = (d0 - 2.0 * d1 + d2, d1 - d0, d0);
+    let mut most = x[0].abs().max(x[3].abs());
+    let discriminant = b * b - a * c;
+    if discriminant >= 0.0 {
+        let q = -(b + discriminant.sqrt().copysign(b));
+        for t in [q / a, c / q] {
+            if t > 0.0 && t < 1.0 {
+                most = most.max(at(t).abs());
+            }
+        }
+    }
+    most
+}
+
 /// Squared length under which a chord has no direction worth using, m^2.
 const NO_CHORD_M2: f64 = 1e-18;
 
@@ -97,7 +189,6 @@ fn lag(s1: f64, s2: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cubic::Cubic;
 
     fn sampled_frechet_upper(c: &Cubic) -> f64 {
         let chord = c.0[3] - c.0[0];
@@ -135,6 +226,44 @@ mod tests {
                     bound.distance_m() <= sampled + 1e-5,
                     "{c:?} {bound:?} {sampled}"
                 );
+            }
+        }
+    }
+
+    #[test]
+    fn with_ends_off_the_curve_it_is_never_less_than_sampled_either_way() {
+        let mut state = 7u64;
+        let mut next = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        for _ in 0..1_000 {
+            let near =
+                |n: &mut dyn FnMut() -> f64, x: f64| Vec3::new(x + 0.3 * n(), n(), 0.3 * n());
+            let c = [
+                near(&mut next, 0.0),
+                near(&mut next, 0.3),
+                near(&mut next, 0.7),
+                near(&mut next, 1.0),
+            ];
+            let v = Vec3::new(1.0, 0.0, 0.0);
+            let bound = off_curve_m(c, v);
+            let curve: Vec<Vec3> = (0..=200)
+                .map(|i| Cubic(c).at(f64::from(i) / 200.0))
+                .collect();
+            for p in &curve {
+                let near = (*p - v * p.x.clamp(0.0, 1.0)).norm();
+                assert!(near <= bound + 1e-9, "{c:?} {near} {bound}");
+            }
+            for i in 0..=50 {
+                let q = v * (f64::from(i) / 50.0);
+                let near = curve
+                    .iter()
+                    .map(|p| (*p - q).norm())
+                    .fold(f64::INFINITY, f64::min);
+                assert!(near <= bound + 0.01, "{c:?} {near} {bound}");
             }
         }
     }

@@ -3,16 +3,20 @@
 #![forbid(unsafe_code)]
 
 pub mod bound;
+mod budget;
 pub mod cubic;
 mod densify;
 pub mod fit;
+mod free;
 mod leg;
 mod local;
+mod reading;
 pub mod vector;
 mod walk;
 pub mod wgs84;
 
-pub use densify::{Densified, DensifyError, Leg, Options, Vertex, densify};
+pub use budget::{BudgetError, Budgeted, densify_to_budget};
+pub use densify::{Densified, DensifyError, Leg, Options, Vertex, Vertices, densify};
 pub use leg::{BezierLeg, Control, LegError, Reach};
 pub use local::Charges;
 pub use wgs84::{Ground, Position};

@@ -12,7 +12,7 @@
 //!
 //! rho is the distance from the frame's origin, kept under a kilometre or the chord's length by moving the frame.
 
-use crate::bound::ChordBound;
+use crate::bound::{ChordBound, off_curve_m};
 use crate::leg::{BezierLeg, Climb};
 use crate::vector::Vec3;
 use crate::wgs84::{SMALLEST_RADIUS_M, east_north, up};
@@ -85,6 +85,8 @@ struct Sample {
 pub(crate) struct Local<'a> {
     leg: &'a BezierLeg,
     line_per_m2: f64,
+    east: Vec3,
+    north: Vec3,
     /// Power coefficients of (east, north, altitude); the altitude is left 0 for an even climb.
     k: [Vec3; 4],
     /// Climb per metre of length for an even climb, else 0.
@@ -126,6 +128,8 @@ impl<'a> Local<'a> {
         let mut local = Self {
             leg,
             line_per_m2,
+            east: Vec3::ZERO,
+            north: Vec3::ZERO,
             k: [Vec3::ZERO; 4],
             gradient,
             sink_m,
@@ -143,6 +147,7 @@ impl<'a> Local<'a> {
         let origin = offsets.at(t);
         let u = up(self.leg.origin() + origin);
         let (e, n) = east_north(u);
+        (self.east, self.north) = (e, n);
         let flat = |p: Vec3| Vec3::new((p - origin).dot(e), (p - origin).dot(n), 0.0);
         let mut p = offsets.0.map(flat);
         if let Climb::Cubic(alt) = self.leg.climb() {
@@ -194,11 +199,7 @@ impl<'a> Local<'a> {
             let late = self.gradient * (polygon - ground2.sqrt()).max(0.0);
             geometry = (geometry * geometry + late * late).sqrt();
         }
-        let rho =
-            flat_norm2(end.at).max(flat_norm2(self.here.at)).sqrt() * (1.0 / SMALLEST_RADIUS_M);
-        let frame = rho * (ground2 * (1.0 / (8.0 * SMALLEST_RADIUS_M)) + h * self.sink_m)
-            + geometry * (rho * rho + self.depth);
-        let bound_m = geometry + frame + ground2 * self.line_per_m2;
+        let bound_m = self.charged(geometry, end.at, h, ground2);
         Chord {
             a: self.t,
             b,
@@ -206,6 +207,66 @@ impl<'a> Local<'a> {
             bound_m,
             end,
         }
+    }
+
+    /// The geometric bound of a chord to the place `end`, over `h` of the parameter, with what the frame and the
+    /// autopilot's line can add.
+    #[inline]
+    fn charged(&self, geometry: f64, end: Vec3, h: f64, ground2: f64) -> f64 {
+        let rho = flat_norm2(end).max(flat_norm2(self.here.at)).sqrt() * (1.0 / SMALLEST_RADIUS_M);
+        let frame = rho * (ground2 * (1.0 / (8.0 * SMALLEST_RADIUS_M)) + h * self.sink_m)
+            + geometry * (rho * rho + self.depth);
+        geometry + frame + ground2 * self.line_per_m2
+    }
+
+    /// The chord from `from` off the curve here to `to` off the curve at `b`: its bound and its length on the ground.
+    pub(crate) fn chord_off_curve(&self, from: Vec3, to: Vec3, b: f64) -> (f64, f64) {
+        let end = self.sample(b);
+        let h = b - self.t;
+        let third = h * (1.0 / 3.0);
+        let c0 = -from;
+        let c3 = end.at - self.here.at - from;
+        let c = [c0, c0 + self.here.speed * third, c3 - end.speed * third, c3];
+        let v = c3 + to;
+        let mut geometry = off_curve_m(c, v);
+        let ground2 = flat_norm2(v);
+        if self.gradient > 0.0 {
+            // The climb is even along the curve's length s on the curve, and along the chord's on the chord. Where
+            // x runs forward from x0 to x1, the two differ by no more than this; what runs back is added.
+            let l = ground2.sqrt();
+            let x = c.map(|p| if l > 0.0 { p.dot(v) / l } else { 0.0 });
+            let longest: f64 = c.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
+            let back: f64 = x.windows(2).map(|p| (p[0] - p[1]).max(0.0)).sum();
+            let late = |s: f64| {
+                let ends = x[0].abs().max((l - x[3]).abs());
+                ends.max((l - s - x[0]).abs()).max((s - x[3]).abs())
+            };
+            let late = late(longest).max(late((c3 - c0).norm())) + 2.0 * back;
+            geometry = geometry.hypot(self.gradient * late);
+        }
+        (self.charged(geometry, end.at, h, ground2), ground2.sqrt())
+    }
+
+    /// The direction, length 1, away from the centre of curvature at `t`, and how much the curve bends there, m for
+    /// the whole leg; none where it is straight or stands still.
+    pub(crate) fn outward(&self, t: f64) -> Option<(Vec3, f64)> {
+        let [_, k1, k2, k3] = self.k;
+        let bend = k2 * 2.0 + k3 * (6.0 * t);
+        let speed = k1 + (k2 * 2.0 + k3 * (3.0 * t)) * t;
+        let along = bend.dot(speed) / speed.norm2();
+        let across = bend - speed * along;
+        let size = across.norm();
+        (along.is_finite() && size > 1e-9).then(|| (-across.unit(), size))
+    }
+
+    /// A vector in the current frame as an earth-centred one and an altitude, and back by [`Local::framed`].
+    pub(crate) fn unframed(&self, v: Vec3) -> (Vec3, f64) {
+        (self.east * v.x + self.north * v.y, v.z)
+    }
+
+    /// An earth-centred horizontal vector and an altitude in the current frame.
+    pub(crate) fn framed(&self, v: Vec3, alt_m: f64) -> Vec3 {
+        Vec3::new(v.dot(self.east), v.dot(self.north), alt_m)
     }
 
     /// The length of parameter over which the offset from a chord should reach `tolerance_m`, judged from the

@@ -101,25 +101,65 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64, last: f64) -> Chord {
     }
 }
 
-/// As the greedy walk, with no chord under the least length; where that fails, by a dynamic program over a grid.
+/// The number of chords that the greedy walk needs; it stops counting past `enough`.
+pub(crate) fn count(leg: &BezierLeg, rules: &Rules, enough: usize) -> usize {
+    let mut local = Local::new(leg, &rules.charges);
+    let mut chords = 0;
+    let mut last = 0.0;
+    while local.t() < 1.0 && chords <= enough {
+        let chord = longest(&local, rules.tolerance_m, last);
+        chords += 1;
+        last = chord.b - chord.a;
+        local.advance(&chord);
+    }
+    chords
+}
+
+/// As the greedy walk, with no chord under the least length. A last chord that is too short is lengthened at the cost
+/// of the one before it; where that fails too, a dynamic program over a grid decides.
 fn walk_with_least(
     leg: &BezierLeg,
     local: &mut Local<'_>,
     rules: &Rules,
     mut visit: impl FnMut(&Chord),
 ) -> Result<(), Stuck> {
+    // A leg that one chord does for is the route's own; its length is not ours to choose.
     let whole = local.chord(1.0);
     if whole.bound_m <= rules.tolerance_m {
         visit(&whole);
         return Ok(());
     }
-    let _ = leg;
+    // First without telling anyone: whether the greedy walk gets through, and whether its end needs balance.
     let mut last = 0.0;
+    let mut balance = None;
+    let mut before: Option<Chord> = None;
     while local.t() < 1.0 {
         let chord = longest(local, rules.tolerance_m, last);
         if chord.ground_m < rules.min_chord_m {
-            return Err(Stuck { t: chord.a });
+            balance = match before {
+                Some(before) if chord.b >= 1.0 => rebalanced(leg, &before, rules),
+                _ => None,
+            };
+            if balance.is_none() {
+                return optimum_with_least(leg, rules, visit);
+            }
+            break;
         }
+        last = chord.b - chord.a;
+        before = Some(chord);
+        local.advance(&chord);
+    }
+    local.reframe(0.0);
+    last = 0.0;
+    while local.t() < 1.0 {
+        if let Some((first, second)) = &balance
+            && first.a == local.t()
+        {
+            visit(first);
+            visit(second);
+            return Ok(());
+        }
+        let chord = longest(local, rules.tolerance_m, last);
         visit(&chord);
         last = chord.b - chord.a;
         local.advance(&chord);
@@ -127,6 +167,66 @@ fn walk_with_least(
     Ok(())
 }
 
+/// Two chords from the start of `chord` to the end of the leg, both long enough and within the tolerance, if there
+/// are such: the vertex between them is moved back from where `chord` put it.
+fn rebalanced(leg: &BezierLeg, chord: &Chord, rules: &Rules) -> Option<(Chord, Chord)> {
+    let mut local = Local::new(leg, &rules.charges);
+    (1..=BALANCE_STEPS).find_map(|k| {
+        let t = chord.b - (chord.b - chord.a) * f64::from(k) / f64::from(BALANCE_STEPS + 1);
+        local.reframe(chord.a);
+        let first = local.chord(t);
+        local.reframe(t);
+        let second = local.chord(1.0);
+        let fits = |c: &Chord| c.ground_m >= rules.min_chord_m && c.bound_m <= rules.tolerance_m;
+        (fits(&first) && fits(&second)).then_some((first, second))
+    })
+}
+
+/// The fewest chords with vertices on an even grid of t, none under the least length. Only near cusps does it come
+/// to this, so its cost (a few ms) and its buffers do not matter.
+fn optimum_with_least(
+    leg: &BezierLeg,
+    rules: &Rules,
+    mut visit: impl FnMut(&Chord),
+) -> Result<(), Stuck> {
+    let t = |k: usize| k as f64 / GRID as f64;
+    let mut local = Local::new(leg, &rules.charges);
+    // For each grid point: chords from the start, and the point before.
+    let mut best: Vec<Option<(u32, usize)>> = vec![None; GRID + 1];
+    best[0] = Some((0, 0));
+    let mut furthest = 0;
+    for i in 0..GRID {
+        let Some((chords, _)) = best[i] else { continue };
+        furthest = i;
+        local.reframe(t(i));
+        for (j, best) in best.iter_mut().enumerate().skip(i + 1) {
+            if best.is_none_or(|(known, _)| chords + 1 < known) {
+                let chord = local.chord(t(j));
+                if chord.ground_m >= rules.min_chord_m && chord.bound_m <= rules.tolerance_m {
+                    *best = Some((chords + 1, i));
+                }
+            }
+        }
+    }
+    let mut ends = Vec::new();
+    let mut at = GRID;
+    while at > 0 {
+        ends.push(at);
+        at = best[at].ok_or(Stuck { t: t(furthest) })?.1;
+    }
+    let mut from = 0;
+    for &to in ends.iter().rev() {
+        local.reframe(t(from));
+        visit(&local.chord(t(to)));
+        from = to;
+    }
+    Ok(())
+}
+
+/// Places tried for the last vertex but one.
+const BALANCE_STEPS: u32 = 31;
+/// Grid of the dynamic program.
+const GRID: usize = 384;
 /// Fraction of the tolerance that ends a search: the chord is within 0.3 % of the longest.
 const CLOSE_ENOUGH: f64 = 0.994;
 /// What the secant aims at, between that and 1.

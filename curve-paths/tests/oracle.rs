@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Kind, random_leg, two_sided_deviation_m};
-use curve_paths::{Charges, DensifyError, Leg, Options, densify};
+use curve_paths::{Charges, DensifyError, Leg, Options, Vertices, densify, densify_to_budget};
 
 /// Legs tried; the debug build tries fewer.
 const LEGS: u64 = if cfg!(debug_assertions) {
@@ -70,6 +70,99 @@ fn the_points_are_at_most_five_percent_and_one_above_the_optimum_of_a_dynamic_pr
         optimum += least;
     }
     assert!(points as f64 <= 1.01 * optimum as f64, "{points} {optimum}");
+}
+
+#[test]
+fn vertices_off_the_curve_keep_the_promise_with_a_quarter_fewer_chords() {
+    let (mut on, mut off) = (0, 0);
+    for seed in 0..LEGS / 4 {
+        let (kind, leg) = random_leg(seed);
+        let tolerance_m = [0.5, 1.0, 2.0, 10.0][(seed / 9 % 4) as usize];
+        let options = Options {
+            min_chord_m: 0.0,
+            ..Options::flight(tolerance_m)
+        };
+        let plain = densify(&[Leg::from(leg)], &options).unwrap();
+        let free = densify(
+            &[Leg::from(leg)],
+            &Options {
+                vertices: Vertices::Free,
+                ..options
+            },
+        )
+        .unwrap();
+        let found = two_sided_deviation_m(&leg, &free.vertices, 24);
+        assert!(free.bound_m <= tolerance_m, "{kind:?} {seed}");
+        assert!(
+            found <= free.bound_m,
+            "{kind:?} {seed}: {found} of {} promised\n{leg:?}",
+            free.bound_m
+        );
+        assert!(free.vertices.len() <= plain.vertices.len());
+        assert_eq!(free.vertices.last().unwrap().position, leg.p4());
+        if plain.vertices.len() > 8 {
+            on += plain.vertices.len() - 1;
+            off += free.vertices.len() - 1;
+        }
+    }
+    assert!(4 * off < 3 * on, "{off} of {on}");
+}
+
+#[test]
+fn a_least_chord_is_kept_or_refused() {
+    let (mut kept, mut refused) = (0, 0);
+    for seed in 0..LEGS / 4 {
+        let (kind, leg) = random_leg(seed);
+        let tolerance_m = [0.5, 1.0, 2.0][(seed / 9 % 3) as usize];
+        match densify(&[Leg::from(leg)], &Options::flight(tolerance_m)) {
+            Ok(route) if route.vertices.len() > 2 => {
+                assert!(
+                    route.shortest_chord_m >= 4.0,
+                    "{kind:?} {seed} {}",
+                    route.shortest_chord_m
+                );
+                let found = two_sided_deviation_m(&leg, &route.vertices, 24);
+                assert!(
+                    found <= route.bound_m && route.bound_m <= tolerance_m,
+                    "{kind:?} {seed}"
+                );
+                kept += 1;
+            }
+            Ok(_) => {}
+            Err(DensifyError::ChordTooShort { .. }) => refused += 1,
+            Err(error) => panic!("{error}"),
+        }
+    }
+    assert!(kept > 20 * refused, "{kept} {refused}");
+}
+
+#[test]
+fn a_budget_is_kept_with_the_smallest_tolerance() {
+    for seed in 0..60 {
+        let (_, leg) = random_leg(seed);
+        let route = [Leg::from(leg)];
+        let options = Options {
+            min_chord_m: 0.0,
+            ..Options::flight(0.02)
+        };
+        for most in [2, 5, 20, 80] {
+            let found = densify_to_budget(&route, most, &options).unwrap();
+            assert!(found.densified.vertices.len() <= most);
+            assert!(found.densified.bound_m <= found.tolerance_m);
+            if found.tolerance_m > options.tolerance_m {
+                let tighter = Options {
+                    tolerance_m: 0.0079 + (found.tolerance_m - 0.0079) * 0.99,
+                    ..options
+                };
+                if tighter.tolerance_m > 0.02 {
+                    assert!(
+                        densify(&route, &tighter).unwrap().vertices.len() > most,
+                        "{seed} {most}"
+                    );
+                }
+            }
+        }
+    }
 }
 
 /// Vertices of the dynamic program lie at this many even steps of t.

@@ -1,0 +1,127 @@
+//! Vertices off the curve: fewer items for the same tolerance.
+//!
+//! A chord with its ends on the curve lies all on the inner side of a bend and uses the tolerance on that side only.
+//! With its ends moved outwards by nearly the tolerance, the middle may be inside by as much: chords get longer by the
+//! root of two. A leg's own ends stay where they are. The deviation both ways is proven for each chord by
+//! [`off_curve_m`](crate::bound::off_curve_m).
+
+use crate::densify::{AltitudeAlong, Densified, Vertex};
+use crate::leg::BezierLeg;
+use crate::local::Local;
+use crate::vector::Vec3;
+use crate::walk::Rules;
+use crate::wgs84::{Ground, Position};
+
+/// Appends the vertices of a leg after its start; false, with nothing appended, where the search gets stuck.
+pub(crate) fn walk_free(
+    leg: &BezierLeg,
+    index: usize,
+    rules: &Rules,
+    fixed_m: f64,
+    out: &mut Densified,
+) -> bool {
+    let before = (out.vertices.len(), out.bound_m, out.shortest_chord_m);
+    let mut local = Local::new(leg, &rules.charges);
+    let mut altitude = AltitudeAlong::new(leg);
+    // The offset of the vertex that we stand at, earth-centred and in altitude.
+    let mut offset = (Vec3::ZERO, 0.0);
+    let mut last = 0.0;
+    while local.t() < 1.0 {
+        let t = local.t();
+        let here = local.framed(offset.0, offset.1);
+        let Some(chord) = longest(&local, here, rules, last) else {
+            out.vertices.truncate(before.0);
+            (out.bound_m, out.shortest_chord_m) = (before.1, before.2);
+            return false;
+        };
+        out.bound_m = out.bound_m.max(fixed_m + chord.bound_m);
+        out.shortest_chord_m = out.shortest_chord_m.min(chord.ground_m);
+        offset = local.unframed(chord.offset);
+        let position = if chord.b >= 1.0 {
+            leg.p4()
+        } else {
+            let ground = Ground::from_ecef(leg.origin() + leg.offsets().at(chord.b) + offset.0);
+            Position::new(
+                ground.lat_deg,
+                ground.lon_deg,
+                altitude.at(t, chord.b) + offset.1,
+            )
+        };
+        out.vertices.push(Vertex {
+            position,
+            leg: index,
+            t: chord.b,
+        });
+        last = chord.b - t;
+        local.reframe(chord.b);
+    }
+    true
+}
+
+struct FreeChord {
+    b: f64,
+    offset: Vec3,
+    bound_m: f64,
+    ground_m: f64,
+}
+
+/// The longest chord found from a vertex off the curve by `from`.
+fn longest(local: &Local<'_>, from: Vec3, rules: &Rules, last: f64) -> Option<FreeChord> {
+    let t = local.t();
+    let rest = 1.0 - t;
+    // The better of an end moved outwards and one on the curve.
+    let try_to = |h: f64| -> Option<FreeChord> {
+        let b = if h >= rest { 1.0 } else { t + h };
+        let tried = |offset: Vec3| {
+            let (bound_m, ground_m) = local.chord_off_curve(from, offset, b);
+            (bound_m <= rules.tolerance_m && ground_m >= rules.min_chord_m).then_some(FreeChord {
+                b,
+                offset,
+                bound_m,
+                ground_m,
+            })
+        };
+        if b >= 1.0 {
+            return tried(Vec3::ZERO);
+        }
+        let out = local
+            .outward(b)
+            .filter(|(_, bend_m)| *bend_m > STRAIGHT * rules.tolerance_m);
+        out.and_then(|(out, _)| tried(out * (OUTWARD * rules.tolerance_m)))
+            .or_else(|| tried(Vec3::ZERO))
+    };
+    if let Some(chord) = try_to(rest) {
+        return Some(chord);
+    }
+    let (mut low, mut high) = (0.0, rest);
+    let mut best = None;
+    let mut h = (1.4 * local.guess(rules.tolerance_m, last)).min(0.7 * rest);
+    for _ in 0..MOST_STEPS {
+        match try_to(h) {
+            Some(chord) => {
+                low = h;
+                best = Some(chord);
+            }
+            None => high = h,
+        }
+        h = if low == 0.0 {
+            0.6 * h
+        } else if high >= rest && h * 1.25 < rest {
+            h * 1.25
+        } else {
+            0.5 * (low + high)
+        };
+        if low > 0.0 && high - low <= NARROW * high {
+            break;
+        }
+    }
+    best
+}
+
+/// How far outwards a vertex goes, as a part of the tolerance: the rest is for the chord between two such.
+const OUTWARD: f64 = 0.97;
+/// Under this bend, as a multiple of the tolerance, there is no outside.
+const STRAIGHT: f64 = 0.1;
+/// Relative width that ends a search.
+const NARROW: f64 = 2e-3;
+const MOST_STEPS: u32 = 40;
