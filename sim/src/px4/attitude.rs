@@ -3,11 +3,11 @@
 use super::geo::{Ned, wrap_pi};
 
 /// Standard gravity, m/s2.
-pub const GRAVITY: f64 = 9.806_65;
+pub(super) const GRAVITY: f64 = 9.806_65;
 
 /// True motion of the vehicle.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Motion {
+pub(super) struct Motion {
     /// Position in the local frame of the place of boot, m.
     pub position: Ned,
     /// Velocity over ground, m/s.
@@ -34,7 +34,7 @@ impl Motion {
 
 /// Roll and pitch that point a multicopter's thrust along the specific force `f` (NED, gravity
 /// taken out) at a heading.
-pub fn tilt_for(f: Ned, yaw: f64) -> (f64, f64) {
+pub(super) fn tilt_for(f: Ned, yaw: f64) -> (f64, f64) {
     let (sin, cos) = yaw.sin_cos();
     let forward = f.n * cos + f.e * sin;
     let right = -f.n * sin + f.e * cos;
@@ -43,7 +43,7 @@ pub fn tilt_for(f: Ned, yaw: f64) -> (f64, f64) {
 }
 
 /// Roll, pitch, yaw as a quaternion w, x, y, z.
-pub fn quaternion([roll, pitch, yaw]: [f64; 3]) -> [f32; 4] {
+pub(super) fn quaternion([roll, pitch, yaw]: [f64; 3]) -> [f32; 4] {
     let (sr, cr) = (roll / 2.0).sin_cos();
     let (sp, cp) = (pitch / 2.0).sin_cos();
     let (sy, cy) = (yaw / 2.0).sin_cos();

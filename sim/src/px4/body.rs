@@ -11,7 +11,7 @@ use super::trajectory::{Limits, Trajectory};
 
 /// One of the airframes.
 #[derive(Debug, Clone)]
-pub enum Body {
+pub(super) enum Body {
     /// Quadrotor.
     Quad(Box<Quad>),
     /// Fixed wing.
@@ -20,7 +20,7 @@ pub enum Body {
 
 impl Body {
     /// On the ground at the origin.
-    pub fn new(config: &Config) -> Self {
+    pub(super) fn new(config: &Config) -> Self {
         match config.airframe {
             Airframe::Quad => Self::Quad(Box::new(Quad::new(
                 config.heading_rad,
@@ -36,7 +36,7 @@ impl Body {
     }
 
     /// The true motion.
-    pub fn motion(&self) -> &Motion {
+    pub(super) fn motion(&self) -> &Motion {
         match self {
             Self::Quad(quad) => quad.motion(),
             Self::Plane(plane) => plane.motion(),
@@ -44,7 +44,7 @@ impl Body {
     }
 
     /// Setpoint of the trajectory.
-    pub fn setpoint(&self) -> &Trajectory {
+    pub(super) fn setpoint(&self) -> &Trajectory {
         match self {
             Self::Quad(quad) => quad.setpoint(),
             Self::Plane(plane) => plane.setpoint(),
@@ -52,7 +52,7 @@ impl Body {
     }
 
     /// Heading setpoint, radians.
-    pub fn heading_setpoint(&self) -> f64 {
+    pub(super) fn heading_setpoint(&self) -> f64 {
         match self {
             Self::Quad(quad) => quad.heading_setpoint(),
             Self::Plane(plane) => plane.motion().attitude[2],
@@ -60,7 +60,7 @@ impl Body {
     }
 
     /// Throttle, 0 to 1.
-    pub fn throttle(&self) -> f64 {
+    pub(super) fn throttle(&self) -> f64 {
         match self {
             Self::Quad(quad) => quad.throttle(),
             Self::Plane(plane) => plane.throttle(),
@@ -68,7 +68,7 @@ impl Body {
     }
 
     /// Airspeed, m/s, where there is a sensor.
-    pub fn airspeed(&self) -> Option<f64> {
+    pub(super) fn airspeed(&self) -> Option<f64> {
         match self {
             Self::Quad(_) => None,
             Self::Plane(plane) => Some(plane.airspeed()),
@@ -76,7 +76,7 @@ impl Body {
     }
 
     /// One step.
-    pub fn step(
+    pub(super) fn step(
         &mut self,
         dt: f64,
         guidance: &Guidance,
@@ -97,7 +97,7 @@ impl Body {
 
 /// The parameters that an airframe flies by.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Tuning {
+pub(super) enum Tuning {
     /// Of a quadrotor.
     Quad(QuadTuning),
     /// Of a fixed wing.
@@ -106,7 +106,7 @@ pub enum Tuning {
 
 impl Tuning {
     /// Reads them; a value that physics cannot have is replaced by the nearest that it can.
-    pub fn read(airframe: Airframe, p: &Params) -> Self {
+    pub(super) fn read(airframe: Airframe, p: &Params) -> Self {
         let above = |param: Param, least: f64| {
             let v = p.get(param);
             if v.is_finite() { v.max(least) } else { least }

@@ -5,20 +5,20 @@ use super::mode::Mode;
 use super::params::{Param, Params};
 
 /// Seconds after boot at which things come to life, as PX4's simulator has them.
-pub mod boot {
+pub(super) mod boot {
     /// First HEARTBEAT.
-    pub const FIRST_HEARTBEAT: f64 = 1.95;
+    pub(crate) const FIRST_HEARTBEAT: f64 = 1.95;
     /// "no heading reference" is said.
-    pub const PREFLIGHT_TEXT: f64 = 3.2;
+    pub(crate) const PREFLIGHT_TEXT: f64 = 3.2;
     /// HOME_POSITION is known.
-    pub const HOME: f64 = 4.0;
+    pub(crate) const HOME: f64 = 4.0;
     /// The estimator is good and arming is allowed.
-    pub const READY: f64 = 4.9;
+    pub(crate) const READY: f64 = 4.9;
 }
 
 /// The facts that the commander decides on.
 #[derive(Debug, Clone, Copy)]
-pub struct Facts<'a> {
+pub(super) struct Facts<'a> {
     /// Time since boot, s.
     pub now: f64,
     /// On the ground.
@@ -48,7 +48,7 @@ struct Failsafe {
 
 /// The commander.
 #[derive(Debug, Clone)]
-pub struct Commander {
+pub(super) struct Commander {
     armed: bool,
     armed_at: f64,
     flown: bool,
@@ -66,7 +66,7 @@ pub struct Commander {
 
 impl Commander {
     /// Disarmed, in hold, as PX4 boots.
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             armed: false,
             armed_at: 0.0,
@@ -85,32 +85,32 @@ impl Commander {
     }
 
     /// Motors enabled.
-    pub fn is_armed(&self) -> bool {
+    pub(super) fn is_armed(&self) -> bool {
         self.armed
     }
 
     /// When it was armed, seconds since boot.
-    pub fn armed_at(&self) -> f64 {
+    pub(super) fn armed_at(&self) -> f64 {
         self.armed_at
     }
 
     /// The mode that is flown: HEARTBEAT.custom_mode.
-    pub fn mode(&self) -> Mode {
+    pub(super) fn mode(&self) -> Mode {
         self.failsafe.map_or(self.intended, |f| f.mode)
     }
 
     /// The mode that was asked for: CURRENT_MODE.intended_custom_mode.
-    pub fn intended(&self) -> Mode {
+    pub(super) fn intended(&self) -> Mode {
         self.intended
     }
 
     /// A failsafe decides.
-    pub fn in_failsafe(&self) -> bool {
+    pub(super) fn in_failsafe(&self) -> bool {
         self.failsafe.is_some()
     }
 
     /// MANUAL_CONTROL has come.
-    pub fn sticks(&mut self, now: f64) {
+    pub(super) fn sticks(&mut self, now: f64) {
         self.sticks_at = Some(now);
         self.overridden[Cause::Sticks as usize] = false;
         if self.armed {
@@ -119,13 +119,13 @@ impl Commander {
     }
 
     /// A setpoint that OFFBOARD can fly has come.
-    pub fn setpoint(&mut self, now: f64) {
+    pub(super) fn setpoint(&mut self, now: f64) {
         self.setpoints_at = Some(now);
         self.overridden[Cause::Setpoints as usize] = false;
     }
 
     /// A ground station's HEARTBEAT has come.
-    pub fn ground_station(&mut self, now: f64, notes: &mut Vec<Note>) {
+    pub(super) fn ground_station(&mut self, now: f64, notes: &mut Vec<Note>) {
         if self.ground_station_lost {
             self.ground_station_lost = false;
             self.overridden[Cause::GroundStation as usize] = false;
@@ -145,7 +145,7 @@ impl Commander {
     }
 
     /// The estimator serves for flying.
-    pub fn is_ready(facts: &Facts<'_>) -> bool {
+    pub(super) fn is_ready(facts: &Facts<'_>) -> bool {
         facts.now >= boot::READY
     }
 
@@ -170,7 +170,7 @@ impl Commander {
     }
 
     /// HEARTBEAT.system_status on the ground: standby or uninitialised.
-    pub fn can_arm(&self, facts: &Facts<'_>) -> bool {
+    pub(super) fn can_arm(&self, facts: &Facts<'_>) -> bool {
         let mode = self.intended;
         !matches!(
             mode,
@@ -180,7 +180,7 @@ impl Commander {
 
     /// Asks for a mode. On the ground every mode is taken, flyable or not. In the air only one
     /// that can be flown; it ends a failsafe.
-    pub fn request(&mut self, mode: Mode, force: bool, facts: &Facts<'_>) -> bool {
+    pub(super) fn request(&mut self, mode: Mode, force: bool, facts: &Facts<'_>) -> bool {
         if self.armed && !force && !self.can_run(mode, facts) {
             return false;
         }
@@ -196,7 +196,7 @@ impl Commander {
     }
 
     /// The navigator hands over to another mode.
-    pub fn hand_over(&mut self, mode: Mode) {
+    pub(super) fn hand_over(&mut self, mode: Mode) {
         match &mut self.failsafe {
             Some(failsafe) => failsafe.mode = mode,
             None => self.intended = mode,
@@ -204,7 +204,7 @@ impl Commander {
     }
 
     /// Arms, or says why not.
-    pub fn arm(&mut self, reason: &str, facts: &Facts<'_>, notes: &mut Vec<Note>) -> bool {
+    pub(super) fn arm(&mut self, reason: &str, facts: &Facts<'_>, notes: &mut Vec<Note>) -> bool {
         if self.armed {
             return true;
         }
@@ -225,7 +225,7 @@ impl Commander {
     }
 
     /// Disarms; in the air only by force.
-    pub fn disarm(
+    pub(super) fn disarm(
         &mut self,
         reason: &str,
         force: bool,
@@ -249,7 +249,7 @@ impl Commander {
     }
 
     /// The land detector has changed its mind.
-    pub fn landed(&mut self, landed: bool, now: f64, notes: &mut Vec<Note>) {
+    pub(super) fn landed(&mut self, landed: bool, now: f64, notes: &mut Vec<Note>) {
         if landed {
             self.landed_at = Some(now);
             notes.push(Note::Info("Landing detected\t".into()));
@@ -261,15 +261,21 @@ impl Commander {
     }
 
     /// One step: time-outs and failsafes.
-    pub fn step(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
+    pub(super) fn step(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
         if !self.preflight_text_said && facts.now >= boot::PREFLIGHT_TEXT {
             self.preflight_text_said = true;
             notes.push(Note::Critical(
-                "Preflight Fail: no heading reference\t".into(),
+                "Preflight Fail: no heading reference".into(),
             ));
         }
-        if let Some(at) = self.ground_station_at {
-            self.ground_station_lost |= facts.now - at > facts.params.get(Param::COM_DL_LOSS_T);
+        if let Some(at) = self.ground_station_at
+            && !self.ground_station_lost
+            && facts.now - at > facts.params.get(Param::COM_DL_LOSS_T)
+        {
+            self.ground_station_lost = true;
+            if !self.armed {
+                notes.push(Note::Info("Connection to ground station lost\t".into()));
+            }
         }
         if !self.armed {
             return;

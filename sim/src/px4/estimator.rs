@@ -5,7 +5,7 @@ use super::rng::{Drift, Rng};
 
 /// Errors of position and of the sensors shown raw.
 #[derive(Debug, Clone)]
-pub struct Estimator {
+pub(super) struct Estimator {
     position: [Drift; 3],
     gnss: [Drift; 3],
     rng: Rng,
@@ -13,7 +13,7 @@ pub struct Estimator {
 
 impl Estimator {
     /// Errors as a GNSS and inertial solution has them: decimetres, over tens of seconds.
-    pub fn new(seed: u64) -> Self {
+    pub(super) fn new(seed: u64) -> Self {
         Self {
             position: [
                 Drift::new(0.08, 20.0),
@@ -30,20 +30,20 @@ impl Estimator {
     }
 
     /// One step.
-    pub fn step(&mut self, dt: f64) {
+    pub(super) fn step(&mut self, dt: f64) {
         for drift in self.position.iter_mut().chain(&mut self.gnss) {
             drift.step(dt, &mut self.rng);
         }
     }
 
     /// Believed position less true position.
-    pub fn position_error(&self) -> Ned {
+    pub(super) fn position_error(&self) -> Ned {
         let [n, e, d] = &self.position;
         Ned::new(n.value(), e.value(), d.value())
     }
 
     /// Error of the raw GNSS fix.
-    pub fn gnss_error(&self) -> Ned {
+    pub(super) fn gnss_error(&self) -> Ned {
         let [n, e, d] = &self.gnss;
         Ned::new(n.value(), e.value(), d.value())
     }

@@ -12,14 +12,14 @@ enum Area {
 
 /// The areas of a fence plan.
 #[derive(Debug, Clone, Default)]
-pub struct Fence {
+pub(super) struct Fence {
     keep_in: Vec<Area>,
     keep_out: Vec<Area>,
 }
 
 impl Fence {
     /// From the stored items; what does not make an area is left out.
-    pub fn new(items: &[Item], frame: &LocalFrame) -> Self {
+    pub(super) fn new(items: &[Item], frame: &LocalFrame) -> Self {
         let mut fence = Self::default();
         let place = |item: &Item| {
             frame.to_local(Geodetic {
@@ -56,7 +56,7 @@ impl Fence {
     }
 
     /// Inside every area to stay in together, outside every area to stay out of.
-    pub fn allows(&self, at: Ned) -> bool {
+    pub(super) fn allows(&self, at: Ned) -> bool {
         (self.keep_in.is_empty() || self.keep_in.iter().any(|a| a.contains(at)))
             && !self.keep_out.iter().any(|a| a.contains(at))
     }

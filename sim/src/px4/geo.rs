@@ -2,7 +2,7 @@
 //! equidistant on a sphere of 6,371,000 m about the place of boot.
 
 /// Mean earth radius of PX4's projection, metres.
-pub const EARTH_RADIUS_M: f64 = 6_371_000.0;
+pub(super) const EARTH_RADIUS_M: f64 = 6_371_000.0;
 
 /// A place: WGS-84 degrees, altitude AMSL in metres.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -144,7 +144,7 @@ impl LocalFrame {
 }
 
 /// An angle to (-pi, pi].
-pub fn wrap_pi(rad: f64) -> f64 {
+pub(super) fn wrap_pi(rad: f64) -> f64 {
     let r = rad.rem_euclid(std::f64::consts::TAU);
     if r > std::f64::consts::PI {
         r - std::f64::consts::TAU

@@ -5,7 +5,7 @@ use super::trajectory::Leg;
 
 /// Where to go.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Guidance {
+pub(super) enum Guidance {
     /// Motors off or idling on the ground.
     Ground,
     /// Along a leg.
@@ -36,7 +36,7 @@ pub enum Guidance {
 
 /// Where to look.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Heading {
+pub(super) enum Heading {
     /// As now.
     Hold,
     /// Toward the waypoint, or the centre of a circle.

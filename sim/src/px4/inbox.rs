@@ -1,5 +1,7 @@
 //! What the vehicle makes of the messages that reach it.
 
+#![allow(deprecated, reason = "PX4 speaks what MAVLink has replaced")]
+
 use mavlink::dialects::development::{
     MavAutopilot, MavMessage, MavMissionResult, MavMissionType, MavType, PING_DATA, TIMESYNC_DATA,
 };
@@ -28,7 +30,6 @@ impl Vehicle {
             }
             M::COMMAND_LONG(m) => self.queue_command(Command::from_long(m, from)),
             M::COMMAND_INT(m) => self.queue_command(Command::from_int(m, from)),
-            #[allow(deprecated, reason = "ground stations still send SET_MODE")]
             M::SET_MODE(m) if m.target_system == own.system => {
                 let [_, _, main, sub] = m.custom_mode.to_le_bytes();
                 let params = [

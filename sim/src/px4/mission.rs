@@ -11,7 +11,7 @@ use super::trajectory::Leg;
 
 /// What the navigator knows of the vehicle.
 #[derive(Debug, Clone, Copy)]
-pub struct View<'a> {
+pub(super) struct View<'a> {
     /// Time since boot, s.
     pub now: f64,
     /// Believed position.
@@ -34,12 +34,12 @@ pub struct View<'a> {
 
 impl View<'_> {
     /// Acceptance radius where an item gives none, m.
-    pub fn acceptance(&self) -> f64 {
+    pub(super) fn acceptance(&self) -> f64 {
         self.params.get(Param::NAV_ACC_RAD)
     }
 
     /// Vertical acceptance, m.
-    pub fn altitude_acceptance(&self) -> f64 {
+    pub(super) fn altitude_acceptance(&self) -> f64 {
         match self.airframe {
             Airframe::Quad => self.params.get(Param::NAV_MC_ALT_RAD),
             Airframe::Plane => self.params.get(Param::NAV_FW_ALT_RAD),
@@ -47,7 +47,7 @@ impl View<'_> {
     }
 
     /// Speed where nothing else is commanded, m/s.
-    pub fn cruise(&self) -> f64 {
+    pub(super) fn cruise(&self) -> f64 {
         match self.airframe {
             Airframe::Quad => self.params.get(Param::MPC_XY_CRUISE),
             Airframe::Plane => self.params.get(Param::FW_AIRSPD_TRIM),
@@ -57,7 +57,7 @@ impl View<'_> {
 
 /// Something that the vehicle has to say.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Note {
+pub(super) enum Note {
     /// STATUSTEXT, severity 6.
     Info(String),
     /// STATUSTEXT, severity 2.
@@ -83,7 +83,7 @@ enum Work {
 
 /// The mission and how far it has come.
 #[derive(Debug, Clone)]
-pub struct Mission {
+pub(super) struct Mission {
     items: Vec<Item>,
     id: u32,
     feasible: Option<String>,
@@ -103,7 +103,7 @@ pub struct Mission {
 
 impl Mission {
     /// No mission.
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             items: Vec::new(),
             id: 0,
@@ -124,48 +124,43 @@ impl Mission {
     }
 
     /// Items aboard.
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.items.len()
     }
 
     /// MISSION_CURRENT.seq.
-    pub fn index(&self) -> usize {
+    pub(super) fn index(&self) -> usize {
         self.index
     }
 
-    /// MISSION_CURRENT.mission_id.
-    pub fn id(&self) -> u32 {
-        self.id
-    }
-
     /// True when there is a mission that passed the checks.
-    pub fn is_valid(&self) -> bool {
+    pub(super) fn is_valid(&self) -> bool {
         !self.items.is_empty() && self.feasible.is_none()
     }
 
     /// Flown to its end.
-    pub fn is_finished(&self) -> bool {
+    pub(super) fn is_finished(&self) -> bool {
         self.finished
     }
 
     /// The last item reached in this activation.
-    pub fn reached(&self) -> Option<u16> {
+    pub(super) fn reached(&self) -> Option<u16> {
         self.reached
     }
 
     /// MISSION_CURRENT also calls a take-off by command a finished mission.
-    pub fn set_finished(&mut self, finished: bool) {
+    pub(super) fn set_finished(&mut self, finished: bool) {
         self.finished = finished;
     }
 
     /// Sets DO_CHANGE_SPEED's ground speed for the rest of the activation; none is the default.
-    pub fn set_speed(&mut self, speed: Option<f64>) {
+    pub(super) fn set_speed(&mut self, speed: Option<f64>) {
         self.speed = speed;
     }
 
     /// A plan has been uploaded. While the mission is flown, another plan is flown at once from
     /// the same index, or from the item marked current; the same plan changes nothing.
-    pub fn replace(
+    pub(super) fn replace(
         &mut self,
         items: Vec<Item>,
         current: Option<usize>,
@@ -198,7 +193,12 @@ impl Mission {
     }
 
     /// MISSION_SET_CURRENT; false when there is no such item.
-    pub fn select(&mut self, index: usize, active: bool, view: &View<'_>) -> (bool, Vec<Note>) {
+    pub(super) fn select(
+        &mut self,
+        index: usize,
+        active: bool,
+        view: &View<'_>,
+    ) -> (bool, Vec<Note>) {
         let mut notes = Vec::new();
         if index >= self.items.len() {
             return (false, notes);
@@ -212,7 +212,7 @@ impl Mission {
     }
 
     /// PX4's own checks, few as they are. They need a home.
-    pub fn check(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
+    pub(super) fn check(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
         self.feasible = None;
         for item in &self.items {
             let height = self.altitude(item, view) - view.frame.origin().altitude_m + view.home.d;
@@ -227,13 +227,16 @@ impl Mission {
     }
 
     /// A fence check that failed makes the plan infeasible.
-    pub fn reject(&mut self, text: String) -> Note {
+    pub(super) fn reject(&mut self, text: String) -> Note {
         self.feasible = Some(text.clone());
         Note::Critical(text)
     }
 
     /// Items with a place, for the fence check: index and position.
-    pub fn places<'a>(&'a self, view: &'a View<'_>) -> impl Iterator<Item = (usize, Ned)> + 'a {
+    pub(super) fn places<'a>(
+        &'a self,
+        view: &'a View<'_>,
+    ) -> impl Iterator<Item = (usize, Ned)> + 'a {
         self.items
             .iter()
             .enumerate()
@@ -242,7 +245,7 @@ impl Mission {
     }
 
     /// The mode has been entered.
-    pub fn activate(&mut self, view: &View<'_>) -> Vec<Note> {
+    pub(super) fn activate(&mut self, view: &View<'_>) -> Vec<Note> {
         let mut notes = Vec::new();
         if self.disarmed_inactive && self.activated && self.index + 1 >= self.items.len() {
             self.index = 0;
@@ -257,14 +260,14 @@ impl Mission {
     }
 
     /// The mode has been left.
-    pub fn deactivate(&mut self) {
+    pub(super) fn deactivate(&mut self) {
         self.running = false;
         self.work = Work::Item;
         self.hold = None;
     }
 
     /// Called while another mode is active.
-    pub fn idle(&mut self, armed: bool) {
+    pub(super) fn idle(&mut self, armed: bool) {
         if !armed {
             self.disarmed_inactive = true;
         }
@@ -304,22 +307,21 @@ impl Mission {
         if !has_place(&item) && !activation {
             return;
         }
-        if (activation || view.landed) && view.airframe == Airframe::Quad {
-            if let Some(next) = self.place_from(self.index, view) {
-                let below = view.position.d - next.d;
-                if below > view.altitude_acceptance() && has_place(&item) {
-                    let top = Ned {
-                        d: next.d,
-                        ..view.position
-                    };
-                    let above_home = view.home.d - next.d;
-                    notes.push(Note::Info(format!(
-                        "Climb to {above_home:.1} meters above home\t"
-                    )));
-                    self.work = Work::Climb(top);
-                    return;
-                }
-            }
+        if (activation || view.landed)
+            && view.airframe == Airframe::Quad
+            && has_place(&item)
+            && let Some(next) = self.place_from(self.index, view)
+            && view.position.d - next.d > view.altitude_acceptance()
+        {
+            let above_home = view.home.d - next.d;
+            notes.push(Note::Info(format!(
+                "Climb to {above_home:.1} meters above home\t"
+            )));
+            self.work = Work::Climb(Ned {
+                d: next.d,
+                ..view.position
+            });
+            return;
         }
         if item.command == LAND {
             self.work = Work::ToLand(view.position.d);
@@ -327,7 +329,7 @@ impl Mission {
     }
 
     /// One step while the mode is active.
-    pub fn step(&mut self, view: &View<'_>) -> (Guidance, Heading, Vec<Note>) {
+    pub(super) fn step(&mut self, view: &View<'_>) -> (Guidance, Heading, Vec<Note>) {
         let mut notes = Vec::new();
         if self.running {
             self.progress(view, &mut notes);
@@ -672,7 +674,7 @@ impl Default for Mission {
 }
 
 /// Staying at a place: on it for a multicopter, round it on wings.
-pub fn loiter(at: Ned, view: &View<'_>) -> Guidance {
+pub(super) fn loiter(at: Ned, view: &View<'_>) -> Guidance {
     match view.airframe {
         Airframe::Quad => Guidance::Leg(Leg::to(at, view.acceptance(), view.cruise())),
         Airframe::Plane => Guidance::Circle {

@@ -10,7 +10,7 @@ use super::trajectory::Leg;
 
 /// DO_REPOSITION's wish.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reposition {
+pub(super) struct Reposition {
     /// Local target; a component that is NaN stays as it is.
     pub target: Ned,
     /// Heading, radians, NaN for toward the target.
@@ -23,7 +23,7 @@ pub struct Reposition {
 
 /// DO_ORBIT's wish.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Orbit {
+pub(super) struct Orbit {
     /// Centre in the local frame; down is the height to keep.
     pub centre: Ned,
     /// Radius, m; positive is clockwise.
@@ -34,7 +34,7 @@ pub struct Orbit {
 
 /// What a step asks for.
 #[derive(Debug)]
-pub struct Step {
+pub(super) struct Step {
     /// Where to go.
     pub guidance: Guidance,
     /// Where to look.
@@ -55,7 +55,7 @@ enum Return {
 
 /// The navigator.
 #[derive(Debug, Clone)]
-pub struct Navigator {
+pub(super) struct Navigator {
     /// The mission and its progress.
     pub mission: Mission,
     active: Option<Mode>,
@@ -70,7 +70,7 @@ pub struct Navigator {
 
 impl Navigator {
     /// Nothing active, no mission.
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             mission: Mission::new(),
             active: None,
@@ -85,12 +85,12 @@ impl Navigator {
     }
 
     /// NAV_TAKEOFF's altitude, AMSL; none is MIS_TAKEOFF_ALT above here.
-    pub fn set_takeoff_altitude(&mut self, amsl: Option<f64>) {
+    pub(super) fn set_takeoff_altitude(&mut self, amsl: Option<f64>) {
         self.takeoff_altitude = amsl;
     }
 
     /// DO_REPOSITION.
-    pub fn set_reposition(&mut self, wish: Reposition, view: &View<'_>) {
+    pub(super) fn set_reposition(&mut self, wish: Reposition, view: &View<'_>) {
         self.reposition = Some(wish);
         if self.active == Some(Mode::Loiter) {
             self.apply_reposition(view);
@@ -98,23 +98,23 @@ impl Navigator {
     }
 
     /// DO_ORBIT.
-    pub fn set_orbit(&mut self, orbit: Orbit) {
+    pub(super) fn set_orbit(&mut self, orbit: Orbit) {
         self.orbit = Some(orbit);
     }
 
     /// The orbit that is flown.
-    pub fn orbit(&self) -> Option<Orbit> {
+    pub(super) fn orbit(&self) -> Option<Orbit> {
         self.orbit
     }
 
     /// DO_CHANGE_SPEED by command: for the mode that is active.
-    pub fn set_speed(&mut self, speed: Option<f64>) {
+    pub(super) fn set_speed(&mut self, speed: Option<f64>) {
         self.speed = speed;
         self.mission.set_speed(speed);
     }
 
     /// One step in `mode`; `armed` decides whether anything moves at all.
-    pub fn step(&mut self, mode: Mode, armed: bool, view: &View<'_>) -> Step {
+    pub(super) fn step(&mut self, mode: Mode, armed: bool, view: &View<'_>) -> Step {
         let mut notes = Vec::new();
         let wanted = armed.then_some(mode);
         if wanted != self.active {

@@ -9,7 +9,7 @@ use super::trajectory::{Leg, Trajectory};
 
 /// What the guidance needs from the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlaneTuning {
+pub(super) struct PlaneTuning {
     /// FW_AIRSPD_MIN, m/s.
     pub airspeed_min: f64,
     /// FW_AIRSPD_MAX, m/s.
@@ -24,7 +24,7 @@ pub struct PlaneTuning {
 
 /// The airframe's state.
 #[derive(Debug, Clone)]
-pub struct Plane {
+pub(super) struct Plane {
     motion: Motion,
     target: Trajectory,
     airspeed: f64,
@@ -45,7 +45,7 @@ struct Wish {
 
 impl Plane {
     /// Stands on the ground at the origin.
-    pub fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
+    pub(super) fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
         Self {
             motion: Motion {
                 attitude: [0.0, 0.0, heading],
@@ -63,27 +63,27 @@ impl Plane {
     }
 
     /// The true motion.
-    pub fn motion(&self) -> &Motion {
+    pub(super) fn motion(&self) -> &Motion {
         &self.motion
     }
 
     /// Where it is going.
-    pub fn setpoint(&self) -> &Trajectory {
+    pub(super) fn setpoint(&self) -> &Trajectory {
         &self.target
     }
 
     /// Throttle, 0 to 1.
-    pub fn throttle(&self) -> f64 {
+    pub(super) fn throttle(&self) -> f64 {
         self.throttle
     }
 
     /// Airspeed, m/s.
-    pub fn airspeed(&self) -> f64 {
+    pub(super) fn airspeed(&self) -> f64 {
         self.airspeed
     }
 
     /// One step; `error` is the estimator's position error.
-    pub fn step(&mut self, dt: f64, guidance: &Guidance, error: Ned, tuning: &PlaneTuning) {
+    pub(super) fn step(&mut self, dt: f64, guidance: &Guidance, error: Ned, tuning: &PlaneTuning) {
         let believed = self.motion.position + error;
         let on_ground = self.motion.position.d >= 0.0;
         let wish = match guidance {

@@ -9,7 +9,7 @@ use super::trajectory::{Limits, Trajectory};
 
 /// What the controllers need from the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct QuadTuning {
+pub(super) struct QuadTuning {
     /// Limits of the trajectory.
     pub limits: Limits,
     /// MPC_XY_P, 1/s.
@@ -34,7 +34,7 @@ pub struct QuadTuning {
 
 /// The airframe's state.
 #[derive(Debug, Clone)]
-pub struct Quad {
+pub(super) struct Quad {
     motion: Motion,
     trajectory: Trajectory,
     steering: Steering,
@@ -55,7 +55,7 @@ enum Steering {
 
 impl Quad {
     /// Stands on the ground at the origin.
-    pub fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
+    pub(super) fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
         let motion = Motion {
             attitude: [0.0, 0.0, heading],
             ..Motion::default()
@@ -78,28 +78,28 @@ impl Quad {
     }
 
     /// The true motion.
-    pub fn motion(&self) -> &Motion {
+    pub(super) fn motion(&self) -> &Motion {
         &self.motion
     }
 
     /// The trajectory's present setpoint: position, velocity, acceleration.
-    pub fn setpoint(&self) -> &Trajectory {
+    pub(super) fn setpoint(&self) -> &Trajectory {
         &self.trajectory
     }
 
     /// Throttle, 0 to 1.
-    pub fn throttle(&self) -> f64 {
+    pub(super) fn throttle(&self) -> f64 {
         self.throttle
     }
 
     /// Heading setpoint, radians.
-    pub fn heading_setpoint(&self) -> f64 {
+    pub(super) fn heading_setpoint(&self) -> f64 {
         self.heading
     }
 
     /// One step. `error` is the estimator's present position error: the controllers steer by what
     /// they believe.
-    pub fn step(
+    pub(super) fn step(
         &mut self,
         dt: f64,
         guidance: &Guidance,

@@ -1,5 +1,7 @@
 //! The vehicle's state as messages.
 
+#![allow(deprecated, reason = "PX4 speaks what MAVLink has replaced")]
+
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::MavMessage;
 

@@ -2,16 +2,16 @@
 
 /// A small seeded generator.
 #[derive(Debug, Clone)]
-pub struct Rng(u64);
+pub(super) struct Rng(u64);
 
 impl Rng {
     /// Starts at `seed`.
-    pub fn new(seed: u64) -> Self {
+    pub(super) fn new(seed: u64) -> Self {
         Self(seed)
     }
 
     /// The next 64 bits.
-    pub fn bits(&mut self) -> u64 {
+    pub(super) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -20,19 +20,19 @@ impl Rng {
     }
 
     /// Uniform in [0, 1).
-    pub fn unit(&mut self) -> f64 {
+    pub(super) fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// Close to normal, standard deviation one: the sum of twelve uniforms, so at most six.
-    pub fn normal(&mut self) -> f64 {
+    pub(super) fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
     }
 }
 
 /// Noise with a memory: first-order Gauss-Markov.
 #[derive(Debug, Clone)]
-pub struct Drift {
+pub(super) struct Drift {
     value: f64,
     sigma: f64,
     tau_s: f64,
@@ -40,7 +40,7 @@ pub struct Drift {
 
 impl Drift {
     /// Zero now; wanders with deviation `sigma` and correlation time `tau_s`.
-    pub fn new(sigma: f64, tau_s: f64) -> Self {
+    pub(super) fn new(sigma: f64, tau_s: f64) -> Self {
         Self {
             value: 0.0,
             sigma,
@@ -49,14 +49,14 @@ impl Drift {
     }
 
     /// Steps by `dt_s` and gives the new value.
-    pub fn step(&mut self, dt_s: f64, rng: &mut Rng) -> f64 {
+    pub(super) fn step(&mut self, dt_s: f64, rng: &mut Rng) -> f64 {
         let keep = (-dt_s / self.tau_s).exp();
         self.value = self.value * keep + rng.normal() * self.sigma * (1.0 - keep * keep).sqrt();
         self.value
     }
 
     /// The present value.
-    pub fn value(&self) -> f64 {
+    pub(super) fn value(&self) -> f64 {
         self.value
     }
 }

@@ -11,39 +11,39 @@ struct Stream {
 
 /// The schedule of every stream.
 #[derive(Debug, Clone)]
-pub struct Streams(Vec<Stream>);
+pub(super) struct Streams(Vec<Stream>);
 
 /// Message ids of the streams.
-pub mod id {
+pub(super) mod id {
     #![allow(missing_docs)]
-    pub const HEARTBEAT: u32 = 0;
-    pub const SYS_STATUS: u32 = 1;
-    pub const SYSTEM_TIME: u32 = 2;
-    pub const GPS_RAW_INT: u32 = 24;
-    pub const ATTITUDE: u32 = 30;
-    pub const ATTITUDE_QUATERNION: u32 = 31;
-    pub const LOCAL_POSITION_NED: u32 = 32;
-    pub const GLOBAL_POSITION_INT: u32 = 33;
-    pub const SERVO_OUTPUT_RAW: u32 = 36;
-    pub const MISSION_CURRENT: u32 = 42;
-    pub const GPS_GLOBAL_ORIGIN: u32 = 49;
-    pub const VFR_HUD: u32 = 74;
-    pub const ATTITUDE_TARGET: u32 = 83;
-    pub const POSITION_TARGET_LOCAL_NED: u32 = 85;
-    pub const POSITION_TARGET_GLOBAL_INT: u32 = 87;
-    pub const ALTITUDE: u32 = 141;
-    pub const BATTERY_STATUS: u32 = 147;
-    pub const AUTOPILOT_VERSION: u32 = 148;
-    pub const ESTIMATOR_STATUS: u32 = 230;
-    pub const WIND_COV: u32 = 231;
-    pub const VIBRATION: u32 = 241;
-    pub const HOME_POSITION: u32 = 242;
-    pub const MESSAGE_INTERVAL: u32 = 244;
-    pub const EXTENDED_SYS_STATE: u32 = 245;
-    pub const PROTOCOL_VERSION: u32 = 300;
-    pub const ORBIT_EXECUTION_STATUS: u32 = 360;
-    pub const AVAILABLE_MODES: u32 = 435;
-    pub const CURRENT_MODE: u32 = 436;
+    pub(crate) const HEARTBEAT: u32 = 0;
+    pub(crate) const SYS_STATUS: u32 = 1;
+    pub(crate) const SYSTEM_TIME: u32 = 2;
+    pub(crate) const GPS_RAW_INT: u32 = 24;
+    pub(crate) const ATTITUDE: u32 = 30;
+    pub(crate) const ATTITUDE_QUATERNION: u32 = 31;
+    pub(crate) const LOCAL_POSITION_NED: u32 = 32;
+    pub(crate) const GLOBAL_POSITION_INT: u32 = 33;
+    pub(crate) const SERVO_OUTPUT_RAW: u32 = 36;
+    pub(crate) const MISSION_CURRENT: u32 = 42;
+    pub(crate) const GPS_GLOBAL_ORIGIN: u32 = 49;
+    pub(crate) const VFR_HUD: u32 = 74;
+    pub(crate) const ATTITUDE_TARGET: u32 = 83;
+    pub(crate) const POSITION_TARGET_LOCAL_NED: u32 = 85;
+    pub(crate) const POSITION_TARGET_GLOBAL_INT: u32 = 87;
+    pub(crate) const ALTITUDE: u32 = 141;
+    pub(crate) const BATTERY_STATUS: u32 = 147;
+    pub(crate) const AUTOPILOT_VERSION: u32 = 148;
+    pub(crate) const ESTIMATOR_STATUS: u32 = 230;
+    pub(crate) const WIND_COV: u32 = 231;
+    pub(crate) const VIBRATION: u32 = 241;
+    pub(crate) const HOME_POSITION: u32 = 242;
+    pub(crate) const MESSAGE_INTERVAL: u32 = 244;
+    pub(crate) const EXTENDED_SYS_STATE: u32 = 245;
+    pub(crate) const PROTOCOL_VERSION: u32 = 300;
+    pub(crate) const ORBIT_EXECUTION_STATUS: u32 = 360;
+    pub(crate) const AVAILABLE_MODES: u32 = 435;
+    pub(crate) const CURRENT_MODE: u32 = 436;
 }
 
 /// Message, default interval in microseconds; negative is off.
@@ -76,7 +76,7 @@ const DEFAULTS: &[(u32, i32)] = &[
 
 impl Streams {
     /// The defaults; everything is first due at `start` seconds.
-    pub fn new(start: f64) -> Self {
+    pub(super) fn new(start: f64) -> Self {
         Self(
             DEFAULTS
                 .iter()
@@ -91,7 +91,7 @@ impl Streams {
     }
 
     /// Calls `send` for every stream that is due.
-    pub fn poll(&mut self, now: f64, mut send: impl FnMut(u32)) {
+    pub(super) fn poll(&mut self, now: f64, mut send: impl FnMut(u32)) {
         for stream in &mut self.0 {
             if stream.interval_us > 0 && now >= stream.due {
                 let period = f64::from(stream.interval_us) * 1e-6;
@@ -106,7 +106,7 @@ impl Streams {
     }
 
     /// SET_MESSAGE_INTERVAL: microseconds, 0 the default, negative off. False for an unknown id.
-    pub fn set(&mut self, id: i64, interval_us: f32, now: f64) -> bool {
+    pub(super) fn set(&mut self, id: i64, interval_us: f32, now: f64) -> bool {
         let Some(stream) = self.0.iter_mut().find(|s| i64::from(s.id) == id) else {
             return false;
         };
@@ -122,7 +122,7 @@ impl Streams {
     }
 
     /// MESSAGE_INTERVAL.interval_us; 0 for an unknown id, as PX4 answers.
-    pub fn interval_us(&self, id: u32) -> i32 {
+    pub(super) fn interval_us(&self, id: u32) -> i32 {
         self.0
             .iter()
             .find(|s| s.id == id)
@@ -130,7 +130,7 @@ impl Streams {
     }
 
     /// True for a message that can be streamed.
-    pub fn knows(&self, id: u32) -> bool {
+    pub(super) fn knows(&self, id: u32) -> bool {
         self.0.iter().any(|s| s.id == id)
     }
 }
@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn a_stream_comes_at_its_rate_and_can_be_changed() {
         let mut streams = Streams::new(0.0);
-        let mut count = |streams: &mut Streams, from: u32| {
+        let count = |streams: &mut Streams, from: u32| {
             let mut n = 0;
             for step in from..from + 2500 {
                 streams.poll(f64::from(step) * 0.004, |id| {

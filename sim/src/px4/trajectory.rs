@@ -10,7 +10,7 @@ use super::geo::Ned;
 
 /// Limits, from the parameters named.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub(super) struct Limits {
     /// MPC_ACC_HOR, m/s2.
     pub acc_hor: f64,
     /// MPC_JERK_AUTO, m/s3.
@@ -37,7 +37,7 @@ pub struct Limits {
 
 /// One leg of a flight in the local frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Leg {
+pub(super) struct Leg {
     /// Where the leg's line comes from.
     pub from: Ned,
     /// Where it goes.
@@ -52,7 +52,7 @@ pub struct Leg {
 
 impl Leg {
     /// A flight straight to `target`, to stay there.
-    pub fn to(target: Ned, acceptance: f64, speed: f64) -> Self {
+    pub(super) fn to(target: Ned, acceptance: f64, speed: f64) -> Self {
         Self {
             from: target,
             target,
@@ -69,7 +69,7 @@ impl Leg {
 
 /// The smoothed path: where the vehicle should be now.
 #[derive(Debug, Clone, Default)]
-pub struct Trajectory {
+pub(super) struct Trajectory {
     /// Position, m.
     pub position: Ned,
     /// Velocity, m/s.
@@ -81,7 +81,7 @@ pub struct Trajectory {
 
 impl Trajectory {
     /// Starts anew at a position and velocity, with no acceleration.
-    pub fn reset(&mut self, position: Ned, velocity: Ned) {
+    pub(super) fn reset(&mut self, position: Ned, velocity: Ned) {
         *self = Self {
             position,
             velocity,
@@ -91,13 +91,13 @@ impl Trajectory {
     }
 
     /// Follows a leg for `dt` seconds; `vehicle` is where the vehicle really is.
-    pub fn follow(&mut self, dt: f64, leg: &Leg, vehicle: Ned, limits: &Limits) {
+    pub(super) fn follow(&mut self, dt: f64, leg: &Leg, vehicle: Ned, limits: &Limits) {
         let wanted = self.velocity_along(leg, limits);
         self.advance(dt, wanted, vehicle, limits);
     }
 
     /// Follows a leg horizontally and comes down at `sink`, m/s.
-    pub fn follow_and_sink(
+    pub(super) fn follow_and_sink(
         &mut self,
         dt: f64,
         leg: &Leg,
@@ -113,7 +113,7 @@ impl Trajectory {
     }
 
     /// Goes at a velocity for `dt` seconds.
-    pub fn advance(&mut self, dt: f64, wanted: Ned, vehicle: Ned, limits: &Limits) {
+    pub(super) fn advance(&mut self, dt: f64, wanted: Ned, vehicle: Ned, limits: &Limits) {
         let lead = self.position - vehicle;
         let ahead = lead.n * self.velocity.n + lead.e * self.velocity.e >= 0.0;
         let dt_xy = dt

@@ -28,6 +28,10 @@ use super::texts::Texts;
 
 /// Something to put on the wire, from component 1 of the vehicle.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "nearly all are messages, none stays long"
+)]
 pub enum Outgoing {
     /// A message of the dialect.
     Message(MavMessage),
@@ -302,13 +306,13 @@ impl Vehicle {
     fn tick(&mut self) {
         self.ticks += 1;
         let now = self.now();
-        if self.ticks % ESTIMATOR_EVERY == 0 {
+        if self.ticks.is_multiple_of(ESTIMATOR_EVERY) {
             self.estimator.step(DT * ESTIMATOR_EVERY as f64);
         }
         if self.home.is_none() && now >= boot::HOME {
             self.set_home();
         }
-        if self.ticks % COMMANDS_EVERY == 0 {
+        if self.ticks.is_multiple_of(COMMANDS_EVERY) {
             while let Some(command) = self.commands.pop_front() {
                 self.execute(&command);
             }

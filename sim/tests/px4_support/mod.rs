@@ -1,5 +1,9 @@
 //! A ground station of a few lines, in virtual time.
-#![allow(dead_code, reason = "each test file uses its own part")]
+#![allow(
+    dead_code,
+    unreachable_pub,
+    reason = "each test file uses its own part"
+)]
 
 use std::time::Duration;
 
@@ -72,7 +76,7 @@ impl Flight {
         }
         self.vehicle.step(Duration::from_millis(4));
         self.ticks += 1;
-        if self.ticks % 25 == 0 {
+        if self.ticks.is_multiple_of(25) {
             self.track.push(self.vehicle.truth());
         }
         self.drain();

@@ -1,0 +1,167 @@
+//! Signing as PX4 v1.18 does it, faults included: this is a model of the other side, not an example.
+//!
+//! - A stamp of PX4's own is the initial one and one more for each packet; only a verified packet on
+//!   the same link lifts it.
+//! - A stream (system, component, link id) is let in when it is at most 60 s behind the link's clock;
+//!   there are 16 for the life of the process, whatever the key.
+//! - HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE and COLLISION are taken unsigned, and badly signed, too.
+//! - What is not taken is dropped without a word.
+
+use mavlink::dialects::development::SETUP_SIGNING_DATA;
+use mavlink_link::frame::FrameView;
+use mavlink_link::signing::{SigningKey, Stamp, verify};
+
+/// Why a frame was dropped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// No signature, and not one of the four that need none.
+    Unsigned,
+    /// A signature that is not this key's.
+    BadSignature,
+    /// A stamp not above the last one of its stream: a replay, or out of order.
+    OldStamp,
+    /// A new stream more than 60 s behind this link's clock.
+    OldStream,
+    /// A 17th stream.
+    TooManyStreams,
+}
+
+/// Why a frame was taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Admission {
+    /// Its signature and stamp are good.
+    Verified,
+    /// No key is set, or the message needs no signature.
+    Unsigned,
+    /// Badly signed, but one of the four: taken all the same.
+    BadlySigned,
+}
+
+/// What became of SETUP_SIGNING.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Setup {
+    /// The key is in force, on every link.
+    Accepted,
+    /// Signing is off.
+    Disabled,
+    /// The vehicle is armed.
+    Armed,
+    /// The zero key did not come signed.
+    Ignored,
+}
+
+/// Key and streams, shared by all links of the process.
+#[derive(Debug, Default)]
+pub struct Signing {
+    key: Option<SigningKey>,
+    stored_stamp: u64,
+    streams: Vec<((u8, u8, u8), Stamp)>,
+}
+
+impl Signing {
+    /// Off until SETUP_SIGNING.
+    pub fn off() -> Self {
+        Self::default()
+    }
+
+    /// As with a key file: signed from the first packet, whose stamp is `initial` (10 us units).
+    pub fn with_key(key: SigningKey, initial: u64) -> Self {
+        Self {
+            key: Some(key),
+            stored_stamp: initial,
+            streams: Vec::new(),
+        }
+    }
+
+    /// The key, where signing is on.
+    pub fn key(&self) -> Option<&SigningKey> {
+        self.key.as_ref()
+    }
+
+    /// The stamp that a link starts with, now and after a restart.
+    pub fn stored_stamp(&self) -> u64 {
+        self.stored_stamp
+    }
+
+    /// Forgets the streams, as a restart does; key and initial stamp are on disk and stay.
+    pub fn restart(&mut self) {
+        self.streams.clear();
+    }
+
+    /// Judges a frame; `clock` is the link's own and is lifted by a verified one.
+    pub fn admit(&mut self, frame: &FrameView<'_>, clock: &mut u64) -> Result<Admission, Refusal> {
+        let Some(key) = &self.key else {
+            return Ok(Admission::Unsigned);
+        };
+        let header = frame.header();
+        let needs_none = NEED_NO_SIGNATURE.contains(&header.message_id);
+        let Some(signature) = frame.signature() else {
+            return if needs_none {
+                Ok(Admission::Unsigned)
+            } else {
+                Err(Refusal::Unsigned)
+            };
+        };
+        if verify(key, frame).is_err() {
+            return if needs_none {
+                Ok(Admission::BadlySigned)
+            } else {
+                Err(Refusal::BadSignature)
+            };
+        }
+        let id = (header.system_id, header.component_id, signature.link_id);
+        match self.admit_stamp(id, signature.stamp, *clock) {
+            Ok(()) => {
+                *clock = (*clock).max(signature.stamp.get());
+                Ok(Admission::Verified)
+            }
+            Err(_) if needs_none => Ok(Admission::BadlySigned),
+            Err(refusal) => Err(refusal),
+        }
+    }
+
+    fn admit_stamp(&mut self, id: (u8, u8, u8), stamp: Stamp, clock: u64) -> Result<(), Refusal> {
+        if let Some((_, last)) = self.streams.iter_mut().find(|(known, _)| *known == id) {
+            if stamp <= *last {
+                return Err(Refusal::OldStamp);
+            }
+            *last = stamp;
+            return Ok(());
+        }
+        if self.streams.len() >= MAX_STREAMS {
+            return Err(Refusal::TooManyStreams);
+        }
+        if stamp.get() + BEHIND < clock {
+            return Err(Refusal::OldStream);
+        }
+        self.streams.push((id, stamp));
+        Ok(())
+    }
+
+    /// SETUP_SIGNING, which PX4 takes whomever it is addressed to. `signed` says that the frame
+    /// carried a signature.
+    pub fn setup(&mut self, m: &SETUP_SIGNING_DATA, signed: bool, armed: bool) -> Setup {
+        if armed {
+            return Setup::Armed;
+        }
+        if m.secret_key == [0; 32] && m.initial_timestamp == 0 {
+            if self.key.is_some() && !signed {
+                return Setup::Ignored;
+            }
+            self.key = None;
+            self.stored_stamp = 0;
+            return Setup::Disabled;
+        }
+        // A zero key with a stamp is a key like any other.
+        self.key = Some(SigningKey::new_allowing_zero(m.secret_key));
+        self.stored_stamp = m.initial_timestamp;
+        Setup::Accepted
+    }
+}
+
+/// HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE, COLLISION.
+const NEED_NO_SIGNATURE: [u32; 4] = [0, 109, 246, 247];
+/// MAVLINK_MAX_SIGNING_STREAMS of this build.
+const MAX_STREAMS: usize = 16;
+/// 60 s in units of 10 us.
+const BEHIND: u64 = 6_000_000;

@@ -1,0 +1,335 @@
+//! The simulated vehicle on real UDP sockets, in real time or faster.
+
+use std::future::poll_fn;
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::Poll;
+use std::time::Duration;
+
+use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::signing::SigningKey;
+use thiserror::Error;
+use tokio::net::UdpSocket;
+use tokio::task::JoinHandle;
+use tokio::time::{Instant, MissedTickBehavior, interval};
+
+use super::autopilot::{Autopilot, LinkCounters};
+use super::config::Config;
+use super::link::LinkAddress;
+use super::signing::Signing;
+use super::vehicle::{Truth, VehicleCounters};
+
+/// What to simulate, and where to be reached.
+#[derive(Debug)]
+pub struct SimulatorConfig {
+    /// The vehicle.
+    pub vehicle: Config,
+    /// Its links; the first is the ground station's.
+    pub links: Vec<LinkAddress>,
+    /// Sign from the first packet with this key.
+    pub key: Option<SigningKey>,
+    /// Stamp of the first packet, in units of 10 us since 2015; a real PX4's is as odd.
+    pub initial_timestamp: u64,
+    /// How much faster than time, 0.01 to 100.
+    pub speed: f64,
+}
+
+impl SimulatorConfig {
+    /// A default vehicle, unsigned, in real time, on one link.
+    pub fn on(link: LinkAddress) -> Self {
+        Self {
+            vehicle: Config::default(),
+            links: vec![link],
+            key: None,
+            initial_timestamp: 0,
+            speed: 1.0,
+        }
+    }
+}
+
+/// Why the simulator does not start.
+#[derive(Debug, Error)]
+pub enum SimulatorError {
+    /// A link's socket.
+    #[error("link {link}: {source}")]
+    Socket {
+        /// The link.
+        link: LinkAddress,
+        /// What the system says: the port may be taken.
+        source: std::io::Error,
+    },
+    /// The speed is no speed.
+    #[error("speed {0}: expected 0.01 to 100")]
+    Speed(f64),
+    /// No link was given.
+    #[error("no link: expected at least one")]
+    NoLink,
+}
+
+/// What has happened so far.
+#[derive(Debug, Clone, Default)]
+pub struct Counters {
+    /// What was done with commands and plans.
+    pub vehicle: VehicleCounters,
+    /// What went over each link.
+    pub links: Vec<LinkCounters>,
+}
+
+/// A running simulator. Dropping it stops it.
+#[derive(Debug)]
+pub struct Simulator {
+    shared: Arc<Mutex<Shared>>,
+    addresses: Vec<SocketAddr>,
+    orders: Arc<Orders>,
+    task: Option<JoinHandle<()>>,
+}
+
+#[derive(Debug, Default)]
+struct Orders {
+    stop: AtomicBool,
+    restarts: AtomicU32,
+}
+
+#[derive(Debug)]
+struct Shared {
+    truth: Truth,
+    track: Vec<Truth>,
+    counters: Counters,
+}
+
+impl Simulator {
+    /// Binds the sockets and starts, on the present tokio runtime.
+    ///
+    /// # Errors
+    /// A socket cannot be bound, or the configuration is none.
+    pub async fn spawn(config: SimulatorConfig) -> Result<Self, SimulatorError> {
+        if !(0.01..=100.0).contains(&config.speed) {
+            return Err(SimulatorError::Speed(config.speed));
+        }
+        if config.links.is_empty() {
+            return Err(SimulatorError::NoLink);
+        }
+        let mut sockets = Vec::new();
+        let mut addresses = Vec::new();
+        for &link in &config.links {
+            let socket = bind(link)
+                .await
+                .map_err(|source| SimulatorError::Socket { link, source })?;
+            addresses.push(
+                socket
+                    .local_addr()
+                    .map_err(|source| SimulatorError::Socket { link, source })?,
+            );
+            sockets.push(socket);
+        }
+        let remotes = config
+            .links
+            .iter()
+            .map(|link| match link {
+                LinkAddress::UdpIn(_) => None,
+                LinkAddress::UdpOut(to) => Some(*to),
+            })
+            .collect();
+        let signing = match config.key {
+            Some(key) => Signing::with_key(key, config.initial_timestamp),
+            None => Signing::off(),
+        };
+        let autopilot = Autopilot::new(config.vehicle, signing, remotes);
+        let shared = Arc::new(Mutex::new(Shared {
+            truth: autopilot.vehicle().truth(),
+            track: Vec::new(),
+            counters: Counters::default(),
+        }));
+        let orders = Arc::new(Orders::default());
+        let simulation = Simulation {
+            autopilot,
+            sockets,
+            shared: Arc::clone(&shared),
+            next_sample: Duration::ZERO,
+        };
+        let task = tokio::spawn(simulation.run(config.speed, Arc::clone(&orders)));
+        Ok(Self {
+            shared,
+            addresses,
+            orders,
+            task: Some(task),
+        })
+    }
+
+    /// The socket address of a link.
+    pub fn address(&self, link: usize) -> Option<SocketAddr> {
+        self.addresses.get(link).copied()
+    }
+
+    /// What is really so now.
+    pub fn truth(&self) -> Truth {
+        self.lock().truth
+    }
+
+    /// The flown track since the last call: a sample each tenth of a simulated second.
+    pub fn take_track(&self) -> Vec<Truth> {
+        std::mem::take(&mut self.lock().track)
+    }
+
+    /// What has happened so far.
+    pub fn counters(&self) -> Counters {
+        self.lock().counters.clone()
+    }
+
+    /// Switches the vehicle off and on: see [`Autopilot::restart`].
+    pub fn restart(&self) {
+        self.orders.restarts.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Stops and waits until the sockets are closed.
+    pub async fn stop(mut self) {
+        self.orders.stop.store(true, Ordering::Relaxed);
+        if let Some(task) = self.task.take() {
+            // A panic of the task has been reported by the runtime; there is nothing left to stop.
+            let _ = task.await;
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Shared> {
+        // Plain values: a panic elsewhere leaves nothing half-done in them.
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        self.orders.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+async fn bind(link: LinkAddress) -> std::io::Result<UdpSocket> {
+    match link {
+        LinkAddress::UdpIn(at) => UdpSocket::bind(at).await,
+        LinkAddress::UdpOut(SocketAddr::V4(to)) if to.ip().is_loopback() => {
+            UdpSocket::bind("127.0.0.1:0").await
+        }
+        LinkAddress::UdpOut(SocketAddr::V4(_)) => UdpSocket::bind("0.0.0.0:0").await,
+        LinkAddress::UdpOut(SocketAddr::V6(_)) => UdpSocket::bind("[::]:0").await,
+    }
+}
+
+/// The task: an autopilot, its sockets, and what the handle sees of it.
+struct Simulation {
+    autopilot: Autopilot<SocketAddr>,
+    sockets: Vec<UdpSocket>,
+    shared: Arc<Mutex<Shared>>,
+    next_sample: Duration,
+}
+
+impl Simulation {
+    async fn run(mut self, speed: f64, orders: Arc<Orders>) {
+        let mut beat = interval(BEAT);
+        beat.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        let mut last = Instant::now();
+        let mut restarts = 0;
+        let mut buffer = vec![0; 65_536];
+        loop {
+            tokio::select! {
+                _ = beat.tick() => {
+                    if orders.stop.load(Ordering::Relaxed) {
+                        return;
+                    }
+                    let wanted = orders.restarts.load(Ordering::Relaxed);
+                    if wanted != restarts {
+                        restarts = wanted;
+                        self.autopilot.restart();
+                        self.next_sample = Duration::ZERO;
+                    }
+                    let elapsed = last.elapsed().min(CATCH_UP);
+                    last = Instant::now();
+                    self.advance(elapsed.mul_f64(speed)).await;
+                }
+                link = readable(&self.sockets) => {
+                    self.receive(link, &mut buffer);
+                    self.flush().await;
+                }
+            }
+        }
+    }
+
+    /// Lets simulated time pass in small pieces, so that messages leave in their order and a fast
+    /// simulator does not send whole seconds at once.
+    async fn advance(&mut self, span: Duration) {
+        let mut left = span;
+        while !left.is_zero() {
+            let piece = left.min(PIECE);
+            left -= piece;
+            self.autopilot.step(piece);
+            self.sample();
+            self.flush().await;
+        }
+        let counters = Counters {
+            vehicle: self.autopilot.vehicle().counters(),
+            links: (0..self.sockets.len())
+                .map(|link| self.autopilot.counters(link))
+                .collect(),
+        };
+        let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        shared.truth = self.autopilot.vehicle().truth();
+        shared.counters = counters;
+    }
+
+    fn sample(&mut self) {
+        let truth = self.autopilot.vehicle().truth();
+        if truth.time < self.next_sample {
+            return;
+        }
+        self.next_sample = truth.time + SAMPLE;
+        let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        if shared.track.len() < MAX_TRACK {
+            shared.track.push(truth);
+        }
+    }
+
+    /// Takes what one socket has, up to a bound, so that a flood does not stop time.
+    fn receive(&mut self, link: usize, buffer: &mut [u8]) {
+        let Some(socket) = self.sockets.get(link) else {
+            return;
+        };
+        for _ in 0..BATCH {
+            match socket.try_recv_from(buffer) {
+                Ok((len, from)) => self.autopilot.handle_datagram(link, from, &buffer[..len]),
+                // On loopback the answer of a port that nobody listens on comes back as an error.
+                Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => {}
+                Err(_) => return,
+            }
+        }
+    }
+
+    async fn flush(&mut self) {
+        let mut buffer = [0; MAX_FRAME];
+        while let Some(transmit) = self.autopilot.poll_transmit(&mut buffer) {
+            if let Some(socket) = self.sockets.get(transmit.link) {
+                // Nobody there yet, or a full buffer: a lost datagram, as on any link.
+                let _ = socket.send_to(&buffer[..transmit.len], transmit.to).await;
+            }
+        }
+    }
+}
+
+/// The first socket that has something to read.
+async fn readable(sockets: &[UdpSocket]) -> usize {
+    poll_fn(|context| {
+        let ready = sockets
+            .iter()
+            .position(|socket| socket.poll_recv_ready(context).is_ready());
+        ready.map_or(Poll::Pending, Poll::Ready)
+    })
+    .await
+}
+
+const BEAT: Duration = Duration::from_millis(4);
+const PIECE: Duration = Duration::from_millis(20);
+/// After a pause of the whole machine, time is lost rather than made up for.
+const CATCH_UP: Duration = Duration::from_millis(250);
+const SAMPLE: Duration = Duration::from_millis(100);
+/// Datagrams taken in one go.
+const BATCH: usize = 64;
+/// A day of samples.
+const MAX_TRACK: usize = 864_000;
