@@ -179,7 +179,9 @@ impl SigningClock {
         store: &mut dyn CeilingStore,
     ) -> Result<(), ClockError> {
         self.raise_ceiling(stamp, now, store)?;
-        self.least = self.least.max(stamp.get());
+        // One above, not at it: a vehicle that then falls back is lifted by our next frame to that
+        // frame's stamp, and its answer must lie above what has been accepted.
+        self.least = self.least.max(stamp.get() + 1);
         Ok(())
     }
 

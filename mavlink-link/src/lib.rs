@@ -1,4 +1,13 @@
 //! MAVLink 2 frames, signing, the peer lock and the PX4 services, without sockets or clock.
+//!
+//! From the octets up: [`frame`] finds and makes frames, [`signing`] signs and verifies them, [`clock`]
+//! says which stamps may be used and [`receiver`] which frames are believed; [`link`] joins them into
+//! one machine a physical link, and [`service`] speaks PX4's mission, command and parameter protocols
+//! over it. [`frame`] and [`signing`] are usable alone.
+//!
+//! Nothing here owns a socket, a clock, a disk or randomness: time comes in as [`Now`], the signing
+//! clock's ceiling goes out through [`clock::CeilingStore`]. Foreign input never panics and never makes
+//! memory grow. The message structs are those of the `mavlink` crate's `development` [`dialect`].
 
 #![forbid(unsafe_code)]
 

@@ -106,7 +106,7 @@ fn a_datagram_that_starts_with_a_good_frame_ends_the_partial_one_before_it() {
     let mut parser = Parser::new();
     parse(&mut parser, &first[..20]);
     let (good, errors) = parse(&mut parser, second);
-    assert_eq!(good, [second.clone()]);
+    assert_eq!(good, std::slice::from_ref(second));
     assert_eq!(errors, [FrameError::Truncated]);
     assert_eq!(parser.counts().truncated, 1);
 }
@@ -139,7 +139,7 @@ fn mavlink_1_is_recognised_and_refused() {
     let good = &frames(1)[0];
     let mut parser = Parser::new();
     let (found, errors) = parse(&mut parser, &[&v1[..], good].concat());
-    assert_eq!(found, [good.clone()]);
+    assert_eq!(found, std::slice::from_ref(good));
     assert_eq!(errors, [FrameError::Mavlink1 { message_id: 0 }]);
     assert_eq!(parser.counts().mavlink1, 1);
 }

@@ -74,7 +74,8 @@ struct Core<A> {
     seq: u8,
     heartbeat_at: Duration,
     heartbeat_due: bool,
-    lift: Option<A>,
+    /// Where a heartbeat must go at once to lift stamps: to somebody else, to the peer.
+    lift: [Option<A>; 2],
     bad_signatures: Burst,
     events: Events<A>,
     stats: LinkStats,
@@ -129,7 +130,7 @@ impl<A: Copy + Eq> Link<A> {
                 seq: 0,
                 heartbeat_at: Duration::ZERO,
                 heartbeat_due: false,
-                lift: None,
+                lift: [None; 2],
                 bad_signatures: Burst::default(),
                 events: Events::new(),
                 stats: LinkStats::default(),

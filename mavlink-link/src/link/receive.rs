@@ -211,10 +211,7 @@ impl<A: Copy + Eq> Core<A> {
         }
         let to_peer = self.peer.heartbeat_to() == Some(from);
         if self.presence.may_lift(to_peer, mono) {
-            // The peer's own heartbeat is never put off for somebody else's.
-            if to_peer || self.lift.is_none() {
-                self.lift = Some(from);
-            }
+            self.lift[usize::from(to_peer)] = Some(from);
         }
     }
 

@@ -117,7 +117,7 @@ enum Content<'a> {
 impl<A: Copy + Eq> Core<A> {
     fn next_heartbeat_to(&mut self) -> Option<A> {
         let regular = self.peer.heartbeat_to();
-        if let Some(lift) = self.lift.take() {
+        if let Some(lift) = self.lift.iter_mut().find_map(Option::take) {
             // One heartbeat serves both purposes where it goes to the same place.
             self.heartbeat_due &= regular != Some(lift);
             return Some(lift);

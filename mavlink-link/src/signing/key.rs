@@ -12,6 +12,16 @@ use zeroize::{Zeroize, ZeroizeOnDrop};
 ///
 /// Neither `Clone` nor `PartialEq`, so that copies and comparisons are seen where they happen; `Debug`
 /// shows nothing of it.
+///
+/// ```compile_fail
+/// # let key = mavlink_link::signing::SigningKey::new([1; 32]).unwrap();
+/// let copy = key.clone();
+/// ```
+///
+/// ```compile_fail
+/// # let key = mavlink_link::signing::SigningKey::new([1; 32]).unwrap();
+/// let same = key == key;
+/// ```
 #[derive(Zeroize, ZeroizeOnDrop)]
 pub struct SigningKey([u8; 32]);
 
