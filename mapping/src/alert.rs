@@ -39,7 +39,7 @@ pub fn priority(severity: MavSeverity) -> AlertPriority {
 pub fn messages(
     alert: &Alert,
     first: bool,
-    stamp: impl Fn() -> TimeStamp,
+    mut stamp: impl FnMut() -> TimeStamp,
 ) -> impl Iterator<Item = SubsystemStatusAlert> {
     let parts = split(&alert.text);
     let total = u8::try_from(parts.len()).unwrap_or(u8::MAX);

@@ -232,8 +232,7 @@ pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteErr
             return Err(at(Reason::Curve(p4)));
         }
         if let Some(speed_m_s) = leg.speed_m_s {
-            let airspeed = waypoint.waypoint_speed_type != Some(WaypointSpeedType::Ground);
-            flight.push(number, change_speed(speed_m_s, airspeed));
+            flight.push(number, change_speed(speed_m_s));
         }
         flight.push(
             number,
@@ -392,17 +391,13 @@ fn speed(waypoint: &UaPositionWaypoint, limits: &Limits) -> Result<Option<f64>, 
     })
 }
 
-fn change_speed(speed_m_s: f64, airspeed: bool) -> Item {
-    let kind = if airspeed {
-        SPEED_TYPE_AIRSPEED
-    } else {
-        SPEED_TYPE_GROUND
-    };
+/// PX4 applies a speed to the present leg only when it is called a ground speed.
+fn change_speed(speed_m_s: f64) -> Item {
     Item {
         frame: FRAME_MISSION,
         command: DO_CHANGE_SPEED,
         autocontinue: true,
-        params: [kind, speed_m_s as f32, THROTTLE_UNCHANGED, 0.0],
+        params: [SPEED_TYPE_GROUND, speed_m_s as f32, THROTTLE_UNCHANGED, 0.0],
         ..Item::default()
     }
 }
@@ -474,7 +469,6 @@ const NAV_LOITER_UNLIM: u16 = 17;
 const NAV_LOITER_TIME: u16 = 19;
 const DO_CHANGE_SPEED: u16 = 178;
 const FRAME_MISSION: u8 = 2;
-const SPEED_TYPE_AIRSPEED: f32 = 0.0;
 const SPEED_TYPE_GROUND: f32 = 1.0;
 const THROTTLE_UNCHANGED: f32 = -1.0;
 /// Acceptance radius of a fly-over, m: under 2 m a multicopter at 5 m/s can miss the waypoint and fly on for good.

@@ -44,7 +44,10 @@ impl ConfigError {
     }
 
     pub(super) fn in_file(self, path: &Path) -> ConfigError {
-        ConfigError::InFile { path: path.to_owned(), cause: Box::new(self) }
+        ConfigError::InFile {
+            path: path.to_owned(),
+            cause: Box::new(self),
+        }
     }
 }
 
@@ -58,7 +61,17 @@ pub(super) struct Fault {
 
 impl Fault {
     pub(super) fn located(self, text: &str) -> ConfigError {
-        let line = 1 + text.as_bytes().iter().take(self.at).filter(|octet| **octet == b'\n').count();
-        ConfigError::Value { line, key: self.key, found: self.found, expected: self.expected }
+        let line = 1 + text
+            .as_bytes()
+            .iter()
+            .take(self.at)
+            .filter(|octet| **octet == b'\n')
+            .count();
+        ConfigError::Value {
+            line,
+            key: self.key,
+            found: self.found,
+            expected: self.expected,
+        }
     }
 }

@@ -35,7 +35,7 @@ pub struct Config {
     /// The status page; without it none is served.
     pub http: Option<Http>,
     /// What silence of the controlling CUCS leads to.
-    #[serde(default)]
+    #[serde(default = "Authority::unspanned")]
     pub authority: Spanned<Authority>,
     /// Who this VSM is on MAVLink.
     #[serde(default)]
@@ -136,7 +136,11 @@ pub struct Curve {
 
 impl Default for Curve {
     fn default() -> Self {
-        Curve { tolerance_m: 1.0, max_items: 500, policy: CurvePolicy::Slow }
+        Curve {
+            tolerance_m: 1.0,
+            max_items: 500,
+            policy: CurvePolicy::Slow,
+        }
     }
 }
 
@@ -179,9 +183,21 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        let mapping::route::Limits { first_m, leg_m, lowest_m, highest_m, speed_m_s, .. } =
-            mapping::route::Limits::default();
-        Limits { first_m, leg_m, lowest_m, highest_m, speed_m_s }
+        let mapping::route::Limits {
+            first_m,
+            leg_m,
+            lowest_m,
+            highest_m,
+            speed_m_s,
+            ..
+        } = mapping::route::Limits::default();
+        Limits {
+            first_m,
+            leg_m,
+            lowest_m,
+            highest_m,
+            speed_m_s,
+        }
     }
 }
 
@@ -228,7 +244,18 @@ pub struct Authority {
 
 impl Default for Authority {
     fn default() -> Self {
-        Authority { warn_s: 3.0, offer_s: 5.0, act_s: 10.0, on_loss: OnLoss::Continue }
+        Authority {
+            warn_s: 3.0,
+            offer_s: 5.0,
+            act_s: 10.0,
+            on_loss: OnLoss::Continue,
+        }
+    }
+}
+
+impl Authority {
+    fn unspanned() -> Spanned<Authority> {
+        Spanned::new(0..0, Authority::default())
     }
 }
 
@@ -244,7 +271,10 @@ pub struct Mavlink {
 
 impl Default for Mavlink {
     fn default() -> Self {
-        Mavlink { system_id: 245, component_id: 190 }
+        Mavlink {
+            system_id: 245,
+            component_id: 190,
+        }
     }
 }
 
@@ -254,8 +284,10 @@ impl Config {
     /// # Errors
     /// The file cannot be read, is not TOML, has an unknown or missing key, or a value out of its range.
     pub fn load(path: &Path) -> Result<Config, ConfigError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|cause| ConfigError::Unreadable { path: path.to_owned(), cause })?;
+        let text = std::fs::read_to_string(path).map_err(|cause| ConfigError::Unreadable {
+            path: path.to_owned(),
+            cause,
+        })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Config::parse(&text, folder).map_err(|cause| cause.in_file(path))
     }
@@ -296,13 +328,23 @@ impl Config {
     /// What a single value cannot tell: relations between keys.
     fn check(&self) -> Result<(), error::Fault> {
         let fault = |span: std::ops::Range<usize>, key: &str, found: String, expected: &str| {
-            Err(error::Fault { at: span.start, key: key.to_owned(), found, expected: expected.to_owned() })
+            Err(error::Fault {
+                at: span.start,
+                key: key.to_owned(),
+                found,
+                expected: expected.to_owned(),
+            })
         };
         let mut ids = vec![self.dli.vsm_id];
         for station in &self.cucs {
             let id = station.get_ref().id;
             if ids.contains(&id) {
-                return fault(station.span(), "cucs.id", id.to_string(), "an id that nothing else in this file has");
+                return fault(
+                    station.span(),
+                    "cucs.id",
+                    id.to_string(),
+                    "an id that nothing else in this file has",
+                );
             }
             ids.push(id);
         }
@@ -311,27 +353,57 @@ impl Config {
             let (vehicle, span) = (spanned.get_ref(), spanned.span());
             if ids.contains(&vehicle.id) {
                 let id = vehicle.id.to_string();
-                return fault(span, "vehicle.id", id, "an id that nothing else in this file has");
+                return fault(
+                    span,
+                    "vehicle.id",
+                    id,
+                    "an id that nothing else in this file has",
+                );
             }
             ids.push(vehicle.id);
             if links.contains(&&vehicle.link) {
                 let link = vehicle.link.to_string();
-                return fault(span, "vehicle.link", link, "a link of its own for each vehicle");
+                return fault(
+                    span,
+                    "vehicle.link",
+                    link,
+                    "a link of its own for each vehicle",
+                );
             }
             links.push(&vehicle.link);
             if vehicle.system_id == 0 || vehicle.system_id == self.mavlink.system_id {
                 let found = vehicle.system_id.to_string();
-                return fault(span, "vehicle.system_id", found, "1 to 255, and not the VSM's own (mavlink.system_id)");
+                return fault(
+                    span,
+                    "vehicle.system_id",
+                    found,
+                    "1 to 255, and not the VSM's own (mavlink.system_id)",
+                );
             }
             if vehicle.tail_number.len() > 15 || !vehicle.tail_number.is_ascii() {
-                return fault(span, "vehicle.tail_number", vehicle.tail_number.clone(), "at most 15 ASCII characters");
+                return fault(
+                    span,
+                    "vehicle.tail_number",
+                    vehicle.tail_number.clone(),
+                    "at most 15 ASCII characters",
+                );
             }
             let curve = vehicle.curve;
             if !(0.1..=100.0).contains(&curve.tolerance_m) {
-                return fault(span, "vehicle.curve.tolerance_m", curve.tolerance_m.to_string(), "0.1 to 100 (metres)");
+                return fault(
+                    span,
+                    "vehicle.curve.tolerance_m",
+                    curve.tolerance_m.to_string(),
+                    "0.1 to 100 (metres)",
+                );
             }
             if !(2..=10_000).contains(&curve.max_items) {
-                return fault(span, "vehicle.curve.max_items", curve.max_items.to_string(), "2 to 10000");
+                return fault(
+                    span,
+                    "vehicle.curve.max_items",
+                    curve.max_items.to_string(),
+                    "2 to 10000",
+                );
             }
             let limits = vehicle.limits;
             for (key, value) in [
@@ -343,15 +415,31 @@ impl Config {
                     return fault(span, key, value.to_string(), "a number above 0");
                 }
             }
-            if !(limits.lowest_m.is_finite() && limits.highest_m.is_finite() && limits.lowest_m < limits.highest_m) {
-                let found = format!("lowest_m {} and highest_m {}", limits.lowest_m, limits.highest_m);
+            if !(limits.lowest_m.is_finite()
+                && limits.highest_m.is_finite()
+                && limits.lowest_m < limits.highest_m)
+            {
+                let found = format!(
+                    "lowest_m {} and highest_m {}",
+                    limits.lowest_m, limits.highest_m
+                );
                 return fault(span, "vehicle.limits", found, "lowest_m below highest_m");
             }
         }
-        let Authority { warn_s, offer_s, act_s, .. } = *self.authority.get_ref();
+        let Authority {
+            warn_s,
+            offer_s,
+            act_s,
+            ..
+        } = *self.authority.get_ref();
         if !(warn_s <= offer_s && offer_s <= act_s) {
             let found = format!("warn_s {warn_s}, offer_s {offer_s}, act_s {act_s}");
-            return fault(self.authority.span(), "authority", found, "warn_s <= offer_s <= act_s");
+            return fault(
+                self.authority.span(),
+                "authority",
+                found,
+                "warn_s <= offer_s <= act_s",
+            );
         }
         if self.mavlink.system_id == 0 {
             return fault(0..0, "mavlink.system_id", "0".to_owned(), "1 to 255");

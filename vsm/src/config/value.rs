@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
-use stanag_msgs::{Id, LoiBitmap};
+use stanag_msgs::Id;
+use stanag_msgs::enums::LoiBitmap;
 
 /// Where a vehicle's MAVLink is: `udpin:127.0.0.1:14550`, `udpout:host:port` or `serial:/dev/ttyACM0:57600`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,8 +36,7 @@ impl fmt::Display for LinkAddress {
 }
 
 impl LinkAddress {
-    const EXPECTED: &'static str =
-        "\"udpin:ADDRESS:PORT\", \"udpout:HOST:PORT\" or \"serial:DEVICE:BAUD\", such as \"udpin:127.0.0.1:14550\"";
+    const EXPECTED: &'static str = "\"udpin:ADDRESS:PORT\", \"udpout:HOST:PORT\" or \"serial:DEVICE:BAUD\", such as \"udpin:127.0.0.1:14550\"";
 
     fn parse(text: &str) -> Option<LinkAddress> {
         let (kind, rest) = text.split_once(':')?;
@@ -47,7 +47,10 @@ impl LinkAddress {
                 Some(LinkAddress::UdpOut(rest.to_owned()))
             }
             "serial" if !place.is_empty() => match number.parse() {
-                Ok(baud) if baud > 0 => Some(LinkAddress::Serial { device: place.to_owned(), baud }),
+                Ok(baud) if baud > 0 => Some(LinkAddress::Serial {
+                    device: place.to_owned(),
+                    baud,
+                }),
                 _ => None,
             },
             _ => None,
@@ -58,7 +61,8 @@ impl LinkAddress {
 impl<'de> Deserialize<'de> for LinkAddress {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let text = String::deserialize(deserializer)?;
-        LinkAddress::parse(&text).ok_or_else(|| de::Error::invalid_value(de::Unexpected::Str(&text), &Self::EXPECTED))
+        LinkAddress::parse(&text)
+            .ok_or_else(|| de::Error::invalid_value(de::Unexpected::Str(&text), &Self::EXPECTED))
     }
 }
 
@@ -96,7 +100,8 @@ impl<'de> Deserialize<'de> for Signing {
                         _ => return Err(de::Error::unknown_field(&key, &["key_file"])),
                     }
                 }
-                file.map(Signing::KeyFile).ok_or_else(|| de::Error::missing_field("key_file"))
+                file.map(Signing::KeyFile)
+                    .ok_or_else(|| de::Error::missing_field("key_file"))
             }
         }
         deserializer.deserialize_any(Either)
@@ -111,17 +116,17 @@ impl<'de> Deserialize<'de> for LoiSet {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut set = LoiBitmap::default();
         for level in Vec::<u8>::deserialize(deserializer)? {
-            set = set
-                | match level {
-                    2 => LoiBitmap::LOI2,
-                    3 => LoiBitmap::LOI3,
-                    4 => LoiBitmap::LOI4,
-                    5 => LoiBitmap::LOI5,
-                    other => {
-                        let found = de::Unexpected::Unsigned(other.into());
-                        return Err(de::Error::invalid_value(found, &"levels of interoperability from 2 to 5"));
-                    }
-                };
+            set = set.union(match level {
+                2 => LoiBitmap::LOI2,
+                3 => LoiBitmap::LOI3,
+                4 => LoiBitmap::LOI4,
+                5 => LoiBitmap::LOI5,
+                other => {
+                    let found = de::Unexpected::Unsigned(other.into());
+                    let expected = &"levels of interoperability from 2 to 5";
+                    return Err(de::Error::invalid_value(found, expected));
+                }
+            });
         }
         Ok(LoiSet(set))
     }
@@ -143,23 +148,32 @@ pub enum OnLoss {
 
 /// An identification number that something can own: neither broadcast, null, nor of the reserved owner ff.
 pub(super) fn id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Id, D::Error> {
-    const EXPECTED: &str = "four octets in hex, the owning nation first, such as \"1b:00:00:01\" (ff is reserved)";
+    const EXPECTED: &str =
+        "four octets in hex, the owning nation first, such as \"1b:00:00:01\" (ff is reserved)";
     let text = String::deserialize(deserializer)?;
     match text.parse::<Id>() {
         Ok(id) if id.0 >> 24 != 0xff => Ok(id),
-        _ => Err(de::Error::invalid_value(de::Unexpected::Str(&text), &EXPECTED)),
+        _ => Err(de::Error::invalid_value(
+            de::Unexpected::Str(&text),
+            &EXPECTED,
+        )),
     }
 }
 
 /// A multicast group and port.
-pub(super) fn group<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<SocketAddr>, D::Error> {
+pub(super) fn group<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<SocketAddr>, D::Error> {
     let address = SocketAddr::deserialize(deserializer)?;
     if address.ip().is_multicast() {
         return Ok(Some(address));
     }
     let text = address.to_string();
     let expected = "a multicast group and port, such as \"225.200.1.0:51017\"";
-    Err(de::Error::invalid_value(de::Unexpected::Str(&text), &expected))
+    Err(de::Error::invalid_value(
+        de::Unexpected::Str(&text),
+        &expected,
+    ))
 }
 
 /// A time of silence in seconds, 0.5 to 3600.

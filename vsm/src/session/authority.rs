@@ -6,7 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use stanag_msgs::{Id, LoiBitmap};
+use stanag_msgs::Id;
+use stanag_msgs::enums::LoiBitmap;
 
 /// The rights over one vehicle.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -48,12 +49,14 @@ pub struct Outcome {
 }
 
 /// LOI 4 and 5: the levels of the controller.
-pub const CONTROL: LoiBitmap = LoiBitmap(LoiBitmap::LOI4.0 | LoiBitmap::LOI5.0);
+pub const CONTROL: LoiBitmap = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
 
 impl Authority {
     /// Rights as they were stored.
     pub fn restored(held: impl IntoIterator<Item = (Id, LoiBitmap)>) -> Authority {
-        Authority { held: held.into_iter().collect() }
+        Authority {
+            held: held.into_iter().collect(),
+        }
     }
 
     /// Every CUCS with rights, and what it asked for and was granted.
@@ -65,21 +68,24 @@ impl Authority {
     #[must_use]
     pub fn granted(&self, id: Id) -> LoiBitmap {
         match self.held.get(&id) {
-            Some(levels) if levels.0 != 0 => *levels | LoiBitmap::LOI2,
-            _ => LoiBitmap::default(),
+            Some(levels) if !levels.is_empty() => levels.union(LoiBitmap::LOI2),
+            _ => LoiBitmap::NONE,
         }
     }
 
     /// Whether a CUCS holds all of these levels.
     #[must_use]
     pub fn holds(&self, id: Id, levels: LoiBitmap) -> bool {
-        self.granted(id).0 & levels.0 == levels.0
+        self.granted(id).contains(levels)
     }
 
     /// The CUCS that holds LOI 4 or 5.
     #[must_use]
     pub fn controller(&self) -> Option<Id> {
-        self.held.iter().find(|(_, levels)| levels.0 & CONTROL.0 != 0).map(|(id, _)| *id)
+        self.held
+            .iter()
+            .find(|(_, levels)| levels.intersects(CONTROL))
+            .map(|(id, _)| *id)
     }
 
     /// Decides a request. `offered` are levels whose holder has been silent: they are granted as if they were free.
@@ -87,7 +93,11 @@ impl Authority {
         match request {
             Request::Release(levels) => {
                 self.release(asker.id, levels);
-                Outcome { granted: self.granted(asker.id), in_full: true, deposed: Vec::new() }
+                Outcome {
+                    granted: self.granted(asker.id),
+                    in_full: true,
+                    deposed: Vec::new(),
+                }
             }
             Request::Control(levels) => self.take(asker, levels, offered),
             Request::Override(levels) => self.take(asker, levels, offered || asker.may_override),
@@ -96,27 +106,33 @@ impl Authority {
 
     /// Takes levels away; all where none is named.
     pub fn release(&mut self, id: Id, levels: LoiBitmap) {
-        let Some(held) = self.held.get_mut(&id) else { return };
-        held.0 &= if levels.0 == 0 { 0 } else { !levels.0 };
-        if held.0 == 0 {
+        let Some(held) = self.held.get_mut(&id) else {
+            return;
+        };
+        *held = if levels.is_empty() {
+            LoiBitmap::NONE
+        } else {
+            held.without(levels)
+        };
+        if held.is_empty() {
             self.held.remove(&id);
         }
     }
 
     fn take(&mut self, asker: Asker, levels: LoiBitmap, depose: bool) -> Outcome {
-        let wanted = LoiBitmap(levels.0 & asker.authorised.0);
+        let wanted = both(levels, asker.authorised);
         let mut deposed = Vec::new();
-        let mut granted = LoiBitmap(0);
+        let mut granted = both(wanted, LoiBitmap::LOI2);
         // What has one holder is decided as a whole: 3 by itself, 4 and 5 together.
         for exclusive in [LoiBitmap::LOI3, CONTROL] {
-            let part = LoiBitmap(wanted.0 & exclusive.0);
-            if part.0 == 0 {
+            let part = both(wanted, exclusive);
+            if part.is_empty() {
                 continue;
             }
             let others: Vec<Id> = self
                 .held
                 .iter()
-                .filter(|(id, held)| **id != asker.id && held.0 & exclusive.0 != 0)
+                .filter(|(id, held)| **id != asker.id && held.intersects(exclusive))
                 .map(|(id, _)| *id)
                 .collect();
             if !others.is_empty() && !depose {
@@ -126,31 +142,55 @@ impl Authority {
                 self.release(other, exclusive);
                 deposed.push(other);
             }
-            granted = granted | part;
+            granted = granted.union(part);
         }
-        granted.0 |= wanted.0 & LoiBitmap::LOI2.0;
-        if granted.0 != 0 {
+        if !granted.is_empty() {
             let held = self.held.entry(asker.id).or_default();
-            *held = *held | granted;
+            *held = held.union(granted);
         }
-        Outcome { granted: self.granted(asker.id), in_full: granted.0 == levels.0, deposed }
+        Outcome {
+            granted: self.granted(asker.id),
+            in_full: granted == levels,
+            deposed,
+        }
     }
+}
+
+/// The levels that are in both.
+fn both(one: LoiBitmap, other: LoiBitmap) -> LoiBitmap {
+    LoiBitmap::from_raw(one.raw() & other.raw())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const ALL: LoiBitmap = LoiBitmap(0x0f);
-    const A: Asker = Asker { id: Id(0xa0), authorised: ALL, may_override: false };
-    const B: Asker = Asker { id: Id(0xb0), authorised: ALL, may_override: true };
+    const ALL: LoiBitmap = LoiBitmap::from_raw(0x0f);
+    const A: Asker = Asker {
+        id: Id(0xa0),
+        authorised: ALL,
+        may_override: false,
+    };
+    const B: Asker = Asker {
+        id: Id(0xb0),
+        authorised: ALL,
+        may_override: true,
+    };
 
     #[test]
     fn control_has_one_holder() {
         let mut authority = Authority::default();
-        assert_eq!(authority.request(A, Request::Control(CONTROL), false).granted, LoiBitmap(0x0d));
+        assert_eq!(
+            authority
+                .request(A, Request::Control(CONTROL), false)
+                .granted,
+            LoiBitmap::from_raw(0x0d)
+        );
         let refused = authority.request(B, Request::Control(LoiBitmap::LOI5), false);
-        assert_eq!((refused.granted, refused.in_full), (LoiBitmap(0), false));
+        assert_eq!(
+            (refused.granted, refused.in_full),
+            (LoiBitmap::from_raw(0), false)
+        );
         assert_eq!(authority.controller(), Some(A.id));
     }
 
@@ -158,9 +198,13 @@ mod tests {
     fn override_needs_its_right() {
         let mut authority = Authority::default();
         authority.request(B, Request::Control(CONTROL), false);
-        assert!(!authority.request(A, Request::Override(CONTROL), false).in_full);
+        assert!(
+            !authority
+                .request(A, Request::Override(CONTROL), false)
+                .in_full
+        );
         assert_eq!(authority.controller(), Some(B.id));
-        authority.request(B, Request::Release(LoiBitmap(0)), false);
+        authority.request(B, Request::Release(LoiBitmap::from_raw(0)), false);
         authority.request(A, Request::Control(CONTROL), false);
         let taken = authority.request(B, Request::Override(CONTROL), false);
         assert_eq!(taken.deposed, [A.id]);
@@ -172,8 +216,12 @@ mod tests {
     fn monitors_are_without_number_and_a_part_is_granted() {
         let mut authority = Authority::default();
         authority.request(A, Request::Control(CONTROL), false);
-        let monitor = Asker { id: Id(0xc0), authorised: LoiBitmap::LOI2, may_override: false };
-        let part = authority.request(monitor, Request::Control(LoiBitmap(0x05)), false);
+        let monitor = Asker {
+            id: Id(0xc0),
+            authorised: LoiBitmap::LOI2,
+            may_override: false,
+        };
+        let part = authority.request(monitor, Request::Control(LoiBitmap::from_raw(0x05)), false);
         assert_eq!((part.granted, part.in_full), (LoiBitmap::LOI2, false));
         assert!(authority.holds(monitor.id, LoiBitmap::LOI2));
     }
@@ -183,7 +231,10 @@ mod tests {
         let mut authority = Authority::default();
         authority.request(A, Request::Control(CONTROL), false);
         let released = authority.request(A, Request::Release(CONTROL), false);
-        assert_eq!((released.granted, released.in_full), (LoiBitmap(0), true));
+        assert_eq!(
+            (released.granted, released.in_full),
+            (LoiBitmap::from_raw(0), true)
+        );
         assert_eq!(authority.controller(), None);
     }
 
@@ -191,7 +242,11 @@ mod tests {
     fn silence_offers_control() {
         let mut authority = Authority::default();
         authority.request(B, Request::Control(CONTROL), false);
-        assert!(authority.request(A, Request::Control(CONTROL), true).in_full);
+        assert!(
+            authority
+                .request(A, Request::Control(CONTROL), true)
+                .in_full
+        );
         assert_eq!(authority.controller(), Some(A.id));
     }
 }

@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 
+use stanag_msgs::TimeStamp;
+use stanag_msgs::enums::AckType;
 use stanag_msgs::wrapper::Frame;
-use stanag_msgs::{AckType, TimeStamp};
 
 /// The latest messages of one CUCS and what each was answered.
 #[derive(Debug, Default)]
@@ -22,7 +23,11 @@ struct Seen {
 impl Recent {
     /// The answer given to this very message before: `Some(None)` where it was seen and not answered yet.
     pub(crate) fn find(&self, frame: &Frame<'_>) -> Option<Option<AckType>> {
-        self.seen.iter().rev().find(|seen| *seen.octets == *frame.octets).map(|seen| seen.answer)
+        self.seen
+            .iter()
+            .rev()
+            .find(|seen| *seen.octets == *frame.octets)
+            .map(|seen| seen.answer)
     }
 
     /// Remembers a message. One without a stamp cannot be told from a new one, and is not remembered.
@@ -41,7 +46,9 @@ impl Recent {
     /// Notes the answer to the latest message of this type and stamp.
     pub(crate) fn answered(&mut self, message_type: u16, stamp: TimeStamp, answer: AckType) {
         let mut latest = self.seen.iter_mut().rev();
-        if let Some(seen) = latest.find(|seen| seen.message_type == message_type && seen.stamp == stamp) {
+        if let Some(seen) =
+            latest.find(|seen| seen.message_type == message_type && seen.stamp == stamp)
+        {
             seen.answer = Some(answer);
         }
     }

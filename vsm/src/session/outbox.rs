@@ -4,8 +4,7 @@ use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use stanag_msgs::wrapper::{ChecksumStyle, Header};
-use stanag_msgs::{Id, MAX_DATAGRAM, Message, TimeStamp};
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
 
 use super::counters::ByType;
 
@@ -53,16 +52,12 @@ impl Outbox {
 
     /// Queues a message from `source` to `destination`, in a datagram of its own.
     pub(crate) fn push(&mut self, to: Destination, source: Id, destination: Id, message: &Message) {
-        let header = Header {
-            source,
-            destination,
-            message_type: message.id(),
-            ack_requested: false,
-            idd: Header::IDD_ED4,
-            checksum: ChecksumStyle::None,
+        let mut datagram = Datagram {
+            to,
+            length: 0,
+            octets: [0; MAX_DATAGRAM],
         };
-        let mut datagram = Datagram { to, length: 0, octets: [0; MAX_DATAGRAM] };
-        match message.encode(&header, &mut datagram.octets) {
+        match message.encode(&Envelope::new(source, destination), &mut datagram.octets) {
             Ok(length) => datagram.length = length,
             // Every message of ours is shorter than a datagram; one that is not is lost, and visibly so.
             Err(_) => debug_assert!(false, "message {} does not fit a datagram", message.id()),

@@ -8,7 +8,8 @@ pub trait Store {
     ///
     /// # Errors
     /// Nothing of the record has changed.
-    fn save(&mut self, name: &str, octets: &[u8], durability: Durability) -> Result<(), StoreError>;
+    fn save(&mut self, name: &str, octets: &[u8], durability: Durability)
+    -> Result<(), StoreError>;
 
     /// Reads a record; `None` where it was never written.
     ///

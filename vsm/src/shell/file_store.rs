@@ -5,9 +5,6 @@ use std::io::{self, Read, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use mavlink_link::clock::{CeilingStore, StoreError as CeilingError};
-use mavlink_link::signing::{KeyId, Stamp};
-
 use crate::session::{Durability, Store, StoreError};
 
 /// The folder of `[store] dir`. Only one process holds it at a time.
@@ -51,11 +48,21 @@ impl FileStore {
     /// # Errors
     /// It cannot be made or written, others may use it, or another process has it.
     pub fn open(folder: &Path) -> Result<FileStore, OpenError> {
-        let fault = |cause| OpenError::Folder { folder: folder.to_owned(), cause };
-        DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(fault)?;
+        let fault = |cause| OpenError::Folder {
+            folder: folder.to_owned(),
+            cause,
+        };
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(folder)
+            .map_err(fault)?;
         let mode = fs::metadata(folder).map_err(fault)?.permissions().mode() & 0o777;
         if mode & 0o077 != 0 {
-            return Err(OpenError::Permissions { folder: folder.to_owned(), mode });
+            return Err(OpenError::Permissions {
+                folder: folder.to_owned(),
+                mode,
+            });
         }
         let lock = OpenOptions::new()
             .write(true)
@@ -65,15 +72,25 @@ impl FileStore {
             .open(folder.join("lock"))
             .map_err(fault)?;
         match lock.try_lock() {
-            Ok(()) => Ok(FileStore { folder: folder.to_owned(), _lock: lock }),
-            Err(TryLockError::WouldBlock) => Err(OpenError::Locked { folder: folder.to_owned() }),
+            Ok(()) => Ok(FileStore {
+                folder: folder.to_owned(),
+                _lock: lock,
+            }),
+            Err(TryLockError::WouldBlock) => Err(OpenError::Locked {
+                folder: folder.to_owned(),
+            }),
             Err(TryLockError::Error(cause)) => Err(fault(cause)),
         }
     }
 
     fn write(&self, name: &str, octets: &[u8], durability: Durability) -> io::Result<()> {
         let beside = self.folder.join(format!("{name}.new"));
-        let mut file = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&beside)?;
+        let mut file = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(true)
+            .mode(0o600)
+            .open(&beside)?;
         file.write_all(octets)?;
         if durability == Durability::Power {
             file.sync_all()?;
@@ -88,7 +105,10 @@ impl FileStore {
     fn read(&self, name: &str) -> io::Result<Option<Vec<u8>>> {
         let mut octets = Vec::new();
         match File::open(self.folder.join(name)) {
-            Ok(file) => file.take(MOST_OCTETS).read_to_end(&mut octets).map(|_| Some(octets)),
+            Ok(file) => file
+                .take(MOST_OCTETS)
+                .read_to_end(&mut octets)
+                .map(|_| Some(octets)),
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(cause) => Err(cause),
         }
@@ -96,13 +116,24 @@ impl FileStore {
 }
 
 impl Store for FileStore {
-    fn save(&mut self, name: &str, octets: &[u8], durability: Durability) -> Result<(), StoreError> {
+    fn save(
+        &mut self,
+        name: &str,
+        octets: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError> {
         self.write(name, octets, durability)
-            .map_err(|cause| StoreError { name: name.to_owned(), cause: cause.to_string() })
+            .map_err(|cause| StoreError {
+                name: name.to_owned(),
+                cause: cause.to_string(),
+            })
     }
 
     fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        self.read(name).map_err(|cause| StoreError { name: name.to_owned(), cause: cause.to_string() })
+        self.read(name).map_err(|cause| StoreError {
+            name: name.to_owned(),
+            cause: cause.to_string(),
+        })
     }
 }
 

@@ -42,17 +42,27 @@ pub enum KeyFileError {
 /// # Errors
 /// The file is missing, readable by others, or holds something else.
 pub fn read(path: &Path) -> Result<SigningKey, KeyFileError> {
-    let io = |cause| KeyFileError::Io { path: path.to_owned(), cause };
+    let io = |cause| KeyFileError::Io {
+        path: path.to_owned(),
+        cause,
+    };
     let file = fs::File::open(path).map_err(io)?;
     let mode = file.metadata().map_err(io)?.permissions().mode() & 0o777;
     if mode & 0o077 != 0 {
-        return Err(KeyFileError::Permissions { path: path.to_owned(), mode });
+        return Err(KeyFileError::Permissions {
+            path: path.to_owned(),
+            mode,
+        });
     }
     // Room for all that is read: a string that grows leaves copies of the key behind.
     let mut text = Zeroizing::new(String::with_capacity(MOST_OCTETS as usize));
-    file.take(MOST_OCTETS).read_to_string(&mut text).map_err(io)?;
-    SigningKey::from_hex(text.trim_end())
-        .map_err(|cause| KeyFileError::Content { path: path.to_owned(), cause: cause.to_string() })
+    file.take(MOST_OCTETS)
+        .read_to_string(&mut text)
+        .map_err(io)?;
+    SigningKey::from_hex(text.trim_end()).map_err(|cause| KeyFileError::Content {
+        path: path.to_owned(),
+        cause: cause.to_string(),
+    })
 }
 
 /// Writes a fresh random key to a file that must not exist yet.
@@ -60,7 +70,10 @@ pub fn read(path: &Path) -> Result<SigningKey, KeyFileError> {
 /// # Errors
 /// The file exists or cannot be written, or the system has no random octets.
 pub fn generate(path: &Path) -> Result<(), KeyFileError> {
-    let io = |cause| KeyFileError::Io { path: path.to_owned(), cause };
+    let io = |cause| KeyFileError::Io {
+        path: path.to_owned(),
+        cause,
+    };
     let mut key = Zeroizing::new([0_u8; 32]);
     getrandom::fill(&mut *key).map_err(|cause| io(io::Error::other(cause.to_string())))?;
     let mut hex = Zeroizing::new(String::with_capacity(65));
@@ -70,8 +83,15 @@ pub fn generate(path: &Path) -> Result<(), KeyFileError> {
         }
     }
     hex.push('\n');
-    let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path).map_err(io)?;
-    file.write_all(hex.as_bytes()).and_then(|()| file.sync_all()).map_err(io)
+    let mut file = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .mode(0o600)
+        .open(path)
+        .map_err(io)?;
+    file.write_all(hex.as_bytes())
+        .and_then(|()| file.sync_all())
+        .map_err(io)
 }
 
 const MOST_OCTETS: u64 = 256;

@@ -1,0 +1,539 @@
+//! The whole bridge as one machine: who a datagram is from, whether it may speak, and to whom it speaks.
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::frame::FrameView;
+use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
+use mavlink_link::receiver::KeyState;
+use mavlink_link::service::Node;
+use mavlink_link::signing::Stamp;
+use stanag_msgs::enums::{AckType, AlertPriority, LoiBitmap};
+use stanag_msgs::table::{self, Direction};
+use stanag_msgs::wrapper::{Frame, WrapperError, frames};
+use stanag_msgs::{Id, Message, TimeStamp};
+
+use super::aircraft::Aircraft;
+use super::ceiling::Ceilings;
+use super::counters::{ByType, Counters};
+use super::desk::{Desk, Origin};
+use super::outbox::{Datagram, Destination, Outbox};
+use super::station::Station;
+use super::store::{Store, StoreError};
+use super::vehicle::{OutFrame, Peer, VehicleLink};
+use crate::config::Config;
+
+/// The machine.
+#[derive(Debug)]
+pub struct Bridge {
+    vsm: Id,
+    loss: crate::config::Authority,
+    multicast: bool,
+    stations: Vec<Station>,
+    pub(super) aircraft: Vec<Aircraft>,
+    outbox: Outbox,
+    pub(super) counters: Counters,
+    pub(super) received: ByType,
+    log: VecDeque<LogEntry>,
+    pub(super) started: Duration,
+}
+
+/// How much a log entry matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LogLevel {
+    /// Said in passing.
+    Info,
+    /// Something an operator should know.
+    Warning,
+    /// Something an operator must act on.
+    Error,
+}
+
+impl LogLevel {
+    pub(crate) fn of(priority: AlertPriority) -> LogLevel {
+        match priority {
+            AlertPriority::Emergency | AlertPriority::Failed => LogLevel::Error,
+            AlertPriority::Warning | AlertPriority::Caution => LogLevel::Warning,
+            _ => LogLevel::Info,
+        }
+    }
+}
+
+/// A line for the log.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LogEntry {
+    /// How much it matters.
+    pub level: LogLevel,
+    /// The vehicle, CUCS or VSM that it is about.
+    pub about: Id,
+    /// What happened.
+    pub text: String,
+}
+
+/// Sees frames that were believed, for a recording.
+pub type Tap<'a> = &'a mut dyn FnMut(&FrameView<'_>);
+
+/// A bridge that cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum BridgeError {
+    /// What was stored cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The signing clock cannot be read.
+    #[error("vehicle {vehicle}: {cause}")]
+    Clock {
+        /// The vehicle.
+        vehicle: Id,
+        /// Why.
+        cause: mavlink_link::clock::StoreError,
+    },
+}
+
+/// What the shell knows of a vehicle's link: its key, and where to send before the vehicle is heard.
+#[derive(Debug)]
+pub struct LinkEnd {
+    /// The key; `None` where signing is off by configuration.
+    pub key: Option<mavlink_link::signing::SigningKey>,
+    /// The fixed peer of a udpout or serial link.
+    pub peer: Option<Peer>,
+}
+
+impl Bridge {
+    /// Starts from a configuration, one [`LinkEnd`] for each of its vehicles in order, and what was stored.
+    ///
+    /// # Errors
+    /// A record of the store cannot be read.
+    pub fn new(
+        config: &Config,
+        ends: Vec<LinkEnd>,
+        now: Now,
+        not_before: Duration,
+        store: &mut dyn Store,
+    ) -> Result<Bridge, BridgeError> {
+        let own = Node::new(config.mavlink.system_id, config.mavlink.component_id);
+        let mut bridge = Bridge {
+            vsm: config.dli.vsm_id,
+            loss: *config.authority.get_ref(),
+            multicast: config.dli.multicast.is_some(),
+            stations: config.stations().cloned().map(Station::new).collect(),
+            aircraft: Vec::new(),
+            outbox: Outbox::default(),
+            counters: Counters::default(),
+            received: ByType::default(),
+            log: VecDeque::new(),
+            started: now.mono,
+        };
+        for ((vehicle, end), number) in config.vehicles().zip(ends).zip(0..) {
+            let security = if end.key.is_some() {
+                Security::Signed
+            } else {
+                Security::Off
+            };
+            let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
+            let mut link = LinkConfig::new(vehicle.system_id, security, endpoint);
+            link.own_system = own.system;
+            link.own_component = own.component;
+            link.link_id = vehicle.link_id;
+            let key = match end.key {
+                None => None,
+                Some(key) => {
+                    let origin = mavlink_link::clock::Origin::KeyFile;
+                    let started = KeyState::start(
+                        key,
+                        origin,
+                        Stamp::from_unix(not_before),
+                        now,
+                        &mut Ceilings(store),
+                    )
+                    .map_err(|cause| BridgeError::Clock {
+                        vehicle: vehicle.id,
+                        cause,
+                    })?;
+                    Some(started)
+                }
+            };
+            let mav = VehicleLink::new(own, Link::new(link), key);
+            let mut aircraft = Aircraft::new(vehicle.clone(), mav, number);
+            let (mut desk, _) = bridge.desk(now, store);
+            aircraft.restore(&mut desk)?;
+            aircraft.announce(&mut desk);
+            bridge.aircraft.push(aircraft);
+        }
+        Ok(bridge)
+    }
+
+    /// Takes a datagram of the DLI side.
+    pub fn handle_dli(&mut self, now: Now, from: SocketAddr, octets: &[u8], store: &mut dyn Store) {
+        for frame in frames(octets) {
+            match frame {
+                Ok(frame) => self.handle_frame(now, from, &frame, store),
+                Err(fault) => self.counters.count(drop_name(&fault)),
+            }
+        }
+    }
+
+    fn handle_frame(
+        &mut self,
+        now: Now,
+        from: SocketAddr,
+        frame: &Frame<'_>,
+        store: &mut dyn Store,
+    ) {
+        let header = frame.header;
+        let Some(index) = self
+            .stations
+            .iter()
+            .position(|station| station.id() == header.source)
+        else {
+            self.counters.count("unauthorised source");
+            return;
+        };
+        let Some(station) = self.stations.get_mut(index) else {
+            return;
+        };
+        if station
+            .config
+            .address
+            .is_some_and(|address| address != from.ip())
+        {
+            self.counters.count("unauthorised address");
+            return;
+        }
+        if self
+            .aircraft
+            .iter()
+            .all(|aircraft| aircraft.id() != header.destination)
+            && header.destination != self.vsm
+            && header.destination != Id::BROADCAST
+        {
+            self.counters.count("misaddressed");
+            return;
+        }
+        // From here it is a datagram of a station that may speak: answers go to where it sends from.
+        station.peer = Some(from);
+        station.heard = Some(now.mono);
+        let origin = Origin {
+            station: index,
+            message_type: header.message_type,
+            stamp: stamp_of(frame),
+            ack_requested: header.ack_requested && header.message_type != ACKNOWLEDGEMENT,
+        };
+        let message = match Message::decode(header.message_type, frame.data) {
+            Ok(message) => message,
+            Err(_) => {
+                let known = table::message(header.message_type).is_some();
+                self.counters.count(if known {
+                    "undecodable"
+                } else {
+                    "unknown message type"
+                });
+                return self.refuse(now, &origin, header.destination, store);
+            }
+        };
+        if table::message(header.message_type)
+            .is_some_and(|info| info.direction == Direction::ToCucs)
+        {
+            self.counters.count("wrong direction");
+            return self.refuse(now, &origin, header.destination, store);
+        }
+        self.received.count(header.message_type.into());
+        if let Some(stamp) = origin.stamp {
+            if let Some(answer) = self.stations[index].recent.find(frame) {
+                self.counters.count("duplicate");
+                return self.answer_again(now, &origin, frame, &message, answer, store);
+            }
+            self.stations[index].recent.remember(frame, stamp);
+        }
+        self.dispatch(now, origin, header.destination, &message, store);
+    }
+
+    fn dispatch(
+        &mut self,
+        now: Now,
+        origin: Origin,
+        destination: Id,
+        message: &Message,
+        store: &mut dyn Store,
+    ) {
+        match message {
+            Message::Heartbeat(_) => {
+                self.stations[origin.station].sends_heartbeats = true;
+                self.acknowledge(now, &origin, destination, AckType::CarriedOut, store);
+            }
+            Message::MessageAcknowledgement(_) => {}
+            Message::CucsAuthorisationRequest(request) => {
+                let (mut desk, aircraft) = self.desk(now, store);
+                // To everybody, or to the VSM: a question for each vehicle. To a vehicle: a request.
+                let mut answer = AckType::CarriedOut;
+                for aircraft in aircraft.iter_mut() {
+                    if aircraft.id() == destination {
+                        answer = aircraft.authorise(&mut desk, &origin, request);
+                    } else if destination == Id::BROADCAST || destination == desk.vsm {
+                        aircraft.answer_authorisation(&mut desk, origin.station, Some(request));
+                    }
+                }
+                let vehicle = aircraft
+                    .iter()
+                    .map(Aircraft::id)
+                    .find(|id| *id == destination);
+                let source = vehicle.unwrap_or(desk.vsm);
+                desk.acknowledge(source, &origin, answer);
+            }
+            Message::ScheduleMessageUpdateCommand(command) => {
+                let (wanted, hertz) = (command.requested_message_type, command.frequency);
+                self.inform(now, &origin, destination, store, |aircraft, desk| {
+                    match (wanted, hertz) {
+                        (Some(wanted), Some(hertz)) => {
+                            aircraft.schedule(desk, origin.station, wanted, hertz)
+                        }
+                        _ => false,
+                    }
+                });
+            }
+            Message::GenericInformationRequestMessage(request) => {
+                let wanted = request.message_type;
+                self.inform(now, &origin, destination, store, |aircraft, desk| {
+                    wanted.is_some_and(|wanted| aircraft.report_once(desk, origin.station, wanted))
+                });
+            }
+            command => self.command(now, origin, destination, command, store),
+        }
+    }
+
+    /// 17001 and 17002: for those that may listen, to one vehicle or all. Messages 2 and 3 are for every station.
+    fn inform(
+        &mut self,
+        now: Now,
+        origin: &Origin,
+        destination: Id,
+        store: &mut dyn Store,
+        mut ask: impl FnMut(&mut Aircraft, &mut Desk<'_>) -> bool,
+    ) {
+        let asker = self.stations[origin.station].id();
+        let (mut desk, aircraft) = self.desk(now, store);
+        let mut answer = AckType::Refused;
+        for aircraft in aircraft.iter_mut() {
+            let meant = aircraft.id() == destination
+                || destination == Id::BROADCAST
+                || destination == desk.vsm;
+            if meant && aircraft.authority.holds(asker, LoiBitmap::LOI2) && ask(aircraft, &mut desk)
+            {
+                answer = AckType::CarriedOut;
+            }
+        }
+        desk.acknowledge(destination_as_source(destination, desk.vsm), origin, answer);
+    }
+
+    fn command(
+        &mut self,
+        now: Now,
+        origin: Origin,
+        destination: Id,
+        message: &Message,
+        store: &mut dyn Store,
+    ) {
+        let cucs = self.stations[origin.station].id();
+        let (mut desk, aircraft) = self.desk(now, store);
+        let Some(aircraft) = aircraft
+            .iter_mut()
+            .find(|aircraft| aircraft.id() == destination)
+        else {
+            // A command to everybody is a command to nobody in particular: refused.
+            desk.counters.count("misaddressed");
+            let vsm = desk.vsm;
+            return desk.acknowledge(vsm, &origin, AckType::Refused);
+        };
+        match aircraft.right_for(message) {
+            Some(right) if aircraft.authority.holds(cucs, right) => {
+                aircraft.command(&mut desk, origin, message);
+            }
+            Some(_) => {
+                desk.counters.count("without the right");
+                desk.acknowledge(aircraft.id(), &origin, AckType::Refused);
+            }
+            None => {
+                desk.counters.count("not supported");
+                let why = format!(
+                    "message {} is not supported by this VSM",
+                    origin.message_type
+                );
+                aircraft.refuse(&mut desk, Some(origin), why);
+            }
+        }
+    }
+
+    /// A duplicate: what answered it before answers it again. A question is answered anew.
+    fn answer_again(
+        &mut self,
+        now: Now,
+        origin: &Origin,
+        frame: &Frame<'_>,
+        message: &Message,
+        answer: Option<AckType>,
+        store: &mut dyn Store,
+    ) {
+        let destination = frame.header.destination;
+        let (mut desk, aircraft) = self.desk(now, store);
+        if let Message::CucsAuthorisationRequest(request) = message {
+            for aircraft in aircraft.iter_mut() {
+                if aircraft.id() == destination
+                    || destination == Id::BROADCAST
+                    || destination == desk.vsm
+                {
+                    aircraft.answer_authorisation(&mut desk, origin.station, Some(request));
+                }
+            }
+        }
+        if let Some(answer) = answer {
+            desk.acknowledge(destination_as_source(destination, desk.vsm), origin, answer);
+        }
+    }
+
+    fn refuse(&mut self, now: Now, origin: &Origin, destination: Id, store: &mut dyn Store) {
+        self.acknowledge(now, origin, destination, AckType::Refused, store);
+    }
+
+    fn acknowledge(
+        &mut self,
+        now: Now,
+        origin: &Origin,
+        destination: Id,
+        answer: AckType,
+        store: &mut dyn Store,
+    ) {
+        let (mut desk, _) = self.desk(now, store);
+        desk.acknowledge(destination_as_source(destination, desk.vsm), origin, answer);
+    }
+
+    /// Takes a datagram, or serial octets, of the vehicle with this index.
+    pub fn handle_vehicle(
+        &mut self,
+        now: Now,
+        index: usize,
+        from: Peer,
+        octets: &[u8],
+        store: &mut dyn Store,
+        tap: Tap<'_>,
+    ) {
+        let (mut desk, aircraft) = self.desk(now, store);
+        if let Some(aircraft) = aircraft.get_mut(index) {
+            aircraft.handle_datagram(&mut desk, from, octets, tap);
+        }
+    }
+
+    /// Does what is due.
+    pub fn handle_timeout(&mut self, now: Now, store: &mut dyn Store) {
+        let (mut desk, aircraft) = self.desk(now, store);
+        for aircraft in aircraft.iter_mut() {
+            aircraft.handle_timeout(&mut desk);
+        }
+    }
+
+    /// When [`Bridge::handle_timeout`] is next needed.
+    #[must_use]
+    pub fn poll_timeout(&self, now: Duration) -> Duration {
+        let each = self
+            .aircraft
+            .iter()
+            .map(|aircraft| aircraft.poll_timeout(now));
+        each.fold(now + Duration::from_secs(1), Duration::min)
+    }
+
+    /// The next datagram for the DLI side.
+    pub fn poll_dli(&mut self) -> Option<Datagram> {
+        self.outbox.pop()
+    }
+
+    /// The next frame for a vehicle: (index of the vehicle, frame).
+    pub fn poll_vehicle(&mut self) -> Option<(usize, OutFrame)> {
+        self.aircraft
+            .iter_mut()
+            .enumerate()
+            .find_map(|(index, aircraft)| aircraft.mav.poll_transmit().map(|frame| (index, frame)))
+    }
+
+    /// The next line for the log.
+    pub fn poll_log(&mut self) -> Option<LogEntry> {
+        self.log.pop_front()
+    }
+
+    /// The number of DLI messages sent, by type.
+    pub(super) fn sent(&self) -> &ByType {
+        &self.outbox.sent
+    }
+
+    pub(super) fn stations(&self) -> &[Station] {
+        &self.stations
+    }
+
+    fn desk<'a>(
+        &'a mut self,
+        now: Now,
+        store: &'a mut dyn Store,
+    ) -> (Desk<'a>, &'a mut Vec<Aircraft>) {
+        let desk = Desk {
+            now,
+            vsm: self.vsm,
+            multicast: self.multicast,
+            loss: self.loss,
+            stations: &mut self.stations,
+            outbox: &mut self.outbox,
+            counters: &mut self.counters,
+            log: &mut self.log,
+            store,
+        };
+        (desk, &mut self.aircraft)
+    }
+}
+
+impl Datagram {
+    /// Whether it goes to the group.
+    #[must_use]
+    pub fn is_multicast(&self) -> bool {
+        self.to == Destination::Multicast
+    }
+}
+
+/// Answers come from whom the question was sent to; a question to everybody is answered by the VSM.
+fn destination_as_source(destination: Id, vsm: Id) -> Id {
+    if destination == Id::BROADCAST {
+        vsm
+    } else {
+        destination
+    }
+}
+
+/// The Time Stamp of a message, also of one that cannot be decoded: field 1 of every message.
+fn stamp_of(frame: &Frame<'_>) -> Option<TimeStamp> {
+    let info = table::message(frame.header.message_type)?;
+    let (presence, rest) = frame
+        .data
+        .split_at_checked(usize::from(info.presence_octets))?;
+    if presence.last()? & 1 == 0 {
+        return None;
+    }
+    let first = info.fields.first()?;
+    if first.wire.octets()? != 5 {
+        return None;
+    }
+    let stamp = rest
+        .get(..5)?
+        .iter()
+        .fold(0, |stamp, octet| stamp << 8 | u64::from(*octet));
+    Some(TimeStamp(stamp))
+}
+
+fn drop_name(fault: &WrapperError) -> &'static str {
+    match fault {
+        WrapperError::Oversized { .. } => "oversized",
+        WrapperError::NoHeader { .. } | WrapperError::Truncated { .. } => "truncated",
+        WrapperError::Length { .. } => "bad length",
+        WrapperError::Idd { .. } => "unknown IDD version",
+        WrapperError::ChecksumStyle { .. } => "unknown checksum style",
+        WrapperError::Checksum { .. } => "wrong checksum",
+    }
+}
+
+const ACKNOWLEDGEMENT: u16 = 17000;

@@ -1,0 +1,130 @@
+//! What every machine of the DLI side needs to answer: the time, the stations, the queue, the store, the log.
+
+use std::collections::VecDeque;
+
+use mapping::alert;
+use mavlink_link::Now;
+use stanag_msgs::enums::{AckType, LoiBitmap};
+use stanag_msgs::messages::MessageAcknowledgement;
+use stanag_msgs::{Id, Message, TimeStamp};
+
+use super::alerts::Raised;
+use super::authority::Authority;
+use super::bridge::{LogEntry, LogLevel};
+use super::counters::Counters;
+use super::outbox::{Destination, Outbox};
+use super::station::Station;
+use super::store::Store;
+
+/// Borrowed for one call.
+pub(crate) struct Desk<'a> {
+    pub(crate) now: Now,
+    pub(crate) vsm: Id,
+    pub(crate) multicast: bool,
+    pub(crate) loss: crate::config::Authority,
+    pub(crate) stations: &'a mut [Station],
+    pub(crate) outbox: &'a mut Outbox,
+    pub(crate) counters: &'a mut Counters,
+    pub(crate) log: &'a mut VecDeque<LogEntry>,
+    pub(crate) store: &'a mut dyn Store,
+}
+
+/// A message of a CUCS that wants an answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Origin {
+    /// Index of the station.
+    pub(crate) station: usize,
+    pub(crate) message_type: u16,
+    pub(crate) stamp: Option<TimeStamp>,
+    pub(crate) ack_requested: bool,
+}
+
+impl Desk<'_> {
+    /// The stamp of a message made now.
+    pub(crate) fn stamp(&mut self) -> TimeStamp {
+        self.outbox.stamp(self.now.wall)
+    }
+
+    /// Sends to one station, where it has been heard.
+    pub(crate) fn send(&mut self, station: usize, source: Id, message: &Message) {
+        if let Some(station) = self.stations.get(station)
+            && let Some(peer) = station.peer
+        {
+            self.outbox
+                .push(Destination::Unicast(peer), source, station.id(), message);
+        }
+    }
+
+    /// Sends to the group, where there is one.
+    pub(crate) fn send_to_group(&mut self, source: Id, message: &Message) {
+        if self.multicast {
+            self.outbox
+                .push(Destination::Multicast, source, Id::BROADCAST, message);
+        }
+    }
+
+    /// Answers with 17000 where one was asked for, and remembers it for duplicates.
+    pub(crate) fn acknowledge(&mut self, vehicle: Id, origin: &Origin, answer: AckType) {
+        if answer == AckType::Refused {
+            self.counters.count("refused");
+        }
+        if let (Some(station), Some(stamp)) = (self.stations.get_mut(origin.station), origin.stamp)
+        {
+            station.recent.answered(origin.message_type, stamp, answer);
+        }
+        if !origin.ack_requested {
+            return;
+        }
+        let message = MessageAcknowledgement {
+            time_stamp: Some(self.stamp()),
+            original_message_time_stamp: origin.stamp,
+            original_message_type: Some(origin.message_type),
+            acknowledgement_type: Some(answer),
+        };
+        self.send(
+            origin.station,
+            vehicle,
+            &Message::MessageAcknowledgement(message),
+        );
+    }
+
+    /// The stations that hold LOI 2, and `also`.
+    pub(crate) fn listeners(&self, authority: &Authority, also: Option<usize>) -> Vec<usize> {
+        (0..self.stations.len())
+            .filter(|index| {
+                let listens = self
+                    .stations
+                    .get(*index)
+                    .is_some_and(|s| authority.holds(s.id(), LoiBitmap::LOI2));
+                listens || also == Some(*index)
+            })
+            .collect()
+    }
+
+    /// Sends an alert (16000) to these stations and the group, and writes it to the log.
+    pub(crate) fn alert(&mut self, vehicle: Id, to: &[usize], raised: Option<Raised>) {
+        let Some(Raised { alert, first }) = raised else {
+            return;
+        };
+        self.note(LogLevel::of(alert.priority), vehicle, alert.text.clone());
+        let (outbox, wall) = (&mut *self.outbox, self.now.wall);
+        let messages: Vec<Message> = alert::messages(&alert, first, || outbox.stamp(wall))
+            .map(Message::SubsystemStatusAlert)
+            .collect();
+        for message in &messages {
+            for station in to {
+                self.send(*station, vehicle, message);
+            }
+            self.send_to_group(vehicle, message);
+        }
+    }
+
+    /// A line of the log.
+    pub(crate) fn note(&mut self, level: LogLevel, about: Id, text: String) {
+        if self.log.len() < MOST_LOGGED {
+            self.log.push_back(LogEntry { level, about, text });
+        }
+    }
+}
+
+const MOST_LOGGED: usize = 1_024;

@@ -1,0 +1,32 @@
+//! The sessions: sans-I/O machines that know time, and nothing of sockets, clocks or files.
+//!
+//! [`Bridge`] is the whole of it: datagrams of both sides and the time go in, datagrams and log entries come out.
+//! What must survive a restart goes through the [`Store`] that is handed in, before it is answered.
+
+mod aircraft;
+mod alerts;
+mod authority;
+mod bridge;
+mod ceiling;
+mod counters;
+mod desk;
+mod duplicate;
+mod maneuver;
+mod mission_transfer;
+mod mode_command;
+mod outbox;
+mod plan_record;
+mod push;
+mod station;
+mod status;
+mod store;
+mod transfer;
+mod vehicle;
+
+pub use authority::{Asker, Authority, CONTROL, Outcome, Request};
+pub use bridge::{Bridge, BridgeError, LinkEnd, LogEntry, LogLevel, Tap};
+pub use counters::{ByType, Counters};
+pub use outbox::{Datagram, Destination};
+pub use status::{LinkStatus, StationStatus, Status, VehicleStatus};
+pub use store::{Durability, Store, StoreError};
+pub use vehicle::{OutFrame, Peer};

@@ -1,0 +1,338 @@
+//! What a 2016 asks of PX4, or why PX4 cannot do it.
+//!
+//! A field that is absent is not commanded. So are the values that a full presence vector carries for "nothing": an
+//! altitude or heading command type 0, speed 0, waypoint 0, and a loiter position of exactly 0, 0.
+
+use mapping::altitude::{self, Agl, Level};
+use mapping::mode::Px4Mode;
+use mapping::report::Commanded;
+use mapping::route::{self, Limits, Site};
+use mapping::telemetry::Telemetry;
+use mavlink_link::dialect::MissionState;
+use stanag_msgs::enums::{
+    AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType, LoiterDirection,
+    LoiterType, RouteType, SpeedType,
+};
+use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
+
+use super::maneuver::{self, Step};
+use super::plan_record::Aboard;
+
+/// What is to be done.
+#[derive(Debug)]
+pub(crate) enum Task {
+    /// These steps; then this is what 3002 reports as commanded.
+    Steps(Vec<Step>, Commanded),
+    /// A launch: its steps, undone by disarming when it fails on the ground.
+    Launch(Vec<Step>, Commanded),
+    /// The route of this type must first go aboard, then the command is looked at again.
+    Load(RouteType),
+}
+
+/// What must be known to decide.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Situation<'a> {
+    pub(crate) telemetry: &'a Telemetry,
+    pub(crate) aboard: Option<&'a Aboard>,
+    /// Whether the plan holds a route of type contingency A, B.
+    pub(crate) contingency: [bool; 2],
+    pub(crate) loiter: &'a LoiterConfiguration,
+    pub(crate) commanded: Commanded,
+    pub(crate) agl: Agl,
+    pub(crate) limits: Limits,
+}
+
+/// The mode that a command is about: its own, or the present one where it names none.
+pub(crate) fn mode_of(
+    command: &VehicleOperatingModeCommand,
+    telemetry: &Telemetry,
+) -> Option<Mode> {
+    command
+        .select_flight_path_control_mode
+        .filter(|mode| *mode != Mode::NoMode)
+        .or_else(|| telemetry.mode.map(Px4Mode::reported))
+}
+
+/// Decides.
+///
+/// # Errors
+/// The reason, for the operator.
+pub(crate) fn task(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Task, String> {
+    let mode = mode_of(command, at.telemetry)
+        .ok_or("no mode is commanded, and the vehicle has told none")?;
+    if let Some(heading) = command.heading_command_type
+        && heading != HeadingCommandType::None
+    {
+        return Err(format!(
+            "heading commands are not flown in mode {}",
+            mode.raw()
+        ));
+    }
+    match mode {
+        Mode::Waypoint => waypoint(command, at),
+        Mode::Loiter => loiter(command, at),
+        Mode::Launch => launch(command, at),
+        Mode::AutolandEngage => Ok(plain(&[Px4Mode::LAND], at)),
+        Mode::ContingencyA => contingency(command, RouteType::ContingencyA, &[Px4Mode::RTL], at),
+        Mode::ContingencyB => contingency(command, RouteType::ContingencyB, &[Px4Mode::LAND], at),
+        Mode::AutolandWaveOff if at.telemetry.hovers() => Err(
+            "mode 20 (wave-off): a multicopter has no approach to break off; command 12 or 11"
+                .to_owned(),
+        ),
+        Mode::FlightDirector => Err("mode 2 (manual) is not flown yet".to_owned()),
+        Mode::Autopilot => Err("mode 15 (steering) is not flown yet".to_owned()),
+        other => Err(format!("mode {}: PX4 cannot do that", other.raw())),
+    }
+}
+
+fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
+    Task::Steps(maneuver::enter(modes).into(), at.commanded)
+}
+
+fn contingency(
+    command: &VehicleOperatingModeCommand,
+    route: RouteType,
+    otherwise: &'static [Px4Mode],
+    at: &Situation<'_>,
+) -> Result<Task, String> {
+    let loaded = at.contingency[usize::from(route == RouteType::ContingencyB)];
+    if loaded {
+        fly(command, route, at)
+    } else {
+        Ok(plain(otherwise, at))
+    }
+}
+
+fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
+    if altitude(command).is_some() {
+        return Err(
+            "mode 11 flies the altitudes of the route; command another in mode 12".to_owned(),
+        );
+    }
+    if at.aboard.is_none() {
+        return Err("mode 11: no route has been loaded (13000)".to_owned());
+    }
+    fly(command, RouteType::Flight, at)
+}
+
+fn fly(
+    command: &VehicleOperatingModeCommand,
+    route: RouteType,
+    at: &Situation<'_>,
+) -> Result<Task, String> {
+    let aboard = match at.aboard {
+        Some(aboard) if aboard.route_type == route => aboard,
+        _ => return Ok(Task::Load(route)),
+    };
+    let speed = speed(command, &at.limits)?;
+    let mut steps = Vec::new();
+    let number = command
+        .commanded_waypoint_number
+        .filter(|number| *number != 0);
+    let complete = at
+        .telemetry
+        .mission
+        .is_some_and(|mission| mission.state == MissionState::MISSION_STATE_COMPLETE);
+    let start = match number {
+        Some(number) => Some(
+            aboard
+                .flight
+                .first_item_of(number)
+                .ok_or_else(|| format!("waypoint {number} is not in the route aboard"))?,
+        ),
+        // A route that has been flown to its end is flown again from its start.
+        None => complete.then_some(0),
+    };
+    steps.extend(start.map(Step::SetCurrent));
+    if at.telemetry.mode != Some(Px4Mode::MISSION) || start.is_some() {
+        steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
+    }
+    let mut commanded = Commanded {
+        loiter_position: None,
+        altitude_amsl_m: None,
+        ..at.commanded
+    };
+    if let Some(speed_m_s) = speed {
+        // After the mode: entering one takes PX4 back to its own speed.
+        steps.push(maneuver::change_speed(speed_m_s));
+        commanded.speed_m_s = Some(speed_m_s);
+        commanded.speed_type = command.speed_type.or(Some(SpeedType::Ground));
+    }
+    Ok(Task::Steps(steps, commanded))
+}
+
+fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
+    let speed = speed(command, &at.limits)?;
+    let place = place(command, at)?;
+    let level = match altitude(command) {
+        Some(metres) => Some(checked_level(metres, command, at)?),
+        None => None,
+    };
+    let mut commanded = at.commanded;
+    let mut steps = Vec::new();
+    if place.is_none() && level.is_none() {
+        if at.telemetry.mode.map(Px4Mode::reported) != Some(Mode::Loiter) || speed.is_none() {
+            steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
+        }
+        commanded.altitude_amsl_m = None;
+        commanded.loiter_position = None;
+    } else {
+        if !at.telemetry.airborne() {
+            return Err("a loiter position or altitude needs an airborne vehicle".to_owned());
+        }
+        let present = at
+            .telemetry
+            .position
+            .ok_or("the vehicle has told no position yet")?;
+        let home = at.telemetry.home.ok_or("home is not known yet")?;
+        let amsl_m = level.map_or(present.amsl_m, |level| level.amsl(home.amsl_m));
+        match (place, orbit_radius(at.loiter)?) {
+            (Some(place), Some(radius_m)) => {
+                let clockwise =
+                    at.loiter.loiter_direction != Some(LoiterDirection::CounterClockwise);
+                steps.extend(maneuver::orbit(place, amsl_m, radius_m, clockwise, speed));
+            }
+            _ => steps.extend(maneuver::reposition(place, amsl_m, None)),
+        }
+        commanded.altitude_amsl_m = Some(amsl_m);
+        commanded.loiter_position = place;
+    }
+    if let Some(speed_m_s) = speed {
+        steps.push(maneuver::change_speed(speed_m_s));
+        commanded.speed_m_s = Some(speed_m_s);
+        commanded.speed_type = command.speed_type.or(Some(SpeedType::Ground));
+    }
+    Ok(Task::Steps(steps, commanded))
+}
+
+fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
+    if at.telemetry.airborne() {
+        return Err("mode 21: the vehicle is in the air already".to_owned());
+    }
+    let metres = altitude(command).ok_or("mode 21 needs a commanded altitude to take off to")?;
+    let level = checked_level(metres, command, at)?;
+    let home = at.telemetry.home.ok_or("mode 21: home is not known yet")?;
+    let amsl_m = level.amsl(home.amsl_m);
+    let height_m = amsl_m - home.amsl_m;
+    if height_m < LOWEST_LAUNCH_M {
+        return Err(format!(
+            "mode 21: {height_m:.1} m above home, expected at least {LOWEST_LAUNCH_M} m"
+        ));
+    }
+    let commanded = Commanded {
+        altitude_amsl_m: Some(amsl_m),
+        ..Commanded::default()
+    };
+    Ok(Task::Launch(maneuver::launch(amsl_m), commanded))
+}
+
+fn altitude(command: &VehicleOperatingModeCommand) -> Option<f64> {
+    match command.altitude_command_type {
+        Some(AltitudeCommandType::None) => None,
+        _ => command.commanded_altitude.map(|altitude| altitude.si()),
+    }
+}
+
+fn checked_level(
+    metres: f64,
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Level, String> {
+    match command.altitude_command_type {
+        None | Some(AltitudeCommandType::Altitude) => {}
+        Some(other) => {
+            return Err(format!(
+                "Altitude Command Type {} is not flown, only 1 (altitude)",
+                other.raw()
+            ));
+        }
+    }
+    let level = altitude::level(metres, command.altitude_type, at.telemetry.geoid_m, at.agl)
+        .map_err(|fault| fault.to_string())?;
+    let site = Site {
+        home: at.telemetry.home.ok_or("home is not known yet")?,
+        geoid_m: at.telemetry.geoid_m,
+        agl: at.agl,
+        hovers: at.telemetry.hovers(),
+        limits: at.limits,
+    };
+    route::height(level, &site).map_err(|fault| fault.to_string())?;
+    Ok(level)
+}
+
+fn place(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Option<(f64, f64)>, String> {
+    let (latitude, longitude) = match (
+        command.loiter_position_latitude,
+        command.loiter_position_longitude,
+    ) {
+        (None, None) => return Ok(None),
+        (Some(latitude), Some(longitude)) => (latitude.degrees(), longitude.degrees()),
+        _ => return Err("a loiter position needs latitude and longitude".to_owned()),
+    };
+    if latitude == 0.0 && longitude == 0.0 {
+        return Ok(None);
+    }
+    if !(-90.0..=90.0).contains(&latitude) {
+        return Err(format!(
+            "loiter latitude {latitude:.4} deg, expected -90 to 90"
+        ));
+    }
+    let from = at
+        .telemetry
+        .position
+        .ok_or("the vehicle has told no position yet")?;
+    let distance_m = route::metres((from.latitude, from.longitude), (latitude, longitude));
+    if distance_m > at.limits.leg_m {
+        return Err(format!(
+            "loiter position {distance_m:.0} m away, at most {:.0}",
+            at.limits.leg_m
+        ));
+    }
+    Ok(Some((latitude, longitude)))
+}
+
+fn speed(command: &VehicleOperatingModeCommand, limits: &Limits) -> Result<Option<f64>, String> {
+    let Some(speed_m_s) = command
+        .commanded_speed
+        .map(|speed| speed.si())
+        .filter(|speed| *speed > 0.0)
+    else {
+        return Ok(None);
+    };
+    if speed_m_s > limits.speed_m_s {
+        return Err(format!(
+            "speed {speed_m_s:.1} m/s, at most {:.0}",
+            limits.speed_m_s
+        ));
+    }
+    match command.speed_type {
+        None | Some(SpeedType::Ground | SpeedType::Indicated | SpeedType::True) => {
+            Ok(Some(speed_m_s))
+        }
+        Some(other) => Err(format!("Speed Type {} is not flown", other.raw())),
+    }
+}
+
+/// The radius of the circle that 2017 has configured; `None` for a hover.
+fn orbit_radius(loiter: &LoiterConfiguration) -> Result<Option<f64>, String> {
+    match loiter.loiter_type {
+        None | Some(LoiterType::Hover) => Ok(None),
+        Some(LoiterType::Circular) => Ok(loiter
+            .loiter_radius
+            .map(|radius| radius.si())
+            .filter(|radius_m| *radius_m > 0.0)),
+        Some(other) => Err(format!(
+            "Loiter Type {} cannot be flown by PX4",
+            other.raw()
+        )),
+    }
+}
+
+/// PX4 does not leave the ground for less, m.
+const LOWEST_LAUNCH_M: f64 = 1.5;

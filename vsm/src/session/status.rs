@@ -1,0 +1,139 @@
+//! What the bridge is doing, for `vsm status` and /status.json. Keys are named by their id only.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use serde::Serialize;
+
+use super::bridge::Bridge;
+use super::counters::{ByType, Counters};
+
+/// The whole bridge.
+#[derive(Debug, Clone, Serialize)]
+pub struct Status {
+    /// VSM ID.
+    pub vsm: String,
+    /// Since the start, s.
+    pub uptime_s: f64,
+    /// Drops and refusals of the DLI side, by name.
+    pub refused: Counters,
+    /// DLI messages taken, by type.
+    pub received: ByType,
+    /// DLI messages sent, by type.
+    pub sent: ByType,
+    /// The ground stations.
+    pub stations: Vec<StationStatus>,
+    /// The vehicles.
+    pub vehicles: Vec<VehicleStatus>,
+}
+
+/// One ground station.
+#[derive(Debug, Clone, Serialize)]
+pub struct StationStatus {
+    /// CUCS ID.
+    pub id: String,
+    /// Where it was heard last.
+    pub address: Option<String>,
+    /// Since it was heard, s.
+    pub silent_s: Option<f64>,
+}
+
+/// One vehicle.
+#[derive(Debug, Clone, Serialize)]
+pub struct VehicleStatus {
+    /// Vehicle ID.
+    pub id: String,
+    /// Tail Number.
+    pub tail_number: String,
+    /// Whether it is heard.
+    pub live: bool,
+    /// PX4's name of its mode.
+    pub mode: Option<&'static str>,
+    /// Armed.
+    pub armed: Option<bool>,
+    /// Degrees north, degrees east, metres above mean sea level.
+    pub position: Option<[f64; 3]>,
+    /// The CUCS that holds LOI 4 or 5.
+    pub controller: Option<String>,
+    /// LOI bits by CUCS.
+    pub rights: BTreeMap<String, u8>,
+    /// Items of the mission aboard, as loaded and read back.
+    pub mission_items: Option<usize>,
+    /// Its MAVLink.
+    pub link: LinkStatus,
+}
+
+/// One MAVLink link.
+#[derive(Debug, Clone, Serialize)]
+pub struct LinkStatus {
+    /// As configured.
+    pub address: String,
+    /// Where the vehicle is.
+    pub peer: Option<String>,
+    /// Whether frames are signed and verified.
+    pub signed: bool,
+    /// The key's id.
+    pub key_id: Option<String>,
+    /// Frames by what became of them.
+    pub frames: BTreeMap<&'static str, u64>,
+    /// Believed, by message id.
+    pub received: ByType,
+    /// Sent, by message id.
+    pub sent: ByType,
+}
+
+impl Bridge {
+    /// A picture of now.
+    #[must_use]
+    pub fn status(&self, vsm: String, now: Duration) -> Status {
+        let stations = self.stations().iter().map(|station| StationStatus {
+            id: station.id().to_string(),
+            address: station.peer.map(|peer| peer.to_string()),
+            silent_s: station.heard.map(|at| now.saturating_sub(at).as_secs_f64()),
+        });
+        let vehicles = self.aircraft.iter().map(|aircraft| {
+            let telemetry = &aircraft.mav.telemetry;
+            VehicleStatus {
+                id: aircraft.id().to_string(),
+                tail_number: aircraft.config.tail_number.clone(),
+                live: aircraft.mav.live(),
+                mode: telemetry.mode.map(mapping::mode::Px4Mode::name),
+                armed: telemetry.armed,
+                position: telemetry
+                    .position
+                    .map(|at| [at.latitude, at.longitude, at.amsl_m]),
+                controller: aircraft.authority.controller().map(|id| id.to_string()),
+                rights: aircraft
+                    .authority
+                    .holders()
+                    .map(|(id, _)| (id.to_string(), aircraft.authority.granted(id).raw()))
+                    .collect(),
+                mission_items: aircraft
+                    .aboard
+                    .as_ref()
+                    .map(|aboard| aboard.flight.items.len()),
+                link: LinkStatus {
+                    address: aircraft.config.link.to_string(),
+                    peer: aircraft.mav.peer().map(|peer| match peer {
+                        super::vehicle::Peer::Udp(address) => address.to_string(),
+                        super::vehicle::Peer::Serial => "serial".to_owned(),
+                    }),
+                    signed: aircraft.mav.key().is_some(),
+                    key_id: aircraft.mav.key().map(|key| key.id().to_string()),
+                    frames: aircraft.mav.stats().iter().collect(),
+                    received: aircraft.mav.received.clone(),
+                    sent: aircraft.mav.sent.clone(),
+                },
+            }
+        });
+        Status {
+            vsm,
+            uptime_s: now.saturating_sub(self.started).as_secs_f64(),
+            refused: self.counters.clone(),
+            received: self.received.clone(),
+            sent: self.sent().clone(),
+            stations: stations.collect(),
+            vehicles: vehicles.collect(),
+        }
+    }
+}
