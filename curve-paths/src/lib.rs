@@ -7,6 +7,7 @@ mod budget;
 pub mod cubic;
 mod densify;
 pub mod fit;
+pub mod flight;
 mod free;
 mod leg;
 mod local;

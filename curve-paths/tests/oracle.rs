@@ -129,11 +129,15 @@ fn a_least_chord_is_kept_or_refused() {
                 kept += 1;
             }
             Ok(_) => {}
-            Err(DensifyError::ChordTooShort { .. }) => refused += 1,
+            // A turn within some metres, or a climb on the spot: nothing that flies does that.
+            Err(DensifyError::ChordTooShort { .. }) => {
+                assert_ne!(kind, Kind::Gentle, "{seed}");
+                refused += 1;
+            }
             Err(error) => panic!("{error}"),
         }
     }
-    assert!(kept > 20 * refused, "{kept} {refused}");
+    assert!(kept > 5 * refused, "{kept} {refused}");
 }
 
 #[test]

@@ -1,0 +1,262 @@
+//! From a densified route and a wished speed to what will be flown: findings, speed changes, time, deviation.
+
+use thiserror::Error;
+
+use super::curvature::tightest;
+use super::vehicle::Airframe;
+use crate::densify::{Densified, Leg};
+use crate::wgs84::Position;
+
+/// What to do about a place that is too tight for the speed.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub enum Policy {
+    /// Fly it slower: a speed change before, another after.
+    #[default]
+    Slow,
+    /// Refuse the route.
+    Refuse,
+}
+
+/// A place that is too tight for the wished speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tight {
+    /// The leg, from 0.
+    pub leg: usize,
+    /// The parameter in it.
+    pub t: f64,
+    /// Where that is.
+    pub position: Position,
+    /// Radius of the ground track there, m.
+    pub radius_m: f64,
+    /// The fastest legal speed there, m/s.
+    pub fastest_mps: f64,
+}
+
+/// A change of the commanded speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpeedChange {
+    /// It takes effect on reaching this vertex of the densified route.
+    pub vertex: usize,
+    /// The speed from there on, m/s.
+    pub speed_mps: f64,
+}
+
+/// How a route will be flown.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FlightPlan {
+    /// The places that are too tight for the wished speed: the worst of each run of chords.
+    pub tight: Vec<Tight>,
+    /// The fastest speed that the whole route allows, m/s: infinite for straight legs only.
+    pub fastest_mps: f64,
+    /// Speed changes in order of their vertices; none when the wished speed holds throughout.
+    pub changes: Vec<SpeedChange>,
+    /// Time that the chords take at those speeds, and no faster than the autopilot takes each chord, s.
+    pub time_s: f64,
+    /// Forecast of the flown deviation, m; none where flights to forecast from are missing (fixed wing).
+    pub predicted_deviation_m: Option<f64>,
+    /// The slowest chord by the autopilot's own rule, m/s: a tight tolerance makes short chords and slow flight.
+    pub slowest_chord_mps: f64,
+}
+
+/// Why a route cannot be flown under a policy.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum NotFlyable {
+    /// A turn is too tight for the wished speed, and the policy is to refuse.
+    #[error(
+        "leg {leg} at t = {t:.3} ({lat:.7}, {lon:.7}): radius {radius_m:.1} m, {speed_mps} m/s asked for, at most {fastest_mps:.1} m/s",
+        leg = .0.leg, t = .0.t, lat = .0.position.lat_deg, lon = .0.position.lon_deg, radius_m = .0.radius_m,
+        speed_mps = .1, fastest_mps = .0.fastest_mps
+    )]
+    TooFast(Tight, f64),
+    /// A turn is too tight for the slowest speed that the aircraft flies.
+    #[error(
+        "leg {leg} at t = {t:.3} ({lat:.7}, {lon:.7}): radius {radius_m:.1} m allows {fastest_mps:.1} m/s, the slowest is {slowest_mps} m/s",
+        leg = .0.leg, t = .0.t, lat = .0.position.lat_deg, lon = .0.position.lon_deg, radius_m = .0.radius_m,
+        fastest_mps = .0.fastest_mps, slowest_mps = .1
+    )]
+    TooTight(Tight, f64),
+    /// The speed is no speed.
+    #[error("speed is {speed_mps} m/s, expected more than 0 and at most 200")]
+    Speed {
+        /// What was asked for, m/s.
+        speed_mps: f64,
+    },
+}
+
+/// Plans the flight of a densified route at a wished speed.
+///
+/// # Errors
+/// When the speed is out of range, a turn is too tight under [`Policy::Refuse`], or too tight for the slowest speed.
+pub fn plan_flight(
+    legs: &[Leg],
+    densified: &Densified,
+    airframe: &Airframe,
+    speed_mps: f64,
+    policy: Policy,
+) -> Result<FlightPlan, NotFlyable> {
+    if !(speed_mps > 0.0 && speed_mps <= 200.0) {
+        return Err(NotFlyable::Speed { speed_mps });
+    }
+    let chords = chords(legs, densified, airframe);
+    let mut plan = FlightPlan {
+        fastest_mps: f64::INFINITY,
+        slowest_chord_mps: f64::INFINITY,
+        ..Default::default()
+    };
+    let mut run: Option<Tight> = None;
+    for chord in &chords {
+        plan.fastest_mps = plan.fastest_mps.min(chord.fastest_mps());
+        plan.slowest_chord_mps = plan.slowest_chord_mps.min(chord.autopilot_mps);
+        match chord.tight.filter(|t| t.fastest_mps < speed_mps) {
+            Some(tight) => {
+                check(&tight, airframe, speed_mps, policy)?;
+                run = Some(
+                    run.filter(|r| r.fastest_mps <= tight.fastest_mps)
+                        .unwrap_or(tight),
+                );
+            }
+            None => plan.tight.extend(run.take()),
+        }
+    }
+    plan.tight.extend(run);
+    let speeds = speeds(&chords, speed_mps, braking(airframe));
+    let mut now = speed_mps;
+    for (k, &speed) in speeds.iter().enumerate() {
+        if speed != now {
+            plan.changes.push(SpeedChange {
+                vertex: k,
+                speed_mps: speed,
+            });
+            now = speed;
+        }
+        plan.time_s += chords[k].length_m / speed.min(chords[k].autopilot_mps);
+    }
+    if now != speed_mps {
+        plan.changes.push(SpeedChange {
+            vertex: chords.len(),
+            speed_mps,
+        });
+    }
+    if let Airframe::Multicopter(m) = airframe {
+        plan.predicted_deviation_m = Some(densified.bound_m + m.added_deviation_m(speed_mps));
+    }
+    Ok(plan)
+}
+
+fn check(
+    tight: &Tight,
+    airframe: &Airframe,
+    speed_mps: f64,
+    policy: Policy,
+) -> Result<(), NotFlyable> {
+    if policy == Policy::Refuse {
+        return Err(NotFlyable::TooFast(*tight, speed_mps));
+    }
+    match airframe {
+        Airframe::FixedWing(f) if tight.fastest_mps < f.slowest_mps => {
+            Err(NotFlyable::TooTight(*tight, f.slowest_mps))
+        }
+        _ => Ok(()),
+    }
+}
+
+struct Chord {
+    length_m: f64,
+    tight: Option<Tight>,
+    /// The speed that the autopilot holds itself to, m/s.
+    autopilot_mps: f64,
+}
+
+impl Chord {
+    fn fastest_mps(&self) -> f64 {
+        self.tight.map_or(f64::INFINITY, |t| t.fastest_mps)
+    }
+}
+
+fn chords(legs: &[Leg], densified: &Densified, airframe: &Airframe) -> Vec<Chord> {
+    densified
+        .vertices
+        .windows(2)
+        .map(|pair| {
+            let length_m = pair[0]
+                .position
+                .ground()
+                .distance_m(pair[1].position.ground());
+            let tight = match legs.get(pair[1].leg) {
+                Some(Leg::Bezier(leg)) => {
+                    let a = if pair[0].leg == pair[1].leg {
+                        pair[0].t
+                    } else {
+                        0.0
+                    };
+                    let found = tightest(leg, a, pair[1].t);
+                    let fastest_mps = match airframe {
+                        Airframe::FixedWing(f) => f.fastest_mps(found.radius_m),
+                        Airframe::Multicopter(m) => {
+                            m.fastest_mps(found.radius_m, found.curvature_rate)
+                        }
+                    };
+                    Some(Tight {
+                        leg: pair[1].leg,
+                        t: found.t,
+                        position: found.position,
+                        radius_m: found.radius_m,
+                        fastest_mps: fastest_mps.max(CRAWL_MPS),
+                    })
+                }
+                _ => None,
+            };
+            let autopilot_mps = match airframe {
+                Airframe::FixedWing(_) => f64::INFINITY,
+                Airframe::Multicopter(m) => m.on_chord_mps(length_m).max(CRAWL_MPS),
+            };
+            Chord {
+                length_m,
+                tight,
+                autopilot_mps,
+            }
+        })
+        .collect()
+}
+
+/// The speed of each chord: what it allows where that is less than wished, one speed for each run of such chords, and
+/// the same speed on those before it that braking takes.
+fn speeds(chords: &[Chord], speed_mps: f64, braking: f64) -> Vec<f64> {
+    let mut speeds = vec![speed_mps; chords.len()];
+    let mut k = 0;
+    while k < chords.len() {
+        if chords[k].fastest_mps() >= speed_mps {
+            k += 1;
+            continue;
+        }
+        let end = (k..chords.len())
+            .find(|&j| chords[j].fastest_mps() >= speed_mps)
+            .unwrap_or(chords.len());
+        let slowest = chords[k..end]
+            .iter()
+            .map(Chord::fastest_mps)
+            .fold(f64::INFINITY, f64::min);
+        // Whole tenths, downwards: that is what a DO_CHANGE_SPEED should say.
+        let slow = ((slowest * 10.0).floor() * 0.1).max(CRAWL_MPS);
+        let mut needed_m = (speed_mps * speed_mps - slow * slow) / (2.0 * braking);
+        let mut first = k;
+        while first > 0 && needed_m > 0.0 {
+            first -= 1;
+            needed_m -= chords[first].length_m;
+        }
+        speeds[first..end].iter_mut().for_each(|s| *s = s.min(slow));
+        k = end;
+    }
+    speeds
+}
+
+/// Deceleration to reckon with, m/s^2: half of what the airframe could.
+fn braking(airframe: &Airframe) -> f64 {
+    match airframe {
+        Airframe::FixedWing(_) => 0.5,
+        Airframe::Multicopter(m) => (0.5 * m.acceleration).max(0.1),
+    }
+}
+
+/// No place is flown slower than this, m/s: at a cusp a multicopter all but stops and turns.
+const CRAWL_MPS: f64 = 0.5;

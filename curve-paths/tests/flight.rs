@@ -1,0 +1,135 @@
+//! A turn that is too tight is found, named, and slowed down for or refused.
+
+use curve_paths::flight::{
+    Airframe, FixedWing, Multicopter, NotFlyable, Policy, plan_flight, tightest,
+};
+use curve_paths::{BezierLeg, Control, Leg, Options, Position, densify};
+
+/// Degrees for metres near 47.4 north.
+fn at(east_m: f64, north_m: f64) -> (f64, f64) {
+    (47.4 + north_m / 111_180.0, 8.5 + east_m / 75_460.0)
+}
+
+fn position(east_m: f64, north_m: f64) -> Position {
+    let (lat, lon) = at(east_m, north_m);
+    Position::new(lat, lon, 500.0)
+}
+
+fn control(east_m: f64, north_m: f64) -> Control {
+    let (lat, lon) = at(east_m, north_m);
+    Control::level(lat, lon)
+}
+
+/// A straight of 300 m, a quarter circle of 40 m, a straight of 300 m.
+fn route() -> Vec<Leg> {
+    const ARM: f64 = 0.552_284_75;
+    let r = 40.0;
+    let bend = BezierLeg::new(
+        position(0.0, 0.0),
+        control(ARM * r, 0.0),
+        control(r, r - ARM * r),
+        position(r, r),
+    );
+    vec![
+        Leg::straight(position(-300.0, 0.0), position(0.0, 0.0)).unwrap(),
+        bend.unwrap().into(),
+        Leg::straight(position(r, r), position(r, 340.0)).unwrap(),
+    ]
+}
+
+#[test]
+fn the_tightest_place_of_a_circle_is_its_radius() {
+    let Leg::Bezier(leg) = route()[1] else {
+        panic!("a curve")
+    };
+    let found = tightest(&leg, 0.0, 1.0);
+    assert!((found.radius_m - 40.0).abs() < 0.6, "{found:?}");
+}
+
+#[test]
+fn a_fixed_wing_slows_down_before_the_bend_and_speeds_up_after() {
+    let legs = route();
+    let dense = densify(&legs, &Options::flight(0.5)).unwrap();
+    let plane = Airframe::FixedWing(FixedWing::default());
+    let plan = plan_flight(&legs, &dense, &plane, 18.0, Policy::Slow).unwrap();
+    // V = sqrt(R g tan 30) for 40 m, less what the cubic is tighter than its circle.
+    assert!(
+        (14.8..15.1).contains(&plan.fastest_mps),
+        "{}",
+        plan.fastest_mps
+    );
+    assert_eq!(plan.tight.len(), 1);
+    assert_eq!(plan.tight[0].leg, 1);
+    let [slow, fast] = plan.changes[..] else {
+        panic!("{:?}", plan.changes)
+    };
+    assert!(
+        slow.vertex <= 1
+            && slow.speed_mps <= plan.fastest_mps
+            && slow.speed_mps > plan.fastest_mps - 0.11
+    );
+    assert!(
+        fast.speed_mps == 18.0
+            && dense.vertices[fast.vertex].leg == 1
+            && dense.vertices[fast.vertex].t == 1.0
+    );
+    assert!(plan.predicted_deviation_m.is_none());
+    let untouched = plan_flight(&legs, &dense, &plane, 14.0, Policy::Refuse).unwrap();
+    assert!(untouched.changes.is_empty() && untouched.tight.is_empty());
+}
+
+#[test]
+fn the_policy_refuse_names_the_place_the_figure_and_the_fastest_speed() {
+    let legs = route();
+    let dense = densify(&legs, &Options::flight(0.5)).unwrap();
+    let plane = Airframe::FixedWing(FixedWing::default());
+    let error = plan_flight(&legs, &dense, &plane, 18.0, Policy::Refuse).unwrap_err();
+    let NotFlyable::TooFast(tight, 18.0) = error else {
+        panic!("{error}")
+    };
+    assert!(
+        tight.leg == 1 && (39.0..40.5).contains(&tight.radius_m),
+        "{tight:?}"
+    );
+    assert!(error.to_string().contains("leg 1 at t = "), "{error}");
+    let slow_flyer = Airframe::FixedWing(FixedWing {
+        slowest_mps: 16.0,
+        ..FixedWing::default()
+    });
+    let error = plan_flight(&legs, &dense, &slow_flyer, 18.0, Policy::Slow).unwrap_err();
+    assert!(matches!(error, NotFlyable::TooTight(..)), "{error}");
+}
+
+#[test]
+fn a_multicopter_is_slowed_by_short_chords_and_says_what_flying_adds() {
+    let legs = route();
+    let copter = Airframe::Multicopter(Multicopter::default());
+    let plan = |tolerance_m: f64, speed: f64| {
+        let dense = densify(&legs, &Options::flight(tolerance_m)).unwrap();
+        (
+            dense.bound_m,
+            plan_flight(&legs, &dense, &copter, speed, Policy::Slow).unwrap(),
+        )
+    };
+    let (bound, tight) = plan(0.2, 5.0);
+    let (_, loose) = plan(2.0, 5.0);
+    assert!(tight.slowest_chord_mps < loose.slowest_chord_mps);
+    assert!((tight.predicted_deviation_m.unwrap() - bound - 0.8).abs() < 1e-9);
+    assert!(tight.time_s > 662.0 / 5.0);
+    // sqrt(3 m/s^2 * 40 m) is 10.9 m/s; a cubic's change of curvature asks for less.
+    let (_, fast) = plan(2.0, 12.0);
+    assert!(
+        fast.fastest_mps < 10.95 && !fast.changes.is_empty(),
+        "{fast:?}"
+    );
+}
+
+#[test]
+fn a_speed_that_is_none_is_refused() {
+    let legs = route();
+    let dense = densify(&legs, &Options::flight(0.5)).unwrap();
+    let copter = Airframe::Multicopter(Multicopter::default());
+    for speed in [0.0, -3.0, f64::NAN, f64::INFINITY] {
+        assert!(plan_flight(&legs, &dense, &copter, speed, Policy::Slow).is_err());
+    }
+}
