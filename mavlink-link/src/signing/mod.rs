@@ -4,16 +4,17 @@
 //! link id and stamp. It is not an HMAC. Which stamps are to be sent or accepted is not decided here
 //! but in [`crate::clock`] and [`crate::receiver`].
 
+mod hash;
 mod key;
 mod stamp;
 
 pub use self::key::{KeyError, KeyId, SigningKey};
 pub use self::stamp::Stamp;
 
-use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 use thiserror::Error;
 
+use self::hash::tag;
 use crate::frame::{
     FrameView, HEADER_LEN, INCOMPAT_SIGNED, MAX_FRAME, SIGNATURE_LEN, STX, TAG_LEN,
 };
@@ -84,14 +85,4 @@ pub enum VerifyError {
     /// Its signature was not made with this key.
     #[error("the signature does not fit the key")]
     BadSignature,
-}
-
-fn tag(key: &SigningKey, octets: &[u8]) -> [u8; TAG_LEN] {
-    let mut hash = Sha256::new();
-    hash.update(key.expose());
-    hash.update(octets);
-    let digest = hash.finalize();
-    let mut tag = [0; TAG_LEN];
-    tag.copy_from_slice(&digest[..TAG_LEN]);
-    tag
 }
