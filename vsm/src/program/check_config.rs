@@ -1,0 +1,54 @@
+//! `vsm check-config`.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use anyhow::anyhow;
+use vsm::config::{Config, Signing};
+use vsm::shell::key_file;
+
+use super::Failure;
+
+pub(crate) fn check(path: &Path) -> Result<(), Failure> {
+    let config = Config::load(path).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    let mut text = format!("{}: good\n", path.display());
+    text += &format!("  VSM {} on {}", config.dli.vsm_id, config.dli.listen);
+    if let Some(group) = config.dli.multicast {
+        text += &format!(", status to group {group} too");
+    }
+    text += &format!("\n  state in {}\n", config.store.dir.display());
+    for station in config.stations() {
+        let from = station
+            .address
+            .map_or_else(|| "any address".to_owned(), |address| address.to_string());
+        let overrides = if station.override_control {
+            ", may override"
+        } else {
+            ""
+        };
+        text += &format!(
+            "  CUCS {} from {from}: LOI bits {:#04x}{overrides}\n",
+            station.id,
+            station.loi.0.raw()
+        );
+    }
+    if config.cucs.is_empty() {
+        text += "  no CUCS is listed: nobody may connect\n";
+    }
+    for vehicle in config.vehicles() {
+        let signing = match &vehicle.signing {
+            Signing::KeyFile(file) => {
+                let key = key_file::read(file).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+                format!("signed, key id {}", key.id())
+            }
+            Signing::Off => "NOT SIGNED: anyone in range can command it".to_owned(),
+        };
+        text += &format!(
+            "  vehicle {} (system {}) on {}: {signing}\n",
+            vehicle.id, vehicle.system_id, vehicle.link
+        );
+    }
+    io::stdout()
+        .write_all(text.as_bytes())
+        .map_err(|fault| Failure::Failed(fault.into()))
+}

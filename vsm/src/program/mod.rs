@@ -1,0 +1,90 @@
+//! The command line of `vsm`. Exit status: 0 done, 1 failed, 2 bad arguments or configuration.
+
+mod check_config;
+mod dli_lines;
+mod keygen;
+mod run;
+mod status;
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// A bridge from STANAG 4586 (AEP-84) to PX4 over signed MAVLink 2.
+#[derive(Debug, Parser)]
+#[command(name = "vsm", version, arg_required_else_help = true)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Serves the vehicles of a configuration until SIGTERM or SIGINT
+    Run {
+        /// The configuration, such as examples/vsm.toml
+        #[arg(long, value_name = "FILE")]
+        config: PathBuf,
+    },
+    /// Reads a configuration and says what is wrong with it, or what it means
+    CheckConfig {
+        /// The configuration
+        file: PathBuf,
+    },
+    /// Shows what a running bridge does
+    Status {
+        /// The configuration that the bridge was started with
+        #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
+        config: PathBuf,
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Writes a new random signing key (32 octets in hex, mode 0600) to a file that must not exist
+    Keygen {
+        /// The key file to write
+        file: PathBuf,
+    },
+    /// Reads DLI datagrams, one a line in hex, and writes each message as a line of JSON
+    Decode {
+        /// Integers as on the wire, never range-checked
+        #[arg(long)]
+        raw: bool,
+    },
+    /// Reads messages as JSON, one a line, and writes each as a datagram in hex
+    Encode {
+        /// Integers as on the wire, never range-checked
+        #[arg(long)]
+        raw: bool,
+    },
+}
+
+/// Why the program ends with another status than 0.
+pub(crate) enum Failure {
+    /// Status 1.
+    Failed(anyhow::Error),
+    /// Status 2: arguments or configuration.
+    Bad(anyhow::Error),
+}
+
+pub(crate) fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let done = match arguments.command {
+        Command::Run { config } => run::run(&config),
+        Command::CheckConfig { file } => check_config::check(&file),
+        Command::Status { config, json } => status::show(&config, json),
+        Command::Keygen { file } => keygen::generate(&file),
+        Command::Decode { raw } => dli_lines::decode(raw),
+        Command::Encode { raw } => dli_lines::encode(raw),
+    };
+    let (status, error) = match done {
+        Ok(()) => return ExitCode::SUCCESS,
+        Err(Failure::Failed(error)) => (1, error),
+        Err(Failure::Bad(error)) => (2, error),
+    };
+    // Nobody is left to tell when standard error is gone.
+    let _ = writeln!(io::stderr(), "vsm: {error:#}");
+    ExitCode::from(status)
+}

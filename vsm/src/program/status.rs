@@ -1,0 +1,95 @@
+//! `vsm status`.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use anyhow::{Context as _, anyhow};
+use serde_json::Value;
+use vsm::config::Config;
+use vsm::shell::status_socket;
+
+use super::Failure;
+
+pub(crate) fn show(path: &Path, json: bool) -> Result<(), Failure> {
+    let config = Config::load(path).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    let text = status_socket::ask(&config.store.dir)
+        .with_context(|| {
+            format!(
+                "no vsm answers for the store {}: is it running?",
+                config.store.dir.display()
+            )
+        })
+        .map_err(Failure::Failed)?;
+    let text = if json {
+        text + "\n"
+    } else {
+        readable(&text).map_err(Failure::Failed)?
+    };
+    io::stdout()
+        .write_all(text.as_bytes())
+        .map_err(|fault| Failure::Failed(fault.into()))
+}
+
+fn readable(json: &str) -> anyhow::Result<String> {
+    let status: Value =
+        serde_json::from_str(json).context("the running vsm answers with something else")?;
+    let mut text = format!(
+        "VSM {}, up {:.0} s\n",
+        plain(&status["vsm"]),
+        status["uptime_s"].as_f64().unwrap_or(0.0)
+    );
+    for station in list(&status["stations"]) {
+        let address = station["address"].as_str().unwrap_or("not heard yet");
+        text += &format!("CUCS {} at {address}\n", plain(&station["id"]));
+    }
+    for vehicle in list(&status["vehicles"]) {
+        let live = if vehicle["live"] == true {
+            "live"
+        } else {
+            "SILENT"
+        };
+        text += &format!("vehicle {} {live}", plain(&vehicle["id"]));
+        text += &format!(", mode {}", vehicle["mode"].as_str().unwrap_or("unknown"));
+        text += &format!(
+            ", controlled by {}\n",
+            vehicle["controller"].as_str().unwrap_or("nobody")
+        );
+        let link = &vehicle["link"];
+        let signed = if link["signed"] == true {
+            "signed"
+        } else {
+            "NOT SIGNED"
+        };
+        let peer = link["peer"].as_str().unwrap_or("not heard yet");
+        text += &format!("  {} {signed}, peer {peer}\n", plain(&link["address"]));
+        text += &counts("  frames: ", &link["frames"]);
+    }
+    text += &counts("DLI received by type: ", &status["received"]);
+    text += &counts("DLI sent by type: ", &status["sent"]);
+    text += &counts("DLI refused: ", &status["refused"]);
+    Ok(text)
+}
+
+fn counts(title: &str, counts: &Value) -> String {
+    let counts = counts
+        .as_object()
+        .into_iter()
+        .flatten()
+        .filter(|(_, count)| **count != 0);
+    let counts: Vec<String> = counts
+        .map(|(name, count)| format!("{name} {count}"))
+        .collect();
+    if counts.is_empty() {
+        String::new()
+    } else {
+        format!("{title}{}\n", counts.join(", "))
+    }
+}
+
+fn list(value: &Value) -> impl Iterator<Item = &Value> {
+    value.as_array().into_iter().flatten()
+}
+
+fn plain(value: &Value) -> &str {
+    value.as_str().unwrap_or("?")
+}

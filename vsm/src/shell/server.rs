@@ -1,0 +1,336 @@
+//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move octets to and from it.
+
+use std::cell::RefCell;
+use std::future::Future;
+use std::io;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::time::Duration;
+
+use mavlink_link::frame::FrameView;
+use tokio::io::AsyncWriteExt;
+use tokio::net::{UdpSocket, UnixListener};
+use tokio::sync::Notify;
+use tokio::task::LocalSet;
+
+use super::clock::Clock;
+use super::file_store::{FileStore, OpenError};
+use super::key_file::{self, KeyFileError};
+use super::recording::Recording;
+use super::sockets::{self, DliSockets, SocketError, VehicleReader, VehicleWriter};
+use super::status_socket;
+use crate::config::{Config, Signing};
+use crate::session::{Bridge, BridgeError, Destination, LinkEnd, LogLevel, Status};
+
+/// A bridge that cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] OpenError),
+    /// A key.
+    #[error(transparent)]
+    Key(#[from] KeyFileError),
+    /// A socket.
+    #[error(transparent)]
+    Socket(#[from] SocketError),
+    /// What was stored.
+    #[error(transparent)]
+    Bridge(#[from] BridgeError),
+    /// The recording.
+    #[error("[record] dir {folder}: {cause}", folder = folder.display())]
+    Recording {
+        /// The folder.
+        folder: PathBuf,
+        /// The system's reason.
+        cause: io::Error,
+    },
+    /// The status socket.
+    #[error("the status socket in the [store] dir: {0}")]
+    Status(io::Error),
+}
+
+/// A bridge with its sockets open, ready to serve.
+#[derive(Debug)]
+pub struct Server {
+    shared: Rc<Shared>,
+    dli: DliSockets,
+    readers: Vec<VehicleReader>,
+    writers: Vec<VehicleWriter>,
+    status: UnixListener,
+}
+
+#[derive(Debug)]
+struct Shared {
+    clock: Clock,
+    vsm: String,
+    core: RefCell<Core>,
+    /// Something waits to be sent.
+    outgoing: Notify,
+    /// The next time-out may have moved.
+    timing: Notify,
+}
+
+#[derive(Debug)]
+struct Core {
+    bridge: Bridge,
+    store: FileStore,
+    recordings: Vec<Option<Recording>>,
+}
+
+impl Server {
+    /// Opens store, keys, sockets and recordings. Must be called within a tokio runtime.
+    ///
+    /// # Errors
+    /// Any of them cannot be had; nothing has been sent then.
+    pub fn open(config: &Config) -> Result<Server, StartError> {
+        let clock = Clock::default();
+        let now = clock.now();
+        let mut store = FileStore::open(&config.store.dir)?;
+        let dli = DliSockets::open(&config.dli)?;
+        let (mut readers, mut writers, mut ends, mut recordings) = (vec![], vec![], vec![], vec![]);
+        for vehicle in config.vehicles() {
+            let key = match &vehicle.signing {
+                Signing::KeyFile(path) => Some(key_file::read(path)?),
+                Signing::Off => None,
+            };
+            let record = format!("port-{:08x}", vehicle.id.0);
+            let (reader, writer, peer) = sockets::open_vehicle(&vehicle.link, &record, &mut store)?;
+            readers.push(reader);
+            writers.push(writer);
+            ends.push(LinkEnd { key, peer });
+            recordings.push(match &config.record {
+                None => None,
+                Some(record) => {
+                    let name = format!("{:08x}", vehicle.id.0);
+                    let begun =
+                        Recording::begin(&record.dir, &name, now.wall).map_err(|cause| {
+                            StartError::Recording {
+                                folder: record.dir.clone(),
+                                cause,
+                            }
+                        })?;
+                    Some(begun)
+                }
+            });
+        }
+        let bridge = Bridge::new(config, ends, now, NOT_BEFORE, &mut store)?;
+        let status = status_socket::listen(&config.store.dir).map_err(StartError::Status)?;
+        let shared = Shared {
+            clock,
+            vsm: config.dli.vsm_id.to_string(),
+            core: RefCell::new(Core {
+                bridge,
+                store,
+                recordings,
+            }),
+            outgoing: Notify::new(),
+            timing: Notify::new(),
+        };
+        Ok(Server {
+            shared: Rc::new(shared),
+            dli,
+            readers,
+            writers,
+            status,
+        })
+    }
+
+    /// Serves until `stop` is done, then gives the last status.
+    pub async fn serve(self, stop: impl Future<Output = ()>) -> Status {
+        let Server {
+            shared,
+            dli,
+            readers,
+            writers,
+            status,
+        } = self;
+        let local = LocalSet::new();
+        let unicast = Rc::new(dli.unicast);
+        local.spawn_local(receive_dli(shared.clone(), unicast.clone()));
+        let group = dli.group.map(|(socket, group)| (Rc::new(socket), group));
+        if let Some((socket, _)) = &group {
+            local.spawn_local(receive_dli(shared.clone(), socket.clone()));
+        }
+        for (index, reader) in readers.into_iter().enumerate() {
+            local.spawn_local(receive_vehicle(shared.clone(), index, reader));
+        }
+        local.spawn_local(send(shared.clone(), unicast, group, writers));
+        local.spawn_local(keep_time(shared.clone()));
+        local.spawn_local(tell_status(shared.clone(), status));
+        local.run_until(stop).await;
+        let mut core = shared.core.borrow_mut();
+        core.recordings
+            .iter_mut()
+            .flatten()
+            .for_each(Recording::flush);
+        core.bridge.status(shared.vsm.clone(), shared.clock.mono())
+    }
+}
+
+impl Shared {
+    /// Lets the bridge do something, then sees to what follows from it.
+    fn with<T>(&self, act: impl FnOnce(&mut Core, mavlink_link::Now) -> T) -> T {
+        let mut core = self.core.borrow_mut();
+        let done = act(&mut core, self.clock.now());
+        while let Some(entry) = core.bridge.poll_log() {
+            match entry.level {
+                LogLevel::Info => tracing::info!("{}: {}", entry.about, entry.text),
+                LogLevel::Warning => tracing::warn!("{}: {}", entry.about, entry.text),
+                LogLevel::Error => tracing::error!("{}: {}", entry.about, entry.text),
+            }
+        }
+        self.outgoing.notify_one();
+        self.timing.notify_one();
+        done
+    }
+}
+
+async fn receive_dli(shared: Rc<Shared>, socket: Rc<UdpSocket>) {
+    let mut octets = vec![0; LARGEST_DATAGRAM];
+    loop {
+        match socket.recv_from(&mut octets).await {
+            Ok((length, from)) => shared.with(|Core { bridge, store, .. }, now| {
+                bridge.handle_dli(now, from, octets.get(..length).unwrap_or_default(), store);
+            }),
+            Err(cause) => pause_after("the DLI socket", &cause).await,
+        }
+    }
+}
+
+async fn receive_vehicle(shared: Rc<Shared>, index: usize, mut reader: VehicleReader) {
+    let mut octets = vec![0; LARGEST_DATAGRAM];
+    loop {
+        match reader.receive(&mut octets).await {
+            Ok((length, from)) => shared.with(
+                |Core {
+                     bridge,
+                     store,
+                     recordings,
+                 },
+                 now| {
+                    let octets = octets.get(..length).unwrap_or_default();
+                    let recording = recordings.get_mut(index).and_then(Option::as_mut);
+                    let mut tap = recorder(recording, now.wall);
+                    bridge.handle_vehicle(now, index, from, octets, store, &mut tap);
+                },
+            ),
+            Err(cause) => pause_after("a vehicle's link", &cause).await,
+        }
+    }
+}
+
+fn recorder(mut recording: Option<&mut Recording>, wall: Duration) -> impl FnMut(&FrameView<'_>) {
+    move |frame| {
+        if let Some(recording) = &mut recording {
+            recording.write(wall, frame);
+        }
+    }
+}
+
+async fn send(
+    shared: Rc<Shared>,
+    unicast: Rc<UdpSocket>,
+    group: Option<(Rc<UdpSocket>, std::net::SocketAddr)>,
+    mut writers: Vec<VehicleWriter>,
+) {
+    loop {
+        shared.outgoing.notified().await;
+        // Taken one by one: the machine is not held while the system takes its time.
+        loop {
+            let frame = shared.core.borrow_mut().bridge.poll_vehicle();
+            let Some((index, frame)) = frame else { break };
+            {
+                let mut core = shared.core.borrow_mut();
+                if let (Some(recording), Ok(view)) = (
+                    core.recordings.get_mut(index).and_then(Option::as_mut),
+                    FrameView::parse(frame.octets()),
+                ) {
+                    recording.write(shared.clock.now().wall, &view);
+                }
+            }
+            if let Some(writer) = writers.get_mut(index)
+                && let Err(cause) = writer.send(frame.octets(), frame.to).await
+            {
+                tracing::debug!("a frame to the vehicle was not sent: {cause}");
+            }
+        }
+        loop {
+            let datagram = shared.core.borrow_mut().bridge.poll_dli();
+            let Some(datagram) = datagram else { break };
+            let sent = match (datagram.to, &group) {
+                (Destination::Unicast(to), _) => unicast.send_to(datagram.octets(), to).await,
+                (Destination::Multicast, Some((socket, group))) => {
+                    socket.send_to(datagram.octets(), group).await
+                }
+                (Destination::Multicast, None) => continue,
+            };
+            if let Err(cause) = sent {
+                tracing::debug!("a datagram to a CUCS was not sent: {cause}");
+            }
+        }
+    }
+}
+
+async fn keep_time(shared: Rc<Shared>) {
+    let mut flush_at = Duration::ZERO;
+    loop {
+        let due = {
+            let core = shared.core.borrow();
+            core.bridge.poll_timeout(shared.clock.mono())
+        };
+        if due <= shared.clock.mono() {
+            shared.with(|Core { bridge, store, .. }, now| bridge.handle_timeout(now, store));
+            if flush_at <= shared.clock.mono() {
+                flush_at = shared.clock.mono() + FLUSH_EVERY;
+                shared
+                    .core
+                    .borrow_mut()
+                    .recordings
+                    .iter_mut()
+                    .flatten()
+                    .for_each(Recording::flush);
+            }
+            // A machine that is due at once, always, must not starve the sockets.
+            tokio::time::sleep(SHORTEST_WAIT).await;
+            continue;
+        }
+        tokio::select! {
+            () = tokio::time::sleep_until(shared.clock.instant(due).into()) => {}
+            () = shared.timing.notified() => {}
+        }
+    }
+}
+
+async fn tell_status(shared: Rc<Shared>, listener: UnixListener) {
+    loop {
+        match listener.accept().await {
+            Ok((mut stream, _)) => {
+                let status = shared
+                    .core
+                    .borrow()
+                    .bridge
+                    .status(shared.vsm.clone(), shared.clock.mono());
+                let text = serde_json::to_string(&status).unwrap_or_default();
+                // Whoever asks and does not read must not hold up the next.
+                let _ =
+                    tokio::time::timeout(STATUS_WITHIN, stream.write_all(text.as_bytes())).await;
+            }
+            Err(cause) => pause_after("the status socket", &cause).await,
+        }
+    }
+}
+
+/// A socket that fails again and again is said once in a while, and takes no whole core.
+async fn pause_after(what: &str, cause: &io::Error) {
+    tracing::warn!("{what}: {cause}");
+    tokio::time::sleep(Duration::from_millis(500)).await;
+}
+
+/// Longest datagram that UDP can carry: one that is too long is counted, not cut.
+const LARGEST_DATAGRAM: usize = 65_536;
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
+const SHORTEST_WAIT: Duration = Duration::from_millis(1);
+const STATUS_WITHIN: Duration = Duration::from_secs(1);
+/// 2026-01-01: no clock of ours starts before the program was written.
+const NOT_BEFORE: Duration = Duration::from_secs(1_767_225_600);

@@ -1,0 +1,42 @@
+//! `vsm status`: a Unix socket in the store folder that gives the status as JSON to whoever may enter the folder.
+
+use std::io::{self, Read};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use tokio::net::UnixListener;
+
+/// Where the socket of a store folder is.
+#[must_use]
+pub fn path(store: &Path) -> PathBuf {
+    store.join("status.sock")
+}
+
+/// Opens the socket. The store's lock is held: one that is there is left over.
+///
+/// # Errors
+/// The system's; paths of over 107 octets too.
+pub fn listen(store: &Path) -> io::Result<UnixListener> {
+    let path = path(store);
+    match std::fs::remove_file(&path) {
+        Err(cause) if cause.kind() != io::ErrorKind::NotFound => return Err(cause),
+        _ => {}
+    }
+    let listener = UnixListener::bind(&path)?;
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600))?;
+    Ok(listener)
+}
+
+/// Asks a running bridge.
+///
+/// # Errors
+/// None is running on this store, or it does not answer.
+pub fn ask(store: &Path) -> io::Result<String> {
+    let mut stream = UnixStream::connect(path(store))?;
+    stream.set_read_timeout(Some(Duration::from_secs(3)))?;
+    let mut text = String::new();
+    stream.read_to_string(&mut text)?;
+    Ok(text)
+}
