@@ -1,0 +1,192 @@
+//! Commands of the CUCS that has the right to give them: 2016, 2017, and where plans go.
+
+use mapping::mode::Px4Mode;
+use stanag_msgs::Message;
+use stanag_msgs::enums::{
+    AckType, AlertPriority, FlightPathControlMode as Mode, LoiBitmap, RouteType, SubsystemId,
+};
+use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
+
+use super::aircraft::Aircraft;
+use super::desk::{Desk, Origin};
+use super::maneuver::{self, Maneuver, Progress};
+use super::mode_command::{self, Situation, Task};
+
+impl Aircraft {
+    /// The rights that a message needs; `None` where it is none that a CUCS commands with.
+    pub(super) fn right_for(&self, message: &Message) -> Option<LoiBitmap> {
+        match message {
+            Message::VehicleOperatingModeCommand(command) => {
+                let mode = mode_command::mode_of(command, &self.mav.telemetry);
+                let launch_or_land = matches!(
+                    mode,
+                    Some(Mode::Launch | Mode::AutolandEngage | Mode::AutolandWaveOff)
+                );
+                Some(if launch_or_land {
+                    LoiBitmap::LOI5
+                } else {
+                    LoiBitmap::LOI4
+                })
+            }
+            Message::LoiterConfiguration(_)
+            | Message::MissionTransferCommand(_)
+            | Message::UaRoute(_)
+            | Message::UaPositionWaypoint(_)
+            | Message::UaLoiterWaypoint(_)
+            | Message::CurveSegment(_)
+            | Message::CurveSegmentPaper(_) => Some(LoiBitmap::LOI4),
+            _ => None,
+        }
+    }
+
+    /// A command of a CUCS that holds the right for it.
+    pub(super) fn command(&mut self, desk: &mut Desk<'_>, origin: Origin, message: &Message) {
+        match message {
+            Message::VehicleOperatingModeCommand(command) => {
+                desk.acknowledge(self.id(), &origin, AckType::Received);
+                self.operate(desk, Some(origin), command);
+            }
+            Message::LoiterConfiguration(configuration) => {
+                merge(&mut self.loiter, configuration);
+                desk.acknowledge(self.id(), &origin, AckType::CarriedOut);
+            }
+            Message::MissionTransferCommand(command) => {
+                self.transfer_command(desk, origin, command)
+            }
+            other => self.store_plan_message(desk, origin, other),
+        }
+    }
+
+    /// A 2016; without origin it is the VSM's own.
+    pub(super) fn operate(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: Option<Origin>,
+        command: &VehicleOperatingModeCommand,
+    ) {
+        if !self.mav.live() {
+            let text = "the vehicle is silent: no command can be confirmed".to_owned();
+            return self.refuse(desk, origin, text);
+        }
+        let situation = Situation {
+            telemetry: &self.mav.telemetry,
+            aboard: self.aboard.as_ref(),
+            contingency: [RouteType::ContingencyA, RouteType::ContingencyB]
+                .map(|wanted| self.plan.route_of_type(wanted).is_some()),
+            loiter: &self.loiter,
+            commanded: self.commanded,
+            agl: self.bounds.agl,
+            limits: self.bounds.limits,
+        };
+        match mode_command::task(command, &situation) {
+            Err(why) => self.refuse(desk, origin, why),
+            Ok(Task::Steps(steps, commanded)) => {
+                let needs_mission = steps
+                    .iter()
+                    .any(|step| matches!(step, maneuver::Step::SetCurrent(_)));
+                if self.load.is_some() && (needs_mission || enters_mission(&steps)) {
+                    return self.refuse(
+                        desk,
+                        origin,
+                        "a route is on its way aboard: wait for 14000".to_owned(),
+                    );
+                }
+                self.begin(desk, origin, Maneuver::new(steps, commanded));
+            }
+            Ok(Task::Launch(steps, commanded)) => {
+                let maneuver = Maneuver::new(steps, commanded).undone_by(maneuver::arm(false));
+                self.begin(desk, origin, maneuver);
+            }
+            Ok(Task::Load(route)) => self.load_and_fly(desk, origin, route, command),
+        }
+    }
+
+    pub(super) fn begin(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: Option<Origin>,
+        maneuver: Maneuver,
+    ) {
+        if let Some((earlier, mut running)) = self.maneuver.take() {
+            running.abandon(desk.now.mono, &mut self.mav);
+            self.refuse(desk, earlier, "superseded by a later command".to_owned());
+        }
+        self.maneuver = Some((origin, maneuver));
+        self.go_on(desk);
+    }
+
+    /// Refuses a command: 17000 where it was asked for, 16000 with the reason to who commanded.
+    pub(super) fn refuse(&mut self, desk: &mut Desk<'_>, origin: Option<Origin>, why: String) {
+        let to: Vec<usize> = match &origin {
+            Some(origin) => {
+                desk.acknowledge(self.id(), origin, AckType::Refused);
+                vec![origin.station]
+            }
+            None => desk.listeners(&self.authority, None),
+        };
+        let what = origin.map_or_else(String::new, |origin| {
+            format!("{} refused: ", origin.message_type)
+        });
+        let text = format!("{what}{why}");
+        let raised = self.alerts.notice(
+            desk.now.mono,
+            AlertPriority::Caution,
+            SubsystemId::VsmStatus,
+            text,
+        );
+        desk.alert(self.id(), &to, raised);
+    }
+    pub(super) fn advance_maneuver(&mut self, desk: &mut Desk<'_>) {
+        let Some((origin, maneuver)) = &mut self.maneuver else {
+            return;
+        };
+        let origin = *origin;
+        match maneuver.advance(desk.now.mono, &mut self.mav) {
+            Progress::Going => {}
+            Progress::Done => {
+                self.commanded = maneuver.commanded;
+                self.maneuver = None;
+                if let Some(origin) = origin {
+                    desk.acknowledge(self.id(), &origin, AckType::CarriedOut);
+                }
+            }
+            Progress::Refused(why) => self.fail_maneuver(desk, origin, why),
+        }
+    }
+
+    pub(super) fn fail_maneuver(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: Option<Origin>,
+        why: String,
+    ) {
+        if let Some((_, mut maneuver)) = self.maneuver.take() {
+            maneuver.abandon(desk.now.mono, &mut self.mav);
+        }
+        self.refuse(desk, origin, why);
+    }
+}
+
+/// 2017 is a configuration message: an absent field keeps its last value.
+fn merge(kept: &mut LoiterConfiguration, new: &LoiterConfiguration) {
+    let old = std::mem::take(kept);
+    *kept = LoiterConfiguration {
+        time_stamp: new.time_stamp.or(old.time_stamp),
+        loiter_type: new.loiter_type.or(old.loiter_type),
+        loiter_radius: new.loiter_radius.or(old.loiter_radius),
+        loiter_length: new.loiter_length.or(old.loiter_length),
+        loiter_length_units: new.loiter_length_units.or(old.loiter_length_units),
+        loiter_bearing: new.loiter_bearing.or(old.loiter_bearing),
+        loiter_direction: new.loiter_direction.or(old.loiter_direction),
+        flying_behaviour: new.flying_behaviour.or(old.flying_behaviour),
+        loiter_duration: new.loiter_duration.or(old.loiter_duration),
+        loiter_duration_units: new.loiter_duration_units.or(old.loiter_duration_units),
+        activity_id: new.activity_id.or(old.activity_id),
+    };
+}
+fn enters_mission(steps: &[maneuver::Step]) -> bool {
+    let mission = &[Px4Mode::MISSION][..];
+    steps.iter().any(|step| {
+        matches!(step, maneuver::Step::Confirm { sight: maneuver::Sight::Mode(modes), .. } if *modes == mission)
+    })
+}

@@ -1,0 +1,141 @@
+//! Reports of the aircraft: on request, by schedule, on change.
+
+use std::time::Duration;
+
+use mapping::report;
+use mavlink_link::dialect::MavType;
+use stanag_msgs::messages::{Heartbeat, VehicleId};
+use stanag_msgs::{Message, Text};
+
+use super::aircraft::Aircraft;
+use super::desk::Desk;
+use super::station::Period;
+
+impl Aircraft {
+    /// 17001.
+    pub(super) fn schedule(
+        &mut self,
+        desk: &mut Desk<'_>,
+        station: usize,
+        message: u16,
+        hertz: u16,
+    ) -> bool {
+        if !REPORTS.contains(&message) || hertz > MOST_HERTZ {
+            return false;
+        }
+        let period = match hertz {
+            0 => Period::Never,
+            hertz => Period::Every(Duration::from_secs(1) / u32::from(hertz)),
+        };
+        let id = self.id();
+        if let Some(of) = desk.stations.get_mut(station) {
+            of.schedule.insert((id, message), period);
+        }
+        self.push.reset(station);
+        true
+    }
+
+    /// 17002: a report, at once. False where there is none of this type.
+    pub(super) fn report_once(
+        &mut self,
+        desk: &mut Desk<'_>,
+        station: usize,
+        message: u16,
+    ) -> bool {
+        if message == 2 {
+            self.answer_authorisation(desk, station, None);
+            return true;
+        }
+        let Some(report) = self.compose(desk, message) else {
+            return false;
+        };
+        desk.send(station, self.id(), &report);
+        true
+    }
+
+    pub(super) fn compose(&mut self, desk: &mut Desk<'_>, message: u16) -> Option<Message> {
+        let stamp = desk.stamp();
+        let (vehicle, live) = (&self.mav.telemetry, self.mav.live());
+        let flight = self.aboard.as_ref().map(|aboard| &aboard.flight);
+        match message {
+            3 => Some(Message::VehicleId(self.vehicle_id(desk))),
+            3001 if live => {
+                report::operating_mode(vehicle, stamp).map(Message::VehicleOperatingModeReport)
+            }
+            3001 => Some(Message::VehicleOperatingModeReport(
+                report::no_operating_mode(stamp),
+            )),
+            3002 => {
+                let states =
+                    report::operating_states(vehicle, &self.commanded, flight, !live, stamp);
+                Some(Message::VehicleOperatingStates(states))
+            }
+            // What a silent vehicle said last is no state of now: it is not repeated.
+            4000 if live => report::inertial_states(vehicle, stamp).map(Message::InertialStates),
+            4001 if live => Some(Message::FromToNextWaypointStates(report::waypoint_states(
+                vehicle, flight, stamp,
+            ))),
+            16002 => Some(Message::Heartbeat(Heartbeat {
+                time_stamp: Some(stamp),
+            })),
+            _ => None,
+        }
+    }
+    /// 3001 and 3002 on change, beside their period.
+    pub(super) fn report_on_change(&mut self, desk: &mut Desk<'_>) {
+        for message in [3001, 3002] {
+            let Some(report) = self.compose(desk, message) else {
+                continue;
+            };
+            for station in desk.listeners(&self.authority, None) {
+                desk.send(station, self.id(), &report);
+            }
+            desk.send_to_group(self.id(), &report);
+        }
+    }
+
+    pub(super) fn push_due(&mut self, desk: &mut Desk<'_>) {
+        for index in desk.listeners(&self.authority, None) {
+            let Some(station) = desk.stations.get(index) else {
+                continue;
+            };
+            for message in self
+                .push
+                .take_due(desk.now.mono, index, station, self.config.id)
+            {
+                if let Some(report) = self.compose(desk, message) {
+                    desk.send(index, self.id(), &report);
+                    desk.send_to_group(self.id(), &report);
+                }
+            }
+        }
+    }
+    pub(super) fn vehicle_id(&self, desk: &mut Desk<'_>) -> VehicleId {
+        VehicleId {
+            time_stamp: Some(desk.stamp()),
+            vsm_id: Some(desk.vsm),
+            vehicle_id_update: Some(self.id()),
+            vehicle_type: Some(self.vehicle_type()),
+            vehicle_subtype: Some(0),
+            owning_id: Some((self.id().0 >> 24) as u8),
+            tail_number: Some(Text::new(&self.config.tail_number)),
+            mission_id: self
+                .aboard
+                .as_ref()
+                .map(|aboard| Text::new(&aboard.mission_name)),
+            ..VehicleId::default()
+        }
+    }
+
+    /// The custodian's list of vehicle types is not public: MAVLink's MAV_TYPE stands in, 0 before it is heard.
+    pub(super) fn vehicle_type(&self) -> u16 {
+        self.mav
+            .telemetry
+            .vehicle_type
+            .map_or(0, |kind: MavType| kind as u16)
+    }
+}
+
+/// What 17001 and 17002 can ask for.
+const REPORTS: &[u16] = &[3, 3001, 3002, 4000, 4001, 16002];
+const MOST_HERTZ: u16 = 50;
