@@ -4,9 +4,15 @@
 //! 2: the command line or a file is wrong, with the file, the line and the field on standard error.
 #![forbid(unsafe_code)]
 
+mod check;
 mod compare;
+mod convert;
+mod densify;
 mod failure;
+mod fit;
 mod formats;
+mod load;
+mod plot;
 mod route;
 
 use std::process::ExitCode;
@@ -27,11 +33,26 @@ struct Arguments {
 enum Command {
     /// Fewest straight legs against fewest cubic ones for a recorded track.
     Compare(compare::Compare),
+    /// A curved route as the straight legs that it is flown by.
+    Densify(densify::Command),
+    /// A recorded or drawn track as the fewest cubic legs within a tolerance.
+    Fit(fit::Command),
+    /// Whether a route can be flown at a speed, where it is too tight, and what flying will add.
+    Check(check::Command),
+    /// A picture of a route, what is flown of it, and how far the one is from the other.
+    Plot(plot::Command),
+    /// A route from one format to another.
+    Convert(convert::Command),
 }
 
 fn main() -> ExitCode {
     let done = match Arguments::parse().command {
-        Command::Compare(compare) => compare.run(),
+        Command::Compare(c) => c.run(),
+        Command::Densify(c) => c.run(),
+        Command::Fit(c) => c.run(),
+        Command::Check(c) => c.run(),
+        Command::Plot(c) => c.run(),
+        Command::Convert(c) => c.run(),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

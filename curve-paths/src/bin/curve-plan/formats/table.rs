@@ -99,3 +99,12 @@ const ALTITUDE: &[&str] = &[
     "elevation",
     "ele",
 ];
+
+/// Writes positions.
+pub(crate) fn write(points: &[Position]) -> String {
+    let mut out = String::from("lat_deg,lon_deg,alt_m\n");
+    for p in points {
+        out += &format!("{:.8},{:.8},{:.3}\n", p.lat_deg, p.lon_deg, p.alt_m);
+    }
+    out
+}

@@ -1,0 +1,191 @@
+//! `check`: whether a route can be flown at a speed, where it is too tight, and what flying will add.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use curve_paths::Leg;
+use curve_paths::flight::{Airframe, FixedWing, FlightPlan, Multicopter, Policy, plan_flight};
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::load::{Densify, Loaded};
+use crate::print;
+
+/// How it turns.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+enum Kind {
+    Quad,
+    Plane,
+}
+
+/// What to do about a turn that is too tight.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+enum Tightness {
+    Slow,
+    Refuse,
+}
+
+/// Arguments of `check`.
+#[derive(Debug, Args)]
+pub(crate) struct Command {
+    /// The route.
+    file: PathBuf,
+    #[command(flatten)]
+    how: Densify,
+    /// Speed wished for, m/s.
+    #[arg(long, value_name = "M/S", default_value_t = 5.0)]
+    speed: f64,
+    /// The airframe.
+    #[arg(long, value_enum, default_value_t = Kind::Quad)]
+    airframe: Kind,
+    /// Greatest bank of a plane, degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 30.0, value_parser = bank)]
+    bank: f64,
+    /// Slowest speed of a plane, m/s.
+    #[arg(long, value_name = "M/S", default_value_t = 10.0)]
+    slowest: f64,
+    /// Horizontal acceleration of a quad, m/s^2 (MPC_ACC_HOR).
+    #[arg(long, default_value_t = 3.0, value_parser = positive)]
+    acceleration: f64,
+    /// Jerk of a quad, m/s^3 (MPC_JERK_AUTO).
+    #[arg(long, default_value_t = 4.0, value_parser = positive)]
+    jerk: f64,
+    /// Fly a turn that is too tight slower, or refuse the route.
+    #[arg(long, value_enum, default_value_t = Tightness::Slow)]
+    policy: Tightness,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Command {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let loaded = Loaded::read(&self.file)?;
+        let (densified, tolerance_m) = loaded.densify(&self.how)?;
+        let airframe = match self.airframe {
+            Kind::Plane => Airframe::FixedWing(FixedWing {
+                bank_rad: self.bank.to_radians(),
+                slowest_mps: self.slowest,
+            }),
+            Kind::Quad => Airframe::Multicopter(Multicopter {
+                acceleration: self.acceleration,
+                jerk: self.jerk,
+            }),
+        };
+        let policy = if self.policy == Tightness::Slow {
+            Policy::Slow
+        } else {
+            Policy::Refuse
+        };
+        let plan = plan_flight(&loaded.legs, &densified, &airframe, self.speed, policy)
+            .map_err(|e| Failure::Answer(format!("{}: {e}", self.file.display())))?;
+        let misread = misread(&loaded.legs, tolerance_m);
+        if self.json {
+            return print(&format!(
+                "{}\n",
+                self.report(&plan, densified.bound_m, &misread)
+            ));
+        }
+        print(&self.text(&plan, densified.vertices.len(), densified.bound_m, &misread))
+    }
+
+    fn report(
+        &self,
+        plan: &FlightPlan,
+        bound_m: f64,
+        misread: &[(usize, f64)],
+    ) -> serde_json::Value {
+        let finite = |x: f64| Some(x).filter(|x| x.is_finite());
+        let tight: Vec<_> = plan
+            .tight
+            .iter()
+            .map(|t| {
+                json!({ "leg": t.leg, "t": t.t, "lat_deg": t.position.lat_deg, "lon_deg": t.position.lon_deg,
+                        "radius_m": t.radius_m, "fastest_mps": t.fastest_mps })
+            })
+            .collect();
+        let changes: Vec<_> = plan
+            .changes
+            .iter()
+            .map(|c| json!({ "vertex": c.vertex, "speed_mps": c.speed_mps }))
+            .collect();
+        let misread: Vec<_> = misread
+            .iter()
+            .map(|(leg, off)| json!({ "leg": leg, "difference_m": off }))
+            .collect();
+        json!({
+            "bound_m": bound_m, "speed_mps": self.speed, "fastest_mps": finite(plan.fastest_mps), "tight": tight,
+            "changes": changes, "slowest_chord_mps": finite(plan.slowest_chord_mps), "time_s": plan.time_s,
+            "predicted_deviation_m": plan.predicted_deviation_m, "read_differently": misread,
+        })
+    }
+
+    fn text(
+        &self,
+        plan: &FlightPlan,
+        items: usize,
+        bound_m: f64,
+        misread: &[(usize, f64)],
+    ) -> String {
+        let mut out = format!(
+            "{items} items, proven within {bound_m:.3} m, {:.0} s\n",
+            plan.time_s
+        );
+        for t in &plan.tight {
+            let _ = writeln!(
+                out,
+                "leg {} at t = {:.3} ({:.7}, {:.7}): radius {:.1} m, at most {:.1} m/s",
+                t.leg, t.t, t.position.lat_deg, t.position.lon_deg, t.radius_m, t.fastest_mps
+            );
+        }
+        for c in &plan.changes {
+            let _ = writeln!(out, "from item {}: {:.1} m/s", c.vertex, c.speed_mps);
+        }
+        if plan.slowest_chord_mps < self.speed {
+            let slowest = plan.slowest_chord_mps;
+            let _ = writeln!(
+                out,
+                "short chords hold the autopilot to {slowest:.1} m/s: a larger tolerance is faster"
+            );
+        }
+        if let Some(deviation) = plan.predicted_deviation_m {
+            let _ = writeln!(
+                out,
+                "flown deviation, predicted and not promised: {deviation:.1} m"
+            );
+        }
+        for (leg, off) in misread {
+            let _ = writeln!(
+                out,
+                "leg {leg}: a station that draws it in latitude and longitude shows a line {off:.2} m off"
+            );
+        }
+        out
+    }
+}
+
+/// Legs that the other reading draws differently, and by how much, m.
+fn misread(legs: &[Leg], tolerance_m: f64) -> Vec<(usize, f64)> {
+    let different = |(k, leg): (usize, &Leg)| match leg {
+        Leg::Bezier(leg) if leg.reads_differently(tolerance_m) => {
+            Some((k, leg.latitude_longitude_difference_m()))
+        }
+        _ => None,
+    };
+    legs.iter().enumerate().filter_map(different).collect()
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x > 0.0 && x <= 100.0 => Ok(x),
+        _ => Err("expected more than 0 and at most 100".into()),
+    }
+}
+
+fn bank(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x > 0.0 && x < 85.0 => Ok(x),
+        _ => Err("expected more than 0 and less than 85 degrees".into()),
+    }
+}

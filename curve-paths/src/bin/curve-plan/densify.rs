@@ -1,0 +1,57 @@
+//! `densify`: a curved route as the straight legs that it is flown by.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::load::{Densify, Loaded, positions};
+use crate::{formats, print};
+
+/// Arguments of `densify`.
+#[derive(Debug, Args)]
+pub(crate) struct Command {
+    /// The route.
+    file: PathBuf,
+    /// Where to write the waypoints; the ending says the format.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    how: Densify,
+    /// Print JSON, vertices included.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Command {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let loaded = Loaded::read(&self.file)?;
+        let (densified, tolerance_m) = loaded.densify(&self.how)?;
+        let points = positions(&densified);
+        if let Some(output) = &self.output {
+            formats::write_points(output, &loaded.route.name, &points)?;
+        }
+        // The crate's name for "no chord between vertices" is infinity, which JSON has no number for.
+        let shortest = Some(densified.shortest_chord_m).filter(|s| s.is_finite());
+        if self.json {
+            let vertices: Vec<_> = densified
+                .vertices
+                .iter()
+                .map(|v| json!({ "lat_deg": v.position.lat_deg, "lon_deg": v.position.lon_deg, "alt_m": v.position.alt_m, "leg": v.leg, "t": v.t }))
+                .collect();
+            let report = json!({
+                "legs": loaded.legs.len(), "items": points.len(), "tolerance_m": tolerance_m,
+                "bound_m": densified.bound_m, "shortest_chord_m": shortest, "vertices": vertices,
+            });
+            return print(&format!("{report}\n"));
+        }
+        print(&format!(
+            "{} legs, {} items at a tolerance of {tolerance_m:.3} m; proven within {:.3} m; shortest chord {}\n",
+            loaded.legs.len(),
+            points.len(),
+            densified.bound_m,
+            shortest.map_or_else(|| "none".to_owned(), |s| format!("{s:.1} m")),
+        ))
+    }
+}

@@ -1,0 +1,131 @@
+//! `fit`: a recorded or drawn track as the fewest cubic legs within a tolerance.
+
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+
+use clap::Args;
+use curve_paths::Position;
+use curve_paths::fit::{Continuity, FitOptions, Track, fit};
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::formats::{self, Selection};
+use crate::print;
+use crate::route::Route;
+
+/// Arguments of `fit`.
+#[derive(Debug, Args)]
+pub(crate) struct Command {
+    /// The track.
+    file: PathBuf,
+    /// Where to write the route (.toml).
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Greatest deviation both ways on the ground, m.
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    tolerance: f64,
+    /// Only the rows of this lap (a table with a column lap).
+    #[arg(long)]
+    lap: Option<i64>,
+    /// Keep each n-th fix.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+    /// Keep only the fixes from this one, counted from 0 after --every.
+    #[arg(long, default_value_t = 0)]
+    from: usize,
+    /// Keep only the fixes up to this one, itself included.
+    #[arg(long)]
+    to: Option<usize>,
+    /// The track returns to its first fix.
+    #[arg(long)]
+    closed: bool,
+    /// Legs also share their direction where they meet.
+    #[arg(long)]
+    g1: bool,
+    /// A fix where the track turns by more than this is a corner, and kept, degrees.
+    #[arg(long, value_name = "DEG")]
+    corner: Option<f64>,
+    /// Altitude for a track that has none, m.
+    #[arg(long, value_name = "M")]
+    altitude: Option<f64>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Command {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let selection = Selection {
+            lap: self.lap,
+            every: self.every as usize,
+        };
+        let read = formats::read(&self.file, selection)?;
+        let closed = self.closed || read.closed;
+        let last = self.to.unwrap_or(usize::MAX);
+        let mut fixes: Vec<Position> = read
+            .waypoints
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| (self.from..=last).contains(k))
+            .map(|(_, w)| w.position)
+            .collect();
+        if let Some(altitude) = self.altitude {
+            fixes.iter_mut().for_each(|f| f.alt_m = altitude);
+        }
+        let track = Track::new(&fixes, closed).map_err(|e| Failure::file(&self.file, e))?;
+        let continuity = if self.g1 {
+            Continuity::G1
+        } else {
+            Continuity::G0
+        };
+        let options = FitOptions {
+            tolerance_m: self.tolerance,
+            continuity,
+            corner_deg: self.corner,
+        };
+        let fitted = fit(&track, &options, &mut progress())
+            .map_err(|e| Failure::Answer(format!("{}: {e}", self.file.display())))?;
+        if let Some(output) = &self.output {
+            formats::write_route(output, &Route::of_fit(&read.name, &fitted, closed))?;
+        }
+        let (legs, deviation_m) = (fitted.legs.len(), fitted.deviation_m);
+        if self.json {
+            let points: Vec<_> = fitted
+                .legs
+                .iter()
+                .map(|l| {
+                    [
+                        l.p1().ground(),
+                        l.p2().ground(),
+                        l.p3().ground(),
+                        l.p4().ground(),
+                    ]
+                })
+                .map(|p| p.map(|g| [g.lat_deg, g.lon_deg]))
+                .collect();
+            let report = json!({
+                "fixes": track.fixes().len(), "tolerance_m": self.tolerance, "deviation_m": deviation_m,
+                "joints": fitted.joints, "legs": points,
+            });
+            return print(&format!("{report}\n"));
+        }
+        print(&format!(
+            "{} fixes, {legs} cubic legs, {deviation_m:.3} m off at most, both ways\n",
+            track.fixes().len()
+        ))
+    }
+}
+
+/// Says on a terminal how far a fit is, in whole percents.
+fn progress() -> impl FnMut(f64) {
+    let terminal = std::io::stderr().is_terminal();
+    let mut said = 0;
+    move |done| {
+        let percent = (done * 100.0) as u32;
+        if terminal && percent != said {
+            said = percent;
+            let end = if percent == 100 { "\r          \r" } else { "" };
+            let _ = write!(std::io::stderr(), "\rfit {percent:>3} %{end}");
+        }
+    }
+}

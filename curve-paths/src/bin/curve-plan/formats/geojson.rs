@@ -1,0 +1,105 @@
+//! GeoJSON: the first line (or ring, or row of points) of a document.
+
+use std::path::Path;
+
+use curve_paths::Position;
+use serde_json::{Value, json};
+
+use crate::failure::Failure;
+use crate::route::{Route, Waypoint};
+
+/// Reads the first LineString, Polygon ring or MultiPoint, or else all Points in order.
+pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
+    let document: Value =
+        serde_json::from_str(text).map_err(|e| Failure::at(file, Some(e.line() as u64), "", &e))?;
+    let mut geometries = Vec::new();
+    collect(&document, "", &mut geometries);
+    let line = geometries
+        .iter()
+        .find_map(|(path, g)| match g["type"].as_str() {
+            Some("LineString" | "MultiPoint") => {
+                Some((format!("{path}.coordinates"), &g["coordinates"], false))
+            }
+            Some("Polygon") => Some((format!("{path}.coordinates[0]"), &g["coordinates"][0], true)),
+            _ => None,
+        });
+    let mut route = Route::default();
+    if let Some((path, coordinates, closed)) = line {
+        let list = coordinates.as_array().ok_or_else(|| {
+            Failure::at(file, None, path.as_str(), "expected an array of positions")
+        })?;
+        for (k, c) in list.iter().enumerate() {
+            route
+                .waypoints
+                .push(position(file, &format!("{path}[{k}]"), c)?);
+        }
+        // A ring repeats its first position.
+        if closed && route.waypoints.len() > 1 {
+            route.waypoints.pop();
+        }
+        route.closed = closed;
+    } else {
+        for (path, g) in geometries.iter().filter(|(_, g)| g["type"] == "Point") {
+            route.waypoints.push(position(
+                file,
+                &format!("{path}.coordinates"),
+                &g["coordinates"],
+            )?);
+        }
+    }
+    if route.waypoints.is_empty() {
+        return Err(Failure::file(
+            file,
+            "no geometry, expected a LineString, Polygon, MultiPoint or Points",
+        ));
+    }
+    Ok(route)
+}
+
+fn collect<'a>(value: &'a Value, path: &str, out: &mut Vec<(String, &'a Value)>) {
+    match value["type"].as_str() {
+        Some("FeatureCollection") => list(value, "features", path, out),
+        Some("GeometryCollection") => list(value, "geometries", path, out),
+        Some("Feature") => collect(&value["geometry"], &format!("{path}.geometry"), out),
+        Some(_) => out.push((path.to_owned(), value)),
+        None => {}
+    }
+}
+
+fn list<'a>(value: &'a Value, name: &str, path: &str, out: &mut Vec<(String, &'a Value)>) {
+    for (k, item) in value[name].as_array().into_iter().flatten().enumerate() {
+        collect(item, &format!("{path}.{name}[{k}]"), out);
+    }
+}
+
+fn position(file: &Path, field: &str, c: &Value) -> Result<Waypoint, Failure> {
+    match (c[1].as_f64(), c[0].as_f64()) {
+        (Some(lat), Some(lon)) => Ok(Waypoint::straight(
+            Position::new(lat, lon, c[2].as_f64().unwrap_or(0.0)),
+            None,
+        )),
+        _ => Err(Failure::at(
+            file,
+            None,
+            field,
+            format!("{c}, expected [longitude, latitude, altitude]"),
+        )),
+    }
+}
+
+/// Writes a LineString.
+pub(crate) fn write(name: &str, points: &[Position]) -> String {
+    let coordinates: Vec<[f64; 3]> = points
+        .iter()
+        .map(|p| [p.lon_deg, p.lat_deg, p.alt_m])
+        .collect();
+    let document = json!({
+        "type": "FeatureCollection",
+        "features": [{
+            "type": "Feature",
+            "properties": { "name": name },
+            "geometry": { "type": "LineString", "coordinates": coordinates },
+        }],
+    });
+    format!("{document:#}\n")
+}

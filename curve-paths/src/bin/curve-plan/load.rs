@@ -1,0 +1,85 @@
+//! What the commands that read a route have in common: its arguments, its legs, its vertices.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use curve_paths::{Densified, Leg, Options, Position, Vertices, densify, densify_to_budget};
+
+use crate::failure::Failure;
+use crate::formats::{self, Selection};
+use crate::route::Route;
+
+/// How to densify, on the command line.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct Densify {
+    /// Greatest deviation both ways, in three dimensions, roundings included, m.
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    pub(crate) tolerance: f64,
+    /// At most so many items: the smallest tolerance that allows it, and none under --tolerance.
+    #[arg(long, value_name = "N")]
+    pub(crate) max_items: Option<usize>,
+    /// Vertices may leave the curve by up to the tolerance: about 30 % fewer.
+    #[arg(long)]
+    pub(crate) free: bool,
+    /// Shortest chord between vertices of a curved leg, m.
+    #[arg(long, value_name = "M", default_value_t = 4.0)]
+    pub(crate) min_chord: f64,
+}
+
+/// A route that was read, with its legs.
+pub(crate) struct Loaded {
+    pub(crate) file: PathBuf,
+    pub(crate) route: Route,
+    pub(crate) legs: Vec<Leg>,
+}
+
+impl Loaded {
+    /// Reads a route and checks its legs.
+    pub(crate) fn read(file: &PathBuf) -> Result<Self, Failure> {
+        let route = formats::read(file, Selection::default())?;
+        let legs = route.legs(file)?;
+        Ok(Self {
+            file: file.clone(),
+            route,
+            legs,
+        })
+    }
+
+    /// Densifies it; the vertices and the tolerance that they were made with.
+    pub(crate) fn densify(&self, how: &Densify) -> Result<(Densified, f64), Failure> {
+        if !(0.0..=1_000.0).contains(&how.min_chord) {
+            return Err(Failure::Usage(format!(
+                "--min-chord is {}, expected 0 to 1000 m",
+                how.min_chord
+            )));
+        }
+        let vertices = if how.free {
+            Vertices::Free
+        } else {
+            Vertices::OnCurve
+        };
+        let options = Options {
+            min_chord_m: how.min_chord,
+            vertices,
+            ..Options::flight(how.tolerance)
+        };
+        let answer =
+            |e: &dyn std::fmt::Display| Failure::Answer(format!("{}: {e}", self.file.display()));
+        match how.max_items {
+            Some(most) => {
+                let found =
+                    densify_to_budget(&self.legs, most, &options).map_err(|e| answer(&e))?;
+                Ok((found.densified, found.tolerance_m))
+            }
+            None => Ok((
+                densify(&self.legs, &options).map_err(|e| answer(&e))?,
+                how.tolerance,
+            )),
+        }
+    }
+}
+
+/// The positions of the vertices.
+pub(crate) fn positions(densified: &Densified) -> Vec<Position> {
+    densified.vertices.iter().map(|v| v.position).collect()
+}

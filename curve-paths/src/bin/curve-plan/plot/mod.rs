@@ -1,0 +1,73 @@
+//! `plot`: a picture of a route, what is flown of it, and how far the one is from the other.
+
+mod html;
+mod scene;
+mod svg;
+mod tlog;
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::failure::Failure;
+use crate::formats;
+use crate::load::{Densify, Loaded};
+use scene::Scene;
+
+/// Arguments of `plot`.
+#[derive(Debug, Args)]
+pub(crate) struct Command {
+    /// The route.
+    file: PathBuf,
+    /// Where to draw it: .svg, or .html for a page that can be moved and zoomed.
+    #[arg(short, long)]
+    output: PathBuf,
+    #[command(flatten)]
+    how: Densify,
+    /// A .tlog with the flown track.
+    #[arg(long)]
+    flown: Option<PathBuf>,
+}
+
+impl Command {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let ending = self
+            .output
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or("")
+            .to_ascii_lowercase();
+        if !["svg", "html"].contains(&ending.as_str()) {
+            return Err(Failure::Usage(format!(
+                "--output ends in {ending:?}, expected .svg or .html"
+            )));
+        }
+        let loaded = Loaded::read(&self.file)?;
+        let (densified, tolerance_m) = loaded.densify(&self.how)?;
+        let flown = match &self.flown {
+            Some(file) => {
+                let bytes = std::fs::read(file).map_err(|e| Failure::file(file, e))?;
+                let flown = tlog::positions(&bytes);
+                if flown.is_empty() {
+                    return Err(Failure::file(file, "no GLOBAL_POSITION_INT, expected some"));
+                }
+                flown
+            }
+            None => Vec::new(),
+        };
+        let name = &loaded.route.name;
+        let drawn = svg::draw(&Scene::new(
+            name,
+            &loaded.legs,
+            &densified,
+            tolerance_m,
+            &flown,
+        ));
+        let text = if ending == "html" {
+            html::page(name, &drawn)
+        } else {
+            drawn
+        };
+        formats::save(&self.output, &text)
+    }
+}
