@@ -90,8 +90,16 @@ impl Aircraft {
         self.config.id
     }
 
-    /// What stands from the start: an unsigned link is said aloud.
+    /// What stands from the start: nobody has heard the vehicle, and an unsigned link is said aloud.
     pub(crate) fn announce(&mut self, desk: &mut Desk<'_>) {
+        let text = "the vehicle has not been heard yet: its state is not known".to_owned();
+        let unheard = self.alerts.raise(
+            Cause::VehicleSilent,
+            AlertPriority::Caution,
+            SubsystemId::Comms,
+            text,
+        );
+        desk.alert(self.id(), &[], unheard);
         if self.config.signing == config::Signing::Off {
             let text =
                 "MAVLink signing is off: anyone in range of the link can command this vehicle"
@@ -166,10 +174,9 @@ impl Aircraft {
         let listeners = desk.listeners(&self.authority, None);
         match event {
             VehicleEvent::Heard => {
-                desk.note(LogLevel::Info, self.id(), "the vehicle is heard".to_owned());
                 let raised = self
                     .alerts
-                    .clear(Cause::VehicleSilent, "the vehicle is heard again");
+                    .clear(Cause::VehicleSilent, "the vehicle is heard");
                 desk.alert(self.id(), &listeners, raised);
                 self.report_on_change(desk);
             }

@@ -124,7 +124,7 @@ fn fly(
     at: &Situation<'_>,
 ) -> Result<Task, String> {
     let aboard = match at.aboard {
-        Some(aboard) if aboard.route_type == route => aboard,
+        Some(aboard) if aboard.route_type == route && holds(at.telemetry, aboard) => aboard,
         _ => return Ok(Task::Load(route)),
     };
     let speed = speed(command, &at.limits)?;
@@ -162,6 +162,14 @@ fn fly(
         commanded.speed_type = command.speed_type.or(Some(SpeedType::Ground));
     }
     Ok(Task::Steps(steps, commanded))
+}
+
+/// Whether the vehicle itself names the route that was loaded as its mission: another station may have changed it.
+fn holds(vehicle: &Telemetry, aboard: &Aboard) -> bool {
+    aboard.mission_id == 0
+        || vehicle
+            .mission
+            .is_some_and(|mission| mission.mission_id == aboard.mission_id)
 }
 
 fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
