@@ -1,6 +1,6 @@
 //! What the commands that read a route have in common: its arguments, its legs, its vertices.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use curve_paths::{Densified, Leg, Options, Position, Vertices, densify, densify_to_budget};
@@ -35,11 +35,11 @@ pub(crate) struct Loaded {
 
 impl Loaded {
     /// Reads a route and checks its legs.
-    pub(crate) fn read(file: &PathBuf) -> Result<Self, Failure> {
+    pub(crate) fn read(file: &Path) -> Result<Self, Failure> {
         let route = formats::read(file, Selection::default())?;
         let legs = route.legs(file)?;
         Ok(Self {
-            file: file.clone(),
+            file: file.to_owned(),
             route,
             legs,
         })

@@ -48,6 +48,11 @@ impl Route {
                 format!("{n} waypoints, expected at least 2"),
             ));
         }
+        for (k, w) in self.waypoints.iter().enumerate() {
+            w.position
+                .checked()
+                .map_err(|e| Failure::at(file, w.line, format!("waypoint {}", k + 1), e))?;
+        }
         let last = if self.closed { n } else { n - 1 };
         (0..last)
             .map(|k| {

@@ -27,12 +27,12 @@ pub(crate) fn read_kml(file: &Path, text: &str) -> Result<Route, Failure> {
             Event::Text(t) => {
                 let text = t.decode().map_err(|e| Failure::at(file, number, "", e))?;
                 let inside = |name: &str| path.iter().any(|p| p == name);
+                let in_line = inside("LineString") || inside("LinearRing");
                 match path.last().map(String::as_str) {
-                    Some("coordinates") if inside("LineString") || inside("LinearRing") => {
-                        if !taken {
-                            line.closed = inside("LinearRing");
-                            tuples(file, number, &text, &mut line)?;
-                        }
+                    Some("coordinates") if in_line && taken => {}
+                    Some("coordinates") if in_line => {
+                        line.closed = inside("LinearRing");
+                        tuples(file, number, &text, &mut line)?;
                     }
                     Some("coordinates") => tuples(file, number, &text, &mut points)?,
                     Some("coord") if !taken => {

@@ -6,8 +6,10 @@ use super::scene::{Point, Scene};
 use crate::formats::xml::escaped;
 
 const WIDTH: f64 = 1000.0;
-const MAP_HEIGHT: f64 = 620.0;
+const MAP_HEIGHTS: (f64, f64) = (300.0, 760.0);
 const PROFILE_HEIGHT: f64 = 130.0;
+/// Height of the map taken by its legend, scale and margins.
+const FURNITURE: f64 = 110.0;
 const MARGIN: f64 = 56.0;
 const TITLE: f64 = 34.0;
 
@@ -29,7 +31,8 @@ pub(crate) fn draw(scene: &Scene) -> String {
         .iter()
         .any(|s| (s.alt_m - scene.curve[0].alt_m).abs() > 0.01);
     let profiles = if climbs { 2.0 } else { 1.0 };
-    let height = TITLE + MAP_HEIGHT + profiles * (PROFILE_HEIGHT + 44.0) + 10.0;
+    let view = View::of(scene);
+    let height = TITLE + view.height + profiles * (PROFILE_HEIGHT + 44.0) + 10.0;
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" width=\"{WIDTH}\" height=\"{height}\" \
          font-family=\"DejaVu Sans, Helvetica, Arial, sans-serif\" font-size=\"12\" fill=\"#222\">\n\
@@ -48,8 +51,8 @@ pub(crate) fn draw(scene: &Scene) -> String {
         scene.tolerance_m,
         scene.bound_m
     );
-    map(&mut out, scene);
-    let mut y = TITLE + MAP_HEIGHT + 34.0;
+    map(&mut out, scene, &view);
+    let mut y = TITLE + view.height + 34.0;
     deviation(&mut out, scene, y, length_m);
     if climbs {
         y += PROFILE_HEIGHT + 44.0;
@@ -67,6 +70,8 @@ pub(crate) fn draw(scene: &Scene) -> String {
 
 /// From metres to the picture.
 struct View {
+    /// Height of the map.
+    height: f64,
     scale: f64,
     middle: Point,
 }
@@ -75,8 +80,11 @@ impl View {
     fn of(scene: &Scene) -> Self {
         let [low, high] = scene.extent();
         let size = [(high[0] - low[0]).max(1.0), (high[1] - low[1]).max(1.0)];
-        let scale = ((WIDTH - 2.0 * MARGIN) / size[0]).min((MAP_HEIGHT - 80.0) / size[1]);
+        let width = WIDTH - 2.0 * MARGIN;
+        let height = (width * size[1] / size[0] + FURNITURE).clamp(MAP_HEIGHTS.0, MAP_HEIGHTS.1);
+        let scale = (width / size[0]).min((height - FURNITURE) / size[1]);
         Self {
+            height,
             scale,
             middle: [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])],
         }
@@ -85,7 +93,7 @@ impl View {
     fn to(&self, p: Point) -> Point {
         [
             WIDTH / 2.0 + (p[0] - self.middle[0]) * self.scale,
-            TITLE + MAP_HEIGHT / 2.0 - (p[1] - self.middle[1]) * self.scale,
+            TITLE + (self.height - 40.0) / 2.0 - (p[1] - self.middle[1]) * self.scale,
         ]
     }
 
@@ -102,12 +110,12 @@ fn path(points: impl Iterator<Item = Point>) -> String {
     d
 }
 
-fn map(out: &mut String, scene: &Scene) {
-    let view = View::of(scene);
+fn map(out: &mut String, scene: &Scene, view: &View) {
     let _ = writeln!(
         out,
-        "<rect x=\"12\" y=\"{TITLE}\" width=\"{}\" height=\"{MAP_HEIGHT}\" fill=\"#f7f7f4\" stroke=\"#ccc\"/>\n<g id=\"map\">",
-        WIDTH - 24.0
+        "<rect x=\"12\" y=\"{TITLE}\" width=\"{}\" height=\"{}\" fill=\"#f7f7f4\" stroke=\"#ccc\"/>\n<g id=\"map\">",
+        WIDTH - 24.0,
+        view.height
     );
     for [end, control] in &scene.arms {
         let (a, b) = (view.to(*end), view.to(*control));
@@ -123,7 +131,7 @@ fn map(out: &mut String, scene: &Scene) {
             b[1] - 2.5
         );
     }
-    curve(out, scene, &view);
+    curve(out, scene, view);
     let chords = view.path(scene.vertices.iter().copied());
     let _ = writeln!(
         out,
@@ -151,7 +159,7 @@ fn map(out: &mut String, scene: &Scene) {
         );
     }
     out.push_str("</g>\n");
-    furniture(out, &view, !scene.flown.is_empty());
+    furniture(out, view, !scene.flown.is_empty());
 }
 
 /// The curve, in runs of one radius class.
@@ -189,7 +197,7 @@ fn furniture(out: &mut String, view: &View, flown: bool) {
     );
     let bar_m = nice(150.0 / view.scale);
     let bar = bar_m * view.scale;
-    let (x, y) = (WIDTH - 40.0 - bar, TITLE + MAP_HEIGHT - 18.0);
+    let (x, y) = (WIDTH - 40.0 - bar, TITLE + view.height - 18.0);
     let label = if bar_m >= 1000.0 {
         format!("{} km", bar_m / 1000.0)
     } else {
@@ -203,7 +211,7 @@ fn furniture(out: &mut String, view: &View, flown: bool) {
         x + bar / 2.0,
         y - 8.0
     );
-    let (mut x, y) = (28.0, TITLE + MAP_HEIGHT - 18.0);
+    let (mut x, y) = (28.0, TITLE + view.height - 18.0);
     let _ = writeln!(out, "<text x=\"{x}\" y=\"{}\">radius, m</text>", y - 16.0);
     for (k, (colour, _)) in CLASSES.iter().enumerate() {
         let label = match CLASSES.get(k + 1) {
@@ -226,7 +234,7 @@ fn furniture(out: &mut String, view: &View, flown: bool) {
             y - 4.0,
             x + 12.0
         );
-        x += 20.0 + 6.6 * label.len() as f64;
+        x += 34.0 + 7.0 * label.len() as f64;
     };
     mark(
         "<circle r=\"4.2\" fill=\"#fff\" stroke=\"#111\" stroke-width=\"1.4\"/>",

@@ -1,0 +1,387 @@
+//! `curve-plan` as its users meet it: contract, files, errors, exit statuses.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+const ROUTE: &str = r#"name = "bend & climb"
+
+[[waypoint]]
+lat_deg = 47.3977434
+lon_deg = 8.5455939
+alt_m = 500.0
+
+[[waypoint]]
+lat_deg = 47.3990
+lon_deg = 8.5470
+alt_m = 510.0
+p2 = { lat_deg = 47.4000, lon_deg = 8.5482, alt_m = 515.0 }
+p3 = { lat_deg = 47.3985, lon_deg = 8.5510, alt_m = 560.0 }
+
+[[waypoint]]
+lat_deg = 47.3975
+lon_deg = 8.5490
+alt_m = 540.0
+"#;
+
+struct Files(TempDir);
+
+impl Files {
+    fn new() -> Self {
+        let files = Self(TempDir::new().unwrap());
+        files.put("route.toml", ROUTE);
+        files
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn put(&self, name: &str, text: &str) -> PathBuf {
+        std::fs::write(self.path(name), text).unwrap();
+        self.path(name)
+    }
+
+    fn get(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).unwrap()
+    }
+
+    fn run(&self, arguments: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_curve-plan"))
+            .args(arguments)
+            .current_dir(self.0.path())
+            .output()
+            .unwrap()
+    }
+
+    fn done(&self, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        assert!(
+            output.status.success(),
+            "{arguments:?}: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn json(&self, arguments: &[&str]) -> Value {
+        serde_json::from_str(&self.done(arguments)).unwrap()
+    }
+
+    /// The exit status and what was said on standard error.
+    fn refused(&self, arguments: &[&str]) -> (i32, String) {
+        let output = self.run(arguments);
+        assert!(
+            output.stdout.is_empty(),
+            "{}",
+            String::from_utf8_lossy(&output.stdout)
+        );
+        (
+            output.status.code().unwrap(),
+            String::from_utf8(output.stderr).unwrap(),
+        )
+    }
+}
+
+fn everland(files: &Files) {
+    let packed =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/curves/everland-laps.csv.gz");
+    let mut text = String::new();
+    flate2::read::GzDecoder::new(std::fs::File::open(packed).unwrap())
+        .read_to_string(&mut text)
+        .unwrap();
+    files.put("laps.csv", &text);
+}
+
+#[test]
+fn compare_prints_the_figures_and_the_legs() {
+    let files = Files::new();
+    everland(&files);
+    let track = [
+        "compare",
+        "laps.csv",
+        "--lap",
+        "1",
+        "--every",
+        "2",
+        "--closed",
+        "--tolerance",
+        "10",
+    ];
+    let rows = files.json(&[&track[..], &["--json"]].concat());
+    let row = &rows[0];
+    let keys: Vec<_> = row
+        .as_object()
+        .unwrap()
+        .keys()
+        .map(String::as_str)
+        .collect();
+    assert_eq!(
+        keys,
+        [
+            "tolerance_m",
+            "straight",
+            "cubic",
+            "octets_straight",
+            "octets_cubic",
+            "deviation_m",
+            "legs"
+        ]
+    );
+    assert_eq!(row["straight"], 32);
+    let cubic = row["cubic"].as_u64().unwrap();
+    assert!(cubic <= 8);
+    assert!(row["deviation_m"].as_f64().unwrap() <= 10.0);
+    let legs = row["legs"].as_array().unwrap();
+    assert_eq!(legs.len() as u64, cubic);
+    for (k, leg) in legs.iter().enumerate() {
+        assert_eq!(leg.as_array().unwrap().len(), 4);
+        assert_eq!(leg[3], legs[(k + 1) % legs.len()][0]);
+    }
+    assert_eq!(row["octets_straight"], 32 * 59);
+    assert_eq!(row["octets_cubic"].as_u64().unwrap(), cubic * (59 + 53));
+    assert!(files.done(&track).contains("items flown"));
+}
+
+#[test]
+fn every_format_brings_the_vertices_back() {
+    let files = Files::new();
+    let wanted = files.json(&["densify", "route.toml", "--json"]);
+    let vertices = wanted["vertices"].as_array().unwrap();
+    assert!(vertices.len() > 10);
+    for ending in ["plan", "waypoints", "geojson", "kml", "gpx", "csv"] {
+        let name = format!("out.{ending}");
+        files.done(&["densify", "route.toml", "-o", &name]);
+        let read = files.json(&["densify", &name, "--json"]);
+        let found = read["vertices"].as_array().unwrap();
+        assert_eq!(found.len(), vertices.len(), "{ending}");
+        for (a, b) in vertices.iter().zip(found) {
+            let off = |key: &str| (a[key].as_f64().unwrap() - b[key].as_f64().unwrap()).abs();
+            assert!(
+                off("lat_deg") < 6e-8 && off("lon_deg") < 6e-8 && off("alt_m") < 6e-4,
+                "{ending} {a} {b}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_own_format_keeps_curves() {
+    let files = Files::new();
+    files.done(&["convert", "route.toml", "again.toml"]);
+    files.done(&["convert", "again.toml", "third.toml"]);
+    assert_eq!(files.get("again.toml"), files.get("third.toml"));
+    assert_eq!(
+        files.json(&["densify", "again.toml", "--json"]),
+        files.json(&["densify", "route.toml", "--json"])
+    );
+}
+
+#[test]
+fn a_budget_and_free_vertices_save_items() {
+    let files = Files::new();
+    let items = |more: &[&str]| {
+        let report = files.json(&[&["densify", "route.toml", "--json"], more].concat());
+        assert!(report["bound_m"].as_f64().unwrap() <= report["tolerance_m"].as_f64().unwrap());
+        report["items"].as_u64().unwrap()
+    };
+    let plain = items(&[]);
+    assert!(items(&["--free"]) < plain);
+    assert!(items(&["--max-items", "7"]) <= 7);
+    let (status, said) = files.refused(&["densify", "route.toml", "--max-items", "2"]);
+    assert_eq!(status, 1);
+    assert!(said.contains("the ends of the legs alone are 3"), "{said}");
+}
+
+#[test]
+fn errors_name_the_file_the_line_and_the_field() {
+    let files = Files::new();
+    let says = |name: &str, text: &str, expected: &str| {
+        files.put(name, text);
+        let (status, said) = files.refused(&["densify", name]);
+        assert_eq!(status, 2, "{said}");
+        assert!(said.contains(expected), "{said:?}, expected {expected:?}");
+    };
+    says(
+        "a.toml",
+        &ROUTE.replace("lat_deg = 47.3990", "lat_deg = \"x\""),
+        "a.toml:9: ",
+    );
+    says(
+        "b.toml",
+        &ROUTE.replace("lat_deg = 47.3990", "latitude = 47.3990"),
+        "latitude",
+    );
+    says(
+        "c.toml",
+        &ROUTE.replace("lat_deg = 47.3990", "lat_deg = nan"),
+        "c.toml:8: waypoint 2: position: latitude is NaN",
+    );
+    says(
+        "d.toml",
+        &ROUTE.replace("lat_deg = 47.4000", "lat_deg = 48.4"),
+        "d.toml:8: leg from waypoint 2: P2 is 1",
+    );
+    says(
+        "e.csv",
+        "lat,lon\n47.0,8.0\n47.1,abc\n",
+        "e.csv:3: lon: \"abc\", expected a number",
+    );
+    says("f.csv", "x,y\n1,2\n", "f.csv:1: lat_deg: no such column");
+    says(
+        "g.waypoints",
+        "QGC WPL 110\n0 1 0 16 0 0 0 0 47 8 500 1\n1 0 11 16 0 0 0 0 47 8 5 1\n",
+        "g.waypoints:3: frame: 11",
+    );
+    says(
+        "h.gpx",
+        "<gpx>\n<rte>\n<rtept lat=\"47\" lon=\"?\"/>\n</rte></gpx>",
+        "h.gpx:3: rtept lon",
+    );
+    says(
+        "i.kml",
+        "<kml><LineString>\n<coordinates>8,47,1 8</coordinates></LineString></kml>",
+        "i.kml:2: coordinates: \"8\"",
+    );
+    says(
+        "j.geojson",
+        "{\"type\":\"LineString\",\"coordinates\":[[8,47],[8,\"b\"]]}",
+        "coordinates[1]",
+    );
+    says(
+        "k.plan",
+        "{\"fileType\":\"Plan\",\"mission\":{\"items\":[{\"type\":\"ComplexItem\"}]}}",
+        "mission.items[0].type",
+    );
+    says("l.plan", "{\"fileType\":\n\"Plan\",", "l.plan:2");
+    says("m.txt", "", "unknown ending");
+    let (status, said) = files.refused(&["densify", "missing.toml"]);
+    assert!(status == 2 && said.contains("missing.toml"), "{said}");
+}
+
+#[test]
+fn relative_items_get_the_home_altitude_and_items_without_a_place_are_left_out() {
+    let files = Files::new();
+    files.put(
+        "m.waypoints",
+        "QGC WPL 110\n0 1 0 16 0 0 0 0 47 8 500 1\n1 0 3 16 0 0 0 0 47.001 8 20 1\n2 0 3 178 0 5 0 0 0 0 0 1\n3 0 0 16 0 0 0 0 47.002 8 530 1\n",
+    );
+    let report = files.json(&["densify", "m.waypoints", "--json"]);
+    let altitudes: Vec<_> = report["vertices"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|v| v["alt_m"].clone())
+        .collect();
+    assert_eq!(altitudes, [520.0, 530.0]);
+    assert!(
+        files
+            .done(&["convert", "m.waypoints", "m.csv"])
+            .starts_with("1 items")
+    );
+}
+
+#[test]
+fn check_finds_the_tight_place_and_refuses_when_told_to() {
+    let files = Files::new();
+    let report = files.json(&[
+        "check",
+        "route.toml",
+        "--speed",
+        "30",
+        "--airframe",
+        "plane",
+        "--slowest",
+        "5",
+        "--json",
+    ]);
+    let fastest = report["fastest_mps"].as_f64().unwrap();
+    assert!(
+        fastest < 30.0 && !report["changes"].as_array().unwrap().is_empty(),
+        "{report}"
+    );
+    assert_eq!(report["tight"][0]["leg"], 1);
+    let (status, said) = files.refused(&[
+        "check",
+        "route.toml",
+        "--speed",
+        "30",
+        "--airframe",
+        "plane",
+        "--policy",
+        "refuse",
+    ]);
+    assert_eq!(status, 1);
+    assert!(
+        said.contains("leg 1 at t = ") && said.contains("at most"),
+        "{said}"
+    );
+    assert!(
+        files
+            .done(&["check", "route.toml"])
+            .contains("predicted and not promised")
+    );
+    assert_eq!(files.refused(&["check", "route.toml", "--bank", "90"]).0, 2);
+}
+
+#[test]
+fn fit_writes_a_route_that_can_be_flown() {
+    let files = Files::new();
+    files.done(&[
+        "densify",
+        "route.toml",
+        "--tolerance",
+        "0.2",
+        "-o",
+        "track.csv",
+    ]);
+    let report = files.json(&[
+        "fit",
+        "track.csv",
+        "--tolerance",
+        "1",
+        "--g1",
+        "-o",
+        "fit.toml",
+        "--json",
+    ]);
+    assert!(report["deviation_m"].as_f64().unwrap() <= 1.0);
+    assert!(
+        report["legs"].as_array().unwrap().len() <= 3,
+        "{}",
+        report["legs"]
+    );
+    assert!(
+        files
+            .done(&["densify", "fit.toml"])
+            .contains("proven within")
+    );
+}
+
+#[test]
+fn pictures_are_well_formed_and_fetch_nothing() {
+    let files = Files::new();
+    for (name, elements) in [("a.svg", 50), ("a.html", 50)] {
+        files.done(&["plot", "route.toml", "-o", name]);
+        let text = files.get(name);
+        assert!(text.contains("bend &amp; climb") && text.contains("altitude, m"));
+        assert!(!text.contains("src=") && !text.contains("href=") && !text.contains("url("));
+        let start = text.find("<svg").unwrap();
+        let end = text.find("</svg>").unwrap() + 6;
+        let mut reader = quick_xml::Reader::from_str(&text[start..end]);
+        let mut found = 0;
+        loop {
+            match reader.read_event().unwrap() {
+                quick_xml::events::Event::Eof => break,
+                quick_xml::events::Event::Empty(_) => found += 1,
+                _ => {}
+            }
+        }
+        assert!(found > elements, "{found}");
+        assert!(!text.contains("NaN") && !text.contains("inf"), "{name}");
+    }
+    assert_eq!(files.refused(&["plot", "route.toml", "-o", "a.png"]).0, 2);
+}
