@@ -331,10 +331,12 @@ fn speed(command: &VehicleOperatingModeCommand, limits: &Limits) -> Result<Optio
 fn orbit_radius(loiter: &LoiterConfiguration) -> Result<Option<f64>, String> {
     match loiter.loiter_type {
         None | Some(LoiterType::Hover) => Ok(None),
-        Some(LoiterType::Circular) => Ok(loiter
-            .loiter_radius
-            .map(|radius| radius.si())
-            .filter(|radius_m| *radius_m > 0.0)),
+        Some(LoiterType::Circular) => match loiter.loiter_radius.map(|radius| radius.si()) {
+            Some(radius_m) if radius_m > WIDEST_ORBIT_M => Err(format!(
+                "Loiter Radius {radius_m:.0} m, at most {WIDEST_ORBIT_M:.0}"
+            )),
+            radius_m => Ok(radius_m.filter(|radius_m| *radius_m > 0.0)),
+        },
         Some(other) => Err(format!(
             "Loiter Type {} cannot be flown by PX4",
             other.raw()
@@ -342,5 +344,7 @@ fn orbit_radius(loiter: &LoiterConfiguration) -> Result<Option<f64>, String> {
     }
 }
 
+/// MC_ORBIT_RAD_MAX, m: PX4 accepts a wider orbit, and then stops.
+const WIDEST_ORBIT_M: f64 = 1_000.0;
 /// PX4 does not leave the ground for less, m.
 const LOWEST_LAUNCH_M: f64 = 1.5;

@@ -408,7 +408,6 @@ const RATES: &[(u32, Rate)] = &[
     (32, Rate::Hz(5.0)),  // LOCAL_POSITION_NED
     (436, Rate::Hz(5.0)), // CURRENT_MODE
     (245, Rate::Hz(2.0)), // EXTENDED_SYS_STATE
-    (42, Rate::Hz(2.0)),  // MISSION_CURRENT
     (242, Rate::Hz(1.0)), // HOME_POSITION
     (24, Rate::Hz(1.0)),  // GPS_RAW_INT
     (74, Rate::Hz(2.0)),  // VFR_HUD

@@ -1,0 +1,38 @@
+//! A store in memory that outlives the bridge, and can be full.
+
+use std::collections::BTreeMap;
+
+use vsm::session::{Durability, Store, StoreError};
+
+/// The records, and whether more can be written.
+#[derive(Debug, Default, Clone)]
+pub struct MemoryStore {
+    pub records: BTreeMap<String, Vec<u8>>,
+    /// Records whose names start so cannot be written: a full disk. An empty text is every record.
+    pub full: Option<&'static str>,
+    /// How many writes were refused.
+    pub refused: u64,
+}
+
+impl Store for MemoryStore {
+    fn save(
+        &mut self,
+        name: &str,
+        octets: &[u8],
+        _durability: Durability,
+    ) -> Result<(), StoreError> {
+        if self.full.is_some_and(|prefix| name.starts_with(prefix)) {
+            self.refused += 1;
+            return Err(StoreError {
+                name: name.to_owned(),
+                cause: "No space left on device".to_owned(),
+            });
+        }
+        self.records.insert(name.to_owned(), octets.to_vec());
+        Ok(())
+    }
+
+    fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        Ok(self.records.get(name).cloned())
+    }
+}
