@@ -240,6 +240,26 @@ pub fn densify(legs: &[Leg], options: &Options) -> Result<Densified, DensifyErro
     Ok(out)
 }
 
+/// The number of vertices that [`densify`] makes with vertices on the curve and no least chord, first and last
+/// counted: the search alone, without their latitudes and longitudes.
+///
+/// # Errors
+/// As [`densify`], save for the least chord.
+pub fn vertices_needed(legs: &[Leg], options: &Options) -> Result<usize, DensifyError> {
+    legs.first().ok_or(DensifyError::Empty)?;
+    let tolerance_m = options.tolerance_m - check(legs, options)?;
+    let rules = Rules {
+        tolerance_m,
+        min_chord_m: 0.0,
+        charges: options.charges,
+    };
+    let chords = |leg: &Leg| match leg {
+        Leg::Straight { .. } => 1,
+        Leg::Bezier(leg) => count(leg, &rules, usize::MAX),
+    };
+    Ok(1 + legs.iter().map(chords).sum::<usize>())
+}
+
 /// The leg with its vertices off the curve, unless that needs as many.
 fn freed(leg: &BezierLeg, index: usize, rules: &Rules, fixed_m: f64, out: &mut Densified) -> bool {
     let before = (out.vertices.len(), out.bound_m, out.shortest_chord_m);

@@ -17,7 +17,9 @@ mod walk;
 pub mod wgs84;
 
 pub use budget::{BudgetError, Budgeted, densify_to_budget};
-pub use densify::{Densified, DensifyError, Leg, Options, Vertex, Vertices, densify};
+pub use densify::{
+    Densified, DensifyError, Leg, Options, Vertex, Vertices, densify, vertices_needed,
+};
 pub use leg::{BezierLeg, Control, LegError, Reach};
 pub use local::Charges;
 pub use wgs84::{Ground, Position};

@@ -120,7 +120,7 @@ pub fn random_leg(seed: u64) -> (Kind, BezierLeg) {
     let low = r.within(0.0, 3_000.0);
     let mut climb = || low + r.within(-0.2, 0.2) * size.min(4_000.0);
     let alt = [low.max(0.0), climb(), climb(), climb()];
-    let bernstein = seed / 9 % 3 == 0;
+    let bernstein = (seed / 9).is_multiple_of(3);
     let control = |g: Ground, a: f64| Control {
         lat_deg: g.lat_deg,
         lon_deg: g.lon_deg,
