@@ -1,2 +1,201 @@
-//! To be filled.
-fn main() {}
+//! A scriptable CUCS on the command line.
+//!
+//! Each subcommand may be a process of its own: rights belong to the CUCS ID, and a CUCS that comes back on another
+//! port keeps them. Exit status: 0 done, 1 refused or no answer, 2 a wrong question or file.
+
+use std::io::{BufRead as _, Stdout, Write as _};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs as _};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::mpsc::{self, Receiver, TryRecvError};
+use std::time::Duration;
+
+use clap::{Parser, Subcommand};
+use sim::cucs::{Line, Operator, Station, Style, Verb, parse_line};
+use stanag_msgs::Id;
+
+/// A scriptable STANAG 4586 ground station (CUCS).
+#[derive(Debug, Parser)]
+#[command(name = "cucs", version)]
+struct Arguments {
+    /// Where the VSM listens.
+    #[arg(
+        long,
+        value_name = "HOST:PORT",
+        default_value = "127.0.0.1:4586",
+        global = true
+    )]
+    vsm: String,
+    /// The id of this CUCS, which the VSM's configuration must list.
+    #[arg(long, default_value = "1b:00:00:a0", global = true)]
+    id: Id,
+    /// Own address; without it any port, on the loopback where the VSM is there.
+    #[arg(long, value_name = "HOST:PORT", global = true)]
+    listen: Option<SocketAddr>,
+    /// The vehicle; without it the only one that is there.
+    #[arg(long, value_name = "ID", global = true)]
+    vehicle: Option<Id>,
+    /// A JSON object a line, for programs.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    #[command(flatten)]
+    Verb(Verb),
+    /// Do the lines of a file, each a subcommand; stop at the first that is not done.
+    Script {
+        /// The file; routes that it names are relative to it.
+        file: PathBuf,
+    },
+    /// Do lines as they are typed, and tell alerts as they come.
+    Shell,
+}
+
+/// What is told on standard error, and the exit status.
+struct Failure {
+    text: String,
+    status: u8,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
+    let outcome = match runtime {
+        Ok(runtime) => runtime.block_on(run(arguments)),
+        Err(error) => Err(failure(1, error)),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure { text, status }) => {
+            say(&format!("cucs: {text}"));
+            ExitCode::from(status)
+        }
+    }
+}
+
+async fn run(arguments: Arguments) -> Result<(), Failure> {
+    // What is wrong with a script is told before anything is sent.
+    let script = match &arguments.command {
+        Command::Script { file } => {
+            Some((file, Line::load(file).map_err(|fault| failure(2, fault))?))
+        }
+        _ => None,
+    };
+    let vsm = resolve(&arguments.vsm)?;
+    let local = arguments.listen.unwrap_or_else(|| any_port(vsm));
+    let station = Station::bind(arguments.id, local, vsm)
+        .await
+        .map_err(|fault| failure(1, fault))?;
+    let style = if arguments.json {
+        Style::Json
+    } else {
+        Style::People
+    };
+    let mut operator = Operator::new(station, arguments.vehicle, style, std::io::stdout());
+    match (&arguments.command, script) {
+        (Command::Verb(verb), _) => operator
+            .run(verb, Path::new(""))
+            .await
+            .map_err(|fault| failure(fault.exit_status(), fault)),
+        (Command::Shell, _) => shell(&mut operator).await,
+        (Command::Script { .. }, None) => Ok(()),
+        (Command::Script { .. }, Some((file, lines))) => {
+            let folder = file.parent().unwrap_or(Path::new(""));
+            for line in lines {
+                if let Err(fault) = operator.run(&line.verb, folder).await {
+                    let at = format!("{}:{}: {}", file.display(), line.number, line.text);
+                    return Err(failure(fault.exit_status(), format!("{at}: {fault}")));
+                }
+            }
+            Ok(())
+        }
+    }
+}
+
+/// Lines from standard input; the station is served between them.
+async fn shell(operator: &mut Operator<Stdout>) -> Result<(), Failure> {
+    let lines = typed_lines();
+    prompt();
+    loop {
+        match lines.try_recv() {
+            Err(TryRecvError::Disconnected) => return Ok(()),
+            Err(TryRecvError::Empty) => operator
+                .idle(LOOK)
+                .await
+                .map_err(|fault| failure(1, fault))?,
+            Ok(line) if matches!(line.trim(), "exit" | "quit") => return Ok(()),
+            Ok(line) => {
+                match parse_line(&line) {
+                    Err(message) => say(&message),
+                    Ok(None) => {}
+                    Ok(Some(verb)) => {
+                        if let Err(fault) = operator.run(&verb, Path::new("")).await {
+                            say(&fault.to_string());
+                        }
+                    }
+                }
+                prompt();
+            }
+        }
+    }
+}
+
+/// Standard input can only be waited for by a thread of its own.
+fn typed_lines() -> Receiver<String> {
+    let (sender, receiver) = mpsc::channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines() {
+            let Ok(line) = line else { return };
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+fn prompt() {
+    let mut error = std::io::stderr();
+    // A closed standard error is no reason to end.
+    let _ = write!(error, "cucs> ").and_then(|()| error.flush());
+}
+
+fn resolve(text: &str) -> Result<SocketAddr, Failure> {
+    let expected = "expected HOST:PORT";
+    let mut found = text
+        .to_socket_addrs()
+        .map_err(|error| failure(2, format!("--vsm {text}: {error}, {expected}")))?;
+    found
+        .next()
+        .ok_or_else(|| failure(2, format!("--vsm {text}: no address, {expected}")))
+}
+
+fn any_port(vsm: SocketAddr) -> SocketAddr {
+    let ip: IpAddr = match vsm.ip() {
+        IpAddr::V4(ip) if ip.is_loopback() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(ip) if ip.is_loopback() => Ipv6Addr::LOCALHOST.into(),
+        IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+        IpAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+    };
+    SocketAddr::new(ip, 0)
+}
+
+fn failure(status: u8, text: impl std::fmt::Display) -> Failure {
+    Failure {
+        text: text.to_string(),
+        status,
+    }
+}
+
+fn say(line: &str) {
+    // A closed standard error is no reason to end otherwise.
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+const LOOK: Duration = Duration::from_millis(50);

@@ -1,0 +1,113 @@
+//! A plan as a vehicle sends it: 13001, 13002, 13003, 50001 and 50002, in whatever order they come.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use stanag_msgs::Message;
+use stanag_msgs::messages::{UaPositionWaypoint, UaRoute};
+
+/// The messages of a plan that came so far; a later one for the same route, waypoint or leg replaces the earlier.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Download {
+    routes: Vec<UaRoute>,
+    waypoints: BTreeMap<u16, UaPositionWaypoint>,
+    /// Loiters and curves by (type, first number, second number).
+    others: BTreeMap<(u16, u16, u16), Message>,
+}
+
+impl Download {
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        *self = Download::default();
+    }
+
+    /// Whether nothing came.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.routes.is_empty() && self.waypoints.is_empty() && self.others.is_empty()
+    }
+
+    /// The routes, in the order in which they came.
+    #[must_use]
+    pub fn routes(&self) -> &[UaRoute] {
+        &self.routes
+    }
+
+    /// The waypoints by rising number.
+    pub fn waypoints(&self) -> impl Iterator<Item = &UaPositionWaypoint> {
+        self.waypoints.values()
+    }
+
+    /// All messages: routes, waypoints, then loiters and curves.
+    pub fn messages(&self) -> impl Iterator<Item = Message> + '_ {
+        let routes = self.routes.iter().cloned().map(Message::UaRoute);
+        let waypoints = self.waypoints.values().cloned();
+        routes
+            .chain(waypoints.map(Message::UaPositionWaypoint))
+            .chain(self.others.values().cloned())
+    }
+
+    /// The waypoints that a route or another waypoint names and that are not there, by rising number.
+    #[must_use]
+    pub fn missing(&self) -> Vec<u16> {
+        let first = self
+            .routes
+            .iter()
+            .filter_map(|route| route.initial_waypoint_number);
+        let next = self
+            .waypoints
+            .values()
+            .filter_map(|point| point.next_waypoint);
+        let named: BTreeSet<u16> = first.chain(next).filter(|number| *number != 0).collect();
+        named
+            .into_iter()
+            .filter(|number| !self.waypoints.contains_key(number))
+            .collect()
+    }
+
+    /// Whether the message is part of a plan and was kept.
+    pub(crate) fn take(&mut self, message: &Message) -> bool {
+        match message {
+            Message::UaRoute(route) => {
+                self.routes.retain(|known| known.route_id != route.route_id);
+                if self.routes.len() >= MOST_ROUTES {
+                    return false;
+                }
+                self.routes.push(route.clone());
+                true
+            }
+            Message::UaPositionWaypoint(point) => match point.waypoint_number {
+                Some(number) => {
+                    self.waypoints.insert(number, point.clone());
+                    true
+                }
+                None => false,
+            },
+            Message::UaLoiterWaypoint(loiter) => {
+                self.keep(message, loiter.waypoint_number, Some(0))
+            }
+            Message::CurveSegment(curve) => {
+                self.keep(message, curve.p1_waypoint_no, curve.p4_waypoint_no)
+            }
+            Message::CurveSegmentPaper(curve) => {
+                self.keep(message, curve.p1_waypoint_no, curve.p4_waypoint_no)
+            }
+            _ => false,
+        }
+    }
+
+    fn keep(&mut self, message: &Message, first: Option<u16>, second: Option<u16>) -> bool {
+        let (Some(first), Some(second)) = (first, second) else {
+            return false;
+        };
+        let key = (message.id(), first, second);
+        if self.others.len() >= MOST_OTHERS && !self.others.contains_key(&key) {
+            return false;
+        }
+        self.others.insert(key, message.clone());
+        true
+    }
+}
+
+const MOST_ROUTES: usize = 256;
+/// As many as there can be waypoints.
+const MOST_OTHERS: usize = 65_534;

@@ -1,0 +1,83 @@
+//! The words of a route file for the values of enumerations.
+
+use stanag_msgs::enums::{
+    AltitudeType, LimitType, LoiterDirection, LoiterType, RouteType, TurnType, WaypointSpeedType,
+};
+
+/// Words and values of one field, the first word of a value being the one that is written.
+pub(crate) struct Names<T: 'static>(&'static [(&'static str, T)]);
+
+impl<T: Copy + PartialEq> Names<T> {
+    pub(crate) fn value(&self, word: &str) -> Option<T> {
+        let found = self.0.iter().find(|(name, _)| *name == word);
+        found.map(|(_, value)| *value)
+    }
+
+    pub(crate) fn word(&self, value: T) -> Option<&'static str> {
+        let found = self.0.iter().find(|(_, known)| *known == value);
+        found.map(|(name, _)| *name)
+    }
+
+    /// `agl, wgs84, ...`, for a message.
+    pub(crate) fn expected(&self) -> String {
+        let words: Vec<&str> = self.0.iter().map(|(name, _)| *name).collect();
+        words.join(", ")
+    }
+}
+
+pub(crate) const ROUTE_TYPES: Names<RouteType> = Names(&[
+    ("launch", RouteType::Launch),
+    ("approach", RouteType::Approach),
+    ("flight", RouteType::Flight),
+    ("contingency-a", RouteType::ContingencyA),
+    ("contingency-b", RouteType::ContingencyB),
+]);
+
+pub(crate) const ALTITUDE_TYPES: Names<AltitudeType> = Names(&[
+    ("agl", AltitudeType::Agl),
+    ("wgs84", AltitudeType::Wgs84),
+    ("amsl", AltitudeType::Barometric),
+    ("pressure", AltitudeType::Pressure),
+]);
+
+pub(crate) const SPEED_TYPES: Names<WaypointSpeedType> = Names(&[
+    ("ground", WaypointSpeedType::Ground),
+    ("indicated", WaypointSpeedType::Indicated),
+    ("true", WaypointSpeedType::True),
+]);
+
+pub(crate) const TURNS: Names<TurnType> = Names(&[
+    ("short", TurnType::ShortTurn),
+    ("fly-over", TurnType::FlyOver),
+]);
+
+pub(crate) const LOITERS: Names<LoiterType> = Names(&[
+    ("circular", LoiterType::Circular),
+    ("racetrack", LoiterType::Racetrack),
+    ("figure-8", LoiterType::Figure8),
+    ("hover", LoiterType::Hover),
+]);
+
+pub(crate) const DIRECTIONS: Names<LoiterDirection> = Names(&[
+    ("clockwise", LoiterDirection::Clockwise),
+    ("counter-clockwise", LoiterDirection::CounterClockwise),
+    ("vehicle", LoiterDirection::VehicleDependent),
+    ("into-wind", LoiterDirection::IntoWind),
+]);
+
+pub(crate) const LIMITS: Names<LimitType> = Names(&[
+    ("none", LimitType::None),
+    ("count", LimitType::Count),
+    ("time", LimitType::Time),
+]);
+
+/// The altitude type that `agl`, `wgs84`, `amsl` or `pressure` means.
+pub(crate) fn altitude_type_named(word: &str) -> Option<AltitudeType> {
+    ALTITUDE_TYPES.value(word)
+}
+
+/// The word for an altitude type; its number where there is none.
+pub(crate) fn altitude_type_name(value: AltitudeType) -> String {
+    let word = ALTITUDE_TYPES.word(value).map(str::to_owned);
+    word.unwrap_or_else(|| format!("type {}", value.raw()))
+}

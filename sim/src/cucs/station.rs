@@ -1,0 +1,491 @@
+//! A session on a UDP socket, and what an operator does with it.
+//!
+//! Every method waits at most its time ([`Timeouts`]) and tells, when it waited in vain, what for and what was seen
+//! instead. Nothing is spawned: the station is served while one of its methods runs, so one thread is enough, and
+//! [`Station::idle`] is how to wait. A method that is dropped half way leaves the station usable.
+
+use std::net::SocketAddr;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
+use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::{Id, Message};
+use tokio::net::UdpSocket;
+use tokio::time::{Instant, timeout_at};
+
+use super::outcome::{StationError, Timeouts};
+use super::report;
+use super::sender::{Delivery, Ticket};
+use super::session::{Event, Session, SessionConfig};
+use super::time::Now;
+use super::vehicle::Vehicle;
+
+mod command;
+mod plan;
+
+pub use command::LoiterAt;
+pub(crate) use command::{set_altitude, set_speed};
+
+/// A CUCS that runs.
+#[derive(Debug)]
+pub struct Station {
+    pub(super) session: Session,
+    socket: UdpSocket,
+    vsm: SocketAddr,
+    started: Instant,
+    /// How long its methods wait. May be changed at any time.
+    pub timeouts: Timeouts,
+    heard: bool,
+    unreachable: bool,
+}
+
+/// A vehicle that a VSM offers: message 2.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Discovered {
+    /// The vehicle.
+    pub vehicle: Id,
+    /// The VSM that it is behind.
+    pub vsm: Option<Id>,
+    /// What this CUCS may have.
+    pub authorised: LoiBitmap,
+    /// What it holds already.
+    pub granted: LoiBitmap,
+    /// Vehicle Type, 0 where it is not known.
+    pub vehicle_type: u16,
+}
+
+impl Station {
+    /// A station with this id: listens on `local`, speaks to the VSM at `vsm`.
+    ///
+    /// # Errors
+    /// The address is taken or cannot be used.
+    pub async fn bind(id: Id, local: SocketAddr, vsm: SocketAddr) -> Result<Station, StationError> {
+        Station::with_config(SessionConfig::new(id), local, vsm).await
+    }
+
+    /// [`Station::bind`] with a session of another kind.
+    ///
+    /// # Errors
+    /// The address is taken or cannot be used.
+    pub async fn with_config(
+        config: SessionConfig,
+        local: SocketAddr,
+        vsm: SocketAddr,
+    ) -> Result<Station, StationError> {
+        let failed = |what: String| move |source| StationError::Socket { what, source };
+        let socket = UdpSocket::bind(local)
+            .await
+            .map_err(failed(format!("listen on {local}")))?;
+        // Connected: the system keeps strangers out, and says when nobody listens there.
+        socket
+            .connect(vsm)
+            .await
+            .map_err(failed(format!("reach {vsm} from {local}")))?;
+        Ok(Station {
+            session: Session::new(config),
+            socket,
+            vsm,
+            started: Instant::now(),
+            timeouts: Timeouts::default(),
+            heard: false,
+            unreachable: false,
+        })
+    }
+
+    /// The machine: what vehicles reported, the counters.
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// What a vehicle last reported.
+    #[must_use]
+    pub fn vehicle(&self, id: Id) -> Option<&Vehicle> {
+        self.session.vehicle(id)
+    }
+
+    /// The address that it listens on.
+    ///
+    /// # Errors
+    /// The system does not tell.
+    pub fn local_addr(&self) -> Result<SocketAddr, StationError> {
+        self.socket
+            .local_addr()
+            .map_err(|source| StationError::Socket {
+                what: "own address".to_owned(),
+                source,
+            })
+    }
+
+    /// The VSM's address.
+    #[must_use]
+    pub fn vsm_addr(&self) -> SocketAddr {
+        self.vsm
+    }
+
+    /// Switches heartbeats (16002, 1 Hz) on or off; they are sent while a method runs.
+    pub fn set_heartbeats(&mut self, on: bool) {
+        let now = self.now();
+        self.session.set_heartbeats(now, on);
+    }
+
+    /// Asks who is there: #1 to everybody, until the vehicles that answer #2 are told.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    pub async fn discover(&mut self) -> Result<Vec<Discovered>, StationError> {
+        let within = self.timeouts.answer;
+        let quiet = self.timeouts.quiet;
+        let deadline = Instant::now() + within;
+        let before: Vec<(Id, u64)> = self
+            .session
+            .vehicles()
+            .map(|vehicle| (vehicle.id, vehicle.authorisations))
+            .collect();
+        let answered = |session: &Session| -> Vec<Discovered> {
+            let known = |id| before.iter().find(|(known, _)| *known == id);
+            session
+                .vehicles()
+                .filter(|vehicle| {
+                    vehicle.authorisations > known(vehicle.id).map_or(0, |(_, count)| *count)
+                })
+                .map(discovered)
+                .collect()
+        };
+        while Instant::now() < deadline {
+            let question = CucsAuthorisationRequest {
+                vsm_id: Some(Id::BROADCAST),
+                data_link_id: Some(Id::NULL),
+                requested_handover_loi: Some(LoiBitmap::NONE),
+                requested_handover_access: Some(RequestedAccess::Relinquish),
+                ..CucsAuthorisationRequest::default()
+            };
+            let now = self.now();
+            self.session
+                .send_unconfirmed(now, Id::BROADCAST, question)?;
+            let again = (Instant::now() + ASK_AGAIN).min(deadline);
+            let first = self
+                .until(again, |session| {
+                    (!answered(session).is_empty()).then_some(())
+                })
+                .await?;
+            if first.is_none() {
+                continue;
+            }
+            let mut found = answered(&self.session).len();
+            while self
+                .until(Instant::now() + quiet, |session| {
+                    (answered(session).len() > found).then_some(())
+                })
+                .await?
+                .is_some()
+            {
+                found = answered(&self.session).len();
+            }
+            return Ok(answered(&self.session));
+        }
+        Err(self.no_vsm(within))
+    }
+
+    /// Asks for rights over a vehicle and returns everything that this CUCS then holds, at least what was asked for.
+    /// `access` is [`RequestedAccess::Request`], or `Override` to take them from another.
+    ///
+    /// # Errors
+    /// Not all of it is granted, or nobody answers.
+    pub async fn request(
+        &mut self,
+        vehicle: Id,
+        loi: LoiBitmap,
+        access: RequestedAccess,
+    ) -> Result<LoiBitmap, StationError> {
+        self.authorise(vehicle, loi, access).await?;
+        let state = self.session.vehicle(vehicle);
+        let granted = state.map_or(LoiBitmap::NONE, Vehicle::granted);
+        if granted.contains(loi) {
+            return Ok(granted);
+        }
+        Err(StationError::NotGranted {
+            vehicle,
+            asked: loi,
+            granted,
+            authorised: state.map_or(LoiBitmap::NONE, Vehicle::authorised),
+        })
+    }
+
+    /// Gives all rights over a vehicle back.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    pub async fn release(&mut self, vehicle: Id) -> Result<(), StationError> {
+        self.authorise(vehicle, LoiBitmap::NONE, RequestedAccess::Relinquish)
+            .await
+    }
+
+    /// Sends #1 to a vehicle until its #2 is there.
+    async fn authorise(
+        &mut self,
+        vehicle: Id,
+        loi: LoiBitmap,
+        access: RequestedAccess,
+    ) -> Result<(), StationError> {
+        let within = self.timeouts.answer;
+        let deadline = Instant::now() + within;
+        let count = |session: &Session| {
+            session
+                .vehicle(vehicle)
+                .map_or(0, |vehicle| vehicle.authorisations)
+        };
+        while Instant::now() < deadline {
+            let before = count(&self.session);
+            let vsm_id = self
+                .session
+                .vehicle(vehicle)
+                .and_then(|state| state.authorisation.as_ref()?.vsm_id);
+            let request = CucsAuthorisationRequest {
+                vsm_id: Some(vsm_id.unwrap_or(Id::BROADCAST)),
+                data_link_id: Some(Id::NULL),
+                requested_handover_loi: Some(loi),
+                requested_handover_access: Some(access),
+                controlled_station_1_16: Some(stanag_msgs::enums::StationBitmap1To16::NONE),
+                ..CucsAuthorisationRequest::default()
+            };
+            let now = self.now();
+            let ticket = self.session.send(now, vehicle, request)?;
+            let again = (Instant::now() + ASK_AGAIN * 2).min(deadline);
+            // An old #2 may still be under way: what answers comes with, or just before, the 17000.
+            let answer = self
+                .until(again, |session| {
+                    let answered = !matches!(
+                        session.delivery(ticket),
+                        Delivery::Queued | Delivery::Sent(_)
+                    );
+                    (answered && count(session) > before).then_some(())
+                })
+                .await?;
+            self.session.withdraw(ticket);
+            // A VSM that sends no 17000 for #1 has answered by #2 alone.
+            if answer.is_some() || count(&self.session) > before {
+                return Ok(());
+            }
+        }
+        if !self.heard {
+            return Err(self.no_vsm(within));
+        }
+        Err(self.timed_out(
+            format!("answer of vehicle {vehicle} (message 2)"),
+            within,
+            vehicle,
+        ))
+    }
+
+    /// Waits until `reached` holds; it is asked at first and after everything that comes in.
+    ///
+    /// # Errors
+    /// It does not hold within that time.
+    pub async fn wait_until(
+        &mut self,
+        description: &str,
+        within: Duration,
+        mut reached: impl FnMut(&Session) -> bool,
+    ) -> Result<(), StationError> {
+        let deadline = Instant::now() + within;
+        let found = self
+            .until(deadline, |session| reached(session).then_some(()))
+            .await?;
+        found.ok_or_else(|| StationError::TimedOut {
+            awaited: description.to_owned(),
+            within,
+            seen: self.seen_of_all(),
+        })
+    }
+
+    /// The next event. Events that came while another method ran are told first.
+    ///
+    /// # Errors
+    /// There is none within that time.
+    pub async fn next_event(&mut self, within: Duration) -> Result<Event, StationError> {
+        let deadline = Instant::now() + within;
+        let event = self.until(deadline, Session::poll_event).await?;
+        event.ok_or_else(|| StationError::TimedOut {
+            awaited: "event".to_owned(),
+            within,
+            seen: self.seen_of_all(),
+        })
+    }
+
+    /// Serves for a while: status comes in, heartbeats go out.
+    ///
+    /// # Errors
+    /// The socket fails.
+    pub async fn idle(&mut self, span: Duration) -> Result<(), StationError> {
+        let deadline = Instant::now() + span;
+        let _: Option<()> = self.until(deadline, |_| None).await?;
+        Ok(())
+    }
+
+    /// Sends any message, with an acknowledgement asked for, and waits for a final one.
+    ///
+    /// # Errors
+    /// It cannot be written, or there is no answer.
+    pub async fn send(
+        &mut self,
+        destination: Id,
+        message: impl Into<Message>,
+        within: Duration,
+    ) -> Result<Delivery, StationError> {
+        let now = self.now();
+        let ticket = self.session.send(now, destination, message)?;
+        self.delivered(ticket, destination, within).await
+    }
+
+    /// Waits until a message is carried out or refused.
+    async fn delivered(
+        &mut self,
+        ticket: Ticket,
+        destination: Id,
+        within: Duration,
+    ) -> Result<Delivery, StationError> {
+        let deadline = Instant::now() + within;
+        let delivery = self
+            .until(deadline, |session| {
+                let delivery = session.delivery(ticket);
+                delivery.is_final().then_some(delivery)
+            })
+            .await?;
+        let last = self.session.delivery(ticket);
+        let message_type = self.session.sent(ticket).map_or(0, |(kind, _)| kind);
+        self.session.withdraw(ticket);
+        match delivery {
+            Some(Delivery::Unanswered) if !self.heard => Err(self.no_vsm(within)),
+            Some(Delivery::Unanswered) => {
+                let waited = format!("acknowledgement (17000) of {message_type}");
+                Err(self.timed_out(waited, within, destination))
+            }
+            Some(delivery) => Ok(delivery),
+            None => {
+                let what = if last == Delivery::Received {
+                    "it was received, but is not finished; "
+                } else {
+                    ""
+                };
+                Err(StationError::TimedOut {
+                    awaited: format!("outcome (17000 type 2 or 3) of {message_type}"),
+                    within,
+                    seen: format!("{what}{}", self.seen_of(destination)),
+                })
+            }
+        }
+    }
+
+    /// Serves until `check` has a result, or the time is up.
+    async fn until<T>(
+        &mut self,
+        deadline: Instant,
+        mut check: impl FnMut(&mut Session) -> Option<T>,
+    ) -> Result<Option<T>, StationError> {
+        let mut buffer = [0; RECEIVE_OCTETS];
+        loop {
+            let now = self.now();
+            self.session.handle_timeout(now);
+            self.flush().await?;
+            if let Some(found) = check(&mut self.session) {
+                return Ok(Some(found));
+            }
+            if Instant::now() >= deadline {
+                return Ok(None);
+            }
+            let due = self.session.poll_timeout().map(|due| self.started + due);
+            let wake = due.map_or(deadline, |due| due.min(deadline));
+            match timeout_at(wake, self.socket.recv(&mut buffer)).await {
+                Err(_) => {}
+                Ok(Ok(octets)) => {
+                    self.heard = true;
+                    self.unreachable = false;
+                    let now = self.now();
+                    let datagram = buffer.get(..octets).unwrap_or_default();
+                    self.session.handle_datagram(now, datagram);
+                }
+                Ok(Err(source)) => self.survive("receive", source)?,
+            }
+        }
+    }
+
+    async fn flush(&mut self) -> Result<(), StationError> {
+        while let Some(datagram) = self.session.poll_transmit() {
+            if let Err(source) = self.socket.send(&datagram).await {
+                self.survive("send", source)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A port that is closed may open yet: a VSM that restarts. Everything else ends the operation.
+    fn survive(&mut self, what: &str, source: std::io::Error) -> Result<(), StationError> {
+        if source.kind() == std::io::ErrorKind::ConnectionRefused {
+            self.unreachable = true;
+            return Ok(());
+        }
+        let what = format!("{what} ({})", self.vsm);
+        Err(StationError::Socket { what, source })
+    }
+
+    fn now(&self) -> Now {
+        let unix = SystemTime::now().duration_since(UNIX_EPOCH);
+        Now {
+            mono: self.started.elapsed(),
+            unix_ms: unix.map_or(0, |unix| {
+                u64::try_from(unix.as_millis()).unwrap_or(u64::MAX)
+            }),
+        }
+    }
+
+    fn no_vsm(&self, within: Duration) -> StationError {
+        StationError::NoVsm {
+            vsm: self.vsm,
+            within,
+            unreachable: self.unreachable,
+        }
+    }
+
+    fn timed_out(&self, awaited: String, within: Duration, vehicle: Id) -> StationError {
+        StationError::TimedOut {
+            awaited,
+            within,
+            seen: self.seen_of(vehicle),
+        }
+    }
+
+    fn seen_of(&self, vehicle: Id) -> String {
+        match self.session.vehicle(vehicle) {
+            Some(vehicle) => format!("seen: {}", report::line(vehicle)),
+            None => format!("nothing was heard of vehicle {vehicle}"),
+        }
+    }
+
+    fn seen_of_all(&self) -> String {
+        let lines: Vec<String> = self.session.vehicles().map(report::line).collect();
+        if lines.is_empty() {
+            "no vehicle was heard".to_owned()
+        } else {
+            format!("seen: {}", lines.join(" | "))
+        }
+    }
+}
+
+fn discovered(vehicle: &Vehicle) -> Discovered {
+    let response = vehicle.authorisation.as_ref();
+    Discovered {
+        vehicle: vehicle.id,
+        vsm: response.and_then(|response| response.vsm_id),
+        authorised: vehicle.authorised(),
+        granted: vehicle.granted(),
+        vehicle_type: response
+            .and_then(|response| response.vehicle_type)
+            .unwrap_or(0),
+    }
+}
+
+/// More than any datagram may have: one that is too long is seen to be.
+const RECEIVE_OCTETS: usize = 2_048;
+/// A question without acknowledgement is repeated after this time.
+const ASK_AGAIN: Duration = Duration::from_millis(500);
