@@ -1,2 +1,44 @@
-//! To be filled.
-fn main() {}
+//! The entry of tests and CI: `cargo xtask test` and `cargo xtask ci`.
+//!
+//! The local check is the CI check. What cannot be run on a machine is left out aloud, never silently.
+
+#![expect(clippy::print_stderr, reason = "a program for people to read")]
+
+mod ci;
+mod licences;
+mod peers;
+mod steps;
+mod tests;
+
+use std::process::ExitCode;
+
+use crate::steps::Steps;
+
+fn main() -> ExitCode {
+    let task = std::env::args().nth(1).unwrap_or_default();
+    let mut steps = Steps::new();
+    let result = match task.as_str() {
+        "test" => tests::run(&mut steps),
+        "ci" => ci::run(&mut steps),
+        "peers" => peers::install(&mut steps).map(drop),
+        _ => {
+            eprintln!("{USAGE}");
+            return ExitCode::from(2);
+        }
+    };
+    steps.summary();
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("xtask: FAILED: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+const USAGE: &str = "\
+usage: cargo xtask TASK
+
+  test    install the Python peers, build every program, run all tests
+  ci      formatting, lints, documentation, licences and advisories, then `test`
+  peers   only install the Python peers into tests/interop/.venv";

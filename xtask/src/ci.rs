@@ -1,0 +1,34 @@
+//! `cargo xtask ci`: what must hold before anything is merged.
+
+use anyhow::Result;
+
+use crate::licences;
+use crate::steps::{Steps, cargo, is_there};
+use crate::tests;
+
+/// Formatting, lints, documentation, dependencies, tests; the first that fails ends it.
+pub(crate) fn run(steps: &mut Steps) -> Result<()> {
+    steps.run(&mut cargo(["fmt", "--all", "--check"]))?;
+    let clippy = [
+        "clippy",
+        "--workspace",
+        "--all-targets",
+        "--locked",
+        "--",
+        "-D",
+        "warnings",
+    ];
+    steps.run(&mut cargo(clippy))?;
+    let doc = ["doc", "--workspace", "--no-deps", "--locked"];
+    steps.run(cargo(doc).env("RUSTDOCFLAGS", "-D warnings"))?;
+    if is_there(&mut cargo(["deny", "--version"])) {
+        steps.run(&mut cargo(["--locked", "deny", "check"]))?;
+    } else {
+        steps.leave_out(
+            "cargo-deny is not installed: licences and sources are checked here, \
+             advisories, bans and yanked versions are NOT",
+        );
+        steps.step("licences and sources of all dependencies", licences::check)?;
+    }
+    tests::run(steps)
+}

@@ -1,0 +1,55 @@
+//! Other people's programs that tests talk to: Python packages, pinned, in an environment of their own.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+
+use anyhow::{Context as _, Result, bail};
+
+use crate::steps::{Steps, is_there, root};
+
+/// Makes `tests/interop/.venv` with the pinned packages, unless it is there already.
+pub(crate) fn install(steps: &mut Steps) -> Result<PathBuf> {
+    let interop = root().join("tests/interop");
+    let environment = interop.join(".venv");
+    let python = environment.join("bin/python");
+    let wanted = fs::read_to_string(interop.join("requirements.txt"))
+        .context("tests/interop/requirements.txt")?;
+    // Written last, so that an environment broken off half-way is made again.
+    let mark = environment.join("installed.txt");
+    let installed = fs::read_to_string(&mark).unwrap_or_default();
+    if installed == wanted && is_there(Command::new(&python).arg("--version")) {
+        return Ok(python);
+    }
+
+    let system = find_python()?;
+    if environment.exists() {
+        fs::remove_dir_all(&environment).context("the old tests/interop/.venv")?;
+    }
+    steps.run(Command::new(system).args(["-m", "venv", "tests/interop/.venv"]))?;
+    let install = [
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--requirement",
+        "tests/interop/requirements.txt",
+    ];
+    steps
+        .run(Command::new(&python).args(install))
+        .context("the Python peers could not be installed: pip needs its package index once")?;
+    fs::write(&mark, wanted).context("tests/interop/.venv/installed.txt")?;
+    Ok(python)
+}
+
+/// A Python that is new enough for the reference codec (tomllib).
+fn find_python() -> Result<&'static str> {
+    let new_enough = "import sys, tomllib, venv, ensurepip; assert sys.version_info >= (3, 11)";
+    for name in ["python3", "python3.13", "python3.12", "python3.11"] {
+        if is_there(Command::new(name).args(["-c", new_enough])) {
+            return Ok(name);
+        }
+    }
+    bail!("no Python 3.11 or newer with venv was found; the interoperability tests need one");
+}
