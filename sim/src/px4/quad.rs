@@ -5,7 +5,7 @@ use super::attitude::{GRAVITY, Motion, tilt_for};
 use super::geo::{Ned, wrap_pi};
 use super::guidance::{Guidance, Heading};
 use super::rng::{Drift, Rng};
-use super::trajectory::{Limits, Trajectory};
+use super::trajectory::{Limits, Trajectory, braking_speed};
 
 /// What the controllers need from the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +40,10 @@ pub(super) struct Quad {
     steering: Steering,
     heading: f64,
     heading_rate: f64,
+    /// Acceleration that the rotors give besides holding the weight.
+    push: Ned,
+    /// What the velocity controllers have learnt to add against drag and wind.
+    trim: Ned,
     wind: [f64; 2],
     gusts: [Drift; 3],
     rng: Rng,
@@ -66,11 +70,13 @@ impl Quad {
             steering: Steering::Ground,
             heading,
             heading_rate: 0.0,
+            push: Ned::default(),
+            trim: Ned::default(),
             wind,
             gusts: [
-                Drift::new(0.12, 1.2),
-                Drift::new(0.12, 1.2),
-                Drift::new(0.08, 0.8),
+                Drift::new(1.0, 1.2),
+                Drift::new(1.0, 1.2),
+                Drift::new(1.0, 0.8),
             ],
             rng: Rng::new(seed ^ 0x51AD),
             throttle: 0.0,
@@ -119,6 +125,7 @@ impl Quad {
 
     fn rest(&mut self, dt: f64) {
         self.steering = Steering::Ground;
+        (self.push, self.trim) = (Ned::default(), Ned::default());
         if self.motion.position.d < 0.0 {
             // Motors stopped in the air.
             self.motion.acceleration = Ned::new(0.0, 0.0, GRAVITY);
@@ -217,10 +224,17 @@ impl Quad {
             let lead = velocity[i].unwrap_or(0.0);
             lead + position[i].map_or(0.0, |p| gain * (p - here))
         };
-        let (n, e) = (
-            axis(0, at.n, tuning.position_gain),
-            axis(1, at.e, tuning.position_gain),
-        );
+        // Far away it comes no faster than it can brake.
+        let gain = match (position[0], position[1]) {
+            (Some(n), Some(e)) => {
+                let far = (n - at.n).hypot(e - at.e).max(0.1);
+                let limits = &tuning.limits;
+                let speed = braking_speed(limits.jerk, limits.acc_hor, far, 0.0);
+                tuning.position_gain.min(speed / far)
+            }
+            _ => tuning.position_gain,
+        };
+        let (n, e) = (axis(0, at.n, gain), axis(1, at.e, gain));
         let d = axis(2, at.d, 1.0).clamp(-tuning.limits.climb, tuning.limits.sink);
         let speed = n.hypot(e);
         let k = if speed > tuning.limits.speed_max {
@@ -276,41 +290,63 @@ impl Quad {
         let off = plan.position - believed;
         let v = self.motion.velocity;
         let k = tuning.velocity_gain;
-        let mut wanted = Ned::new(
-            plan.acceleration.n + k * (plan.velocity.n + tuning.position_gain * off.n - v.n),
-            plan.acceleration.e + k * (plan.velocity.e + tuning.position_gain * off.e - v.e),
-            plan.acceleration.d + 4.0 * (plan.velocity.d + 1.0 * off.d - v.d),
+        let gap = Ned::new(
+            plan.velocity.n + tuning.position_gain * off.n - v.n,
+            plan.velocity.e + tuning.position_gain * off.e - v.e,
+            plan.velocity.d + off.d - v.d,
         );
+        let learnt = Ned::new(gap.n * TRIM_XY, gap.e * TRIM_XY, gap.d * TRIM_Z) * dt;
+        self.trim = limited(self.trim + learnt, MAX_TRIM);
+        let mut wanted =
+            plan.acceleration + Ned::new(k * gap.n, k * gap.e, VELOCITY_GAIN_Z * gap.d) + self.trim;
         let tilt = wanted.horizontal();
         if tilt > GRAVITY {
             wanted.n *= GRAVITY / tilt;
             wanted.e *= GRAVITY / tilt;
         }
-        wanted.d = wanted.d.clamp(-6.0, 6.0);
+        wanted.d = wanted.d.clamp(-8.0, 6.0);
         // Attitude answers with a delay, thrust faster.
         let (slow, fast) = ((dt / 0.15).min(1.0), (dt / 0.06).min(1.0));
-        let a = &mut self.motion.acceleration;
-        a.n += (wanted.n - a.n) * slow;
-        a.e += (wanted.e - a.e) * slow;
-        a.d += (wanted.d - a.d) * fast;
-        let acceleration = *a;
+        self.push.n += (wanted.n - self.push.n) * slow;
+        self.push.e += (wanted.e - self.push.e) * slow;
+        self.push.d += (wanted.d - self.push.d) * fast;
         let [gn, ge, gd] = &mut self.gusts;
+        // A fast draggy vehicle is shaken more than a hovering one.
+        let (rough_xy, rough_z) = (0.08 + 0.09 * v.horizontal(), 0.08 + 0.04 * v.horizontal());
         let gust = Ned::new(
-            gn.step(dt, &mut self.rng),
-            ge.step(dt, &mut self.rng),
-            gd.step(dt, &mut self.rng),
+            rough_xy * gn.step(dt, &mut self.rng),
+            rough_xy * ge.step(dt, &mut self.rng),
+            rough_z * gd.step(dt, &mut self.rng),
         );
-        self.motion.velocity = self.motion.velocity + (acceleration + gust) * dt;
+        let drag = Ned::new(v.n - self.wind[0], v.e - self.wind[1], v.d) * DRAG;
+        self.motion.acceleration = self.push - drag + gust;
+        self.motion.velocity = v + self.motion.acceleration * dt;
         self.motion.position = self.motion.position + self.motion.velocity * dt;
         if self.motion.position.d > 0.0 {
             self.motion.position.d = 0.0;
             self.motion.velocity = Ned::default();
         }
-        let v = self.motion.velocity;
-        let drag = Ned::new(v.n - self.wind[0], v.e - self.wind[1], 0.0) * 0.3;
-        let force = acceleration + drag - Ned::new(0.0, 0.0, GRAVITY);
+        let force = self.push - Ned::new(0.0, 0.0, GRAVITY);
         let (roll, pitch) = tilt_for(force, self.heading);
         self.throttle = (0.5 * force.norm() / GRAVITY).clamp(0.0, 1.0);
         self.motion.turn_to([roll, pitch, self.heading], dt);
     }
 }
+
+fn limited(v: Ned, most: f64) -> Ned {
+    Ned::new(
+        v.n.clamp(-most, most),
+        v.e.clamp(-most, most),
+        v.d.clamp(-most, most),
+    )
+}
+
+/// SIH_KDV over SIH_MASS, 1/s: the reference vehicle is draggy, and flies slower than it plans.
+const DRAG: f64 = 1.0;
+/// MPC_Z_VEL_P_ACC, 1/s.
+const VELOCITY_GAIN_Z: f64 = 4.0;
+/// MPC_XY_VEL_I_ACC, 1/s2.
+const TRIM_XY: f64 = 0.4;
+/// MPC_Z_VEL_I_ACC, 1/s2.
+const TRIM_Z: f64 = 2.0;
+const MAX_TRIM: f64 = 9.0;

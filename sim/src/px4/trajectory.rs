@@ -282,7 +282,7 @@ fn corner_speed(angle: f64, acc: f64, radius: f64) -> f64 {
 
 /// Highest speed from which `distance` is enough to come down to `arrival`, the time to build up
 /// the deceleration counted.
-fn braking_speed(jerk: f64, acc: f64, distance: f64, arrival: f64) -> f64 {
+pub(super) fn braking_speed(jerk: f64, acc: f64, distance: f64, arrival: f64) -> f64 {
     let b = 4.0 * acc * acc / jerk;
     let c = -2.0 * acc * distance - arrival * arrival;
     (0.5 * (-b + (b * b - 4.0 * c).sqrt())).max(arrival)

@@ -120,6 +120,8 @@ pub struct Vehicle {
     pub(super) counters: VehicleCounters,
     fence: Fence,
     plan_checked: bool,
+    navigated: (Mode, bool),
+    course: (Guidance, Heading),
     ticks: u64,
     carry: Duration,
     contact: f64,
@@ -169,6 +171,8 @@ impl Vehicle {
             counters: VehicleCounters::default(),
             fence: Fence::default(),
             plan_checked: false,
+            navigated: (Mode::Loiter, false),
+            course: (Guidance::Ground, Heading::Hold),
             ticks: 0,
             carry: Duration::ZERO,
             contact: 0.0,
@@ -348,16 +352,20 @@ impl Vehicle {
         if armed {
             self.charge = (self.charge - DT / 1500.0).max(0.5);
         }
-        let step = self.navigate(|navigator, view| navigator.step(mode, armed, view));
-        if let Some(next) = step.then {
-            self.commander.hand_over(next);
+        if self.ticks.is_multiple_of(NAVIGATE_EVERY) || self.navigated != (mode, armed) {
+            self.navigated = (mode, armed);
+            let step = self.navigate(|navigator, view| navigator.step(mode, armed, view));
+            if let Some(next) = step.then {
+                self.commander.hand_over(next);
+            }
+            self.take_notes(step.notes);
+            self.course = (step.guidance, step.heading);
         }
-        self.take_notes(step.notes);
         let spooling = now - self.commander.armed_at() < self.params.get(Param::COM_SPOOLUP_TIME);
         let (guidance, heading) = if !armed || spooling && self.landed {
             (Guidance::Ground, Heading::Hold)
         } else {
-            self.steer(mode).unwrap_or((step.guidance, step.heading))
+            self.steer(mode).unwrap_or(self.course)
         };
         self.target = match &guidance {
             Guidance::Leg(leg) | Guidance::Climb(leg) | Guidance::Land(leg) => leg.target,
@@ -588,6 +596,9 @@ const DT: f64 = 0.004;
 const ESTIMATOR_EVERY: u64 = 10;
 /// The commander looks at its commands every 8 ms.
 const COMMANDS_EVERY: u64 = 2;
+/// The navigator looks at the position at about 20 Hz, so that a fast vehicle can pass a small
+/// radius between two looks.
+const NAVIGATE_EVERY: u64 = 13;
 const COMPONENT: u8 = 1;
 const MAX_OUT: usize = 4096;
 const LIFTED_M: f64 = 0.05;

@@ -245,8 +245,8 @@ pub fn action(command: u16, params: [f32; 4]) -> Item {
         current: false,
         autocontinue: true,
         params,
-        x: 0,
-        y: 0,
+        x: i32::MAX,
+        y: i32::MAX,
         z: 0.0,
     }
 }
