@@ -128,7 +128,7 @@ fn land_comes_down_here_and_return_goes_home() {
     assert_eq!(
         flight.command(
             192,
-            &[-1.0, 1.0, 0.0, f32::NAN, 47.398_5, 8.545_593_9, 510.0]
+            &[-1.0, 1.0, 0.0, f32::NAN, 47.398_5, 8.545_594, 510.0]
         ),
         Some(0)
     );
