@@ -7,11 +7,15 @@
 //! - [`telemetry`]: what a vehicle has said of itself, from its messages.
 //! - [`report`]: messages 3001, 3002, 4000 and 4001 from that.
 //! - [`alert`]: texts and faults to message 16000.
+//! - [`support`]: what is done with each field of each message.
 
 pub mod alert;
 pub mod altitude;
+mod loiter;
+mod loops;
 pub mod mode;
 pub mod plan;
 pub mod report;
 pub mod route;
+pub mod support;
 pub mod telemetry;

@@ -8,17 +8,17 @@
 //! | Waypoint to Speed (0802.10) | DO_CHANGE_SPEED before it: the speed of the leg to it |
 //! | Turn Type (0802.16) 0 or absent | acceptance radius 0: the vehicle's own, NAV_ACC_RAD |
 //! | Turn Type 1, fly over | acceptance radius 3 m: PX4 misses smaller ones for good |
-//! | loiter (13003) with a duration | NAV_LOITER_TIME |
-//! | loiter without | NAV_LOITER_UNLIM |
+//! | loiter (13003) | NAV_LOITER_TIME or NAV_LOITER_UNLIM: [`crate::loiter`] |
+//! | Waypoint Type (0802.17) 1, end of a loop | DO_JUMP after it: [`crate::loops`] |
 
 use geo::{Distance, Haversine, Point};
 use mavlink_link::service::mission::Item;
-use stanag_msgs::enums::{
-    LocationType, LoiterDurationUnits, LoiterType, TurnType, WaypointSpeedType, WaypointType,
-};
+use stanag_msgs::enums::{LocationType, TurnType, WaypointSpeedType};
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 
-use crate::altitude::{self, Agl, AltitudeError, Level};
+use crate::altitude::{self, Agl, Altimeter, AltitudeError, Level};
+use crate::loiter;
+use crate::loops;
 use crate::plan::Plan;
 use crate::telemetry::Place;
 
@@ -61,6 +61,8 @@ pub struct Site {
     pub geoid_m: Option<f64>,
     /// How AGL is flown.
     pub agl: Agl,
+    /// What pressure altitudes are flown by.
+    pub altimeter: Altimeter,
     /// Whether it can stand still.
     pub hovers: bool,
     /// Bounds.
@@ -128,9 +130,18 @@ pub enum Reason {
     /// A Next Waypoint or an Initial Waypoint Number that no 13002 has described.
     #[error("not received")]
     Unknown,
-    /// A Next Waypoint leads back.
-    #[error("the route comes back to it: loops are not flown yet")]
+    /// A Next Waypoint leads back, and not from the end of a loop.
+    #[error("the route comes back to it: only Waypoint Type 1 (end of a loop) may lead back")]
     Loop,
+    /// The end of a loop leads nowhere, to itself, or on.
+    #[error("the end of a loop leads to {0}, expected a waypoint flown before it")]
+    LoopStart(u16),
+    /// A loop that is never flown.
+    #[error("Loop Limit 0, expected 1 to 65535")]
+    LoopLimit,
+    /// A loop limited by time.
+    #[error("Limit Type 2 (time): PX4 counts loops, it does not time them")]
+    LoopTime,
     /// A field that cannot be done without.
     #[error("{0} is missing")]
     Missing(&'static str),
@@ -195,7 +206,10 @@ pub enum Reason {
     #[error("PX4 cannot loiter in a {0}")]
     LoiterType(&'static str),
     /// A number of turns: PX4 has no such item.
-    #[error("a loiter of so many turns cannot be flown, only of a time")]
+    #[error(
+        "a loiter of so many turns: PX4 flies times only, and a fixed wing's turns as a time where radius and speed \
+         are given"
+    )]
     LoiterTurns,
     /// A curved leg.
     #[error("its curved leg to {0} cannot be flown yet")]
@@ -234,16 +248,26 @@ pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteErr
         if let Some(speed_m_s) = leg.speed_m_s {
             flight.push(number, change_speed(speed_m_s));
         }
-        flight.push(
-            number,
-            position_item(&leg, waypoint, plan.loiter(number)).map_err(at)?,
-        );
+        for item in position_items(&leg, waypoint, plan.loiter(number), site).map_err(at)? {
+            flight.push(number, item);
+        }
+        let here = (leg.latitude, leg.longitude);
+        flight.order.push(leg);
+        let next = waypoint.next_waypoint.unwrap_or(0);
+        let ends_loop = loops::ends(waypoint).map_err(at)?;
+        if ends_loop {
+            if let Some(jump) = loops::jump(number, waypoint, &flight).map_err(at)? {
+                flight.push(number, jump);
+            }
+            if let Some(start) = flight.order.iter().find(|leg| leg.number == next) {
+                distance(start, Some(here), site).map_err(at)?;
+            }
+        }
         if flight.items.len() > site.limits.items {
             return Err(at(Reason::TooManyItems(site.limits.items)));
         }
-        before = Some((leg.latitude, leg.longitude));
-        flight.order.push(leg);
-        number = waypoint.next_waypoint.unwrap_or(0);
+        before = Some(here);
+        number = if ends_loop { 0 } else { next };
     }
     match flight.items.first_mut() {
         Some(first) => first.current = true,
@@ -269,17 +293,6 @@ fn leg(number: u16, waypoint: &UaPositionWaypoint, site: &Site) -> Result<Leg, R
         None | Some(LocationType::Absolute) => {}
         Some(other) => return Err(Reason::Relative(other.raw())),
     }
-    if let Some(kind) = waypoint.waypoint_type
-        && kind != WaypointType::Normal
-    {
-        return Err(match kind {
-            WaypointType::EndOfLoop => Reason::Loop,
-            other => Reason::UnknownValue {
-                field: "Waypoint Type",
-                value: other.raw(),
-            },
-        });
-    }
     let latitude = waypoint
         .waypoint_to_latitude_or_relative_y
         .ok_or(Reason::Missing("Waypoint to Latitude"))?
@@ -300,6 +313,7 @@ fn leg(number: u16, waypoint: &UaPositionWaypoint, site: &Site) -> Result<Leg, R
         waypoint.waypoint_altitude_type,
         site.geoid_m,
         site.agl,
+        site.altimeter,
     )?;
     height(level, site)?;
     Ok(Leg {
@@ -402,18 +416,39 @@ fn change_speed(speed_m_s: f64) -> Item {
     }
 }
 
-fn position_item(
+fn position_items(
     leg: &Leg,
     waypoint: &UaPositionWaypoint,
-    loiter: Option<&UaLoiterWaypoint>,
-) -> Result<Item, Reason> {
-    let (frame, z) = leg.level.frame();
-    let (command, params) = match loiter {
-        Some(loiter) => loiter_item(loiter)?,
-        None => (NAV_WAYPOINT, [0.0, acceptance(waypoint)?, 0.0, f32::NAN]),
+    asked: Option<&UaLoiterWaypoint>,
+    site: &Site,
+) -> Result<Vec<Item>, Reason> {
+    let there = |command, params| placed(leg, command, params);
+    let fly_to = there(NAV_WAYPOINT, [0.0, acceptance(waypoint)?, 0.0, f32::NAN]);
+    let Some(asked) = asked else {
+        return Ok(vec![fly_to]);
     };
+    let loiter = loiter::loiter(asked, leg.speed_m_s, site.hovers, &site.limits)?;
+    let stay = there(loiter.command, loiter.params);
+    match loiter
+        .speed_m_s
+        .filter(|speed| Some(*speed) != leg.speed_m_s)
+    {
+        None => Ok(vec![stay]),
+        // The loiter's speed is not the speed of the leg to it, nor of the next one.
+        Some(speed_m_s) => {
+            let back = leg.speed_m_s.map(change_speed);
+            Ok([fly_to, change_speed(speed_m_s), stay]
+                .into_iter()
+                .chain(back)
+                .collect())
+        }
+    }
+}
+
+fn placed(leg: &Leg, command: u16, params: [f32; 4]) -> Item {
+    let (frame, z) = leg.level.frame();
     let degrees_e7 = |degrees: f64| (degrees * 1e7).round() as i32;
-    Ok(Item {
+    Item {
         frame,
         command,
         current: false,
@@ -422,7 +457,7 @@ fn position_item(
         x: degrees_e7(leg.latitude),
         y: degrees_e7(leg.longitude),
         z: z as f32,
-    })
+    }
 }
 
 fn acceptance(waypoint: &UaPositionWaypoint) -> Result<f32, Reason> {
@@ -436,39 +471,10 @@ fn acceptance(waypoint: &UaPositionWaypoint) -> Result<f32, Reason> {
     }
 }
 
-fn loiter_item(loiter: &UaLoiterWaypoint) -> Result<(u16, [f32; 4]), Reason> {
-    match loiter.waypoint_loiter_type {
-        None | Some(LoiterType::Circular | LoiterType::Hover) => {}
-        Some(LoiterType::Racetrack) => return Err(Reason::LoiterType("racetrack")),
-        Some(LoiterType::Figure8) => return Err(Reason::LoiterType("figure 8")),
-        Some(LoiterType::Unknown(value)) => {
-            return Err(Reason::UnknownValue {
-                field: "Waypoint Loiter Type",
-                value,
-            });
-        }
-    }
-    let radius_m = loiter.loiter_radius.map_or(0.0, |radius| radius.si()) as f32;
-    match loiter.loiter_duration.filter(|duration| *duration > 0) {
-        None => Ok((NAV_LOITER_UNLIM, [0.0, 0.0, radius_m, f32::NAN])),
-        Some(duration) => match loiter.loiter_duration_units {
-            None | Some(LoiterDurationUnits::Seconds) => {
-                Ok((NAV_LOITER_TIME, [f32::from(duration), 0.0, radius_m, 0.0]))
-            }
-            Some(LoiterDurationUnits::Turns) => Err(Reason::LoiterTurns),
-            Some(LoiterDurationUnits::Unknown(value)) => Err(Reason::UnknownValue {
-                field: "Loiter Duration Units",
-                value,
-            }),
-        },
-    }
-}
-
 const NAV_WAYPOINT: u16 = 16;
-const NAV_LOITER_UNLIM: u16 = 17;
-const NAV_LOITER_TIME: u16 = 19;
 const DO_CHANGE_SPEED: u16 = 178;
-const FRAME_MISSION: u8 = 2;
+/// Frame 2: an item without a place.
+pub(crate) const FRAME_MISSION: u8 = 2;
 const SPEED_TYPE_GROUND: f32 = 1.0;
 const THROTTLE_UNCHANGED: f32 = -1.0;
 /// Acceptance radius of a fly-over, m: under 2 m a multicopter at 5 m/s can miss the waypoint and fly on for good.

@@ -60,6 +60,7 @@ impl Aircraft {
                 config::Agl::Home => altitude::Agl::AboveHome,
                 config::Agl::Refuse => altitude::Agl::Refuse,
             },
+            altimeter: altitude::Altimeter::STANDARD,
             limits: route::Limits {
                 first_m,
                 leg_m,

@@ -627,7 +627,7 @@ impl Aircraft {
                 .map_err(|cause| unreadable("aboard", cause.to_string()))?;
             self.aboard = Some(aboard);
         }
-        Ok(())
+        self.restore_altimeter(desk)
     }
 }
 

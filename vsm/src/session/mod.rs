@@ -5,6 +5,7 @@
 
 mod aircraft;
 mod alerts;
+mod altimeter;
 mod authority;
 mod bridge;
 mod ceiling;

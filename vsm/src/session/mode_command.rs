@@ -3,7 +3,7 @@
 //! A field that is absent is not commanded. So are the values that a full presence vector carries for "nothing": an
 //! altitude or heading command type 0, speed 0, waypoint 0, and a loiter position of exactly 0, 0.
 
-use mapping::altitude::{self, Agl, Level};
+use mapping::altitude::{self, Agl, Altimeter, Level};
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::route::{self, Limits, Site};
@@ -39,6 +39,7 @@ pub(crate) struct Situation<'a> {
     pub(crate) loiter: &'a LoiterConfiguration,
     pub(crate) commanded: Commanded,
     pub(crate) agl: Agl,
+    pub(crate) altimeter: Altimeter,
     pub(crate) limits: Limits,
 }
 
@@ -258,12 +259,14 @@ fn checked_level(
             ));
         }
     }
-    let level = altitude::level(metres, command.altitude_type, at.telemetry.geoid_m, at.agl)
+    let (geoid_m, agl, altimeter) = (at.telemetry.geoid_m, at.agl, at.altimeter);
+    let level = altitude::level(metres, command.altitude_type, geoid_m, agl, altimeter)
         .map_err(|fault| fault.to_string())?;
     let site = Site {
         home: at.telemetry.home.ok_or("home is not known yet")?,
-        geoid_m: at.telemetry.geoid_m,
-        agl: at.agl,
+        geoid_m,
+        agl,
+        altimeter,
         hovers: at.telemetry.hovers(),
         limits: at.limits,
     };

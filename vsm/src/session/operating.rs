@@ -68,6 +68,9 @@ impl Aircraft {
             let text = "the vehicle is silent: no command can be confirmed".to_owned();
             return self.refuse(desk, origin, text);
         }
+        if let Err(why) = self.set_altimeter(desk, command) {
+            return self.refuse(desk, origin, why);
+        }
         let situation = Situation {
             telemetry: &self.mav.telemetry,
             aboard: self.aboard.as_ref(),
@@ -76,6 +79,7 @@ impl Aircraft {
             loiter: &self.loiter,
             commanded: self.commanded,
             agl: self.bounds.agl,
+            altimeter: self.bounds.altimeter,
             limits: self.bounds.limits,
         };
         match mode_command::task(command, &situation) {

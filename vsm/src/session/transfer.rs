@@ -78,6 +78,7 @@ pub(crate) enum Course {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bounds {
     pub(crate) agl: mapping::altitude::Agl,
+    pub(crate) altimeter: mapping::altitude::Altimeter,
     pub(crate) limits: Limits,
 }
 
@@ -392,6 +393,7 @@ fn site(bounds: &Bounds, vehicle: &VehicleLink) -> Option<Site> {
         home: telemetry.home?,
         geoid_m: telemetry.geoid_m,
         agl: bounds.agl,
+        altimeter: bounds.altimeter,
         hovers: telemetry.hovers(),
         limits: bounds.limits,
     })

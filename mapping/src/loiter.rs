@@ -1,0 +1,197 @@
+//! Loiters of a route (13003) as items of PX4.
+//!
+//! | 13003 | multicopter | fixed wing |
+//! |---|---|---|
+//! | circular (or no type) | hovers: PX4 flies no circle within a mission there | circle of Loiter Radius, the vehicle's own where absent |
+//! | hover | hovers | refused |
+//! | racetrack, figure 8 | refused | refused |
+//! | direction | of no effect | sign of the radius: clockwise positive; into the wind is refused |
+//! | duration in seconds | NAV_LOITER_TIME | NAV_LOITER_TIME |
+//! | duration in turns | refused | the time that so many turns take at the loiter's speed, where radius and speed are given |
+//! | no duration | NAV_LOITER_UNLIM | NAV_LOITER_UNLIM |
+//!
+//! PX4 has no item of a number of turns: it refuses NAV_LOITER_TURNS.
+
+use std::f64::consts::TAU;
+
+use stanag_msgs::enums::{LoiterDirection, LoiterDurationUnits, LoiterType, SpeedType};
+use stanag_msgs::messages::UaLoiterWaypoint;
+
+use crate::route::{Limits, Reason};
+
+/// A loiter as PX4 flies it: command and param1 to param4 of the item at its place, and the speed within it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Loiter {
+    pub(crate) command: u16,
+    pub(crate) params: [f32; 4],
+    /// Loiter Speed, where the vehicle flies a circle.
+    pub(crate) speed_m_s: Option<f64>,
+}
+
+/// `leg_speed_m_s` is the speed of the leg to the loiter, where one is commanded.
+pub(crate) fn loiter(
+    asked: &UaLoiterWaypoint,
+    leg_speed_m_s: Option<f64>,
+    hovers: bool,
+    limits: &Limits,
+) -> Result<Loiter, Reason> {
+    pattern(asked, hovers)?;
+    let radius_m = radius(asked, hovers)?;
+    let speed_m_s = if hovers { None } else { speed(asked, limits)? };
+    let seconds = match asked.loiter_duration.filter(|duration| *duration > 0) {
+        None => None,
+        Some(duration) => match asked.loiter_duration_units {
+            None | Some(LoiterDurationUnits::Seconds) => Some(f64::from(duration)),
+            Some(LoiterDurationUnits::Turns) => match speed_m_s.or(leg_speed_m_s) {
+                Some(speed_m_s) if !hovers && radius_m != 0.0 => {
+                    Some(f64::from(duration) * TAU * radius_m.abs() / speed_m_s)
+                }
+                _ => return Err(Reason::LoiterTurns),
+            },
+            Some(LoiterDurationUnits::Unknown(value)) => {
+                return Err(Reason::UnknownValue {
+                    field: "Loiter Duration Units",
+                    value,
+                });
+            }
+        },
+    };
+    let radius = radius_m as f32;
+    let (command, params) = match seconds {
+        None => (NAV_LOITER_UNLIM, [0.0, 0.0, radius, f32::NAN]),
+        Some(seconds) => (NAV_LOITER_TIME, [seconds as f32, 0.0, radius, 0.0]),
+    };
+    Ok(Loiter {
+        command,
+        params,
+        speed_m_s,
+    })
+}
+
+fn pattern(asked: &UaLoiterWaypoint, hovers: bool) -> Result<(), Reason> {
+    match asked.waypoint_loiter_type {
+        None | Some(LoiterType::Circular) => Ok(()),
+        Some(LoiterType::Hover) if hovers => Ok(()),
+        Some(LoiterType::Hover) => Err(Reason::LoiterType("hover: it is a fixed wing")),
+        Some(LoiterType::Racetrack) => Err(Reason::LoiterType("racetrack")),
+        Some(LoiterType::Figure8) => Err(Reason::LoiterType("figure 8")),
+        Some(LoiterType::Unknown(value)) => Err(Reason::UnknownValue {
+            field: "Waypoint Loiter Type",
+            value,
+        }),
+    }
+}
+
+/// Metres, negative for counter-clockwise; 0 is the vehicle's own radius.
+fn radius(asked: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
+    let radius_m = asked.loiter_radius.map_or(0.0, |radius| radius.si());
+    match asked.loiter_direction {
+        None | Some(LoiterDirection::VehicleDependent) => Ok(radius_m),
+        _ if hovers => Ok(radius_m),
+        // The sign of a radius of 0 says nothing.
+        Some(LoiterDirection::Clockwise | LoiterDirection::CounterClockwise) if radius_m == 0.0 => {
+            Err(Reason::Missing("Loiter Radius beside Loiter Direction"))
+        }
+        Some(LoiterDirection::Clockwise) => Ok(radius_m),
+        Some(LoiterDirection::CounterClockwise) => Ok(-radius_m),
+        Some(LoiterDirection::IntoWind) => Err(Reason::LoiterType("turn into the wind")),
+        Some(LoiterDirection::Unknown(value)) => Err(Reason::UnknownValue {
+            field: "Loiter Direction",
+            value,
+        }),
+    }
+}
+
+fn speed(asked: &UaLoiterWaypoint, limits: &Limits) -> Result<Option<f64>, Reason> {
+    let Some(speed_m_s) = asked.loiter_speed.map(|speed| speed.si()) else {
+        return Ok(None);
+    };
+    match asked.speed_type {
+        None | Some(SpeedType::Indicated | SpeedType::True | SpeedType::Ground) => {}
+        Some(other) => {
+            return Err(Reason::UnknownValue {
+                field: "Speed Type",
+                value: other.raw(),
+            });
+        }
+    }
+    if speed_m_s > 0.0 && speed_m_s <= limits.speed_m_s {
+        return Ok(Some(speed_m_s));
+    }
+    Err(Reason::Speed {
+        speed_m_s,
+        most_m_s: limits.speed_m_s,
+    })
+}
+
+pub(crate) const NAV_LOITER_UNLIM: u16 = 17;
+pub(crate) const NAV_LOITER_TIME: u16 = 19;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stanag_msgs::Scaled;
+
+    fn circle() -> UaLoiterWaypoint {
+        UaLoiterWaypoint {
+            waypoint_loiter_type: Some(LoiterType::Circular),
+            loiter_radius: Some(Scaled::saturating_from_si(60.0)),
+            ..UaLoiterWaypoint::default()
+        }
+    }
+
+    fn made(asked: &UaLoiterWaypoint, leg: Option<f64>, hovers: bool) -> Result<Loiter, Reason> {
+        loiter(asked, leg, hovers, &Limits::default())
+    }
+
+    #[test]
+    fn the_sign_of_the_radius_is_the_direction() {
+        let mut asked = circle();
+        for (direction, radius) in [
+            (LoiterDirection::Clockwise, 60.0),
+            (LoiterDirection::CounterClockwise, -60.0),
+            (LoiterDirection::VehicleDependent, 60.0),
+        ] {
+            asked.loiter_direction = Some(direction);
+            let item = made(&asked, None, false).unwrap();
+            assert_eq!((item.command, item.params[2]), (NAV_LOITER_UNLIM, radius));
+        }
+        asked.loiter_direction = Some(LoiterDirection::IntoWind);
+        assert!(made(&asked, None, false).is_err());
+        asked.loiter_direction = Some(LoiterDirection::CounterClockwise);
+        asked.loiter_radius = None;
+        assert!(matches!(made(&asked, None, false), Err(Reason::Missing(_))));
+    }
+
+    #[test]
+    fn turns_are_flown_as_time_where_radius_and_speed_are_known() {
+        let mut asked = circle();
+        asked.loiter_duration = Some(3);
+        asked.loiter_duration_units = Some(LoiterDurationUnits::Turns);
+        assert_eq!(made(&asked, None, false), Err(Reason::LoiterTurns));
+        assert_eq!(made(&asked, Some(15.0), true), Err(Reason::LoiterTurns));
+        let item = made(&asked, Some(15.0), false).unwrap();
+        assert_eq!(item.command, NAV_LOITER_TIME);
+        assert!((item.params[0] - 75.4).abs() < 0.01, "{:?}", item.params);
+        asked.loiter_speed = Some(Scaled::saturating_from_si(30.0));
+        let item = made(&asked, Some(15.0), false).unwrap();
+        assert!((item.params[0] - 37.7).abs() < 0.01, "{:?}", item.params);
+        assert_eq!(item.speed_m_s, Some(30.0));
+    }
+
+    #[test]
+    fn a_fixed_wing_does_not_hover_and_nobody_flies_a_racetrack() {
+        let mut asked = circle();
+        asked.waypoint_loiter_type = Some(LoiterType::Hover);
+        assert!(made(&asked, None, true).is_ok());
+        assert!(matches!(
+            made(&asked, None, false),
+            Err(Reason::LoiterType(_))
+        ));
+        asked.waypoint_loiter_type = Some(LoiterType::Racetrack);
+        assert!(matches!(
+            made(&asked, None, true),
+            Err(Reason::LoiterType(_))
+        ));
+    }
+}

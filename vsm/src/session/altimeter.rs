@@ -1,0 +1,70 @@
+//! The altimeter setting (2016, field 0043.16): what pressure altitudes are flown by and reported with.
+//!
+//! The setting stays until another is commanded, over restarts too; 1013.25 hPa until one was.
+
+use mapping::altitude::Altimeter;
+use serde::{Deserialize, Serialize};
+use stanag_msgs::messages::VehicleOperatingModeCommand;
+
+use super::aircraft::Aircraft;
+use super::desk::Desk;
+use super::store::{Durability, StoreError, record_name};
+
+#[derive(Serialize, Deserialize)]
+struct Record {
+    pascal: f64,
+}
+
+impl Aircraft {
+    /// Takes a command's setting, where it has one. 0 is what a full presence vector carries for none.
+    ///
+    /// # Errors
+    /// No weather has it, or it cannot be stored: the setting is as before.
+    pub(super) fn set_altimeter(
+        &mut self,
+        desk: &mut Desk<'_>,
+        command: &VehicleOperatingModeCommand,
+    ) -> Result<(), String> {
+        let Some(pascal) = command
+            .altimeter_setting
+            .map(|setting| setting.si())
+            .filter(|pascal| *pascal > 0.0)
+        else {
+            return Ok(());
+        };
+        let altimeter = Altimeter::new(pascal).map_err(|fault| fault.to_string())?;
+        if altimeter == self.bounds.altimeter {
+            return Ok(());
+        }
+        let octets = serde_json::to_vec(&Record { pascal }).unwrap_or_default();
+        desk.store
+            .save(
+                &record_name("altimeter", self.id()),
+                &octets,
+                Durability::Process,
+            )
+            .map_err(|fault| format!("the altimeter setting cannot be stored: {fault}"))?;
+        self.bounds.altimeter = altimeter;
+        Ok(())
+    }
+
+    /// The setting of before a restart.
+    ///
+    /// # Errors
+    /// Its record is there and cannot be read.
+    pub(super) fn restore_altimeter(&mut self, desk: &Desk<'_>) -> Result<(), StoreError> {
+        let name = record_name("altimeter", self.id());
+        let Some(octets) = desk.store.load(&name)? else {
+            return Ok(());
+        };
+        let unreadable = |cause: String| StoreError {
+            name: name.clone(),
+            cause,
+        };
+        let record: Record =
+            serde_json::from_slice(&octets).map_err(|cause| unreadable(cause.to_string()))?;
+        self.bounds.altimeter =
+            Altimeter::new(record.pascal).map_err(|cause| unreadable(cause.to_string()))?;
+        Ok(())
+    }
+}
