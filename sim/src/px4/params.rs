@@ -49,7 +49,9 @@ parameters! {
     GF_MAX_HOR_DIST = Real(0.0);
     GF_MAX_VER_DIST = Real(0.0);
     LNDMC_Z_VEL_MAX = Real(0.25);
+    MAV_0_MODE = Int(0);
     MAV_COMP_ID = Int(1);
+    MAV_FWDEXTSP = Int(1);
     MAV_PROTO_VER = Int(2);
     MAV_SYS_ID = Int(1);
     MAV_TYPE = Int(2);
