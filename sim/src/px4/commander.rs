@@ -1,8 +1,8 @@
 //! Arming, the mode that is flown as against the mode that was asked for, and the failsafes.
 
-use super::mission::Note;
 use super::mode::Mode;
 use super::params::{Param, Params};
+use super::view::Note;
 
 /// Seconds after boot at which things come to life, as PX4's simulator has them.
 pub(super) mod boot {

@@ -3,10 +3,11 @@
 use super::config::Airframe;
 use super::geo::Ned;
 use super::guidance::{Guidance, Heading};
-use super::mission::{Mission, Note, View, loiter};
+use super::mission::Mission;
 use super::mode::Mode;
 use super::params::Param;
 use super::trajectory::Leg;
+use super::view::{Note, View, loiter};
 
 /// DO_REPOSITION's wish.
 #[derive(Debug, Clone, Copy, PartialEq)]

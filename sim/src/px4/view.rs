@@ -1,0 +1,79 @@
+//! What the navigator knows of the vehicle, and what it has to say.
+
+use super::config::Airframe;
+use super::geo::{LocalFrame, Ned};
+use super::guidance::Guidance;
+use super::params::{Param, Params};
+use super::trajectory::Leg;
+
+/// What the navigator knows of the vehicle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct View<'a> {
+    /// Time since boot, s.
+    pub now: f64,
+    /// Believed position.
+    pub position: Ned,
+    /// Believed velocity.
+    pub velocity: Ned,
+    /// Heading, radians.
+    pub yaw: f64,
+    /// Standing on the ground.
+    pub landed: bool,
+    /// Home in the local frame.
+    pub home: Ned,
+    /// The local frame.
+    pub frame: &'a LocalFrame,
+    /// Parameters.
+    pub params: &'a Params,
+    /// Airframe.
+    pub airframe: Airframe,
+}
+
+impl View<'_> {
+    /// Acceptance radius where an item gives none, m.
+    pub(super) fn acceptance(&self) -> f64 {
+        self.params.get(Param::NAV_ACC_RAD)
+    }
+
+    /// Vertical acceptance, m.
+    pub(super) fn altitude_acceptance(&self) -> f64 {
+        match self.airframe {
+            Airframe::Quad => self.params.get(Param::NAV_MC_ALT_RAD),
+            Airframe::Plane => self.params.get(Param::NAV_FW_ALT_RAD),
+        }
+    }
+
+    /// Speed where nothing else is commanded, m/s.
+    pub(super) fn cruise(&self) -> f64 {
+        match self.airframe {
+            Airframe::Quad => self.params.get(Param::MPC_XY_CRUISE),
+            Airframe::Plane => self.params.get(Param::FW_AIRSPD_TRIM),
+        }
+    }
+}
+
+/// Something that the vehicle has to say.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Note {
+    /// STATUSTEXT, severity 6.
+    Info(String),
+    /// STATUSTEXT, severity 2.
+    Critical(String),
+    /// MISSION_ITEM_REACHED.
+    Reached(u16),
+    /// Go on in another mode: the item was NAV_RETURN_TO_LAUNCH.
+    ReturnHome,
+}
+
+/// Staying at a place: on it for a multicopter, round it on wings.
+pub(super) fn loiter(at: Ned, view: &View<'_>) -> Guidance {
+    match view.airframe {
+        Airframe::Quad => Guidance::Leg(Leg::to(at, view.acceptance(), view.cruise())),
+        Airframe::Plane => Guidance::Circle {
+            centre: at,
+            radius: view.params.get(Param::NAV_LOITER_RAD),
+            speed: view.cruise(),
+            altitude_d: at.d,
+        },
+    }
+}
