@@ -383,7 +383,7 @@ class Flight:
                           for t, la, lo, al, _ in track] if self.start else []}
 
 
-def main():
+def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--vsm", required=True, type=address, metavar="HOST:PORT")
     parser.add_argument("--id", type=identity, default="1b:00:00:a0", help="our id, four octets in hex")
@@ -392,7 +392,11 @@ def main():
     parser.add_argument("--slow", type=float, default=1.0, metavar="FACTOR", help="more time for each step; 10 for a real aircraft")
     parser.add_argument("--near", type=float, default=15.0, metavar="M", help="how near a waypoint must be passed")
     parser.add_argument("--report", metavar="FILE", help="write a report in JSON; - is standard output")
-    options = parser.parse_args()
+    return parser.parse_args()
+
+
+def main():
+    options = arguments()
     flight = Flight(options)
     held = flight.run()
     report = json.dumps(flight.report(), default=str)
