@@ -2,8 +2,9 @@
 
 use anyhow::Result;
 
+use crate::r#gen;
 use crate::licences;
-use crate::steps::{Steps, cargo, is_there};
+use crate::steps::{Steps, cargo, is_there, root};
 use crate::tests;
 
 /// Formatting, lints, documentation, dependencies, tests; the first that fails ends it.
@@ -21,6 +22,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     steps.run(&mut cargo(clippy))?;
     let doc = ["doc", "--workspace", "--no-deps", "--locked"];
     steps.run(cargo(doc).env("RUSTDOCFLAGS", "-D warnings"))?;
+    steps.step("generated files are current", || r#gen::run(&root(), true))?;
     if is_there(&mut cargo(["deny", "--version"])) {
         steps.run(&mut cargo(["--locked", "deny", "check"]))?;
     } else {

@@ -5,6 +5,7 @@
 #![expect(clippy::print_stderr, reason = "a program for people to read")]
 
 mod ci;
+mod r#gen;
 mod licences;
 mod peers;
 mod steps;
@@ -20,6 +21,7 @@ fn main() -> ExitCode {
     let result = match task.as_str() {
         "test" => tests::run(&mut steps),
         "ci" => ci::run(&mut steps),
+        "gen" => generate(&mut steps),
         "peers" => peers::install(&mut steps).map(drop),
         _ => {
             eprintln!("{USAGE}");
@@ -36,9 +38,16 @@ fn main() -> ExitCode {
     }
 }
 
+/// Writes what is made from the message table; with `--check` only says what is stale.
+fn generate(steps: &mut Steps) -> anyhow::Result<()> {
+    let check = std::env::args().any(|argument| argument == "--check");
+    steps.step("generated files", || r#gen::run(&steps::root(), check))
+}
+
 const USAGE: &str = "\
 usage: cargo xtask TASK
 
   test    install the Python peers, build every program, run all tests
-  ci      formatting, lints, documentation, licences and advisories, then `test`
+  ci      formatting, lints, documentation, generated files, licences and advisories, then `test`
+  gen     write the dissector, the support table and the reference; --check: only say what is stale
   peers   only install the Python peers into tests/interop/.venv";

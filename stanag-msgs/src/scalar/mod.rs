@@ -33,6 +33,8 @@ pub trait Field: Copy {
     const UNIT: Option<&'static str> = None;
     /// The enumeration or bitmap, where the type is one.
     const ENUMERATION: Option<&'static EnumInfo> = None;
+    /// Whether it is an identification number, written `1b:00:00:01`.
+    const IDENTIFICATION: bool = false;
 
     /// Takes the field from the front of `reader`.
     fn read(reader: &mut Reader<'_>) -> Result<Self, Fault>;
@@ -64,6 +66,7 @@ plain_fields!(u8 => U8, u16 => U16, u32 => U32, i8 => I8, i16 => I16, i32 => I32
 /// Identification numbers in fields are `Integer 4`; the bits are those of the wrapper's.
 impl Field for Id {
     const WIRE: Wire = Wire::I32;
+    const IDENTIFICATION: bool = true;
 
     #[inline]
     fn read(reader: &mut Reader<'_>) -> Result<Self, Fault> {

@@ -211,6 +211,8 @@ pub struct FieldInfo {
     pub range: Option<(f64, f64)>,
     /// The enumeration or bitmap that its values are from.
     pub enumeration: Option<&'static EnumInfo>,
+    /// Whether it is an identification number ([`crate::Id`]).
+    pub identification: bool,
     /// The standard's own id of the field, `0101.04`; a question mark where that is inferred.
     pub uid: Option<&'static str>,
     /// Its confidence, where it differs from the message's.
@@ -232,6 +234,7 @@ impl FieldInfo {
             unit: T::UNIT,
             range: None,
             enumeration: T::ENUMERATION,
+            identification: T::IDENTIFICATION,
             uid: None,
             confidence: None,
             width_inferred: false,
