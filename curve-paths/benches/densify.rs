@@ -185,7 +185,12 @@ fn benches(c: &mut Criterion) {
     });
     let counted = |flatten: &dyn Fn(&[[f64; 2]; 4], &mut dyn FnMut(f64, f64))| {
         let mut n = 0u64;
-        planes.iter().for_each(|p| flatten(p, &mut |_, _| n += 1));
+        planes.iter().for_each(|p| {
+            flatten(p, &mut |x, y| {
+                black_box((x, y));
+                n += 1;
+            });
+        });
         n
     };
     let kurbo = |p: &[[f64; 2]; 4], each: &mut dyn FnMut(f64, f64)| kurbo_points(p, each);

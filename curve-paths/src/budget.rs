@@ -79,23 +79,25 @@ pub fn densify_to_budget(
         });
     }
     let (mut low, mut high) = (tolerance_m, f64::INFINITY);
-    // Chords grow with the root of the tolerance: the number says how far off it is.
+    // Chords grow with the root of the tolerance, so the number says how far off it is; the number moves in steps, so
+    // after a few such guesses the interval is halved.
+    let mut guesses = 0;
     while high > low * NARROW {
         let scale = (inner(needed) / inner(max_vertices)).powi(2);
-        let mut next = fixed_m + (tolerance_m - fixed_m) * scale;
-        if next <= low * NARROW || next >= high / NARROW {
-            next = if high.is_finite() {
-                (low * high).sqrt()
-            } else {
-                2.0 * low
-            };
-        }
-        tolerance_m = next;
+        let guess = fixed_m + (tolerance_m - fixed_m) * scale;
+        tolerance_m = if guesses < GUESSES && guess > low && guess < high {
+            guess
+        } else if high.is_finite() {
+            (low * high).sqrt()
+        } else {
+            2.0 * low.max(tolerance_m)
+        };
+        guesses += 1;
         needed = needs(tolerance_m);
         if needed <= max_vertices {
-            high = tolerance_m
+            high = tolerance_m;
         } else {
-            low = tolerance_m
+            low = tolerance_m;
         }
     }
     // The least chord can ask for more than the count did: then the tolerance gives way by small steps.
@@ -128,6 +130,8 @@ pub fn densify_to_budget(
 
 /// Relative width at which the smallest tolerance is known.
 const NARROW: f64 = 1.001;
+/// Guesses before halving.
+const GUESSES: u32 = 4;
 /// Steps, and their size, by which a tolerance gives way to the least chord: a thousandfold in all.
 const LEAST_CHORD_STEPS: u32 = 200;
 const LEAST_CHORD_STEP: f64 = 1.035;

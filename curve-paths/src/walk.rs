@@ -46,7 +46,7 @@ pub(crate) fn walk(
     Ok(())
 }
 
-/// The longest chord from here whose bound is within the tolerance, to 0.3 % of its length.
+/// The longest chord from here whose bound is within the tolerance, to half a percent of its length.
 #[inline]
 pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64, last: f64) -> Chord {
     let rest = 1.0 - local.t();
@@ -227,10 +227,10 @@ fn optimum_with_least(
 const BALANCE_STEPS: u32 = 31;
 /// Grid of the dynamic program.
 const GRID: usize = 384;
-/// Fraction of the tolerance that ends a search: the chord is within 0.3 % of the longest.
-const CLOSE_ENOUGH: f64 = 0.994;
+/// Fraction of the tolerance that ends a search: the chord is within half a percent of the longest.
+const CLOSE_ENOUGH: f64 = 0.99;
 /// What the secant aims at, between that and 1.
-const AIM: f64 = 0.997;
+const AIM: f64 = 0.995;
 /// Relative width of the interval that ends a search.
 const NARROW: f64 = 1e-3;
 /// Steps by secant; then bisection.

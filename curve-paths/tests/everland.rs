@@ -127,6 +127,12 @@ fn smooth_cubic_legs_at_most_10_for_10_m() {
     joints_are_shared(&fitted, &track);
     assert!(two_sided_m(&fitted.legs, &track) <= 10.0);
     let n = fitted.legs.len();
+    for leg in &fitted.legs {
+        // No corner in disguise: every arm is a fair part of its leg.
+        let [p1, p2, p3, p4] = leg.ecef().0;
+        let shorter = (p2 - p1).norm().min((p4 - p3).norm());
+        assert!(shorter > 0.14 * (p4 - p1).norm(), "{shorter}");
+    }
     for k in 0..n {
         let (a, b) = (
             fitted.legs[k].ecef().derivative(1.0).unit(),
@@ -154,6 +160,31 @@ fn cubic_legs_at_most_20_for_1_m_and_about_as_many_items_as_straight_ones() {
         panic!("no vertices")
     };
     assert_eq!(first.position, last.position);
+}
+
+#[test]
+fn far_fixes_are_joined_smoothly_too() {
+    let fixes = [(47.0, 8.0), (47.0, 8.003), (47.002, 8.003), (47.002, 8.0)]
+        .map(|(a, b)| Position::new(a, b, 0.0));
+    for closed in [false, true] {
+        let track = Track::new(&fixes, closed).unwrap();
+        let fitted = cubic(&track, 1.0, Continuity::G1);
+        assert_eq!(
+            fitted.joints[0],
+            *fitted.joints.last().unwrap() * usize::from(closed)
+        );
+        assert!(
+            fitted.deviation_m <= 1.0 && fitted.legs.len() >= 3,
+            "{fitted:?}"
+        );
+        for pair in fitted.legs.windows(2) {
+            let (a, b) = (
+                pair[0].ecef().derivative(1.0).unit(),
+                pair[1].ecef().derivative(0.0).unit(),
+            );
+            assert!((a - b).norm() < 1e-3, "{a:?} {b:?}");
+        }
+    }
 }
 
 #[test]

@@ -95,7 +95,8 @@ pub(crate) fn reaches(
                 furthest = Some(j);
                 misses = 0;
             } else if stride > 1 {
-                j -= stride - 1;
+                // Strode too far: on from the last that fitted, one by one.
+                j = furthest.map_or(from, |last| last + 1);
                 stride = 1;
                 continue;
             } else {

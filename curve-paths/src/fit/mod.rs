@@ -68,6 +68,14 @@ pub enum FitError {
         /// The most, m.
         most_m: f64,
     },
+    /// The search found nothing that a dense measure confirms.
+    #[error("the best fit is {deviation_m} m off, expected at most {tolerance_m} m")]
+    NotWithin {
+        /// What was reached, m.
+        deviation_m: f64,
+        /// What was asked for, m.
+        tolerance_m: f64,
+    },
     /// A leg between two fixes is not legal: they are too far apart.
     #[error("leg from fix {from}: {error}")]
     Leg {
@@ -97,9 +105,35 @@ pub fn fit(
         closed: sampled.closed,
         corners: &corners,
     };
+    let mut inner_m = options.tolerance_m * (1.0 - SAMPLING_RESERVE);
+    let mut deviation_m = f64::INFINITY;
+    for _ in 0..ATTEMPTS {
+        let fitted = attempt(track, &sampled, &shape, options, inner_m, progress)?;
+        if fitted.deviation_m <= options.tolerance_m {
+            return Ok(fitted);
+        }
+        // Something lay between the samples of the search: once more with as much in reserve.
+        deviation_m = fitted.deviation_m;
+        inner_m *= 0.999 * options.tolerance_m / deviation_m;
+    }
+    Err(FitError::NotWithin {
+        deviation_m,
+        tolerance_m: options.tolerance_m,
+    })
+}
+
+/// One search with the tolerance `inner_m`, measured densely afterwards.
+fn attempt(
+    track: &Track,
+    sampled: &Sampled,
+    shape: &Shape<'_>,
+    options: &FitOptions,
+    inner_m: f64,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Fitted, FitError> {
     let mut cubics = Cubics {
-        sampled: &sampled,
-        tolerance_m: options.tolerance_m * (1.0 - SAMPLING_RESERVE),
+        sampled,
+        tolerance_m: inner_m,
         scratch: Scratch::default(),
     };
     let share = if options.continuity == Continuity::G0 {
@@ -107,9 +141,9 @@ pub fn fit(
     } else {
         0.5
     };
-    let reaches = chain::reaches(&shape, &mut cubics, &mut |done| progress(share * done));
+    let reaches = chain::reaches(shape, &mut cubics, &mut |done| progress(share * done));
     let links: Vec<smooth::Link> = match options.continuity {
-        Continuity::G0 => chain::fewest(&shape, &reaches, &mut cubics)
+        Continuity::G0 => chain::fewest(shape, &reaches, &mut cubics)
             .windows(2)
             .map(|pair| {
                 let lap = if sampled.closed {
@@ -121,7 +155,7 @@ pub fn fit(
                 (i, j, cubics.fit(i, j, Tangents::FREE).cubic)
             })
             .collect(),
-        Continuity::G1 => smooth::fewest(&shape, &reaches, &mut cubics, &mut |done| {
+        Continuity::G1 => smooth::fewest(shape, &reaches, &mut cubics, &mut |done| {
             progress(share + share * done)
         }),
     };
@@ -170,7 +204,12 @@ impl Cubics<'_> {
         let found = PairFit::run(points, arc_m, tangents, self.tolerance_m, &mut self.scratch);
         if j == i + 1 && found.deviation_m > self.tolerance_m {
             // Between neighbours the track is a chord, and arms that are short enough keep to it.
-            return PairFit::chord(points[0], points[points.len() - 1], tangents);
+            return PairFit::chord(
+                points[0],
+                points[points.len() - 1],
+                tangents,
+                self.tolerance_m,
+            );
         }
         found
     }
@@ -204,6 +243,8 @@ pub(crate) fn check_tolerance(tolerance_m: f64) -> Result<(), FitError> {
 
 /// Kept back from the tolerance while searching, for what lies between the samples.
 const SAMPLING_RESERVE: f64 = 2e-3;
+/// Searches before giving up on what the dense measure says.
+const ATTEMPTS: u32 = 4;
 /// Spacing of the samples that a found leg is measured with, as a part of the tolerance.
 const VERIFY: f64 = 0.25;
 /// How far to either side a corner is looked at, as a multiple of the tolerance.

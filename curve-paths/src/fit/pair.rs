@@ -88,9 +88,9 @@ impl PairFit {
 }
 
 impl PairFit {
-    /// The leg that keeps to the chord from `a` to `b`, whatever its tangents.
-    pub(crate) fn chord(a: Vec2, b: Vec2, tangents: Tangents) -> Self {
-        let arm = LEAST_ARM * (b - a).norm();
+    /// The leg that keeps to the chord from `a` to `b`, whatever its tangents, by arms shorter than the tolerance.
+    pub(crate) fn chord(a: Vec2, b: Vec2, tangents: Tangents, tolerance_m: f64) -> Self {
+        let arm = (LEAST_ARM * (b - a).norm()).min(0.9 * tolerance_m);
         let q1 = tangents.start.map_or(a.lerp(b, 1.0 / 3.0), |d| a + d * arm);
         let q2 = tangents.end.map_or(a.lerp(b, 2.0 / 3.0), |d| b - d * arm);
         Self {
@@ -310,5 +310,5 @@ const PATIENCE: u32 = 6;
 const ALONG: f64 = 0.01;
 /// Damping of the normal equations, as a part of their trace.
 const DAMPING: f64 = 1e-9;
-/// Shortest arm of a given tangent, as a part of the chord.
-const LEAST_ARM: f64 = 1e-3;
+/// Shortest arm of a tangent that counts, as a part of the chord: a shorter one would be a corner in disguise.
+pub(crate) const LEAST_ARM: f64 = 0.15;

@@ -6,7 +6,7 @@
 
 use super::Cubics;
 use super::chain::Shape;
-use super::pair::Tangents;
+use super::pair::{LEAST_ARM, Tangents};
 use super::plane::{Cubic2, Vec2};
 
 /// A leg of a chain: from fix, to fix (of the second round where it must), and the curve.
@@ -70,7 +70,9 @@ fn chain_from(
                 start: direction,
                 end: end_tangent,
             };
-            cubics.fitting(at - lap, to - lap, tangents)
+            cubics
+                .fitting(at - lap, to - lap, tangents)
+                .filter(|c| to == at + 1 || has_arms(c))
         };
         let mut to = reach;
         let cubic = loop {
@@ -93,6 +95,12 @@ fn chain_from(
         at = to;
     }
     Some(chain)
+}
+
+/// Whether both ends have a direction worth the name.
+fn has_arms(c: &Cubic2) -> bool {
+    let least = 0.99 * LEAST_ARM * (c.0[3] - c.0[0]).norm();
+    (c.0[1] - c.0[0]).norm() >= least && (c.0[3] - c.0[2]).norm() >= least
 }
 
 fn leaving(c: &Cubic2) -> Vec2 {

@@ -11,7 +11,7 @@ const PROFILE_HEIGHT: f64 = 130.0;
 /// Height of the map taken by its legend, scale and margins.
 const FURNITURE: f64 = 110.0;
 const MARGIN: f64 = 56.0;
-const TITLE: f64 = 34.0;
+const TITLE: f64 = 52.0;
 
 /// Colours of the radius classes, from straight to tight, and the greatest radius of each but the first, m.
 const CLASSES: [(&str, f64); 7] = [
@@ -43,8 +43,8 @@ pub(crate) fn draw(scene: &Scene) -> String {
     let length_m = scene.curve.last().map_or(0.0, |s| s.along_m);
     let _ = writeln!(
         out,
-        "<text x=\"{}\" y=\"22\" text-anchor=\"end\">{:.2} km, {} legs, {} vertices, tolerance {} m, proven {:.3} m</text>",
-        WIDTH - MARGIN,
+        "<text x=\"{}\" y=\"42\">{:.2} km, {} legs, {} vertices, tolerance {} m, proven {:.3} m</text>",
+        MARGIN,
         length_m / 1000.0,
         scene.joints.len().saturating_sub(1),
         scene.vertices.len(),
