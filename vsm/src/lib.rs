@@ -9,3 +9,11 @@
 pub mod config;
 pub mod session;
 pub mod shell;
+
+/// The name of a MAVLink message of the dialect; empty where it has none.
+#[must_use]
+pub fn message_name(id: u32) -> &'static str {
+    use mavlink::Message as _;
+    mavlink_link::dialect::MavMessage::default_message_from_id(id)
+        .map_or("", |message| message.message_name())
+}

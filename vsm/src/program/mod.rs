@@ -1,6 +1,7 @@
 //! The command line of `vsm`. Exit status: 0 done, 1 failed, 2 bad arguments or configuration.
 
 mod check_config;
+mod demo;
 mod dli_lines;
 mod keygen;
 mod run;
@@ -22,6 +23,15 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Flies the bridge, a simulated PX4 and a CUCS on loopback, and leaves a picture and a recording
+    Demo {
+        /// The folder for picture and recording
+        #[arg(long, value_name = "DIR", default_value = "demo-out")]
+        out: PathBuf,
+        /// How much faster than time the simulator runs
+        #[arg(long, default_value_t = 10.0)]
+        speed: f64,
+    },
     /// Serves the vehicles of a configuration until SIGTERM or SIGINT
     Run {
         /// The configuration, such as examples/vsm.toml
@@ -72,6 +82,7 @@ pub(crate) enum Failure {
 pub(crate) fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let done = match arguments.command {
+        Command::Demo { out, speed } => demo::run(&out, speed),
         Command::Run { config } => run::run(&config),
         Command::CheckConfig { file } => check_config::check(&file),
         Command::Status { config, json } => status::show(&config, json),

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::future::Future;
 use std::io;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Duration;
@@ -134,6 +135,33 @@ impl Server {
             writers,
             status,
         })
+    }
+
+    /// Where stations reach it.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn dli_address(&self) -> io::Result<SocketAddr> {
+        self.dli.unicast.local_addr()
+    }
+
+    /// Where the vehicle with this index reaches it; `None` for a serial line.
+    #[must_use]
+    pub fn vehicle_address(&self, index: usize) -> Option<SocketAddr> {
+        match self.readers.get(index)? {
+            VehicleReader::Udp(socket) => socket.local_addr().ok(),
+            VehicleReader::Serial(_) => None,
+        }
+    }
+
+    /// The recording of the vehicle with this index.
+    #[must_use]
+    pub fn recording(&self, index: usize) -> Option<PathBuf> {
+        let core = self.shared.core.borrow();
+        core.recordings
+            .get(index)?
+            .as_ref()
+            .map(|recording| recording.path().to_owned())
     }
 
     /// Serves until `stop` is done, then gives the last status.

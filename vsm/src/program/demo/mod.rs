@@ -1,0 +1,314 @@
+//! `vsm demo`: the bridge, a simulated PX4 and a CUCS on loopback sockets, from discovery to release.
+//!
+//! Each has a thread of its own and only sockets between them. The simulator runs faster than time; signing clocks,
+//! time-outs and the CUCS stay in real time.
+
+mod picture;
+mod table;
+mod track;
+mod world;
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail};
+use sim::cucs::{LoiterAt, Route, Session, Station, Waypoint};
+use stanag_msgs::Id;
+use stanag_msgs::enums::{
+    AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess, WaypointSpeedType,
+};
+
+use self::picture::Picture;
+use self::track::{Point, Track};
+use self::world::World;
+use super::Failure;
+
+/// Flies the demo and leaves picture and recording in `out`.
+pub(crate) fn run(out: &Path, speed: f64) -> Result<(), Failure> {
+    fly(out, speed).map_err(Failure::Failed)
+}
+
+fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
+    std::fs::create_dir_all(out)
+        .with_context(|| format!("the folder {} cannot be made", out.display()))?;
+    let mut story = Story {
+        started: Instant::now(),
+    };
+    story.tell(format!(
+        "a simulated PX4, {speed} times faster than time; signing clocks stay real"
+    ));
+    let world = World::start(out, speed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let flown = runtime.block_on(async {
+        let mut station = Station::bind(CUCS, "127.0.0.1:0".parse()?, world.vsm).await?;
+        let flown = tokio::select! {
+            flown = flight(&mut station, &mut story) => flown,
+            _ = tokio::signal::ctrl_c() => Err(anyhow::anyhow!("interrupted")),
+        };
+        flown.map(|()| station)
+    });
+    // What runs is stopped also where the flight failed.
+    let remains = world.stop()?;
+    let station = flown?;
+    let track = Track::flown(&remains.track);
+    let planned = planned();
+    let legs: Vec<Point> = std::iter::once(HOME_POINT)
+        .chain(planned.iter().map(|(_, point)| *point))
+        .collect();
+    let deviation_m = track.deviation_m(&legs);
+    let note = format!(
+        "CUCS over DLI, bridge, signed MAVLink 2, simulated PX4; largest deviation from the route {deviation_m:.1} m"
+    );
+    let picture = Picture {
+        title: "vsm demo: planned and flown",
+        planned: &planned,
+        flown: &track,
+        note: &note,
+    };
+    let svg = out.join("flight.svg");
+    std::fs::write(&svg, picture.svg())
+        .with_context(|| format!("{} cannot be written", svg.display()))?;
+    let summary = table::Summary {
+        traffic: station.session().traffic(),
+        status: &remains.status,
+        simulator: &remains.counters,
+        deviation_m,
+        flight_s: track.points.last().map_or(0.0, |last| last.time_s)
+            - track.points.first().map_or(0.0, |p| p.time_s),
+        took: story.started.elapsed(),
+        speed,
+    };
+    let mut text = summary.text();
+    text += &format!(
+        "\nflight.svg shows it, {} is the MAVLink recording\n",
+        remains.recording
+    );
+    text += &format!(
+        "{}\n",
+        std::path::absolute(out)
+            .unwrap_or_else(|_| PathBuf::from(out))
+            .display()
+    );
+    io::stdout()
+        .write_all(text.as_bytes())
+        .context("standard output")?;
+    Ok(())
+}
+
+/// Everything that the CUCS does.
+async fn flight(station: &mut Station, story: &mut Story) -> anyhow::Result<()> {
+    station.set_heartbeats(true);
+    let found = station.discover().await?;
+    let Some(vehicle) = found.first().map(|found| found.vehicle) else {
+        bail!("no vehicle was discovered")
+    };
+    story.tell(format!("discovered {vehicle}"));
+    let wanted = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
+    station
+        .request(vehicle, wanted, RequestedAccess::Request)
+        .await?;
+    story.tell("control granted: LOI 4 and 5");
+    station
+        .wait_until("position of the vehicle", READY_WITHIN, |session| {
+            session
+                .vehicle(vehicle)
+                .is_some_and(|vehicle| vehicle.position().is_some())
+        })
+        .await?;
+    let position = station
+        .vehicle(vehicle)
+        .and_then(|vehicle| vehicle.position());
+    let ground_m = position.context("a vehicle without position")?.altitude_m;
+    let route = route();
+    let numbers: Vec<String> = route
+        .waypoints
+        .iter()
+        .map(|waypoint| waypoint.number.to_string())
+        .collect();
+    station.send_route(vehicle, &route).await?.accepted()?;
+    story.tell(format!(
+        "route {} loaded, read back and compared",
+        numbers.join(" -> ")
+    ));
+
+    station
+        .launch(vehicle, LAUNCH_M, AltitudeType::Agl)
+        .await?
+        .accepted()?;
+    story.tell(format!("launched to {LAUNCH_M:.0} m"));
+    await_mode(
+        station,
+        vehicle,
+        Mode::Loiter,
+        "the vehicle to hold after its launch",
+    )
+    .await?;
+    station.fly_route(vehicle, None, None).await?.accepted()?;
+    story.tell("flies the route");
+    await_waypoint(station, story, vehicle, 15).await?;
+    station
+        .change_speed(vehicle, SLOWER_M_S)
+        .await?
+        .accepted()?;
+    story.tell(format!("slower: {SLOWER_M_S} m/s, in waypoint mode"));
+    await_waypoint(station, story, vehicle, 40).await?;
+    let higher = LoiterAt {
+        altitude: Some((HIGHER_M, AltitudeType::Agl)),
+        ..LoiterAt::default()
+    };
+    station.loiter(vehicle, higher).await?.accepted()?;
+    story.tell(format!(
+        "holds and climbs to {HIGHER_M:.0} m, in loiter mode"
+    ));
+    let above = |session: &Session| {
+        let altitude_m = session
+            .vehicle(vehicle)
+            .and_then(|vehicle| vehicle.position())
+            .map(|at| at.altitude_m);
+        altitude_m.is_some_and(|m| m > ground_m + HIGHER_M - 1.5)
+    };
+    station
+        .wait_until("the commanded altitude", FLIGHT_WITHIN, above)
+        .await?;
+    station
+        .fly_route(vehicle, Some(40), None)
+        .await?
+        .accepted()?;
+    story.tell("flies on to waypoint 40");
+    await_waypoint(station, story, vehicle, 5).await?;
+    let flown = |session: &Session| {
+        session
+            .vehicle(vehicle)
+            .is_some_and(|v| v.from_waypoint() == Some(5) && v.to_waypoint().is_none())
+    };
+    station
+        .wait_until("the end of the route", FLIGHT_WITHIN, flown)
+        .await?;
+    story.tell("the route is flown");
+    station.land(vehicle).await?.accepted()?;
+    story.tell("lands");
+    station
+        .wait_until("the landing", FLIGHT_WITHIN, |session| {
+            session
+                .vehicle(vehicle)
+                .is_some_and(|vehicle| vehicle.landed() == Some(true))
+        })
+        .await?;
+    story.tell("landed");
+    station.release(vehicle).await?;
+    story.tell("control handed back");
+    Ok(())
+}
+
+async fn await_waypoint(
+    station: &mut Station,
+    story: &mut Story,
+    vehicle: Id,
+    number: u16,
+) -> anyhow::Result<()> {
+    let what = format!("the vehicle to fly to waypoint {number}");
+    let reached = |session: &Session| {
+        session
+            .vehicle(vehicle)
+            .is_some_and(|v| v.to_waypoint() == Some(number))
+    };
+    station.wait_until(&what, FLIGHT_WITHIN, reached).await?;
+    let from = station
+        .vehicle(vehicle)
+        .and_then(|v| v.from_waypoint())
+        .unwrap_or(0);
+    story.tell(format!("waypoint {from} passed, to {number}"));
+    Ok(())
+}
+
+async fn await_mode(
+    station: &mut Station,
+    vehicle: Id,
+    mode: Mode,
+    what: &str,
+) -> anyhow::Result<()> {
+    let reached = |session: &Session| {
+        session
+            .vehicle(vehicle)
+            .is_some_and(|v| v.mode() == Some(mode))
+    };
+    Ok(station.wait_until(what, FLIGHT_WITHIN, reached).await?)
+}
+
+/// Tells what happens as it happens.
+struct Story {
+    started: Instant,
+}
+
+impl Story {
+    fn tell(&mut self, what: impl std::fmt::Display) {
+        let line = format!("[{:5.1} s] {what}\n", self.started.elapsed().as_secs_f64());
+        // A reader that is gone must not stop a flight half-way.
+        let _ = io::stdout().write_all(line.as_bytes());
+    }
+}
+
+/// Number, m north and east of home, m above home, m/s, next.
+const WAYPOINTS: &[(u16, f64, f64, f64, f64, u16)] = &[
+    (10, 60.0, 0.0, 30.0, 8.0, 7),
+    (7, 120.0, 80.0, 35.0, 8.0, 15),
+    (15, 60.0, 160.0, 40.0, 8.0, 40),
+    (40, -40.0, 120.0, 40.0, 8.0, 5),
+    (5, 0.0, 20.0, 30.0, 8.0, 0),
+];
+
+fn route() -> Route {
+    let waypoints =
+        WAYPOINTS.iter().map(
+            |(number, north_m, east_m, up_m, speed_m_s, next)| Waypoint {
+                number: *number,
+                latitude_deg: HOME.0 + north_m / METRES_A_DEGREE,
+                longitude_deg: HOME.1 + east_m / (METRES_A_DEGREE * HOME.0.to_radians().cos()),
+                altitude_m: *up_m,
+                altitude_type: Some(AltitudeType::Agl),
+                speed_m_s: Some(*speed_m_s),
+                speed_type: Some(WaypointSpeedType::Ground),
+                next: *next,
+                ..Waypoint::default()
+            },
+        );
+    Route {
+        mission_id: Some("DEMO".to_owned()),
+        id: Some("DEMO ROUTE".to_owned()),
+        waypoints: waypoints.collect(),
+        ..Route::default()
+    }
+}
+
+fn planned() -> Vec<(u16, Point)> {
+    let point = |north_m, east_m, up_m| Point {
+        north_m,
+        east_m,
+        up_m,
+        ..HOME_POINT
+    };
+    WAYPOINTS
+        .iter()
+        .map(|(number, north_m, east_m, up_m, ..)| (*number, point(*north_m, *east_m, *up_m)))
+        .collect()
+}
+
+const CUCS: Id = Id(0x1b00_00a0);
+/// Where px4-sim stands by default.
+const HOME: (f64, f64) = (47.397_743_4, 8.545_593_9);
+const HOME_POINT: Point = Point {
+    time_s: 0.0,
+    north_m: 0.0,
+    east_m: 0.0,
+    up_m: 0.0,
+    in_mission: false,
+};
+const METRES_A_DEGREE: f64 = 111_194.93;
+const LAUNCH_M: f64 = 30.0;
+const HIGHER_M: f64 = 45.0;
+const SLOWER_M_S: f64 = 5.0;
+const READY_WITHIN: Duration = Duration::from_secs(15);
+const FLIGHT_WITHIN: Duration = Duration::from_secs(60);

@@ -1,0 +1,243 @@
+//! The planned and the flown track as an SVG: map with scale and north, altitude profile.
+
+use std::fmt::Write as _;
+
+use super::track::{Point, Track};
+
+/// What is drawn.
+pub(crate) struct Picture<'a> {
+    pub(crate) title: &'a str,
+    /// The route: numbered waypoints, in flying order.
+    pub(crate) planned: &'a [(u16, Point)],
+    pub(crate) flown: &'a Track,
+    pub(crate) note: &'a str,
+}
+
+impl Picture<'_> {
+    /// The SVG.
+    pub(crate) fn svg(&self) -> String {
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" \
+             font-family=\"sans-serif\" font-size=\"13\">\n\
+             <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n\
+             <text x=\"{MARGIN}\" y=\"28\" font-size=\"18\" font-weight=\"bold\">{}</text>\n\
+             <text x=\"{MARGIN}\" y=\"48\" fill=\"#555\">{}</text>\n",
+            escaped(self.title),
+            escaped(self.note)
+        );
+        self.map(&mut svg);
+        self.profile(&mut svg);
+        legend(&mut svg);
+        svg.push_str("</svg>\n");
+        svg
+    }
+
+    fn map(&self, svg: &mut String) {
+        let places = self
+            .planned
+            .iter()
+            .map(|(_, point)| point)
+            .chain(&self.flown.points);
+        let (mut west, mut east, mut south, mut north) = (f64::MAX, f64::MIN, f64::MAX, f64::MIN);
+        for point in places {
+            (west, east) = (west.min(point.east_m), east.max(point.east_m));
+            (south, north) = (south.min(point.north_m), north.max(point.north_m));
+        }
+        if west > east {
+            return;
+        }
+        let room = 0.08 * (east - west).max(north - south).max(10.0);
+        (west, east, south, north) = (west - room, east + room, south - room, north + room);
+        let scale = (MAP_WIDTH / (east - west)).min(MAP_HEIGHT / (north - south));
+        let left = MARGIN + (MAP_WIDTH - scale * (east - west)) / 2.0;
+        let top = MAP_TOP + (MAP_HEIGHT - scale * (north - south)) / 2.0;
+        let x = |point: &Point| left + scale * (point.east_m - west);
+        let y = |point: &Point| top + scale * (north - point.north_m);
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{MARGIN}\" y=\"{MAP_TOP}\" width=\"{MAP_WIDTH}\" height=\"{MAP_HEIGHT}\" \
+             fill=\"#f6f8f6\" stroke=\"#ccc\"/>"
+        );
+        let planned = self.planned.iter().map(|(_, point)| (x(point), y(point)));
+        polyline(
+            svg,
+            planned,
+            PLANNED,
+            "stroke-dasharray=\"7 5\" stroke-width=\"2\"",
+        );
+        let flown = self.flown.points.iter().map(|point| (x(point), y(point)));
+        polyline(svg, flown, FLOWN, "stroke-width=\"2\"");
+        for (number, point) in self.planned {
+            let (x, y) = (x(point), y(point));
+            let _ = writeln!(
+                svg,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"#fff\" stroke=\"{PLANNED}\" stroke-width=\"2\"/>\
+                 <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{PLANNED}\">{number}</text>",
+                x + 9.0,
+                y - 7.0
+            );
+        }
+        if let Some(start) = self.flown.points.first() {
+            let (x, y) = (x(start), y(start));
+            let _ = writeln!(
+                svg,
+                "<path d=\"M{:.1} {:.1} l7 12 h-14 z\" fill=\"{FLOWN}\"/>\
+                 <text x=\"{:.1}\" y=\"{:.1}\">home</text>",
+                x,
+                y - 7.0,
+                x + 10.0,
+                y + 14.0
+            );
+        }
+        scale_bar(svg, scale);
+        let (x, y) = (MARGIN + MAP_WIDTH - 26.0, MAP_TOP + 14.0);
+        let _ = writeln!(
+            svg,
+            "<path d=\"M{x} {y} l8 26 l-8 -6 l-8 6 z\" fill=\"#333\"/>\
+             <text x=\"{x}\" y=\"{}\" text-anchor=\"middle\">N</text>",
+            y + 44.0
+        );
+    }
+
+    fn profile(&self, svg: &mut String) {
+        let points = &self.flown.points;
+        let (Some(first), Some(last)) = (points.first(), points.last()) else {
+            return;
+        };
+        let planned_top = self
+            .planned
+            .iter()
+            .map(|(_, point)| point.up_m)
+            .fold(10.0, f64::max);
+        let highest = points
+            .iter()
+            .map(|point| point.up_m)
+            .fold(planned_top, f64::max)
+            * 1.15;
+        let seconds = (last.time_s - first.time_s).max(1.0);
+        let x = |time_s: f64| MARGIN + (time_s - first.time_s) / seconds * MAP_WIDTH;
+        let y = |up_m: f64| PROFILE_TOP + PROFILE_HEIGHT * (1.0 - up_m.max(0.0) / highest);
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{MARGIN}\" y=\"{PROFILE_TOP}\" width=\"{MAP_WIDTH}\" height=\"{PROFILE_HEIGHT}\" \
+             fill=\"#f6f8f6\" stroke=\"#ccc\"/>"
+        );
+        for step in ticks(highest) {
+            let y = y(step);
+            let _ = writeln!(
+                svg,
+                "<line x1=\"{MARGIN}\" x2=\"{:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\" stroke=\"#ddd\"/>\
+                 <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"#555\">{step:.0}</text>",
+                MARGIN + MAP_WIDTH,
+                MARGIN - 5.0,
+                y + 4.0
+            );
+        }
+        for step in ticks(seconds) {
+            let x = x(first.time_s + step);
+            let _ = writeln!(
+                svg,
+                "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#555\">{step:.0}</text>",
+                PROFILE_TOP + PROFILE_HEIGHT + 16.0
+            );
+        }
+        polyline(
+            svg,
+            points.iter().map(|point| (x(point.time_s), y(point.up_m))),
+            FLOWN,
+            "stroke-width=\"2\"",
+        );
+        for (number, waypoint) in self.planned {
+            let Some(nearest) = self.flown.nearest(waypoint) else {
+                continue;
+            };
+            let (x, y) = (x(nearest.time_s), y(waypoint.up_m));
+            let _ = writeln!(
+                svg,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"none\" stroke=\"{PLANNED}\" stroke-width=\"2\"/>\
+                 <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{PLANNED}\">{number}</text>",
+                y - 8.0
+            );
+        }
+        let _ = writeln!(
+            svg,
+            "<text x=\"{MARGIN}\" y=\"{:.1}\" fill=\"#555\">altitude above home in m, over the vehicle's time in s</text>",
+            PROFILE_TOP - 6.0
+        );
+    }
+}
+
+fn legend(svg: &mut String) {
+    let y = HEIGHT - 14.0;
+    let _ = writeln!(
+        svg,
+        "<line x1=\"{MARGIN}\" x2=\"{:.0}\" y1=\"{:.0}\" y2=\"{:.0}\" stroke=\"{PLANNED}\" stroke-width=\"2\" \
+         stroke-dasharray=\"7 5\"/><text x=\"{:.0}\" y=\"{y}\">planned (DLI 13002)</text>\
+         <line x1=\"{:.0}\" x2=\"{:.0}\" y1=\"{:.0}\" y2=\"{:.0}\" stroke=\"{FLOWN}\" stroke-width=\"2\"/>\
+         <text x=\"{:.0}\" y=\"{y}\">flown</text>",
+        MARGIN + 40.0,
+        y - 4.0,
+        y - 4.0,
+        MARGIN + 48.0,
+        MARGIN + 220.0,
+        MARGIN + 260.0,
+        y - 4.0,
+        y - 4.0,
+        MARGIN + 268.0,
+    );
+}
+
+fn scale_bar(svg: &mut String, pixels_a_metre: f64) {
+    let metres = [1.0, 2.0, 5.0]
+        .iter()
+        .flat_map(|digit| (0..6).map(move |power| digit * 10_f64.powi(power)))
+        .filter(|metres| metres * pixels_a_metre <= 200.0)
+        .fold(1.0, f64::max);
+    let (x, y) = (MARGIN + 14.0, MAP_TOP + MAP_HEIGHT - 16.0);
+    let _ = writeln!(
+        svg,
+        "<path d=\"M{x} {:.1} v6 h{:.1} v-6\" fill=\"none\" stroke=\"#333\" stroke-width=\"2\"/>\
+         <text x=\"{x}\" y=\"{:.1}\">{metres:.0} m</text>",
+        y - 6.0,
+        metres * pixels_a_metre,
+        y - 12.0
+    );
+}
+
+fn polyline(svg: &mut String, points: impl Iterator<Item = (f64, f64)>, colour: &str, style: &str) {
+    svg.push_str("<polyline fill=\"none\" stroke-linejoin=\"round\" stroke=\"");
+    let _ = write!(svg, "{colour}\" {style} points=\"");
+    for (x, y) in points {
+        let _ = write!(svg, "{x:.1},{y:.1} ");
+    }
+    svg.push_str("\"/>\n");
+}
+
+/// Round steps from 0 to a value, at most eight.
+fn ticks(to: f64) -> impl Iterator<Item = f64> {
+    let rough = to / 8.0;
+    let power = 10_f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .map(|digit| digit * power)
+        .find(|step| *step >= rough)
+        .unwrap_or(to);
+    (0..)
+        .map(move |n| f64::from(n) * step)
+        .take_while(move |value| *value <= to)
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
+}
+
+const WIDTH: f64 = 920.0;
+const HEIGHT: f64 = 840.0;
+const MARGIN: f64 = 46.0;
+const MAP_TOP: f64 = 62.0;
+const MAP_WIDTH: f64 = 828.0;
+const MAP_HEIGHT: f64 = 480.0;
+const PROFILE_TOP: f64 = 576.0;
+const PROFILE_HEIGHT: f64 = 200.0;
+const PLANNED: &str = "#1f5fa8";
+const FLOWN: &str = "#c8401a";

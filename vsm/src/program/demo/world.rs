@@ -1,0 +1,174 @@
+//! The bridge and the simulated vehicle of the demo, each on a thread of its own.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+
+use anyhow::{Context as _, anyhow};
+use sim::px4::{Counters, LinkAddress, Simulator, SimulatorConfig, Truth};
+use tempfile::TempDir;
+use tokio::runtime::Runtime;
+use tokio::sync::oneshot;
+use vsm::config::Config;
+use vsm::session::Status;
+use vsm::shell::key_file;
+use vsm::shell::server::Server;
+
+/// What runs.
+pub(crate) struct World {
+    /// Where the bridge listens for a CUCS.
+    pub(crate) vsm: SocketAddr,
+    bridge: JoinHandle<Option<Status>>,
+    stop: oneshot::Sender<()>,
+    simulator: Simulator,
+    /// Runs the simulator.
+    background: Runtime,
+    recording: String,
+    /// Key and state of the demo: gone with it.
+    _private: TempDir,
+}
+
+/// What is left when all has stopped.
+pub(crate) struct Remains {
+    pub(crate) status: Status,
+    pub(crate) counters: Counters,
+    pub(crate) track: Vec<Truth>,
+    pub(crate) recording: String,
+}
+
+impl World {
+    pub(crate) fn start(out: &Path, speed: f64) -> anyhow::Result<World> {
+        let private = TempDir::new().context("a folder for the demo's key and state")?;
+        let key = private.path().join("demo.key");
+        key_file::generate(&key)?;
+        let out = std::path::absolute(out)?;
+        let text = CONFIG.replace("OUT", &toml_text(&out)?);
+        let config = Config::parse(&text, private.path())?;
+        let (tell, told) = mpsc::channel();
+        let (stop, stopped) = oneshot::channel();
+        let bridge = std::thread::Builder::new()
+            .name("bridge".to_owned())
+            .spawn(move || serve(&config, &tell, stopped))?;
+        let addresses = told.recv().context("the bridge's thread has ended")??;
+        let background = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .enable_all()
+            .build()?;
+        let mut simulation = SimulatorConfig::on(LinkAddress::UdpOut(addresses.vehicle));
+        simulation.key = Some(key_file::read(&key)?);
+        simulation.speed = speed;
+        let simulator = background.block_on(Simulator::spawn(simulation))?;
+        Ok(World {
+            vsm: addresses.dli,
+            bridge,
+            stop,
+            simulator,
+            background,
+            recording: addresses.recording,
+            _private: private,
+        })
+    }
+
+    /// Stops both and gives what is left.
+    pub(crate) fn stop(self) -> anyhow::Result<Remains> {
+        let (counters, track) = (self.simulator.counters(), self.simulator.take_track());
+        self.background.block_on(self.simulator.stop());
+        // A bridge that has ended already has nothing left to stop.
+        let _ = self.stop.send(());
+        let status = self
+            .bridge
+            .join()
+            .map_err(|_| anyhow!("the bridge's thread has panicked"))?;
+        let status = status.context("the bridge did not serve")?;
+        Ok(Remains {
+            status,
+            counters,
+            track,
+            recording: self.recording,
+        })
+    }
+}
+
+struct Addresses {
+    dli: SocketAddr,
+    vehicle: SocketAddr,
+    recording: String,
+}
+
+type Told = mpsc::Sender<anyhow::Result<Addresses>>;
+
+fn serve(config: &Config, tell: &Told, stopped: oneshot::Receiver<()>) -> Option<Status> {
+    let runtime = match tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+    {
+        Ok(runtime) => runtime,
+        Err(cause) => {
+            let _ = tell.send(Err(cause.into()));
+            return None;
+        }
+    };
+    runtime.block_on(async {
+        let server = match open(config) {
+            Ok((server, addresses)) => {
+                let _ = tell.send(Ok(addresses));
+                server
+            }
+            Err(cause) => {
+                let _ = tell.send(Err(cause));
+                return None;
+            }
+        };
+        let status = server
+            .serve(async {
+                // A sender that is gone means stop as well.
+                let _ = stopped.await;
+            })
+            .await;
+        Some(status)
+    })
+}
+
+fn open(config: &Config) -> anyhow::Result<(Server, Addresses)> {
+    let server = Server::open(config)?;
+    let addresses = Addresses {
+        dli: server.dli_address()?,
+        vehicle: server
+            .vehicle_address(0)
+            .context("the vehicle's link has no address")?,
+        recording: server
+            .recording(0)
+            .context("no recording")?
+            .display()
+            .to_string(),
+    };
+    Ok((server, addresses))
+}
+
+fn toml_text(path: &Path) -> anyhow::Result<String> {
+    let text = path
+        .to_str()
+        .with_context(|| format!("{} is not Unicode", path.display()))?;
+    Ok(text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+/// The configuration that a user would write, on ports that the system chooses.
+const CONFIG: &str = r#"
+[dli]
+vsm_id = "1b:00:00:01"
+listen = "127.0.0.1:0"
+[[cucs]]
+id = "1b:00:00:a0"
+loi = [2, 3, 4, 5]
+[[vehicle]]
+id = "1b:00:01:01"
+link = "udpin:127.0.0.1:0"
+system_id = 1
+tail_number = "DEMO-01"
+signing = { key_file = "demo.key" }
+[store]
+dir = "state"
+[record]
+dir = "OUT"
+"#;
