@@ -9,7 +9,7 @@ use std::time::Duration;
 use serde_json::Value;
 
 use interop_support::bridge::{Ground, HOME};
-use interop_support::{Running, here, plain_python};
+use interop_support::{Running, filter, here, plain_python, program};
 
 #[test]
 fn a_foreign_ground_station_flies_a_route() {
@@ -52,6 +52,27 @@ fn a_foreign_ground_station_flies_a_route() {
         "{checks} checks\n{}",
         all()
     );
+
+    // The flight has sent one of each of these, and more.
+    let config = ground.path("vsm.toml").display().to_string();
+    let arguments = ["status", "--json", "--config", &config];
+    let status = filter(&program("vsm"), arguments, String::new());
+    let status: Value = serde_json::from_str(&status).expect("a status in JSON");
+    for name in [
+        "misaddressed",
+        "oversized",
+        "truncated",
+        "unauthorised source",
+        "unknown message type",
+        "without the right",
+        "wrong checksum",
+    ] {
+        assert!(
+            status["refused"][name].as_u64() >= Some(1),
+            "{name}: {}",
+            status["refused"]
+        );
+    }
 
     bridge.terminate();
     let status = bridge.wait(Duration::from_secs(2));
