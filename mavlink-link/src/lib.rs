@@ -14,6 +14,7 @@
 pub mod clock;
 pub mod frame;
 pub mod link;
+pub mod provisioning;
 pub mod receiver;
 pub mod service;
 pub mod signing;

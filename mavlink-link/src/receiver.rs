@@ -78,6 +78,19 @@ impl KeyState {
         self.clock.take(now, store)
     }
 
+    /// Keeps this key's stamps above one that was used under another key of the same link.
+    ///
+    /// # Errors
+    /// See [`SigningClock::follow`]: nothing may be sent then.
+    pub fn follow(
+        &mut self,
+        stamp: Stamp,
+        now: Now,
+        store: &mut dyn CeilingStore,
+    ) -> Result<(), ClockError> {
+        self.clock.follow(stamp, now, store)
+    }
+
     /// See [`SigningClock::watch_wall`].
     pub fn watch_wall(&mut self, now: Now) -> WallState {
         self.clock.watch_wall(now)

@@ -63,7 +63,7 @@ impl<A> LinkConfig<A> {
         }
     }
 
-    pub(super) fn heartbeat(&self) -> HEARTBEAT_DATA {
+    pub(crate) fn heartbeat(&self) -> HEARTBEAT_DATA {
         HEARTBEAT_DATA {
             custom_mode: 0,
             mavtype: match self.role {

@@ -1,0 +1,168 @@
+//! What frames of the vehicle prove.
+
+use core::time::Duration;
+
+use super::{Event, Handover, NewKey, Outcome, State, Under};
+use crate::Now;
+use crate::clock::CeilingStore;
+use crate::dialect::{MavAutopilot, MavMessage, MavModeFlag};
+use crate::frame::{FrameView, Parser};
+use crate::receiver::{AUTOPILOT, Expected, Refusal};
+use crate::signing::Stamp;
+
+/// What one frame of the vehicle's autopilot turned out to be.
+enum Proof {
+    New,
+    /// With its stamp; `None` where the stamp was refused as too far ahead.
+    Old(Option<Stamp>),
+    Stale(Under),
+    Unsigned,
+    Foreign,
+}
+
+impl<A: Copy + Eq> Handover<A> {
+    /// Takes a datagram, or what a serial port had.
+    pub fn handle_datagram(
+        &mut self,
+        now: Now,
+        from: A,
+        bytes: &[u8],
+        store: &mut dyn CeilingStore,
+    ) {
+        // Taken out while its frames are looked at; it is a few hundred octets.
+        let mut parser = core::mem::replace(&mut self.parser, Parser::new());
+        let mut frames = parser.feed(bytes);
+        while let Some(item) = frames.next() {
+            if let Ok(frame) = item
+                && frame.is_checked()
+            {
+                self.take(now, from, &frame, store);
+            }
+        }
+        self.parser = parser;
+        self.decide(now.mono);
+    }
+
+    fn take(&mut self, now: Now, from: A, frame: &FrameView<'_>, store: &mut dyn CeilingStore) {
+        let header = frame.header();
+        let link = &self.config.link;
+        if header.system_id == link.own_system {
+            return;
+        }
+        if header.system_id != link.vehicle_system {
+            self.watch_others(header.system_id, frame);
+            return;
+        }
+        if header.component_id != AUTOPILOT {
+            return;
+        }
+        let message = frame.message().ok();
+        match self.prove(now, frame, store) {
+            Proof::New => {
+                self.heard(now.mono, from, true);
+                self.seen.verified = Some(now.mono);
+                self.commit(now);
+            }
+            Proof::Old(stamp) => {
+                self.heard(now.mono, from, true);
+                self.seen.verified = Some(now.mono);
+                self.seen.old = Some(now.mono);
+                if let (Some(stamp), Some(mark)) = (stamp, self.seen.mark)
+                    && stamp >= mark
+                {
+                    self.seen.old_newer = self.seen.old_newer.saturating_add(1);
+                }
+                self.read(now.mono, message.as_ref());
+            }
+            Proof::Stale(under) => {
+                // It has fallen back: a heartbeat lifts it, and goes where the frame came from.
+                self.heard(now.mono, from, false);
+                self.lift = Some(under);
+            }
+            Proof::Unsigned => {
+                let heartbeat = matches!(message, Some(MavMessage::HEARTBEAT(_)));
+                // Anyone's heartbeats are passed on by a vehicle that signs; other messages are not.
+                if !heartbeat {
+                    self.seen.unsigned = self.seen.unsigned.saturating_add(1);
+                }
+                let open = self.old.is_none() || self.vehicle_is_open(now.mono);
+                if open && (!heartbeat || self.seen.unsigned > 0) {
+                    self.heard(now.mono, from, false);
+                    self.seen.old = Some(now.mono);
+                    self.read(now.mono, message.as_ref());
+                }
+            }
+            Proof::Foreign => self.seen.foreign += 1,
+        }
+    }
+
+    fn prove(&mut self, now: Now, frame: &FrameView<'_>, store: &mut dyn CeilingStore) -> Proof {
+        if !frame.is_signed() {
+            return Proof::Unsigned;
+        }
+        let expected = Expected {
+            own_system: self.config.link.own_system,
+            system: self.config.link.vehicle_system,
+            autopilot_link: self.config.link.vehicle_link_id,
+        };
+        if let NewKey::Offered(key) = &mut self.new {
+            match key.receive(frame, expected, now, store) {
+                Ok(_) => return Proof::New,
+                Err(Refusal::Stale) => return Proof::Stale(Under::New),
+                Err(_) => {}
+            }
+        }
+        match self
+            .old
+            .as_mut()
+            .map(|key| key.receive(frame, expected, now, store))
+        {
+            Some(Ok(stamp)) => Proof::Old(Some(stamp)),
+            Some(Err(Refusal::Stale)) => Proof::Stale(Under::Old),
+            // A clock that a holder of the key has dragged ahead is what a new key mends.
+            Some(Err(Refusal::Future)) => Proof::Old(None),
+            _ => Proof::Foreign,
+        }
+    }
+
+    /// Another autopilot would take the key too: before anything is sent, that ends the handover.
+    fn watch_others(&mut self, system: u8, frame: &FrameView<'_>) {
+        let waiting = matches!(self.state, State::Staged | State::WaitDisarm) && self.tries == 0;
+        if !waiting || self.outcome.is_some() {
+            return;
+        }
+        if let Ok(MavMessage::HEARTBEAT(heartbeat)) = frame.message()
+            && heartbeat.autopilot != MavAutopilot::MAV_AUTOPILOT_INVALID
+        {
+            self.events.push_back(Event::SeveralAutopilots { system });
+            self.end(Outcome::SeveralAutopilots);
+        }
+    }
+
+    fn heard(&mut self, mono: Duration, from: A, verified: bool) {
+        if verified || self.peer.is_none() {
+            self.peer = Some(from);
+        }
+        self.seen.first.get_or_insert(mono);
+    }
+
+    /// What the vehicle says of itself.
+    fn read(&mut self, mono: Duration, message: Option<&MavMessage>) {
+        match message {
+            Some(MavMessage::HEARTBEAT(heartbeat)) => {
+                let armed = heartbeat
+                    .base_mode
+                    .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
+                self.seen.disarmed = (!armed).then_some(mono);
+            }
+            Some(MavMessage::STATUSTEXT(text)) => {
+                let said = text.text.to_str().unwrap_or_default();
+                if said.contains("rejected while armed") && self.state == State::Sent {
+                    self.seen.refused_armed = true;
+                    self.events.push_back(Event::RefusedWhileArmed);
+                }
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,359 @@
+//! Giving a vehicle a new signing key, without a state from which the link cannot come back by itself.
+//!
+//! PX4 answers SETUP_SIGNING with nothing that can be relied on, and takes the key or not. So two keys
+//! are held until a frame of the vehicle *verifies* under one of them: only that is proof. Promised:
+//!
+//! - nothing is thrown away on silence: a vehicle that is not heard may have taken the key;
+//! - the new key is given up only where frames of the vehicle, made after the last SETUP_SIGNING had
+//!   become a replay, have verified under the old key alone for half a minute;
+//! - every SETUP_SIGNING is signed with the key in force, while the vehicle says that it is disarmed,
+//!   and with a first stamp above every stamp seen;
+//! - stamps rise over both keys, for the vehicle keeps one table of streams for them.
+//!
+//! ```text
+//! STAGED -> WAIT_DISARM -> SENT -+-> COMMITTED              a frame verifies under the new key
+//!               ^                +-> NOT_TAKEN              two newer frames under the old one
+//!               |                |     +-> ROLLED_BACK      after three; given up after 30 s more
+//!               +----------------+-----+
+//!                                +-> UNKNOWN                silence: both keys kept, both tried
+//! ```
+//!
+//! A process that dies on the way starts again in UNKNOWN, with the keys that are on disk: the caller
+//! stores the new key before [`Handover::start`], and makes it the current one on [`Event::Commit`].
+
+mod config;
+mod evidence;
+mod send;
+
+pub use self::config::{Event, HandoverConfig, Outcome, StartError, State};
+pub use self::send::Transmit;
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use crate::Now;
+use crate::clock::{CeilingStore, Origin};
+use crate::frame::Parser;
+use crate::receiver::KeyState;
+use crate::signing::{KeyId, SigningKey, Stamp};
+
+/// One handover of one key to one vehicle. `A` is an address.
+#[derive(Debug)]
+pub struct Handover<A> {
+    config: HandoverConfig<A>,
+    /// The key in force so far; `None` where the vehicle does not sign yet.
+    old: Option<KeyState>,
+    new: NewKey,
+    state: State,
+    entered: Duration,
+    /// SETUP_SIGNING sent since the last fresh start.
+    tries: u8,
+    parser: Parser,
+    peer: Option<A>,
+    seq: u8,
+    seen: Seen,
+    heartbeat_at: Duration,
+    /// The next alternating heartbeat goes under the new key.
+    new_next: bool,
+    setup_due: bool,
+    lift: Option<Under>,
+    lifted_at: Option<Duration>,
+    events: VecDeque<Event>,
+    outcome: Option<Outcome>,
+}
+
+/// The key to be handed over.
+#[derive(Debug)]
+enum NewKey {
+    /// Never sent: nothing can have been signed with it.
+    Staged(SigningKey),
+    /// Sent at least once; frames may verify under it.
+    Offered(Box<KeyState>),
+}
+
+/// Which key a frame goes or came under.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Under {
+    Old,
+    New,
+}
+
+/// What has been heard of the vehicle.
+#[derive(Debug, Default)]
+struct Seen {
+    /// The first believed frame.
+    first: Option<Duration>,
+    /// The last frame that verified, under either key.
+    verified: Option<Duration>,
+    /// The last frame under the old key, or unsigned where there is no old key.
+    old: Option<Duration>,
+    /// Frames under the old key, made after the last SETUP_SIGNING was a replay.
+    old_newer: u32,
+    /// Unsigned frames of the autopilot other than heartbeats, since the last SETUP_SIGNING.
+    unsigned: u32,
+    /// Frames in the vehicle's name under neither key.
+    foreign: u64,
+    /// When it last said that it is disarmed; `None` once it says armed.
+    disarmed: Option<Duration>,
+    /// It said that it refuses while armed.
+    refused_armed: bool,
+    /// Stamp of our first heartbeat under the old key after the last SETUP_SIGNING.
+    mark: Option<Stamp>,
+}
+
+impl<A: Copy + Eq> Handover<A> {
+    /// Begins, or goes on where an earlier process was ended: a key that the store has a clock of has
+    /// been sent before, so nothing is known of it, and the state is [`State::Unknown`].
+    ///
+    /// `new` must be on disk already.
+    ///
+    /// # Errors
+    /// The store cannot be read, or both keys are the same.
+    pub fn start(
+        config: HandoverConfig<A>,
+        old: Option<KeyState>,
+        new: SigningKey,
+        now: Now,
+        store: &mut dyn CeilingStore,
+    ) -> Result<Self, StartError> {
+        if old.as_ref().is_some_and(|old| old.key().same_as(&new)) {
+            return Err(StartError::SameKey);
+        }
+        let known = store.load(&new.id())?.is_some();
+        let (new, state) = if known {
+            let key = KeyState::start(new, Origin::KeyFile, config.not_before, now, store)?;
+            (NewKey::Offered(Box::new(key)), State::Unknown)
+        } else {
+            (NewKey::Staged(new), State::Staged)
+        };
+        let peer = match config.link.endpoint {
+            crate::link::Endpoint::Listen => None,
+            crate::link::Endpoint::Fixed(peer) => Some(peer),
+        };
+        Ok(Self {
+            config,
+            old,
+            new,
+            state,
+            entered: now.mono,
+            tries: 0,
+            parser: Parser::new(),
+            peer,
+            seq: 0,
+            seen: Seen::default(),
+            heartbeat_at: now.mono,
+            new_next: false,
+            setup_due: false,
+            lift: None,
+            lifted_at: None,
+            events: VecDeque::from([Event::State(state)]),
+            outcome: None,
+        })
+    }
+
+    /// Where it stands.
+    #[must_use]
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// How it ended, once it has. Heartbeats go on; a vehicle that loses the key again takes the end back.
+    #[must_use]
+    pub fn outcome(&self) -> Option<Outcome> {
+        self.outcome
+    }
+
+    /// Names the key that is handed over.
+    #[must_use]
+    pub fn new_id(&self) -> KeyId {
+        match &self.new {
+            NewKey::Staged(key) => key.id(),
+            NewKey::Offered(key) => key.id(),
+        }
+    }
+
+    /// Whom it talks to, once that is known.
+    #[must_use]
+    pub fn peer(&self) -> Option<A> {
+        self.peer
+    }
+
+    /// Frames in the vehicle's name that neither key has signed: it may have a third one.
+    #[must_use]
+    pub fn foreign_frames(&self) -> u64 {
+        self.seen.foreign
+    }
+
+    /// Whether anything of the vehicle has been believed.
+    #[must_use]
+    pub fn has_heard(&self) -> bool {
+        self.seen.first.is_some()
+    }
+
+    /// The key that the vehicle has proved to use, with its clock; both are gone from here then.
+    #[must_use]
+    pub fn into_key_in_force(self) -> Option<KeyState> {
+        match (self.outcome, self.new) {
+            (Some(Outcome::Committed), NewKey::Offered(new)) => Some(*new),
+            (Some(Outcome::RolledBack), _) => self.old,
+            _ => None,
+        }
+    }
+
+    /// The next thing to tell or to do, in order.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Duration {
+        let decision = match self.state {
+            State::Sent => self.entered.saturating_add(SETTLE),
+            State::Staged => self
+                .seen
+                .first
+                .map_or(Duration::MAX, |at| at.saturating_add(ALONE)),
+            State::RolledBack => self.entered.saturating_add(GIVE_UP),
+            _ => Duration::MAX,
+        };
+        if self.outcome.is_some() {
+            return self.heartbeat_at;
+        }
+        decision.min(self.heartbeat_at)
+    }
+
+    /// Does what is due by now. Calling it early or late does no harm.
+    pub fn handle_timeout(&mut self, now: Now) {
+        self.decide(now.mono);
+    }
+
+    /// Moves on where what has been seen, or the time, says so.
+    fn decide(&mut self, mono: Duration) {
+        if self.outcome == Some(Outcome::Committed) && self.not_taken(mono) {
+            // It had the key and lost it: its power was cut before its file was on its disk.
+            (self.outcome, self.tries) = (None, 0);
+            self.events.push_back(Event::FellBack);
+            self.again(mono);
+        }
+        if self.outcome.is_some() {
+            return;
+        }
+        let in_state = mono.saturating_sub(self.entered);
+        match self.state {
+            State::Staged => {
+                let alone = self
+                    .seen
+                    .first
+                    .is_some_and(|first| mono.saturating_sub(first) >= ALONE);
+                if alone {
+                    self.enter(State::WaitDisarm, mono);
+                    self.decide(mono);
+                }
+            }
+            State::WaitDisarm => {
+                let disarmed = self
+                    .seen
+                    .disarmed
+                    .is_some_and(|at| mono.saturating_sub(at) < DISARMED_LIFE);
+                if disarmed {
+                    self.setup_due = true;
+                    self.enter(State::Sent, mono);
+                }
+            }
+            State::Sent if in_state >= SETTLE && !self.setup_due => {
+                if self.not_taken(mono) {
+                    self.again(mono);
+                } else {
+                    self.enter(State::Unknown, mono);
+                }
+            }
+            State::Unknown if self.not_taken(mono) => self.again(mono),
+            State::RolledBack if in_state >= GIVE_UP => {
+                let heard = self
+                    .seen
+                    .old
+                    .is_some_and(|at| mono.saturating_sub(at) < HEARD_LATELY);
+                if heard {
+                    self.end(Outcome::RolledBack);
+                } else {
+                    // Silence is no refusal, here either.
+                    self.enter(State::Unknown, mono);
+                }
+            }
+            State::Sent | State::Unknown | State::RolledBack | State::NotTaken => {}
+            State::Committed => {}
+        }
+    }
+
+    /// Whether frames show that the vehicle has not taken the key: two under the old key that are newer
+    /// than what could still have been on its way, or two unsigned where nothing verifies.
+    fn not_taken(&self, mono: Duration) -> bool {
+        self.seen.old_newer >= 2 || self.vehicle_is_open(mono)
+    }
+
+    /// The vehicle sends unsigned, more than heartbeats: it has no key, or has lost it.
+    fn vehicle_is_open(&self, mono: Duration) -> bool {
+        let verified_lately = self
+            .seen
+            .verified
+            .is_some_and(|at| mono.saturating_sub(at) < HEARD_LATELY);
+        self.seen.unsigned >= 2 && !verified_lately
+    }
+
+    /// NOT_TAKEN: wait for disarmed where that was the reason, else send again, three times in all.
+    fn again(&mut self, mono: Duration) {
+        self.enter(State::NotTaken, mono);
+        if core::mem::take(&mut self.seen.refused_armed) {
+            self.tries = self.tries.saturating_sub(1);
+        }
+        if self.tries < TRIES {
+            // A word from before the last try says nothing of now.
+            self.seen.disarmed = None;
+            self.enter(State::WaitDisarm, mono);
+        } else if self.seen.old_newer >= 2 {
+            self.enter(State::RolledBack, mono);
+        } else {
+            self.end(Outcome::NeverSigns);
+        }
+    }
+
+    /// A frame of the vehicle has verified under the new key.
+    fn commit(&mut self, now: Now) {
+        let mono = now.mono;
+        if self.state != State::Committed {
+            self.enter(State::Committed, mono);
+            // Only what is said from now on can show that the key was lost again.
+            (self.seen.old_newer, self.seen.unsigned) = (0, 0);
+            self.seen.mark = match &self.new {
+                NewKey::Offered(new) => Some(new.clock().reading(now)),
+                NewKey::Staged(_) => None,
+            };
+            self.events.push_back(Event::Commit);
+            self.end(Outcome::Committed);
+        }
+    }
+
+    fn end(&mut self, outcome: Outcome) {
+        self.outcome = Some(outcome);
+        self.setup_due = false;
+        self.events.push_back(Event::Ended(outcome));
+    }
+
+    fn enter(&mut self, state: State, mono: Duration) {
+        self.state = state;
+        self.entered = mono;
+        self.events.push_back(Event::State(state));
+    }
+}
+
+/// How long only one autopilot must have been on the link: PX4 does not check whom a key is for.
+const ALONE: Duration = Duration::from_secs(10);
+/// How long the vehicle's word that it is disarmed holds.
+const DISARMED_LIFE: Duration = Duration::from_millis(1_500);
+/// How long after SETUP_SIGNING the frames are judged.
+const SETTLE: Duration = Duration::from_secs(2);
+const TRIES: u8 = 3;
+/// How long frames under the old key alone must go on before the new one is given up.
+const GIVE_UP: Duration = Duration::from_secs(30);
+const HEARD_LATELY: Duration = Duration::from_secs(2);

@@ -1,0 +1,231 @@
+//! What goes out: heartbeats under the key that is asked about, and SETUP_SIGNING.
+
+use core::time::Duration;
+
+use zeroize::Zeroizing;
+
+use super::{Handover, NewKey, State, Under};
+use crate::Now;
+use crate::clock::{CeilingStore, ClockError, Origin};
+use crate::dialect::MavMessage;
+use crate::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode, encode_raw};
+use crate::receiver::{AUTOPILOT, KeyState};
+use crate::signing::{Stamp, sign};
+
+/// A frame that stands ready in the caller's buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Transmit<A> {
+    /// Where it must go.
+    pub to: A,
+    /// Its octets in the buffer.
+    pub len: usize,
+    /// It holds a key: never record it, and wipe the buffer once it is sent.
+    pub secret: bool,
+}
+
+impl<A: Copy + Eq> Handover<A> {
+    /// The next frame that is due, if any. Call it until it gives `None`, after each call of the other
+    /// two.
+    pub fn poll_transmit(
+        &mut self,
+        now: Now,
+        store: &mut dyn CeilingStore,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<Transmit<A>> {
+        let to = self.peer?;
+        if self.setup_due {
+            // What cannot be stamped now, because the disk fails, is tried again with the next call.
+            let len = self.setup_signing(now, store, out).ok()?;
+            self.setup_due = false;
+            self.entered = now.mono;
+            self.tries += 1;
+            (self.seen.old_newer, self.seen.unsigned) = (0, 0);
+            (self.seen.mark, self.seen.refused_armed) = (None, false);
+            // Both keys are asked about at once.
+            (self.heartbeat_at, self.new_next) = (now.mono, false);
+            return Some(Transmit {
+                to,
+                len,
+                secret: true,
+            });
+        }
+        let under = self.next_heartbeat(now.mono)?;
+        let len = self.heartbeat(under, now, store, out).ok()?;
+        Some(Transmit {
+            to,
+            len,
+            secret: false,
+        })
+    }
+
+    fn next_heartbeat(&mut self, mono: Duration) -> Option<Under> {
+        let may_lift = self
+            .lifted_at
+            .is_none_or(|at| mono.saturating_sub(at) >= LIFT_EVERY);
+        if let Some(under) = self.lift.take_if(|_| may_lift) {
+            self.lifted_at = Some(mono);
+            return Some(under);
+        }
+        if mono < self.heartbeat_at {
+            return None;
+        }
+        let every = match self.state {
+            State::Sent => ASKING,
+            State::Unknown if mono.saturating_sub(self.entered) < ASK_FAST_FOR => ASKING,
+            State::Unknown => ASKING_SLOWLY,
+            _ => BEAT,
+        };
+        self.heartbeat_at = mono.saturating_add(every);
+        Some(match self.state {
+            State::Committed => Under::New,
+            State::Staged | State::WaitDisarm | State::NotTaken if self.tries == 0 => Under::Old,
+            _ => {
+                self.new_next = !self.new_next;
+                if self.new_next {
+                    Under::Old
+                } else {
+                    Under::New
+                }
+            }
+        })
+    }
+
+    fn heartbeat(
+        &mut self,
+        under: Under,
+        now: Now,
+        store: &mut dyn CeilingStore,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Result<usize, ClockError> {
+        let under = match (under, &self.new) {
+            (Under::New, NewKey::Staged(_)) => Under::Old,
+            (other, _) => other,
+        };
+        let signed = under == Under::New || self.old.is_some();
+        let message = MavMessage::HEARTBEAT(self.config.link.heartbeat());
+        let len = encode(&message, self.header(0, signed), out);
+        if !signed {
+            return Ok(len);
+        }
+        let stamp = self.take_stamp(under, now, store)?;
+        if under == Under::Old && (self.tries > 0 || self.state == State::Unknown) {
+            self.seen.mark.get_or_insert(stamp);
+        }
+        Ok(self.sign(under, stamp, out, len))
+    }
+
+    /// SETUP_SIGNING (256): initial_timestamp, target_system, target_component, secret_key.
+    fn setup_signing(
+        &mut self,
+        now: Now,
+        store: &mut dyn CeilingStore,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Result<usize, ClockError> {
+        let initial = self.offer(now, store)?;
+        let NewKey::Offered(new) = &self.new else {
+            return Err(ClockError::Ceiling);
+        };
+        let mut payload = Zeroizing::new([0; 42]);
+        payload[..8].copy_from_slice(&initial.get().to_le_bytes());
+        payload[8] = self.config.link.vehicle_system;
+        payload[9] = AUTOPILOT;
+        payload[10..].copy_from_slice(new.key().expose());
+        let signed = self.old.is_some();
+        let header = self.header(SETUP_SIGNING_ID, signed);
+        // The dialect knows the message and 42 octets fit, so this cannot fail.
+        let len = encode_raw(header, &*payload, out).map_err(|_| ClockError::Ceiling)?;
+        if !signed {
+            return Ok(len);
+        }
+        let stamp = self.take_stamp(Under::Old, now, store)?;
+        Ok(self.sign(Under::Old, stamp, out, len))
+    }
+
+    /// Starts the new key's clock, and gives its first stamp: above every one seen or sent, and stored
+    /// before anything leaves.
+    fn offer(&mut self, now: Now, store: &mut dyn CeilingStore) -> Result<Stamp, ClockError> {
+        let seen = self
+            .old
+            .as_ref()
+            .map_or(Stamp::ZERO, |old| old.clock().reading(now));
+        if let NewKey::Staged(key) = &self.new {
+            let key = key.duplicate();
+            let wall = Stamp::from_unix(now.wall).max(self.config.not_before);
+            // The wall clock alone is believed only where there is no clock of an older key.
+            let base = if self.old.is_some() { seen } else { wall };
+            let initial = base.next().ok_or(ClockError::Exhausted)?;
+            let origin = Origin::Provisioned { initial };
+            let started = KeyState::start(key, origin, self.config.not_before, now, store)
+                .map_err(|_| ClockError::Ceiling)?;
+            let mut started = Box::new(started);
+            // From here on the store knows the key: whoever starts again knows that it may be out. A
+            // clock that has just begun writes nothing before it goes beyond its start.
+            let beyond = started.clock().ceiling().next();
+            started.follow(beyond.ok_or(ClockError::Exhausted)?, now, store)?;
+            self.new = NewKey::Offered(started);
+            return Ok(initial);
+        }
+        let NewKey::Offered(new) = &mut self.new else {
+            return Err(ClockError::Ceiling);
+        };
+        let initial = seen.max(new.clock().reading(now));
+        let initial = initial.next().ok_or(ClockError::Exhausted)?;
+        new.follow(initial, now, store)?;
+        Ok(initial)
+    }
+
+    /// A stamp for one key that the other can never use again: the vehicle has one table for both.
+    fn take_stamp(
+        &mut self,
+        under: Under,
+        now: Now,
+        store: &mut dyn CeilingStore,
+    ) -> Result<Stamp, ClockError> {
+        let new = match &mut self.new {
+            NewKey::Offered(new) => Some(&mut **new),
+            NewKey::Staged(_) => None,
+        };
+        let (mine, other) = match under {
+            Under::Old => (self.old.as_mut(), new),
+            Under::New => (new, self.old.as_mut()),
+        };
+        let mine = mine.ok_or(ClockError::Ceiling)?;
+        let stamp = mine.take_stamp(now, store)?;
+        if let Some(other) = other {
+            other.follow(stamp, now, store)?;
+        }
+        Ok(stamp)
+    }
+
+    fn sign(&self, under: Under, stamp: Stamp, out: &mut [u8; MAX_FRAME], len: usize) -> usize {
+        let state = match (under, &self.new) {
+            (Under::New, NewKey::Offered(new)) => Some(&**new),
+            _ => self.old.as_ref(),
+        };
+        // Marked as signed when it was encoded, and far shorter than the longest frame.
+        state.map_or(len, |state| {
+            sign(state.key(), self.config.link.link_id, stamp, out, len).unwrap_or(len)
+        })
+    }
+
+    fn header(&mut self, message_id: u32, signed: bool) -> Header {
+        let seq = self.seq;
+        self.seq = seq.wrapping_add(1);
+        Header {
+            seq,
+            system_id: self.config.link.own_system,
+            component_id: self.config.link.own_component,
+            message_id,
+            incompat: if signed { INCOMPAT_SIGNED } else { 0 },
+            compat: 0,
+        }
+    }
+}
+
+const SETUP_SIGNING_ID: u32 = 256;
+const BEAT: Duration = Duration::from_secs(1);
+/// Heartbeats under both keys in turn, 5 Hz.
+const ASKING: Duration = Duration::from_millis(200);
+const ASK_FAST_FOR: Duration = Duration::from_secs(60);
+const ASKING_SLOWLY: Duration = Duration::from_secs(5);
+const LIFT_EVERY: Duration = Duration::from_millis(200);
