@@ -24,7 +24,7 @@ fn tracks() -> impl Strategy<Value = Vec<Position>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(60))]
+    #![proptest_config(ProptestConfig::with_cases(16))]
     #[test]
     fn every_track_is_fitted_within_the_tolerance(
         fixes in tracks(),

@@ -130,6 +130,38 @@ fn each_error_names_the_place_the_value_and_what_was_expected() {
     ));
 }
 
+/// The table for implementers in docs/curves.md, computed by an independent program.
+#[test]
+fn the_published_check_values() {
+    let leg = BezierLeg::new(
+        Position::new(37.29, 127.20, 100.0),
+        Control::level(37.31, 127.20),
+        Control::level(37.31, 127.24),
+        Position::new(37.29, 127.24, 200.0),
+    )
+    .unwrap();
+    let page = include_str!("../../docs/curves.md");
+    let rows = page.lines().filter_map(|line| {
+        let cells: Result<Vec<f64>, _> = line
+            .trim_matches('|')
+            .split('|')
+            .map(|c| c.trim().parse())
+            .collect();
+        cells.ok().filter(|cells| cells.len() == 4)
+    });
+    let mut seen = 0;
+    for row in rows {
+        let found = leg.at(row[0]);
+        assert!(
+            (found.lat_deg - row[1]).abs() < 1e-8 && (found.lon_deg - row[2]).abs() < 1e-8,
+            "{found:?}"
+        );
+        assert!((found.alt_m - row[3]).abs() < 1e-3, "{found:?}");
+        seen += 1;
+    }
+    assert_eq!(seen, 3);
+}
+
 #[test]
 fn a_torn_or_empty_route_is_refused() {
     assert_eq!(
