@@ -1,6 +1,7 @@
 //! The Wireshark dissector shows what the codec reads: every message, field by field, through tshark.
 //!
 //! On a machine without tshark the tests say so and are left out; CI installs it.
+#![allow(clippy::print_stderr, reason = "what is left out is said aloud")]
 
 use std::collections::BTreeMap;
 use std::net::Ipv4Addr;
