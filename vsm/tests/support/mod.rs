@@ -127,7 +127,12 @@ impl Rig {
         let mut rig = Rig::new(setup);
         rig.run(9.0);
         let end = rig.carry_out(orders::request_control());
-        assert_eq!(end, Some(AckType::CarriedOut), "{:?}", rig.station().alerts());
+        assert_eq!(
+            end,
+            Some(AckType::CarriedOut),
+            "{:?}",
+            rig.station().alerts()
+        );
         rig.run(1.0);
         rig
     }
@@ -205,6 +210,32 @@ impl Rig {
         self.end(ticket)
     }
 
+    /// Sends every message of a plan, then waits until each is carried out.
+    pub fn send_plan(&mut self, plan: Vec<Message>) {
+        let tickets: Vec<_> = plan.into_iter().map(|message| self.tell(message)).collect();
+        for ticket in tickets {
+            let end = self.end(ticket);
+            assert_eq!(
+                end,
+                Some(AckType::CarriedOut),
+                "{:?}",
+                self.station().alerts()
+            );
+        }
+    }
+
+    /// Launches to metres above home, and waits until it is there.
+    pub fn take_off(&mut self, height_m: f64) {
+        let end = self.carry_out(orders::launch(height_m));
+        assert_eq!(
+            end,
+            Some(AckType::CarriedOut),
+            "{:?}",
+            self.station().alerts()
+        );
+        assert!(self.until(60.0, |rig| -rig.truth().position.d > height_m - 1.0));
+    }
+
     /// Waits for the end of a message, 90 s at most.
     pub fn end(&mut self, ticket: Ticket) -> Option<AckType> {
         self.until(90.0, |rig| rig.station().end(ticket).is_some());
@@ -244,8 +275,7 @@ impl Rig {
         }
         for station in &mut self.stations {
             for octets in station.advance(clock, now.wall) {
-                self.dli
-                    .send(clock, station.address, bridge_dli(), &octets);
+                self.dli.send(clock, station.address, bridge_dli(), &octets);
             }
         }
         while let Some(packet) = self.dli.receive(clock) {

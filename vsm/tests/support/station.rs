@@ -54,13 +54,7 @@ impl Station {
     }
 
     /// Sends a message, again and again until it is answered by carried out or refused.
-    pub fn tell(
-        &mut self,
-        now: Duration,
-        wall: Duration,
-        to: Id,
-        message: &mut Message,
-    ) -> Ticket {
+    pub fn tell(&mut self, now: Duration, wall: Duration, to: Id, message: &mut Message) -> Ticket {
         let stamp = self.stamp(wall);
         set_stamp(message, stamp);
         let octets = encoded(message, &Envelope::new(self.id, to).requesting_ack());
@@ -78,8 +72,7 @@ impl Station {
     pub fn say(&mut self, wall: Duration, to: Id, message: &mut Message) {
         let stamp = self.stamp(wall);
         set_stamp(message, stamp);
-        self.out
-            .push(encoded(message, &Envelope::new(self.id, to)));
+        self.out.push(encoded(message, &Envelope::new(self.id, to)));
     }
 
     /// Sends the very octets of a message once more.
