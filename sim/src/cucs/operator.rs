@@ -122,7 +122,14 @@ impl<W: Write> Operator<W> {
     /// It was not done.
     pub async fn run(&mut self, verb: &Verb, folder: &Path) -> Done {
         let done = self.carry_out(verb, folder).await;
-        self.tell_alerts()?;
+        // What the error says is not told twice.
+        let error = done.as_ref().err().map(ToString::to_string);
+        self.tell_alerts(error.as_deref().unwrap_or_default())?;
+        if self.style == Style::Json
+            && let Some(error) = error
+        {
+            writeln!(self.out, "{}", json!({"error": error}))?;
+        }
         done
     }
 
@@ -265,7 +272,7 @@ impl<W: Write> Operator<W> {
     /// The socket, or the output.
     pub async fn idle(&mut self, span: Duration) -> Done {
         self.station.idle(span).await?;
-        self.tell_alerts()
+        self.tell_alerts("")
     }
 
     async fn discover(&mut self) -> Done {
@@ -423,7 +430,7 @@ impl<W: Write> Operator<W> {
             let pause = left.min(every);
             self.station.idle(pause).await?;
             self.tell_state(vehicle)?;
-            self.tell_alerts()?;
+            self.tell_alerts("")?;
             left -= pause;
             if left.is_zero() {
                 return Ok(());
@@ -485,11 +492,14 @@ impl<W: Write> Operator<W> {
         self.tell(&line, value)
     }
 
-    fn tell_alerts(&mut self) -> Done {
+    fn tell_alerts(&mut self, told: &str) -> Done {
         while let Some(event) = self.station.session.poll_event() {
             let Event::Alert { from, alert } = event else {
                 continue;
             };
+            if self.style == Style::People && told.contains(&alert.text) {
+                continue;
+            }
             self.tell(
                 &format!("{from}: 16000 {}: {}", alert.priority, alert.text),
                 json!({

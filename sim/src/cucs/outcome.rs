@@ -46,6 +46,8 @@ pub struct Refused {
     pub waypoint: Option<u16>,
     /// The texts of the 16000s that came with it.
     pub reasons: Vec<String>,
+    /// The rights that this CUCS held: a VSM need not say that one was missing.
+    pub held: LoiBitmap,
 }
 
 impl std::error::Error for Refused {}
@@ -57,7 +59,8 @@ impl fmt::Display for Refused {
             write!(f, " for waypoint {waypoint}")?;
         }
         if self.reasons.is_empty() {
-            return f.write_str(" (no reason given)");
+            let held = levels(self.held);
+            return write!(f, " (no reason given; this CUCS holds LOI {held})");
         }
         write!(f, ": {}", self.reasons.join("; "))
     }

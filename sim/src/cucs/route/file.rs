@@ -84,13 +84,16 @@ impl Route {
         let at = Source { path, text };
         let file: File = toml::from_str(text).map_err(|fault| at.form(&fault))?;
         let route = at.route(&file)?;
-        route
-            .messages(Id::NULL, Id::NULL)
-            .map_err(|source| RouteFileError::Route {
+        let whole = route
+            .mission_id()
+            .and_then(|_| route.messages(Id::NULL, Id::NULL));
+        match whole {
+            Ok(_) => Ok(route),
+            Err(source) => Err(RouteFileError::Route {
                 path: path.to_owned(),
                 source,
-            })?;
-        Ok(route)
+            }),
+        }
     }
 }
 

@@ -43,17 +43,21 @@ fn from(route: &UaRoute, all: &[Message]) -> Route {
         waypoints.push(waypoint(number, point, loiter));
         number = point.next_waypoint.unwrap_or(0);
     }
-    let curves = all
-        .iter()
-        .filter_map(curve)
-        .filter(|curve| reached.contains(&curve.from));
+    let place = |curve: &Curve| {
+        waypoints
+            .iter()
+            .position(|point| point.number == curve.from)
+    };
+    let mut curves: Vec<Curve> = all.iter().filter_map(curve).collect();
+    curves.retain(|curve| place(curve).is_some());
+    curves.sort_by_key(place);
     Route {
         mission_id: None,
         id: route.route_id.map(|id| id.as_str().to_owned()),
         route_type: route.route_type,
         initial: route.initial_waypoint_number,
         waypoints,
-        curves: curves.collect(),
+        curves,
     }
 }
 

@@ -18,7 +18,6 @@ use stanag_msgs::enums::{
 };
 
 pub(crate) use names::{altitude_type_name, altitude_type_named};
-pub(crate) use to_messages::text;
 
 /// A route: 13001 and what belongs to it.
 #[derive(Clone, Debug, Default, PartialEq)]

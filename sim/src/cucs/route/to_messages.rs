@@ -18,7 +18,7 @@ impl Route {
         let first = self.waypoints.first().ok_or(RouteError::Empty)?;
         let mut messages = vec![Message::UaRoute(UaRoute {
             initial_waypoint_number: Some(self.initial.unwrap_or(first.number)),
-            route_id: text("Route ID", self.id.as_deref())?,
+            route_id: self.route_id()?,
             route_type: self.route_type,
             ..UaRoute::default()
         })];
@@ -35,8 +35,20 @@ impl Route {
     }
 }
 
+impl Route {
+    /// The Mission ID for the 13000 that loads it.
+    pub(crate) fn mission_id(&self) -> Result<Option<Text<20>>, RouteError> {
+        text("Mission ID", self.mission_id.as_deref())
+    }
+
+    /// The Route ID.
+    pub(crate) fn route_id(&self) -> Result<Option<Text<33>>, RouteError> {
+        text("Route ID", self.id.as_deref())
+    }
+}
+
 /// A text for a field of `N` octets, refused rather than cut.
-pub(crate) fn text<const N: usize>(
+fn text<const N: usize>(
     what: &'static str,
     value: Option<&str>,
 ) -> Result<Option<Text<N>>, RouteError> {

@@ -1,7 +1,7 @@
 //! Mode commands (2016): launch, fly a route, loiter, land.
 
 use stanag_msgs::enums::{
-    AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, SpeedType,
+    AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, LoiBitmap, SpeedType,
 };
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 use stanag_msgs::{Bam32, Id, Scaled};
@@ -10,6 +10,8 @@ use tokio::time::Instant;
 use super::Station;
 use crate::cucs::outcome::{Outcome, Refused, StationError};
 use crate::cucs::sender::Delivery;
+use crate::cucs::session::Session;
+use crate::cucs::vehicle::Vehicle;
 
 /// Where to loiter; what is absent stays as it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -42,12 +44,8 @@ impl Station {
         let ticket = self.session.send(now, vehicle, command)?;
         match self.delivered(ticket, vehicle, within).await? {
             Delivery::Refused => {
-                let reasons = self.reasons(vehicle, mark).await?;
-                Ok(Outcome::Refused(Refused {
-                    what,
-                    waypoint: None,
-                    reasons,
-                }))
+                let refused = self.refusal(vehicle, what, None, mark).await?;
+                Ok(Outcome::Refused(refused))
             }
             _ => Ok(Outcome::CarriedOut),
         }
@@ -132,14 +130,16 @@ impl Station {
         self.vehicle(vehicle).map_or(0, |state| state.next_alert())
     }
 
-    /// The texts of the alerts since the mark that speak of a refusal; of all of them where none does.
-    pub(super) async fn reasons(
+    /// A refusal with the texts of the alerts since the mark that speak of one; of all of them where none does.
+    pub(super) async fn refusal(
         &mut self,
         vehicle: Id,
+        what: String,
+        waypoint: Option<u16>,
         mark: u64,
-    ) -> Result<Vec<String>, StationError> {
+    ) -> Result<Refused, StationError> {
         let deadline = Instant::now() + self.timeouts.reason;
-        let told = |session: &mut crate::cucs::Session| {
+        let told = |session: &mut Session| {
             let state = session.vehicle(vehicle)?;
             let texts: Vec<String> = state
                 .alerts_from(mark)
@@ -148,14 +148,20 @@ impl Station {
                 .collect();
             (!texts.is_empty()).then_some(texts)
         };
-        if let Some(texts) = self.until(deadline, told).await? {
-            return Ok(texts);
-        }
-        let all = self.vehicle(vehicle).map(|state| {
-            let texts = state.alerts_from(mark).map(|alert| alert.text.clone());
-            texts.collect()
-        });
-        Ok(all.unwrap_or_default())
+        let reasons = match self.until(deadline, told).await? {
+            Some(texts) => texts,
+            None => self.vehicle(vehicle).map_or_else(Vec::new, |state| {
+                let texts = state.alerts_from(mark).map(|alert| alert.text.clone());
+                texts.collect()
+            }),
+        };
+        let state = self.vehicle(vehicle);
+        Ok(Refused {
+            what,
+            waypoint,
+            reasons,
+            held: state.map_or(LoiBitmap::NONE, Vehicle::granted),
+        })
     }
 }
 

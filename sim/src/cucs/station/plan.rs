@@ -7,9 +7,10 @@ use tokio::time::Instant;
 
 use super::Station;
 use crate::cucs::download::Download;
-use crate::cucs::outcome::{Outcome, Refused, StationError};
-use crate::cucs::route::{Route, text};
+use crate::cucs::outcome::{Outcome, StationError};
+use crate::cucs::route::Route;
 use crate::cucs::sender::Delivery;
+use crate::cucs::session::Session;
 
 impl Station {
     /// Sends a route (13001 and what belongs to it), then loads it (13000 mode 2), and waits until 14000 says that it
@@ -22,8 +23,8 @@ impl Station {
         vehicle: Id,
         route: &Route,
     ) -> Result<Outcome, StationError> {
-        let mission_id = text("Mission ID", route.mission_id.as_deref())?;
-        let route_id = text("Route ID", route.id.as_deref())?;
+        let mission_id = route.mission_id()?;
+        let route_id = route.route_id()?;
         let messages = route.messages(vehicle, self.session.id())?;
         if let Outcome::Refused(refused) = self.store(vehicle, &messages).await? {
             return Ok(Outcome::Refused(refused));
@@ -72,12 +73,8 @@ impl Station {
         match found {
             None => Ok(Outcome::CarriedOut),
             Some((Delivery::Refused, what)) => {
-                let reasons = self.reasons(vehicle, mark).await?;
-                Ok(Outcome::Refused(Refused {
-                    what,
-                    waypoint: None,
-                    reasons,
-                }))
+                let refused = self.refusal(vehicle, what, None, mark).await?;
+                Ok(Outcome::Refused(refused))
             }
             Some(_) if !self.heard => Err(self.no_vsm(within)),
             Some((_, what)) => {
@@ -150,17 +147,23 @@ impl Station {
         command: MissionTransferCommand,
     ) -> Result<Outcome, StationError> {
         let mode = command.mission_plan_mode;
-        let what = mode.map_or_else(|| "13000".to_owned(), |mode| format!("13000, {mode},"));
+        let what = match mode {
+            Some(MissionPlanMode::Load) => "loading (13000 mode 2)".to_owned(),
+            Some(MissionPlanMode::Clear) => "clearing (13000 mode 1)".to_owned(),
+            Some(MissionPlanMode::Cancel) => "cancelling (13000 mode 5)".to_owned(),
+            Some(MissionPlanMode::Download | MissionPlanMode::DownloadWaypoint) => {
+                "download (13000 mode 3 or 4)".to_owned()
+            }
+            other => format!("13000 mode {}", other.map_or(0, MissionPlanMode::raw)),
+        };
         let within = self.timeouts.transfer;
         let deadline = Instant::now() + within;
-        let count = |session: &crate::cucs::Session| {
-            session.vehicle(vehicle).map_or(0, |state| state.transfers)
-        };
+        let count = |session: &Session| session.vehicle(vehicle).map_or(0, |state| state.transfers);
         let before = count(&self.session);
         let mark = self.alert_mark(vehicle);
         let now = self.now();
         let ticket = self.session.send(now, vehicle, command)?;
-        let reported = |session: &crate::cucs::Session| {
+        let reported = |session: &Session| {
             let state = session
                 .vehicle(vehicle)
                 .filter(|_| count(session) > before)?;
@@ -198,12 +201,8 @@ impl Station {
         match end {
             Some(End::Complete) => Ok(Outcome::CarriedOut),
             Some(End::Refused(waypoint)) => {
-                let reasons = self.reasons(vehicle, mark).await?;
-                Ok(Outcome::Refused(Refused {
-                    what: what.trim_end_matches(',').to_owned(),
-                    waypoint,
-                    reasons,
-                }))
+                let refused = self.refusal(vehicle, what, waypoint, mark).await?;
+                Ok(Outcome::Refused(refused))
             }
             Some(End::Unanswered) if !self.heard => Err(self.no_vsm(within)),
             Some(End::Unanswered) => Err(self.timed_out(
