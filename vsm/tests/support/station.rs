@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::Heartbeat;
-use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
+use stanag_msgs::{ChecksumStyle, Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 
 /// A message of a station, to ask after it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,7 +57,7 @@ impl Station {
     pub fn tell(&mut self, now: Duration, wall: Duration, to: Id, message: &mut Message) -> Ticket {
         let stamp = self.stamp(wall);
         set_stamp(message, stamp);
-        let octets = encoded(message, &Envelope::new(self.id, to).requesting_ack());
+        let octets = encoded(message, &self.envelope(to).requesting_ack());
         self.sent.push(Sent {
             message_type: message.id(),
             stamp,
@@ -175,6 +175,11 @@ impl Station {
             self.latest
                 .insert((header.source, header.message_type), message);
         }
+    }
+
+    /// Summed: without, a bent bit is another message.
+    fn envelope(&self, to: Id) -> Envelope {
+        Envelope::new(self.id, to).summed(ChecksumStyle::Crc32)
     }
 
     fn stamp(&mut self, wall: Duration) -> TimeStamp {

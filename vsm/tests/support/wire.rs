@@ -59,6 +59,8 @@ pub struct Wire {
     pub faults: Faults,
     random: Random,
     under_way: BTreeMap<(Duration, u64), Packet>,
+    /// When the last packet to each end arrives: a delay alone does not let packets overtake each other.
+    in_order: BTreeMap<SocketAddr, Duration>,
     count: u64,
 }
 
@@ -68,6 +70,7 @@ impl Wire {
             faults,
             random: Random(seed),
             under_way: BTreeMap::new(),
+            in_order: BTreeMap::new(),
             count: 0,
         }
     }
@@ -100,6 +103,10 @@ impl Wire {
             let mut due = now + delay.0 + spread;
             if self.random.happens(reorder) {
                 due += delay.1.max(HELD_BACK);
+            } else {
+                let last = self.in_order.entry(to).or_default();
+                due = due.max(*last);
+                *last = due;
             }
             self.count += 1;
             let packet = Packet { from, to, octets };
