@@ -7,10 +7,12 @@
 //! - [`telemetry`]: what a vehicle has said of itself, from its messages.
 //! - [`report`]: messages 3001, 3002, 4000 and 4001 from that.
 //! - [`alert`]: texts and faults to message 16000.
+//! - [`configuration`]: the answers of the configuration phase, from what the vehicle is.
 //! - [`support`]: what is done with each field of each message.
 
 pub mod alert;
 pub mod altitude;
+pub mod configuration;
 mod loiter;
 mod loops;
 pub mod mode;

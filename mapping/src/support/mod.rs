@@ -4,10 +4,12 @@
 //! A message that is not listed is neither sent nor acted on: one for the VSM is refused, with 16000 saying so.
 
 mod facts;
+mod values;
 
 use stanag_msgs::table::{self, Direction, FieldInfo, Layout, MessageInfo};
 
 pub use facts::SUPPORT;
+pub use values::{VALUES, values};
 
 /// What is done with one message.
 #[derive(Debug, Clone, Copy)]

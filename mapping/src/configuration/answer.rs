@@ -1,0 +1,270 @@
+//! One field, one message: the answers of their kinds.
+
+use stanag_msgs::enums::{
+    EnumIndexEnable, EnumInfo, EnumKind, FieldAvailable, FieldSupported, SubsystemId,
+};
+use stanag_msgs::messages::{
+    FieldConfigurationCharacterResponse, FieldConfigurationEnumeratedResponse,
+    FieldConfigurationFloatResponse, FieldConfigurationIntegerResponse,
+    FieldConfigurationUnsignedResponse, MessageParameterAvailability,
+};
+use stanag_msgs::table::{FieldInfo, MessageInfo, Wire};
+use stanag_msgs::{Id, Message, Text};
+
+use super::bounds::{Bounds, bounds, default_value};
+use super::{Subject, is_supported, is_used};
+use crate::mode::MODES;
+use crate::report;
+use crate::support;
+
+/// All of a message: 44003 where it is not supported, else its fields.
+pub(super) fn message(
+    subject: &Subject<'_>,
+    message: &'static MessageInfo,
+    out: &mut Vec<Message>,
+) {
+    if is_supported(message) {
+        for field in message.fields {
+            self::field(subject, message, field, out);
+        }
+    } else {
+        out.push(unavailable(message, 0));
+    }
+}
+
+/// One field: 44003 where it is not used, else the answer of its kind.
+pub(super) fn field(
+    subject: &Subject<'_>,
+    message: &'static MessageInfo,
+    field: &FieldInfo,
+    out: &mut Vec<Message>,
+) {
+    if !is_supported(message) {
+        return out.push(unavailable(message, 0));
+    }
+    if !is_used(message, field) {
+        if let Some(info) = field.enumeration
+            && info.kind == EnumKind::Enumeration
+        {
+            out.push(enumerated(
+                subject,
+                message,
+                field,
+                FieldSupported::NotSupported,
+            ));
+        }
+        return out.push(unavailable(message, number(field)));
+    }
+    match field.enumeration {
+        Some(info) if info.kind == EnumKind::Enumeration => {
+            enumeration(subject, message, field, info, out);
+        }
+        _ => out.push(plain(subject, message, field)),
+    }
+}
+
+/// 41002, and 44003 for the values that sources name and this VSM refuses.
+fn enumeration(
+    subject: &Subject<'_>,
+    message: &'static MessageInfo,
+    field: &FieldInfo,
+    info: &EnumInfo,
+    out: &mut Vec<Message>,
+) {
+    let Message::FieldConfigurationEnumeratedResponse(plain) =
+        enumerated(subject, message, field, FieldSupported::Supported)
+    else {
+        return;
+    };
+    let own = own_values(message.id, field.name);
+    let count = u8::try_from(own.len()).unwrap_or(u8::MAX);
+    if own.is_empty() {
+        out.push(Message::FieldConfigurationEnumeratedResponse(plain));
+    } else {
+        out.extend(own.into_iter().map(|(value, text, help)| {
+            Message::FieldConfigurationEnumeratedResponse(FieldConfigurationEnumeratedResponse {
+                vehicle_specific_enumeration_count: Some(count),
+                vehicle_specific_enumeration_index: Some(value),
+                vehicle_specific_enumeration_text: Some(Text::new(text)),
+                vehicle_specific_help_text: Some(Text::new(help)),
+                ..plain.clone()
+            })
+        }));
+    }
+    let Some(taken) = support::values(message.id, field.name) else {
+        return;
+    };
+    for (value, _, _) in info.values {
+        let Ok(value) = u8::try_from(*value) else {
+            continue;
+        };
+        if !taken.contains(&value) {
+            out.push(Message::MessageParameterAvailability(
+                MessageParameterAvailability {
+                    field_available: Some(FieldAvailable::Available),
+                    reported_enumerated_index: Some(value),
+                    enumerated_index_enable: Some(EnumIndexEnable::NotImplemented),
+                    ..availability(message, number(field))
+                },
+            ));
+        }
+    }
+}
+
+/// The values of this VSM's own that a field may report: value, short text, help.
+fn own_values(message: u16, field: &str) -> Vec<(u8, &'static str, &'static str)> {
+    match (message, field) {
+        (3001, "Select Flight Path Control Mode") => MODES
+            .iter()
+            .filter(|(_, value, _)| *value > LAST_STANDARD_MODE)
+            .map(|(_, value, name)| (*value, name.strip_prefix("AUTO.").unwrap_or(name), *name))
+            .collect(),
+        (3002, "UA State") => vec![
+            (report::UA_STATE_AIRBORNE, "airborne", "in the air"),
+            (report::UA_STATE_TAKE_OFF, "take-off", "taking off"),
+            (report::UA_STATE_LANDING, "landing", "landing"),
+            (report::UA_STATE_FAILSAFE, "failsafe", "a failsafe flies it"),
+        ],
+        (16000, "Subsystem ID") => {
+            vec![(AUTOPILOT, "autopilot", "what the autopilot says of itself")]
+        }
+        _ => Vec::new(),
+    }
+}
+
+fn enumerated(
+    subject: &Subject<'_>,
+    message: &MessageInfo,
+    field: &FieldInfo,
+    supported: FieldSupported,
+) -> Message {
+    let default = match supported {
+        FieldSupported::Supported => default_value(subject, message.id, field.name),
+        _ => None,
+    };
+    Message::FieldConfigurationEnumeratedResponse(FieldConfigurationEnumeratedResponse {
+        vsm_id: Some(subject.vsm),
+        data_link_id: Some(Id::NULL),
+        station_number_1_16: Some(0),
+        requested_message: Some(message.id.into()),
+        requested_field: Some(number(field)),
+        field_supported: Some(supported),
+        default_value: default,
+        vehicle_specific_enumeration_count: Some(0),
+        ..FieldConfigurationEnumeratedResponse::default()
+    })
+}
+
+/// The three numeric kinds have the same fields.
+macro_rules! numeric {
+    ($variant:ident, $Response:ident, $subject:expr, $message:expr, $field:expr, $bounds:expr, $wire:expr) => {{
+        let wire = $wire;
+        let Bounds {
+            default,
+            low,
+            high,
+            low_caution,
+            low_warning,
+            help,
+        } = $bounds;
+        Message::$variant($Response {
+            vsm_id: Some($subject.vsm),
+            data_link_id: Some(Id::NULL),
+            requested_message: Some($message.id.into()),
+            requested_field: Some(number($field)),
+            field_supported: Some(FieldSupported::Supported),
+            default_value: default.map(|value| wire(value, f64::round)),
+            // A bound is never widened by its step.
+            max_value: high.map(|value| wire(value, f64::floor)),
+            min_value: low.map(|value| wire(value, f64::ceil)),
+            low_caution_limit: low_caution.map(|value| wire(value, f64::round)),
+            low_warning_limit: low_warning.map(|value| wire(value, f64::round)),
+            help_text: Some(Text::new(help)),
+            subsystem_id: Some(SubsystemId::NotAssigned),
+            ..$Response::default()
+        })
+    }};
+}
+
+fn plain(subject: &Subject<'_>, message: &'static MessageInfo, field: &FieldInfo) -> Message {
+    let bounds = bounds(subject, message.id, field.name).unwrap_or_default();
+    // Bounds lie on whole steps after a division that is not exact: a hair is not a step.
+    let steps = |value: f64, to: fn(f64) -> f64| {
+        let exact = value / field.step();
+        let near = exact.round();
+        if (exact - near).abs() < 1e-6 {
+            near
+        } else {
+            to(exact)
+        }
+    };
+    match field.wire {
+        Wire::Char(_) | Wire::UnsizedText | Wire::UnsizedOctets => {
+            Message::FieldConfigurationCharacterResponse(FieldConfigurationCharacterResponse {
+                vsm_id: Some(subject.vsm),
+                data_link_id: Some(Id::NULL),
+                station_number_1_16: Some(0),
+                requested_message: Some(message.id.into()),
+                requested_field: Some(number(field)),
+                field_supported: Some(FieldSupported::Supported),
+                help_text: Some(Text::new(bounds.help)),
+                subsystem_id: Some(SubsystemId::NotAssigned),
+                ..FieldConfigurationCharacterResponse::default()
+            })
+        }
+        Wire::F32 | Wire::F64 => numeric!(
+            FieldConfigurationFloatResponse,
+            FieldConfigurationFloatResponse,
+            subject,
+            message,
+            field,
+            bounds,
+            |value: f64, _to: fn(f64) -> f64| value as f32
+        ),
+        Wire::I8 | Wire::I16 | Wire::I24 | Wire::I32 | Wire::Bam16 | Wire::Bam32 => numeric!(
+            FieldConfigurationIntegerResponse,
+            FieldConfigurationIntegerResponse,
+            subject,
+            message,
+            field,
+            bounds,
+            |value, to| steps(value, to) as i32
+        ),
+        Wire::U8 | Wire::U16 | Wire::U24 | Wire::U32 | Wire::U40 => numeric!(
+            FieldConfigurationUnsignedResponse,
+            FieldConfigurationUnsignedResponse,
+            subject,
+            message,
+            field,
+            bounds,
+            |value, to| steps(value, to) as u32
+        ),
+    }
+}
+
+/// 44003 for a field, from 1, or for the whole message with 0: not available.
+fn unavailable(message: &MessageInfo, field: u8) -> Message {
+    Message::MessageParameterAvailability(MessageParameterAvailability {
+        field_available: Some(FieldAvailable::NotAvailable),
+        ..availability(message, field)
+    })
+}
+
+fn availability(message: &MessageInfo, field: u8) -> MessageParameterAvailability {
+    MessageParameterAvailability {
+        station_number_1_16: Some(0),
+        reported_message: Some(message.id.into()),
+        reported_field: Some(field),
+        ..MessageParameterAvailability::default()
+    }
+}
+
+/// Fields are numbered from 1.
+fn number(field: &FieldInfo) -> u8 {
+    field.bit + 1
+}
+
+/// Modes above it are the VSM's own.
+const LAST_STANDARD_MODE: u8 = 31;
+/// Subsystem ID of what the autopilot says of itself.
+const AUTOPILOT: u8 = 20;

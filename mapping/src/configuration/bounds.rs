@@ -1,0 +1,261 @@
+//! The bounds of a field, from the vehicle's parameters, its airframe and the configured limits.
+
+use std::f64::consts::PI;
+
+use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiterType, SpeedType};
+
+use super::Subject;
+use crate::altitude::Agl;
+
+/// Bounds of a field in its unit; what is not known is absent.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Bounds {
+    /// What a CUCS may start from.
+    pub default: Option<f64>,
+    /// The least that is taken or reported.
+    pub low: Option<f64>,
+    /// The greatest.
+    pub high: Option<f64>,
+    /// Below it an operator is cautioned.
+    pub low_caution: Option<f64>,
+    /// Below it an operator is warned.
+    pub low_warning: Option<f64>,
+    /// What one is, and where the bounds are from; at most 79 characters.
+    pub help: &'static str,
+}
+
+impl Bounds {
+    fn between(
+        low: impl Into<Option<f64>>,
+        high: impl Into<Option<f64>>,
+        help: &'static str,
+    ) -> Bounds {
+        Bounds {
+            low: low.into(),
+            high: high.into(),
+            help,
+            ..Bounds::default()
+        }
+    }
+
+    fn starting_at(mut self, default: impl Into<Option<f64>>) -> Bounds {
+        self.default = default.into();
+        self
+    }
+}
+
+/// The bounds of a field of a message, where anything bounds it.
+#[must_use]
+pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds> {
+    let found = match (message, field) {
+        (2016, "Commanded Altitude") | (13002, "Waypoint to Altitude") => altitude(subject),
+        (2016, "Commanded Speed") | (13002, "Waypoint to Speed") => speed(subject),
+        (2016, "Commanded Waypoint Number") => {
+            Bounds::between(0.0, LAST_WAYPOINT, "waypoint of the route aboard; 0: none")
+                .starting_at(0.0)
+        }
+        (2016, "Loiter Position Latitude") | (13002, "Waypoint to Latitude or Relative Y") => {
+            latitude(subject)
+        }
+        (2016, "Loiter Position Longitude") | (13002, "Waypoint to Longitude or Relative X") => {
+            longitude(subject)
+        }
+        (2017 | 13003, "Loiter Radius") => radius(subject),
+        (13003, "Loiter Duration") => {
+            Bounds::between(0.0, 65_535.0, "s; 0: for good").starting_at(0.0)
+        }
+        (13000 | 13002 | 13003, "Waypoint Number") | (13001, "Initial Waypoint Number") => {
+            let low = if message == 13001 { 0.0 } else { 1.0 };
+            Bounds::between(low, LAST_WAYPOINT, "number of a waypoint").starting_at(1.0)
+        }
+        (13002, "Next Waypoint") => {
+            Bounds::between(0.0, LAST_WAYPOINT, "number of a waypoint; 0 ends the route")
+                .starting_at(0.0)
+        }
+        (3002, "Current Propulsion Energy Level") => energy(subject),
+        (3002, "Commanded Speed") => Bounds {
+            default: None,
+            ..speed(subject)
+        },
+        (3002, "Power Level") => Bounds::between(0.0, 100.0, "%; VFR_HUD.throttle"),
+        (4000, "U_Speed" | "V_Speed") => {
+            let most = fastest(subject);
+            Bounds::between(-most, most, "m/s; fastest level flight")
+        }
+        (4000, "W_Speed") => {
+            let of = |name| subject.parameters.above_zero(name);
+            let up = of("MPC_Z_VEL_MAX_UP").map(|up| -up);
+            Bounds::between(
+                up,
+                of("MPC_Z_VEL_MAX_DN"),
+                "m/s down; MPC_Z_VEL_MAX_UP, MPC_Z_VEL_MAX_DN",
+            )
+        }
+        (17001, "Frequency") => Bounds::between(0.0, 50.0, "Hz; 0: no longer").starting_at(2.0),
+        _ => return None,
+    };
+    Some(found)
+}
+
+/// The value that an enumerated field may start from.
+pub(super) fn default_value(subject: &Subject<'_>, message: u16, field: &str) -> Option<u8> {
+    Some(match (message, field) {
+        (2016, "Select Flight Path Control Mode") => FlightPathControlMode::Loiter.raw(),
+        (2016, "Altitude Command Type") => 1,
+        (2016, "Speed Type") | (13002, "Waypoint Speed Type") => SpeedType::Ground.raw(),
+        (2016, "Altitude Type") | (13002, "Waypoint Altitude Type") => altitude_type(subject).raw(),
+        (2017, "Loiter Type") | (13003, "Waypoint Loiter Type") => {
+            let loiter = if subject.hovers {
+                LoiterType::Hover
+            } else {
+                LoiterType::Circular
+            };
+            loiter.raw()
+        }
+        (2017, "Loiter Direction") => 1,
+        (13000, "Mission Plan Mode") | (13001, "Route Type") => 2,
+        (2016, "Heading Command Type")
+        | (13002, "Location Type" | "Turn Type" | "Waypoint Type")
+        | (13003, "Loiter Duration Units") => 0,
+        _ => return None,
+    })
+}
+
+/// The altitude type that the bounds of altitudes are given in.
+fn altitude_type(subject: &Subject<'_>) -> AltitudeType {
+    match subject.agl {
+        Agl::AboveHome => AltitudeType::Agl,
+        Agl::Refuse => AltitudeType::Barometric,
+    }
+}
+
+fn altitude(subject: &Subject<'_>) -> Bounds {
+    let limits = subject.limits;
+    let fence = subject.parameters.above_zero("GF_MAX_VER_DIST");
+    let high = fence.map_or(limits.highest_m, |fence| fence.min(limits.highest_m));
+    let start = subject
+        .parameters
+        .get("MIS_TAKEOFF_ALT")
+        .unwrap_or(0.0)
+        .clamp(LOWEST_M.min(high), high);
+    if altitude_type(subject) == AltitudeType::Agl {
+        let low = limits.lowest_m.max(LOWEST_M);
+        return Bounds::between(
+            low,
+            high,
+            "m above home; vehicle.limits, GF_MAX_VER_DIST, MIS_TAKEOFF_ALT",
+        )
+        .starting_at(start);
+    }
+    let Some(home) = subject.home else {
+        return Bounds::between(None, None, "m above mean sea level; home is not known yet");
+    };
+    let low = limits.lowest_m + home.amsl_m;
+    Bounds::between(
+        low,
+        high + home.amsl_m,
+        "m AMSL; vehicle.limits, GF_MAX_VER_DIST, MIS_TAKEOFF_ALT",
+    )
+    .starting_at(start + home.amsl_m)
+}
+
+fn fastest(subject: &Subject<'_>) -> f64 {
+    let name = if subject.hovers {
+        "MPC_XY_VEL_MAX"
+    } else {
+        "FW_AIRSPD_MAX"
+    };
+    let own = subject.parameters.above_zero(name);
+    own.map_or(subject.limits.speed_m_s, |own| {
+        own.min(subject.limits.speed_m_s)
+    })
+}
+
+fn speed(subject: &Subject<'_>) -> Bounds {
+    let high = fastest(subject);
+    let of = |name| subject.parameters.above_zero(name).map(|own| own.min(high));
+    if subject.hovers {
+        Bounds::between(
+            SLOWEST_M_S.min(high),
+            high,
+            "m/s; MPC_XY_VEL_MAX, MPC_XY_CRUISE, vehicle.limits",
+        )
+        .starting_at(of("MPC_XY_CRUISE"))
+    } else {
+        let low = of("FW_AIRSPD_MIN").unwrap_or(SLOWEST_M_S.min(high));
+        Bounds::between(low, high, "m/s; FW_AIRSPD_MIN, _TRIM, _MAX, vehicle.limits")
+            .starting_at(of("FW_AIRSPD_TRIM"))
+    }
+}
+
+/// How far from home a first waypoint may lie: the sides of a square within the circle.
+fn reach_m(subject: &Subject<'_>) -> f64 {
+    let fence = subject.parameters.above_zero("GF_MAX_HOR_DIST");
+    let circle = fence.map_or(subject.limits.first_m, |fence| {
+        fence.min(subject.limits.first_m)
+    });
+    // A little less than the square's half side, so that no corner lies outside.
+    circle * std::f64::consts::FRAC_1_SQRT_2 * 0.99
+}
+
+fn latitude(subject: &Subject<'_>) -> Bounds {
+    let Some(home) = subject.home else {
+        return Bounds::between(-PI / 2.0, PI / 2.0, "rad; home is not known yet");
+    };
+    let (at, span) = (
+        home.latitude.to_radians(),
+        reach_m(subject) / EARTH_RADIUS_M,
+    );
+    Bounds::between(
+        (at - span).max(-PI / 2.0),
+        (at + span).min(PI / 2.0),
+        "rad; within vehicle.limits.first_m and GF_MAX_HOR_DIST of home",
+    )
+    .starting_at(at)
+}
+
+fn longitude(subject: &Subject<'_>) -> Bounds {
+    let whole = Bounds::between(-PI, PI, "rad; home is not known yet");
+    let Some(home) = subject.home else {
+        return whole;
+    };
+    let at = home.longitude.to_radians();
+    // At the latitude of the square's side that is farther from the equator.
+    let widest = home.latitude.abs().to_radians() + reach_m(subject) / EARTH_RADIUS_M;
+    let span = reach_m(subject) / (EARTH_RADIUS_M * widest.cos().max(1e-9));
+    let help = "rad; within vehicle.limits.first_m and GF_MAX_HOR_DIST of home";
+    if at - span < -PI || at + span >= PI {
+        // An interval over the date line cannot be said by a least and a greatest value.
+        return Bounds { help, ..whole }.starting_at(at);
+    }
+    Bounds::between(at - span, at + span, help).starting_at(at)
+}
+
+fn radius(subject: &Subject<'_>) -> Bounds {
+    let own = subject.parameters.above_zero("NAV_LOITER_RAD");
+    Bounds::between(SMALLEST_CIRCLE_M, None, "m; NAV_LOITER_RAD").starting_at(own)
+}
+
+fn energy(subject: &Subject<'_>) -> Bounds {
+    let percent = |name| {
+        subject
+            .parameters
+            .above_zero(name)
+            .map(|share| share * 100.0)
+    };
+    Bounds {
+        low_caution: percent("BAT_LOW_THR"),
+        low_warning: percent("BAT_CRIT_THR"),
+        ..Bounds::between(0.0, 100.0, "%; BAT_LOW_THR, BAT_CRIT_THR")
+    }
+}
+
+/// PX4 does not leave the ground for less, m.
+const LOWEST_M: f64 = 1.5;
+/// One step of the field.
+const SLOWEST_M_S: f64 = 0.5;
+/// One step of the field.
+const SMALLEST_CIRCLE_M: f64 = 1.5;
+const LAST_WAYPOINT: f64 = 65_534.0;
+/// Mean radius: for limits, not for geometry.
+const EARTH_RADIUS_M: f64 = 6_371_008.8;
