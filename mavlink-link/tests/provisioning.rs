@@ -208,6 +208,7 @@ fn config() -> HandoverConfig<u16> {
     HandoverConfig {
         link: LinkConfig::new(1, Security::Signed, Endpoint::Fixed(VEHICLE)),
         not_before: BUILD,
+        may_send_key: true,
     }
 }
 

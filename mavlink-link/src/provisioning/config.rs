@@ -13,6 +13,8 @@ pub struct HandoverConfig<A> {
     pub link: LinkConfig<A>,
     /// A date that cannot be in the future, such as that of the build.
     pub not_before: Stamp,
+    /// Whether the link may show the key: if not, it is only found out which key the vehicle has.
+    pub may_send_key: bool,
 }
 
 /// Where a handover stands.

@@ -157,6 +157,12 @@ impl<A: Copy + Eq> Handover<A> {
         self.state
     }
 
+    /// When it came to its state, in the caller's monotonic time.
+    #[must_use]
+    pub fn entered_at(&self) -> Duration {
+        self.entered
+    }
+
     /// How it ended, once it has. Heartbeats go on; a vehicle that loses the key again takes the end back.
     #[must_use]
     pub fn outcome(&self) -> Option<Outcome> {
@@ -251,7 +257,7 @@ impl<A: Copy + Eq> Handover<A> {
                     self.decide(mono);
                 }
             }
-            State::WaitDisarm => {
+            State::WaitDisarm if self.config.may_send_key => {
                 let disarmed = self
                     .seen
                     .disarmed
@@ -281,7 +287,11 @@ impl<A: Copy + Eq> Handover<A> {
                     self.enter(State::Unknown, mono);
                 }
             }
-            State::Sent | State::Unknown | State::RolledBack | State::NotTaken => {}
+            State::WaitDisarm
+            | State::Sent
+            | State::Unknown
+            | State::RolledBack
+            | State::NotTaken => {}
             State::Committed => {}
         }
     }
@@ -307,7 +317,7 @@ impl<A: Copy + Eq> Handover<A> {
         if core::mem::take(&mut self.seen.refused_armed) {
             self.tries = self.tries.saturating_sub(1);
         }
-        if self.tries < TRIES {
+        if self.tries < TRIES && self.config.may_send_key {
             // A word from before the last try says nothing of now.
             self.seen.disarmed = None;
             self.enter(State::WaitDisarm, mono);

@@ -9,6 +9,7 @@ mod altimeter;
 mod authority;
 mod bridge;
 mod ceiling;
+mod configuration;
 mod control;
 mod counters;
 mod desk;
@@ -29,6 +30,7 @@ mod vehicle;
 
 pub use authority::{Asker, Authority, CONTROL, Outcome, Request};
 pub use bridge::{Bridge, BridgeError, LinkEnd, LogEntry, LogLevel, Tap};
+pub(crate) use ceiling::Ceilings;
 pub use counters::{ByType, Counters};
 pub use outbox::{Datagram, Destination};
 pub use status::{LinkStatus, StationStatus, Status, VehicleStatus};

@@ -1,16 +1,18 @@
 //! Records as files of one folder: written beside, synchronised, renamed; locked against a second process.
 
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
+use super::durable::{self, Disk, SystemDisk};
 use crate::session::{Durability, Store, StoreError};
 
 /// The folder of `[store] dir`. Only one process holds it at a time.
 #[derive(Debug)]
 pub struct FileStore {
     folder: PathBuf,
+    disk: Box<dyn Disk>,
     /// Held open for its lock.
     _lock: File,
 }
@@ -48,6 +50,14 @@ impl FileStore {
     /// # Errors
     /// It cannot be made or written, others may use it, or another process has it.
     pub fn open(folder: &Path) -> Result<FileStore, OpenError> {
+        FileStore::open_on(folder, Box::new(SystemDisk))
+    }
+
+    /// As [`FileStore::open`], with all writing by `disk`.
+    ///
+    /// # Errors
+    /// As [`FileStore::open`].
+    pub fn open_on(folder: &Path, disk: Box<dyn Disk>) -> Result<FileStore, OpenError> {
         let fault = |cause| OpenError::Folder {
             folder: folder.to_owned(),
             cause,
@@ -74,6 +84,7 @@ impl FileStore {
         match lock.try_lock() {
             Ok(()) => Ok(FileStore {
                 folder: folder.to_owned(),
+                disk,
                 _lock: lock,
             }),
             Err(TryLockError::WouldBlock) => Err(OpenError::Locked {
@@ -84,22 +95,8 @@ impl FileStore {
     }
 
     fn write(&self, name: &str, octets: &[u8], durability: Durability) -> io::Result<()> {
-        let beside = self.folder.join(format!("{name}.new"));
-        let mut file = OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(true)
-            .mode(0o600)
-            .open(&beside)?;
-        file.write_all(octets)?;
-        if durability == Durability::Power {
-            file.sync_all()?;
-        }
-        fs::rename(&beside, self.folder.join(name))?;
-        if durability == Durability::Power {
-            File::open(&self.folder)?.sync_all()?;
-        }
-        Ok(())
+        let power = durability == Durability::Power;
+        durable::replace(&*self.disk, &self.folder.join(name), octets, power)
     }
 
     fn read(&self, name: &str) -> io::Result<Option<Vec<u8>>> {

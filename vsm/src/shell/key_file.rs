@@ -1,4 +1,5 @@
-//! Key files: 32 random octets in hex, mode 0600, refused when others can read them.
+//! Key files: 32 random octets in hex, mode 0600, refused when others can read them. A pass phrase is refused: hashed
+//! once it would fall to a dictionary.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Read, Write};
@@ -54,15 +55,57 @@ pub fn read(path: &Path) -> Result<SigningKey, KeyFileError> {
             mode,
         });
     }
-    // Room for all that is read: a string that grows leaves copies of the key behind.
-    let mut text = Zeroizing::new(String::with_capacity(MOST_OCTETS as usize));
-    file.take(MOST_OCTETS)
-        .read_to_string(&mut text)
-        .map_err(io)?;
-    SigningKey::from_hex(text.trim_end()).map_err(|cause| KeyFileError::Content {
+    // Room for all that is read: a buffer that grows leaves copies of the key behind.
+    let mut text = Zeroizing::new(Vec::with_capacity(MOST_OCTETS as usize + 1));
+    file.take(MOST_OCTETS).read_to_end(&mut text).map_err(io)?;
+    parse(path, &text)
+}
+
+/// Reads the content of a key file.
+pub(super) fn parse(path: &Path, content: &[u8]) -> Result<SigningKey, KeyFileError> {
+    let content_fault = |cause: String| KeyFileError::Content {
         path: path.to_owned(),
-        cause: cause.to_string(),
-    })
+        cause,
+    };
+    let text = std::str::from_utf8(content)
+        .map_err(|_| content_fault("not a text".to_owned()))?
+        .trim_end();
+    if looks_like_a_phrase(text) {
+        return Err(content_fault(
+            "this looks like a pass phrase, which is no key: one recorded frame is enough to try a dictionary \
+             against it"
+                .to_owned(),
+        ));
+    }
+    SigningKey::from_hex(text).map_err(|cause| content_fault(cause.to_string()))
+}
+
+/// Letters that are no hexadecimal digits: somebody has written words.
+fn looks_like_a_phrase(text: &str) -> bool {
+    let odd = |c: &char| c.is_alphabetic() && !c.is_ascii_hexdigit() || *c == ' ';
+    text.chars().filter(odd).count() >= 3
+}
+
+/// A new key from the system's random source.
+///
+/// # Errors
+/// The system has no random octets.
+pub fn random() -> io::Result<SigningKey> {
+    let mut octets = Zeroizing::new([0_u8; 32]);
+    getrandom::fill(&mut *octets).map_err(|cause| io::Error::other(cause.to_string()))?;
+    SigningKey::new(*octets).map_err(|cause| io::Error::other(cause.to_string()))
+}
+
+/// A key as its file holds it.
+pub(super) fn hex(key: &SigningKey) -> Zeroizing<String> {
+    let mut hex = Zeroizing::new(String::with_capacity(65));
+    for octet in key.expose() {
+        for nibble in [octet >> 4, octet & 0x0f] {
+            hex.push(char::from_digit(nibble.into(), 16).unwrap_or('0'));
+        }
+    }
+    hex.push('\n');
+    hex
 }
 
 /// Writes a fresh random key to a file that must not exist yet.
@@ -74,15 +117,7 @@ pub fn generate(path: &Path) -> Result<(), KeyFileError> {
         path: path.to_owned(),
         cause,
     };
-    let mut key = Zeroizing::new([0_u8; 32]);
-    getrandom::fill(&mut *key).map_err(|cause| io(io::Error::other(cause.to_string())))?;
-    let mut hex = Zeroizing::new(String::with_capacity(65));
-    for octet in key.iter() {
-        for nibble in [octet >> 4, octet & 0x0f] {
-            hex.push(char::from_digit(nibble.into(), 16).unwrap_or('0'));
-        }
-    }
-    hex.push('\n');
+    let hex = hex(&random().map_err(io)?);
     let mut file = OpenOptions::new()
         .write(true)
         .create_new(true)
@@ -94,4 +129,5 @@ pub fn generate(path: &Path) -> Result<(), KeyFileError> {
         .map_err(io)
 }
 
-const MOST_OCTETS: u64 = 256;
+/// A key file is 65 octets; more than this is never read.
+pub(super) const MOST_OCTETS: u64 = 256;

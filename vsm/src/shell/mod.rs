@@ -1,8 +1,11 @@
 //! Sockets, files, clocks and the log around the sessions. It can be read in one sitting.
 
 pub mod clock;
+pub mod durable;
 pub mod file_store;
 pub mod key_file;
+pub mod key_link;
+pub mod key_store;
 pub mod recording;
 pub mod server;
 pub mod sockets;

@@ -361,4 +361,4 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 const STATUS_WITHIN: Duration = Duration::from_secs(1);
 /// 2026-01-01: no clock of ours starts before the program was written.
-const NOT_BEFORE: Duration = Duration::from_secs(1_767_225_600);
+pub(super) const NOT_BEFORE: Duration = Duration::from_secs(1_767_225_600);

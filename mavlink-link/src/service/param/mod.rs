@@ -9,7 +9,7 @@ mod server;
 
 pub use client::{Client, Entry, Event, Refusal, StartError, Timing};
 pub use mavlink::dialects::development::MavParamError;
-use mavlink::dialects::development::MavParamType;
+use mavlink::dialects::development::{MavParamType, PARAM_VALUE_DATA};
 use mavlink::types::CharArray;
 pub use server::{Parameter, Server, ServerEvent};
 
@@ -57,6 +57,12 @@ impl Value {
             Self::Real(_) => MavParamType::MAV_PARAM_TYPE_REAL32,
         }
     }
+}
+
+/// The parameter that a PARAM_VALUE tells; `None` where it is none that can be carried (64 bits, no name).
+pub fn told(data: &PARAM_VALUE_DATA) -> Option<(Name, Value)> {
+    let value = Value::from_wire(data.param_value, data.param_type)?;
+    Some((Name::from_wire(&data.param_id)?, value))
 }
 
 /// Same type and same bits; every NaN is the same.

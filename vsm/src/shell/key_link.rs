@@ -1,0 +1,256 @@
+//! `vsm key provision | rotate | revoke`: a vehicle's link, held by this process alone, and the handover of a key on it.
+//!
+//! The store's lock and the key's are held, so no bridge shares the stream of stamps. SETUP_SIGNING shows the key to
+//! whoever hears the line: it goes over loopback and serial lines only, unless the operator vouches for the link.
+
+use std::net::ToSocketAddrs;
+use std::time::Duration;
+
+use mavlink_link::clock::Origin;
+use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::link::{Endpoint, LinkConfig, Security};
+use mavlink_link::provisioning::{Event, Handover, HandoverConfig, Outcome, StartError, State};
+use mavlink_link::receiver::KeyState;
+use mavlink_link::signing::{SigningKey, Stamp};
+use tokio::time::{Instant, sleep_until};
+use zeroize::Zeroize;
+
+use super::clock::Clock;
+use super::file_store::{FileStore, OpenError};
+use super::key_store::{KeyStore, KeyStoreError};
+use super::server::NOT_BEFORE;
+use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
+use crate::config::{Config, LinkAddress, Vehicle};
+use crate::session::{Ceilings, Peer};
+
+/// Why a key cannot be handed over.
+#[derive(Debug, thiserror::Error)]
+pub enum KeyLinkError {
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] OpenError),
+    /// The keys.
+    #[error(transparent)]
+    Keys(#[from] KeyStoreError),
+    /// The link.
+    #[error(transparent)]
+    Socket(#[from] SocketError),
+    /// The clocks.
+    #[error("the signing clock cannot be read: {0}")]
+    Clock(#[from] mavlink_link::clock::StoreError),
+    /// The machine.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// The key would be shown to whoever hears the link.
+    #[error(
+        "SETUP_SIGNING shows the key to whoever hears {link}: use a serial line or loopback, or vouch for this link with \
+         --i-trust-this-link"
+    )]
+    OpenLink {
+        /// The link.
+        link: String,
+    },
+}
+
+/// How it ended, for a person.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// The machine's own end.
+    Ended(Outcome),
+    /// Nothing of the vehicle was heard.
+    NotHeard,
+    /// The vehicle signs, but with neither key.
+    ForeignKey,
+    /// The vehicle stayed armed.
+    StayedArmed,
+    /// The vehicle fell silent after the key was sent: both keys are kept, and `vsm run` finds out which it has.
+    Unknown,
+}
+
+/// A handover on its way.
+#[derive(Debug)]
+pub struct KeyLink {
+    handover: Handover<Peer>,
+    keys: KeyStore,
+    store: FileStore,
+    clock: Clock,
+    reader: VehicleReader,
+    writer: VehicleWriter,
+}
+
+impl KeyLink {
+    /// Opens the vehicle's link and stages the key. `new` is a key to hand over; an unfinished handover goes on with
+    /// its own. Must be called within a tokio runtime.
+    ///
+    /// # Errors
+    /// The link is open to others, another process has store or key, or a file or socket cannot be had. Nothing has
+    /// been sent then.
+    pub fn open(
+        config: &Config,
+        vehicle: &Vehicle,
+        key_file: &std::path::Path,
+        new: SigningKey,
+        trusted: bool,
+    ) -> Result<KeyLink, KeyLinkError> {
+        if !trusted && !is_local(&vehicle.link) {
+            return Err(KeyLinkError::OpenLink {
+                link: vehicle.link.to_string(),
+            });
+        }
+        let clock = Clock::default();
+        let now = clock.now();
+        let mut store = FileStore::open(&config.store.dir)?;
+        let keys = KeyStore::open(key_file)?;
+        let record = format!("port-{:08x}", vehicle.id.0);
+        let (reader, writer, peer) = sockets::open_vehicle(&vehicle.link, &record, &mut store)?;
+        let new = match keys.next()? {
+            Some(unfinished) => unfinished,
+            None => {
+                keys.stage(&new)?;
+                new
+            }
+        };
+        let not_before = Stamp::from_unix(NOT_BEFORE);
+        let mut ceilings = Ceilings(&mut store);
+        let old = match keys.current()? {
+            None => None,
+            Some(old) => Some(KeyState::start(
+                old,
+                Origin::KeyFile,
+                not_before,
+                now,
+                &mut ceilings,
+            )?),
+        };
+        let endpoint = peer.map_or(Endpoint::Listen, Endpoint::Fixed);
+        let mut link = LinkConfig::new(vehicle.system_id, Security::Signed, endpoint);
+        link.own_system = config.mavlink.system_id;
+        link.own_component = config.mavlink.component_id;
+        link.link_id = vehicle.link_id;
+        let settings = HandoverConfig {
+            link,
+            not_before,
+            may_send_key: true,
+        };
+        let handover = Handover::start(settings, old, new, now, &mut ceilings)?;
+        Ok(KeyLink {
+            handover,
+            keys,
+            store,
+            clock,
+            reader,
+            writer,
+        })
+    }
+
+    /// Works until it is known how it ends, at most `patience`. `tell` is given each event as it happens.
+    ///
+    /// # Errors
+    /// The vehicle has the key and the files could not be changed: both keys are kept.
+    pub async fn run(
+        mut self,
+        patience: Duration,
+        tell: &mut dyn FnMut(Event),
+    ) -> Result<Ending, KeyLinkError> {
+        let mut octets = vec![0; 65_536];
+        let mut unknown_since = None;
+        loop {
+            let until = self.handover.poll_timeout().min(self.clock.mono() + LOOK);
+            tokio::select! {
+                received = self.reader.receive(&mut octets) => match received {
+                    Ok((length, from)) => {
+                        let now = self.clock.now();
+                        let octets = octets.get(..length).unwrap_or_default();
+                        self.handover.handle_datagram(now, from, octets, &mut Ceilings(&mut self.store));
+                    }
+                    Err(_) => tokio::time::sleep(LOOK).await,
+                },
+                () = sleep_until(Instant::from_std(self.clock.instant(until))) => {}
+            }
+            self.handover.handle_timeout(self.clock.now());
+            self.send().await;
+            while let Some(event) = self.handover.poll_event() {
+                tell(event);
+                match event {
+                    Event::Commit => self.keys.commit()?,
+                    Event::Ended(Outcome::RolledBack) => self.keys.drop_next()?,
+                    _ => {}
+                }
+            }
+            let mono = self.clock.mono();
+            let settled = mono.saturating_sub(self.handover.entered_at());
+            match self.handover.outcome() {
+                // Its file may not be on its disk yet: until then it is watched.
+                Some(Outcome::Committed) if settled < KEEP_POWER => {}
+                Some(outcome) => return Ok(Ending::Ended(outcome)),
+                None => {}
+            }
+            if self.handover.state() == State::Unknown {
+                let since = *unknown_since.get_or_insert(mono);
+                if mono.saturating_sub(since) > UNKNOWN_FOR {
+                    return Ok(Ending::Unknown);
+                }
+            } else {
+                unknown_since = None;
+            }
+            if mono > patience && self.handover.outcome().is_none() {
+                return Ok(self.impatient());
+            }
+        }
+    }
+
+    /// The files of the keys, for what follows.
+    #[must_use]
+    pub fn keys(&self) -> &KeyStore {
+        &self.keys
+    }
+
+    async fn send(&mut self) {
+        let mut out = [0; MAX_FRAME];
+        loop {
+            let now = self.clock.now();
+            let sent = self
+                .handover
+                .poll_transmit(now, &mut Ceilings(&mut self.store), &mut out);
+            let Some(sent) = sent else { return };
+            let frame = out.get(..sent.len).unwrap_or_default();
+            // A frame that does not leave is a frame that is lost.
+            let _ = self.writer.send(frame, sent.to).await;
+            if sent.secret {
+                out.zeroize();
+            }
+        }
+    }
+
+    fn impatient(&self) -> Ending {
+        match self.handover.state() {
+            State::WaitDisarm => Ending::StayedArmed,
+            State::Staged if self.handover.foreign_frames() > 0 => Ending::ForeignKey,
+            State::Staged => Ending::NotHeard,
+            _ => Ending::Unknown,
+        }
+    }
+}
+
+/// Whether nobody else hears the link: a serial line, or this computer itself.
+#[must_use]
+pub fn is_local(link: &LinkAddress) -> bool {
+    match link {
+        LinkAddress::Serial { .. } => true,
+        LinkAddress::UdpIn(address) => address.ip().is_loopback(),
+        LinkAddress::UdpOut(host) => host.to_socket_addrs().is_ok_and(|mut found| {
+            let mut any = false;
+            found.all(|address| {
+                any = true;
+                address.ip().is_loopback()
+            }) && any
+        }),
+    }
+}
+
+/// The least pause between looks at the clock.
+const LOOK: Duration = Duration::from_millis(50);
+/// How long the vehicle must keep its power after it has taken the key: it writes its file without synchronising it.
+pub const KEEP_POWER: Duration = Duration::from_secs(5);
+/// How long a silent vehicle is asked before the rest is left to `vsm run`.
+const UNKNOWN_FOR: Duration = Duration::from_secs(60);

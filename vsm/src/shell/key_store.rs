@@ -1,0 +1,218 @@
+//! The keys of one vehicle: the current one, one being handed over, and the one before.
+//!
+//! `uav1.key` is the key in force, `uav1.key.next` one that the vehicle may have been sent, and
+//! `uav1.key.previous` the one before it; `uav1.key.lock` is held while a process uses them, so that no
+//! two sign with one key and one stream. Every change is durable when it returns, and a change that
+//! fails leaves a key file that can be used.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io;
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use mavlink_link::signing::SigningKey;
+use zeroize::Zeroizing;
+
+use super::durable::{self, Disk, SystemDisk};
+use super::key_file::{self, KeyFileError};
+
+/// The key files of one vehicle, locked for this process.
+#[derive(Debug)]
+pub struct KeyStore {
+    path: PathBuf,
+    disk: Box<dyn Disk>,
+    /// Held open for its lock.
+    _lock: File,
+}
+
+/// The keys cannot be used or changed.
+#[derive(Debug, thiserror::Error)]
+pub enum KeyStoreError {
+    /// A key file that is there cannot be used.
+    #[error(transparent)]
+    File(#[from] KeyFileError),
+    /// Another process uses the key.
+    #[error("the key {path} is in use by another vsm: two must not sign with one key", path = path.display())]
+    Locked {
+        /// The key file.
+        path: PathBuf,
+    },
+    /// A change could not be made durable.
+    #[error("key file {path}: {cause}; the keys stay as they were", path = path.display())]
+    Change {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        cause: io::Error,
+    },
+    /// A key that the vehicle may have taken is still there.
+    #[error("{path} holds a key that the vehicle may have: it must not be replaced before that is known", path = path.display())]
+    Unfinished {
+        /// The file of the next key.
+        path: PathBuf,
+    },
+}
+
+impl KeyStore {
+    /// Opens and locks the keys whose current one is at `path`, which need not exist yet.
+    ///
+    /// # Errors
+    /// The folder cannot be written, or another process has the lock.
+    pub fn open(path: &Path) -> Result<KeyStore, KeyStoreError> {
+        KeyStore::open_on(path, Box::new(SystemDisk))
+    }
+
+    /// As [`KeyStore::open`], with all reading and writing of keys by `disk`.
+    ///
+    /// # Errors
+    /// As [`KeyStore::open`].
+    pub fn open_on(path: &Path, disk: Box<dyn Disk>) -> Result<KeyStore, KeyStoreError> {
+        let change = |cause| KeyStoreError::Change {
+            path: path.to_owned(),
+            cause,
+        };
+        let lock = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .open(with(path, "lock"))
+            .map_err(change)?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(KeyStoreError::Locked {
+                    path: path.to_owned(),
+                });
+            }
+            Err(TryLockError::Error(cause)) => return Err(change(cause)),
+        }
+        Ok(KeyStore {
+            path: path.to_owned(),
+            disk,
+            _lock: lock,
+        })
+    }
+
+    /// The key in force; `None` where there is none yet.
+    ///
+    /// # Errors
+    /// It is there and cannot be used.
+    pub fn current(&self) -> Result<Option<SigningKey>, KeyStoreError> {
+        self.load(&self.path)
+    }
+
+    /// The key that the vehicle may have been sent.
+    ///
+    /// # Errors
+    /// It is there and cannot be used.
+    pub fn next(&self) -> Result<Option<SigningKey>, KeyStoreError> {
+        self.load(&with(&self.path, "next"))
+    }
+
+    /// The key before the current one.
+    ///
+    /// # Errors
+    /// It is there and cannot be used.
+    pub fn previous(&self) -> Result<Option<SigningKey>, KeyStoreError> {
+        self.load(&with(&self.path, "previous"))
+    }
+
+    /// Stores a key that is going to be handed over. It must be here before the vehicle is sent it.
+    ///
+    /// # Errors
+    /// Another one is here already, or it could not be made durable.
+    pub fn stage(&self, key: &SigningKey) -> Result<(), KeyStoreError> {
+        let path = with(&self.path, "next");
+        match self.next()? {
+            Some(next) if next.same_as(key) => Ok(()),
+            Some(_) => Err(KeyStoreError::Unfinished { path }),
+            None => self.save(&path, key),
+        }
+    }
+
+    /// The vehicle has the next key: it becomes the current one, and the current the previous.
+    ///
+    /// Done again after a failure, or after a power cut in the middle, it comes to the same.
+    ///
+    /// # Errors
+    /// A step could not be made durable: both keys are still here.
+    pub fn commit(&self) -> Result<(), KeyStoreError> {
+        let next = with(&self.path, "next");
+        if self.next()?.is_none() {
+            return Ok(());
+        }
+        if let Some(current) = self.current()? {
+            self.save(&with(&self.path, "previous"), &current)?;
+        }
+        self.disk
+            .rename(&next, &self.path)
+            .and_then(|()| self.disk.sync(durable::folder_of(&self.path)))
+            .map_err(|cause| KeyStoreError::Change {
+                path: self.path.clone(),
+                cause,
+            })
+    }
+
+    /// The vehicle keeps the current key: the next one is deleted.
+    ///
+    /// # Errors
+    /// It could not be deleted.
+    pub fn drop_next(&self) -> Result<(), KeyStoreError> {
+        self.delete(&with(&self.path, "next"))
+    }
+
+    /// Nobody needs the previous key any more, or nobody may: it is deleted.
+    ///
+    /// # Errors
+    /// It could not be deleted.
+    pub fn drop_previous(&self) -> Result<(), KeyStoreError> {
+        self.delete(&with(&self.path, "previous"))
+    }
+
+    fn load(&self, path: &Path) -> Result<Option<SigningKey>, KeyStoreError> {
+        let io = |cause| KeyFileError::Io {
+            path: path.to_owned(),
+            cause,
+        };
+        let Some(text) = self.disk.read(path, key_file::MOST_OCTETS).map_err(io)? else {
+            return Ok(None);
+        };
+        let mode = std::fs::metadata(path).map_err(io)?.permissions().mode() & 0o777;
+        if mode & 0o077 != 0 {
+            return Err(KeyStoreError::File(KeyFileError::Permissions {
+                path: path.to_owned(),
+                mode,
+            }));
+        }
+        Ok(Some(key_file::parse(path, &text)?))
+    }
+
+    fn save(&self, path: &Path, key: &SigningKey) -> Result<(), KeyStoreError> {
+        let text: Zeroizing<String> = key_file::hex(key);
+        durable::replace(&*self.disk, path, text.as_bytes(), true).map_err(|cause| {
+            KeyStoreError::Change {
+                path: path.to_owned(),
+                cause,
+            }
+        })
+    }
+
+    fn delete(&self, path: &Path) -> Result<(), KeyStoreError> {
+        self.disk
+            .remove(path)
+            .and_then(|()| self.disk.sync(durable::folder_of(path)))
+            .map_err(|cause| KeyStoreError::Change {
+                path: path.to_owned(),
+                cause,
+            })
+    }
+}
+
+/// `uav1.key` with `next`: `uav1.key.next`.
+fn with(path: &Path, part: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".");
+    name.push(part);
+    PathBuf::from(name)
+}
