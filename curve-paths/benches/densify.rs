@@ -16,6 +16,11 @@ use curve_paths::cubic::Cubic;
 use curve_paths::vector::Vec3;
 use curve_paths::{BezierLeg, Leg, Options, densify, densify_to_budget, vertices_needed};
 
+/// Four control points in a plane, m.
+type Plane = [[f64; 2]; 4];
+/// Takes a point.
+type Each<'a> = &'a mut dyn FnMut(f64, f64);
+
 const TOLERANCE_M: f64 = 1.0;
 
 /// Legs of every kind, some 20 m to 5 km long, level.
@@ -61,7 +66,7 @@ fn route_or(route: &[Leg], leg: BezierLeg) -> Vec<Leg> {
 }
 
 /// The leg in the plane at its start, for flatteners that know planes only.
-fn in_plane(leg: &BezierLeg) -> [[f64; 2]; 4] {
+fn in_plane(leg: &BezierLeg) -> Plane {
     let ecef = leg.ecef();
     let up = ecef.0[0].unit();
     let east = Vec3::new(-up.y, up.x, 0.0).unit();
@@ -70,7 +75,7 @@ fn in_plane(leg: &BezierLeg) -> [[f64; 2]; 4] {
         .map(|p| [(p - ecef.0[0]).dot(east), (p - ecef.0[0]).dot(north)])
 }
 
-fn kurbo_points(p: &[[f64; 2]; 4], mut each: impl FnMut(f64, f64)) {
+fn kurbo_points(p: &Plane, mut each: impl FnMut(f64, f64)) {
     let mut path = kurbo::BezPath::new();
     path.move_to((p[0][0], p[0][1]));
     path.curve_to((p[1][0], p[1][1]), (p[2][0], p[2][1]), (p[3][0], p[3][1]));
@@ -81,7 +86,7 @@ fn kurbo_points(p: &[[f64; 2]; 4], mut each: impl FnMut(f64, f64)) {
     });
 }
 
-fn lyon_points(p: &[[f64; 2]; 4], mut each: impl FnMut(f64, f64)) {
+fn lyon_points(p: &Plane, mut each: impl FnMut(f64, f64)) {
     let [from, ctrl1, ctrl2, to] = p.map(|p| lyon_geom::point(p[0], p[1]));
     lyon_geom::CubicBezierSegment {
         from,
@@ -92,7 +97,7 @@ fn lyon_points(p: &[[f64; 2]; 4], mut each: impl FnMut(f64, f64)) {
     .for_each_flattened(TOLERANCE_M, &mut |line| each(line.to.x, line.to.y));
 }
 
-fn own_points(leg: &BezierLeg, plane: &[[f64; 2]; 4], mut each: impl FnMut(f64, f64)) {
+fn own_points(leg: &BezierLeg, plane: &Plane, mut each: impl FnMut(f64, f64)) {
     let curve = Cubic(plane.map(|p| Vec3::new(p[0], p[1], 0.0)));
     let route = densify(&[(*leg).into()], &Options::geometry(TOLERANCE_M)).unwrap();
     for vertex in &route.vertices[1..] {
@@ -102,7 +107,7 @@ fn own_points(leg: &BezierLeg, plane: &[[f64; 2]; 4], mut each: impl FnMut(f64, 
 }
 
 /// Greatest distance from a dense sampling of the curve to the polyline.
-fn deviation_m(plane: &[[f64; 2]; 4], line: &[[f64; 2]]) -> f64 {
+fn deviation_m(plane: &Plane, line: &[[f64; 2]]) -> f64 {
     let curve = Cubic(plane.map(|p| Vec3::new(p[0], p[1], 0.0)));
     let mut worst: f64 = 0.0;
     for k in 0..=2_000 {
@@ -129,7 +134,7 @@ fn deviation_m(plane: &[[f64; 2]; 4], line: &[[f64; 2]]) -> f64 {
     clippy::print_stdout,
     reason = "the counts and deviations belong beside the times"
 )]
-fn report(legs: &[BezierLeg], planes: &[[[f64; 2]; 4]]) {
+fn report(legs: &[BezierLeg], planes: &[Plane]) {
     let mut rows = [
         ("curve-paths", 0, 0.0f64),
         ("kurbo", 0, 0.0),
@@ -183,7 +188,7 @@ fn benches(c: &mut Criterion) {
                 .sum::<usize>()
         });
     });
-    let counted = |flatten: &dyn Fn(&[[f64; 2]; 4], &mut dyn FnMut(f64, f64))| {
+    let counted = |flatten: &dyn Fn(&Plane, Each<'_>)| {
         let mut n = 0u64;
         planes.iter().for_each(|p| {
             flatten(p, &mut |x, y| {
@@ -193,8 +198,8 @@ fn benches(c: &mut Criterion) {
         });
         n
     };
-    let kurbo = |p: &[[f64; 2]; 4], each: &mut dyn FnMut(f64, f64)| kurbo_points(p, each);
-    let lyon = |p: &[[f64; 2]; 4], each: &mut dyn FnMut(f64, f64)| lyon_points(p, each);
+    let kurbo = |p: &Plane, each: Each<'_>| kurbo_points(p, each);
+    let lyon = |p: &Plane, each: Each<'_>| lyon_points(p, each);
     group.throughput(Throughput::Elements(counted(&kurbo)));
     group.bench_function("kurbo, in the plane", |b| b.iter(|| counted(&kurbo)));
     group.throughput(Throughput::Elements(counted(&lyon)));

@@ -56,7 +56,7 @@ pub fn densify_to_budget(
             min_chord_m: 0.0,
             charges: options.charges,
         };
-        let enough = 4 * max_vertices;
+        let enough = 2 * max_vertices;
         let mut total = 1;
         for leg in legs {
             total += match leg {

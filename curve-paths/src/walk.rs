@@ -1,8 +1,8 @@
 //! Along one leg by the longest chords that the tolerance allows.
 //!
 //! From each vertex the end of the next chord is searched with the proven bound: first guess from the curvature, then
-//! a secant in the logarithms (the bound grows like a power of the chord), bisection after six steps, as the secant
-//! stalls near a cusp. A chord is only ever accepted with its bound within the tolerance.
+//! a secant in the root of the bound (which grows nearly like the chord), bisection after six steps, as the secant stalls
+//! near a cusp. A chord is only ever accepted with its bound within the tolerance.
 
 use crate::leg::BezierLeg;
 use crate::local::{Charges, Chord, Local};
@@ -35,6 +35,11 @@ pub(crate) fn walk(
     if rules.min_chord_m > 0.0 {
         return walk_with_least(leg, &mut local, rules, visit);
     }
+    let whole = local.chord(1.0);
+    if whole.bound_m <= rules.tolerance_m {
+        visit(&whole);
+        return Ok(());
+    }
     let mut last = 0.0;
     while local.t() < 1.0 {
         let chord = longest(&local, rules.tolerance_m, last);
@@ -58,8 +63,8 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64, last: f64) -> Chord {
     }
     let mut best: Option<Chord> = None;
     let (mut low, mut high) = (0.0, rest * (1.0 + 1e-9));
-    let (mut before_h, mut before_f) = (0.0f64, 0.0f64);
-    let mut power = 2.0;
+    // The root of the bound grows with the chord nearly in proportion, from nothing.
+    let (mut before_h, mut before_g) = (0.0, 0.0);
     let mut step = 0;
     loop {
         let chord = to(h);
@@ -78,18 +83,9 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64, last: f64) -> Chord {
         {
             return best;
         }
-        if before_f > 0.0 && f > 0.0 && h != before_h {
-            let measured = (f / before_f).ln() / (h / before_h).ln();
-            if measured.is_finite() {
-                power = measured.clamp(0.7, 4.0);
-            }
-        }
-        (before_h, before_f) = (h, f);
-        let secant = if step == 0 {
-            h * (AIM / f).sqrt()
-        } else {
-            h * (AIM / f).powf(1.0 / power)
-        };
+        let g = f.sqrt();
+        let secant = h + (AIM - g) * (h - before_h) / (g - before_g);
+        (before_h, before_g) = (h, g);
         h = if step < SECANT_STEPS && secant > low && secant < high {
             secant
         } else if step < SECANT_STEPS && secant >= rest && high > rest {
@@ -104,6 +100,9 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64, last: f64) -> Chord {
 /// The number of chords that the greedy walk needs; it stops counting past `enough`.
 pub(crate) fn count(leg: &BezierLeg, rules: &Rules, enough: usize) -> usize {
     let mut local = Local::new(leg, &rules.charges);
+    if local.chord(1.0).bound_m <= rules.tolerance_m {
+        return 1;
+    }
     let mut chords = 0;
     let mut last = 0.0;
     while local.t() < 1.0 && chords <= enough {
@@ -229,8 +228,8 @@ const BALANCE_STEPS: u32 = 31;
 const GRID: usize = 384;
 /// Fraction of the tolerance that ends a search: the chord is within half a percent of the longest.
 const CLOSE_ENOUGH: f64 = 0.99;
-/// What the secant aims at, between that and 1.
-const AIM: f64 = 0.995;
+/// What the secant aims at: a root between that of the above and 1.
+const AIM: f64 = 0.9975;
 /// Relative width of the interval that ends a search.
 const NARROW: f64 = 1e-3;
 /// Steps by secant; then bisection.
