@@ -11,12 +11,13 @@
 
 mod answer;
 mod bounds;
+pub mod modes;
 mod parameters;
 mod request;
 
 pub use bounds::{Bounds, bounds};
 pub use parameters::{NAMES, Parameters};
-pub use request::{Request, RequestError, Scope};
+pub use request::{Level, Request, RequestError, Scope};
 
 use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::{

@@ -17,6 +17,7 @@ use super::alerts::{Alerts, Cause};
 use super::authority::Authority;
 use super::bridge::LogLevel;
 use super::ceiling::Ceilings;
+use super::configuration::Configuration;
 use super::desk::{Desk, Origin};
 use super::maneuver::{Maneuver, Progress};
 use super::mission_transfer::Load;
@@ -42,6 +43,7 @@ pub(crate) struct Aircraft {
     pub(super) loiter: LoiterConfiguration,
     pub(super) commanded: Commanded,
     pub(super) push: Push,
+    pub(super) configuration: Configuration,
     pub(super) silence: Silence,
 }
 
@@ -83,6 +85,7 @@ impl Aircraft {
             loiter: LoiterConfiguration::default(),
             commanded: Commanded::default(),
             push: Push::default(),
+            configuration: Configuration::default(),
             silence: Silence::None,
         }
     }
@@ -133,6 +136,8 @@ impl Aircraft {
         self.mav.handle_timeout(desk.now, &mut Ceilings(desk.store));
         self.watch_controller(desk);
         self.go_on(desk);
+        self.watch_modes(desk);
+        self.send_configuration(desk);
         self.push_due(desk);
     }
 
@@ -145,6 +150,7 @@ impl Aircraft {
                 .and_then(|(_, maneuver)| maneuver.poll_timeout()),
             self.load.as_ref().and_then(Load::poll_timeout),
             self.push.poll_timeout(),
+            self.configuration.poll_timeout(),
         ]
         .into_iter()
         .flatten()
@@ -180,8 +186,10 @@ impl Aircraft {
                     .clear(Cause::VehicleSilent, "the vehicle is heard");
                 desk.alert(self.id(), &listeners, raised);
                 self.report_on_change(desk);
+                self.read_parameters(desk);
             }
             VehicleEvent::Silent => {
+                self.stop_reading(desk);
                 let text = "the vehicle is silent: its state is not known".to_owned();
                 let raised = self.alerts.raise(
                     Cause::VehicleSilent,
@@ -193,6 +201,7 @@ impl Aircraft {
                 self.report_on_change(desk);
             }
             VehicleEvent::Restarted => {
+                self.read_parameters(desk);
                 let text = "the autopilot has restarted".to_owned();
                 let raised = self.alerts.notice(
                     desk.now.mono,
@@ -203,6 +212,8 @@ impl Aircraft {
                 desk.alert(self.id(), &listeners, raised);
             }
             VehicleEvent::ModeChanged => self.report_on_change(desk),
+            VehicleEvent::Parameter(event) => self.take_parameter(desk, event),
+            VehicleEvent::ParameterTold(name, value) => self.keep_parameter(desk, name, value),
             VehicleEvent::Text(text) => {
                 let priority = mapping::alert::priority(text.severity);
                 let raised =

@@ -17,6 +17,7 @@ use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::aircraft::Aircraft;
 use super::ceiling::Ceilings;
+use super::configuration::Configuration;
 use super::counters::{ByType, Counters};
 use super::desk::{Desk, Origin};
 use super::outbox::{Datagram, Destination, Outbox};
@@ -156,6 +157,7 @@ impl Bridge {
             };
             let mav = VehicleLink::new(own, Link::new(link), key);
             let mut aircraft = Aircraft::new(vehicle.clone(), mav, number);
+            aircraft.configuration = Configuration::of(config);
             let (mut desk, _) = bridge.desk(now, store);
             aircraft.restore(&mut desk)?;
             aircraft.announce(&mut desk);
@@ -297,6 +299,15 @@ impl Bridge {
                 self.inform(now, &origin, destination, store, |aircraft, desk| {
                     wanted.is_some_and(|wanted| aircraft.report_once(desk, origin.station, wanted))
                 });
+            }
+            Message::FieldConfigurationRequest(request) => {
+                let (mut desk, aircraft) = self.desk(now, store);
+                for aircraft in aircraft.iter_mut() {
+                    let to_all = destination == Id::BROADCAST || destination == desk.vsm;
+                    if to_all || aircraft.id() == destination {
+                        aircraft.configure(&mut desk, origin, request);
+                    }
+                }
             }
             command => self.command(now, origin, destination, command, store),
         }

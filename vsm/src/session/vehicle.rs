@@ -17,7 +17,7 @@ use mavlink_link::link::{Auth, Link, LinkStats};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::service::interval::{Intervals, Rate};
 use mavlink_link::service::text::{Text, Texts};
-use mavlink_link::service::{Node, command, mission};
+use mavlink_link::service::{Node, command, mission, param};
 use mavlink_link::signing::Stamp;
 
 use super::counters::ByType;
@@ -63,6 +63,10 @@ pub(crate) enum VehicleEvent {
     Mission(mission::Event),
     /// A command ended or went on.
     Command(command::Event),
+    /// The answer to a parameter that was asked for.
+    Parameter(param::Event),
+    /// A parameter that it tells unasked: somebody has changed it.
+    ParameterTold(param::Name, param::Value),
     /// A text of its own.
     Text(Text),
     /// Something about the link.
@@ -78,6 +82,7 @@ pub(crate) struct VehicleLink {
     pub(crate) telemetry: Telemetry,
     pub(crate) missions: mission::Client,
     pub(crate) commands: command::Client,
+    pub(crate) parameters: param::Client,
     intervals: Intervals,
     texts: Texts,
     heartbeat_at: Option<Duration>,
@@ -101,6 +106,8 @@ struct Asked {
     mission: Option<Stamp>,
     /// First try of the command that runs.
     command: Option<Stamp>,
+    /// First of the parameters that are asked for.
+    parameter: Option<Stamp>,
     /// The last command of all.
     last: Option<Stamp>,
 }
@@ -110,6 +117,7 @@ struct Asked {
 struct Fresh {
     mission: bool,
     command: bool,
+    parameter: bool,
     state: bool,
 }
 
@@ -126,6 +134,7 @@ impl VehicleLink {
             telemetry: Telemetry::default(),
             missions: mission::Client::new(own, vehicle, mission::Timing::default()),
             commands: command::Client::new(own, vehicle, command::Timing::default()),
+            parameters: param::Client::new(own, vehicle, param::Timing::default()),
             intervals: Intervals::new(RATES.iter().copied()),
             texts: Texts::new(vehicle.system),
             heartbeat_at: None,
@@ -194,6 +203,7 @@ impl VehicleLink {
             let fresh = Fresh {
                 mission: delivery.can_answer(asked.mission),
                 command: delivery.can_answer(asked.command),
+                parameter: delivery.can_answer(asked.parameter),
                 state: delivery.can_answer(asked.last),
             };
             if let Ok(message) = delivery.message {
@@ -242,6 +252,16 @@ impl VehicleLink {
             .handle_message(now.mono, node, message, fresh.mission);
         self.commands
             .handle_message(now.mono, node, message, fresh.command);
+        let answered = self
+            .parameters
+            .handle_message(now.mono, node, message, fresh.parameter);
+        if let MavMessage::PARAM_VALUE(told) = message
+            && !answered
+            && let Some((name, value)) = param::told(told)
+        {
+            self.events
+                .push_back(VehicleEvent::ParameterTold(name, value));
+        }
     }
 
     /// A clock since boot that goes back is another boot: the rates asked for are forgotten.
@@ -267,6 +287,7 @@ impl VehicleLink {
         self.link.handle_timeout(now);
         self.missions.handle_timeout(now.mono);
         self.commands.handle_timeout(now.mono);
+        self.parameters.handle_timeout(now.mono);
         self.texts.handle_timeout(now.mono);
         let silent = self
             .heartbeat_at
@@ -292,6 +313,7 @@ impl VehicleLink {
         [
             self.missions.poll_timeout(),
             self.commands.poll_timeout(),
+            self.parameters.poll_timeout(),
             self.texts.poll_timeout(),
             silence,
             intervals,
@@ -313,6 +335,9 @@ impl VehicleLink {
     fn collect(&mut self, now: Duration) {
         while let Some(event) = self.missions.poll_event() {
             self.events.push_back(VehicleEvent::Mission(event));
+        }
+        while let Some(event) = self.parameters.poll_event() {
+            self.events.push_back(VehicleEvent::Parameter(event));
         }
         while let Some(text) = self.texts.poll_event() {
             if text.severity as u32 <= MavSeverity::MAV_SEVERITY_WARNING as u32 {
@@ -345,6 +370,13 @@ impl VehicleLink {
         while let Some(message) = self.missions.poll_transmit() {
             let stamp = self.send(now, &message, store);
             self.asked.mission = self.asked.mission.or(stamp);
+        }
+        if self.parameters.pending() == 0 {
+            self.asked.parameter = None;
+        }
+        while let Some(message) = self.parameters.poll_transmit() {
+            let stamp = self.send(now, &message, store);
+            self.asked.parameter = self.asked.parameter.or(stamp);
         }
         loop {
             while let Some(event) = self.commands.poll_event() {
