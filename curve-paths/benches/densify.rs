@@ -41,28 +41,25 @@ fn legs() -> Vec<BezierLeg> {
         .collect()
 }
 
-/// A route there and back, over and over, of about 500 vertices.
+/// A leg of some 25 chords there and back, over and over, to about 500 vertices.
 fn route_of_500() -> Vec<Leg> {
-    let leg = legs()[1];
-    let mut route: Vec<Leg> = Vec::new();
-    let mut forward = true;
-    while vertices_needed(&route_or(&route, leg), &Options::geometry(TOLERANCE_M)).unwrap() < 500 {
-        route.push(if forward {
-            leg.into()
-        } else {
-            leg.reversed().into()
-        });
-        forward = !forward;
-    }
-    route
-}
-
-fn route_or(route: &[Leg], leg: BezierLeg) -> Vec<Leg> {
-    if route.is_empty() {
-        vec![leg.into()]
-    } else {
-        route.to_vec()
-    }
+    let needs = |leg: &BezierLeg| {
+        vertices_needed(&[(*leg).into()], &Options::geometry(TOLERANCE_M)).unwrap() - 1
+    };
+    let leg = legs()
+        .into_iter()
+        .find(|leg| (24..28).contains(&needs(leg)))
+        .unwrap();
+    let turns = 500 / needs(&leg);
+    (0..turns)
+        .map(|k| {
+            if k % 2 == 0 {
+                leg.into()
+            } else {
+                leg.reversed().into()
+            }
+        })
+        .collect()
 }
 
 /// The leg in the plane at its start, for flatteners that know planes only.

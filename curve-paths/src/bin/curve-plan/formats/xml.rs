@@ -172,7 +172,7 @@ fn attribute(
         .map_err(|_| Failure::at(file, line, field, format!("{text:?}, expected degrees")))
 }
 
-/// KML's longitude,latitude[,altitude] tuples.
+/// KML's tuples: longitude,latitude or longitude,latitude,altitude.
 fn tuples(file: &Path, line: Option<u64>, text: &str, route: &mut Route) -> Result<(), Failure> {
     for tuple in text.split_whitespace() {
         let parsed: Result<Vec<f64>, _> = tuple.split(',').map(str::parse).collect();
