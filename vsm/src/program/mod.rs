@@ -3,6 +3,7 @@
 mod check_config;
 mod demo;
 mod dli_lines;
+mod key;
 mod keygen;
 mod run;
 mod status;
@@ -57,6 +58,11 @@ enum Command {
         /// The key file to write
         file: PathBuf,
     },
+    /// Hands keys to vehicles, and shows them
+    Key {
+        #[command(subcommand)]
+        action: key::Action,
+    },
     /// Reads DLI datagrams, one a line in hex, and writes each message as a line of JSON
     Decode {
         /// Integers as on the wire, never range-checked
@@ -87,6 +93,7 @@ pub(crate) fn main() -> ExitCode {
         Command::CheckConfig { file } => check_config::check(&file),
         Command::Status { config, json } => status::show(&config, json),
         Command::Keygen { file } => keygen::generate(&file),
+        Command::Key { action } => key::run(action),
         Command::Decode { raw } => dli_lines::decode(raw),
         Command::Encode { raw } => dli_lines::encode(raw),
     };

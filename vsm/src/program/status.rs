@@ -55,13 +55,19 @@ fn readable(json: &str) -> anyhow::Result<String> {
             vehicle["controller"].as_str().unwrap_or("nobody")
         );
         let link = &vehicle["link"];
-        let signed = if link["signed"] == true {
-            "signed"
-        } else {
-            "NOT SIGNED"
+        let signed = match (link["signed"] == true, link["key_id"].as_str()) {
+            (true, Some(id)) => format!("signed with key {id}"),
+            (true, None) => "signed, which key is being found out".to_owned(),
+            (false, _) => "NOT SIGNED: anyone in range can command it".to_owned(),
         };
+        let since = link["live_s"]
+            .as_f64()
+            .map_or(String::new(), |s| format!(" for {s:.0} s"));
+        let state = link["state"].as_str().unwrap_or("?");
         let peer = link["peer"].as_str().unwrap_or("not heard yet");
-        text += &format!("  {} {signed}, peer {peer}\n", plain(&link["address"]));
+        let address = plain(&link["address"]);
+        text += &format!("  {address} {signed}, {state}{since}, peer {peer}\n");
+        text += &counts("  refused in the vehicle's name: ", &link["refused"]);
         text += &counts("  frames: ", &link["frames"]);
     }
     text += &counts("DLI received by type: ", &status["received"]);

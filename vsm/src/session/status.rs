@@ -74,6 +74,15 @@ pub struct LinkStatus {
     pub signed: bool,
     /// The key's id.
     pub key_id: Option<String>,
+    /// How it stands: "waiting" (nothing accepted yet), "live", "behind" (verified, but its stamps have fallen back) or
+    /// "settling" (which of two keys the vehicle has is being found out).
+    pub state: &'static str,
+    /// Since when it has been live, s.
+    pub live_s: Option<f64>,
+    /// Refused frames in the vehicle's name, by the reason.
+    pub refused: BTreeMap<&'static str, u64>,
+    /// Frames of other systems, which a vehicle passes on: no concern of this link.
+    pub strangers: u64,
     /// Frames by what became of them.
     pub frames: BTreeMap<&'static str, u64>,
     /// Believed, by message id.
@@ -118,8 +127,15 @@ impl Bridge {
                         super::vehicle::Peer::Udp(address) => address.to_string(),
                         super::vehicle::Peer::Serial => "serial".to_owned(),
                     }),
-                    signed: aircraft.mav.key().is_some(),
+                    signed: aircraft.config.signing != crate::config::Signing::Off,
                     key_id: aircraft.mav.key().map(|key| key.id().to_string()),
+                    state: aircraft.mav.link_state_name(),
+                    live_s: aircraft
+                        .mav
+                        .live_since
+                        .map(|at| now.saturating_sub(at).as_secs_f64()),
+                    refused: aircraft.mav.refused_frames(),
+                    strangers: aircraft.mav.stats().unexpected_system,
                     frames: aircraft.mav.stats().iter().collect(),
                     received: aircraft.mav.received.clone(),
                     sent: aircraft.mav.sent.clone(),

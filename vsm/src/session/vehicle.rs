@@ -21,6 +21,7 @@ use mavlink_link::service::{Node, command, mission, param};
 use mavlink_link::signing::Stamp;
 
 use super::counters::ByType;
+use super::settling::Settling;
 
 /// Where a frame came from or goes to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -41,6 +42,10 @@ pub struct OutFrame {
 }
 
 impl OutFrame {
+    pub(super) fn new(to: Peer, len: usize, octets: [u8; MAX_FRAME]) -> OutFrame {
+        OutFrame { to, len, octets }
+    }
+
     /// Its octets.
     #[must_use]
     pub fn octets(&self) -> &[u8] {
@@ -77,8 +82,11 @@ pub(crate) enum VehicleEvent {
 #[derive(Debug)]
 pub(crate) struct VehicleLink {
     vehicle: Node,
-    link: Link<Peer>,
-    key: Option<KeyState>,
+    pub(super) link: Link<Peer>,
+    pub(super) key: Option<KeyState>,
+    pub(super) settling: Settling,
+    /// Since when frames have been accepted without a break.
+    pub(super) live_since: Option<Duration>,
     pub(crate) telemetry: Telemetry,
     pub(crate) missions: mission::Client,
     pub(crate) commands: command::Client,
@@ -94,7 +102,7 @@ pub(crate) struct VehicleLink {
     complaint: Option<(Duration, String)>,
     believed: Vec<(Node, MavMessage, Fresh)>,
     events: VecDeque<VehicleEvent>,
-    out: VecDeque<OutFrame>,
+    pub(super) out: VecDeque<OutFrame>,
     pub(crate) received: ByType,
     pub(crate) sent: ByType,
 }
@@ -131,6 +139,8 @@ impl VehicleLink {
             vehicle,
             link,
             key,
+            settling: Settling::default(),
+            live_since: None,
             telemetry: Telemetry::default(),
             missions: mission::Client::new(own, vehicle, mission::Timing::default()),
             commands: command::Client::new(own, vehicle, command::Timing::default()),
@@ -193,6 +203,9 @@ impl VehicleLink {
         store: &mut dyn CeilingStore,
         tap: &mut dyn FnMut(&FrameView<'_>),
     ) {
+        if self.settle_datagram(now, from, octets, store) {
+            return;
+        }
         // The link borrows itself while it delivers: what it delivers is taken in afterwards.
         let mut believed = std::mem::take(&mut self.believed);
         let asked = self.asked;
@@ -284,6 +297,7 @@ impl VehicleLink {
 
     /// Does what is due.
     pub(crate) fn handle_timeout(&mut self, now: Now, store: &mut dyn CeilingStore) {
+        self.settle_timeout(now, store);
         self.link.handle_timeout(now);
         self.missions.handle_timeout(now.mono);
         self.commands.handle_timeout(now.mono);
@@ -317,6 +331,7 @@ impl VehicleLink {
             self.texts.poll_timeout(),
             silence,
             intervals,
+            self.settling.poll_timeout(),
         ]
         .into_iter()
         .flatten()
@@ -346,6 +361,11 @@ impl VehicleLink {
             self.events.push_back(VehicleEvent::Text(text));
         }
         while let Some(event) = self.link.poll_event() {
+            match event {
+                mavlink_link::link::Event::Live => self.live_since = Some(now),
+                mavlink_link::link::Event::Behind => self.live_since = None,
+                _ => {}
+            }
             self.events.push_back(VehicleEvent::Link(event));
         }
     }

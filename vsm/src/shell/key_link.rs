@@ -11,7 +11,7 @@ use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::{Endpoint, LinkConfig, Security};
 use mavlink_link::provisioning::{Event, Handover, HandoverConfig, Outcome, StartError, State};
 use mavlink_link::receiver::KeyState;
-use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use tokio::time::{Instant, sleep_until};
 use zeroize::Zeroize;
 
@@ -199,10 +199,10 @@ impl KeyLink {
         }
     }
 
-    /// The files of the keys, for what follows.
+    /// Names the key that is handed over.
     #[must_use]
-    pub fn keys(&self) -> &KeyStore {
-        &self.keys
+    pub fn new_id(&self) -> KeyId {
+        self.handover.new_id()
     }
 
     async fn send(&mut self) {

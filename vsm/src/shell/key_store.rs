@@ -15,6 +15,7 @@ use zeroize::Zeroizing;
 
 use super::durable::{self, Disk, SystemDisk};
 use super::key_file::{self, KeyFileError};
+use super::key_guard;
 
 /// The key files of one vehicle, locked for this process.
 #[derive(Debug)]
@@ -71,12 +72,15 @@ impl KeyStore {
             path: path.to_owned(),
             cause,
         };
+        key_guard::no_core_files();
         let lock = OpenOptions::new()
             .write(true)
             .create(true)
             .truncate(false)
             .mode(0o600)
             .open(with(path, "lock"))
+            // In a folder that cannot be written nothing is ever replaced: the key file itself can be locked.
+            .or_else(|_| File::open(path))
             .map_err(change)?;
         match lock.try_lock() {
             Ok(()) => {}

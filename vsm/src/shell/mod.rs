@@ -3,10 +3,14 @@
 pub mod clock;
 pub mod durable;
 pub mod file_store;
+pub mod http;
+pub mod key_clock;
 pub mod key_file;
+pub mod key_guard;
 pub mod key_link;
 pub mod key_store;
 pub mod recording;
 pub mod server;
+pub mod sitl_key_file;
 pub mod sockets;
 pub mod status_socket;

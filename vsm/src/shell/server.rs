@@ -4,24 +4,28 @@ use std::cell::RefCell;
 use std::future::Future;
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::Duration;
 
 use mavlink_link::frame::FrameView;
+use mavlink_link::provisioning::StartError as HandoverError;
+use mavlink_link::signing::SigningKey;
 use tokio::io::AsyncWriteExt;
-use tokio::net::{UdpSocket, UnixListener};
+use tokio::net::{TcpListener, UdpSocket, UnixListener};
 use tokio::sync::Notify;
 use tokio::task::LocalSet;
 
 use super::clock::Clock;
 use super::file_store::{FileStore, OpenError};
+use super::http;
 use super::key_file::{self, KeyFileError};
+use super::key_store::{KeyStore, KeyStoreError};
 use super::recording::Recording;
 use super::sockets::{self, DliSockets, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
 use crate::config::{Config, Signing};
-use crate::session::{Bridge, BridgeError, Destination, LinkEnd, LogLevel, Status};
+use crate::session::{Bridge, BridgeError, Destination, KeyChange, LinkEnd, LogLevel, Status};
 
 /// A bridge that cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +36,12 @@ pub enum StartError {
     /// A key.
     #[error(transparent)]
     Key(#[from] KeyFileError),
+    /// The keys of a vehicle.
+    #[error(transparent)]
+    Keys(#[from] KeyStoreError),
+    /// A handover that is not finished.
+    #[error(transparent)]
+    Handover(#[from] HandoverError),
     /// A socket.
     #[error(transparent)]
     Socket(#[from] SocketError),
@@ -43,6 +53,14 @@ pub enum StartError {
     Recording {
         /// The folder.
         folder: PathBuf,
+        /// The system's reason.
+        cause: io::Error,
+    },
+    /// The status page.
+    #[error("cannot listen on http.listen = \"{address}\": {cause}")]
+    Http {
+        /// The address.
+        address: SocketAddr,
         /// The system's reason.
         cause: io::Error,
     },
@@ -59,6 +77,7 @@ pub struct Server {
     readers: Vec<VehicleReader>,
     writers: Vec<VehicleWriter>,
     status: UnixListener,
+    page: Option<TcpListener>,
 }
 
 #[derive(Debug)]
@@ -77,6 +96,8 @@ struct Core {
     bridge: Bridge,
     store: FileStore,
     recordings: Vec<Option<Recording>>,
+    /// Locked as long as the bridge runs.
+    key_stores: Vec<Option<KeyStore>>,
 }
 
 impl Server {
@@ -90,11 +111,16 @@ impl Server {
         let mut store = FileStore::open(&config.store.dir)?;
         let dli = DliSockets::open(&config.dli)?;
         let (mut readers, mut writers, mut ends, mut recordings) = (vec![], vec![], vec![], vec![]);
+        let mut key_stores = vec![];
         for vehicle in config.vehicles() {
-            let key = match &vehicle.signing {
-                Signing::KeyFile(path) => Some(key_file::read(path)?),
-                Signing::Off => None,
+            let (key, keys) = match &vehicle.signing {
+                Signing::KeyFile(path) => {
+                    let (key, keys) = vehicle_keys(path)?;
+                    (Some(key), Some(keys))
+                }
+                Signing::Off => (None, None),
             };
+            key_stores.push(keys);
             let record = format!("port-{:08x}", vehicle.id.0);
             let (reader, writer, peer) = sockets::open_vehicle(&vehicle.link, &record, &mut store)?;
             readers.push(reader);
@@ -115,7 +141,21 @@ impl Server {
                 }
             });
         }
-        let bridge = Bridge::new(config, ends, now, NOT_BEFORE, &mut store)?;
+        let mut bridge = Bridge::new(config, ends, now, NOT_BEFORE, &mut store)?;
+        for (index, keys) in key_stores.iter().enumerate() {
+            if let Some(next) = keys.as_ref().map(KeyStore::next).transpose()?.flatten() {
+                tracing::warn!(
+                    "a handover of key {} is not finished: finding out which key the vehicle has",
+                    next.id()
+                );
+                bridge.settle_key(index, next, now, NOT_BEFORE, &mut store)?;
+            }
+        }
+        let page = config
+            .http
+            .as_ref()
+            .map(|http| listen(http.listen))
+            .transpose()?;
         let status = status_socket::listen(&config.store.dir).map_err(StartError::Status)?;
         let shared = Shared {
             clock,
@@ -124,6 +164,7 @@ impl Server {
                 bridge,
                 store,
                 recordings,
+                key_stores,
             }),
             outgoing: Notify::new(),
             timing: Notify::new(),
@@ -134,6 +175,7 @@ impl Server {
             readers,
             writers,
             status,
+            page,
         })
     }
 
@@ -172,6 +214,7 @@ impl Server {
             readers,
             writers,
             status,
+            page,
         } = self;
         let local = LocalSet::new();
         let unicast = Rc::new(dli.unicast);
@@ -186,6 +229,17 @@ impl Server {
         local.spawn_local(send(shared.clone(), unicast, group, writers));
         local.spawn_local(keep_time(shared.clone()));
         local.spawn_local(tell_status(shared.clone(), status));
+        if let Some(listener) = page {
+            let shared = shared.clone();
+            let picture = move || {
+                shared
+                    .core
+                    .borrow()
+                    .bridge
+                    .status(shared.vsm.clone(), shared.clock.mono())
+            };
+            local.spawn_local(http::serve(listener, picture));
+        }
         local.run_until(stop).await;
         let mut core = shared.core.borrow_mut();
         core.recordings
@@ -194,6 +248,14 @@ impl Server {
             .for_each(Recording::flush);
         core.bridge.status(shared.vsm.clone(), shared.clock.mono())
     }
+}
+
+fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
+    let listener = std::net::TcpListener::bind(address).and_then(|listener| {
+        listener.set_nonblocking(true)?;
+        TcpListener::from_std(listener)
+    });
+    listener.map_err(|cause| StartError::Http { address, cause })
 }
 
 impl Shared {
@@ -208,9 +270,35 @@ impl Shared {
                 LogLevel::Error => tracing::error!("{}: {}", entry.about, entry.text),
             }
         }
+        while let Some((index, change)) = core.bridge.poll_key_change() {
+            let Some(Some(keys)) = core.key_stores.get(index) else {
+                continue;
+            };
+            let (done, what) = match change {
+                KeyChange::Commit => (keys.commit(), "the vehicle has the new key"),
+                KeyChange::DropNext => (keys.drop_next(), "the vehicle keeps its key"),
+            };
+            match done {
+                Ok(()) => tracing::info!("{what}"),
+                // Found out again at the next start.
+                Err(fault) => tracing::error!("{what}, but {fault}"),
+            }
+        }
         self.outgoing.notify_one();
         self.timing.notify_one();
         done
+    }
+}
+
+/// The key in force and its files. A first key that was sent and whose end is not known is the one in force.
+fn vehicle_keys(path: &Path) -> Result<(SigningKey, KeyStore), StartError> {
+    let keys = KeyStore::open(path)?;
+    if keys.current()?.is_none() {
+        keys.commit()?;
+    }
+    match keys.current()? {
+        Some(key) => Ok((key, keys)),
+        None => Ok((key_file::read(path)?, keys)),
     }
 }
 
@@ -235,6 +323,7 @@ async fn receive_vehicle(shared: Rc<Shared>, index: usize, mut reader: VehicleRe
                      bridge,
                      store,
                      recordings,
+                     ..
                  },
                  now| {
                     let octets = octets.get(..length).unwrap_or_default();

@@ -1,0 +1,356 @@
+//! `vsm key`: gives a vehicle its first key or another one, and shows the keys and their clocks.
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context as _, anyhow, bail};
+use clap::{Args, Subcommand};
+use mavlink_link::provisioning::{Event, Outcome, State};
+use mavlink_link::signing::{SigningKey, Stamp};
+use vsm::config::{Config, Signing, Vehicle};
+use vsm::shell::file_store::FileStore;
+use vsm::shell::key_link::{Ending, KeyLink, KeyLinkError};
+use vsm::shell::key_store::KeyStore;
+use vsm::shell::{key_clock, key_file, sitl_key_file};
+
+use super::Failure;
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Action {
+    /// Gives a vehicle that has no key its first one
+    Provision {
+        #[command(flatten)]
+        vehicle: Which,
+        /// Take the key from this file (64 hex digits) instead of a new random one
+        #[arg(long, value_name = "FILE")]
+        from: Option<PathBuf>,
+        /// Do not speak to the vehicle: write PX4's own key file (mavlink/mavlink-signing-key.bin) while it is off
+        #[arg(long, value_name = "FILE")]
+        sitl_file: Option<PathBuf>,
+        #[command(flatten)]
+        over: Over,
+    },
+    /// Replaces the key of a vehicle by a new one
+    Rotate {
+        #[command(flatten)]
+        vehicle: Which,
+        #[command(flatten)]
+        over: Over,
+    },
+    /// Replaces the key of a vehicle by a random one that nobody else holds, and deletes the old one
+    Revoke {
+        #[command(flatten)]
+        vehicle: Which,
+        #[command(flatten)]
+        over: Over,
+    },
+    /// Shows the signing clocks beside the wall clock
+    Clock {
+        #[command(flatten)]
+        vehicle: Which,
+        /// Vouch for this computer's wall clock, where it is over a year ahead of the signing clock
+        #[arg(long)]
+        accept: bool,
+    },
+    /// Names the keys that are on disk
+    List {
+        /// The configuration
+        #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
+        config: PathBuf,
+    },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Which {
+    /// The configuration
+    #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
+    config: PathBuf,
+    /// Vehicle ID, where the configuration has several
+    #[arg(long, value_name = "ID")]
+    vehicle: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Over {
+    /// Show the key on a link that is neither a serial line nor loopback
+    #[arg(long)]
+    i_trust_this_link: bool,
+    /// How long to wait for the vehicle to be heard and disarmed, s
+    #[arg(long, default_value_t = 120)]
+    wait_s: u64,
+}
+
+pub(crate) fn run(action: Action) -> Result<(), Failure> {
+    match action {
+        Action::Provision {
+            vehicle,
+            from,
+            sitl_file,
+            over,
+        } => provision(&vehicle, from.as_deref(), sitl_file.as_deref(), &over),
+        Action::Rotate { vehicle, over } => replace(&vehicle, &over, false),
+        Action::Revoke { vehicle, over } => replace(&vehicle, &over, true),
+        Action::Clock { vehicle, accept } => clock(&vehicle, accept),
+        Action::List { config } => list(&config),
+    }
+}
+
+fn provision(
+    which: &Which,
+    from: Option<&Path>,
+    sitl_file: Option<&Path>,
+    over: &Over,
+) -> Result<(), Failure> {
+    let (config, vehicle, path) = open(which)?;
+    let key = match from {
+        None => key_file::random().map_err(|cause| Failure::Failed(cause.into()))?,
+        Some(file) => key_file::read(file).map_err(|fault| Failure::Bad(anyhow!(fault)))?,
+    };
+    if let Some(file) = sitl_file {
+        return write_sitl_file(&config, &path, key, file).map_err(Failure::Failed);
+    }
+    if path.exists() {
+        let path = path.display();
+        return Err(Failure::Bad(anyhow!(
+            "{path} exists: the vehicle has had a key from here; replace it with `vsm key rotate`"
+        )));
+    }
+    hand_over(&config, &vehicle, &path, key, over, false)
+}
+
+fn replace(which: &Which, over: &Over, revoke: bool) -> Result<(), Failure> {
+    let (config, vehicle, path) = open(which)?;
+    if !path.exists() {
+        let path = path.display();
+        return Err(Failure::Bad(anyhow!(
+            "{path} does not exist: there is no key to replace; begin with `vsm key provision`"
+        )));
+    }
+    let key = key_file::random().map_err(|cause| Failure::Failed(cause.into()))?;
+    hand_over(&config, &vehicle, &path, key, over, revoke)
+}
+
+fn hand_over(
+    config: &Config,
+    vehicle: &Vehicle,
+    path: &Path,
+    key: SigningKey,
+    over: &Over,
+    revoke: bool,
+) -> Result<(), Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("no asynchronous runtime")
+        .map_err(Failure::Failed)?;
+    let ending = runtime.block_on(async {
+        let link =
+            KeyLink::open(config, vehicle, path, key, over.i_trust_this_link).map_err(|fault| {
+                match fault {
+                    KeyLinkError::OpenLink { .. } | KeyLinkError::Keys(_) => {
+                        Failure::Bad(anyhow!(fault))
+                    }
+                    other => Failure::Failed(anyhow!(other)),
+                }
+            })?;
+        say(&format!(
+            "vehicle {} (system {}) on {}: key id {}",
+            vehicle.id,
+            vehicle.system_id,
+            vehicle.link,
+            link.new_id()
+        ));
+        link.run(Duration::from_secs(over.wait_s), &mut |event| tell(event))
+            .await
+            .map_err(|fault| Failure::Failed(anyhow!(fault)))
+    })?;
+    if revoke && ending == Ending::Ended(Outcome::Committed) {
+        let keys = KeyStore::open(path).map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        keys.drop_previous()
+            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        say("the old key is deleted");
+    }
+    conclude(ending, path).map_err(Failure::Failed)
+}
+
+/// What an operator is told on the way.
+fn tell(event: Event) {
+    match event {
+        Event::State(State::Staged) => {
+            say("the new key is on disk; listening for 10 s that only this vehicle is on the link");
+        }
+        Event::State(State::WaitDisarm) => {
+            say("waiting for the vehicle's word that it is disarmed")
+        }
+        Event::State(State::Sent) => say(
+            "the key is being sent. DO NOT cut the vehicle's power for 5 s: it would start without a key",
+        ),
+        Event::State(State::Committed) => {
+            say("the vehicle signs with the new key; 5 s more, keep its power on");
+        }
+        Event::State(State::NotTaken) => say("the vehicle has not taken the key"),
+        Event::State(State::RolledBack) => {
+            say("the vehicle keeps its key; the new one is deleted if that holds for 30 s");
+        }
+        Event::State(State::Unknown) => {
+            say("it is not known which key the vehicle has; asking under both");
+        }
+        Event::SeveralAutopilots { system } => say(&format!(
+            "system {system} is on the link too, and PX4 takes a key whomever it is meant for"
+        )),
+        Event::RefusedWhileArmed => say("the vehicle refuses while it is armed"),
+        Event::FellBack => say("the vehicle has lost the key again; once more"),
+        Event::Commit | Event::Ended(_) => {}
+    }
+}
+
+fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {
+    match ending {
+        Ending::Ended(Outcome::Committed) => {
+            say(&format!("done: {} is the key in force", path.display()));
+            Ok(())
+        }
+        Ending::Ended(Outcome::RolledBack) => {
+            bail!("the vehicle keeps its old key, and so do we: nothing has changed")
+        }
+        Ending::Ended(Outcome::NeverSigns) => bail!(
+            "the vehicle stays unsigned: PX4 1.17 and older cannot sign. The new key stays in {}.next",
+            path.display()
+        ),
+        Ending::Ended(Outcome::SeveralAutopilots) => {
+            bail!("nothing was sent: leave only one vehicle on the link")
+        }
+        Ending::NotHeard => bail!("nothing was sent: the vehicle was not heard"),
+        Ending::ForeignKey => bail!(
+            "nothing was sent: the vehicle signs with a key that is not in {}",
+            path.display()
+        ),
+        Ending::StayedArmed => bail!("nothing was sent: the vehicle was not heard to be disarmed"),
+        Ending::Unknown => bail!(
+            "the vehicle fell silent after the key was sent: both keys are kept. `vsm run` finds out which it has, and so \
+             does this command, started again"
+        ),
+    }
+}
+
+fn write_sitl_file(
+    config: &Config,
+    path: &Path,
+    key: SigningKey,
+    file: &Path,
+) -> anyhow::Result<()> {
+    let _store = FileStore::open(&config.store.dir)?;
+    let keys = KeyStore::open(path)?;
+    if keys.current()?.is_none() {
+        keys.stage(&key)?;
+        keys.commit()?;
+    }
+    let current = keys.current()?.context("the key has just been written")?;
+    sitl_key_file::write(file, &current, wall_stamp()?)?;
+    say(&format!(
+        "{}: PX4's key file, key id {}; start PX4 with it",
+        file.display(),
+        current.id()
+    ));
+    Ok(())
+}
+
+fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
+    let (config, vehicle, path) = open(which)?;
+    let shown = || -> anyhow::Result<()> {
+        let mut store = FileStore::open(&config.store.dir)?;
+        let key = key_file::read(&path)?.id();
+        let wall = wall_stamp()?;
+        match key_clock::ceiling(&mut store, &key)? {
+            None => say(&format!(
+                "vehicle {}: key {key} has not been used yet",
+                vehicle.id
+            )),
+            Some(ceiling) => {
+                let days = |a: Stamp, b: Stamp| a.since(b).as_secs_f64() / 86_400.0;
+                let ahead = days(wall, ceiling) - days(ceiling, wall);
+                say(&format!(
+                    "vehicle {}: key {key}, nothing is stamped beyond {} (10 us since 2015); the wall clock is {ahead:+.4} \
+                     days from there",
+                    vehicle.id,
+                    ceiling.get()
+                ));
+            }
+        }
+        if accept {
+            key_clock::accept_wall(&mut store, &key, wall)?;
+            say("the wall clock is accepted: the signing clock goes on from it, and never back");
+        }
+        Ok(())
+    };
+    shown().map_err(Failure::Failed)
+}
+
+fn list(config: &Path) -> Result<(), Failure> {
+    let config = Config::load(config).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    for vehicle in config.vehicles() {
+        let Signing::KeyFile(path) = &vehicle.signing else {
+            say(&format!("vehicle {}: signing is off", vehicle.id));
+            continue;
+        };
+        for (part, meaning) in [
+            ("", "in force"),
+            (".next", "being handed over: the vehicle may have it"),
+            (".previous", "the one before"),
+        ] {
+            let mut name = path.as_os_str().to_owned();
+            name.push(part);
+            let file = PathBuf::from(name);
+            if !file.exists() {
+                continue;
+            }
+            let key = key_file::read(&file).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+            say(&format!(
+                "vehicle {}: key {} {meaning}",
+                vehicle.id,
+                key.id()
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn open(which: &Which) -> Result<(Config, Vehicle, PathBuf), Failure> {
+    let config = Config::load(&which.config).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    let found: Vec<Vehicle> = config
+        .vehicles()
+        .filter(|vehicle| {
+            which
+                .vehicle
+                .as_ref()
+                .is_none_or(|id| vehicle.id.to_string() == *id)
+        })
+        .cloned()
+        .collect();
+    let [vehicle] = &found[..] else {
+        return Err(Failure::Bad(anyhow!(
+            "{} vehicles of the configuration are meant, expected one: name it with --vehicle ID",
+            found.len()
+        )));
+    };
+    let Signing::KeyFile(path) = &vehicle.signing else {
+        return Err(Failure::Bad(anyhow!(
+            "vehicle {}: signing is \"off\" in the configuration; name a key_file there first",
+            vehicle.id
+        )));
+    };
+    Ok((config.clone(), vehicle.clone(), path.clone()))
+}
+
+fn wall_stamp() -> anyhow::Result<Stamp> {
+    let wall = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .context("this computer's clock is before 1970")?;
+    Ok(Stamp::from_unix(wall))
+}
+
+fn say(line: &str) {
+    // Nobody is left to tell when standard output is gone.
+    let _ = writeln!(io::stdout(), "{line}");
+}

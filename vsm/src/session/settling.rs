@@ -1,0 +1,176 @@
+//! A handover of a key that an earlier process did not finish: which of the two keys the vehicle has is found out in
+//! flight, by asking under both. The key itself is never sent from here.
+
+use std::collections::BTreeMap;
+
+use mavlink_link::Now;
+use mavlink_link::clock::CeilingStore;
+use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::link::LinkState;
+use mavlink_link::provisioning::{Event, Handover, HandoverConfig, Outcome, StartError};
+use mavlink_link::signing::{SigningKey, Stamp};
+
+use super::bridge::Bridge;
+use super::ceiling::Ceilings;
+use super::store::Store;
+use super::vehicle::{OutFrame, Peer, VehicleLink};
+
+/// What the shell does with the key files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum KeyChange {
+    /// The vehicle has the next key: it becomes the current one.
+    Commit,
+    /// The vehicle keeps the current key: the next one is deleted.
+    DropNext,
+}
+
+/// The machine, and what it wants done with the files.
+#[derive(Debug, Default)]
+pub(super) struct Settling {
+    handover: Option<Box<Handover<Peer>>>,
+    change: Option<KeyChange>,
+}
+
+impl Settling {
+    /// When it wants to be called.
+    pub(super) fn poll_timeout(&self) -> Option<std::time::Duration> {
+        self.handover
+            .as_ref()
+            .map(|handover| handover.poll_timeout())
+    }
+
+    /// Whether it is not known yet which key the vehicle has.
+    pub(super) fn is_open(&self) -> bool {
+        self.handover.is_some()
+    }
+}
+
+impl Bridge {
+    /// Tells that the vehicle of this index may have `next` instead of its key: until that is known nothing of it is
+    /// delivered.
+    ///
+    /// # Errors
+    /// The store cannot be read, or both are the same key.
+    pub fn settle_key(
+        &mut self,
+        index: usize,
+        next: SigningKey,
+        now: Now,
+        not_before: std::time::Duration,
+        store: &mut dyn Store,
+    ) -> Result<(), StartError> {
+        let Some(aircraft) = self.aircraft.get_mut(index) else {
+            return Ok(());
+        };
+        let store = &mut Ceilings(store);
+        aircraft
+            .mav
+            .settle(next, Stamp::from_unix(not_before), now, store)
+    }
+
+    /// The next change that the key files need, and of which vehicle.
+    pub fn poll_key_change(&mut self) -> Option<(usize, KeyChange)> {
+        self.aircraft
+            .iter_mut()
+            .enumerate()
+            .find_map(|(index, aircraft)| Some((index, aircraft.mav.settling.change.take()?)))
+    }
+}
+
+impl VehicleLink {
+    fn settle(
+        &mut self,
+        next: SigningKey,
+        not_before: Stamp,
+        now: Now,
+        store: &mut dyn CeilingStore,
+    ) -> Result<(), StartError> {
+        let config = HandoverConfig {
+            link: *self.link.config(),
+            not_before,
+            may_send_key: false,
+        };
+        let handover = Handover::start(config, self.key.take(), next, now, store)?;
+        self.settling.handover = Some(Box::new(handover));
+        Ok(())
+    }
+
+    /// Takes a datagram while the key is not known. True where it has been taken.
+    pub(super) fn settle_datagram(
+        &mut self,
+        now: Now,
+        from: Peer,
+        octets: &[u8],
+        store: &mut dyn CeilingStore,
+    ) -> bool {
+        let Some(handover) = &mut self.settling.handover else {
+            return false;
+        };
+        handover.handle_datagram(now, from, octets, store);
+        self.settle_on(now, store);
+        true
+    }
+
+    /// Does what is due while the key is not known.
+    pub(super) fn settle_timeout(&mut self, now: Now, store: &mut dyn CeilingStore) {
+        if let Some(handover) = &mut self.settling.handover {
+            handover.handle_timeout(now);
+            self.settle_on(now, store);
+        }
+    }
+
+    fn settle_on(&mut self, now: Now, store: &mut dyn CeilingStore) {
+        let Some(handover) = &mut self.settling.handover else {
+            return;
+        };
+        let mut octets = [0; MAX_FRAME];
+        while let Some(sent) = handover.poll_transmit(now, store, &mut octets) {
+            self.out.push_back(OutFrame::new(sent.to, sent.len, octets));
+        }
+        while let Some(event) = handover.poll_event() {
+            match event {
+                Event::Commit => self.settling.change = Some(KeyChange::Commit),
+                Event::Ended(Outcome::RolledBack) => {
+                    self.settling.change = Some(KeyChange::DropNext);
+                }
+                _ => {}
+            }
+        }
+        if handover.outcome().is_some()
+            && let Some(handover) = self.settling.handover.take()
+        {
+            self.key = handover.into_key_in_force();
+        }
+    }
+
+    /// How the link stands, for the status.
+    pub(super) fn link_state_name(&self) -> &'static str {
+        if self.settling.is_open() {
+            return "settling";
+        }
+        match self.link.state() {
+            LinkState::Waiting => "waiting",
+            LinkState::Live => "live",
+            LinkState::Behind => "behind",
+        }
+    }
+
+    /// Frames that carried the vehicle's system id and were refused, by the reason.
+    pub(super) fn refused_frames(&self) -> BTreeMap<&'static str, u64> {
+        let stats = self.stats();
+        [
+            ("not signed", stats.unsigned_vehicle),
+            ("signature does not fit the key", stats.bad_signature),
+            ("replayed, reordered or fallen back", stats.stale),
+            ("stamp over an hour ahead", stats.future),
+            ("another link's stream", stats.unexpected_link),
+            ("too many streams", stats.stream_table_full),
+            ("signing clock not stored", stats.ceiling_not_stored),
+            ("our own frame, reflected", stats.reflected),
+            ("not from the peer", stats.wrong_peer),
+        ]
+        .into_iter()
+        .filter(|&(_, count)| count > 0)
+        .collect()
+    }
+}

@@ -1,0 +1,142 @@
+//! `[http] listen`: the status page, /status.json and /metrics. Nothing can be commanded here, only read.
+
+use std::convert::Infallible;
+use std::fmt::Write as _;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+use http_body_util::Full;
+use hyper::body::{Bytes, Incoming};
+use hyper::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method, Request, Response, StatusCode};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
+
+use crate::session::Status;
+
+/// Serves until it is dropped; `status` gives a picture of now.
+pub async fn serve(listener: TcpListener, status: impl Fn() -> Status + 'static) {
+    let status = Rc::new(status);
+    let room = Arc::new(Semaphore::new(MOST_CONNECTIONS));
+    loop {
+        // Whoever opens connections and says nothing uses up these places, and nothing else.
+        let Ok(place) = room.clone().acquire_owned().await else {
+            return;
+        };
+        match listener.accept().await {
+            Ok((stream, _)) => {
+                let status = status.clone();
+                tokio::task::spawn_local(async move {
+                    let answer = service_fn(move |request| {
+                        let answered = answer(&request, &*status);
+                        async move { Ok::<_, Infallible>(answered) }
+                    });
+                    let served = http1::Builder::new()
+                        .timer(TokioTimer::new())
+                        .header_read_timeout(HEADER_WITHIN)
+                        .keep_alive(false)
+                        .serve_connection(TokioIo::new(stream), answer);
+                    if let Ok(Err(cause)) = tokio::time::timeout(ANSWER_WITHIN, served).await {
+                        tracing::debug!("a connection to the status page: {cause}");
+                    }
+                    drop(place);
+                });
+            }
+            Err(cause) => {
+                tracing::warn!("the status page: {cause}");
+                tokio::time::sleep(HEADER_WITHIN).await;
+            }
+        }
+    }
+}
+
+fn answer(request: &Request<Incoming>, status: &dyn Fn() -> Status) -> Response<Full<Bytes>> {
+    if request.method() != Method::GET {
+        return text(
+            StatusCode::METHOD_NOT_ALLOWED,
+            "text/plain",
+            "only GET: nothing is commanded here\n".to_owned(),
+        );
+    }
+    match request.uri().path() {
+        "/" => text(StatusCode::OK, "text/html; charset=utf-8", PAGE.to_owned()),
+        "/status.json" => {
+            let json = serde_json::to_string(&status()).unwrap_or_default();
+            text(StatusCode::OK, "application/json", json)
+        }
+        "/metrics" => text(
+            StatusCode::OK,
+            "text/plain; version=0.0.4",
+            metrics(&status()),
+        ),
+        _ => text(
+            StatusCode::NOT_FOUND,
+            "text/plain",
+            "there are /, /status.json and /metrics\n".to_owned(),
+        ),
+    }
+}
+
+fn text(code: StatusCode, kind: &'static str, body: String) -> Response<Full<Bytes>> {
+    let mut response = Response::new(Full::new(Bytes::from(body)));
+    *response.status_mut() = code;
+    let headers = response.headers_mut();
+    headers.insert(CONTENT_TYPE, hyper::header::HeaderValue::from_static(kind));
+    headers.insert(
+        CACHE_CONTROL,
+        hyper::header::HeaderValue::from_static("no-store"),
+    );
+    let policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'";
+    headers.insert(
+        CONTENT_SECURITY_POLICY,
+        hyper::header::HeaderValue::from_static(policy),
+    );
+    response
+}
+
+/// The counters in the text format of Prometheus.
+fn metrics(status: &Status) -> String {
+    let mut text = String::from("# TYPE vsm_uptime_seconds gauge\n");
+    let _ = writeln!(text, "vsm_uptime_seconds {}", status.uptime_s);
+    text.push_str("# TYPE vsm_dli_received_total counter\n");
+    for (kind, count) in status.received.iter() {
+        let _ = writeln!(text, "vsm_dli_received_total{{type=\"{kind}\"}} {count}");
+    }
+    text.push_str("# TYPE vsm_dli_sent_total counter\n");
+    for (kind, count) in status.sent.iter() {
+        let _ = writeln!(text, "vsm_dli_sent_total{{type=\"{kind}\"}} {count}");
+    }
+    text.push_str("# TYPE vsm_dli_refused_total counter\n");
+    for (reason, count) in status.refused.iter() {
+        let _ = writeln!(text, "vsm_dli_refused_total{{reason=\"{reason}\"}} {count}");
+    }
+    text.push_str("# TYPE vsm_vehicle_live gauge\n");
+    for vehicle in &status.vehicles {
+        let _ = writeln!(
+            text,
+            "vsm_vehicle_live{{vehicle=\"{}\"}} {}",
+            vehicle.id,
+            u8::from(vehicle.live)
+        );
+    }
+    text.push_str("# TYPE vsm_mavlink_frames_total counter\n");
+    for vehicle in &status.vehicles {
+        for (what, count) in &vehicle.link.frames {
+            let _ = writeln!(
+                text,
+                "vsm_mavlink_frames_total{{vehicle=\"{}\",what=\"{what}\"}} {count}",
+                vehicle.id
+            );
+        }
+    }
+    text
+}
+
+const PAGE: &str = include_str!("status.html");
+const MOST_CONNECTIONS: usize = 16;
+const HEADER_WITHIN: Duration = Duration::from_secs(2);
+const ANSWER_WITHIN: Duration = Duration::from_secs(5);
