@@ -130,7 +130,7 @@ async fn a_download_fetches_again_what_did_not_come() {
     let mut vsm = FakeVsm::new();
     let sent = route(20);
     beside!(vsm, socket, station.send_route(VEHICLE, &sent)).unwrap();
-    vsm.forgets = vec![2, 11, 20];
+    vsm.forgets = vec![2, 11, 12, 13, 19, 20];
     let download = beside!(vsm, socket, station.download(VEHICLE)).unwrap();
     assert!(download.missing().is_empty());
     let [back] = &Route::from_download(&download)[..] else {
@@ -145,6 +145,20 @@ async fn a_download_fetches_again_what_did_not_come() {
             .collect::<Vec<_>>()
     };
     assert_eq!(numbers(back), numbers(&sent));
+}
+
+#[tokio::test]
+async fn a_download_whose_end_is_lost_is_completed() {
+    let (mut station, socket) = pair().await;
+    let mut vsm = FakeVsm::new();
+    beside!(vsm, socket, station.discover()).unwrap();
+    let sent = route(60);
+    beside!(vsm, socket, station.send_route(VEHICLE, &sent)).unwrap();
+    vsm.forgets = (40..=60).collect();
+    vsm.loses_the_end = true;
+    let download = beside!(vsm, socket, station.download(VEHICLE)).unwrap();
+    assert_eq!(download.waypoints().count(), 60);
+    assert!(download.missing().is_empty());
 }
 
 #[tokio::test]

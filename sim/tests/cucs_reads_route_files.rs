@@ -340,3 +340,28 @@ fn the_examples_are_routes() {
     }
     assert!(found >= 3, "{found}");
 }
+
+#[test]
+fn the_commands_and_the_route_of_the_document_are_understood() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/cucs.md");
+    let text = std::fs::read_to_string(path).unwrap();
+    let blocks: Vec<&str> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("    "))
+        .collect();
+    let commands: Vec<&str> = blocks
+        .iter()
+        .filter_map(|line| line.strip_prefix("cucs "))
+        .collect();
+    assert!(commands.len() >= 10);
+    for line in commands {
+        assert!(sim::cucs::parse_line(line).unwrap().is_some(), "{line}");
+    }
+    let file: Vec<&str> = text
+        .lines()
+        .skip_while(|line| !line.starts_with("    mission_id"))
+        .take_while(|line| line.is_empty() || line.starts_with("    "))
+        .collect();
+    let route = parse(&file.join("\n")).unwrap();
+    assert_eq!((route.waypoints.len(), route.curves.len()), (2, 1));
+}

@@ -46,9 +46,15 @@ impl Download {
             .chain(self.others.values().cloned())
     }
 
-    /// The waypoints that a route or another waypoint names and that are not there, by rising number.
+    /// How many messages came, those that replaced others not counted.
     #[must_use]
-    pub fn missing(&self) -> Vec<u16> {
+    pub fn len(&self) -> usize {
+        self.routes.len() + self.waypoints.len() + self.others.len()
+    }
+
+    /// The waypoints that there are, and those that a route or a waypoint names, by rising number.
+    #[must_use]
+    pub fn named(&self) -> BTreeSet<u16> {
         let first = self
             .routes
             .iter()
@@ -57,9 +63,19 @@ impl Download {
             .waypoints
             .values()
             .filter_map(|point| point.next_waypoint);
-        let named: BTreeSet<u16> = first.chain(next).filter(|number| *number != 0).collect();
+        let there = self.waypoints.keys().copied();
+        first
+            .chain(next)
+            .chain(there)
+            .filter(|number| *number != 0)
+            .collect()
+    }
+
+    /// Those of [`Download::named`] that did not come.
+    #[must_use]
+    pub fn missing(&self) -> Vec<u16> {
+        let named = self.named().into_iter();
         named
-            .into_iter()
             .filter(|number| !self.waypoints.contains_key(number))
             .collect()
     }

@@ -105,6 +105,8 @@ pub struct FakeVsm {
     pub mute: bool,
     /// Downloads leave these waypoints out the first time.
     pub forgets: Vec<u16>,
+    /// A download is received (17000 type 1), and its 17000 type 2 and 14000 are lost the first time.
+    pub loses_the_end: bool,
     last_stamp: u64,
 }
 
@@ -138,6 +140,9 @@ impl FakeVsm {
                     let mut answer = self.answer(&message);
                     if wants_ack && !self.mute {
                         let kinds = self.kinds(&message);
+                        if matches!(message, Message::MissionTransferCommand(_)) {
+                            self.loses_the_end = false;
+                        }
                         let source = if destination == Id::BROADCAST {
                             VSM
                         } else {
@@ -174,6 +179,7 @@ impl FakeVsm {
 
     fn kinds(&self, message: &Message) -> Vec<AckType> {
         match message {
+            Message::MissionTransferCommand(_) if self.loses_the_end => vec![AckType::Received],
             Message::VehicleOperatingModeCommand(_) if self.refuse_mode.is_some() => {
                 vec![AckType::Received, AckType::Refused]
             }
@@ -261,7 +267,9 @@ impl FakeVsm {
                     mission_plan_mode: Some(mode),
                     ..MissionUploadDownloadStatus::default()
                 };
-                out.push(datagram(VEHICLE, CUCS, report));
+                if !self.loses_the_end {
+                    out.push(datagram(VEHICLE, CUCS, report));
+                }
                 if let Some((_, why)) = refusal {
                     out.extend(self.alert(&format!("13000 refused: {why}")));
                 }

@@ -1,5 +1,8 @@
 //! Plans: sending a route, clearing, downloading (13000 and 14000).
 
+use std::collections::BTreeSet;
+use std::time::Duration;
+
 use stanag_msgs::enums::{MissionPlanMode, MissionTransferStatus};
 use stanag_msgs::messages::MissionTransferCommand;
 use stanag_msgs::{Id, Message};
@@ -103,8 +106,9 @@ impl Station {
             .await
     }
 
-    /// Asks for the whole plan (13000 mode 3), and again for waypoints that are named in it and did not come. Those
-    /// that the VSM has not either stay [missing](Download::missing).
+    /// Asks for the whole plan (13000 mode 3). A long plan comes in a burst of which a network may lose a part: where
+    /// a waypoint is named that did not come, every waypoint is asked for by itself (mode 4), its loiter with it.
+    /// Those that the VSM has not either stay [missing](Download::missing). A curve that is lost is not noticed.
     ///
     /// # Errors
     /// It is refused, or there is no answer.
@@ -120,7 +124,18 @@ impl Station {
             state.download.missing().is_empty().then_some(())
         })
         .await?;
-        for number in self.downloaded(vehicle).missing() {
+        if self.downloaded(vehicle).missing().is_empty() {
+            return Ok(self.downloaded(vehicle));
+        }
+        let mut asked = BTreeSet::new();
+        // One that comes may name others that did not.
+        while let Some(number) = self
+            .downloaded(vehicle)
+            .named()
+            .into_iter()
+            .find(|number| !asked.contains(number))
+        {
+            asked.insert(number);
             let ask = MissionTransferCommand {
                 waypoint_number: Some(number),
                 ..plan_mode(MissionPlanMode::DownloadWaypoint)
@@ -178,16 +193,29 @@ impl Station {
                 _ => None,
             }
         };
-        let mut end = self
-            .until(deadline, |session| {
-                reported(session).or_else(|| match session.delivery(ticket) {
-                    Delivery::Refused => Some(End::Refused(None)),
-                    Delivery::CarriedOut => Some(End::Complete),
-                    Delivery::Unanswered => Some(End::Unanswered),
-                    _ => None,
+        let downloads = mode == Some(MissionPlanMode::Download);
+        let mut size = 0;
+        let mut end = loop {
+            let look = (Instant::now() + STALL).min(deadline);
+            let end = self
+                .until(look, |session| {
+                    reported(session).or_else(|| match session.delivery(ticket) {
+                        Delivery::Refused => Some(End::Refused(None)),
+                        Delivery::CarriedOut => Some(End::Complete),
+                        Delivery::Unanswered => Some(End::Unanswered),
+                        _ => None,
+                    })
                 })
-            })
-            .await?;
+                .await?;
+            if end.is_some() || Instant::now() >= deadline {
+                break end;
+            }
+            // The end of a burst is what is lost first, and that is where the 14000 was.
+            let before = std::mem::replace(&mut size, self.downloaded(vehicle).len());
+            if downloads && size > 0 && size == before {
+                break Some(End::Complete);
+            }
+        };
         // 17000 may come before 14000, which says more; and a 14000 that came later would be taken for the answer
         // to the next transfer.
         if matches!(end, Some(End::Complete | End::Refused(None))) {
@@ -243,3 +271,6 @@ fn what(message: &Message) -> String {
         None => message.id().to_string(),
     }
 }
+
+/// A download of which nothing came for so long is over.
+const STALL: Duration = Duration::from_secs(1);
