@@ -126,10 +126,7 @@ fn land_comes_down_here_and_return_goes_home() {
     let mut flight = airborne();
     let away = flight.vehicle.truth();
     assert_eq!(
-        flight.command(
-            192,
-            &[-1.0, 1.0, 0.0, f32::NAN, 47.398_5, 8.545_594, 510.0]
-        ),
+        flight.command(192, &[-1.0, 1.0, 0.0, f32::NAN, 47.398_5, 8.545_594, 510.0]),
         Some(0)
     );
     flight.run(40.0);

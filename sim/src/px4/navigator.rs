@@ -145,7 +145,8 @@ impl Navigator {
                 notes.extend(said);
                 if notes.contains(&Note::ReturnHome) {
                     then = Some(Mode::Rtl);
-                } else if !self.mission.is_valid() {
+                } else if !self.mission.is_valid() || (self.mission.is_finished() && !view.landed) {
+                    // Seen: a mission that ends in the air leaves PX4 in Hold.
                     then = Some(Mode::Loiter);
                 }
                 (guidance, heading)

@@ -333,8 +333,8 @@ fn speed(command: &VehicleOperatingModeCommand, limits: &Limits) -> Result<Optio
 /// The radius of the circle that 2017 has configured; `None` for a hover.
 fn orbit_radius(loiter: &LoiterConfiguration) -> Result<Option<f64>, String> {
     match loiter.loiter_type {
-        None | Some(LoiterType::Hover) => Ok(None),
-        Some(LoiterType::Circular) => match loiter.loiter_radius.map(|radius| radius.si()) {
+        Some(LoiterType::Hover) => Ok(None),
+        None | Some(LoiterType::Circular) => match loiter.loiter_radius.map(|radius| radius.si()) {
             Some(radius_m) if radius_m > WIDEST_ORBIT_M => Err(format!(
                 "Loiter Radius {radius_m:.0} m, at most {WIDEST_ORBIT_M:.0}"
             )),
