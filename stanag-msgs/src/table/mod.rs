@@ -16,12 +16,14 @@ mod miscellaneous;
 mod mission;
 mod payload;
 mod private;
+mod select;
 mod services;
 mod subsystem;
 mod system_id;
 mod walk;
 
 pub use info::{Confidence, Direction, FieldInfo, Layout, MessageInfo, Traffic, Wire};
+pub use select::select;
 pub use walk::{Walk, walk};
 
 use crate::codec::{DecodeError, EncodeError};

@@ -3,6 +3,7 @@
 //! Parsing ends in values that cannot be illegal: identification numbers are [`Id`]s, links and addresses are parsed,
 //! relative paths are resolved against the folder of the file. Unknown keys are refused.
 
+mod disputed;
 mod error;
 mod value;
 
@@ -13,6 +14,7 @@ use serde::Deserialize;
 use stanag_msgs::Id;
 use toml::Spanned;
 
+pub use disputed::Readings;
 pub use error::ConfigError;
 pub use value::{LinkAddress, LoiSet, OnLoss, Signing};
 
@@ -61,6 +63,9 @@ pub struct Dli {
     /// What layouts that are only derived from Edition 2 are used for.
     #[serde(default)]
     pub provisional: Provisional,
+    /// How peers read what the sources leave open.
+    #[serde(default)]
+    pub disputed: Readings,
 }
 
 /// `dli.provisional`: the use of message layouts derived from Edition 2.

@@ -16,7 +16,12 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     if let Some(group) = config.dli.multicast {
         text += &format!(", status to group {group} too");
     }
-    text += &format!("\n  state in {}\n", config.store.dir.display());
+    text += "\n  what sources leave open is read so (dli.disputed):\n";
+    for (name, reading, set) in config.dli.disputed.all() {
+        let set = if set { ", by this file" } else { "" };
+        text += &format!("    {name} = {reading:?}{set}\n");
+    }
+    text += &format!("  state in {}\n", config.store.dir.display());
     for station in config.stations() {
         let from = station
             .address

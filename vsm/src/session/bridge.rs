@@ -12,8 +12,8 @@ use mavlink_link::service::Node;
 use mavlink_link::signing::Stamp;
 use stanag_msgs::enums::{AckType, AlertPriority, LoiBitmap};
 use stanag_msgs::table::{self, Direction};
-use stanag_msgs::wrapper::{Frame, WrapperError, frames};
-use stanag_msgs::{Id, Message, TimeStamp};
+use stanag_msgs::wrapper::{Frame, WrapperError};
+use stanag_msgs::{Id, Message, Profile, TimeStamp};
 
 use super::aircraft::Aircraft;
 use super::ceiling::Ceilings;
@@ -30,6 +30,7 @@ use crate::config::Config;
 #[derive(Debug)]
 pub struct Bridge {
     vsm: Id,
+    profile: Profile,
     loss: crate::config::Authority,
     multicast: bool,
     stations: Vec<Station>,
@@ -116,11 +117,12 @@ impl Bridge {
         let own = Node::new(config.mavlink.system_id, config.mavlink.component_id);
         let mut bridge = Bridge {
             vsm: config.dli.vsm_id,
+            profile: config.dli.disputed.profile.clone(),
             loss: *config.authority.get_ref(),
             multicast: config.dli.multicast.is_some(),
             stations: config.stations().cloned().map(Station::new).collect(),
             aircraft: Vec::new(),
-            outbox: Outbox::default(),
+            outbox: Outbox::new(config.dli.disputed.profile.clone()),
             counters: Counters::default(),
             received: ByType::default(),
             log: VecDeque::new(),
@@ -168,7 +170,7 @@ impl Bridge {
 
     /// Takes a datagram of the DLI side.
     pub fn handle_dli(&mut self, now: Now, from: SocketAddr, octets: &[u8], store: &mut dyn Store) {
-        for frame in frames(octets) {
+        for frame in self.profile.frames(octets) {
             match frame {
                 Ok(frame) => self.handle_frame(now, from, &frame, store),
                 Err(fault) => self.counters.count(drop_name(&fault)),
@@ -222,7 +224,7 @@ impl Bridge {
             stamp: stamp_of(frame),
             ack_requested: header.ack_requested && header.message_type != ACKNOWLEDGEMENT,
         };
-        let message = match Message::decode(header.message_type, frame.data) {
+        let message = match self.profile.decode(header.message_type, frame.data) {
             Ok(message) => message,
             Err(_) => {
                 let known = table::message(header.message_type).is_some();
@@ -296,8 +298,11 @@ impl Bridge {
             }
             Message::GenericInformationRequestMessage(request) => {
                 let wanted = request.message_type;
+                let fields = request.requested_field_presence_vector.map(|all| all.get());
                 self.inform(now, &origin, destination, store, |aircraft, desk| {
-                    wanted.is_some_and(|wanted| aircraft.report_once(desk, origin.station, wanted))
+                    wanted.is_some_and(|wanted| {
+                        aircraft.report_once(desk, origin.station, wanted, fields)
+                    })
                 });
             }
             Message::FieldConfigurationRequest(request) => {

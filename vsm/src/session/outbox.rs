@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, Profile, TimeStamp};
 
 use super::counters::ByType;
 
@@ -37,12 +37,21 @@ impl Datagram {
 /// The queue of one bridge.
 #[derive(Debug, Default)]
 pub(crate) struct Outbox {
+    profile: Profile,
     queue: VecDeque<Datagram>,
     last_stamp: u64,
     pub(crate) sent: ByType,
 }
 
 impl Outbox {
+    /// A queue of messages as peers of this profile read them.
+    pub(crate) fn new(profile: Profile) -> Outbox {
+        Outbox {
+            profile,
+            ..Outbox::default()
+        }
+    }
+
     /// The stamp of a message made now: later than every one before.
     pub(crate) fn stamp(&mut self, wall: Duration) -> TimeStamp {
         let now = TimeStamp::from_unix_ms(u64::try_from(wall.as_millis()).unwrap_or(u64::MAX)).0;
@@ -57,7 +66,11 @@ impl Outbox {
             length: 0,
             octets: [0; MAX_DATAGRAM],
         };
-        match message.encode(&Envelope::new(source, destination), &mut datagram.octets) {
+        let envelope = Envelope::new(source, destination);
+        match self
+            .profile
+            .encode(message, &envelope, &mut datagram.octets)
+        {
             Ok(length) => datagram.length = length,
             // Every message of ours is shorter than a datagram; one that is not is lost, and visibly so.
             Err(_) => debug_assert!(false, "message {} does not fit a datagram", message.id()),

@@ -5,7 +5,7 @@ use std::time::Duration;
 use mapping::report;
 use mavlink_link::dialect::MavType;
 use stanag_msgs::messages::{Heartbeat, VehicleId};
-use stanag_msgs::{Message, Text};
+use stanag_msgs::{Message, Text, table};
 
 use super::aircraft::Aircraft;
 use super::desk::Desk;
@@ -35,12 +35,13 @@ impl Aircraft {
         true
     }
 
-    /// 17002: a report, at once. False where there is none of this type.
+    /// 17002: a report, at once, of all its fields or those asked for. False where there is none of this type.
     pub(super) fn report_once(
         &mut self,
         desk: &mut Desk<'_>,
         station: usize,
         message: u16,
+        fields: Option<u64>,
     ) -> bool {
         if message == 2 {
             self.answer_authorisation(desk, station, None);
@@ -48,6 +49,11 @@ impl Aircraft {
         }
         let Some(report) = self.compose(desk, message) else {
             return false;
+        };
+        let report = match fields {
+            // An empty vector asks for nothing in particular.
+            None | Some(0) => report,
+            Some(fields) => table::select(&report, fields),
         };
         desk.send(station, self.id(), &report);
         true

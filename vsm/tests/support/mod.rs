@@ -41,6 +41,8 @@ pub struct Setup {
     /// One for each vehicle.
     pub vehicles: Vec<sim::px4::Config>,
     pub stations: u8,
+    /// Further keys of `[dli]`, as TOML.
+    pub dli_keys: &'static str,
     /// Keys of each `[[vehicle]]`, as TOML.
     pub vehicle_keys: &'static str,
     /// Further tables, as TOML.
@@ -55,6 +57,7 @@ impl Default for Setup {
             mav: Faults::NONE,
             vehicles: vec![sim::px4::Config::default()],
             stations: 1,
+            dli_keys: "",
             vehicle_keys: "",
             tables: "",
         }
@@ -364,7 +367,11 @@ fn station_address(index: usize) -> SocketAddr {
 }
 
 fn toml(setup: &Setup) -> String {
-    let mut text = format!("[dli]\nvsm_id = \"{VSM}\"\nlisten = \"{}\"\n", bridge_dli());
+    let mut text = format!(
+        "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"{}\"\n{}\n",
+        bridge_dli(),
+        setup.dli_keys
+    );
     for index in 0..setup.stations {
         let id = cucs(index.into());
         text += &format!("[[cucs]]\nid = \"{id}\"\nloi = [2, 3, 4, 5]\n");

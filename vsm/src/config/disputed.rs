@@ -1,0 +1,94 @@
+//! `[dli.disputed]`: a peer's reading of what the sources leave open, where it is not this project's.
+
+use std::fmt;
+
+use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor};
+use stanag_msgs::Profile;
+use stanag_msgs::disputed::DISPUTED;
+
+/// The readings in force.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Readings {
+    /// What translates between the wire and this project's values.
+    pub profile: Profile,
+    set: Vec<(String, String)>,
+}
+
+impl Readings {
+    /// Every open question, the reading in force, and whether the file has set it.
+    pub fn all(&self) -> impl Iterator<Item = (&'static str, &str, bool)> {
+        DISPUTED.iter().map(|disputed| {
+            let set = self.set.iter().find(|(name, _)| name == disputed.name);
+            match set {
+                Some((_, reading)) => (disputed.name, reading.as_str(), true),
+                None => (disputed.name, disputed.default, false),
+            }
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for Readings {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Table;
+        impl<'de> Visitor<'de> for Table {
+            type Value = Readings;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a table of readings, each a text, such as loi_bits = \"ed2\"")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Readings, A::Error> {
+                let mut readings = Readings::default();
+                while let Some((name, reading)) = map.next_entry::<String, String>()? {
+                    readings
+                        .profile
+                        .set(&name, &reading)
+                        .map_err(A::Error::custom)?;
+                    readings.set.push((name, reading));
+                }
+                Ok(readings)
+            }
+        }
+        deserializer.deserialize_map(Table)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::config::Config;
+
+    fn parse(disputed: &str) -> Result<Config, String> {
+        let text = format!(
+            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:4586\"\n\
+             [dli.disputed]\n{disputed}\n[store]\ndir = \"state\"\n"
+        );
+        Config::parse(&text, Path::new("")).map_err(|fault| fault.to_string())
+    }
+
+    #[test]
+    fn readings_are_kept_and_the_rest_is_the_default() {
+        let config = parse("loi_bits = \"m\"\nack_type = \"0,1,2\"").unwrap();
+        let all: Vec<_> = config.dli.disputed.all().collect();
+        assert!(all.contains(&("loi_bits", "m", true)));
+        assert!(all.contains(&("ack_type", "0,1,2", true)));
+        assert!(all.contains(&("checksum_1", "sum", false)));
+        assert_ne!(config.dli.disputed.profile, stanag_msgs::Profile::default());
+        let none = parse("").unwrap();
+        assert_eq!(none.dli.disputed.profile, stanag_msgs::Profile::default());
+    }
+
+    #[test]
+    fn what_is_no_reading_is_refused_with_what_was_expected() {
+        let fault = parse("loi_bits = \"x\"").unwrap_err();
+        assert!(
+            fault.contains("loi_bits") && fault.contains("ed2 or m"),
+            "{fault}"
+        );
+        let fault = parse("loi = \"m\"").unwrap_err();
+        assert!(fault.contains("no such entry"), "{fault}");
+        assert!(parse("loi_bits = 3").is_err());
+        assert!(parse("ack_type = \"1,1,2\"").is_err());
+    }
+}

@@ -1,0 +1,160 @@
+//! Reports come as often as they should, and none is later than its limit, by the virtual clock.
+
+mod support;
+
+use std::time::Duration;
+
+use stanag_msgs::enums::{AckType, LoiBitmap};
+use stanag_msgs::messages::{
+    GenericInformationRequestMessage, InertialStates, ScheduleMessageUpdateCommand,
+};
+use stanag_msgs::{Message, U40, table};
+use support::{Rig, Setup, orders, vehicle_id};
+
+fn schedule(message: u16, hertz: u16) -> ScheduleMessageUpdateCommand {
+    ScheduleMessageUpdateCommand {
+        requested_message_type: Some(message),
+        frequency: Some(hertz),
+        ..ScheduleMessageUpdateCommand::default()
+    }
+}
+
+fn request(message: u16, fields: Option<u64>) -> GenericInformationRequestMessage {
+    GenericInformationRequestMessage {
+        message_type: Some(message),
+        requested_field_presence_vector: fields.map(|all| U40::new(all).expect("five octets")),
+        ..GenericInformationRequestMessage::default()
+    }
+}
+
+/// When a station has heard messages of a type since `from`.
+fn times(rig: &Rig, message: u16, from: Duration) -> Vec<Duration> {
+    let heard = rig.station().heard.iter();
+    heard
+        .filter(|(at, _, heard)| heard.id() == message && *at >= from)
+        .map(|(at, _, _)| *at)
+        .collect()
+}
+
+fn longest_gap(times: &[Duration]) -> Duration {
+    let gaps = times.windows(2).map(|pair| pair[1] - pair[0]);
+    gaps.max().expect("more than one")
+}
+
+#[test]
+fn status_comes_twice_a_second_unasked_and_on_the_ground_as_in_the_air() {
+    let mut rig = Rig::ready();
+    rig.run(2.0);
+    let from = rig.clock;
+    assert_eq!(
+        rig.carry_out(orders::launch(10.0)),
+        Some(AckType::CarriedOut)
+    );
+    rig.run(30.0);
+    for message in [3001, 3002, 4000, 4001] {
+        let times = times(&rig, message, from);
+        assert!(times.len() >= 60, "{message}: {}", times.len());
+        assert!(
+            longest_gap(&times) <= Duration::from_millis(500),
+            "{message}: {:?}",
+            longest_gap(&times)
+        );
+    }
+}
+
+#[test]
+fn a_schedule_is_kept_within_the_latency_of_its_message_and_ends_when_cancelled() {
+    let mut rig = Rig::ready();
+    for (message, hertz) in [(3001_u16, 10_u16), (3002, 5), (4000, 20), (4001, 4), (3, 1)] {
+        let end = rig.carry_out(schedule(message, hertz));
+        assert_eq!(end, Some(AckType::CarriedOut), "{message}");
+        rig.run(1.0);
+        let from = rig.clock;
+        rig.run(20.0);
+        let times = times(&rig, message, from);
+        let period = Duration::from_secs(1) / u32::from(hertz);
+        let latency = table::message(message).and_then(|info| info.latency_ms);
+        let limit = period + Duration::from_millis(latency.expect("it has a limit").into());
+        assert!(
+            longest_gap(&times) <= limit,
+            "{message}: {:?}",
+            longest_gap(&times)
+        );
+        let expected = 20 * usize::from(hertz);
+        assert!(
+            times.len() + 2 >= expected && times.len() <= expected + 25,
+            "{message}: {} of {expected}",
+            times.len()
+        );
+        assert_eq!(
+            rig.carry_out(schedule(message, 0)),
+            Some(AckType::CarriedOut)
+        );
+        rig.run(1.0);
+        let from = rig.clock;
+        rig.run(5.0);
+        assert_eq!(self::times(&rig, message, from), []);
+    }
+}
+
+#[test]
+fn a_request_is_answered_at_once_with_the_fields_asked_for() {
+    let mut rig = Rig::ready();
+    assert_eq!(rig.carry_out(schedule(4000, 0)), Some(AckType::CarriedOut));
+    rig.run(1.0);
+    let from = rig.clock;
+    let latitude_alone = Some(0b10);
+    let end = rig.carry_out(request(4000, latitude_alone));
+    assert_eq!(end, Some(AckType::CarriedOut));
+    let (at, _, answer) = rig
+        .station()
+        .heard
+        .iter()
+        .rfind(|(at, from_id, message)| {
+            *at >= from && *from_id == vehicle_id(0) && message.id() == 4000
+        })
+        .expect("the answer");
+    assert!(*at - from <= Duration::from_millis(500));
+    let Message::InertialStates(states) = answer else {
+        panic!("another message")
+    };
+    let expected = InertialStates {
+        time_stamp: states.time_stamp,
+        latitude: states.latitude,
+        ..InertialStates::default()
+    };
+    assert_eq!(*states, expected);
+    assert!(states.latitude.is_some() && states.time_stamp.is_some());
+    // All of them where nothing in particular is asked for.
+    for all in [None, Some(0)] {
+        assert_eq!(rig.carry_out(request(4000, all)), Some(AckType::CarriedOut));
+        let last = rig
+            .station()
+            .last(vehicle_id(0), 4000, |message| match message {
+                Message::InertialStates(states) => states.longitude,
+                _ => None,
+            });
+        assert!(last.is_some());
+    }
+}
+
+#[test]
+fn what_is_no_report_is_refused_and_so_is_a_station_without_loi_2() {
+    let mut rig = Rig::ready();
+    for message in [1, 2016, 3007, 65_000] {
+        assert_eq!(rig.carry_out(schedule(message, 1)), Some(AckType::Refused));
+        assert_eq!(
+            rig.carry_out(request(message, None)),
+            Some(AckType::Refused)
+        );
+    }
+    assert_eq!(rig.carry_out(schedule(4000, 51)), Some(AckType::Refused));
+    let mut rig = Rig::new(Setup::default());
+    rig.run(5.0);
+    assert_eq!(rig.carry_out(schedule(4000, 1)), Some(AckType::Refused));
+    assert_eq!(rig.carry_out(request(4000, None)), Some(AckType::Refused));
+    assert!(rig.station().heard.iter().all(|(_, _, message)| {
+        !matches!(message, Message::VsmAuthorisationResponse(granted)
+            if granted.loi_granted.is_some_and(|levels| levels.contains(LoiBitmap::LOI2)))
+    }));
+}
