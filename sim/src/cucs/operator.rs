@@ -4,15 +4,20 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use serde_json::{Value, json};
+use serde_json::json;
 use stanag_msgs::enums::{FlightPathControlMode, RequestedAccess};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 use stanag_msgs::{Bam32, Id};
 
-use super::outcome::{Outcome, StationError, levels};
+mod error;
+mod telling;
+
+pub use error::OperatorError;
+
+use super::outcome::{Outcome, levels};
 use super::report;
-use super::route::{Route, RouteFileError};
-use super::session::{Event, Session};
+use super::route::Route;
+use super::session::Session;
 use super::station::{LoiterAt, Station, set_altitude, set_speed};
 use super::vehicle::Vehicle;
 use super::verb::{Condition, ModeArguments, Verb};
@@ -25,66 +30,6 @@ pub enum Style {
     People,
     /// A JSON object a line.
     Json,
-}
-
-/// Why something was not done.
-#[derive(Debug, thiserror::Error)]
-pub enum OperatorError {
-    /// The station says why.
-    #[error(transparent)]
-    Station(#[from] StationError),
-    /// A route file.
-    #[error(transparent)]
-    RouteFile(#[from] RouteFileError),
-    /// More than one vehicle, and none was named.
-    #[error("vehicles {0} are there: say which")]
-    Ambiguous(String),
-    /// The vehicle that was named does not answer.
-    #[error("vehicle {wanted} is not there, only {found}")]
-    NoSuchVehicle {
-        /// The vehicle named.
-        wanted: Id,
-        /// Those that are there.
-        found: String,
-    },
-    /// What needs status needs LOI 2.
-    #[error("vehicle {0}: this CUCS holds no LOI, so nothing is told to it: take it first")]
-    NoRights(Id),
-    /// What was downloaded has holes.
-    #[error("the plan names waypoints that it does not have: {0}")]
-    Incomplete(String),
-    /// A file cannot be written.
-    #[error("{}: {source}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// A number of seconds that is none.
-    #[error("{0} seconds, expected 0 to 1e6")]
-    Seconds(f64),
-    /// Nobody reads what is told.
-    #[error("output: {0}")]
-    Output(#[from] std::io::Error),
-}
-
-impl OperatorError {
-    /// 2 where the question was wrong, 1 where the answer is no.
-    #[must_use]
-    pub fn exit_status(&self) -> u8 {
-        match self {
-            Self::RouteFile(_) | Self::Ambiguous(_) | Self::Seconds(_) => 2,
-            Self::Station(StationError::Route(_) | StationError::Value(_)) => 2,
-            _ => 1,
-        }
-    }
-}
-
-impl From<super::outcome::Refused> for OperatorError {
-    fn from(refused: super::outcome::Refused) -> Self {
-        OperatorError::Station(refused.into())
-    }
 }
 
 /// See the module.
@@ -438,88 +383,9 @@ impl<W: Write> Operator<W> {
         }
     }
 
-    fn traffic(&mut self) -> Done {
-        let traffic = self.station.session().traffic().clone();
-        let by_type = |counts: &super::traffic::ByType| -> Vec<String> {
-            counts
-                .iter()
-                .map(|(kind, count)| format!("{kind}: {count}"))
-                .collect()
-        };
-        let object = |counts: &super::traffic::ByType| -> Value {
-            counts
-                .iter()
-                .map(|(kind, count)| (kind.to_string(), json!(count)))
-                .collect::<serde_json::Map<_, _>>()
-                .into()
-        };
-        let dropped: Vec<String> = traffic
-            .dropped
-            .iter()
-            .map(|(reason, count)| format!("{reason}: {count}"))
-            .collect();
-        self.tell(
-            &format!(
-                "sent {} ({} again); received {}; dropped {}",
-                by_type(&traffic.sent).join(", "),
-                traffic.retransmitted,
-                by_type(&traffic.received).join(", "),
-                if dropped.is_empty() {
-                    "none".to_owned()
-                } else {
-                    dropped.join(", ")
-                }
-            ),
-            json!({
-                "sent": object(&traffic.sent),
-                "retransmitted": traffic.retransmitted,
-                "received": object(&traffic.received),
-                "dropped": traffic.dropped,
-            }),
-        )
-    }
-
     fn finish(&mut self, vehicle: Id, what: &str, outcome: Outcome) -> Done {
         outcome.accepted()?;
         self.tell(&format!("{vehicle}: {what}"), json!({"done": what}))
-    }
-
-    fn tell_state(&mut self, vehicle: Id) -> Done {
-        let Some(state) = self.station.vehicle(vehicle) else {
-            return Ok(());
-        };
-        let (line, value) = (report::line(state), report::state(state));
-        self.tell(&line, value)
-    }
-
-    fn tell_alerts(&mut self, told: &str) -> Done {
-        while let Some(event) = self.station.session.poll_event() {
-            let Event::Alert { from, alert } = event else {
-                continue;
-            };
-            if self.style == Style::People && told.contains(&alert.text) {
-                continue;
-            }
-            self.tell(
-                &format!("{from}: 16000 {}: {}", alert.priority, alert.text),
-                json!({
-                    "alert": alert.text,
-                    "vehicle": from.to_string(),
-                    "priority": alert.priority.raw(),
-                    "id": alert.id,
-                    "first": alert.first,
-                }),
-            )?;
-        }
-        Ok(())
-    }
-
-    fn tell(&mut self, line: &str, value: Value) -> Done {
-        match self.style {
-            Style::People => writeln!(self.out, "{line}")?,
-            Style::Json => writeln!(self.out, "{value}")?,
-        }
-        Ok(self.out.flush()?)
     }
 }
 

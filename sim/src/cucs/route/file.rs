@@ -5,12 +5,12 @@ use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
 use stanag_msgs::enums::{AltitudeType, TurnType, WaypointSpeedType};
 use stanag_msgs::scalar::{Altitude, Distance, Integer, Scale, Speed};
 use stanag_msgs::{Id, OutOfRange, Scaled};
 use toml::Spanned;
 
+use super::form::{File, FileCurve, FileDefaults, FileLoiter, FileLoop, FileWaypoint};
 use super::names::{
     ALTITUDE_TYPES, DIRECTIONS, LIMITS, LOITERS, Names, ROUTE_TYPES, SPEED_TYPES, TURNS,
 };
@@ -95,81 +95,6 @@ impl Route {
             }),
         }
     }
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    mission_id: Option<String>,
-    id: Option<String>,
-    #[serde(rename = "type")]
-    route_type: Option<Spanned<String>>,
-    initial: Option<Spanned<u16>>,
-    #[serde(default)]
-    defaults: FileDefaults,
-    waypoint: Vec<FileWaypoint>,
-    #[serde(default)]
-    curve: Vec<FileCurve>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FileDefaults {
-    altitude: Option<Spanned<f64>>,
-    altitude_type: Option<Spanned<String>>,
-    speed: Option<Spanned<f64>>,
-    speed_type: Option<Spanned<String>>,
-    turn: Option<Spanned<String>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FileWaypoint {
-    number: Spanned<u16>,
-    latitude: Spanned<f64>,
-    longitude: Spanned<f64>,
-    altitude: Option<Spanned<f64>>,
-    altitude_type: Option<Spanned<String>>,
-    speed: Option<Spanned<f64>>,
-    speed_type: Option<Spanned<String>>,
-    next: Option<Spanned<u16>>,
-    turn: Option<Spanned<String>>,
-    loiter: Option<FileLoiter>,
-    #[serde(rename = "loop")]
-    repeat: Option<FileLoop>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FileLoiter {
-    #[serde(rename = "type")]
-    pattern: Option<Spanned<String>>,
-    radius: Option<Spanned<f64>>,
-    length: Option<Spanned<f64>>,
-    bearing: Option<Spanned<f64>>,
-    direction: Option<Spanned<String>>,
-    speed: Option<Spanned<f64>>,
-    seconds: Option<Spanned<u16>>,
-    turns: Option<Spanned<u16>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FileLoop {
-    limit: Spanned<u16>,
-    #[serde(rename = "type")]
-    limit_type: Option<Spanned<String>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FileCurve {
-    from: Spanned<u16>,
-    to: Spanned<u16>,
-    p2: Spanned<Vec<f64>>,
-    p3: Spanned<Vec<f64>>,
-    altitude_type: Option<Spanned<String>>,
-    message: Option<Spanned<u16>>,
 }
 
 /// What faults are told against.

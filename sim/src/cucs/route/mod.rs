@@ -5,6 +5,7 @@
 //! what no message can carry is refused here.
 
 mod file;
+mod form;
 mod from_messages;
 mod names;
 mod to_messages;
