@@ -1,0 +1,246 @@
+//! Whatever step of writing a key or a clock fails, the old key and the old clock can still be used; and two processes
+//! never share a key.
+
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use mavlink_link::signing::SigningKey;
+use vsm::session::{Durability, Store as _};
+use vsm::shell::durable::{Disk, SystemDisk};
+use vsm::shell::file_store::FileStore;
+use vsm::shell::key_file;
+use vsm::shell::key_store::{KeyStore, KeyStoreError};
+use zeroize::Zeroizing;
+
+/// How a step fails.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Fault {
+    /// Half of the octets are written, then the disk is full.
+    Full,
+    /// Nothing can be written.
+    ReadOnly,
+    /// The step itself fails.
+    Io,
+}
+
+/// The real disk, of which the nth changing step fails, and all after it.
+#[derive(Debug, Clone)]
+struct Failing {
+    steps: Arc<AtomicUsize>,
+    from: usize,
+    fault: Fault,
+}
+
+impl Failing {
+    fn new(from: usize, fault: Fault) -> Self {
+        let steps = Arc::default();
+        Self { steps, from, fault }
+    }
+
+    fn fails(&self) -> bool {
+        self.steps.fetch_add(1, Ordering::Relaxed) >= self.from
+    }
+
+    fn error(&self) -> io::Error {
+        match self.fault {
+            Fault::Full => io::ErrorKind::StorageFull.into(),
+            Fault::ReadOnly => io::ErrorKind::ReadOnlyFilesystem.into(),
+            Fault::Io => io::Error::other("the disk has failed"),
+        }
+    }
+}
+
+impl Disk for Failing {
+    fn write(&self, path: &Path, octets: &[u8]) -> io::Result<()> {
+        if !self.fails() {
+            return SystemDisk.write(path, octets);
+        }
+        if self.fault == Fault::Full {
+            SystemDisk.write(path, &octets[..octets.len() / 2])?;
+        }
+        Err(self.error())
+    }
+
+    fn sync(&self, path: &Path) -> io::Result<()> {
+        if self.fails() {
+            Err(self.error())
+        } else {
+            SystemDisk.sync(path)
+        }
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        if self.fails() {
+            Err(self.error())
+        } else {
+            SystemDisk.rename(from, to)
+        }
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        if self.fails() {
+            Err(self.error())
+        } else {
+            SystemDisk.remove(path)
+        }
+    }
+
+    fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
+        SystemDisk.read(path, most)
+    }
+}
+
+const FAULTS: [Fault; 3] = [Fault::Full, Fault::ReadOnly, Fault::Io];
+
+fn key(octet: u8) -> SigningKey {
+    SigningKey::new([octet; 32]).unwrap()
+}
+
+fn holds(found: Option<SigningKey>, octet: u8) -> bool {
+    found.is_some_and(|found| found.same_as(&key(octet)))
+}
+
+/// A folder with a key in force and one being handed over.
+fn prepared() -> (tempfile::TempDir, std::path::PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("uav1.key");
+    let keys = KeyStore::open(&path).unwrap();
+    keys.stage(&key(1)).unwrap();
+    keys.commit().unwrap();
+    keys.stage(&key(2)).unwrap();
+    (folder, path)
+}
+
+#[test]
+fn a_commit_that_fails_at_any_step_loses_no_key_and_can_be_done_again() {
+    for fault in FAULTS {
+        for step in 0..8 {
+            let (_folder, path) = prepared();
+            let keys = KeyStore::open_on(&path, Box::new(Failing::new(step, fault))).unwrap();
+            let done = keys.commit();
+            drop(keys);
+            // The next process finds both keys, whatever happened, and comes to the same end.
+            let keys = KeyStore::open(&path).unwrap();
+            let current = keys.current().unwrap();
+            if done.is_ok() || keys.next().unwrap().is_none() {
+                assert!(holds(current, 2), "{fault:?} at step {step}");
+                assert!(holds(keys.previous().unwrap(), 1));
+            } else {
+                assert!(holds(current, 1), "{fault:?} at step {step}");
+                assert!(holds(keys.next().unwrap(), 2));
+            }
+            keys.commit().unwrap();
+            assert!(holds(keys.current().unwrap(), 2));
+            assert!(holds(keys.previous().unwrap(), 1));
+        }
+    }
+}
+
+#[test]
+fn a_key_that_cannot_be_staged_leaves_the_old_one_in_force() {
+    for fault in FAULTS {
+        for step in 0..3 {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("uav1.key");
+            let keys = KeyStore::open(&path).unwrap();
+            keys.stage(&key(1)).unwrap();
+            keys.commit().unwrap();
+            drop(keys);
+            let keys = KeyStore::open_on(&path, Box::new(Failing::new(step, fault))).unwrap();
+            let refused = keys.stage(&key(2)).unwrap_err();
+            assert!(matches!(refused, KeyStoreError::Change { .. }), "{refused}");
+            assert!(!refused.to_string().contains("0202"));
+            assert!(holds(keys.current().unwrap(), 1));
+            assert!(
+                keys.next().unwrap().is_none(),
+                "nothing that is half a key is taken for one"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_clock_that_cannot_be_stored_stays_at_its_old_value() {
+    for fault in FAULTS {
+        for step in 0..4 {
+            let folder = tempfile::tempdir().unwrap();
+            let dir = folder.path().join("state");
+            FileStore::open(&dir)
+                .unwrap()
+                .save("clock-1", b"100\n", Durability::Power)
+                .unwrap();
+            let mut store = FileStore::open_on(&dir, Box::new(Failing::new(step, fault))).unwrap();
+            store
+                .save("clock-1", b"200\n", Durability::Power)
+                .unwrap_err();
+            let found = store.load("clock-1").unwrap().unwrap();
+            // Only where the rename was done and the folder not synchronised the new one stands: it is the higher.
+            let expected: &[u8] = if step == 3 { b"200\n" } else { b"100\n" };
+            assert_eq!(found, expected, "{fault:?} at step {step}");
+        }
+    }
+}
+
+#[test]
+fn fall_28_two_processes_do_not_share_a_key() {
+    let (_folder, path) = prepared();
+    let first = KeyStore::open(&path).unwrap();
+    let refused = KeyStore::open(&path).unwrap_err();
+    assert!(matches!(refused, KeyStoreError::Locked { .. }), "{refused}");
+    drop(first);
+    KeyStore::open(&path).unwrap();
+}
+
+#[test]
+fn a_key_that_the_vehicle_may_have_is_not_replaced() {
+    let (_folder, path) = prepared();
+    let keys = KeyStore::open(&path).unwrap();
+    let refused = keys.stage(&key(3)).unwrap_err();
+    assert!(
+        matches!(refused, KeyStoreError::Unfinished { .. }),
+        "{refused}"
+    );
+    keys.stage(&key(2)).unwrap();
+    assert!(holds(keys.next().unwrap(), 2));
+}
+
+#[test]
+fn keys_are_for_their_owner_alone() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let (_folder, path) = prepared();
+    let keys = KeyStore::open(&path).unwrap();
+    for file in ["uav1.key", "uav1.key.next", "uav1.key.lock"] {
+        let mode = path
+            .with_file_name(file)
+            .metadata()
+            .unwrap()
+            .permissions()
+            .mode();
+        assert_eq!(mode & 0o777, 0o600, "{file}");
+    }
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o644)).unwrap();
+    assert!(keys.current().unwrap_err().to_string().contains("0600"));
+}
+
+#[test]
+fn fall_18_a_pass_phrase_is_refused_with_the_reason() {
+    use std::os::unix::fs::OpenOptionsExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("phrase.key");
+    let mut file = std::fs::OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(true)
+        .mode(0o600)
+        .open(&path)
+        .unwrap();
+    io::Write::write_all(&mut file, b"correct horse battery staple\n").unwrap();
+    let refused = key_file::read(&path).unwrap_err().to_string();
+    assert!(
+        refused.contains("pass phrase") && refused.contains("dictionary"),
+        "{refused}"
+    );
+    assert!(!refused.contains("horse"));
+}
