@@ -13,6 +13,7 @@
 pub mod alert;
 pub mod altitude;
 pub mod configuration;
+pub mod curve;
 mod loiter;
 mod loops;
 pub mod mode;

@@ -195,6 +195,16 @@ impl Plan {
             .map(|((_, p4), curve)| (*p4, curve))
     }
 
+    /// An end of a curved leg that no 13002 has described, and the leg's other end.
+    #[must_use]
+    pub fn curve_without_end(&self) -> Option<(u16, u16)> {
+        self.curves.keys().find_map(|(p1, p4)| {
+            let ends = [(*p1, *p4), (*p4, *p1)];
+            ends.into_iter()
+                .find(|(end, _)| !self.waypoints.contains_key(end))
+        })
+    }
+
     /// Everything, as messages, in the order of an upload: routes, waypoints with their loiters, curves.
     pub fn messages(&self) -> impl Iterator<Item = Message> + '_ {
         let routes = self.routes.iter().cloned().map(Message::UaRoute);

@@ -17,6 +17,7 @@ use stanag_msgs::enums::{LocationType, TurnType, WaypointSpeedType};
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 
 use crate::altitude::{self, Agl, Altimeter, AltitudeError, Level};
+use crate::curve::{self, Chords, CurveError, Curving};
 use crate::loiter;
 use crate::loops;
 use crate::plan::Plan;
@@ -67,6 +68,8 @@ pub struct Site {
     pub hovers: bool,
     /// Bounds.
     pub limits: Limits,
+    /// How curved legs are flown.
+    pub curving: Curving,
 }
 
 /// A route as it goes to PX4, and whose waypoint each item is.
@@ -78,6 +81,8 @@ pub struct Flight {
     pub waypoint_of: Vec<u16>,
     /// The waypoints in the order that they are flown.
     pub order: Vec<Leg>,
+    /// What the operator should know of it.
+    pub notes: Vec<String>,
 }
 
 /// A waypoint of a route with what 4001 reports of it.
@@ -99,10 +104,25 @@ impl Flight {
     /// The first item made for a waypoint: where a flight to it starts.
     #[must_use]
     pub fn first_item_of(&self, waypoint: u16) -> Option<u16> {
-        let at = self
-            .waypoint_of
+        let leg = self.order.iter().find(|leg| leg.number == waypoint)?;
+        let (x, y) = (degrees_e7(leg.latitude), degrees_e7(leg.longitude));
+        // The chords of a curve that leads to it are passed over: a flight to the waypoint goes straight there.
+        let mut at = self
+            .items
             .iter()
-            .position(|number| *number == waypoint)?;
+            .zip(&self.waypoint_of)
+            .position(|(item, number)| {
+                *number == waypoint && item.is_global() && (item.x, item.y) == (x, y)
+            })?;
+        while let Some(before) = at.checked_sub(1)
+            && self.waypoint_of.get(before) == Some(&waypoint)
+            && self
+                .items
+                .get(before)
+                .is_some_and(|item| item.command == DO_CHANGE_SPEED)
+        {
+            at = before;
+        }
         u16::try_from(at).ok()
     }
 
@@ -211,9 +231,28 @@ pub enum Reason {
          are given"
     )]
     LoiterTurns,
-    /// A curved leg.
-    #[error("its curved leg to {0} cannot be flown yet")]
-    Curve(u16),
+    /// A curved leg that cannot be flown.
+    #[error("its curved leg to {to}: {fault}")]
+    Curve {
+        /// P4, as the CUCS numbers it.
+        to: u16,
+        /// Why.
+        fault: CurveError,
+    },
+    /// A curved leg to another waypoint than the next.
+    #[error("its curved leg leads to {to}, its Next Waypoint is {next}")]
+    CurveEnd {
+        /// P4.
+        to: u16,
+        /// The waypoint that follows.
+        next: u16,
+    },
+    /// A curved leg names it, and no 13002 has described it.
+    #[error("not received, and a curved leg joins it to {0}")]
+    CurveWithoutEnd(u16),
+    /// Two curved legs from one waypoint.
+    #[error("two curved legs start at it, to {0} and to {1}")]
+    TwoCurves(u16, u16),
     /// More items than the vehicle takes.
     #[error("the route needs more than {0} items")]
     TooManyItems(usize),
@@ -228,9 +267,16 @@ pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteErr
         items: Vec::new(),
         waypoint_of: Vec::new(),
         order: Vec::new(),
+        notes: Vec::new(),
     };
     let mut before: Option<(f64, f64)> = None;
     let mut number = initial;
+    if let Some((missing, to)) = plan.curve_without_end() {
+        return Err(RouteError {
+            waypoint: missing,
+            reason: Reason::CurveWithoutEnd(to),
+        });
+    }
     while number != 0 {
         let at = |reason| RouteError {
             waypoint: number,
@@ -242,14 +288,34 @@ pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteErr
         }
         let leg = leg(number, waypoint, site).map_err(at)?;
         distance(&leg, before, site).map_err(at)?;
-        if let Some((p4, _)) = plan.curves_from(number).next() {
-            return Err(at(Reason::Curve(p4)));
-        }
+        check_curves(plan, number, waypoint).map_err(at)?;
+        let here_before = flight.items.len();
         if let Some(speed_m_s) = leg.speed_m_s {
             flight.push(number, change_speed(speed_m_s));
         }
-        for item in position_items(&leg, waypoint, plan.loiter(number), site).map_err(at)? {
+        let curved = match flight.order.last().copied() {
+            Some(p1) => fly_curve(plan, &p1, &leg, &mut flight, site)?,
+            None => None,
+        };
+        for mut item in position_items(&leg, waypoint, plan.loiter(number), site).map_err(at)? {
+            if let Some(chords) = &curved {
+                narrow(&mut item, chords.acceptance_m);
+            }
             flight.push(number, item);
+        }
+        if let Some(chords) = &curved {
+            // P1 is a vertex of the curve too.
+            if let Some(item) = flight
+                .items
+                .get_mut(..here_before)
+                .and_then(|before| before.last_mut())
+            {
+                narrow(item, chords.acceptance_m);
+            }
+            if chords.slowed {
+                let wished_m_s = leg.speed_m_s.unwrap_or_else(|| flight.speed_m_s());
+                flight.push(number, change_speed(wished_m_s));
+            }
         }
         let here = (leg.latitude, leg.longitude);
         flight.order.push(leg);
@@ -281,7 +347,91 @@ pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteErr
     Ok(flight)
 }
 
+/// The curves that start at a waypoint: at most one, and to its Next Waypoint.
+fn check_curves(plan: &Plan, number: u16, waypoint: &UaPositionWaypoint) -> Result<(), Reason> {
+    let mut curves = plan.curves_from(number).map(|(p4, _)| p4);
+    let Some(to) = curves.next() else {
+        return Ok(());
+    };
+    if let Some(other) = curves.next() {
+        return Err(Reason::TwoCurves(to, other));
+    }
+    let next = waypoint.next_waypoint.unwrap_or(0);
+    if next == to {
+        Ok(())
+    } else {
+        Err(Reason::CurveEnd { to, next })
+    }
+}
+
+/// Pushes the chords of the curved leg from `p1` to `p4`, where there is one.
+fn fly_curve(
+    plan: &Plan,
+    p1: &Leg,
+    p4: &Leg,
+    flight: &mut Flight,
+    site: &Site,
+) -> Result<Option<Chords>, RouteError> {
+    let Some((_, curve)) = plan.curves_from(p1.number).find(|(to, _)| *to == p4.number) else {
+        return Ok(None);
+    };
+    let speed_m_s = p4.speed_m_s.unwrap_or_else(|| flight.speed_m_s());
+    let chords = curve::chords(p1, p4, curve, speed_m_s, site).map_err(|fault| RouteError {
+        waypoint: p1.number,
+        reason: Reason::Curve {
+            to: p4.number,
+            fault,
+        },
+    })?;
+    if chords.reads_differently {
+        let text = format!(
+            "curve {} to {} is flown as defined; drawn in latitude and longitude it is another line",
+            p1.number, p4.number
+        );
+        flight.notes.push(text);
+    }
+    if let Some(speed_m_s) = chords.speed_at_start_m_s {
+        flight.push(p4.number, change_speed(speed_m_s));
+    }
+    for chord in &chords.vertices {
+        let (frame, z) = chord.level.frame();
+        flight.push(
+            p4.number,
+            Item {
+                frame,
+                command: NAV_WAYPOINT,
+                current: false,
+                autocontinue: true,
+                params: [0.0, chords.acceptance_m, 0.0, f32::NAN],
+                x: degrees_e7(chord.latitude),
+                y: degrees_e7(chord.longitude),
+                z: z as f32,
+            },
+        );
+        if let Some(speed_m_s) = chord.speed_m_s {
+            flight.push(p4.number, change_speed(speed_m_s));
+        }
+    }
+    Ok(Some(chords))
+}
+
+/// A vertex of a curve is not passed by more than half a chord.
+fn narrow(item: &mut Item, acceptance_m: f32) {
+    if item.command == NAV_WAYPOINT && !(item.params[1] > 0.0 && item.params[1] < acceptance_m) {
+        item.params[1] = acceptance_m;
+    }
+}
+
 impl Flight {
+    /// The speed commanded last, m/s; PX4's own cruise speed before any.
+    fn speed_m_s(&self) -> f64 {
+        self.order
+            .iter()
+            .rev()
+            .find_map(|leg| leg.speed_m_s)
+            .unwrap_or(CRUISE_M_S)
+    }
+
     fn push(&mut self, waypoint: u16, item: Item) {
         self.items.push(item);
         self.waypoint_of.push(waypoint);
@@ -447,7 +597,6 @@ fn position_items(
 
 fn placed(leg: &Leg, command: u16, params: [f32; 4]) -> Item {
     let (frame, z) = leg.level.frame();
-    let degrees_e7 = |degrees: f64| (degrees * 1e7).round() as i32;
     Item {
         frame,
         command,
@@ -471,6 +620,13 @@ fn acceptance(waypoint: &UaPositionWaypoint) -> Result<f32, Reason> {
     }
 }
 
+/// MISSION_ITEM_INT's unit of latitude and longitude.
+fn degrees_e7(degrees: f64) -> i32 {
+    (degrees * 1e7).round() as i32
+}
+
+/// MPC_XY_CRUISE, m/s: what PX4 flies before any speed is commanded.
+const CRUISE_M_S: f64 = 5.0;
 const NAV_WAYPOINT: u16 = 16;
 const DO_CHANGE_SPEED: u16 = 178;
 /// Frame 2: an item without a place.

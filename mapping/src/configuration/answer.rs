@@ -91,7 +91,7 @@ fn enumeration(
             })
         }));
     }
-    let Some(taken) = support::values(message.id, field.name) else {
+    let Some(taken) = support::values(message.id, field.name, subject.hovers) else {
         return;
     };
     for (value, _, _) in info.values {

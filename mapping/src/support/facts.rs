@@ -8,6 +8,29 @@ const NULL_LINK: &str = "the null id: data links are the link's own matter";
 const ECHO: &str = "returned in 2";
 const AS_RECEIVED: &str = "as it was received";
 
+/// Of 41000, 41001 and 41003.
+const BOUNDED: &[(&str, &str)] = &[
+    ("Time Stamp", STAMP),
+    ("VSM ID", "dli.vsm_id"),
+    ("Data Link ID", NULL_LINK),
+    ("Requested Message", "what it is about"),
+    ("Requested Field", "what it is about, from 1"),
+    ("Field Supported", "whether the field is used"),
+    ("Default Value", "what a command may start from"),
+    (
+        "Max Value",
+        "the vehicle's parameters and the configured limits",
+    ),
+    (
+        "Min Value",
+        "the vehicle's parameters and the configured limits",
+    ),
+    ("Low Caution Limit", "the vehicle's parameters"),
+    ("Low Warning Limit", "the vehicle's parameters"),
+    ("Help Text", "the unit, and where the bounds are from"),
+    ("Subsystem ID", "not assigned"),
+];
+
 /// Every message that this VSM takes or sends.
 pub static SUPPORT: &[MessageSupport] = &[
     MessageSupport {
@@ -94,8 +117,12 @@ pub static SUPPORT: &[MessageSupport] = &[
                 "11, 23, 24: the flight starts at it; 0: none",
             ),
             (
+                "Altimeter Setting",
+                "of pressure altitudes, from now on; 0: none",
+            ),
+            (
                 "Altitude Type",
-                "datum of the altitude: 0 and 1 AMSL, 2 above home, 3 ellipsoid",
+                "datum of the altitude: 0 and 1 by the altimeter setting, 2 above home, 3 ellipsoid",
             ),
             ("Loiter Position Latitude", "12: flown to; 0, 0: none"),
             ("Loiter Position Longitude", "12: flown to; 0, 0: none"),
@@ -284,19 +311,24 @@ pub static SUPPORT: &[MessageSupport] = &[
             ("Waypoint to Altitude", "how high"),
             (
                 "Waypoint Altitude Type",
-                "datum of the altitude: 0 and 1 AMSL, 2 above home, 3 ellipsoid",
+                "datum of the altitude: 0 and 1 by the altimeter setting, 2 above home, 3 ellipsoid",
             ),
             ("Waypoint to Speed", "DO_CHANGE_SPEED before it"),
             (
                 "Waypoint Speed Type",
                 "0, 1 and 2 alike; arrival time is refused",
             ),
-            ("Next Waypoint", "0 ends the route; a loop is refused"),
+            (
+                "Next Waypoint",
+                "0 ends the route; of the end of a loop: its start",
+            ),
             (
                 "Turn Type",
                 "1 flies over, within 3 m; 0 takes the vehicle's own radius",
             ),
-            ("Waypoint Type", "0 normal; the end of a loop is refused"),
+            ("Waypoint Type", "0 normal, 1 the end of a loop (DO_JUMP)"),
+            ("Limit Type", "0 endless, 1 a count; a time is refused"),
+            ("Loop Limit", "how often the loop is flown"),
         ],
         sent: &[
             ("Time Stamp", STAMP),
@@ -328,11 +360,20 @@ pub static SUPPORT: &[MessageSupport] = &[
             ("Waypoint Number", "1 to 65534"),
             (
                 "Waypoint Loiter Type",
-                "1 circle, 4 hover; others are refused",
+                "1 circle, 4 hover (a multicopter hovers at both); others are refused",
             ),
-            ("Loiter Radius", "of the circle"),
+            ("Loiter Radius", "of the circle of a fixed wing"),
+            (
+                "Loiter Direction",
+                "of a fixed wing: 1 clockwise, 2 counter-clockwise; into the wind is refused",
+            ),
+            ("Loiter Speed", "within the circle of a fixed wing"),
+            ("Speed Type", "0, 1 and 2 alike; others are refused"),
             ("Loiter Duration", "NAV_LOITER_TIME; absent or 0: for good"),
-            ("Loiter Duration Units", "seconds; turns are refused"),
+            (
+                "Loiter Duration Units",
+                "0 seconds; 1 turns of a fixed wing, where radius and speed are given",
+            ),
         ],
         sent: &[
             ("Time Stamp", STAMP),
@@ -436,8 +477,148 @@ pub static SUPPORT: &[MessageSupport] = &[
                 "Message Type",
                 "2, 3, 3001, 3002, 4000, 4001, 16002; others are refused",
             ),
+            (
+                "Requested Field Presence Vector",
+                "the fields to send, beside the stamp; 0: all",
+            ),
         ],
         sent: &[],
+    },
+    MessageSupport {
+        id: 40000,
+        taken: "answered by 41000 to 41005, 43000, 43001 and 44003, unless dli.provisional is off",
+        sends: "",
+        honoured: &[
+            ("Time Stamp", HEARD_STAMP),
+            ("VSM ID", "refused unless this VSM's, everybody's or none"),
+            (
+                "Request Type",
+                "0 one message or field, 1 to 4 LOI 2 to 5, 5 data link, 6 no more answers",
+            ),
+            ("Requested Message", "of Request Type 0"),
+            (
+                "Requested Field",
+                "of Request Type 0, from 1; absent or 0: all",
+            ),
+        ],
+        sent: &[],
+    },
+    MessageSupport {
+        id: 41000,
+        taken: "",
+        sends: "in answer to 40000, and when a parameter changes: signed integers and angles, in steps on the wire",
+        honoured: &[],
+        sent: BOUNDED,
+    },
+    MessageSupport {
+        id: 41001,
+        taken: "",
+        sends: "in answer to 40000: floats",
+        honoured: &[],
+        sent: BOUNDED,
+    },
+    MessageSupport {
+        id: 41002,
+        taken: "",
+        sends: "in answer to 40000: enumerations, one for each value of this VSM's own",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("VSM ID", "dli.vsm_id"),
+            ("Data Link ID", NULL_LINK),
+            ("Station Number 1-16", "0"),
+            ("Requested Message", "what it is about"),
+            ("Requested Field", "what it is about, from 1"),
+            ("Field Supported", "whether the field is used"),
+            ("Default Value", "what a command may start from"),
+            ("Vehicle Specific Enumeration Count", "how many there are"),
+            ("Vehicle Specific Enumeration Index", "the value"),
+            ("Vehicle Specific Enumeration Text", "its name"),
+            ("Vehicle Specific Help Text", "its name in full"),
+        ],
+    },
+    MessageSupport {
+        id: 41003,
+        taken: "",
+        sends: "in answer to 40000, and when a parameter changes: unsigned integers, in steps on the wire",
+        honoured: &[],
+        sent: BOUNDED,
+    },
+    MessageSupport {
+        id: 41004,
+        taken: "",
+        sends: "in answer to 40000: texts",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("VSM ID", "dli.vsm_id"),
+            ("Data Link ID", NULL_LINK),
+            ("Station Number 1-16", "0"),
+            ("Requested Message", "what it is about"),
+            ("Requested Field", "what it is about, from 1"),
+            ("Field Supported", "whether the field is used"),
+            ("Help Text", "empty"),
+            ("Subsystem ID", "not assigned"),
+        ],
+    },
+    MessageSupport {
+        id: 41005,
+        taken: "",
+        sends: "after the last answer to a 40000",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("VSM ID", "dli.vsm_id"),
+            ("Data Link ID", NULL_LINK),
+            ("Station Number 1-16", "0"),
+            ("Vehicle Type", "HEARTBEAT.type, 0 before it is heard"),
+            ("Vehicle Subtype", "0"),
+        ],
+    },
+    MessageSupport {
+        id: 43000,
+        taken: "",
+        sends: "in answer to 40000 for LOI 2",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("VSM Home Web Page URL", "of http.listen; empty without it"),
+            ("FTP URL", "empty"),
+        ],
+    },
+    MessageSupport {
+        id: 43001,
+        taken: "",
+        sends: "in answer to 40000 for LOI 4, one a route type",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("Route Type", "0 to 4"),
+            ("Instances", "routes that a plan holds"),
+            ("Maximum Number of Waypoints", "vehicle.curve.max_items"),
+            ("Location Type Support", "0: absolute only"),
+        ],
+    },
+    MessageSupport {
+        id: 44003,
+        taken: "",
+        sends: "in answer to 40000: what is not supported; and when a mode comes or goes",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("Station Number 1-16", "0"),
+            ("Reported Message", "what it is about"),
+            (
+                "Reported Field",
+                "what it is about, from 1; 0: the whole message",
+            ),
+            ("Field Available", "whether the field is used"),
+            ("Reported Enumerated Index", "the value that it is about"),
+            (
+                "Enumerated Index Enable",
+                "-2 refused always, -1 now, 0 taken",
+            ),
+        ],
     },
     MessageSupport {
         id: 50001,

@@ -9,7 +9,7 @@ mod values;
 use stanag_msgs::table::{self, Direction, FieldInfo, Layout, MessageInfo};
 
 pub use facts::SUPPORT;
-pub use values::{VALUES, values};
+pub use values::{FIXED_WING, VALUES, values};
 
 /// What is done with one message.
 #[derive(Debug, Clone, Copy)]

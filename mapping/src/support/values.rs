@@ -20,16 +20,25 @@ pub static VALUES: &[(u16, &str, &[u8])] = &[
     (13002, "Waypoint Altitude Type", &[0, 1, 2, 3]),
     (13002, "Waypoint Speed Type", &[0, 1, 2]),
     (13002, "Turn Type", &[0, 1]),
-    (13002, "Waypoint Type", &[0]),
+    (13002, "Waypoint Type", &[0, 1]),
+    (13002, "Limit Type", &[0, 1]),
     (13003, "Waypoint Loiter Type", &[1, 4]),
     (13003, "Loiter Duration Units", &[0]),
 ];
 
+/// The same of a fixed wing, where it differs.
+pub static FIXED_WING: &[(u16, &str, &[u8])] = &[
+    (13003, "Waypoint Loiter Type", &[1]),
+    (13003, "Loiter Direction", &[0, 1, 2]),
+    (13003, "Loiter Duration Units", &[0, 1]),
+];
+
 /// The values of a field that are acted on; `None` where all are.
 #[must_use]
-pub fn values(message: u16, field: &str) -> Option<&'static [u8]> {
-    VALUES
-        .iter()
+pub fn values(message: u16, field: &str, hovers: bool) -> Option<&'static [u8]> {
+    let own = if hovers { &[] } else { FIXED_WING };
+    own.iter()
+        .chain(VALUES)
         .find(|(id, name, _)| *id == message && *name == field)
         .map(|(_, _, values)| *values)
 }
@@ -42,7 +51,7 @@ mod tests {
 
     #[test]
     fn values_are_those_of_honoured_fields_and_named_by_their_enumeration() {
-        for (id, name, values) in VALUES {
+        for (id, name, values) in VALUES.iter().chain(FIXED_WING) {
             let info = table::message(*id).expect("a message of the table");
             let field = info.field(name).expect("a field of the message");
             let honoured = crate::support::field(info, field).received;

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use mapping::curve::{Curving, Policy};
 use mapping::plan::Plan;
 use mapping::report::Commanded;
 use mapping::{altitude, route};
@@ -45,6 +46,8 @@ pub(crate) struct Aircraft {
     pub(super) push: Push,
     pub(super) configuration: Configuration,
     pub(super) silence: Silence,
+    /// That AGL is flown above home has been said.
+    said_agl: bool,
 }
 
 impl Aircraft {
@@ -71,6 +74,13 @@ impl Aircraft {
                 speed_m_s,
                 items,
             },
+            curving: Curving {
+                tolerance_m: config.curve.tolerance_m,
+                policy: match config.curve.policy {
+                    config::CurvePolicy::Slow => Policy::Slow,
+                    config::CurvePolicy::Refuse => Policy::Refuse,
+                },
+            },
         };
         Aircraft {
             config,
@@ -87,6 +97,7 @@ impl Aircraft {
             push: Push::default(),
             configuration: Configuration::default(),
             silence: Silence::None,
+            said_agl: false,
         }
     }
 
@@ -276,6 +287,29 @@ impl Aircraft {
             E::KeyExchange(_) => desk.counters.count("key exchange ignored"),
         }
     }
+    /// Says once that altitude type 2 is flown as height above home.
+    pub(super) fn say_agl(&mut self, desk: &mut Desk<'_>) {
+        if !self.said_agl {
+            self.said_agl = true;
+            self.advise(
+                desk,
+                "altitude type 2 (AGL) is flown as height above home".to_owned(),
+            );
+        }
+    }
+
+    /// Something that operators should know.
+    pub(super) fn advise(&mut self, desk: &mut Desk<'_>, text: String) {
+        let listeners = desk.listeners(&self.authority, None);
+        let raised = self.alerts.notice(
+            desk.now.mono,
+            AlertPriority::Nominal,
+            SubsystemId::VsmStatus,
+            text,
+        );
+        desk.alert(self.id(), &listeners, raised);
+    }
+
     pub(super) fn warn(&mut self, desk: &mut Desk<'_>, cause: Cause, text: String) {
         let listeners = desk.listeners(&self.authority, None);
         let raised = self

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use mapping::altitude::Level;
 use mavlink_link::service::command;
 use mavlink_link::service::mission::{self, Failure, Operation};
 use serde::{Deserialize, Serialize};
@@ -387,6 +388,16 @@ impl Aircraft {
                     Work::Clear => RouteType::Flight,
                 };
                 let mission_name = load.mission_name.clone();
+                if flight
+                    .order
+                    .iter()
+                    .any(|leg| matches!(leg.level, Level::AboveHome(_)))
+                {
+                    self.say_agl(desk);
+                }
+                for note in &flight.notes {
+                    self.advise(desk, note.clone());
+                }
                 self.aboard = Some(Aboard {
                     flight,
                     mission_id,

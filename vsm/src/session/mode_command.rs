@@ -4,6 +4,7 @@
 //! altitude or heading command type 0, speed 0, waypoint 0, and a loiter position of exactly 0, 0.
 
 use mapping::altitude::{self, Agl, Altimeter, Level};
+use mapping::curve::Curving;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::route::{self, Limits, Site};
@@ -269,6 +270,7 @@ fn checked_level(
         altimeter,
         hovers: at.telemetry.hovers(),
         limits: at.limits,
+        curving: Curving::default(),
     };
     route::height(level, &site).map_err(|fault| fault.to_string())?;
     Ok(level)

@@ -3,7 +3,8 @@
 use mapping::mode::Px4Mode;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
-    AckType, AlertPriority, FlightPathControlMode as Mode, LoiBitmap, RouteType, SubsystemId,
+    AckType, AlertPriority, AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RouteType,
+    SubsystemId,
 };
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
@@ -82,7 +83,14 @@ impl Aircraft {
             altimeter: self.bounds.altimeter,
             limits: self.bounds.limits,
         };
-        match mode_command::task(command, &situation) {
+        let task = mode_command::task(command, &situation);
+        if task.is_ok()
+            && command.commanded_altitude.is_some()
+            && command.altitude_type == Some(AltitudeType::Agl)
+        {
+            self.say_agl(desk);
+        }
+        match task {
             Err(why) => self.refuse(desk, origin, why),
             Ok(Task::Steps(steps, commanded)) => {
                 let needs_mission = steps

@@ -194,6 +194,7 @@ pub(crate) fn decode_aboard(octets: &[u8]) -> Result<Aboard, RecordError> {
             items: items.collect(),
             waypoint_of: record.waypoint_of,
             order,
+            notes: Vec::new(),
         },
         mission_id: record.mission_id,
         route_type: RouteType::from_raw(record.route_type),

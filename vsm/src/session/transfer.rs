@@ -5,6 +5,7 @@
 
 use std::time::Duration;
 
+use mapping::curve::Curving;
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
@@ -80,6 +81,7 @@ pub(crate) struct Bounds {
     pub(crate) agl: mapping::altitude::Agl,
     pub(crate) altimeter: mapping::altitude::Altimeter,
     pub(crate) limits: Limits,
+    pub(crate) curving: Curving,
 }
 
 impl Transfer {
@@ -396,6 +398,7 @@ fn site(bounds: &Bounds, vehicle: &VehicleLink) -> Option<Site> {
         altimeter: bounds.altimeter,
         hovers: telemetry.hovers(),
         limits: bounds.limits,
+        curving: bounds.curving,
     })
 }
 

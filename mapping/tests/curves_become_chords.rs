@@ -1,0 +1,243 @@
+//! A curved leg becomes chords that PX4 flies, within the tolerance, or is refused with the waypoint.
+
+use curve_paths::{BezierLeg, Control, Position};
+use mapping::altitude::{Agl, Altimeter};
+use mapping::curve::Curving;
+use mapping::plan::Plan;
+use mapping::route::{Flight, Limits, Reason, RouteError, Site, flight, metres};
+use mapping::telemetry::Place;
+use stanag_msgs::enums::AltitudeType;
+use stanag_msgs::messages::{CurveSegment, CurveSegmentPaper, UaPositionWaypoint, UaRoute};
+use stanag_msgs::{Bam32, Id, Message, Scaled};
+
+const CUCS: Id = Id(0x1b00_00a0);
+const VEHICLE: Id = Id(0x1b00_0101);
+const P1: (f64, f64) = (47.3980, 8.5460);
+const P2: (f64, f64) = (47.3990, 8.5460);
+const P3: (f64, f64) = (47.3995, 8.5475);
+const P4: (f64, f64) = (47.3985, 8.5485);
+
+fn site() -> Site {
+    Site {
+        home: Place {
+            latitude: 47.3977,
+            longitude: 8.5456,
+            amsl_m: 488.0,
+        },
+        geoid_m: Some(47.4),
+        agl: Agl::AboveHome,
+        altimeter: Altimeter::STANDARD,
+        hovers: true,
+        limits: Limits::default(),
+        curving: Curving::default(),
+    }
+}
+
+fn waypoint(number: u16, at: (f64, f64), next: u16) -> Message {
+    Message::UaPositionWaypoint(UaPositionWaypoint {
+        waypoint_number: Some(number),
+        waypoint_to_latitude_or_relative_y: Some(Bam32::from_degrees(at.0)),
+        waypoint_to_longitude_or_relative_x: Some(Bam32::from_degrees(at.1)),
+        waypoint_to_altitude: Scaled::from_si(30.0).ok(),
+        waypoint_altitude_type: Some(AltitudeType::Agl),
+        waypoint_to_speed: Scaled::from_si(5.0).ok(),
+        next_waypoint: Some(next),
+        ..UaPositionWaypoint::default()
+    })
+}
+
+fn curve(p1: u16, p4: u16) -> CurveSegment {
+    CurveSegment {
+        p1_waypoint_no: Some(p1),
+        p4_waypoint_no: Some(p4),
+        p2_latitude: Some(Bam32::from_degrees(P2.0)),
+        p2_longitude: Some(Bam32::from_degrees(P2.1)),
+        p3_latitude: Some(Bam32::from_degrees(P3.0)),
+        p3_longitude: Some(Bam32::from_degrees(P3.1)),
+        ..CurveSegment::default()
+    }
+}
+
+fn planned(curves: &[Message]) -> Result<Flight, RouteError> {
+    let mut plan = Plan::default();
+    let route = UaRoute {
+        initial_waypoint_number: Some(9),
+        ..UaRoute::default()
+    };
+    let waypoints = [
+        Message::UaRoute(route),
+        waypoint(9, P1, 4),
+        waypoint(4, P4, 2),
+        waypoint(2, P1, 0),
+    ];
+    for message in waypoints.iter().chain(curves) {
+        plan.store(message, CUCS, VEHICLE).expect("stored");
+    }
+    flight(&plan, 9, &site())
+}
+
+fn refused(curves: &[Message]) -> RouteError {
+    planned(curves).expect_err("should be refused")
+}
+
+#[test]
+fn the_chords_stay_within_the_tolerance_and_their_radii_within_half_a_chord() {
+    let flight = planned(&[Message::CurveSegment(curve(9, 4))]).expect("flown");
+    let places: Vec<(f64, f64, f32)> = flight
+        .items
+        .iter()
+        .filter(|item| item.command == 16)
+        .map(|item| {
+            (
+                f64::from(item.x) / 1e7,
+                f64::from(item.y) / 1e7,
+                item.params[1],
+            )
+        })
+        .collect();
+    let chords = &places[..places.len() - 1];
+    assert!(chords.len() > 5, "a curve of {} vertices", chords.len());
+    for pair in chords.windows(2) {
+        let chord_m = metres((pair[0].0, pair[0].1), (pair[1].0, pair[1].1));
+        assert!(chord_m >= 3.99, "a chord of {chord_m} m");
+        assert!(
+            (2.0..=3.0).contains(&pair[0].2) && f64::from(pair[0].2) <= 0.5 * chord_m + 0.01,
+            "{pair:?}"
+        );
+    }
+    let end = |at: (f64, f64)| Position::new(at.0, at.1, 30.0);
+    let exact = BezierLeg::new(
+        end(P1),
+        Control::level(P2.0, P2.1),
+        Control::level(P3.0, P3.1),
+        end(P4),
+    )
+    .expect("a leg");
+    for step in 0..=1000 {
+        let at = exact.at(f64::from(step) / 1000.0);
+        let off_m = chords
+            .windows(2)
+            .map(|pair| {
+                from_chord(
+                    (at.lat_deg, at.lon_deg),
+                    (pair[0].0, pair[0].1),
+                    (pair[1].0, pair[1].1),
+                )
+            })
+            .fold(f64::MAX, f64::min);
+        assert!(off_m <= 1.02, "{off_m} m off at {step}");
+    }
+}
+
+/// Distance from a chord in a plane at the point: the leg is 200 m long.
+fn from_chord(at: (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
+    let plane = |p: (f64, f64)| {
+        (
+            (p.0 - at.0) * 111_200.0,
+            (p.1 - at.1) * 111_200.0 * at.0.to_radians().cos(),
+        )
+    };
+    let ((ax, ay), (bx, by)) = (plane(a), plane(b));
+    let (dx, dy) = (bx - ax, by - ay);
+    let along = (-(ax * dx + ay * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
+    (ax + along * dx).hypot(ay + along * dy)
+}
+
+#[test]
+fn a_flight_to_the_curves_end_goes_straight_there() {
+    let flight = planned(&[Message::CurveSegment(curve(9, 4))]).expect("flown");
+    let first = usize::from(flight.first_item_of(4).expect("waypoint 4"));
+    assert_ne!(flight.waypoint_of[first - 1], 9, "the chords lie before it");
+    let last = (first..)
+        .find(|at| flight.items[*at].command == 16)
+        .expect("its position");
+    assert!(
+        metres(
+            (
+                f64::from(flight.items[last].x) / 1e7,
+                f64::from(flight.items[last].y) / 1e7
+            ),
+            P4
+        ) < 0.1
+    );
+    assert_eq!(
+        flight.leg_of_item(first as u16 - 1),
+        Some(1),
+        "4001 says that a chord leads to waypoint 4"
+    );
+}
+
+#[test]
+fn both_messages_draw_the_same_curve() {
+    let paper = CurveSegmentPaper {
+        vehicle_id: Some(VEHICLE),
+        cucs_id: Some(CUCS),
+        p1_waypoint_no: Some(9),
+        p4_waypoint_no: Some(4),
+        p2_latitude: Some(P2.0.to_radians()),
+        p2_longitude: Some(P2.1.to_radians()),
+        p3_latitude: Some(P3.0.to_radians()),
+        p3_longitude: Some(P3.1.to_radians()),
+        ..CurveSegmentPaper::default()
+    };
+    let native = planned(&[Message::CurveSegment(curve(9, 4))]).expect("flown");
+    let paper = planned(&[Message::CurveSegmentPaper(paper)]).expect("flown");
+    assert_eq!(native.items.len(), paper.items.len());
+    for (one, other) in native.items.iter().zip(&paper.items) {
+        assert!(
+            (one.x - other.x).abs() <= 2 && (one.y - other.y).abs() <= 2,
+            "{one:?} {other:?}"
+        );
+    }
+}
+
+#[test]
+fn a_curve_that_cannot_be_flown_is_refused_with_its_waypoint() {
+    let far = CurveSegment {
+        p2_latitude: Some(Bam32::from_degrees(48.0)),
+        ..curve(9, 4)
+    };
+    let nan = CurveSegmentPaper {
+        vehicle_id: Some(VEHICLE),
+        cucs_id: Some(CUCS),
+        p1_waypoint_no: Some(9),
+        p4_waypoint_no: Some(4),
+        p2_latitude: Some(f64::NAN),
+        p2_longitude: Some(0.1),
+        p3_latitude: Some(0.8),
+        p3_longitude: Some(0.1),
+        ..CurveSegmentPaper::default()
+    };
+    let without = CurveSegment {
+        p3_longitude: None,
+        ..curve(9, 4)
+    };
+    for bad in [
+        Message::CurveSegment(far),
+        Message::CurveSegmentPaper(nan),
+        Message::CurveSegment(without),
+    ] {
+        let fault = refused(&[bad]);
+        assert_eq!(fault.waypoint, 9);
+        assert!(
+            matches!(fault.reason, Reason::Curve { to: 4, .. }),
+            "{fault}"
+        );
+    }
+    let fault = refused(&[Message::CurveSegment(curve(9, 2))]);
+    assert_eq!(
+        (fault.waypoint, fault.reason),
+        (9, Reason::CurveEnd { to: 2, next: 4 })
+    );
+    let fault = refused(&[
+        Message::CurveSegment(curve(9, 4)),
+        Message::CurveSegment(curve(9, 2)),
+    ]);
+    assert_eq!(fault.waypoint, 9);
+    assert!(matches!(fault.reason, Reason::TwoCurves(..)), "{fault}");
+    let fault = refused(&[Message::CurveSegment(curve(9, 77))]);
+    assert_eq!(
+        (fault.waypoint, fault.reason),
+        (77, Reason::CurveWithoutEnd(9))
+    );
+}
