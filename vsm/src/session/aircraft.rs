@@ -21,7 +21,7 @@ use super::ceiling::Ceilings;
 use super::configuration::Configuration;
 use super::desk::{Desk, Origin};
 use super::maneuver::{Maneuver, Progress};
-use super::mission_transfer::Load;
+use super::mission_transfer::{Download, Load};
 use super::plan_record::Aboard;
 use super::push::Push;
 use super::station::Silence;
@@ -38,6 +38,7 @@ pub(crate) struct Aircraft {
     pub(crate) plan: Plan,
     pub(crate) aboard: Option<Aboard>,
     pub(crate) load: Option<Load>,
+    pub(super) download: Option<Download>,
     pub(crate) bounds: Bounds,
     pub(crate) alerts: Alerts,
     pub(super) maneuver: Option<(Option<Origin>, Maneuver)>,
@@ -89,6 +90,7 @@ impl Aircraft {
             plan: Plan::default(),
             aboard: None,
             load: None,
+            download: None,
             bounds,
             alerts: Alerts::new(number),
             maneuver: None,
@@ -149,6 +151,7 @@ impl Aircraft {
         self.go_on(desk);
         self.watch_modes(desk);
         self.send_configuration(desk);
+        self.advance_download(desk);
         self.push_due(desk);
     }
 
@@ -161,6 +164,7 @@ impl Aircraft {
                 .and_then(|(_, maneuver)| maneuver.poll_timeout()),
             self.load.as_ref().and_then(Load::poll_timeout),
             self.push.poll_timeout(),
+            self.download.as_ref().map(|download| download.next_at),
             self.configuration.poll_timeout(),
         ]
         .into_iter()

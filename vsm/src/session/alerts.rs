@@ -118,6 +118,24 @@ impl Alerts {
         })
     }
 
+    /// The answer to one command: never held back, also where the same text went out just now.
+    pub(crate) fn answer(
+        &mut self,
+        priority: AlertPriority,
+        subsystem: SubsystemId,
+        text: String,
+    ) -> Raised {
+        Raised {
+            alert: Alert {
+                id: self.take_id(),
+                priority,
+                subsystem,
+                text,
+            },
+            first: true,
+        }
+    }
+
     /// Whether a cause stands.
     pub(crate) fn stands(&self, cause: Cause) -> bool {
         self.standing.iter().any(|(known, _)| *known == cause)

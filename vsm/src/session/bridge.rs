@@ -186,6 +186,16 @@ impl Bridge {
         store: &mut dyn Store,
     ) {
         let header = frame.header;
+        if header.source == self.vsm
+            || self
+                .aircraft
+                .iter()
+                .any(|aircraft| aircraft.id() == header.source)
+        {
+            // What we sent to the group comes back to us.
+            self.counters.count("our own");
+            return;
+        }
         let Some(index) = self
             .stations
             .iter()

@@ -1,5 +1,6 @@
 //! Plans of one aircraft: storing 13001 to 13003 and curves, and what a Mission Transfer Command (13000) asks.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use mapping::altitude::Level;
@@ -39,6 +40,20 @@ enum Work {
     Transfer(Transfer),
     Clear,
 }
+
+/// A plan on its way to a station.
+#[derive(Debug)]
+pub(crate) struct Download {
+    origin: Origin,
+    name: String,
+    mode: Mode,
+    left: VecDeque<Message>,
+    pub(super) next_at: Duration,
+}
+
+/// Messages of a download that go out at once, and the pause after them: 800 a second.
+const DOWNLOAD_BURST: usize = 8;
+const DOWNLOAD_PAUSE: Duration = Duration::from_millis(10);
 
 impl Load {
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
@@ -254,7 +269,7 @@ impl Aircraft {
         } else {
             Mode::Download
         };
-        let wanted: Vec<Message> = match waypoint {
+        let wanted: VecDeque<Message> = match waypoint {
             None => self.plan.messages().collect(),
             Some(number) => {
                 let position = self
@@ -277,6 +292,39 @@ impl Aircraft {
             };
             return self.reject(desk, origin, name, mode, waypoint, why);
         }
+        if self.download.is_some() {
+            return self.reject(
+                desk,
+                origin,
+                name,
+                mode,
+                waypoint,
+                "another download is in progress".to_owned(),
+            );
+        }
+        self.download = Some(Download {
+            origin,
+            name: name.to_owned(),
+            mode,
+            left: wanted,
+            next_at: desk.now.mono,
+        });
+        self.advance_download(desk);
+    }
+
+    /// Sends the next few messages of a download: a full plan at once would overflow the station's socket.
+    pub(super) fn advance_download(&mut self, desk: &mut Desk<'_>) {
+        let id = self.id();
+        let Some(download) = &mut self.download else {
+            return;
+        };
+        if download.next_at > desk.now.mono {
+            return;
+        }
+        download.next_at = desk.now.mono + DOWNLOAD_PAUSE;
+        let origin = download.origin;
+        let few = download.left.len().min(DOWNLOAD_BURST);
+        let burst: Vec<Message> = download.left.drain(..few).collect();
         let Some(cucs) = desk
             .stations
             .get(origin.station)
@@ -284,20 +332,26 @@ impl Aircraft {
         else {
             return;
         };
-        for message in wanted {
-            let message = restamped(message, desk, cucs, self.id());
-            desk.send(origin.station, self.id(), &message);
+        for message in burst {
+            let message = restamped(message, desk, cucs, id);
+            desk.send(origin.station, id, &message);
         }
-        desk.acknowledge(self.id(), &origin, AckType::CarriedOut);
-        self.report(
-            desk,
-            origin.station,
-            name,
-            mode,
-            MissionTransferStatus::Complete,
-            100,
-            None,
-        );
+        if download.left.is_empty()
+            && let Some(Download {
+                origin, name, mode, ..
+            }) = self.download.take()
+        {
+            desk.acknowledge(id, &origin, AckType::CarriedOut);
+            self.report(
+                desk,
+                origin.station,
+                &name,
+                mode,
+                MissionTransferStatus::Complete,
+                100,
+                None,
+            );
+        }
     }
 
     // --- the vehicle's side of it ---------------------------------------------------------------------------------

@@ -140,13 +140,10 @@ impl Aircraft {
             format!("{} refused: ", origin.message_type)
         });
         let text = format!("{what}{why}");
-        let raised = self.alerts.notice(
-            desk.now.mono,
-            AlertPriority::Caution,
-            SubsystemId::VsmStatus,
-            text,
-        );
-        desk.alert(self.id(), &to, raised);
+        let raised = self
+            .alerts
+            .answer(AlertPriority::Caution, SubsystemId::VsmStatus, text);
+        desk.alert(self.id(), &to, Some(raised));
     }
     pub(super) fn advance_maneuver(&mut self, desk: &mut Desk<'_>) {
         let Some((origin, maneuver)) = &mut self.maneuver else {
