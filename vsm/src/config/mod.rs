@@ -95,6 +95,9 @@ pub struct Cucs {
     /// Whether it may take control from another.
     #[serde(default, rename = "override")]
     pub override_control: bool,
+    /// 0 to 255: an override takes control from this rank and below.
+    #[serde(default)]
+    pub rank: u8,
 }
 
 /// `[[vehicle]]`

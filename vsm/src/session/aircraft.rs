@@ -19,12 +19,12 @@ use super::authority::Authority;
 use super::bridge::LogLevel;
 use super::ceiling::Ceilings;
 use super::configuration::Configuration;
+use super::custody::Custody;
 use super::desk::{Desk, Origin};
 use super::maneuver::{Maneuver, Progress};
 use super::mission_transfer::{Download, Load};
 use super::plan_record::Aboard;
 use super::push::Push;
-use super::station::Silence;
 use super::transfer::Bounds;
 use super::vehicle::{Peer, VehicleEvent, VehicleLink};
 use crate::config;
@@ -46,9 +46,9 @@ pub(crate) struct Aircraft {
     pub(super) commanded: Commanded,
     pub(super) push: Push,
     pub(super) configuration: Configuration,
-    pub(super) silence: Silence,
     /// That AGL is flown above home has been said.
     said_agl: bool,
+    pub(super) custody: Custody,
 }
 
 impl Aircraft {
@@ -98,8 +98,8 @@ impl Aircraft {
             commanded: Commanded::default(),
             push: Push::default(),
             configuration: Configuration::default(),
-            silence: Silence::None,
             said_agl: false,
+            custody: Custody::default(),
         }
     }
 
@@ -142,6 +142,7 @@ impl Aircraft {
         self.mav
             .handle_datagram(desk.now, from, octets, &mut Ceilings(desk.store), tap);
         self.go_on(desk);
+        self.settle_authority(desk);
     }
 
     /// Does what is due.
@@ -152,6 +153,7 @@ impl Aircraft {
         self.watch_modes(desk);
         self.send_configuration(desk);
         self.advance_download(desk);
+        self.settle_authority(desk);
         self.push_due(desk);
     }
 
@@ -166,6 +168,7 @@ impl Aircraft {
             self.push.poll_timeout(),
             self.download.as_ref().map(|download| download.next_at),
             self.configuration.poll_timeout(),
+            self.authority.poll_timeout(),
         ]
         .into_iter()
         .flatten()

@@ -20,6 +20,8 @@ pub(crate) enum Cause {
     OtherMission,
     /// A record could not be written.
     Store,
+    /// The audit log does not follow from itself.
+    Audit,
 }
 
 /// The alerts of one vehicle.

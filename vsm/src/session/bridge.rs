@@ -32,6 +32,7 @@ pub struct Bridge {
     vsm: Id,
     profile: Profile,
     loss: crate::config::Authority,
+    provisional: crate::config::Provisional,
     multicast: bool,
     stations: Vec<Station>,
     pub(super) aircraft: Vec<Aircraft>,
@@ -119,6 +120,7 @@ impl Bridge {
             vsm: config.dli.vsm_id,
             profile: config.dli.disputed.profile.clone(),
             loss: *config.authority.get_ref(),
+            provisional: config.dli.provisional,
             multicast: config.dli.multicast.is_some(),
             stations: config.stations().cloned().map(Station::new).collect(),
             aircraft: Vec::new(),
@@ -295,6 +297,26 @@ impl Bridge {
                 let source = vehicle.unwrap_or(desk.vsm);
                 desk.acknowledge(source, &origin, answer);
             }
+            Message::PositiveHandoverAuthorisationRequest(request) => {
+                let (mut desk, aircraft) = self.desk(now, store);
+                let meant = aircraft.iter_mut().find(|one| one.id() == destination);
+                let answer = match meant {
+                    Some(aircraft) => aircraft.hand_over(&mut desk, &origin, request),
+                    None => AckType::Refused,
+                };
+                let source = destination_as_source(destination, desk.vsm);
+                desk.acknowledge(source, &origin, answer);
+            }
+            Message::VehicleDataLinkTransitionCoordination(request) => {
+                let (mut desk, aircraft) = self.desk(now, store);
+                match aircraft.iter_mut().find(|one| one.id() == destination) {
+                    Some(aircraft) => aircraft.coordinate_transition(&mut desk, origin, request),
+                    None => {
+                        let vsm = desk.vsm;
+                        desk.acknowledge(vsm, &origin, AckType::Refused);
+                    }
+                }
+            }
             Message::ScheduleMessageUpdateCommand(command) => {
                 let (wanted, hertz) = (command.requested_message_type, command.frequency);
                 self.inform(now, &origin, destination, store, |aircraft, desk| {
@@ -412,6 +434,11 @@ impl Bridge {
                 }
             }
         }
+        if let Message::PositiveHandoverAuthorisationRequest(_) = message
+            && let Some(aircraft) = aircraft.iter_mut().find(|one| one.id() == destination)
+        {
+            aircraft.hand_over_again(&mut desk, origin.station);
+        }
         if let Some(answer) = answer {
             desk.acknowledge(destination_as_source(destination, desk.vsm), origin, answer);
         }
@@ -504,6 +531,7 @@ impl Bridge {
             vsm: self.vsm,
             multicast: self.multicast,
             loss: self.loss,
+            provisional: self.provisional,
             stations: &mut self.stations,
             outbox: &mut self.outbox,
             counters: &mut self.counters,

@@ -1,23 +1,21 @@
-//! Who controls the aircraft: message 1, its answers, and what the silence of the controller leads to.
+//! Who controls the aircraft: message 1, its answer, and what a decision of the authority leads to.
+
+use stanag_msgs::enums::{
+    AccessGranted, AckType, AlertPriority, LoiBitmap, PresenceVectorSupport, RequestedAccess,
+    SubsystemId, WaitTransition,
+};
+use stanag_msgs::messages::{CucsAuthorisationRequest, VsmAuthorisationResponse};
+use stanag_msgs::{Id, Message};
 
 use mapping::mode::Px4Mode;
-use stanag_msgs::enums::{
-    AccessGranted, AckType, AlertPriority, FlightPathControlMode as Mode, LoiBitmap,
-    PresenceVectorSupport, RequestedAccess, SubsystemId,
-};
-use stanag_msgs::messages::{
-    CucsAuthorisationRequest, VehicleOperatingModeCommand, VsmAuthorisationResponse,
-};
-use stanag_msgs::{Id, Message};
 
 use super::aircraft::Aircraft;
 use super::alerts::{Cause, Raised};
-use super::authority::{Authority, CONTROL, Request};
+use super::authority::{
+    Access, Answer, Asker, Authority, CONTROL, Circumstances, Decision, Rights, Stations,
+};
 use super::bridge::LogLevel;
 use super::desk::{Desk, Origin};
-use super::maneuver::{self, Maneuver};
-use super::station::Silence;
-use crate::config::OnLoss;
 
 impl Aircraft {
     /// Message 1 to this vehicle: a request, a release, or a question where it names no access.
@@ -27,80 +25,153 @@ impl Aircraft {
         origin: &Origin,
         request: &CucsAuthorisationRequest,
     ) -> AckType {
-        let Some(asker) = desk
-            .stations
-            .get(origin.station)
-            .map(|station| station.asker())
-        else {
+        let Some(asker) = desk.asker(origin.station) else {
             return AckType::Refused;
         };
         let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
-        let wish = match request.requested_handover_access {
-            Some(RequestedAccess::Relinquish) => Some(Request::Release(levels)),
-            Some(RequestedAccess::Request) if !levels.is_empty() => Some(Request::Control(levels)),
-            Some(RequestedAccess::Override) if !levels.is_empty() => {
-                Some(Request::Override(levels))
+        let stations = Stations::from_bitmaps(
+            request.controlled_station_1_16,
+            request.controlled_station_17_32,
+        );
+        let access = match request.requested_handover_access {
+            Some(RequestedAccess::Relinquish) => Access::Release,
+            Some(RequestedAccess::Request) if !levels.is_empty() => Access::Control,
+            Some(RequestedAccess::Override) if !levels.is_empty() => Access::Override,
+            _ => {
+                self.answer_authorisation(desk, origin.station, Some(request));
+                return AckType::CarriedOut;
             }
-            _ => None,
         };
-        let Some(wish) = wish else {
-            self.answer_authorisation(desk, origin.station, Some(request));
-            return AckType::CarriedOut;
-        };
-        let before = self.authority.clone();
-        let offered = self.silence >= Silence::Offered;
-        let mut outcome = self.authority.request(asker, wish, offered);
-        if self.authority != before
-            && let Err(fault) = self.store_authority(desk)
-        {
-            // A right that would not survive a restart is not granted.
-            self.authority = before.clone();
-            outcome.in_full = false;
-            outcome.deposed.clear();
-            let text = format!("authority cannot be stored, nothing changes: {fault}");
-            self.warn(desk, Cause::Store, text);
-        }
-        for deposed in &outcome.deposed {
-            let index = desk
-                .stations
-                .iter()
-                .position(|station| station.id() == *deposed);
-            if let Some(index) = index {
-                self.answer_authorisation(desk, index, None);
+        let wanted = Rights::named(levels, stations);
+        let waits_for_transition = request
+            .wait_for_vehicle_data_link_transition_coordination_message
+            == Some(WaitTransition::Wait);
+        let answer = self.decide(desk, Some(asker.id), |authority, at| {
+            if waits_for_transition && access == Access::Control {
+                authority.handover(at, &asker, asker.id, wanted)
+            } else {
+                authority.request(at, &asker, access, wanted, !stations.is_empty())
             }
-        }
-        if self.authority != before {
-            self.say_change_of_control(desk, &before);
-        }
+        });
         self.answer_authorisation(desk, origin.station, Some(request));
-        let now_listens = self.authority.holds(asker.id, LoiBitmap::LOI2);
-        if now_listens != (!before.granted(asker.id).is_empty()) {
-            self.push.reset(origin.station);
-            if now_listens {
-                self.welcome(desk, origin.station);
+        self.acknowledgement(desk, origin, asker.id, &answer)
+    }
+
+    /// What 17000 says of an answer. One that waits is acknowledged again when it is decided.
+    pub(super) fn acknowledgement(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: &Origin,
+        asker: Id,
+        answer: &Answer,
+    ) -> AckType {
+        match answer {
+            Answer::Granted => AckType::CarriedOut,
+            Answer::Waits => {
+                self.custody.wait(asker, *origin);
+                AckType::Received
             }
-        }
-        if outcome.in_full {
-            AckType::CarriedOut
-        } else {
-            AckType::Refused
+            Answer::Refused { missing, why } => {
+                let text = format!("message {}: {missing} refused: {why}", origin.message_type);
+                self.tell_stations(desk, &[origin.station], text);
+                AckType::Refused
+            }
         }
     }
 
-    pub(super) fn say_change_of_control(&mut self, desk: &mut Desk<'_>, before: &Authority) {
-        let (from, to) = (before.controller(), self.authority.controller());
-        if from != to {
-            let name = |id: Option<Id>| id.map_or_else(|| "nobody".to_owned(), |id| id.to_string());
-            let text = format!("control passes from {} to {}", name(from), name(to));
-            desk.note(LogLevel::Info, self.id(), text);
-            self.silence = Silence::None;
-            if let Some(raised) = self
-                .alerts
-                .clear(Cause::CucsSilent, "control has passed on")
-            {
-                let listeners = desk.listeners(&self.authority, None);
-                desk.alert(self.id(), &listeners, Some(raised));
+    /// Asks the authority, and does what follows from its decision. `asker` is answered by who calls.
+    pub(super) fn decide(
+        &mut self,
+        desk: &mut Desk<'_>,
+        asker: Option<Id>,
+        ask: impl FnOnce(&mut Authority, &Circumstances<'_>) -> Decision,
+    ) -> Answer {
+        let roster = desk.roster();
+        let circumstances = Circumstances {
+            now: desk.now.mono,
+            roster: &roster,
+            loading: self.loading(desk),
+            launch_or_landing: self.launch_or_landing(),
+        };
+        let before = self.authority.clone();
+        let decision = ask(&mut self.authority, &circumstances);
+        if self.authority.record() != before.record()
+            && let Err(fault) = self.keep(desk, &decision)
+        {
+            // A right that would not survive a restart is not granted.
+            self.authority = before;
+            let text = format!("authority cannot be stored, nothing changes: {fault}");
+            self.warn(desk, Cause::Store, text);
+            return Answer::Refused {
+                missing: Rights::NONE,
+                why: super::authority::Refusal::NotStored,
+            };
+        }
+        let mut told: Vec<Id> = asker.into_iter().collect();
+        for change in &decision.changes {
+            for id in [change.from, change.to].into_iter().flatten() {
+                if !told.contains(&id) {
+                    told.push(id);
+                    self.answer_by_id(desk, id);
+                }
             }
+        }
+        self.say_change_of_control(desk, &before);
+        self.begin_and_end(desk, &decision);
+        for index in 0..desk.stations.len() {
+            let Some(asker) = desk.asker(index) else {
+                continue;
+            };
+            let listens = self.authority.holds(asker.id, LoiBitmap::LOI2);
+            if listens != before.holds(asker.id, LoiBitmap::LOI2) {
+                self.push.reset(index);
+                if listens {
+                    self.welcome(desk, index);
+                }
+            }
+        }
+        decision.answer
+    }
+
+    /// Lets a decision that waited be taken: a load has ended, the vehicle flies otherwise, time has passed.
+    pub(super) fn settle_authority(&mut self, desk: &mut Desk<'_>) {
+        if !self.authority.pending().is_empty() {
+            self.decide(desk, None, Authority::look_again);
+        }
+    }
+
+    /// Who loads a mission just now; the null id where the VSM does by itself.
+    fn loading(&self, desk: &Desk<'_>) -> Option<Id> {
+        let load = self.load.as_ref()?;
+        let station = load.owner().and_then(|index| desk.asker(index));
+        Some(station.map_or(Id::NULL, |station| station.id))
+    }
+
+    fn launch_or_landing(&self) -> bool {
+        let telemetry = &self.mav.telemetry;
+        telemetry.armed == Some(true)
+            && matches!(telemetry.mode, Some(Px4Mode::TAKEOFF | Px4Mode::LAND))
+    }
+
+    fn say_change_of_control(&mut self, desk: &mut Desk<'_>, before: &Authority) {
+        let (from, to) = (before.controller(), self.authority.controller());
+        if from == to {
+            return;
+        }
+        let name = |id: Option<Id>| id.map_or_else(|| "nobody".to_owned(), |id| id.to_string());
+        let text = format!("control passes from {} to {}", name(from), name(to));
+        desk.note(LogLevel::Info, self.id(), text);
+        let raised = self
+            .alerts
+            .clear(Cause::CucsSilent, "control has passed on");
+        let listeners = desk.listeners(&self.authority, None);
+        desk.alert(self.id(), &listeners, raised);
+    }
+
+    /// Message 2 to a CUCS whose rights have changed.
+    pub(super) fn answer_by_id(&mut self, desk: &mut Desk<'_>, id: Id) {
+        if let Some(index) = desk.station_of(id) {
+            self.answer_authorisation(desk, index, None);
         }
     }
 
@@ -111,10 +182,11 @@ impl Aircraft {
         station: usize,
         request: Option<&CucsAuthorisationRequest>,
     ) {
-        let Some(asker) = desk.stations.get(station).map(|station| station.asker()) else {
+        let Some(asker) = desk.asker(station) else {
             return;
         };
         let granted = self.authority.granted(asker.id);
+        let stations = self.authority.held(asker.id).stations();
         let in_control = granted.intersects(LoiBitmap::LOI3.union(CONTROL));
         let response = VsmAuthorisationResponse {
             time_stamp: Some(desk.stamp()),
@@ -128,7 +200,8 @@ impl Aircraft {
             }),
             loi_authorized: Some(asker.authorised),
             loi_granted: Some(granted),
-            controlled_station_1_16: request.and_then(|request| request.controlled_station_1_16),
+            controlled_station_1_16: Some(stations.low()),
+            controlled_station_17_32: Some(stations.high()),
             access_requested: request
                 .and_then(|request| request.requested_handover_access)
                 .map(RequestedAccess::raw),
@@ -156,98 +229,35 @@ impl Aircraft {
             desk.alert(self.id(), &[station], Some(raised));
         }
     }
-    pub(super) fn watch_controller(&mut self, desk: &mut Desk<'_>) {
-        let controller = self.authority.controller();
-        let station = desk
-            .stations
-            .iter()
-            .find(|station| Some(station.id()) == controller);
-        let silence = station.map_or(Silence::None, |station| {
-            station.silence(desk.now.mono, &desk.loss)
-        });
-        if silence == self.silence {
-            return;
-        }
-        self.silence = silence;
-        let name = controller.map_or_else(String::new, |id| id.to_string());
-        let listeners = desk.listeners(&self.authority, None);
-        let raised = match silence {
-            Silence::None => self
-                .alerts
-                .clear(Cause::CucsSilent, "the controlling CUCS is heard again"),
-            Silence::Warned => {
-                let text = format!("the controlling CUCS {name} is silent");
-                self.alerts.raise(
-                    Cause::CucsSilent,
-                    AlertPriority::Caution,
-                    SubsystemId::Comms,
-                    text,
-                )
-            }
-            Silence::Offered => {
-                let text =
-                    format!("the controlling CUCS {name} is silent: another may take control");
-                self.alerts.raise(
-                    Cause::CucsSilent,
-                    AlertPriority::Warning,
-                    SubsystemId::Comms,
-                    text,
-                )
-            }
-            Silence::Lost => {
-                let text = format!(
-                    "the controlling CUCS {name} is lost: {}",
-                    loss_text(desk.loss.on_loss)
-                );
-                self.alerts.raise(
-                    Cause::CucsSilent,
-                    AlertPriority::Emergency,
-                    SubsystemId::Comms,
-                    text,
-                )
-            }
-        };
-        desk.alert(self.id(), &listeners, raised);
-        if silence == Silence::Lost {
-            self.lose_controller(desk, controller);
-        }
-    }
 
-    pub(super) fn lose_controller(&mut self, desk: &mut Desk<'_>, controller: Option<Id>) {
-        if let Some(id) = controller {
-            self.authority.release(id, CONTROL);
-            if let Err(fault) = self.store_authority(desk) {
-                self.warn(
-                    desk,
-                    Cause::Store,
-                    format!("authority cannot be stored: {fault}"),
-                );
-            }
-        }
-        let mode = match desk.loss.on_loss {
-            OnLoss::Continue => return,
-            OnLoss::Hold => Mode::Loiter,
-            OnLoss::Contingency => Mode::ContingencyA,
-            OnLoss::Rtl => {
-                let steps = maneuver::enter(&[Px4Mode::RTL]);
-                return self.begin(desk, None, Maneuver::new(steps, self.commanded));
-            }
-        };
-        if self.mav.telemetry.airborne() {
-            let command = VehicleOperatingModeCommand {
-                select_flight_path_control_mode: Some(mode),
-                ..VehicleOperatingModeCommand::default()
-            };
-            self.operate(desk, None, &command);
-        }
+    /// 16000 with a text that concerns these stations only.
+    pub(super) fn tell_stations(&mut self, desk: &mut Desk<'_>, to: &[usize], text: String) {
+        let raised = self.alerts.notice(
+            desk.now.mono,
+            AlertPriority::Caution,
+            SubsystemId::VsmStatus,
+            text,
+        );
+        desk.alert(self.id(), to, raised);
     }
 }
 
-fn loss_text(on_loss: OnLoss) -> &'static str {
-    match on_loss {
-        OnLoss::Continue => "the vehicle goes on",
-        OnLoss::Hold => "the vehicle holds",
-        OnLoss::Contingency => "contingency A is flown",
-        OnLoss::Rtl => "the vehicle returns",
+impl Desk<'_> {
+    /// A station as the authority knows it.
+    pub(super) fn asker(&self, index: usize) -> Option<Asker> {
+        self.stations.get(index).map(|station| station.asker())
+    }
+
+    /// Every CUCS of the configuration.
+    pub(super) fn roster(&self) -> Vec<Asker> {
+        self.stations
+            .iter()
+            .map(|station| station.asker())
+            .collect()
+    }
+
+    /// The index of a station.
+    pub(super) fn station_of(&self, id: Id) -> Option<usize> {
+        self.stations.iter().position(|station| station.id() == id)
     }
 }

@@ -22,6 +22,7 @@ pub(crate) struct Desk<'a> {
     pub(crate) vsm: Id,
     pub(crate) multicast: bool,
     pub(crate) loss: crate::config::Authority,
+    pub(crate) provisional: crate::config::Provisional,
     pub(crate) stations: &'a mut [Station],
     pub(crate) outbox: &'a mut Outbox,
     pub(crate) counters: &'a mut Counters,

@@ -6,10 +6,7 @@ use std::time::Duration;
 use mapping::altitude::Level;
 use mavlink_link::service::command;
 use mavlink_link::service::mission::{self, Failure, Operation};
-use serde::{Deserialize, Serialize};
-use stanag_msgs::enums::{
-    AckType, LoiBitmap, MissionPlanMode as Mode, MissionTransferStatus, RouteType,
-};
+use stanag_msgs::enums::{AckType, MissionPlanMode as Mode, MissionTransferStatus, RouteType};
 use stanag_msgs::messages::{
     CurveSegmentPaper, MissionTransferCommand, MissionUploadDownloadStatus, UaRoute,
     VehicleOperatingModeCommand,
@@ -18,7 +15,6 @@ use stanag_msgs::{Id, Message, Text};
 
 use super::aircraft::Aircraft;
 use super::alerts::Cause;
-use super::authority::Authority;
 use super::desk::{Desk, Origin};
 use super::plan_record::{self, Aboard};
 use super::store::{Durability, StoreError, record_name};
@@ -56,6 +52,12 @@ const DOWNLOAD_BURST: usize = 8;
 const DOWNLOAD_PAUSE: Duration = Duration::from_millis(10);
 
 impl Load {
+    /// The station that asked for it, by 13000 or by a mode command; none where the VSM does by itself.
+    pub(crate) fn owner(&self) -> Option<usize> {
+        let then = self.then.as_ref().and_then(|(origin, _)| origin.as_ref());
+        self.origin.as_ref().or(then).map(|origin| origin.station)
+    }
+
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         match &self.work {
             Work::Transfer(transfer) => transfer.poll_timeout(),
@@ -626,27 +628,6 @@ impl Aircraft {
         )
     }
 
-    pub(crate) fn store_authority(&self, desk: &mut Desk<'_>) -> Result<(), StoreError> {
-        let held = self.authority.holders().map(|(id, levels)| {
-            let peer = desk
-                .stations
-                .iter()
-                .find(|station| station.id() == id)
-                .and_then(|station| station.peer);
-            Held {
-                id: id.0,
-                levels: levels.raw(),
-                peer,
-            }
-        });
-        let octets = serde_json::to_vec(&held.collect::<Vec<_>>()).unwrap_or_default();
-        desk.store.save(
-            &record_name("authority", self.id()),
-            &octets,
-            Durability::Power,
-        )
-    }
-
     /// What a restart finds: authority, plan, and what is aboard.
     ///
     /// # Errors
@@ -657,24 +638,7 @@ impl Aircraft {
             name: record_name(kind, id),
             cause,
         };
-        if let Some(octets) = desk.store.load(&record_name("authority", id))? {
-            let held: Vec<Held> = serde_json::from_slice(&octets)
-                .map_err(|cause| unreadable("authority", cause.to_string()))?;
-            for station in desk.stations.iter_mut() {
-                // Status goes on to where it went before: nobody has to ask again.
-                let known = held.iter().find(|held| held.id == station.id().0);
-                station.peer = station.peer.or(known.and_then(|held| held.peer));
-            }
-            let may = |held: &Held| {
-                let station = desk
-                    .stations
-                    .iter()
-                    .find(|station| station.id().0 == held.id)?;
-                let levels = held.levels & station.config.loi.0.raw();
-                (levels != 0).then_some((Id(held.id), LoiBitmap::from_raw(levels)))
-            };
-            self.authority = Authority::restored(held.iter().filter_map(may));
-        }
+        self.restore_authority(desk)?;
         if let Some(octets) = desk
             .store
             .load(&record_name("plan", id))?
@@ -694,14 +658,6 @@ impl Aircraft {
         }
         self.restore_altimeter(desk)
     }
-}
-
-/// A holder in the record of authority.
-#[derive(Serialize, Deserialize)]
-struct Held {
-    id: u32,
-    levels: u8,
-    peer: Option<std::net::SocketAddr>,
 }
 
 /// A stored message as the VSM sends it: its own stamp; 50001 names vehicle and CUCS as its wrapper does.

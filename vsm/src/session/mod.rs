@@ -6,14 +6,18 @@
 mod aircraft;
 mod alerts;
 mod altimeter;
+mod audit;
 mod authority;
 mod bridge;
 mod ceiling;
 mod configuration;
 mod control;
+mod control_loss;
 mod counters;
+mod custody;
 mod desk;
 mod duplicate;
+mod handover;
 mod maneuver;
 mod mission_transfer;
 mod mode_command;
@@ -29,7 +33,11 @@ mod store;
 mod transfer;
 mod vehicle;
 
-pub use authority::{Asker, Authority, CONTROL, Outcome, Request};
+pub use audit::{Broken, Chain, Entry, Verified};
+pub use authority::{
+    Access, Answer, Asker, Authority, CONSENT_WITHIN, CONTROL, Change, Circumstances, Decision,
+    Ended, Handover, Outcome, Reason, Record, Refusal, Rights, Silence, Stage, Stations,
+};
 pub use bridge::{Bridge, BridgeError, LinkEnd, LogEntry, LogLevel, Tap};
 pub(crate) use ceiling::Ceilings;
 pub use counters::{ByType, Counters};

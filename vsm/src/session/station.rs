@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use stanag_msgs::Id;
 
-use super::authority::Asker;
+use super::authority::{Asker, Silence};
 use super::duplicate::Recent;
 use crate::config::Cucs;
 
@@ -34,20 +34,6 @@ pub(crate) enum Period {
     Every(Duration),
 }
 
-/// How far the silence of a station has gone: `authority.warn_s`, `offer_s`, `act_s`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Silence {
-    /// Heard lately, or it never sent heartbeats.
-    #[default]
-    None,
-    /// Operators are warned.
-    Warned,
-    /// Another may take control.
-    Offered,
-    /// Control is taken away.
-    Lost,
-}
-
 impl Station {
     pub(crate) fn new(config: Cucs) -> Station {
         Station {
@@ -69,6 +55,7 @@ impl Station {
             id: self.config.id,
             authorised: self.config.loi.0,
             may_override: self.config.override_control,
+            rank: self.config.rank,
         }
     }
 

@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use super::aircraft::Aircraft;
+use super::authority::Stage;
 use super::bridge::Bridge;
 use super::counters::{ByType, Counters};
 
@@ -57,10 +59,40 @@ pub struct VehicleStatus {
     pub controller: Option<String>,
     /// LOI bits by CUCS.
     pub rights: BTreeMap<String, u8>,
+    /// Who holds what, and since when.
+    pub holders: Vec<HolderStatus>,
+    /// Handovers that are not decided yet.
+    pub handovers: Vec<HandoverStatus>,
     /// Items of the mission aboard, as loaded and read back.
     pub mission_items: Option<usize>,
     /// Its MAVLink.
     pub link: LinkStatus,
+}
+
+/// One holder of rights.
+#[derive(Debug, Clone, Serialize)]
+pub struct HolderStatus {
+    /// CUCS ID.
+    pub id: String,
+    /// LOI bits, the implied ones too.
+    pub loi: u8,
+    /// Payload stations, 1 to 32.
+    pub stations: Vec<u8>,
+    /// Since it last gained one, ms since 1970.
+    pub since_ms: Option<u64>,
+}
+
+/// One handover that is not decided yet.
+#[derive(Debug, Clone, Serialize)]
+pub struct HandoverStatus {
+    /// The holder.
+    pub from: Option<String>,
+    /// The acquiring CUCS.
+    pub to: String,
+    /// What passes.
+    pub rights: String,
+    /// What it waits for.
+    pub waits_for: &'static str,
 }
 
 /// One MAVLink link.
@@ -117,6 +149,8 @@ impl Bridge {
                     .holders()
                     .map(|(id, _)| (id.to_string(), aircraft.authority.granted(id).raw()))
                     .collect(),
+                holders: holders(aircraft),
+                handovers: handovers(aircraft),
                 mission_items: aircraft
                     .aboard
                     .as_ref()
@@ -152,4 +186,32 @@ impl Bridge {
             vehicles: vehicles.collect(),
         }
     }
+}
+
+fn holders(aircraft: &Aircraft) -> Vec<HolderStatus> {
+    let holders = aircraft.authority.holders().map(|(id, rights)| {
+        let since = aircraft.custody.since(id);
+        HolderStatus {
+            id: id.to_string(),
+            loi: rights.levels().raw(),
+            stations: rights.stations().iter().collect(),
+            since_ms: since.and_then(|since| u64::try_from(since.as_millis()).ok()),
+        }
+    });
+    holders.collect()
+}
+
+fn handovers(aircraft: &Aircraft) -> Vec<HandoverStatus> {
+    let pending = aircraft.authority.pending().iter();
+    let pending = pending.map(|handover| HandoverStatus {
+        from: handover.from.map(|id| id.to_string()),
+        to: handover.to.to_string(),
+        rights: handover.rights.to_string(),
+        waits_for: match handover.stage {
+            Stage::Consent(_) => "consent of the holder",
+            Stage::Acceptance(_) => "acceptance of the successor",
+            Stage::Load(_) => "end of the load",
+        },
+    });
+    pending.collect()
 }

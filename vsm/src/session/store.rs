@@ -16,6 +16,24 @@ pub trait Store {
     /// # Errors
     /// It is there and cannot be read.
     fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError>;
+
+    /// Adds to the end of a log, synchronised to the disk before the call returns.
+    ///
+    /// # Errors
+    /// Nothing, or a part, has been added.
+    fn append(&mut self, name: &str, octets: &[u8]) -> Result<(), StoreError> {
+        let mut whole = self.load(name)?.unwrap_or_default();
+        whole.extend_from_slice(octets);
+        self.save(name, &whole, Durability::Power)
+    }
+
+    /// Reads a log, of whatever length; `None` where there is none.
+    ///
+    /// # Errors
+    /// It is there and cannot be read.
+    fn load_whole(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        self.load(name)
+    }
 }
 
 /// What a record must survive.

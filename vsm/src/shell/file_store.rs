@@ -5,6 +5,7 @@ use std::io::{self, Read};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
+use super::audit_log;
 use super::durable::{self, Disk, SystemDisk};
 use crate::session::{Durability, Store, StoreError};
 
@@ -128,6 +129,20 @@ impl Store for FileStore {
 
     fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
         self.read(name).map_err(|cause| StoreError {
+            name: name.to_owned(),
+            cause: cause.to_string(),
+        })
+    }
+
+    fn append(&mut self, name: &str, octets: &[u8]) -> Result<(), StoreError> {
+        audit_log::append(&self.folder.join(name), octets).map_err(|cause| StoreError {
+            name: name.to_owned(),
+            cause: cause.to_string(),
+        })
+    }
+
+    fn load_whole(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        audit_log::read(&self.folder.join(name)).map_err(|cause| StoreError {
             name: name.to_owned(),
             cause: cause.to_string(),
         })

@@ -1,5 +1,6 @@
 //! Sockets, files, clocks and the log around the sessions. It can be read in one sitting.
 
+pub mod audit_log;
 pub mod clock;
 pub mod durable;
 pub mod file_store;

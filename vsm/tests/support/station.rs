@@ -19,6 +19,8 @@ pub struct Station {
     pub address: SocketAddr,
     /// Sends 16002 at 1 Hz.
     pub heartbeats: bool,
+    /// What is not answered is sent again after this time.
+    pub retry: Duration,
     /// The latest message of each type, by source.
     pub latest: BTreeMap<(Id, u16), Message>,
     /// Everything heard but acknowledgements, in order.
@@ -44,6 +46,7 @@ impl Station {
             id,
             address,
             heartbeats: false,
+            retry: AGAIN,
             latest: BTreeMap::new(),
             heard: Vec::new(),
             sent: Vec::new(),
@@ -139,7 +142,7 @@ impl Station {
         let mut out = std::mem::take(&mut self.out);
         for sent in &mut self.sent {
             if sent.again_at.is_some_and(|at| at <= now) {
-                sent.again_at = Some(now + AGAIN);
+                sent.again_at = Some(now + self.retry);
                 out.push(sent.octets.clone());
             }
         }
@@ -209,6 +212,8 @@ fn set_stamp(message: &mut Message, stamp: TimeStamp) {
     }
     set!(
         CucsAuthorisationRequest,
+        PositiveHandoverAuthorisationRequest,
+        VehicleDataLinkTransitionCoordination,
         VehicleConfigurationCommand,
         UnmannedAircraftLights,
         EngineCommand,

@@ -1,0 +1,269 @@
+//! The audit log: every change of control is a line, and each line is bound to all before it by a hash.
+//!
+//! A line is 64 hex digits, a space and a JSON object. The digits are SHA-256 of the digits of the line before (64
+//! zeros before the first), a line feed and the object: a line that is changed, left out, moved or put in breaks the
+//! chain there. What has been cut off at the end cannot be seen: keep the last line elsewhere where that matters.
+
+use std::fmt;
+use std::time::Duration;
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use stanag_msgs::Id;
+
+use super::authority::{Change, Rights};
+
+/// Where the log stands: the number and the hash of its last line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Chain {
+    lines: u64,
+    last: String,
+}
+
+/// What a line says.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Entry {
+    /// The VSM has started, with these holders as they were stored.
+    Started(Vec<(Id, Rights)>),
+    /// Rights changed hands.
+    Change(Change),
+    /// The change before could not be stored, and does not hold.
+    NotKept,
+}
+
+/// What a log is found to be.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Verified {
+    /// Where to go on.
+    pub chain: Chain,
+    /// The first line that does not fit.
+    pub broken: Option<Broken>,
+    /// The last line has no end: a crash cut it off.
+    pub torn: bool,
+}
+
+/// A line that does not follow from those before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Broken {
+    /// Its number, from 1.
+    pub line: u64,
+}
+
+impl fmt::Display for Broken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "line {} does not follow from the lines before it",
+            self.line
+        )
+    }
+}
+
+#[derive(Serialize)]
+struct Line<'a> {
+    /// From 1.
+    line: u64,
+    /// ms since 1970.
+    time_ms: u64,
+    vehicle: String,
+    what: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    from: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lost: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    to: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gained: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    why: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    holders: Option<Vec<(String, String)>>,
+}
+
+impl Default for Chain {
+    fn default() -> Chain {
+        Chain {
+            lines: 0,
+            last: "0".repeat(HASH_DIGITS),
+        }
+    }
+}
+
+impl Chain {
+    /// How many lines there are.
+    #[must_use]
+    pub fn lines(&self) -> u64 {
+        self.lines
+    }
+
+    /// The chain with one line more, and that line with its line feed.
+    #[must_use]
+    pub fn extended(&self, wall: Duration, vehicle: Id, entry: &Entry) -> (Chain, String) {
+        let mut line = Line {
+            line: self.lines + 1,
+            time_ms: u64::try_from(wall.as_millis()).unwrap_or(u64::MAX),
+            vehicle: vehicle.to_string(),
+            what: "",
+            from: None,
+            lost: None,
+            to: None,
+            gained: None,
+            why: None,
+            holders: None,
+        };
+        match entry {
+            Entry::Started(holders) => {
+                line.what = "started";
+                let named = |(id, rights): &(Id, Rights)| (id.to_string(), rights.to_string());
+                line.holders = Some(holders.iter().map(named).collect());
+            }
+            Entry::Change(change) => {
+                let some = |rights: Rights| (!rights.is_empty()).then(|| rights.to_string());
+                line.what = "change";
+                line.from = change.from.map(|id| id.to_string());
+                line.lost = some(change.lost);
+                line.to = change.to.map(|id| id.to_string());
+                line.gained = some(change.gained);
+                line.why = Some(change.why.to_string());
+            }
+            Entry::NotKept => line.what = "not kept",
+        }
+        // Text and numbers alone: this cannot fail.
+        let object = serde_json::to_string(&line).unwrap_or_default();
+        let last = hash(&self.last, &object);
+        let text = format!("{last} {object}\n");
+        let lines = self.lines + 1;
+        (Chain { lines, last }, text)
+    }
+
+    /// Checks a log from its first line on.
+    #[must_use]
+    pub fn verify(octets: &[u8]) -> Verified {
+        let mut chain = Chain::default();
+        let mut broken = None;
+        let torn = octets.last().is_some_and(|octet| *octet != b'\n');
+        let mut lines: Vec<&[u8]> = octets.split(|octet| *octet == b'\n').collect();
+        // After the last line feed there is nothing, or what a crash has cut off: no line yet.
+        lines.pop();
+        for octets in lines {
+            let fits = std::str::from_utf8(octets)
+                .ok()
+                .and_then(|line| line.split_once(' '))
+                .filter(|(digits, object)| hash(&chain.last, object) == *digits);
+            match fits {
+                Some((digits, _)) => digits.clone_into(&mut chain.last),
+                // What a crash has cut off was closed by the next start, and is no line of the chain.
+                None if is_torn(octets) => continue,
+                None => {
+                    broken = broken.or(Some(Broken {
+                        line: chain.lines + 1,
+                    }));
+                    // It goes on from what it finds: one break is one break.
+                    let digits = octets.get(..HASH_DIGITS).map(String::from_utf8_lossy);
+                    if let Some(digits) = digits {
+                        chain.last = digits.into_owned();
+                    }
+                }
+            }
+            chain.lines += 1;
+        }
+        Verified {
+            chain,
+            broken,
+            torn,
+        }
+    }
+}
+
+/// A beginning of a line: it has no closing brace.
+fn is_torn(octets: &[u8]) -> bool {
+    octets.last() != Some(&b'}')
+}
+
+fn hash(before: &str, object: &str) -> String {
+    let mut sum = Sha256::new();
+    sum.update(before.as_bytes());
+    sum.update(b"\n");
+    sum.update(object.as_bytes());
+    let digest = sum.finalize();
+    digest.iter().map(|octet| format!("{octet:02x}")).collect()
+}
+
+const HASH_DIGITS: usize = 64;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn log(lines: usize) -> String {
+        let mut chain = Chain::default();
+        let mut text = String::new();
+        for n in 0..lines {
+            let wall = Duration::from_secs(n as u64);
+            let (next, line) = chain.extended(wall, Id(0x1b00_0101), &Entry::NotKept);
+            chain = next;
+            text += &line;
+        }
+        text
+    }
+
+    #[test]
+    fn a_log_goes_on_where_it_stopped() {
+        let verified = Chain::verify(log(3).as_bytes());
+        assert_eq!(
+            (verified.chain.lines(), verified.broken, verified.torn),
+            (3, None, false)
+        );
+        let wall = Duration::from_secs(3);
+        let (_, line) = verified
+            .chain
+            .extended(wall, Id(0x1b00_0101), &Entry::NotKept);
+        assert_eq!(log(4), log(3) + &line);
+    }
+
+    #[test]
+    fn a_changed_line_breaks_the_chain_there() {
+        let text = log(4).replacen("\"time_ms\":2000", "\"time_ms\":2001", 1);
+        let broken = Chain::verify(text.as_bytes()).broken;
+        assert_eq!(broken, Some(Broken { line: 3 }));
+    }
+
+    #[test]
+    fn a_line_left_out_moved_or_doubled_breaks_the_chain() {
+        let text = log(4);
+        let lines: Vec<&str> = text.lines().collect();
+        for order in [
+            vec![0, 2, 3],
+            vec![0, 2, 1, 3],
+            vec![0, 1, 1, 2, 3],
+            vec![1, 2, 3],
+        ] {
+            let other: String = order.iter().map(|n| format!("{}\n", lines[*n])).collect();
+            assert!(
+                Chain::verify(other.as_bytes()).broken.is_some(),
+                "{order:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_line_that_a_crash_cut_off_is_no_break() {
+        let whole = log(3);
+        let cut = &whole[..whole.len() - 20];
+        let verified = Chain::verify(cut.as_bytes());
+        assert_eq!(
+            (verified.chain.lines(), verified.broken, verified.torn),
+            (2, None, true)
+        );
+        let (_, line) = verified
+            .chain
+            .extended(Duration::ZERO, Id(1), &Entry::NotKept);
+        let healed = format!("{cut}\n{line}");
+        let verified = Chain::verify(healed.as_bytes());
+        assert_eq!(
+            (verified.chain.lines(), verified.broken, verified.torn),
+            (3, None, false)
+        );
+    }
+}

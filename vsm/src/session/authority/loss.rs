@@ -1,0 +1,52 @@
+//! The silence of holders, and the passing of time.
+
+use std::time::Duration;
+
+use stanag_msgs::Id;
+
+use super::decision::{Decision, Outcome, Reason, Stage};
+use super::rights::Rights;
+use super::{Authority, Circumstances, Silence};
+
+impl Authority {
+    /// The silence of a CUCS has gone so far. At [`Silence::Lost`] it loses control and its payload stations, and
+    /// what it wished for; it keeps LOI 2, which commands nothing. One that comes back gets nothing by itself.
+    pub fn silence_of(&mut self, at: &Circumstances<'_>, id: Id, silence: Silence) -> Decision {
+        let mut decision = Decision::default();
+        if silence == Silence::None || self.held(id).is_empty() {
+            self.silent.remove(&id);
+        } else if silence == Silence::Lost {
+            self.silent.remove(&id);
+            self.end_where(Outcome::Overtaken, &mut decision, |handover| {
+                handover.to == id
+            });
+            let held = self.held(id);
+            let monitor = held.both(Rights::monitor());
+            self.take(id, held.without(monitor), Reason::Lost, &mut decision);
+        } else {
+            self.silent.insert(id, silence);
+        }
+        self.settle(at, &mut decision);
+        decision
+    }
+
+    /// Time has passed, a load has ended, or the vehicle flies otherwise.
+    pub fn look_again(&mut self, at: &Circumstances<'_>) -> Decision {
+        let mut decision = Decision::default();
+        self.settle(at, &mut decision);
+        decision
+    }
+
+    /// When [`Authority::look_again`] is next needed.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        let deadlines = self
+            .pending
+            .iter()
+            .filter_map(|handover| match handover.stage {
+                Stage::Consent(until) | Stage::Acceptance(until) => Some(until),
+                Stage::Load(_) => None,
+            });
+        deadlines.min()
+    }
+}

@@ -1,0 +1,247 @@
+//! Message 1: relinquish, request, override.
+
+use stanag_msgs::Id;
+
+use super::decision::{Answer, Decision, Outcome, Reason, Refusal, Stage};
+use super::rights::Rights;
+use super::{Asker, Authority, Circumstances, Silence};
+
+/// Requested Access (0001.10).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Access {
+    /// 0: give up these rights; all that are held where none is named.
+    Release,
+    /// 1: have these rights.
+    Control,
+    /// 2: have these rights, also where another holds them.
+    Override,
+}
+
+/// What is found out of one request while it is decided.
+pub(super) struct Tally {
+    missing: Rights,
+    why: Option<Refusal>,
+    waits: bool,
+}
+
+impl Authority {
+    /// Decides message 1. `explicit` where the payload stations were named by number: the controller is given those.
+    pub fn request(
+        &mut self,
+        at: &Circumstances<'_>,
+        asker: &Asker,
+        access: Access,
+        wanted: Rights,
+        explicit: bool,
+    ) -> Decision {
+        let mut decision = Decision::default();
+        if access == Access::Release {
+            self.release(asker.id, wanted, &mut decision);
+            self.settle(at, &mut decision);
+            return decision;
+        }
+        let mut tally = Tally::new(asker, wanted);
+        let wanted = wanted.both(asker.may_hold());
+        self.accept_offers(at, asker.id, wanted, &mut tally, &mut decision);
+        // Control first: whoever gets it may name a station.
+        for part in parts(wanted) {
+            self.grant_free(at, asker.id, part, &mut tally, &mut decision);
+            for (holder, part) in self.by_holder(part, asker.id) {
+                match self.may_take(at, asker, access, holder, part, explicit) {
+                    Ok(why) => {
+                        self.seize(at, asker.id, holder, part, why, &mut tally, &mut decision)
+                    }
+                    // What is offered to it, or asked of the holder, may still come.
+                    Err(_) if self.is_pending(asker.id, part) => tally.waits = true,
+                    Err(why) => tally.refuse(part, why),
+                }
+            }
+        }
+        decision.answer = tally.answer();
+        self.settle(at, &mut decision);
+        decision
+    }
+
+    /// Always granted. It also withdraws what the asker still wished for, of these rights.
+    fn release(&mut self, asker: Id, wanted: Rights, decision: &mut Decision) {
+        let wanted = if wanted.is_empty() {
+            self.held(asker).with(EVERYTHING)
+        } else {
+            wanted
+        };
+        self.end_where(Outcome::Withdrawn, decision, |handover| {
+            handover.to == asker && handover.rights.collides(wanted)
+        });
+        self.take(asker, wanted, Reason::Released, decision);
+    }
+
+    /// Grants what nobody else holds, as far as it is not on its way to another.
+    pub(super) fn grant_free(
+        &mut self,
+        at: &Circumstances<'_>,
+        to: Id,
+        wanted: Rights,
+        tally: &mut Tally,
+        decision: &mut Decision,
+    ) {
+        let mut free = wanted.without(self.held_by_others(to));
+        let claimed = self.pending.iter().find(|handover| {
+            handover.to != to
+                && matches!(handover.stage, Stage::Load(_))
+                && handover.rights.collides(free)
+        });
+        if let Some(claim) = claimed {
+            let refused = free.both(EVERYTHING.without(self.held(to)));
+            // Control is claimed as a whole.
+            let control = if claim.rights.control().is_empty() {
+                Rights::NONE
+            } else {
+                Rights::of_control(super::CONTROL)
+            };
+            let busy = refused.both(claim.rights.with(control));
+            if !busy.is_empty() {
+                tally.refuse(busy, Refusal::Busy(claim.to));
+                free = free.without(busy);
+            }
+        }
+        let news = free.without(self.held(to));
+        if !news.control().is_empty() && self.controller().is_none() && at.load_of_another(to) {
+            let control = Rights::of_control(news.control());
+            tally.waits = true;
+            if !self.is_pending(to, control) {
+                self.begin(None, to, control, Stage::Load(Reason::Requested), decision);
+            }
+            free = free.without(control);
+        }
+        self.give(to, free, Reason::Requested, decision);
+    }
+
+    /// Whether a part that another holds may be taken from it without being asked.
+    fn may_take(
+        &self,
+        at: &Circumstances<'_>,
+        asker: &Asker,
+        access: Access,
+        holder: Id,
+        part: Rights,
+        explicit: bool,
+    ) -> Result<Reason, Refusal> {
+        let control = !part.control().is_empty();
+        if access == Access::Override {
+            let rank = at.asker(holder).map_or(0, |holder| holder.rank);
+            if asker.may_override && asker.rank >= rank {
+                return Ok(Reason::Overridden);
+            }
+        }
+        if !control && explicit && self.controller() == Some(asker.id) {
+            return Ok(Reason::Controller);
+        }
+        if self.silence(holder) >= Silence::Offered {
+            return if control && at.launch_or_landing {
+                Err(Refusal::LaunchOrLanding)
+            } else {
+                Ok(Reason::OfferedInSilence)
+            };
+        }
+        Err(match access {
+            Access::Override => Refusal::Rank(holder),
+            Access::Control | Access::Release => Refusal::Held(holder),
+        })
+    }
+
+    /// Takes a part from its holder, at once or after the load of another.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one step of a request, with what it reports to"
+    )]
+    fn seize(
+        &mut self,
+        at: &Circumstances<'_>,
+        to: Id,
+        from: Id,
+        part: Rights,
+        why: Reason,
+        tally: &mut Tally,
+        decision: &mut Decision,
+    ) {
+        let control = !part.control().is_empty();
+        if !(control && at.load_of_another(to)) {
+            return self.give(to, part, why, decision);
+        }
+        let is_override = |stage| stage == Stage::Load(Reason::Overridden);
+        let mut standing = self
+            .pending
+            .iter()
+            .filter(|other| other.rights.collides(part));
+        if standing
+            .clone()
+            .any(|other| other.to == to && other.stage == Stage::Load(why))
+        {
+            tally.waits = true;
+            return;
+        }
+        // An override ends what was agreed on, but not an override by one of its own rank or above.
+        let rank = |id: Id| at.asker(id).map_or(0, |asker| asker.rank);
+        let stays = standing.find(|other| {
+            other.to != to
+                && matches!(other.stage, Stage::Load(_))
+                && (why != Reason::Overridden
+                    || (is_override(other.stage) && rank(other.to) >= rank(to)))
+        });
+        if let Some(other) = stays {
+            return tally.refuse(part, Refusal::Busy(other.to));
+        }
+        self.end_where(Outcome::Overtaken, decision, |other| {
+            other.rights.collides(part)
+        });
+        tally.waits = true;
+        self.begin(Some(from), to, part, Stage::Load(why), decision);
+    }
+
+    pub(super) fn is_pending(&self, to: Id, part: Rights) -> bool {
+        self.pending
+            .iter()
+            .any(|handover| handover.to == to && handover.rights.collides(part))
+    }
+}
+
+impl Tally {
+    pub(super) fn new(asker: &Asker, wanted: Rights) -> Tally {
+        let beyond = wanted.without(asker.may_hold());
+        Tally {
+            missing: beyond,
+            why: (!beyond.is_empty()).then_some(Refusal::NotAuthorised),
+            waits: false,
+        }
+    }
+
+    pub(super) fn refuse(&mut self, part: Rights, why: Refusal) {
+        self.missing = self.missing.with(part);
+        self.why = self.why.or(Some(why));
+    }
+
+    pub(super) fn wait(&mut self) {
+        self.waits = true;
+    }
+
+    pub(super) fn answer(self) -> Answer {
+        match self.why {
+            // What waits is answered when it is decided; a part that is refused is known by LOI Granted then.
+            _ if self.waits => Answer::Waits,
+            Some(why) => Answer::Refused {
+                missing: self.missing,
+                why,
+            },
+            None => Answer::Granted,
+        }
+    }
+}
+
+/// LOI 2 and control, then payload stations.
+fn parts(wanted: Rights) -> [Rights; 2] {
+    let stations = Rights::of_stations(wanted.stations());
+    [wanted.without(stations), stations]
+}
+
+/// All rights that there are.
+const EVERYTHING: Rights = Rights::everything();

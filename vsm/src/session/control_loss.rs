@@ -1,0 +1,117 @@
+//! The silence of holders: warned of, offered to others, acted on. Each step goes out by 16000 and 35000.
+
+use mapping::mode::Px4Mode;
+use stanag_msgs::Id;
+use stanag_msgs::enums::{
+    AlertPriority, FlightPathControlMode as Mode, HandoverStatus, SubsystemId,
+};
+use stanag_msgs::messages::VehicleOperatingModeCommand;
+
+use super::aircraft::Aircraft;
+use super::alerts::Cause;
+use super::authority::Silence;
+use super::desk::Desk;
+use super::maneuver::{self, Maneuver};
+use crate::config::OnLoss;
+
+impl Aircraft {
+    /// Looks how long each holder has been silent, and does what follows.
+    pub(super) fn watch_controller(&mut self, desk: &mut Desk<'_>) {
+        let holders: Vec<Id> = self.authority.holders().map(|(id, _)| id).collect();
+        for id in holders {
+            let Some(station) = desk.stations.iter().find(|station| station.id() == id) else {
+                continue;
+            };
+            let silence = station.silence(desk.now.mono, &desk.loss);
+            let beats = station.sends_heartbeats;
+            self.remember_heartbeats(desk, id, beats);
+            let controls = self.authority.controller() == Some(id);
+            let commands = controls || !self.authority.held(id).stations().is_empty();
+            if silence != self.authority.silence(id) && commands {
+                self.decide(desk, None, |authority, at| {
+                    authority.silence_of(at, id, silence)
+                });
+                if controls {
+                    self.say_silence(desk, id, silence);
+                }
+            }
+        }
+        self.settle_authority(desk);
+    }
+
+    fn say_silence(&mut self, desk: &mut Desk<'_>, id: Id, silence: Silence) {
+        let (priority, text, status) = match silence {
+            Silence::None => {
+                let raised = self
+                    .alerts
+                    .clear(Cause::CucsSilent, "the controlling CUCS is heard again");
+                let listeners = desk.listeners(&self.authority, None);
+                desk.alert(self.id(), &listeners, raised);
+                return self.report_handover(desk, Some(id), None, HandoverStatus::NotRequested);
+            }
+            Silence::Warned => (
+                AlertPriority::Caution,
+                format!("the controlling CUCS {id} is silent"),
+                HandoverStatus::NotRequested,
+            ),
+            Silence::Offered => (
+                AlertPriority::Warning,
+                format!("the controlling CUCS {id} is silent: another may take control"),
+                HandoverStatus::InProgress,
+            ),
+            Silence::Lost => (
+                AlertPriority::Emergency,
+                format!(
+                    "the controlling CUCS {id} is lost: {}",
+                    loss_text(desk.loss.on_loss)
+                ),
+                HandoverStatus::Failed,
+            ),
+        };
+        // Who asked before has it already: nothing is offered, and nothing is flown.
+        let taken = self
+            .authority
+            .controller()
+            .is_some_and(|holder| holder != id);
+        if taken {
+            return;
+        }
+        let raised = self
+            .alerts
+            .raise(Cause::CucsSilent, priority, SubsystemId::Comms, text);
+        let listeners = desk.listeners(&self.authority, desk.station_of(id));
+        desk.alert(self.id(), &listeners, raised);
+        self.report_handover(desk, Some(id), None, status);
+        if silence == Silence::Lost {
+            self.fly_on_loss(desk);
+        }
+    }
+
+    fn fly_on_loss(&mut self, desk: &mut Desk<'_>) {
+        let mode = match desk.loss.on_loss {
+            OnLoss::Continue => return,
+            OnLoss::Hold => Mode::Loiter,
+            OnLoss::Contingency => Mode::ContingencyA,
+            OnLoss::Rtl => {
+                let steps = maneuver::enter(&[Px4Mode::RTL]);
+                return self.begin(desk, None, Maneuver::new(steps, self.commanded));
+            }
+        };
+        if self.mav.telemetry.airborne() {
+            let command = VehicleOperatingModeCommand {
+                select_flight_path_control_mode: Some(mode),
+                ..VehicleOperatingModeCommand::default()
+            };
+            self.operate(desk, None, &command);
+        }
+    }
+}
+
+fn loss_text(on_loss: OnLoss) -> &'static str {
+    match on_loss {
+        OnLoss::Continue => "the vehicle goes on",
+        OnLoss::Hold => "the vehicle holds",
+        OnLoss::Contingency => "contingency A is flown",
+        OnLoss::Rtl => "the vehicle returns",
+    }
+}

@@ -1,0 +1,38 @@
+//! The audit log as a file: opened to append only, synchronised line by line, mode 0600.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+
+/// Adds to the end, and returns once it is on the disk.
+///
+/// # Errors
+/// The system's. A part may have been added: the next start finds a line without end, and closes it.
+pub fn append(path: &Path, octets: &[u8]) -> io::Result<()> {
+    let new = !path.exists();
+    let mut file = OpenOptions::new()
+        .append(true)
+        .create(true)
+        .mode(0o600)
+        .open(path)?;
+    file.write_all(octets)?;
+    file.sync_data()?;
+    if new && let Some(folder) = path.parent() {
+        // The name of a new file is in its folder.
+        File::open(folder)?.sync_all()?;
+    }
+    Ok(())
+}
+
+/// All of it; `None` where there is none.
+///
+/// # Errors
+/// The system's.
+pub fn read(path: &Path) -> io::Result<Option<Vec<u8>>> {
+    match fs::read(path) {
+        Ok(octets) => Ok(Some(octets)),
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(cause) => Err(cause),
+    }
+}

@@ -1,0 +1,292 @@
+//! The table of handover cases: each a test by its name, its sequence drawn in docs/authority.md from its own trace.
+
+#[path = "authority_support/scene.rs"]
+mod scene;
+mod support;
+
+use scene::{A, B, C, CONTROL, Scene, TABLES};
+use stanag_msgs::Message;
+use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, HandoverStatus, RequestedAccess};
+use support::{Setup, orders};
+
+const DONE: Option<AckType> = Some(AckType::CarriedOut);
+const NO: Option<AckType> = Some(AckType::Refused);
+
+fn reported(scene: &Scene, by: usize, status: HandoverStatus) -> bool {
+    scene.heard(
+        by,
+        |m| matches!(m, Message::HandoverStatusReport(m) if m.status == Some(status)),
+    )
+}
+
+#[test]
+fn free_control_is_granted_at_once() {
+    let mut scene = Scene::new();
+    let wish = scene.hand_over(B, B, CONTROL);
+    assert_eq!(scene.end(B, wish), DONE);
+    assert_eq!(scene.controller(), Some(B));
+    scene.drawn("free_control_is_granted_at_once");
+}
+
+#[test]
+fn the_holder_consents() {
+    let mut scene = Scene::controlled();
+    let wish = scene.hand_over(B, B, CONTROL);
+    scene.rig.run(0.3);
+    assert_eq!(scene.controller(), Some(A), "control stays until it passes");
+    assert!(scene.heard(A, |m| matches!(
+        m,
+        Message::PositiveHandoverAuthorisationRequest(_)
+    )));
+    let consent = scene.hand_over(A, B, CONTROL);
+    assert_eq!((scene.end(A, consent), scene.end(B, wish)), (DONE, DONE));
+    assert_eq!(scene.controller(), Some(B));
+    assert!(reported(&scene, A, HandoverStatus::Successful));
+    scene.drawn("the_holder_consents");
+}
+
+#[test]
+fn the_holder_refuses() {
+    let mut scene = Scene::controlled();
+    let wish = scene.hand_over(B, B, CONTROL);
+    scene.rig.run(0.3);
+    let refusal = scene.hand_over(A, B, 0);
+    assert_eq!((scene.end(A, refusal), scene.end(B, wish)), (DONE, NO));
+    assert_eq!(scene.controller(), Some(A));
+    scene.drawn("the_holder_refuses");
+}
+
+#[test]
+fn the_holder_lets_it_lapse() {
+    let mut scene = Scene::controlled();
+    let wish = scene.hand_over(B, B, CONTROL);
+    scene.rig.run(19.0);
+    assert_eq!(scene.pending(), 1);
+    scene.note_event("20 s without an answer");
+    assert_eq!(scene.end(B, wish), NO);
+    assert_eq!((scene.controller(), scene.pending()), (Some(A), 0));
+    scene.drawn("the_holder_lets_it_lapse");
+}
+
+#[test]
+fn a_named_successor_accepts() {
+    let mut scene = Scene::controlled();
+    let offer = scene.hand_over(A, C, CONTROL);
+    scene.rig.run(0.3);
+    assert_eq!(scene.controller(), Some(A), "an offer moves nothing");
+    let acceptance = scene.hand_over(C, C, CONTROL);
+    assert_eq!(
+        (scene.end(C, acceptance), scene.end(A, offer)),
+        (DONE, DONE)
+    );
+    assert_eq!(scene.controller(), Some(C));
+    scene.drawn("a_named_successor_accepts");
+}
+
+#[test]
+fn a_named_successor_declines() {
+    let mut scene = Scene::controlled();
+    let offer = scene.hand_over(A, C, CONTROL);
+    scene.rig.run(0.3);
+    let refusal = scene.hand_over(C, C, 0);
+    assert_eq!((scene.end(C, refusal), scene.end(A, offer)), (DONE, NO));
+    assert_eq!(scene.controller(), Some(A));
+    scene.drawn("a_named_successor_declines");
+}
+
+#[test]
+fn a_higher_rank_overrides() {
+    let mut scene = Scene::controlled();
+    let taken = scene.ask(B, RequestedAccess::Override, CONTROL);
+    assert_eq!(scene.end(B, taken), DONE);
+    assert_eq!(scene.controller(), Some(B));
+    scene.drawn("a_higher_rank_overrides");
+}
+
+#[test]
+fn an_override_without_the_rank_is_refused() {
+    let mut scene = Scene::new();
+    scene.take(B);
+    let refused = scene.ask(C, RequestedAccess::Override, CONTROL);
+    assert_eq!(scene.end(C, refused), NO);
+    let refused = scene.ask(A, RequestedAccess::Override, CONTROL);
+    assert_eq!(scene.end(A, refused), NO);
+    assert_eq!(scene.controller(), Some(B));
+    scene.drawn("an_override_without_the_rank_is_refused");
+}
+
+#[test]
+fn of_two_wishes_at_once_the_first_counts() {
+    let mut scene = Scene::controlled();
+    let first = scene.hand_over(B, B, CONTROL);
+    scene.rig.run(0.1);
+    let second = scene.hand_over(C, C, CONTROL);
+    assert_eq!(scene.end(C, second), NO);
+    let consent = scene.hand_over(A, B, CONTROL);
+    assert_eq!((scene.end(A, consent), scene.end(B, first)), (DONE, DONE));
+    assert_eq!(scene.controller(), Some(B));
+    scene.drawn("of_two_wishes_at_once_the_first_counts");
+}
+
+#[test]
+fn a_transfer_waits_until_the_upload_has_ended() {
+    let mut scene = Scene::controlled();
+    let waypoints: Vec<Message> = orders::square();
+    for message in waypoints {
+        assert_eq!(scene.rig.carry_out(message), DONE);
+    }
+    let load = scene.rig.tell(orders::load());
+    scene.rig.run(0.02);
+    let taken = scene.ask(B, RequestedAccess::Override, CONTROL);
+    assert!(
+        scene
+            .rig
+            .until(5.0, |rig| !rig.stations[B].answers(taken).is_empty())
+    );
+    assert_eq!(scene.rig.stations[B].end(taken), None, "it waits");
+    assert_eq!(scene.controller(), Some(A));
+    scene.note_event("the load of A ends");
+    assert_eq!(scene.end(B, taken), DONE);
+    assert_eq!(
+        scene.rig.stations[A].end(load),
+        DONE,
+        "the upload was finished first"
+    );
+    assert_eq!(scene.controller(), Some(B));
+    scene.drawn("a_transfer_waits_until_the_upload_has_ended");
+}
+
+#[test]
+fn during_launch_control_passes_by_override_only() {
+    let mut scene = Scene::controlled();
+    scene.rig.tell(orders::launch(40.0));
+    assert!(scene.rig.until(20.0, |rig| rig.truth().position.d < -3.0));
+    scene.note_event("A launches");
+    let wish = scene.hand_over(C, C, CONTROL);
+    assert_eq!(scene.end(C, wish), NO);
+    let offer = scene.hand_over(A, C, CONTROL);
+    assert_eq!(scene.end(A, offer), NO);
+    assert_eq!(scene.controller(), Some(A));
+    let taken = scene.ask(B, RequestedAccess::Override, CONTROL);
+    assert_eq!(scene.end(B, taken), DONE);
+    assert_eq!(scene.controller(), Some(B));
+    scene.drawn("during_launch_control_passes_by_override_only");
+}
+
+#[test]
+fn a_release_during_launch_is_granted_and_the_vehicle_goes_on() {
+    let mut scene = Scene::controlled();
+    scene.rig.tell(orders::launch(20.0));
+    assert!(scene.rig.until(20.0, |rig| rig.truth().position.d < -3.0));
+    scene.note_event("A launches");
+    let release = scene.ask(A, RequestedAccess::Relinquish, 0);
+    assert_eq!(scene.end(A, release), DONE);
+    assert_eq!(scene.controller(), None);
+    assert!(
+        scene.rig.until(30.0, |rig| rig.truth().position.d < -19.0),
+        "it goes on"
+    );
+    scene.drawn("a_release_during_launch_is_granted_and_the_vehicle_goes_on");
+}
+
+#[test]
+fn a_silent_holder_is_succeeded_and_gets_nothing_back() {
+    let mut scene = Scene::controlled();
+    scene.rig.stations[A].heartbeats = true;
+    scene.rig.run(2.0);
+    scene.rig.stations[A].heartbeats = false;
+    scene.note_event("A falls silent");
+    let early = scene.ask(C, RequestedAccess::Request, CONTROL);
+    assert_eq!(scene.end(C, early), NO, "it has been heard lately");
+    scene.rig.run(5.5);
+    let taken = scene.ask(C, RequestedAccess::Request, CONTROL);
+    assert_eq!(scene.end(C, taken), DONE);
+    scene.rig.stations[A].heartbeats = true;
+    scene.rig.run(3.0);
+    assert_eq!(
+        scene.controller(),
+        Some(C),
+        "who comes back gets nothing by itself"
+    );
+    let command = scene.rig.tell_as(A, 0, orders::mode(Mode::Loiter));
+    assert_eq!(scene.end(A, command), NO);
+    scene.drawn("a_silent_holder_is_succeeded_and_gets_nothing_back");
+}
+
+#[test]
+fn a_lost_holder_leaves_control_free() {
+    let mut scene = Scene::controlled();
+    scene.rig.stations[A].heartbeats = true;
+    scene.rig.run(2.0);
+    scene.rig.stations[A].heartbeats = false;
+    scene.note_event("A falls silent");
+    scene.rig.run(11.5);
+    assert_eq!(scene.controller(), None);
+    for status in [
+        HandoverStatus::NotRequested,
+        HandoverStatus::InProgress,
+        HandoverStatus::Failed,
+    ] {
+        assert!(reported(&scene, A, status), "{status:?}");
+    }
+    for text in ["is silent", "another may take control", "is lost"] {
+        assert!(scene.rig.stations[A].was_told(text), "{text}");
+    }
+    scene.drawn("a_lost_holder_leaves_control_free");
+}
+
+#[test]
+fn a_restart_keeps_control_and_the_pending_handover() {
+    let mut scene = Scene::controlled();
+    let wish = scene.hand_over(B, B, CONTROL);
+    scene.rig.run(0.3);
+    scene.note_event("the VSM is killed and starts anew");
+    scene.rig.restart_bridge();
+    assert_eq!((scene.controller(), scene.pending()), (Some(A), 1));
+    let consent = scene.hand_over(A, B, CONTROL);
+    assert_eq!(scene.end(A, consent), DONE);
+    assert_eq!(scene.controller(), Some(B));
+    scene.rig.stations[B].give_up(wish);
+    scene.drawn("a_restart_keeps_control_and_the_pending_handover");
+}
+
+#[test]
+fn after_a_restart_the_same_cucs_commands_within_two_seconds() {
+    let mut scene = Scene::controlled();
+    scene.rig.restart_bridge();
+    scene.rig.run(2.0);
+    assert_eq!(scene.controller(), Some(A));
+    let command = scene.rig.carry_out(orders::launch(10.0));
+    assert_eq!(command, DONE, "{:?}", scene.rig.station().alerts());
+}
+
+#[test]
+fn what_cannot_be_stored_is_not_granted() {
+    let mut scene = Scene::new();
+    scene.rig.store.full = Some("authority");
+    let request = scene.ask(A, RequestedAccess::Request, CONTROL);
+    assert_eq!(scene.end(A, request), NO);
+    assert_eq!(scene.controller(), None);
+    scene.rig.store.full = None;
+    scene.take(A);
+    assert_eq!(scene.controller(), Some(A));
+}
+
+#[test]
+fn a_transition_is_carried_out_where_provisional_layouts_are() {
+    let mut scene = Scene::controlled();
+    let refused = scene.transition(A, B);
+    assert_eq!(scene.end(A, refused), NO);
+    assert_eq!(scene.pending(), 0);
+    let mut scene = Scene::with(Setup {
+        tables: TABLES,
+        dli_keys: "provisional = \"all\"",
+        ..Setup::default()
+    });
+    scene.take(A);
+    let wish = scene.transition(B, B);
+    scene.rig.run(0.3);
+    let transition = scene.transition(A, B);
+    assert_eq!((scene.end(A, transition), scene.end(B, wish)), (DONE, DONE));
+    assert_eq!(scene.controller(), Some(B));
+}

@@ -1,0 +1,494 @@
+//! The authority machine itself, driven by a model checker through every state that its inputs can lead to.
+//!
+//! At every state every CUCS may send anything that is in scope, as often as it likes: a datagram that is lost, comes
+//! twice, late or in another order is such a history too, so that all of them are covered without a network in the
+//! state. Restart, silence, loads and launches come between any two inputs.
+#![allow(
+    dead_code,
+    unreachable_pub,
+    missing_docs,
+    reason = "each test file uses its own part"
+)]
+
+use std::time::Duration;
+
+use stanag_msgs::Id;
+use stanag_msgs::enums::LoiBitmap;
+use stateright::{Model, Property};
+use vsm::session::{
+    Access, Answer, Asker, Authority, CONSENT_WITHIN, CONTROL, Change, Circumstances, Decision,
+    Outcome, Reason, Rights, Silence, Stage, Stations,
+};
+
+/// What is tried.
+#[derive(Clone, Copy, Debug)]
+pub struct Scope {
+    /// CUCSs, 1 to 3.
+    pub cucs: usize,
+    /// Payload stations, 0 to 2.
+    pub stations: u8,
+    /// Silence and its end.
+    pub silence: bool,
+    /// Loads of a mission, launches and landings.
+    pub phases: bool,
+    /// LOI 2 by itself.
+    pub monitors: bool,
+}
+
+/// The whole of what the properties are about.
+pub const FULL: Scope = Scope {
+    cucs: 3,
+    stations: 2,
+    silence: true,
+    phases: true,
+    monitors: true,
+};
+
+pub struct AuthorityModel {
+    pub scope: Scope,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct State {
+    pub machine: Authority,
+    /// Who holds what by the changes alone, as an auditor who sees only the log would know it.
+    pub ledger: Vec<Rights>,
+    /// Index of the CUCS that loads a mission; the number of CUCSs for the VSM.
+    pub loading: Option<usize>,
+    pub launch_or_landing: bool,
+    /// Holder and acquirer by index, for whom both sides have agreed while a load runs.
+    pub agreed: Vec<(usize, usize)>,
+    /// What a step did that it must not.
+    pub flaw: Option<&'static str>,
+    /// What the last step did, for the properties that say what can happen.
+    pub seen: Seen,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Seen {
+    #[default]
+    Other,
+    HandedOver,
+    Overridden,
+    Lapsed,
+    TakenInSilence,
+    AfterLoad,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Input {
+    Request(usize, Access, Rights),
+    /// Message 4 of the first, which names the second.
+    Handover(usize, usize, Rights),
+    Silence(usize, Silence),
+    Loading(Option<usize>),
+    LaunchOrLanding(bool),
+    Lapse,
+    Restart,
+}
+
+pub fn roster(cucs: usize) -> Vec<Asker> {
+    let all = LoiBitmap::from_raw(0x0f);
+    let no_loi_5 = LoiBitmap::from_raw(0x07);
+    [
+        (0xa0, all, false, 1),
+        (0xb0, all, true, 2),
+        (0xc0, no_loi_5, true, 0),
+    ]
+    .into_iter()
+    .take(cucs)
+    .map(|(id, authorised, may_override, rank)| Asker {
+        id: Id(id),
+        authorised,
+        may_override,
+        rank,
+    })
+    .collect()
+}
+
+fn control() -> Rights {
+    Rights::of_control(CONTROL)
+}
+
+fn station(number: u8) -> Rights {
+    Rights::of_stations(Stations::one(number))
+}
+
+impl AuthorityModel {
+    fn index(&self, id: Id) -> Option<usize> {
+        roster(self.scope.cucs)
+            .iter()
+            .position(|asker| asker.id == id)
+    }
+
+    /// One input to the machine under test, and what its step must and must not do.
+    fn step(&self, last: &State, input: Input) -> State {
+        let roster = roster(self.scope.cucs);
+        let mut state = last.clone();
+        state.seen = Seen::Other;
+        match input {
+            Input::Loading(owner) => state.loading = owner,
+            Input::LaunchOrLanding(on) => state.launch_or_landing = on,
+            _ => {}
+        }
+        let owner = |index: usize| roster.get(index).map_or(Id::NULL, |asker| asker.id);
+        let at = Circumstances {
+            now: if input == Input::Lapse {
+                CONSENT_WITHIN
+            } else {
+                Duration::ZERO
+            },
+            roster: &roster,
+            loading: state.loading.map(owner),
+            launch_or_landing: state.launch_or_landing,
+        };
+        let decision = match input {
+            Input::Request(by, access, wanted) => {
+                state
+                    .machine
+                    .request(&at, &roster[by], access, wanted, true)
+            }
+            Input::Handover(by, to, wanted) => {
+                state
+                    .machine
+                    .handover(&at, &roster[by], roster[to].id, wanted)
+            }
+            Input::Silence(of, silence) => state.machine.silence_of(&at, roster[of].id, silence),
+            Input::Restart => {
+                // The load dies with the process; what was stored is what there is.
+                state.loading = None;
+                let at = Circumstances {
+                    loading: None,
+                    ..at
+                };
+                state.machine = Authority::restored(&last.machine.record(), at.now, &roster);
+                state.machine.look_again(&at)
+            }
+            Input::Lapse | Input::Loading(_) | Input::LaunchOrLanding(_) => {
+                state.machine.look_again(&at)
+            }
+        };
+        for change in &decision.changes {
+            state.flaw = state.flaw.or(self.flaw_of(last, &state, input, change));
+            self.book(&mut state, change);
+        }
+        state.flaw = state.flaw.or(self.flaw_of_answer(&state, input, &decision));
+        self.note(last, &mut state, &decision);
+        state
+    }
+
+    /// The ledger is written from the changes alone.
+    fn book(&self, state: &mut State, change: &Change) {
+        if let Some(from) = change.from.and_then(|id| self.index(id)) {
+            if !state.ledger[from].contains(change.lost) {
+                state.flaw = Some("something is taken that was not held");
+            }
+            state.ledger[from] = state.ledger[from].without(change.lost);
+        }
+        if let Some(to) = change.to.and_then(|id| self.index(id)) {
+            if !roster(self.scope.cucs)[to]
+                .may_hold()
+                .contains(change.gained)
+            {
+                state.flaw = Some("more is given than the configuration allows");
+            }
+            state.ledger[to] = state.ledger[to].with(change.gained);
+        }
+    }
+
+    /// Each change has its reason: what a CUCS was granted goes only where it let go, was lost, or was overridden.
+    fn flaw_of(
+        &self,
+        last: &State,
+        state: &State,
+        input: Input,
+        change: &Change,
+    ) -> Option<&'static str> {
+        let from = change.from.and_then(|id| self.index(id));
+        let to = change.to.and_then(|id| self.index(id));
+        let passes = from.is_some() && to.is_some();
+        let control = !change.lost.control().is_empty() || !change.gained.control().is_empty();
+        if control && to.is_some() && state.loading.is_some_and(|owner| Some(owner) != to)
+            // A further level for who controls already is no transfer.
+            && last.machine.controller() != change.to
+        {
+            return Some("control passes to another while a mission is loaded");
+        }
+        if control && passes && state.launch_or_landing && change.why != Reason::Overridden {
+            return Some("control is taken during launch or landing without override");
+        }
+        let silence = |of: usize| last.machine.silence(roster(self.scope.cucs)[of].id);
+        let fits = match change.why {
+            Reason::Requested => from.is_none(),
+            Reason::Released => {
+                matches!(input, Input::Request(by, Access::Release, _) if Some(by) == from)
+            }
+            Reason::Lost => matches!(input, Input::Silence(of, Silence::Lost) if Some(of) == from),
+            Reason::OfferedInSilence => from.is_some_and(|from| {
+                silence(from) >= Silence::Offered
+                    || matches!(input, Input::Silence(of, Silence::Offered) if of == from)
+                    || self.was_decided(last, from, to, Reason::OfferedInSilence)
+            }),
+            Reason::Controller => {
+                matches!(input, Input::Request(by, ..) if Some(by) == to)
+                    && !control
+                    && state.machine.controller() == change.to
+            }
+            Reason::Overridden => from.is_some_and(|from| {
+                let ranks = roster(self.scope.cucs);
+                to.is_some_and(|to| ranks[to].may_override && ranks[to].rank >= ranks[from].rank)
+                    && (matches!(input, Input::Request(by, Access::Override, _) if Some(by) == to)
+                        || self.was_decided(last, from, to, Reason::Overridden))
+            }),
+            Reason::HandedOver => from
+                .zip(to)
+                .is_some_and(|(from, to)| self.both_agreed(last, input, from, to)),
+        };
+        (!fits).then_some("rights change hands without a reason")
+    }
+
+    fn was_decided(&self, last: &State, from: usize, to: Option<usize>, why: Reason) -> bool {
+        last.machine.pending().iter().any(|handover| {
+            handover.stage == Stage::Load(why)
+                && handover.from.and_then(|id| self.index(id)) == Some(from)
+                && self.index(handover.to) == to
+        })
+    }
+
+    /// Holder and acquirer have both said so: one now, the other before.
+    fn both_agreed(&self, last: &State, input: Input, from: usize, to: usize) -> bool {
+        let between = |stage: fn(&Stage) -> bool| {
+            last.machine.pending().iter().any(|handover| {
+                handover.from.and_then(|id| self.index(id)) == Some(from)
+                    && self.index(handover.to) == Some(to)
+                    && stage(&handover.stage)
+            })
+        };
+        match input {
+            Input::Handover(by, named, _) if by == from && named == to => {
+                between(|stage| matches!(stage, Stage::Consent(_)))
+            }
+            Input::Handover(by, named, _) if by == to && named == to => {
+                between(|stage| matches!(stage, Stage::Acceptance(_)))
+            }
+            Input::Request(by, Access::Control | Access::Override, _) if by == to => {
+                between(|stage| matches!(stage, Stage::Acceptance(_)))
+            }
+            _ => last.agreed.contains(&(from, to)),
+        }
+    }
+
+    fn flaw_of_answer(
+        &self,
+        state: &State,
+        input: Input,
+        decision: &Decision,
+    ) -> Option<&'static str> {
+        match (input, &decision.answer) {
+            (Input::Request(by, Access::Control | Access::Override, wanted), Answer::Granted) => {
+                (!state.ledger[by].contains(wanted))
+                    .then_some("granted is said of what is not held")
+            }
+            (Input::Request(_, Access::Release, _), answer) if *answer != Answer::Granted => {
+                Some("a release is not granted")
+            }
+            (Input::Request(by, Access::Release, wanted), _) => {
+                let left = state.ledger[by].both(wanted);
+                let left = if wanted.is_empty() {
+                    state.ledger[by]
+                } else {
+                    left
+                };
+                (!left.is_empty()).then_some("something is left of what was released")
+            }
+            _ => None,
+        }
+    }
+
+    fn note(&self, last: &State, state: &mut State, decision: &Decision) {
+        state.agreed = state
+            .machine
+            .pending()
+            .iter()
+            .filter(|handover| handover.stage == Stage::Load(Reason::HandedOver))
+            .filter_map(|handover| Some((self.index(handover.from?)?, self.index(handover.to)?)))
+            .collect();
+        for change in &decision.changes {
+            state.seen = match change.why {
+                Reason::HandedOver if !last.agreed.is_empty() => Seen::AfterLoad,
+                Reason::HandedOver => Seen::HandedOver,
+                Reason::Overridden => Seen::Overridden,
+                Reason::OfferedInSilence => Seen::TakenInSilence,
+                _ => state.seen,
+            };
+        }
+        if decision
+            .ended
+            .iter()
+            .any(|ended| ended.outcome == Outcome::Lapsed)
+        {
+            state.seen = Seen::Lapsed;
+        }
+    }
+
+    /// Whatever order they do it in, all let go, and everything is free.
+    fn released_is_free(&self, state: &State) -> bool {
+        let roster = roster(self.scope.cucs);
+        let at = Circumstances {
+            now: Duration::ZERO,
+            roster: &roster,
+            loading: state
+                .loading
+                .and_then(|index| roster.get(index))
+                .map(|asker| asker.id),
+            launch_or_landing: state.launch_or_landing,
+        };
+        let orders: &[[usize; 3]] = &[[0, 1, 2], [2, 1, 0], [1, 2, 0]];
+        orders.iter().all(|order| {
+            let mut machine = state.machine.clone();
+            for asker in order.iter().filter_map(|index| roster.get(*index)) {
+                machine.request(&at, asker, Access::Release, Rights::NONE, false);
+            }
+            machine.is_free()
+        })
+    }
+}
+
+impl Model for AuthorityModel {
+    type State = State;
+    type Action = Input;
+
+    fn init_states(&self) -> Vec<State> {
+        vec![State {
+            machine: Authority::default(),
+            ledger: vec![Rights::NONE; self.scope.cucs],
+            loading: None,
+            launch_or_landing: false,
+            agreed: Vec::new(),
+            flaw: None,
+            seen: Seen::Other,
+        }]
+    }
+
+    fn actions(&self, state: &State, inputs: &mut Vec<Input>) {
+        if state.flaw.is_some() {
+            return;
+        }
+        let Scope { cucs, stations, .. } = self.scope;
+        for by in 0..cucs {
+            let mut parts = vec![control()];
+            parts.extend((1..=stations).map(station));
+            for part in &parts {
+                inputs.push(Input::Request(by, Access::Control, *part));
+                inputs.push(Input::Request(by, Access::Override, *part));
+                inputs.push(Input::Request(by, Access::Release, *part));
+                for to in 0..cucs {
+                    inputs.push(Input::Handover(by, to, *part));
+                }
+            }
+            if stations > 0 {
+                let both = control().with(station(1));
+                inputs.push(Input::Handover(by, by, both));
+                inputs.push(Input::Request(by, Access::Control, both));
+            }
+            inputs.push(Input::Request(by, Access::Release, Rights::NONE));
+            inputs.extend((0..cucs).map(|to| Input::Handover(by, to, Rights::NONE)));
+            if self.scope.silence {
+                let steps = [Silence::None, Silence::Offered, Silence::Lost];
+                inputs.extend(steps.map(|silence| Input::Silence(by, silence)));
+            }
+        }
+        if self.scope.monitors {
+            inputs.push(Input::Request(cucs - 1, Access::Control, Rights::monitor()));
+        }
+        if self.scope.phases {
+            inputs.push(Input::Loading(None));
+            // By one of them, or by the VSM itself.
+            inputs.extend([0, cucs].map(|owner| Input::Loading(Some(owner))));
+            inputs.extend([false, true].map(Input::LaunchOrLanding));
+        }
+        inputs.extend([Input::Lapse, Input::Restart]);
+    }
+
+    fn next_state(&self, last: &State, input: Input) -> Option<State> {
+        let state = self.step(last, input);
+        (state != *last).then_some(state)
+    }
+
+    fn properties(&self) -> Vec<Property<Self>> {
+        let mut properties = vec![
+            Property::always("at most one holder of each right", |_, state: &State| {
+                let held = &state.ledger;
+                (0..held.len()).all(|a| (0..a).all(|b| !held[a].collides(held[b])))
+            }),
+            Property::always(
+                "no command without its right at that moment",
+                |model: &Self, state: &State| {
+                    roster(model.scope.cucs)
+                        .iter()
+                        .zip(&state.ledger)
+                        .all(|(asker, held)| {
+                            let levels = [
+                                LoiBitmap::LOI2,
+                                LoiBitmap::LOI3,
+                                LoiBitmap::LOI4,
+                                LoiBitmap::LOI5,
+                            ];
+                            levels.iter().all(|level| {
+                                state.machine.holds(asker.id, *level)
+                                    == held.levels().contains(*level)
+                            }) && (1..=model.scope.stations).all(|number| {
+                                state.machine.holds_station(asker.id, number)
+                                    == held.contains(station(number))
+                            })
+                        })
+                },
+            ),
+            Property::always("a granted request is never lost", |_, state: &State| {
+                state.flaw.is_none()
+            }),
+            Property::always(
+                "a restart changes nothing",
+                |model: &Self, state: &State| {
+                    let roster = roster(model.scope.cucs);
+                    let again =
+                        Authority::restored(&state.machine.record(), Duration::ZERO, &roster);
+                    let holders = |machine: &Authority| machine.holders().collect::<Vec<_>>();
+                    holders(&again) == holders(&state.machine)
+                        && again.pending() == state.machine.pending()
+                },
+            ),
+            Property::always("a release leads to free", Self::released_is_free),
+            Property::always("no two handovers are of one right", |_, state: &State| {
+                let pending = state.machine.pending();
+                (0..pending.len())
+                    .all(|a| (0..a).all(|b| !pending[a].rights.collides(pending[b].rights)))
+            }),
+            Property::sometimes("a handover is completed", |_, state: &State| {
+                state.seen == Seen::HandedOver
+            }),
+            Property::sometimes("a handover lapses", |_, state: &State| {
+                state.seen == Seen::Lapsed
+            }),
+        ];
+        if self.scope.cucs > 1 {
+            properties.push(Property::sometimes(
+                "an override succeeds",
+                |_, state: &State| state.seen == Seen::Overridden,
+            ));
+        }
+        if self.scope.silence {
+            properties.push(Property::sometimes(
+                "the silent lose to others",
+                |_, state: &State| state.seen == Seen::TakenInSilence,
+            ));
+        }
+        if self.scope.phases {
+            properties.push(Property::sometimes(
+                "a handover waits for a load",
+                |_, state: &State| state.seen == Seen::AfterLoad,
+            ));
+        }
+        properties
+    }
+}
