@@ -121,7 +121,7 @@ fn a_launch_a_loiter_and_a_route_are_built_from_the_answers_alone() {
         "{:?}",
         rig.station().alerts()
     );
-    assert!(rig.until(30.0, |rig| rig.truth().position.d < -2.0));
+    assert!(rig.until(30.0, |rig| rig.truth().position.d < -1.0));
     let loiter = build(&screen, 2016, start, &[]);
     let end = rig.carry_out(loiter);
     assert_eq!(

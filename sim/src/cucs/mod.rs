@@ -8,6 +8,7 @@
 //! Nothing received can make any of them panic, block or grow without bound.
 
 mod alert;
+mod configuration;
 mod download;
 mod operator;
 mod outcome;
@@ -24,6 +25,7 @@ mod vehicle;
 mod verb;
 
 pub use alert::Alert;
+pub use configuration::ConfigurationTable;
 pub use download::Download;
 pub use operator::{Operator, OperatorError, Style};
 pub use outcome::{Outcome, Refused, StationError, Timeouts};

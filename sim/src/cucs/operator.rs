@@ -9,6 +9,7 @@ use stanag_msgs::enums::{FlightPathControlMode, RequestedAccess};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 use stanag_msgs::{Bam32, Id};
 
+mod configuring;
 mod error;
 mod telling;
 
@@ -208,6 +209,7 @@ impl<W: Write> Operator<W> {
                 self.meet().await.map(|_| ())
             }
             Verb::Traffic => self.traffic(),
+            Verb::Config { loi } => self.configuration(*loi).await,
         }
     }
 

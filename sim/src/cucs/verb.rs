@@ -121,6 +121,12 @@ pub enum Verb {
     },
     /// Print how many messages went each way, by type.
     Traffic,
+    /// Ask what the vehicle is (40000), and print the answers as a table.
+    Config {
+        /// For this level of interoperability alone, 2 to 5.
+        #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(2..=5))]
+        loi: Option<u8>,
+    },
 }
 
 /// What `wait` waits for.

@@ -225,6 +225,7 @@ fn set_stamp(message: &mut Message, stamp: TimeStamp) {
         UaPositionWaypoint,
         UaLoiterWaypoint,
         CurveSegment,
+        FieldConfigurationRequest,
         ScheduleMessageUpdateCommand,
         GenericInformationRequestMessage,
         Heartbeat
