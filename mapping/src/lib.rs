@@ -6,6 +6,8 @@
 //! - [`altitude`]: altitude types and MAVLink frames.
 //! - [`telemetry`]: what a vehicle has said of itself, from its messages.
 //! - [`report`]: messages 3001, 3002, 4000 and 4001 from that.
+//! - [`sensed`]: what its sensors have told beyond that.
+//! - [`status`]: messages 3000, 3004 to 3010, 12101 and 16001.
 //! - [`alert`]: texts and faults to message 16000.
 //! - [`configuration`]: the answers of the configuration phase, from what the vehicle is.
 //! - [`support`]: what is done with each field of each message.
@@ -20,5 +22,7 @@ pub mod mode;
 pub mod plan;
 pub mod report;
 pub mod route;
+pub mod sensed;
+pub mod status;
 pub mod support;
 pub mod telemetry;

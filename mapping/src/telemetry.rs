@@ -7,6 +7,7 @@ use mavlink_link::dialect::{
 };
 
 use crate::mode::Px4Mode;
+use crate::sensed::Sensed;
 
 /// A place: WGS-84 latitude and longitude in degrees, altitude in metres above mean sea level.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,11 +93,14 @@ pub struct Telemetry {
     pub target: Option<Place>,
     /// The last MISSION_ITEM_REACHED.
     pub reached: Option<u16>,
+    /// What its sensors have told beyond that.
+    pub sensed: Sensed,
 }
 
 impl Telemetry {
     /// Takes in one message of the vehicle's autopilot. True where it held something that is kept here.
     pub fn update(&mut self, message: &MavMessage) -> bool {
+        let sensed = self.sensed.update(message);
         match message {
             MavMessage::HEARTBEAT(m) => {
                 self.mode = Some(Px4Mode(m.custom_mode));
@@ -187,7 +191,7 @@ impl Telemetry {
                 });
             }
             MavMessage::MISSION_ITEM_REACHED(m) => self.reached = Some(m.seq),
-            _ => return false,
+            _ => return sensed,
         }
         true
     }

@@ -80,6 +80,25 @@ impl Intervals {
         }
     }
 
+    /// One more wish, in place of an earlier one for the same message id.
+    pub fn wish(&mut self, id: u32, rate: Rate) {
+        if let Some(wish) = self.wishes.iter_mut().find(|wish| wish.id == id) {
+            if wish.rate != rate {
+                *wish = Wish {
+                    id,
+                    rate,
+                    standing: Standing::Pending,
+                };
+            }
+            return;
+        }
+        self.wishes.push(Wish {
+            id,
+            rate,
+            standing: Standing::Pending,
+        });
+    }
+
     /// Asks for everything again, except what was refused: the vehicle restarted or was silent.
     pub fn ask_again(&mut self) {
         for wish in &mut self.wishes {

@@ -11,7 +11,7 @@ use mavlink_link::Now;
 use mavlink_link::frame::FrameView;
 use mavlink_link::service::mission::{self, MavMissionType};
 use stanag_msgs::Id;
-use stanag_msgs::enums::{AlertPriority, SubsystemId};
+use stanag_msgs::enums::{AlertPriority, CommandedEngineState, SubsystemId};
 use stanag_msgs::messages::LoiterConfiguration;
 
 use super::alerts::{Alerts, Cause};
@@ -22,9 +22,11 @@ use super::configuration::Configuration;
 use super::custody::Custody;
 use super::desk::{Desk, Origin};
 use super::maneuver::{Maneuver, Progress};
+use super::manual::Sticks;
 use super::mission_transfer::{Download, Load};
 use super::plan_record::Aboard;
 use super::push::Push;
+use super::steering::Steering;
 use super::transfer::Bounds;
 use super::vehicle::{Peer, VehicleEvent, VehicleLink};
 use crate::config;
@@ -44,6 +46,10 @@ pub(crate) struct Aircraft {
     pub(super) maneuver: Option<(Option<Origin>, Maneuver)>,
     pub(super) loiter: LoiterConfiguration,
     pub(super) commanded: Commanded,
+    pub(super) sticks: Sticks,
+    pub(super) steering: Steering,
+    /// The last 2008.
+    pub(super) engine_command: Option<CommandedEngineState>,
     pub(super) push: Push,
     pub(super) configuration: Configuration,
     /// That AGL is flown above home has been said.
@@ -96,6 +102,9 @@ impl Aircraft {
             maneuver: None,
             loiter: LoiterConfiguration::default(),
             commanded: Commanded::default(),
+            sticks: Sticks::default(),
+            steering: Steering::default(),
+            engine_command: None,
             push: Push::default(),
             configuration: Configuration::default(),
             said_agl: false,
@@ -167,6 +176,8 @@ impl Aircraft {
             self.load.as_ref().and_then(Load::poll_timeout),
             self.push.poll_timeout(),
             self.download.as_ref().map(|download| download.next_at),
+            self.sticks.poll_timeout(),
+            self.steering.poll_timeout(),
             self.configuration.poll_timeout(),
             self.authority.poll_timeout(),
         ]
@@ -186,6 +197,8 @@ impl Aircraft {
             for event in events {
                 self.take_event(desk, event);
             }
+            self.stream_sticks(desk);
+            self.stream_set_points(desk);
             self.advance_maneuver(desk);
             self.advance_load(desk);
             self.mav.flush(desk.now, &mut Ceilings(desk.store));

@@ -89,8 +89,9 @@ impl Aircraft {
 
     fn fly_on_loss(&mut self, desk: &mut Desk<'_>) {
         let mode = match desk.loss.on_loss {
-            OnLoss::Continue => return,
-            OnLoss::Hold => Mode::Loiter,
+            // Steered by nobody it would fly straight on for ever.
+            OnLoss::Continue if !self.steering.engaged() => return,
+            OnLoss::Continue | OnLoss::Hold => Mode::Loiter,
             OnLoss::Contingency => Mode::ContingencyA,
             OnLoss::Rtl => {
                 let steps = maneuver::enter(&[Px4Mode::RTL]);

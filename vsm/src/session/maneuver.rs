@@ -38,6 +38,8 @@ pub(crate) enum Sight {
     Mode(&'static [Px4Mode]),
     /// Motors armed.
     Armed,
+    /// Motors disarmed.
+    Disarmed,
     /// Off the ground.
     OffTheGround,
     /// It flies to this place, or to this altitude only.
@@ -288,6 +290,7 @@ fn seen(sight: &Sight, vehicle: &VehicleLink) -> bool {
                 && telemetry.mode.is_some_and(|mode| modes.contains(&mode))
         }
         Sight::Armed => vehicle.state_is_newer_than_command() && telemetry.armed == Some(true),
+        Sight::Disarmed => vehicle.state_is_newer_than_command() && telemetry.armed == Some(false),
         Sight::OffTheGround => telemetry.airborne(),
         Sight::Target { place, amsl_m } => telemetry.target.is_some_and(|target: Place| {
             let there = place.is_none_or(|place| {
@@ -306,6 +309,7 @@ fn awaited(sight: &Sight, vehicle: &VehicleLink) -> String {
             format!("{wanted}, it is in {present}")
         }
         Sight::Armed => "armed motors".to_owned(),
+        Sight::Disarmed => "disarmed motors".to_owned(),
         Sight::OffTheGround => "that it has left the ground".to_owned(),
         Sight::Target { .. } => "that it flies to the commanded place".to_owned(),
     }

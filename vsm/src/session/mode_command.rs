@@ -18,6 +18,7 @@ use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
 use super::maneuver::{self, Step};
 use super::plan_record::Aboard;
+use super::steering::{self, Vertical};
 
 /// What is to be done.
 #[derive(Debug)]
@@ -28,6 +29,10 @@ pub(crate) enum Task {
     Launch(Vec<Step>, Commanded),
     /// The route of this type must first go aboard, then the command is looked at again.
     Load(RouteType),
+    /// Manual flight: sticks, then the mode.
+    Manual,
+    /// Steering: set points, then the mode.
+    Steer(steering::Order, Commanded),
 }
 
 /// What must be known to decide.
@@ -67,6 +72,7 @@ pub(crate) fn task(
         .ok_or("no mode is commanded, and the vehicle has told none")?;
     if let Some(heading) = command.heading_command_type
         && heading != HeadingCommandType::None
+        && mode != Mode::Autopilot
     {
         return Err(format!(
             "heading commands are not flown in mode {}",
@@ -84,8 +90,8 @@ pub(crate) fn task(
             "mode 20 (wave-off): a multicopter has no approach to break off; command 12 or 11"
                 .to_owned(),
         ),
-        Mode::FlightDirector => Err("mode 2 (manual) is not flown yet".to_owned()),
-        Mode::Autopilot => Err("mode 15 (steering) is not flown yet".to_owned()),
+        Mode::FlightDirector => Ok(Task::Manual),
+        Mode::Autopilot => steer(command, at),
         other => Err(format!("mode {}: PX4 cannot do that", other.raw())),
     }
 }
@@ -239,6 +245,58 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
     Ok(Task::Launch(maneuver::launch(amsl_m), commanded))
 }
 
+fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
+    if !at.telemetry.hovers() {
+        return Err("mode 15: PX4 steers a fixed wing by no set points of speed".to_owned());
+    }
+    if !at.telemetry.airborne() {
+        return Err("mode 15 needs an airborne vehicle".to_owned());
+    }
+    let rate = command.commanded_vertical_speed.map(|rate| rate.si());
+    let altitude_m = command.commanded_altitude.map(|altitude| altitude.si());
+    let mut commanded = at.commanded;
+    let vertical = match command.altitude_command_type {
+        Some(AltitudeCommandType::None) => None,
+        None if altitude_m.is_none() => None,
+        Some(AltitudeCommandType::VerticalSpeed) => {
+            commanded.altitude_amsl_m = None;
+            Some(Vertical::Rate(
+                rate.ok_or("mode 15: Commanded Vertical Speed is missing")?,
+            ))
+        }
+        None | Some(AltitudeCommandType::Altitude | AltitudeCommandType::RateLimitedAltitude) => {
+            let home = at.telemetry.home.ok_or("home is not known yet")?;
+            let metres = altitude_m.ok_or("mode 15: Commanded Altitude is missing")?;
+            let amsl_m = level(metres, command, at)?.amsl(home.amsl_m);
+            commanded.altitude_amsl_m = Some(amsl_m);
+            let limited =
+                command.altitude_command_type == Some(AltitudeCommandType::RateLimitedAltitude);
+            let most_m_s = rate.filter(|rate| limited && *rate != 0.0);
+            Some(Vertical::Altitude {
+                amsl_m,
+                most_m_s: most_m_s.map_or(steering::CLIMB_M_S, f64::abs),
+            })
+        }
+        Some(other) => {
+            return Err(format!(
+                "Altitude Command Type {} is not known",
+                other.raw()
+            ));
+        }
+    };
+    let order = steering::Order {
+        speed_m_s: speed(command, &at.limits)?,
+        direction: steering::direction(command)?,
+        vertical,
+    };
+    if order.speed_m_s.is_some() {
+        commanded.speed_m_s = order.speed_m_s;
+        commanded.speed_type = Some(SpeedType::Ground);
+    }
+    commanded.loiter_position = None;
+    Ok(Task::Steer(order, commanded))
+}
+
 fn altitude(command: &VehicleOperatingModeCommand) -> Option<f64> {
     match command.altitude_command_type {
         Some(AltitudeCommandType::None) => None,
@@ -260,6 +318,15 @@ fn checked_level(
             ));
         }
     }
+    level(metres, command, at)
+}
+
+/// An altitude as it is flown, within the limits.
+fn level(
+    metres: f64,
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Level, String> {
     let (geoid_m, agl, altimeter) = (at.telemetry.geoid_m, at.agl, at.altimeter);
     let level = altitude::level(metres, command.altitude_type, geoid_m, agl, altimeter)
         .map_err(|fault| fault.to_string())?;

@@ -29,7 +29,10 @@ impl Aircraft {
                     LoiBitmap::LOI4
                 })
             }
+            Message::EngineCommand(_) => Some(LoiBitmap::LOI5),
             Message::LoiterConfiguration(_)
+            | Message::UaStickCommand(_)
+            | Message::UnmannedAircraftLights(_)
             | Message::MissionTransferCommand(_)
             | Message::UaRoute(_)
             | Message::UaPositionWaypoint(_)
@@ -51,6 +54,9 @@ impl Aircraft {
                 merge(&mut self.loiter, configuration);
                 desk.acknowledge(self.id(), &origin, AckType::CarriedOut);
             }
+            Message::UaStickCommand(sticks) => self.take_sticks(desk, origin, sticks),
+            Message::EngineCommand(command) => self.command_engine(desk, origin, command),
+            Message::UnmannedAircraftLights(lights) => self.command_lights(desk, origin, lights),
             Message::MissionTransferCommand(command) => {
                 self.transfer_command(desk, origin, command)
             }
@@ -109,6 +115,8 @@ impl Aircraft {
                 let maneuver = Maneuver::new(steps, commanded).undone_by(maneuver::arm(false));
                 self.begin(desk, origin, maneuver);
             }
+            Ok(Task::Manual) => self.fly_by_hand(desk, origin),
+            Ok(Task::Steer(order, commanded)) => self.steer(desk, origin, order, commanded),
             Ok(Task::Load(route)) => self.load_and_fly(desk, origin, route, command),
         }
     }
@@ -119,12 +127,29 @@ impl Aircraft {
         origin: Option<Origin>,
         maneuver: Maneuver,
     ) {
-        if let Some((earlier, mut running)) = self.maneuver.take() {
-            running.abandon(desk.now.mono, &mut self.mav);
-            self.refuse(desk, earlier, "superseded by a later command".to_owned());
-        }
+        self.stop_running(desk);
         self.maneuver = Some((origin, maneuver));
         self.go_on(desk);
+    }
+
+    /// Ends what runs, for a later command.
+    pub(super) fn stop_running(&mut self, desk: &mut Desk<'_>) {
+        if let Some((earlier, mut running)) = self.maneuver.take() {
+            running.abandon(desk.now.mono, &mut self.mav);
+            self.let_go();
+            self.refuse(desk, earlier, "superseded by a later command".to_owned());
+        }
+    }
+
+    /// Ends streams whose mode was not entered; within their mode they must not starve.
+    fn let_go(&mut self) {
+        let mode = self.mav.telemetry.mode;
+        if mode != Some(Px4Mode::POSCTL) {
+            self.sticks.release();
+        }
+        if mode != Some(Px4Mode::OFFBOARD) {
+            self.steering.release();
+        }
     }
 
     /// Refuses a command: 17000 where it was asked for, 16000 with the reason to who commanded.
@@ -172,6 +197,7 @@ impl Aircraft {
         if let Some((_, mut maneuver)) = self.maneuver.take() {
             maneuver.abandon(desk.now.mono, &mut self.mav);
         }
+        self.let_go();
         self.refuse(desk, origin, why);
     }
 }

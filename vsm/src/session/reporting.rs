@@ -9,6 +9,7 @@ use stanag_msgs::{Message, Text, table};
 
 use super::aircraft::Aircraft;
 use super::desk::Desk;
+use super::detail::DETAILS;
 use super::station::Period;
 
 impl Aircraft {
@@ -20,7 +21,7 @@ impl Aircraft {
         message: u16,
         hertz: u16,
     ) -> bool {
-        if !REPORTS.contains(&message) || hertz > MOST_HERTZ {
+        if !(REPORTS.contains(&message) || DETAILS.contains(&message)) || hertz > MOST_HERTZ {
             return false;
         }
         let period = match hertz {
@@ -47,16 +48,27 @@ impl Aircraft {
             self.answer_authorisation(desk, station, None);
             return true;
         }
-        let Some(report) = self.compose(desk, message) else {
-            return false;
-        };
-        let report = match fields {
-            // An empty vector asks for nothing in particular.
-            None | Some(0) => report,
-            Some(fields) => table::select(&report, fields),
-        };
-        desk.send(station, self.id(), &report);
-        true
+        let reports = self.compose_all(desk, message);
+        for report in &reports {
+            match fields {
+                // An empty vector asks for nothing in particular.
+                None | Some(0) => desk.send(station, self.id(), report),
+                Some(fields) => {
+                    let report = table::select(report, fields);
+                    desk.send(station, self.id(), &report);
+                }
+            }
+        }
+        !reports.is_empty()
+    }
+
+    /// The messages of a report: several where each is about an engine or a subsystem.
+    fn compose_all(&mut self, desk: &mut Desk<'_>, message: u16) -> Vec<Message> {
+        if DETAILS.contains(&message) {
+            self.want_sources_of(message);
+            return self.details(desk, message);
+        }
+        self.compose(desk, message).into_iter().collect()
     }
 
     pub(super) fn compose(&mut self, desk: &mut Desk<'_>, message: u16) -> Option<Message> {
@@ -109,7 +121,7 @@ impl Aircraft {
                 .push
                 .take_due(desk.now.mono, index, station, self.config.id)
             {
-                if let Some(report) = self.compose(desk, message) {
+                for report in self.compose_all(desk, message) {
                     desk.send(index, self.id(), &report);
                     desk.send_to_group(self.id(), &report);
                 }

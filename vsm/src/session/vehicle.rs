@@ -100,6 +100,7 @@ pub(crate) struct VehicleLink {
     /// A mode was told after the last command was sent.
     state_is_newer: bool,
     complaint: Option<(Duration, String)>,
+    posts: VecDeque<MavMessage>,
     believed: Vec<(Node, MavMessage, Fresh)>,
     events: VecDeque<VehicleEvent>,
     pub(super) out: VecDeque<OutFrame>,
@@ -153,6 +154,7 @@ impl VehicleLink {
             asked: Asked::default(),
             state_is_newer: true,
             complaint: None,
+            posts: VecDeque::new(),
             believed: Vec::new(),
             events: VecDeque::new(),
             out: VecDeque::new(),
@@ -169,6 +171,16 @@ impl VehicleLink {
     /// When its last heartbeat came.
     pub(crate) fn heartbeat_at(&self) -> Option<Duration> {
         self.heartbeat_at
+    }
+
+    /// Sends a message that nothing answers, with the next flush.
+    pub(crate) fn post(&mut self, message: MavMessage) {
+        self.posts.push_back(message);
+    }
+
+    /// Wants a message at a rate from now on; asked for when the next command may go.
+    pub(crate) fn want(&mut self, id: u32, hertz: f32) {
+        self.intervals.wish(id, Rate::Hz(hertz));
     }
 
     /// Whether a mode was told by a message made after the last command was sent.
@@ -383,6 +395,9 @@ impl VehicleLink {
                 len: sent.len,
                 octets,
             });
+        }
+        while let Some(message) = self.posts.pop_front() {
+            self.send(now, &message, store);
         }
         if self.missions.busy().is_none() {
             self.asked.mission = None;

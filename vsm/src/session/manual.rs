@@ -1,0 +1,276 @@
+//! Manual flight: sticks (2010) become MANUAL_CONTROL, 25 times a second, for as long as they come.
+//!
+//! The stream starts with mode 2 (2016) and not before: PX4 breaks off a mission when sticks move. Mode 2 is refused
+//! without sticks. When they stop, the stream stops too, [`FRESH`] later: PX4 then sees the loss as it is and does what
+//! it is set to (COM_RC_LOSS_T, NAV_RCL_ACT). The stream ends with the mode; going on needs another 2016.
+//!
+//! No source gives the scale of the sticks: per cent of travel, -100 to 100, throttle 0 to 100. Right, forward (nose
+//! down) and clockwise are positive. An absent stick is centred, an absent throttle is half: hold the height.
+
+use std::time::Duration;
+
+use mapping::mode::Px4Mode;
+use mavlink_link::dialect::{MANUAL_CONTROL_DATA, MavMessage};
+use stanag_msgs::TimeStamp;
+use stanag_msgs::enums::{AckType, AlertPriority, SubsystemId};
+use stanag_msgs::messages::{UaStickCommand, UaStickStatus};
+
+use super::aircraft::Aircraft;
+use super::desk::{Desk, Origin};
+use super::maneuver::{self, Maneuver};
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(crate) struct Sticks {
+    latest: Option<(Duration, UaStickCommand)>,
+    stream: Stream,
+    due: Duration,
+}
+
+/// How far manual flight is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+enum Stream {
+    #[default]
+    Off,
+    /// Mode 2 is commanded; the vehicle has not shown it yet.
+    Entering,
+    /// The vehicle is flown by hand.
+    Flying,
+    /// It is flown by hand, and the sticks have stopped.
+    Lost,
+}
+
+/// What the time or the vehicle's mode has led to.
+#[derive(Debug, PartialEq)]
+enum Turn {
+    None,
+    Send(MANUAL_CONTROL_DATA),
+    /// The sticks have just stopped.
+    Stopped,
+}
+
+impl Sticks {
+    /// Takes a 2010. One older than the last, by its stamp, has been overtaken and changes nothing.
+    fn take(&mut self, now: Duration, sticks: &UaStickCommand) -> Result<(), String> {
+        let signed = [
+            ("Lateral Stick", sticks.lateral_stick),
+            ("Longitudinal Stick", sticks.longitudinal_stick),
+            ("Rotational Stick", sticks.rotational_stick_rudder),
+        ];
+        for (name, value) in signed {
+            if let Some(value) = value.filter(|value| !(-100..=100).contains(value)) {
+                return Err(format!("{name} {value}, expected -100 to 100"));
+            }
+        }
+        if let Some(throttle) = sticks.throttle_stick_engine_1.filter(|value| *value > 100) {
+            return Err(format!("Throttle Stick {throttle}, expected 0 to 100"));
+        }
+        let overtaken = self.latest.as_ref().is_some_and(|(_, latest)| {
+            match (latest.time_stamp, sticks.time_stamp) {
+                (Some(latest), Some(new)) => new < latest && latest.0 - new.0 < CLOCK_SET_MS,
+                _ => false,
+            }
+        });
+        if !overtaken {
+            self.latest = Some((now, sticks.clone()));
+        }
+        Ok(())
+    }
+
+    /// Whether sticks come.
+    fn fresh(&self, now: Duration) -> bool {
+        self.latest
+            .as_ref()
+            .is_some_and(|(at, _)| now.saturating_sub(*at) < FRESH)
+    }
+
+    fn engage(&mut self, now: Duration) {
+        self.stream = Stream::Entering;
+        self.due = now;
+    }
+
+    /// Ends the stream: mode 2 was not entered, or another mode is.
+    pub(crate) fn release(&mut self) {
+        self.stream = Stream::Off;
+    }
+
+    fn advance(&mut self, now: Duration, mode: Option<Px4Mode>, system: u8) -> Turn {
+        let by_hand = mode == Some(Px4Mode::POSCTL);
+        match self.stream {
+            Stream::Off => return Turn::None,
+            Stream::Entering if by_hand => self.stream = Stream::Flying,
+            Stream::Entering => {}
+            Stream::Flying | Stream::Lost if !by_hand => {
+                self.release();
+                return Turn::None;
+            }
+            Stream::Flying | Stream::Lost => {}
+        }
+        if !self.fresh(now) {
+            let known = std::mem::replace(&mut self.stream, Stream::Lost) == Stream::Lost;
+            return if known { Turn::None } else { Turn::Stopped };
+        }
+        if self.stream == Stream::Lost {
+            self.stream = Stream::Flying;
+        }
+        if self.due > now {
+            return Turn::None;
+        }
+        self.due = if self.due + PERIOD > now {
+            self.due + PERIOD
+        } else {
+            now + PERIOD
+        };
+        match &self.latest {
+            Some((_, sticks)) => Turn::Send(manual_control(sticks, system)),
+            None => Turn::None,
+        }
+    }
+
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        match self.stream {
+            Stream::Entering | Stream::Flying => Some(self.due),
+            Stream::Off | Stream::Lost => None,
+        }
+    }
+
+    /// 3011: the sticks that came last; `None` before the first.
+    pub(crate) fn report(&self, stamp: TimeStamp) -> Option<UaStickStatus> {
+        let (_, sticks) = self.latest.as_ref()?;
+        Some(UaStickStatus {
+            time_stamp: Some(stamp),
+            lateral_stick: sticks.lateral_stick,
+            longitudinal_stick: sticks.longitudinal_stick,
+            rotational_stick_rudder: sticks.rotational_stick_rudder,
+            throttle_stick_engine_1: sticks.throttle_stick_engine_1,
+            ..UaStickStatus::default()
+        })
+    }
+}
+
+fn manual_control(sticks: &UaStickCommand, system: u8) -> MANUAL_CONTROL_DATA {
+    let axis = |stick: Option<i8>| i16::from(stick.unwrap_or(0)) * 10;
+    MANUAL_CONTROL_DATA {
+        target: system,
+        x: axis(sticks.longitudinal_stick),
+        y: axis(sticks.lateral_stick),
+        z: sticks
+            .throttle_stick_engine_1
+            .map_or(HALF_THROTTLE, |throttle| i16::from(throttle) * 10),
+        r: axis(sticks.rotational_stick_rudder),
+        ..MANUAL_CONTROL_DATA::default()
+    }
+}
+
+impl Aircraft {
+    /// 2010.
+    pub(super) fn take_sticks(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: Origin,
+        sticks: &UaStickCommand,
+    ) {
+        match self.sticks.take(desk.now.mono, sticks) {
+            Ok(()) => desk.acknowledge(self.id(), &origin, AckType::CarriedOut),
+            Err(why) => self.refuse(desk, Some(origin), why),
+        }
+    }
+
+    /// 2016 mode 2: the stream first, then the mode.
+    pub(super) fn fly_by_hand(&mut self, desk: &mut Desk<'_>, origin: Option<Origin>) {
+        if !self.sticks.fresh(desk.now.mono) {
+            let why = "mode 2: no sticks (2010) come; send them first, 10 a second or more";
+            return self.refuse(desk, origin, why.to_owned());
+        }
+        if self.mav.telemetry.mode == Some(Px4Mode::POSCTL) {
+            self.sticks.engage(desk.now.mono);
+        }
+        let steps = maneuver::enter(&[Px4Mode::POSCTL]);
+        self.begin(desk, origin, Maneuver::new(steps, self.commanded));
+        // After `begin`: what it superseded has let go of the sticks.
+        if self.maneuver.is_some() {
+            self.sticks.engage(desk.now.mono);
+        }
+        self.stream_sticks(desk);
+    }
+
+    /// Sends what is due.
+    pub(super) fn stream_sticks(&mut self, desk: &mut Desk<'_>) {
+        let (mode, system) = (self.mav.telemetry.mode, self.config.system_id);
+        match self.sticks.advance(desk.now.mono, mode, system) {
+            Turn::None => {}
+            Turn::Send(sticks) => self.mav.post(MavMessage::MANUAL_CONTROL(sticks)),
+            Turn::Stopped => {
+                let text = "the sticks (2010) have stopped: the vehicle does what it is set to do";
+                let listeners = desk.listeners(&self.authority, None);
+                let raised = self.alerts.notice(
+                    desk.now.mono,
+                    AlertPriority::Warning,
+                    SubsystemId::Comms,
+                    text.to_owned(),
+                );
+                desk.alert(self.id(), &listeners, raised);
+            }
+        }
+    }
+}
+
+/// Sticks count for so long. A link that loses every other of 10 a second still flies.
+const FRESH: Duration = Duration::from_millis(300);
+/// Of MANUAL_CONTROL.
+const PERIOD: Duration = Duration::from_millis(40);
+const HALF_THROTTLE: i16 = 500;
+/// A stamp so far back is that of a clock that was set.
+const CLOCK_SET_MS: u64 = 10_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn forward(stamp: u64, per_cent: i8) -> UaStickCommand {
+        UaStickCommand {
+            time_stamp: Some(TimeStamp(stamp)),
+            longitudinal_stick: Some(per_cent),
+            ..UaStickCommand::default()
+        }
+    }
+
+    fn x(turn: Turn) -> Option<i16> {
+        match turn {
+            Turn::Send(m) => Some(m.x),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn the_stream_is_at_least_20_hertz_while_sticks_come_and_ends_with_them() {
+        let ms = Duration::from_millis;
+        let mut sticks = Sticks::default();
+        assert_eq!(sticks.advance(ms(0), Some(Px4Mode::POSCTL), 1), Turn::None);
+        sticks.take(ms(0), &forward(1, 50)).unwrap();
+        sticks.engage(ms(0));
+        let (mut sent, mut stopped) = (0, 0);
+        for now in 0..2_000 {
+            if now < 1_000 && now % 100 == 0 {
+                sticks.take(ms(now), &forward(now + 1, 50)).unwrap();
+            }
+            match sticks.advance(ms(now), Some(Px4Mode::POSCTL), 1) {
+                Turn::Stopped => stopped += 1,
+                turn => sent += u32::from(x(turn) == Some(500)),
+            }
+        }
+        // 0.9 s of sticks and 0.3 s of grace.
+        assert!((29..=31).contains(&sent), "{sent}");
+        assert_eq!(stopped, 1);
+    }
+
+    #[test]
+    fn an_overtaken_stick_changes_nothing_and_a_wild_one_is_refused() {
+        let mut sticks = Sticks::default();
+        sticks.take(Duration::ZERO, &forward(500, 20)).unwrap();
+        sticks.take(Duration::ZERO, &forward(400, -80)).unwrap();
+        sticks.engage(Duration::ZERO);
+        assert_eq!(x(sticks.advance(Duration::ZERO, None, 1)), Some(200));
+        assert!(sticks.take(Duration::ZERO, &forward(600, 101)).is_err());
+    }
+}
