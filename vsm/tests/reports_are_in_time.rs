@@ -141,7 +141,7 @@ fn a_request_is_answered_at_once_with_the_fields_asked_for() {
 #[test]
 fn what_is_no_report_is_refused_and_so_is_a_station_without_loi_2() {
     let mut rig = Rig::ready();
-    for message in [1, 2016, 3007, 65_000] {
+    for message in [1, 2016, 6000, 65_000] {
         assert_eq!(rig.carry_out(schedule(message, 1)), Some(AckType::Refused));
         assert_eq!(
             rig.carry_out(request(message, None)),

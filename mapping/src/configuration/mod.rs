@@ -94,7 +94,12 @@ fn is_supported(message: &MessageInfo) -> bool {
 /// Whether a field is used: acted on, or filled.
 fn is_used(message: &'static MessageInfo, field: &table::FieldInfo) -> bool {
     let does = support::field(message, field);
-    does.sent.is_some() || matches!(does.received, Received::Honoured(_))
+    match does.received {
+        Received::Honoured(_) => true,
+        // Kept and given back on download is not used.
+        Received::Ignored | Received::Refused => false,
+        Received::Never => does.sent.is_some(),
+    }
 }
 
 /// 43000.

@@ -3,13 +3,19 @@
 /// A field of enumerated values in a message from a CUCS: message, field, and the values that are acted on.
 pub static VALUES: &[(u16, &str, &[u8])] = &[
     (1, "Requested/Handover Access", &[0, 1, 2]),
+    (2008, "Engine Command", &[0, 1, 2]),
+    (2008, "Reverse Thrust", &[0, 3]),
+    (2008, "Reverse Thrust Power", &[0, 2]),
+    (2008, "Ignition Switch Power", &[0, 2]),
+    (2008, "Ignition Switch Activation", &[0, 2]),
     (
         2016,
         "Select Flight Path Control Mode",
-        &[0, 11, 12, 19, 21, 23, 24],
+        &[0, 2, 11, 12, 15, 19, 21, 23, 24],
     ),
-    (2016, "Altitude Command Type", &[0, 1]),
-    (2016, "Heading Command Type", &[0]),
+    (2016, "Altitude Command Type", &[0, 1, 2, 3]),
+    (2016, "Heading Command Type", &[0, 1, 2, 3, 5]),
+    (2016, "Heading Reference", &[0]),
     (2016, "Speed Type", &[0, 1, 2]),
     (2016, "Altitude Type", &[0, 1, 2, 3]),
     (2017, "Loiter Type", &[1, 4]),
@@ -28,6 +34,13 @@ pub static VALUES: &[(u16, &str, &[u8])] = &[
 
 /// The same of a fixed wing, where it differs.
 pub static FIXED_WING: &[(u16, &str, &[u8])] = &[
+    (
+        2016,
+        "Select Flight Path Control Mode",
+        &[0, 2, 11, 12, 19, 21, 23, 24],
+    ),
+    (2016, "Altitude Command Type", &[0, 1]),
+    (2016, "Heading Command Type", &[0]),
     (13003, "Waypoint Loiter Type", &[1]),
     (13003, "Loiter Direction", &[0, 1, 2]),
     (13003, "Loiter Duration Units", &[0, 1]),
