@@ -38,11 +38,11 @@ impl Outcome {
             self.lost,
             self.twice,
             // Coarse: what matters is the order of magnitude.
-            [2.0, 5.0, 10.0, 20.0, 40.0, 80.0]
+            [10.0, 40.0, 160.0]
                 .iter()
                 .find(|bound| self.load_s <= **bound)
                 .map_or_else(
-                    || "over 80 s".to_owned(),
+                    || "over 160 s".to_owned(),
                     |bound| format!("under {bound} s")
                 ),
         )

@@ -11,7 +11,7 @@ use stanag_msgs::messages::{
     VehicleOperatingModeCommand,
 };
 use stanag_msgs::{Scaled, enums::LoiterType};
-use support::{Rig, Setup, orders, vehicle_id};
+use support::{Rig, Setup, orders};
 
 fn ask(message: u16) -> GenericInformationRequestMessage {
     GenericInformationRequestMessage {
