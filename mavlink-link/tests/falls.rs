@@ -1,5 +1,7 @@
 //! The falls of other signers that concern this layer, one test each, numbered as in the list of
-//! falls. Those of provisioning, the key exchange and the key store (14, 26, 27, 28) are tested there.
+//! falls. Those of provisioning (14, 23, 27) are in `provisioning.rs`, those of the key files (18, 28)
+//! in `vsm/tests/key_store_survives_failures.rs`; `c_library.rs` shows 7, 12 and 19 beside the C library
+//! that falls for them.
 
 mod support;
 
@@ -590,6 +592,46 @@ fn fall_25_an_old_acknowledgement_confirms_no_new_command() {
     // One held back for over a minute is shown, but confirms nothing either.
     let held = vehicle.send(&ack());
     assert_eq!(can_answer(&held, at(62_000)), Some(false));
+}
+
+#[test]
+fn fall_26_the_vehicles_own_frame_is_not_taken_back_by_its_side_of_the_link() {
+    let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
+    let frame = vehicle.send(&ack());
+    // The vehicle itself would take its own frame: the key is right, and the stream is new to it.
+    assert!(vehicle.receive(&frame));
+    // An end of ours on its side does not, whoever brings the frame.
+    let config = LinkConfig {
+        own_system: 1,
+        own_component: 191,
+        ..LinkConfig::new(245, Security::Signed, Endpoint::Listen)
+    };
+    let mut air_side: Link<Addr> = Link::new(config);
+    let auth = Station::auth(&mut station.keys, &mut station.store);
+    air_side.handle_datagram(at(10), STRANGER, &frame, auth, &mut |_| {
+        panic!("a reflection")
+    });
+    assert_eq!((air_side.stats().reflected, air_side.peer()), (1, None));
+    // And our ground end never sends under the vehicle's id, so nobody can reflect through it.
+    let (ours, _) = station.send(at(11), &ack());
+    assert_eq!(FrameView::parse(&ours).unwrap().header().system_id, 245);
+}
+
+#[test]
+fn fall_15_state_and_counters_say_whether_signing_is_on() {
+    let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
+    assert_eq!(station.link.state(), LinkState::Live);
+    let mut unsigned = Station::new(Endpoint::Listen, at(0));
+    unsigned.receive(at(1), VEHICLE, &vehicle.send_unsigned(&ack()));
+    assert_eq!(unsigned.link.state(), LinkState::Waiting);
+    let stats = unsigned.link.stats();
+    assert_eq!((stats.unsigned_vehicle, stats.delivered_verified), (1, 0));
+    // A vehicle that restarts is seen to be behind until it is lifted.
+    vehicle.restart();
+    for n in 0..4 {
+        station.receive(at(5_000 + n), VEHICLE, &vehicle.heartbeat());
+    }
+    assert_eq!(station.link.state(), LinkState::Behind);
 }
 
 #[test]

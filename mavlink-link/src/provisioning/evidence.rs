@@ -6,7 +6,7 @@ use super::{Event, Handover, NewKey, Outcome, State, Under};
 use crate::Now;
 use crate::clock::CeilingStore;
 use crate::dialect::{MavAutopilot, MavMessage, MavModeFlag};
-use crate::frame::{FrameView, Parser};
+use crate::frame::FrameView;
 use crate::receiver::{AUTOPILOT, Expected, Refusal};
 use crate::signing::Stamp;
 
@@ -30,7 +30,7 @@ impl<A: Copy + Eq> Handover<A> {
         store: &mut dyn CeilingStore,
     ) {
         // Taken out while its frames are looked at; it is a few hundred octets.
-        let mut parser = core::mem::replace(&mut self.parser, Parser::new());
+        let mut parser = core::mem::take(&mut self.parser);
         let mut frames = parser.feed(bytes);
         while let Some(item) = frames.next() {
             if let Ok(frame) = item

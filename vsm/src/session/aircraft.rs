@@ -292,7 +292,10 @@ impl Aircraft {
                 self.id(),
                 "its stamps are behind: it has restarted".to_owned(),
             ),
-            E::Live => desk.note(LogLevel::Info, self.id(), "the link is live".to_owned()),
+            E::Live => {
+                desk.note(LogLevel::Info, self.id(), "the link is live".to_owned());
+                self.say_signed(desk, listeners);
+            }
             E::Alert(alert) => {
                 let text = link_alert_text(alert).to_owned();
                 let raised = self.alerts.notice(

@@ -8,10 +8,14 @@ use mavlink_link::clock::CeilingStore;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::LinkState;
 use mavlink_link::provisioning::{Event, Handover, HandoverConfig, Outcome, StartError};
+use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{SigningKey, Stamp};
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
+use super::aircraft::Aircraft;
 use super::bridge::Bridge;
 use super::ceiling::Ceilings;
+use super::desk::Desk;
 use super::store::Store;
 use super::vehicle::{OutFrame, Peer, VehicleLink};
 
@@ -74,6 +78,22 @@ impl Bridge {
             .iter_mut()
             .enumerate()
             .find_map(|(index, aircraft)| Some((index, aircraft.mav.settling.change.take()?)))
+    }
+}
+
+impl Aircraft {
+    /// Tells the stations that the link is signed, and by which key.
+    pub(super) fn say_signed(&mut self, desk: &mut Desk<'_>, listeners: &[usize]) {
+        let Some(key) = self.mav.key().map(KeyState::id) else {
+            return;
+        };
+        let raised = self.alerts.notice(
+            desk.now.mono,
+            AlertPriority::Nominal,
+            SubsystemId::Comms,
+            format!("MAVLink is signed and verified, key {key}"),
+        );
+        desk.alert(self.id(), listeners, raised);
     }
 }
 

@@ -10,6 +10,8 @@ use std::io::{self, Read, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
+use rustix::fs::FlockOperation;
+use rustix::io::Errno;
 use zeroize::Zeroizing;
 
 /// The steps of writing and reading a file.
@@ -111,6 +113,18 @@ pub fn replace(disk: &dyn Disk, path: &Path, octets: &[u8], power: bool) -> io::
         disk.sync(folder_of(path))?;
     }
     Ok(())
+}
+
+/// Locks a file for this process, until it is closed. False where another process has it.
+///
+/// # Errors
+/// The system's.
+pub fn lock(file: &File) -> io::Result<bool> {
+    match rustix::fs::flock(file, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => Ok(true),
+        Err(Errno::WOULDBLOCK) => Ok(false),
+        Err(cause) => Err(cause.into()),
+    }
 }
 
 /// The folder that a file is in.

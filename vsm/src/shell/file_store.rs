@@ -1,6 +1,6 @@
 //! Records as files of one folder: written beside, synchronised, renamed; locked against a second process.
 
-use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
+use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Read};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
@@ -82,17 +82,16 @@ impl FileStore {
             .mode(0o600)
             .open(folder.join("lock"))
             .map_err(fault)?;
-        match lock.try_lock() {
-            Ok(()) => Ok(FileStore {
+        if !durable::lock(&lock).map_err(fault)? {
+            return Err(OpenError::Locked {
                 folder: folder.to_owned(),
-                disk,
-                _lock: lock,
-            }),
-            Err(TryLockError::WouldBlock) => Err(OpenError::Locked {
-                folder: folder.to_owned(),
-            }),
-            Err(TryLockError::Error(cause)) => Err(fault(cause)),
+            });
         }
+        Ok(FileStore {
+            folder: folder.to_owned(),
+            disk,
+            _lock: lock,
+        })
     }
 
     fn write(&self, name: &str, octets: &[u8], durability: Durability) -> io::Result<()> {

@@ -5,7 +5,7 @@
 //! two sign with one key and one stream. Every change is durable when it returns, and a change that
 //! fails leaves a key file that can be used.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, OpenOptions};
 use std::io;
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
@@ -82,14 +82,10 @@ impl KeyStore {
             // In a folder that cannot be written nothing is ever replaced: the key file itself can be locked.
             .or_else(|_| File::open(path))
             .map_err(change)?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                return Err(KeyStoreError::Locked {
-                    path: path.to_owned(),
-                });
-            }
-            Err(TryLockError::Error(cause)) => return Err(change(cause)),
+        if !durable::lock(&lock).map_err(change)? {
+            return Err(KeyStoreError::Locked {
+                path: path.to_owned(),
+            });
         }
         Ok(KeyStore {
             path: path.to_owned(),
