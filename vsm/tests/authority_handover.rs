@@ -246,6 +246,10 @@ fn a_restart_keeps_control_and_the_pending_handover() {
     let consent = scene.hand_over(A, B, CONTROL);
     assert_eq!(scene.end(A, consent), DONE);
     assert_eq!(scene.controller(), Some(B));
+    assert!(
+        reported(&scene, B, HandoverStatus::Successful),
+        "B is told too"
+    );
     scene.rig.stations[B].give_up(wish);
     scene.drawn("a_restart_keeps_control_and_the_pending_handover");
 }
@@ -289,4 +293,55 @@ fn a_transition_is_carried_out_where_provisional_layouts_are() {
     let transition = scene.transition(A, B);
     assert_eq!((scene.end(A, transition), scene.end(B, wish)), (DONE, DONE));
     assert_eq!(scene.controller(), Some(B));
+}
+
+#[test]
+fn the_vehicles_own_failsafe_is_told_to_who_listens() {
+    let mut scene = Scene::controlled();
+    let told = |rig: &support::Rig| rig.stations[A].was_told("NAV_DLL_ACT");
+    assert!(
+        scene.rig.until(20.0, told),
+        "{:?}",
+        scene.rig.stations[A].alerts()
+    );
+    assert!(scene.rig.stations[A].was_told("COM_DL_LOSS_T 10"));
+}
+
+#[test]
+fn every_change_of_control_is_a_line_of_the_audit_log() {
+    let mut scene = Scene::controlled();
+    let taken = scene.ask(B, RequestedAccess::Override, CONTROL);
+    assert_eq!(scene.end(B, taken), DONE);
+    scene.rig.restart_bridge();
+    let release = scene.ask(B, RequestedAccess::Relinquish, 0);
+    assert_eq!(scene.end(B, release), DONE);
+    let log = scene.rig.store.records["audit-1b000101.log"].clone();
+    let verified = vsm::session::Chain::verify(&log);
+    assert_eq!((verified.broken, verified.torn), (None, false));
+    let text = String::from_utf8(log).expect("it is text");
+    let reasons: Vec<&str> = ["requested", "overridden", "released"]
+        .into_iter()
+        .filter(|why| text.contains(&format!("\"why\":\"{why}\"")))
+        .collect();
+    assert_eq!(reasons, ["requested", "overridden", "released"]);
+    assert_eq!(
+        text.lines()
+            .filter(|line| line.contains("\"what\":\"started\""))
+            .count(),
+        2
+    );
+
+    let forged = text.replacen("overridden", "handed over", 1);
+    scene
+        .rig
+        .store
+        .records
+        .insert("audit-1b000101.log".to_owned(), forged.into_bytes());
+    scene.rig.restart_bridge();
+    scene.rig.run(0.1);
+    assert!(scene.rig.log.iter().any(|entry| {
+        entry
+            .text
+            .contains("audit log audit-1b000101.log is broken: line 3")
+    }));
 }

@@ -1,4 +1,4 @@
-//! PX4's parameters that bound what can be commanded.
+//! PX4's parameters that bound what can be commanded, and what it does by itself when it hears no ground station.
 
 use std::collections::BTreeMap;
 
@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 pub const NAMES: &[&str] = &[
     "BAT_CRIT_THR",
     "BAT_LOW_THR",
+    "COM_DL_LOSS_T",
     "FW_AIRSPD_MAX",
     "FW_AIRSPD_MIN",
     "FW_AIRSPD_TRIM",
@@ -16,6 +17,7 @@ pub const NAMES: &[&str] = &[
     "MPC_XY_VEL_MAX",
     "MPC_Z_VEL_MAX_DN",
     "MPC_Z_VEL_MAX_UP",
+    "NAV_DLL_ACT",
     "NAV_LOITER_RAD",
 ];
 

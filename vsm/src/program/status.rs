@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context as _, anyhow};
 use serde_json::Value;
@@ -54,6 +55,18 @@ fn readable(json: &str) -> anyhow::Result<String> {
             ", controlled by {}\n",
             vehicle["controller"].as_str().unwrap_or("nobody")
         );
+        for holder in list(&vehicle["holders"]) {
+            text += &holding(holder);
+        }
+        for handover in list(&vehicle["handovers"]) {
+            text += &format!(
+                "  pending: {} from {} to {}, waits for the {}\n",
+                plain(&handover["rights"]),
+                handover["from"].as_str().unwrap_or("nobody"),
+                plain(&handover["to"]),
+                plain(&handover["waits_for"])
+            );
+        }
         let link = &vehicle["link"];
         let signed = match (link["signed"] == true, link["key_id"].as_str()) {
             (true, Some(id)) => format!("signed with key {id}"),
@@ -74,6 +87,31 @@ fn readable(json: &str) -> anyhow::Result<String> {
     text += &counts("DLI sent by type: ", &status["sent"]);
     text += &counts("DLI refused: ", &status["refused"]);
     Ok(text)
+}
+
+/// `  1b:00:00:a0 holds LOI 2, 4, 5, for 12 s`: what, and since when.
+fn holding(holder: &Value) -> String {
+    let bits = holder["loi"].as_u64().unwrap_or(0);
+    let levels = (2..=5).filter(|level| bits & (1 << (level - 2)) != 0);
+    let levels: Vec<String> = levels.map(|level: u64| level.to_string()).collect();
+    let stations = holder["stations"].as_array().map_or(&[][..], Vec::as_slice);
+    let stations = match stations {
+        [] => String::new(),
+        all if all.len() == 32 => " of every station".to_owned(),
+        some => {
+            let some: Vec<String> = some.iter().map(Value::to_string).collect();
+            format!(" of station {}", some.join(", "))
+        }
+    };
+    let now = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    let since = holder["since_ms"].as_u64().map(Duration::from_millis);
+    let since = since.map_or(String::new(), |since| {
+        format!(", for {} s", now.saturating_sub(since).as_secs())
+    });
+    let id = plain(&holder["id"]);
+    format!("  {id} holds LOI {}{stations}{since}\n", levels.join(", "))
 }
 
 fn counts(title: &str, counts: &Value) -> String {

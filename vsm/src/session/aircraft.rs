@@ -243,6 +243,9 @@ impl Aircraft {
                 desk.alert(self.id(), &listeners, raised);
             }
             VehicleEvent::ModeChanged => self.report_on_change(desk),
+            VehicleEvent::ForeignCommand(system, command) => {
+                self.say_foreign_command(desk, system, command);
+            }
             VehicleEvent::Parameter(event) => self.take_parameter(desk, event),
             VehicleEvent::ParameterTold(name, value) => self.keep_parameter(desk, name, value),
             VehicleEvent::Text(text) => {

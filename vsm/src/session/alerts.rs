@@ -20,6 +20,8 @@ pub(crate) enum Cause {
     OtherMission,
     /// A record could not be written.
     Store,
+    /// What the vehicle does by itself when it hears no ground station.
+    OwnFailsafe,
     /// The audit log does not follow from itself.
     Audit,
 }

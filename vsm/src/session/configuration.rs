@@ -218,9 +218,15 @@ impl Aircraft {
         }
     }
 
+    /// A parameter of the vehicle, where it is known.
+    pub(super) fn parameter(&self, name: &str) -> Option<f64> {
+        self.configuration.parameters.get(name)
+    }
+
     /// All parameters have come, or no more will: who has waited is answered.
     fn end_reading(&mut self, desk: &mut Desk<'_>) {
         self.configuration.reading = Reading::Done;
+        self.say_own_failsafe(desk);
         for (origin, request) in std::mem::take(&mut self.configuration.waiting) {
             self.answer_configuration(desk, origin, &request);
         }
@@ -247,6 +253,7 @@ impl Aircraft {
         }
         let text = format!("the vehicle's parameter {} is now {value}", name.as_str());
         desk.note(LogLevel::Info, self.id(), text);
+        self.say_own_failsafe(desk);
         let now = self.bounded(desk.vsm);
         let changed: Vec<Message> = now
             .into_iter()

@@ -61,7 +61,7 @@ struct Stored {
     holders: Vec<Holder>,
 }
 
-/// What is known of a holder beside its rights.
+/// What is known of a holder, or of who takes part in a handover, beside its rights.
 #[derive(Serialize, Deserialize)]
 struct Holder {
     id: u32,
@@ -109,7 +109,14 @@ impl Aircraft {
     }
 
     fn store_authority(&mut self, desk: &mut Desk<'_>) -> Result<(), StoreError> {
-        let holders = self.authority.holders().map(|(id, _)| {
+        let pending = self.authority.pending().iter();
+        let holders = self.authority.holders().map(|(id, _)| id);
+        // Who takes part in a handover must hear of its end.
+        let known: BTreeSet<Id> = pending
+            .flat_map(|handover| handover.from.into_iter().chain([handover.to]))
+            .chain(holders)
+            .collect();
+        let holders = known.into_iter().map(|id| {
             let station = desk.stations.iter().find(|station| station.id() == id);
             let since = self.custody.since(id).unwrap_or(desk.now.wall);
             Holder {
@@ -193,11 +200,7 @@ impl Aircraft {
             // What a crash cut off is closed, so that the next line is a line.
             desk.store.append(&name, b"\n")?;
         }
-        let holders = self
-            .authority
-            .holders()
-            .map(|(id, rights)| (id, rights))
-            .collect();
+        let holders = self.authority.holders().collect();
         self.write_audit(desk, &Entry::Started(holders))
     }
 }

@@ -25,6 +25,7 @@ mod manual;
 mod mission_transfer;
 mod mode_command;
 mod operating;
+mod operator_control;
 mod outbox;
 mod plan_record;
 mod push;

@@ -72,6 +72,8 @@ pub(crate) enum VehicleEvent {
     Parameter(param::Event),
     /// A parameter that it tells unasked: somebody has changed it.
     ParameterTold(param::Name, param::Value),
+    /// It has answered a command of another system: (system, command).
+    ForeignCommand(u8, u32),
     /// A text of its own.
     Text(Text),
     /// Something about the link.
@@ -252,6 +254,13 @@ impl VehicleLink {
         self.texts.handle_message(now.mono, node, message);
         if node != self.vehicle {
             return;
+        }
+        if let MavMessage::COMMAND_ACK(ack) = message
+            && ack.target_system != 0
+            && ack.target_system != self.link.config().own_system
+        {
+            let event = VehicleEvent::ForeignCommand(ack.target_system, ack.command as u32);
+            self.events.push_back(event);
         }
         let mode = self.telemetry.mode;
         self.telemetry.update(message);

@@ -223,38 +223,33 @@ impl Scene {
     /// The diagram stands in docs/authority.md under the name of the case. `AUTHORITY_DIAGRAMS=write` puts it there.
     pub fn drawn(&self, case: &str) {
         let page = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs/authority.md");
-        let text = std::fs::read_to_string(&page).expect("docs/authority.md is there");
         let wanted = self.diagram();
-        let heading = format!("### `{case}`\n");
-        let at = text
-            .find(&heading)
-            .unwrap_or_else(|| panic!("docs/authority.md has no {heading}"));
-        let begins = at
-            + text[at..]
-                .find("```mermaid")
-                .unwrap_or_else(|| panic!("{case} has no diagram"));
-        let ends = begins + 3 + text[begins + 3..].find("```\n").expect("the diagram ends") + 4;
+        let _lock = WRITING.lock();
+        let mut text = std::fs::read_to_string(&page).expect("docs/authority.md is there");
+        let drawn = diagram_of(&text, case);
         if std::env::var_os("AUTHORITY_DIAGRAMS").is_some_and(|how| how == "write") {
-            let _lock = WRITING.lock();
-            let text = std::fs::read_to_string(&page).expect("docs/authority.md is there");
-            let text = text.replacen(&text_of(&text, case), &wanted, 1);
+            text.replace_range(drawn, &wanted);
             return std::fs::write(&page, text).expect("docs/authority.md can be written");
         }
         assert_eq!(
-            &text[begins..ends],
-            wanted,
+            &text[drawn], wanted,
             "{case}: run with AUTHORITY_DIAGRAMS=write and look at the change"
         );
     }
 }
 
-fn text_of(text: &str, case: &str) -> String {
+/// Where the diagram of a case stands.
+fn diagram_of(text: &str, case: &str) -> std::ops::Range<usize> {
+    let heading = format!("### `{case}`\n");
     let at = text
-        .find(&format!("### `{case}`\n"))
-        .expect("the case is there");
-    let begins = at + text[at..].find("```mermaid").expect("it has a diagram");
-    let ends = begins + 3 + text[begins + 3..].find("```\n").expect("the diagram ends") + 4;
-    text[begins..ends].to_owned()
+        .find(&heading)
+        .unwrap_or_else(|| panic!("docs/authority.md has no {heading}"));
+    let begins = at
+        + text[at..]
+            .find("```mermaid")
+            .expect("the case has a diagram");
+    let length = text[begins + 3..].find("```\n").expect("the diagram ends") + 7;
+    begins..begins + length
 }
 
 static WRITING: std::sync::Mutex<()> = std::sync::Mutex::new(());
