@@ -51,8 +51,12 @@ pub struct FieldSupport {
 /// The row of a message, where it has one.
 #[must_use]
 pub fn message(id: u16) -> Option<&'static MessageSupport> {
-    let index = SUPPORT.binary_search_by_key(&id, |row| row.id).ok()?;
-    SUPPORT.get(index)
+    rows().find(|row| row.id == id)
+}
+
+/// All rows, in the order of their types.
+pub fn rows() -> impl Iterator<Item = &'static MessageSupport> {
+    SUPPORT.iter().copied().flatten()
 }
 
 /// What is done with a field.
@@ -102,8 +106,8 @@ mod tests {
 
     #[test]
     fn rows_are_in_order_and_name_messages_and_fields_of_the_table() {
-        assert!(SUPPORT.is_sorted_by_key(|row| row.id));
-        for row in SUPPORT {
+        assert!(rows().is_sorted_by_key(|row| row.id));
+        for row in rows() {
             let info = table::message(row.id).expect("a message of the table");
             for (name, what) in row.honoured.iter().chain(row.sent) {
                 assert!(info.field(name).is_some(), "{} {name}", row.id);
@@ -125,7 +129,7 @@ mod tests {
 
     #[test]
     fn directions_agree_with_the_table() {
-        for row in SUPPORT {
+        for row in rows() {
             let info = table::message(row.id).expect("a message of the table");
             assert!(
                 row.taken.is_empty() || info.direction != Direction::ToCucs,

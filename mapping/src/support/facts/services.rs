@@ -1,0 +1,132 @@
+//! Alerts, acknowledgements, requests, handover: 15000 to 39999.
+
+use super::{HEARD_STAMP, NULL_LINK, STAMP};
+use crate::support::MessageSupport;
+
+pub(super) static ROWS: &[MessageSupport] = &[
+    MessageSupport {
+        id: 16000,
+        taken: "",
+        sends: "when something happens, changes or is over",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("Data Link ID", NULL_LINK),
+            ("Priority", "STATUSTEXT.severity, or this VSM's own"),
+            (
+                "Subsystem State Report Reference",
+                "-1: there is no more to ask for",
+            ),
+            ("Subsystem ID", "what it is about; 20 is the autopilot"),
+            ("Type", "clearable by the operator, 0 when it is over"),
+            ("Alert (Warning) ID", "negative the first time"),
+            ("Text", "for the operator"),
+            ("Persistence", "-1, undefined; 0 when it is over"),
+            ("Append Order", "where the text needs several"),
+            ("Append Total Number", "where the text needs several"),
+        ],
+    },
+    MessageSupport {
+        id: 16001,
+        taken: "",
+        sends: "by 17001, on 17002, one a subsystem",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            (
+                "Subsystem ID",
+                "0 engine, 3 comms, 4 propulsion energy, 5 navigation",
+            ),
+            (
+                "Subsystem State",
+                "SYS_STATUS, ESTIMATOR_STATUS, battery, heartbeat",
+            ),
+            (
+                "Subsystem State Report Reference",
+                "-1: there is no more to ask for",
+            ),
+        ],
+    },
+    MessageSupport {
+        id: 16002,
+        taken: "the CUCS is there; once sent, its silence counts",
+        sends: "each second from LOI 2 on",
+        honoured: &[("Time Stamp", HEARD_STAMP)],
+        sent: &[("Time Stamp", STAMP)],
+    },
+    MessageSupport {
+        id: 17000,
+        taken: "taken note of by nobody: this VSM asks for no acknowledgement",
+        sends: "for every message that asks for it: received, then carried out or refused",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("Original Message Time Stamp", "of the message"),
+            ("Original Message Type", "of the message"),
+            (
+                "Acknowledgement Type",
+                "1 received, 2 carried out, 3 refused",
+            ),
+        ],
+    },
+    MessageSupport {
+        id: 17001,
+        taken: "a report is sent so often",
+        sends: "",
+        honoured: &[
+            ("Time Stamp", HEARD_STAMP),
+            (
+                "Requested Message Type",
+                "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 4000, 4001, 12101, 16001, 16002; others are refused",
+            ),
+            ("Frequency", "1 to 50 Hz; 0: no longer"),
+        ],
+        sent: &[],
+    },
+    MessageSupport {
+        id: 17002,
+        taken: "a report is sent once",
+        sends: "",
+        honoured: &[
+            ("Time Stamp", HEARD_STAMP),
+            ("Message Type", "2 and those of 17001; others are refused"),
+            (
+                "Requested Field Presence Vector",
+                "the fields to send, beside the stamp; 0: all",
+            ),
+        ],
+        sent: &[],
+    },
+    MessageSupport {
+        id: 34000,
+        taken: "dli.provisional = all: control is handed over or asked for; else refused",
+        sends: "",
+        honoured: &[
+            ("Time Stamp", HEARD_STAMP),
+            ("Acquiring CUCS ID", "who acquires; needed"),
+            (
+                "Set Forward Link Carrier Frequency (ADT)",
+                "0; others are refused",
+            ),
+            (
+                "Set Return Link Carrier Frequency (ADT)",
+                "0; others are refused",
+            ),
+            ("Set PN Code (ADT)", "0; others are refused"),
+        ],
+        sent: &[],
+    },
+    MessageSupport {
+        id: 35000,
+        taken: "",
+        sends: "when a handover begins or ends, unless dli.provisional is off",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("CUCS ID (relinquishing control)", "the holder, or null"),
+            ("CUCS ID (acquiring control)", "the successor, or null"),
+            ("Status", "how far it is"),
+            ("Air Data Link ID", NULL_LINK),
+        ],
+    },
+];
