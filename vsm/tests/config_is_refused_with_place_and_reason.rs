@@ -30,7 +30,9 @@ listen = "127.0.0.1:8586"
 "#;
 
 fn refusal(text: &str) -> String {
-    Config::parse(text, Path::new("")).expect_err("should be refused").to_string()
+    Config::parse(text, Path::new(""))
+        .expect_err("should be refused")
+        .to_string()
 }
 
 #[test]
@@ -38,7 +40,10 @@ fn every_key_of_the_contract_is_read() {
     let config = Config::parse(GOOD, Path::new("/etc/vsm")).expect("good");
     assert_eq!(config.store.dir, Path::new("/etc/vsm/state"));
     let vehicle = config.vehicles().next().expect("one");
-    assert_eq!(vehicle.signing, Signing::KeyFile("/etc/vsm/uav1.key".into()));
+    assert_eq!(
+        vehicle.signing,
+        Signing::KeyFile("/etc/vsm/uav1.key".into())
+    );
     assert_eq!(config.stations().count(), 1);
 }
 
@@ -50,7 +55,8 @@ fn interface_without_multicast_is_legal() {
 
 #[test]
 fn nobody_listed_is_legal() {
-    let text = "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:4586\"\n[store]\ndir = \"s\"\n";
+    let text =
+        "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:4586\"\n[store]\ndir = \"s\"\n";
     assert!(Config::parse(text, Path::new("")).is_ok());
 }
 
@@ -58,29 +64,109 @@ fn nobody_listed_is_legal() {
 fn what_is_wrong_is_said_with_its_place() {
     // (what is replaced, by what, what the message must hold)
     let table: &[(&str, &str, &[&str])] = &[
-        ("listen = \"127.0.0.1:4586\"", "lisen = \"127.0.0.1:4586\"", &["line 4", "lisen", "listen"]),
+        (
+            "listen = \"127.0.0.1:4586\"",
+            "lisen = \"127.0.0.1:4586\"",
+            &["line 4", "lisen", "listen"],
+        ),
         ("listen = \"127.0.0.1:4586\"", "", &["listen", "missing"]),
-        ("vsm_id = \"1b:00:00:01\"", "vsm_id = \"1b:00:00\"", &["line 3", "vsm_id", "four octets"]),
-        ("vsm_id = \"1b:00:00:01\"", "vsm_id = \"ff:ff:ff:ff\"", &["line 3", "ff is reserved"]),
-        ("225.200.1.0:51017", "10.0.0.1:51017", &["line 5", "multicast"]),
-        ("provisional = \"status\"", "provisional = \"maybe\"", &["line 7", "maybe", "all"]),
+        (
+            "vsm_id = \"1b:00:00:01\"",
+            "vsm_id = \"1b:00:00\"",
+            &["line 3", "vsm_id", "four octets"],
+        ),
+        (
+            "vsm_id = \"1b:00:00:01\"",
+            "vsm_id = \"ff:ff:ff:ff\"",
+            &["line 3", "ff is reserved"],
+        ),
+        (
+            "225.200.1.0:51017",
+            "10.0.0.1:51017",
+            &["line 5", "multicast"],
+        ),
+        (
+            "provisional = \"status\"",
+            "provisional = \"maybe\"",
+            &["line 7", "maybe", "all"],
+        ),
         ("loi = [2, 3, 4, 5]", "loi = [1]", &["line 10", "2 to 5"]),
-        ("id = \"1b:00:00:a0\"", "id = \"1b:00:00:01\"", &["line 8", "cucs.id", "nothing else"]),
-        ("id = \"1b:00:01:01\"", "id = \"1b:00:00:a0\"", &["line 13", "vehicle.id", "nothing else"]),
-        ("udpin:127.0.0.1:14550", "tcp:127.0.0.1:14550", &["line 15", "udpin:ADDRESS:PORT"]),
-        ("udpin:127.0.0.1:14550", "udpin:localhost", &["line 15", "udpin:ADDRESS:PORT"]),
-        ("system_id = 1", "system_id = 0", &["vehicle.system_id", "1 to 255"]),
-        ("system_id = 1", "system_id = 245", &["vehicle.system_id", "not the VSM's own"]),
+        (
+            "id = \"1b:00:00:a0\"",
+            "id = \"1b:00:00:01\"",
+            &["line 8", "cucs.id", "nothing else"],
+        ),
+        (
+            "id = \"1b:00:01:01\"",
+            "id = \"1b:00:00:a0\"",
+            &["line 13", "vehicle.id", "nothing else"],
+        ),
+        (
+            "udpin:127.0.0.1:14550",
+            "tcp:127.0.0.1:14550",
+            &["line 15", "udpin:ADDRESS:PORT"],
+        ),
+        (
+            "udpin:127.0.0.1:14550",
+            "udpin:localhost",
+            &["line 15", "udpin:ADDRESS:PORT"],
+        ),
+        (
+            "system_id = 1",
+            "system_id = 0",
+            &["vehicle.system_id", "1 to 255"],
+        ),
+        (
+            "system_id = 1",
+            "system_id = 245",
+            &["vehicle.system_id", "not the VSM's own"],
+        ),
         ("system_id = 1", "system_id = 256", &["line 16", "256"]),
-        ("PX4-01", "a tail number that is too long", &["vehicle.tail_number", "15"]),
-        ("signing = { key_file = \"uav1.key\" }", "", &["signing", "missing"]),
-        ("signing = { key_file = \"uav1.key\" }", "signing = \"on\"", &["line 18", "key_file", "off"]),
-        ("key_file = \"uav1.key\"", "pass_phrase = \"secret\"", &["line 18", "pass_phrase", "key_file"]),
-        ("tolerance_m = 1.0", "tolerance_m = 0.0", &["vehicle.curve.tolerance_m", "0.1 to 100"]),
-        ("tolerance_m = 1.0", "tolerance_m = nan", &["vehicle.curve.tolerance_m", "0.1 to 100"]),
-        ("policy = \"slow\"", "policy = \"fast\"", &["line 19", "fast", "refuse"]),
-        ("[http]", "[authority]\nwarn_s = 6\noffer_s = 5\n[http]", &["authority", "warn_s <= offer_s"]),
-        ("[http]", "[authority]\nact_s = 0\n[http]", &["line 23", "0.5 to 3600"]),
+        (
+            "PX4-01",
+            "a tail number that is too long",
+            &["vehicle.tail_number", "15"],
+        ),
+        (
+            "signing = { key_file = \"uav1.key\" }",
+            "",
+            &["signing", "missing"],
+        ),
+        (
+            "signing = { key_file = \"uav1.key\" }",
+            "signing = \"on\"",
+            &["line 18", "key_file", "off"],
+        ),
+        (
+            "key_file = \"uav1.key\"",
+            "pass_phrase = \"secret\"",
+            &["line 18", "pass_phrase", "key_file"],
+        ),
+        (
+            "tolerance_m = 1.0",
+            "tolerance_m = 0.0",
+            &["vehicle.curve.tolerance_m", "0.1 to 100"],
+        ),
+        (
+            "tolerance_m = 1.0",
+            "tolerance_m = nan",
+            &["vehicle.curve.tolerance_m", "0.1 to 100"],
+        ),
+        (
+            "policy = \"slow\"",
+            "policy = \"fast\"",
+            &["line 19", "fast", "refuse"],
+        ),
+        (
+            "[http]",
+            "[authority]\nwarn_s = 6\noffer_s = 5\n[http]",
+            &["authority", "warn_s <= offer_s"],
+        ),
+        (
+            "[http]",
+            "[authority]\nact_s = 0\n[http]",
+            &["line 23", "0.5 to 3600"],
+        ),
         ("[http]", "[https]", &["line 22", "https"]),
         ("[store]\ndir = \"state\"", "", &["store", "missing"]),
     ];
@@ -89,14 +175,19 @@ fn what_is_wrong_is_said_with_its_place() {
         assert_ne!(text, GOOD, "{from} is not in the sample");
         let message = refusal(&text);
         for part in *wanted {
-            assert!(message.contains(part), "{to:?} is refused without {part:?}:\n{message}");
+            assert!(
+                message.contains(part),
+                "{to:?} is refused without {part:?}:\n{message}"
+            );
         }
     }
 }
 
 #[test]
 fn a_missing_file_is_named() {
-    let message = Config::load(Path::new("no/such/vsm.toml")).expect_err("missing").to_string();
+    let message = Config::load(Path::new("no/such/vsm.toml"))
+        .expect_err("missing")
+        .to_string();
     assert!(message.contains("no/such/vsm.toml"), "{message}");
 }
 
@@ -106,7 +197,11 @@ fn the_examples_are_good() {
     let mut seen = 0;
     for entry in std::fs::read_dir(&folder).expect("examples") {
         let path = entry.expect("entry").path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
         if name.ends_with(".toml") && !name.ends_with(".route.toml") {
             Config::load(&path).unwrap_or_else(|fault| panic!("{fault}"));
             seen += 1;
@@ -125,6 +220,9 @@ fn the_reference_names_every_key() {
                 vehicle.limits.speed_m_s store.dir http.listen authority.warn_s authority.offer_s authority.act_s \
                 authority.on_loss mavlink.system_id mavlink.component_id record.dir";
     for key in keys.split_whitespace() {
-        assert!(reference.contains(&format!("`{key}`")), "{key} is not in docs/configuration.md");
+        assert!(
+            reference.contains(&format!("`{key}`")),
+            "{key} is not in docs/configuration.md"
+        );
     }
 }
