@@ -3,6 +3,8 @@
 //!
 //! The C library and pymavlink are measured where `cc` and pymavlink are at hand; what is left out is said.
 
+#![allow(clippy::print_stdout, reason = "figures are printed")]
+
 #[path = "../tests/support/c_library.rs"]
 mod c_library;
 
@@ -20,7 +22,7 @@ use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{KeyId, SigningKey, Stamp, sign};
-use poly1305::universal_hash::{KeyInit as _, UniversalHash as _};
+use poly1305::universal_hash::KeyInit as _;
 use sha2::{Digest as _, Sha256};
 
 /// A store for clocks that live as long as the run.

@@ -124,7 +124,7 @@ impl Px4 {
         if tick % 10 == 3 {
             said.push(self.heartbeat());
         }
-        if tick % 2 == 0 {
+        if tick.is_multiple_of(2) {
             said.push(support::ack());
         }
         said.iter().map(|message| self.send(message)).collect()
@@ -283,17 +283,13 @@ impl World {
             self.history.push(event);
         }
         // The promise: whatever key the vehicle has, we have it too.
-        for key in [
-            self.px4.running.as_ref(),
-            self.px4.file.as_ref().map(|(key, _)| key),
-        ] {
-            if let Some(key) = key {
-                assert!(
-                    self.disk.holds(key),
-                    "a key of the vehicle is lost: {:?}",
-                    self.history
-                );
-            }
+        let file = self.px4.file.as_ref().map(|(key, _)| key);
+        for key in self.px4.running.iter().chain(file) {
+            assert!(
+                self.disk.holds(key),
+                "a key of the vehicle is lost: {:?}",
+                self.history
+            );
         }
     }
 
