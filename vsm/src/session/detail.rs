@@ -4,6 +4,7 @@
 
 use mapping::status;
 use stanag_msgs::Message;
+use stanag_msgs::enums::CommandedEngineState;
 
 use super::aircraft::Aircraft;
 use super::desk::Desk;
@@ -35,11 +36,15 @@ impl Aircraft {
             }
             3005 => vec![status::termination(desk.stamp()).into()],
             3006 => vec![status::lights(desk.stamp()).into()],
-            3007 if live => (1..=status::engines(vehicle))
-                .map(|number| {
-                    status::engine(vehicle, number, self.engine_command, desk.stamp()).into()
-                })
-                .collect(),
+            3007 if live => {
+                // A command that the vehicle refused is not one that its engines follow.
+                let followed = self.engine_command.filter(|command| {
+                    vehicle.armed == Some(*command != CommandedEngineState::Stop)
+                });
+                (1..=status::engines(vehicle))
+                    .map(|number| status::engine(vehicle, number, followed, desk.stamp()).into())
+                    .collect()
+            }
             3009 if live => {
                 let (altimeter, agl) = (self.bounds.altimeter, self.bounds.agl);
                 vec![status::air_and_ground(vehicle, altimeter, agl, desk.stamp()).into()]
