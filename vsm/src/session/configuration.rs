@@ -49,7 +49,7 @@ enum Reading {
 
 #[derive(Debug)]
 enum Outgoing {
-    Answer(usize, Message),
+    Answer(usize, Box<Message>),
     Done(Origin),
 }
 
@@ -119,13 +119,15 @@ impl Aircraft {
         let answers = answers.into_iter();
         machine
             .queue
-            .extend(answers.map(|answer| Outgoing::Answer(to, answer)));
+            .extend(answers.map(|answer| Outgoing::Answer(to, Box::new(answer))));
         machine.queue.push_back(Outgoing::Done(origin));
         machine.due.get_or_insert(desk.now.mono);
         if let Scope::Level(Level::Control) = request.scope {
             machine.told.insert(to);
             machine.modes = Some(available);
-            let changes = available.all().map(|said| Outgoing::Answer(to, said));
+            let changes = available
+                .all()
+                .map(|said| Outgoing::Answer(to, Box::new(said)));
             machine.queue.extend(changes);
         }
         self.send_configuration(desk);
@@ -164,7 +166,7 @@ impl Aircraft {
             match self.configuration.queue.pop_front() {
                 None => break,
                 Some(Outgoing::Answer(to, answer)) => {
-                    let answer = stamped(answer, desk.stamp());
+                    let answer = stamped(*answer, desk.stamp());
                     desk.send(to, id, &answer);
                 }
                 Some(Outgoing::Done(origin)) => {
@@ -288,7 +290,7 @@ impl Aircraft {
             let all = messages.iter().cloned();
             machine
                 .queue
-                .extend(all.map(|message| Outgoing::Answer(*station, message)));
+                .extend(all.map(|message| Outgoing::Answer(*station, Box::new(message))));
         }
         if !machine.queue.is_empty() {
             machine.due.get_or_insert(desk.now.mono);
