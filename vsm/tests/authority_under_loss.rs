@@ -113,7 +113,7 @@ fn a_hundred_thousand_commands_without_the_right_reach_nothing() {
     let address = ([127, 0, 0, 1], 43_000).into();
     let id = stanag_msgs::Id(0x1b00_00ee);
     scene.rig.stations.push(support::Station::new(id, address));
-    let before = scene.rig.vehicles[0].vehicle().counters().clone();
+    let before = scene.rig.vehicles[0].vehicle().counters();
     let mut seed = 1_u64;
     let mut random = |below: u64| {
         seed = seed
@@ -148,7 +148,7 @@ fn a_hundred_thousand_commands_without_the_right_reach_nothing() {
         }
     }
     scene.rig.run(0.5);
-    let after = scene.rig.vehicles[0].vehicle().counters().clone();
+    let after = scene.rig.vehicles[0].vehicle().counters();
     assert_eq!(
         format!("{before:?}"),
         format!("{after:?}"),
