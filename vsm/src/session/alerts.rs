@@ -12,12 +12,8 @@ pub(crate) enum Cause {
     VehicleSilent,
     /// Signing is off by configuration.
     SigningOff,
-    /// The link layer alerts, by kind.
-    Link(mavlink_link::link::Alert),
     /// The controlling CUCS is silent.
     CucsSilent,
-    /// The vehicle holds another mission than the one loaded.
-    OtherMission,
     /// A record could not be written.
     Store,
     /// What the vehicle does by itself when it hears no ground station.
@@ -138,11 +134,6 @@ impl Alerts {
             },
             first: true,
         }
-    }
-
-    /// Whether a cause stands.
-    pub(crate) fn stands(&self, cause: Cause) -> bool {
-        self.standing.iter().any(|(known, _)| *known == cause)
     }
 
     /// What stands, for a CUCS that starts to listen.

@@ -31,6 +31,7 @@ pub(crate) struct Load {
     then: Option<(Option<Origin>, VehicleOperatingModeCommand)>,
 }
 
+#[expect(clippy::large_enum_variant, reason = "one an aircraft, and rare")]
 #[derive(Debug)]
 enum Work {
     Transfer(Transfer),
