@@ -2,6 +2,10 @@
 //! the test, however it ends.
 
 #![allow(dead_code, reason = "each test file uses its part")]
+#![allow(
+    clippy::print_stderr,
+    reason = "a seed and a story are told to who reads the test"
+)]
 
 pub(crate) mod bridge;
 
