@@ -433,7 +433,12 @@ impl Tshark {
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{said}");
         let text = String::from_utf8(output.stdout).unwrap();
-        for failure in ["Lua Error", "Malformed Packet", "_ws.malformed", "_ws.lua.error"] {
+        for failure in [
+            "Lua Error",
+            "Malformed Packet",
+            "_ws.malformed",
+            "_ws.lua.error",
+        ] {
             assert!(
                 !text.contains(failure) && !said.contains(failure),
                 "{said}\n{text}"

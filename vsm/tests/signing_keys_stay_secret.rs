@@ -38,12 +38,12 @@ fn forms(hex: &str) -> Vec<Vec<u8>> {
         .collect();
     let list = format!("{octets:?}");
     vec![
-        &hex.as_bytes()[..24].to_vec(),
-        &hex.as_bytes()[40..].to_vec(),
+        hex.as_bytes()[..24].to_vec(),
+        hex.as_bytes()[40..].to_vec(),
         hex[..24].to_uppercase().into_bytes(),
         octets[..8].to_vec(),
         octets[24..].to_vec(),
-        &list.as_bytes()[1..30].to_vec(),
+        list.as_bytes()[1..30].to_vec(),
     ]
 }
 

@@ -54,7 +54,10 @@ impl OutFrame {
 }
 
 /// What the vehicle has told, for the bridge to act on.
-#[expect(clippy::large_enum_variant, reason = "boxed, the vehicle could make us allocate")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "boxed, the vehicle could make us allocate"
+)]
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum VehicleEvent {
     /// A heartbeat after silence, or the first.
