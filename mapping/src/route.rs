@@ -8,8 +8,8 @@
 //! | Waypoint to Speed (0802.10) | DO_CHANGE_SPEED before it: the speed of the leg to it |
 //! | Turn Type (0802.16) 0 or absent | acceptance radius 0: the vehicle's own, NAV_ACC_RAD |
 //! | Turn Type 1, fly over | acceptance radius 3 m: PX4 misses smaller ones for good |
-//! | loiter (13003) | NAV_LOITER_TIME or NAV_LOITER_UNLIM: [`crate::loiter`] |
-//! | Waypoint Type (0802.17) 1, end of a loop | DO_JUMP after it: [`crate::loops`] |
+//! | loiter (13003) | NAV_LOITER_TIME or NAV_LOITER_UNLIM: `loiter` |
+//! | Waypoint Type (0802.17) 1, end of a loop | DO_JUMP after it: `loops` |
 
 use geo::{Distance, Haversine, Point};
 use mavlink_link::service::mission::Item;
