@@ -383,6 +383,12 @@ fn fly_curve(
             fault,
         },
     })?;
+    for chord in &chords.vertices {
+        height(chord.level, site).map_err(|reason| RouteError {
+            waypoint: p1.number,
+            reason,
+        })?;
+    }
     if chords.reads_differently {
         let text = format!(
             "curve {} to {} is flown as defined; drawn in latitude and longitude it is another line",

@@ -10,7 +10,7 @@ use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::service::Node;
 use mavlink_link::signing::Stamp;
-use stanag_msgs::enums::{AckType, AlertPriority, LoiBitmap};
+use stanag_msgs::enums::{AckType, AlertPriority, LoiBitmap, RequestedAccess};
 use stanag_msgs::table::{self, Direction};
 use stanag_msgs::wrapper::{Frame, WrapperError};
 use stanag_msgs::{Id, Message, Profile, TimeStamp};
@@ -227,9 +227,6 @@ impl Bridge {
             self.counters.count("misaddressed");
             return;
         }
-        // From here it is a datagram of a station that may speak: answers go to where it sends from.
-        station.peer = Some(from);
-        station.heard = Some(now.mono);
         let origin = Origin {
             station: index,
             message_type: header.message_type,
@@ -255,6 +252,10 @@ impl Bridge {
             return self.refuse(now, &origin, header.destination, store);
         }
         self.received.count(header.message_type.into());
+        // From here it is a message of a station that may speak: answers go to where it sends from.
+        let station = &mut self.stations[index];
+        station.peer = Some(from);
+        station.heard = Some(now.mono);
         if let Some(stamp) = origin.stamp {
             if let Some(answer) = self.stations[index].recent.find(frame) {
                 self.counters.count("duplicate");
@@ -282,7 +283,15 @@ impl Bridge {
             Message::CucsAuthorisationRequest(request) => {
                 let (mut desk, aircraft) = self.desk(now, store);
                 // To everybody, or to the VSM: a question for each vehicle. To a vehicle: a request.
-                let mut answer = AckType::CarriedOut;
+                let asks = matches!(
+                    request.requested_handover_access,
+                    Some(RequestedAccess::Request | RequestedAccess::Override)
+                );
+                let mut answer = if asks {
+                    AckType::Refused
+                } else {
+                    AckType::CarriedOut
+                };
                 for aircraft in aircraft.iter_mut() {
                     if aircraft.id() == destination {
                         answer = aircraft.authorise(&mut desk, &origin, request);

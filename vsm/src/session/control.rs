@@ -1,10 +1,12 @@
 //! Who controls the aircraft: message 1, its answer, and what a decision of the authority leads to.
 
 use stanag_msgs::enums::{
-    AccessGranted, AckType, AlertPriority, LoiBitmap, PresenceVectorSupport, RequestedAccess,
-    SubsystemId, WaitTransition,
+    AccessGranted, AckType, AlertPriority, FlightPathControlMode as Mode, LoiBitmap,
+    PresenceVectorSupport, RequestedAccess, SubsystemId, WaitTransition,
 };
-use stanag_msgs::messages::{CucsAuthorisationRequest, VsmAuthorisationResponse};
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, VehicleOperatingModeCommand, VsmAuthorisationResponse,
+};
 use stanag_msgs::{Id, Message};
 
 use mapping::mode::Px4Mode;
@@ -166,6 +168,15 @@ impl Aircraft {
             .clear(Cause::CucsSilent, "control has passed on");
         let listeners = desk.listeners(&self.authority, None);
         desk.alert(self.id(), &listeners, raised);
+        self.end_commands_without_right(desk);
+        if to.is_none() && self.steering.engaged() && self.mav.telemetry.airborne() {
+            // Steered by nobody it would fly straight on for ever.
+            let hold = VehicleOperatingModeCommand {
+                select_flight_path_control_mode: Some(Mode::Loiter),
+                ..VehicleOperatingModeCommand::default()
+            };
+            self.operate(desk, None, &hold);
+        }
     }
 
     /// Message 2 to a CUCS whose rights have changed.
@@ -215,9 +226,8 @@ impl Aircraft {
         desk.send(
             station,
             self.id(),
-            &Message::VsmAuthorisationResponse(response.clone()),
+            &Message::VsmAuthorisationResponse(response),
         );
-        desk.send_to_group(self.id(), &Message::VsmAuthorisationResponse(response));
     }
 
     /// What a station is told first: message 3, and the alerts that stand.
@@ -232,13 +242,10 @@ impl Aircraft {
 
     /// 16000 with a text that concerns these stations only.
     pub(super) fn tell_stations(&mut self, desk: &mut Desk<'_>, to: &[usize], text: String) {
-        let raised = self.alerts.notice(
-            desk.now.mono,
-            AlertPriority::Caution,
-            SubsystemId::VsmStatus,
-            text,
-        );
-        desk.alert(self.id(), to, raised);
+        let raised = self
+            .alerts
+            .answer(AlertPriority::Caution, SubsystemId::VsmStatus, text);
+        desk.alert(self.id(), to, Some(raised));
     }
 }
 

@@ -53,6 +53,16 @@ const DOWNLOAD_BURST: usize = 8;
 const DOWNLOAD_PAUSE: Duration = Duration::from_millis(10);
 
 impl Load {
+    /// Who gave the command that is carried out once this is aboard.
+    pub(super) fn waiting_command(&self) -> Option<Option<Origin>> {
+        self.then.as_ref().map(|(origin, _)| *origin)
+    }
+
+    /// Forgets that command.
+    pub(super) fn drop_command(&mut self) -> Option<Option<Origin>> {
+        self.then.take().map(|(origin, _)| origin)
+    }
+
     /// The station that asked for it, by 13000 or by a mode command; none where the VSM does by itself.
     pub(crate) fn owner(&self) -> Option<usize> {
         let then = self.then.as_ref().and_then(|(origin, _)| origin.as_ref());
@@ -367,6 +377,10 @@ impl Aircraft {
         else {
             return;
         };
+        // A mode on its way in must be seen before another plan goes up: it could be flown at once.
+        if self.maneuver.is_some() && transfer.has_not_begun() {
+            return;
+        }
         let course = transfer.advance(desk.now.mono, &self.plan, &self.bounds, &mut self.mav);
         self.follow(desk, course);
     }

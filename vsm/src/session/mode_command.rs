@@ -132,7 +132,14 @@ fn fly(
     at: &Situation<'_>,
 ) -> Result<Task, String> {
     let aboard = match at.aboard {
-        Some(aboard) if aboard.route_type == route && holds(at.telemetry, aboard) => aboard,
+        Some(aboard) if serves(aboard.route_type, route) && holds(at.telemetry, aboard) => aboard,
+        // Mode 11 flies what 13000 has loaded, never what has been stored since.
+        _ if route == RouteType::Flight => {
+            return Err(
+                "mode 11: the loaded route is not aboard any more; load it again (13000)"
+                    .to_owned(),
+            );
+        }
         _ => return Ok(Task::Load(route)),
     };
     let speed = speed(command, &at.limits)?;
@@ -170,6 +177,16 @@ fn fly(
         commanded.speed_type = command.speed_type.or(Some(SpeedType::Ground));
     }
     Ok(Task::Steps(steps, commanded))
+}
+
+/// Whether a route aboard is the one that is to be flown: mode 11 flies all but contingency routes.
+fn serves(aboard: RouteType, wanted: RouteType) -> bool {
+    let contingency = matches!(aboard, RouteType::ContingencyA | RouteType::ContingencyB);
+    if wanted == RouteType::Flight {
+        !contingency
+    } else {
+        aboard == wanted
+    }
 }
 
 /// Whether the vehicle itself names the route that was loaded as its mission: another station may have changed it.

@@ -134,10 +134,43 @@ impl Aircraft {
 
     /// Ends what runs, for a later command.
     pub(super) fn stop_running(&mut self, desk: &mut Desk<'_>) {
-        if let Some((earlier, mut running)) = self.maneuver.take() {
-            running.abandon(desk.now.mono, &mut self.mav);
-            self.let_go();
-            self.refuse(desk, earlier, "superseded by a later command".to_owned());
+        self.end_running(desk, "superseded by a later command", |_, _| true);
+    }
+
+    /// Ends what a CUCS began that no longer controls the vehicle: nothing is gone on with that it could not
+    /// command now.
+    pub(super) fn end_commands_without_right(&mut self, desk: &mut Desk<'_>) {
+        let controller = self.authority.controller();
+        self.end_running(desk, "control has passed on", |desk, origin| {
+            origin.is_some_and(|origin| {
+                desk.asker(origin.station).map(|asker| asker.id) != controller
+            })
+        });
+    }
+
+    fn end_running(
+        &mut self,
+        desk: &mut Desk<'_>,
+        why: &str,
+        ends: impl Fn(&Desk<'_>, Option<Origin>) -> bool,
+    ) {
+        if let Some((origin, mut running)) = self.maneuver.take() {
+            if ends(desk, origin) {
+                running.abandon(desk.now.mono, &mut self.mav);
+                self.let_go();
+                self.refuse(desk, origin, why.to_owned());
+            } else {
+                self.maneuver = Some((origin, running));
+            }
+        }
+        // A command that waits for its route to be aboard has not begun, and must not begin later.
+        if let Some(load) = &mut self.load
+            && load
+                .waiting_command()
+                .is_some_and(|origin| ends(desk, origin))
+            && let Some(origin) = load.drop_command()
+        {
+            self.refuse(desk, origin, why.to_owned());
         }
     }
 

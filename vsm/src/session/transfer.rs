@@ -97,6 +97,11 @@ impl Transfer {
         }
     }
 
+    /// Whether nothing has been asked of the vehicle yet.
+    pub(crate) fn has_not_begun(&self) -> bool {
+        matches!(self.phase, Phase::Site { .. })
+    }
+
     /// Begins what can begin, looks at what is awaited.
     pub(crate) fn advance(
         &mut self,
