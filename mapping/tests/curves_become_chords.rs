@@ -224,6 +224,16 @@ fn a_curve_that_cannot_be_flown_is_refused_with_its_waypoint() {
             "{fault}"
         );
     }
+    let low = Scaled::from_si(-900.0).ok();
+    let dive = CurveSegment {
+        p2_altitude: low,
+        p3_altitude: low,
+        altitude_type: Some(AltitudeType::Agl),
+        ..curve(9, 4)
+    };
+    let fault = refused(&[Message::CurveSegment(dive)]);
+    assert_eq!(fault.waypoint, 9);
+    assert!(matches!(fault.reason, Reason::InTheGround(_)), "{fault}");
     let fault = refused(&[Message::CurveSegment(curve(9, 2))]);
     assert_eq!(
         (fault.waypoint, fault.reason),

@@ -1,0 +1,61 @@
+//! Nothing is gone on with that its CUCS could not command now: neither after a release, nor past a later command.
+
+mod support;
+
+use stanag_msgs::enums::{
+    AckType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess, RouteType,
+};
+use stanag_msgs::messages::{CucsAuthorisationRequest, UaRoute};
+use stanag_msgs::{Message, Text};
+use support::{Rig, orders};
+
+fn release() -> CucsAuthorisationRequest {
+    CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::NONE),
+        requested_handover_access: Some(RequestedAccess::Relinquish),
+        ..CucsAuthorisationRequest::default()
+    }
+}
+
+#[test]
+fn a_launch_that_has_not_begun_ends_with_the_release() {
+    let mut rig = Rig::ready();
+    let launch = rig.tell(orders::launch(20.0));
+    rig.run(0.05);
+    assert_eq!(rig.carry_out(release()), Some(AckType::CarriedOut));
+    rig.run(25.0);
+    assert_eq!(rig.end(launch), Some(AckType::Refused));
+    let truth = rig.truth();
+    assert!(truth.landed && !truth.armed, "{truth:?}");
+}
+
+#[test]
+fn a_command_that_waits_for_its_route_gives_way_to_a_later_one() {
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    let contingency = UaRoute {
+        route_id: Some(Text::new("CA")),
+        route_type: Some(RouteType::ContingencyA),
+        ..orders::route(7)
+    };
+    let plan: Vec<Message> = vec![
+        contingency.into(),
+        orders::waypoint(7, 8, 50.0, 0.0, 20.0).into(),
+        orders::waypoint(8, 0, 50.0, 50.0, 20.0).into(),
+    ];
+    rig.send_plan(plan);
+    let earlier = rig.tell(orders::mode(Mode::ContingencyA));
+    rig.run(0.02);
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Loiter)),
+        Some(AckType::CarriedOut)
+    );
+    rig.run(15.0);
+    assert_eq!(
+        rig.end(earlier),
+        Some(AckType::Refused),
+        "{:?}",
+        rig.station().alerts()
+    );
+    assert_eq!(rig.truth().mode, sim::px4::Mode::Loiter);
+}
