@@ -92,10 +92,14 @@ impl Aircraft {
             // Steered by nobody it would fly straight on for ever.
             OnLoss::Continue if !self.steering.engaged() => return,
             OnLoss::Continue | OnLoss::Hold => Mode::Loiter,
-            OnLoss::Contingency => Mode::ContingencyA,
-            OnLoss::Rtl => {
-                let steps = maneuver::enter(&[Px4Mode::RTL]);
-                return self.begin(desk, None, Maneuver::new(steps, self.commanded));
+            // A transfer that its owner left behind must not keep the aircraft from coming home.
+            OnLoss::Contingency if self.may_change_mission().is_ok() => Mode::ContingencyA,
+            OnLoss::Contingency | OnLoss::Rtl => {
+                if self.mav.telemetry.airborne() {
+                    let steps = maneuver::enter(&[Px4Mode::RTL]);
+                    self.begin(desk, None, Maneuver::new(steps, self.commanded));
+                }
+                return;
             }
         };
         if self.mav.telemetry.airborne() {

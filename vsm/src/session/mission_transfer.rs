@@ -225,7 +225,7 @@ impl Aircraft {
         self.go_on(desk);
     }
 
-    fn may_change_mission(&self) -> Result<(), String> {
+    pub(super) fn may_change_mission(&self) -> Result<(), String> {
         if !self.mav.live() {
             return Err("the vehicle is silent: nothing can be loaded".to_owned());
         }
