@@ -6,7 +6,7 @@ use stanag_msgs::enums::{
     AckType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess, RouteType,
 };
 use stanag_msgs::messages::{CucsAuthorisationRequest, UaRoute};
-use stanag_msgs::{Message, Text};
+use stanag_msgs::{Message, Scaled, Text};
 use support::{Rig, orders};
 
 fn release() -> CucsAuthorisationRequest {
@@ -58,4 +58,23 @@ fn a_command_that_waits_for_its_route_gives_way_to_a_later_one() {
         rig.station().alerts()
     );
     assert_eq!(rig.truth().mode, sim::px4::Mode::Loiter);
+}
+
+#[test]
+fn a_refused_command_leaves_the_altimeter_setting_as_it_was() {
+    let mut rig = Rig::ready();
+    let mut refused = orders::mode(Mode::AutolandWaveOff);
+    refused.altimeter_setting = Scaled::from_si(99_000.0).ok();
+    let kept = |rig: &Rig| {
+        rig.store
+            .records
+            .keys()
+            .any(|name| name.starts_with("altimeter"))
+    };
+    assert_eq!(rig.carry_out(refused), Some(AckType::Refused));
+    assert!(!kept(&rig));
+    let mut taken = orders::mode(Mode::Loiter);
+    taken.altimeter_setting = Scaled::from_si(99_000.0).ok();
+    assert_eq!(rig.carry_out(taken), Some(AckType::CarriedOut));
+    assert!(kept(&rig));
 }

@@ -16,26 +16,38 @@ struct Record {
 }
 
 impl Aircraft {
-    /// Takes a command's setting, where it has one. 0 is what a full presence vector carries for none.
+    /// The setting that a command is judged by: its own where it has one, else the present one. 0 is what a full
+    /// presence vector carries for none.
     ///
     /// # Errors
-    /// No weather has it, or it cannot be stored: the setting is as before.
-    pub(super) fn set_altimeter(
-        &mut self,
-        desk: &mut Desk<'_>,
+    /// No weather has it.
+    pub(super) fn altimeter_of(
+        &self,
         command: &VehicleOperatingModeCommand,
-    ) -> Result<(), String> {
+    ) -> Result<Altimeter, String> {
         let Some(pascal) = command
             .altimeter_setting
             .map(|setting| setting.si())
             .filter(|pascal| *pascal > 0.0)
         else {
-            return Ok(());
+            return Ok(self.bounds.altimeter);
         };
-        let altimeter = Altimeter::new(pascal).map_err(|fault| fault.to_string())?;
+        Altimeter::new(pascal).map_err(|fault| fault.to_string())
+    }
+
+    /// Keeps the setting of a command that is taken.
+    ///
+    /// # Errors
+    /// It cannot be stored: the setting is as before.
+    pub(super) fn set_altimeter(
+        &mut self,
+        desk: &mut Desk<'_>,
+        altimeter: Altimeter,
+    ) -> Result<(), String> {
         if altimeter == self.bounds.altimeter {
             return Ok(());
         }
+        let pascal = altimeter.pascal();
         let octets = serde_json::to_vec(&Record { pascal }).unwrap_or_default();
         desk.store
             .save(

@@ -74,7 +74,12 @@ impl Aircraft {
                 AckType::Received
             }
             Answer::Refused { missing, why } => {
-                let text = format!("message {}: {missing} refused: {why}", origin.message_type);
+                let what = if *missing == Rights::NONE {
+                    "refused".to_owned()
+                } else {
+                    format!("{missing} refused")
+                };
+                let text = format!("message {}: {what}: {why}", origin.message_type);
                 self.tell_stations(desk, &[origin.station], text);
                 AckType::Refused
             }

@@ -90,6 +90,14 @@ impl Aircraft {
             .since
             .retain(|id, _| !authority.held(*id).is_empty());
         let kept = self.store_authority(desk);
+        if kept.is_ok()
+            && let Some(cleared) = self
+                .alerts
+                .clear(Cause::Store, "what must be kept is stored again")
+        {
+            let listeners = desk.listeners(&self.authority, None);
+            desk.alert(self.id(), &listeners, Some(cleared));
+        }
         if kept.is_err() {
             self.custody.since = since;
             if !decision.changes.is_empty() {

@@ -75,9 +75,10 @@ impl Aircraft {
             let text = "the vehicle is silent: no command can be confirmed".to_owned();
             return self.refuse(desk, origin, text);
         }
-        if let Err(why) = self.set_altimeter(desk, command) {
-            return self.refuse(desk, origin, why);
-        }
+        let altimeter = match self.altimeter_of(command) {
+            Ok(altimeter) => altimeter,
+            Err(why) => return self.refuse(desk, origin, why),
+        };
         let situation = Situation {
             telemetry: &self.mav.telemetry,
             aboard: self.aboard.as_ref(),
@@ -86,10 +87,12 @@ impl Aircraft {
             loiter: &self.loiter,
             commanded: self.commanded,
             agl: self.bounds.agl,
-            altimeter: self.bounds.altimeter,
+            altimeter,
             limits: self.bounds.limits,
         };
         let task = mode_command::task(command, &situation);
+        // What is refused changes nothing: the setting is kept only now.
+        let task = task.and_then(|task| self.set_altimeter(desk, altimeter).map(|()| task));
         if task.is_ok()
             && command.commanded_altitude.is_some()
             && command.altitude_type == Some(AltitudeType::Agl)
