@@ -116,17 +116,21 @@ impl KeyState {
         if header.system_id == expected.own_system {
             return Err(Refusal::Reflected);
         }
-        if header.system_id != expected.system {
+        let only = &expected.only;
+        if header.system_id != expected.system && !only.has_system(header.system_id) {
             return Err(Refusal::UnexpectedSystem);
         }
         let Some(signature) = frame.signature() else {
             return Err(Refusal::Unsigned);
         };
-        let name = StreamName {
+        let name = Stream {
             system: header.system_id,
             component: header.component_id,
             link: signature.link_id,
         };
+        if !only.allow(name) {
+            return Err(Refusal::NotListed);
+        }
         if let Some(link) = expected.autopilot_link
             && name.component == AUTOPILOT
             && name.link != link
@@ -164,6 +168,56 @@ pub struct Expected {
     pub system: u8,
     /// The link id of the vehicle's component 1 on this link, once it is known.
     pub autopilot_link: Option<u8>,
+    /// The streams that are taken, where they are listed.
+    pub only: Talkers,
+}
+
+/// A list of the streams that are taken, at most [`Talkers::MOST`]. Where it is empty, every stream of the
+/// expected system is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Talkers {
+    list: [Stream; Self::MOST],
+    len: usize,
+}
+
+impl Talkers {
+    /// The longest list.
+    pub const MOST: usize = 8;
+
+    /// The empty list: every stream of the expected system.
+    pub const ANY: Self = Self {
+        list: [Stream {
+            system: 0,
+            component: 0,
+            link: 0,
+        }; Self::MOST],
+        len: 0,
+    };
+
+    /// The streams of a list; `None` where there are more than [`Talkers::MOST`].
+    #[must_use]
+    pub fn listed(streams: &[Stream]) -> Option<Self> {
+        let mut talkers = Self::ANY;
+        talkers
+            .list
+            .get_mut(..streams.len())?
+            .copy_from_slice(streams);
+        talkers.len = streams.len();
+        Some(talkers)
+    }
+
+    /// The streams listed.
+    pub fn iter(&self) -> impl Iterator<Item = Stream> + '_ {
+        self.list[..self.len].iter().copied()
+    }
+
+    fn has_system(&self, system: u8) -> bool {
+        self.iter().any(|stream| stream.system == system)
+    }
+
+    fn allow(&self, stream: Stream) -> bool {
+        self.len == 0 || self.iter().any(|listed| listed == stream)
+    }
 }
 
 /// Why a frame is not accepted.
@@ -178,6 +232,9 @@ pub enum Refusal {
     /// Component 1 with another link id than the one it has on this link: a capture of another link.
     #[error("the autopilot does not use this link id here")]
     UnexpectedLink,
+    /// Its system, component and link id are not on the list of those that are taken.
+    #[error("system, component and link id are not on the list")]
+    NotListed,
     /// It carries no signature.
     #[error("not signed")]
     Unsigned,
@@ -199,18 +256,21 @@ pub enum Refusal {
     Ceiling,
 }
 
-/// A sender's stream.
+/// A sender's stream: the stamps of each rise on their own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-struct StreamName {
-    system: u8,
-    component: u8,
-    link: u8,
+pub struct Stream {
+    /// Sending system, 1 to 255.
+    pub system: u8,
+    /// Sending component, 1 to 255.
+    pub component: u8,
+    /// Link id of its signatures.
+    pub link: u8,
 }
 
 /// The last stamp of each stream. Nothing is ever evicted: a forgotten stream could be replayed.
 #[derive(Debug, Default)]
 struct Streams {
-    entries: [(StreamName, Stamp); STREAMS],
+    entries: [(Stream, Stamp); STREAMS],
     len: usize,
 }
 
@@ -218,7 +278,7 @@ impl Streams {
     /// Where the stream is, or where a new one may go.
     ///
     /// The last places are kept for component 1, so that other components can never lock it out.
-    fn place(&self, name: StreamName) -> Option<usize> {
+    fn place(&self, name: Stream) -> Option<usize> {
         let known = self.entries[..self.len]
             .iter()
             .position(|(entry, _)| *entry == name);
@@ -236,7 +296,7 @@ impl Streams {
         self.entries[..self.len].get(at).map(|(_, stamp)| *stamp)
     }
 
-    fn set(&mut self, at: usize, name: StreamName, stamp: Stamp) {
+    fn set(&mut self, at: usize, name: Stream, stamp: Stamp) {
         self.entries[at] = (name, stamp);
         self.len = self.len.max(at + 1);
     }

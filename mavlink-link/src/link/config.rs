@@ -2,6 +2,7 @@
 
 use super::peer::Endpoint;
 use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
+use crate::receiver::Talkers;
 
 /// Whether frames must be signed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +45,8 @@ pub struct LinkConfig<A> {
     pub role: Role,
     /// Messages accepted unsigned from the peer's address; RADIO_STATUS (109) by default.
     pub accept_unsigned: &'static [u32],
+    /// The streams that are taken; by default every one of the vehicle's system.
+    pub only: Talkers,
 }
 
 impl<A> LinkConfig<A> {
@@ -60,6 +63,7 @@ impl<A> LinkConfig<A> {
             endpoint,
             role: Role::GroundStation,
             accept_unsigned: &[RADIO_STATUS_ID],
+            only: Talkers::ANY,
         }
     }
 

@@ -105,13 +105,14 @@ impl<A: Copy + Eq> Core<A> {
             return Trust::Unverified;
         }
         let Auth::Signed { key, store } = auth else {
-            self.stats.no_key += 1;
+            self.take_without_key(from, frame);
             return Trust::Unverified;
         };
         let expected = Expected {
             own_system: self.config.own_system,
             system: self.config.vehicle_system,
             autopilot_link: self.pinned_link(now.mono),
+            only: self.config.only,
         };
         if !frame.is_signed() && frame.header().system_id != self.config.own_system {
             self.take_unsigned(now, from, frame, deliver);
@@ -170,6 +171,7 @@ impl<A: Copy + Eq> Core<A> {
         match refusal {
             Refusal::Reflected => stats.reflected += 1,
             Refusal::UnexpectedSystem => stats.unexpected_system += 1,
+            Refusal::NotListed => stats.not_listed += 1,
             Refusal::UnexpectedLink => stats.unexpected_link += 1,
             Refusal::Unsigned => stats.unsigned_vehicle += 1,
             Refusal::BadSignature => {
@@ -212,6 +214,19 @@ impl<A: Copy + Eq> Core<A> {
         let to_peer = self.peer.heartbeat_to() == Some(from);
         if self.presence.may_lift(to_peer, mono) {
             self.lift[usize::from(to_peer)] = Some(from);
+        }
+    }
+
+    /// Any frame on a signed link before there is a key: only the exchange that makes one is heard,
+    /// and it vouches for itself.
+    fn take_without_key(&mut self, from: A, frame: &FrameView<'_>) {
+        let header = frame.header();
+        if header.message_id == KEY_EXCHANGE_ID && header.system_id == self.config.vehicle_system {
+            self.stats.key_exchange += 1;
+            self.events
+                .push_exchange(KeyExchangeFrame::new(from, frame, None));
+        } else {
+            self.stats.no_key += 1;
         }
     }
 

@@ -8,7 +8,9 @@ use super::{Auth, Core, Link, Security};
 use crate::Now;
 use crate::clock::{ClockError, WallState};
 use crate::dialect::MavMessage;
-use crate::frame::{EncodeError, Header, INCOMPAT_SIGNED, MAX_FRAME, encode, encode_raw};
+use crate::frame::{
+    EncodeError, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode, encode_raw,
+};
 use crate::signing::{SignError, Stamp, sign};
 
 /// A frame that stands ready in the caller's buffer.
@@ -62,7 +64,8 @@ impl<A: Copy + Eq> Link<A> {
     }
 
     /// Writes a message given by its id and payload, for one that the dialect does not have, such as
-    /// KEY_EXCHANGE. It goes to `to`, or to the peer.
+    /// KEY_EXCHANGE. It goes to `to`, or to the peer. KEY_EXCHANGE alone leaves unsigned where there is no
+    /// key yet.
     ///
     /// # Errors
     /// As [`send`](Self::send); also where the payload is too long or the message's CRC_EXTRA unknown.
@@ -135,16 +138,19 @@ impl<A: Copy + Eq> Core<A> {
         content: Content<'_>,
         out: &mut [u8; MAX_FRAME],
     ) -> Result<Sent<A>, SendError> {
-        let signed = self.config.security == Security::Signed;
+        let message_id = match content {
+            Content::Message(msg) => msg.message_id(),
+            Content::Raw(message_id, _) => message_id,
+        };
+        // The exchange that makes the first key cannot be signed with it; it vouches for itself.
+        let makes_key = message_id == KEY_EXCHANGE_ID && matches!(auth, Auth::Off);
+        let signed = self.config.security == Security::Signed && !makes_key;
         let seq = self.seq;
         let header = Header {
             seq,
             system_id: self.config.own_system,
             component_id: self.config.own_component,
-            message_id: match content {
-                Content::Message(msg) => msg.message_id(),
-                Content::Raw(message_id, _) => message_id,
-            },
+            message_id,
             incompat: if signed { INCOMPAT_SIGNED } else { 0 },
             compat: 0,
         };

@@ -39,6 +39,8 @@ counters! {
     reflected,
     /// Frames of another system than the vehicle.
     unexpected_system,
+    /// Signed frames of a stream that is not on the list of those taken.
+    not_listed,
     /// Frames of component 1 with another link id than it has here.
     unexpected_link,
     /// Unsigned frames that carry the vehicle's system id, not on the list of those accepted.

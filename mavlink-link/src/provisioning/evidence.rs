@@ -29,6 +29,20 @@ impl<A: Copy + Eq> Handover<A> {
         bytes: &[u8],
         store: &mut dyn CeilingStore,
     ) {
+        self.handle_and_pass(now, from, bytes, store, &mut |_, _| {});
+    }
+
+    /// As [`handle_datagram`](Self::handle_datagram), for a relay: `pass` is given each frame of the vehicle
+    /// that was accepted, once, and the key that it verified under. Frames under the new key are only given
+    /// once it is committed.
+    pub fn handle_and_pass(
+        &mut self,
+        now: Now,
+        from: A,
+        bytes: &[u8],
+        store: &mut dyn CeilingStore,
+        pass: &mut dyn FnMut(Under, &FrameView<'_>),
+    ) {
         // Taken out while its frames are looked at; it is a few hundred octets.
         let mut parser = core::mem::take(&mut self.parser);
         let mut frames = parser.feed(bytes);
@@ -36,14 +50,21 @@ impl<A: Copy + Eq> Handover<A> {
             if let Ok(frame) = item
                 && frame.is_checked()
             {
-                self.take(now, from, &frame, store);
+                self.take(now, from, &frame, store, pass);
             }
         }
         self.parser = parser;
         self.decide(now.mono);
     }
 
-    fn take(&mut self, now: Now, from: A, frame: &FrameView<'_>, store: &mut dyn CeilingStore) {
+    fn take(
+        &mut self,
+        now: Now,
+        from: A,
+        frame: &FrameView<'_>,
+        store: &mut dyn CeilingStore,
+        pass: &mut dyn FnMut(Under, &FrameView<'_>),
+    ) {
         let header = frame.header();
         let link = &self.config.link;
         if header.system_id == link.own_system {
@@ -54,6 +75,12 @@ impl<A: Copy + Eq> Handover<A> {
             return;
         }
         if header.component_id != AUTOPILOT {
+            // What hangs on the autopilot proves nothing of the autopilot's key.
+            match self.prove(now, frame, store) {
+                Proof::New if self.state == State::Committed => pass(Under::New, frame),
+                Proof::Old(Some(_)) if self.state != State::Committed => pass(Under::Old, frame),
+                _ => {}
+            }
             return;
         }
         let message = frame.message().ok();
@@ -61,7 +88,9 @@ impl<A: Copy + Eq> Handover<A> {
             Proof::New => {
                 self.heard(now.mono, from, true);
                 self.seen.verified = Some(now.mono);
+                self.read(now.mono, message.as_ref());
                 self.commit(now);
+                pass(Under::New, frame);
             }
             Proof::Old(stamp) => {
                 self.heard(now.mono, from, true);
@@ -73,6 +102,9 @@ impl<A: Copy + Eq> Handover<A> {
                     self.seen.old_newer = self.seen.old_newer.saturating_add(1);
                 }
                 self.read(now.mono, message.as_ref());
+                if stamp.is_some() && self.state != State::Committed {
+                    pass(Under::Old, frame);
+                }
             }
             Proof::Stale(under) => {
                 // It has fallen back: a heartbeat lifts it, and goes where the frame came from.
@@ -104,6 +136,7 @@ impl<A: Copy + Eq> Handover<A> {
             own_system: self.config.link.own_system,
             system: self.config.link.vehicle_system,
             autopilot_link: self.config.link.vehicle_link_id,
+            only: self.config.link.only,
         };
         if let NewKey::Offered(key) = &mut self.new {
             match key.receive(frame, expected, now, store) {

@@ -73,8 +73,10 @@ enum NewKey {
 
 /// Which key a frame goes or came under.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Under {
+pub enum Under {
+    /// The key in force so far.
     Old,
+    /// The key that is handed over.
     New,
 }
 
@@ -194,6 +196,29 @@ impl<A: Copy + Eq> Handover<A> {
     #[must_use]
     pub fn has_heard(&self) -> bool {
         self.seen.first.is_some()
+    }
+
+    /// One of the two keys with its clock, lent to whoever verifies others by it meanwhile. There is none
+    /// for a vehicle that did not sign, and no new one before it has been sent.
+    pub fn key_mut(&mut self, under: Under) -> Option<&mut KeyState> {
+        match (under, &mut self.new) {
+            (Under::Old, _) => self.old.as_mut(),
+            (Under::New, NewKey::Offered(new)) => Some(new),
+            (Under::New, NewKey::Staged(_)) => None,
+        }
+    }
+
+    /// Whether nothing has been sent of the new key, by this process or one before it: it may be exchanged for
+    /// another.
+    #[must_use]
+    pub fn is_unsent(&self) -> bool {
+        matches!(self.new, NewKey::Staged(_))
+    }
+
+    /// The key in force so far, taken back from a handover whose key has not been sent.
+    #[must_use]
+    pub fn into_old(self) -> Option<KeyState> {
+        self.old
     }
 
     /// The key that the vehicle has proved to use, with its clock; both are gone from here then.

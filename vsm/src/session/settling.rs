@@ -184,6 +184,7 @@ impl VehicleLink {
             ("replayed, reordered or fallen back", stats.stale),
             ("stamp over an hour ahead", stats.future),
             ("another link's stream", stats.unexpected_link),
+            ("stream not on the list", stats.not_listed),
             ("too many streams", stats.stream_table_full),
             ("signing clock not stored", stats.ceiling_not_stored),
             ("our own frame, reflected", stats.reflected),
