@@ -549,6 +549,28 @@ fn a_clock_that_was_dragged_years_ahead_is_mended_by_a_new_key() {
     assert_eq!(world.ours.outcome(), Some(Outcome::Committed));
 }
 
+/// A process was ended before it had sent the key, or its clocks were lost after it had: whoever may not send
+/// a key finds out which one the vehicle has.
+#[test]
+fn who_may_not_send_the_key_finds_out_which_one_the_vehicle_has() {
+    for (vehicle_has, expected) in [
+        (key(), Outcome::RolledBack),
+        (other_key(), Outcome::Committed),
+    ] {
+        let mut world = World::new(Some(key()));
+        world.px4 = Px4::new(Some(vehicle_has));
+        let current = KeyState::start(key(), Origin::KeyFile, BUILD, world.now, &mut world.disk);
+        let asks = HandoverConfig {
+            may_send_key: false,
+            ..config()
+        };
+        let (now, disk) = (world.now, &mut world.disk);
+        world.ours = Handover::start(asks, current.ok(), other_key(), now, disk).unwrap();
+        assert_eq!(world.settle(60), Some(expected), "{:?}", world.history);
+        assert_eq!(world.secrets, 0, "no key was sent");
+    }
+}
+
 #[test]
 fn the_same_key_again_is_no_handover() {
     let mut disk = Disk::default();

@@ -1,35 +1,15 @@
 //! A bridge is run from its first key to its second, and everything that it writes or says is searched for either key.
 
+mod program_support;
+
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
+use program_support::{Running, VSM, free_port, run};
 use sim::px4::{LinkAddress, Simulator, SimulatorConfig};
-
-const VSM: &str = env!("CARGO_BIN_EXE_vsm");
-
-/// Ends with the test, by its id.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn run(folder: &Path, arguments: &[&str]) -> (bool, Vec<u8>) {
-    let output = Command::new(VSM)
-        .args(arguments)
-        .env("RUST_LOG", "trace")
-        .current_dir(folder)
-        .output()
-        .unwrap();
-    let said = [output.stdout, output.stderr].concat();
-    (output.status.success(), said)
-}
 
 /// The forms in which a key could show up.
 fn forms(hex: &str) -> Vec<Vec<u8>> {
@@ -45,11 +25,6 @@ fn forms(hex: &str) -> Vec<Vec<u8>> {
         octets[24..].to_vec(),
         list.as_bytes()[1..30].to_vec(),
     ]
-}
-
-fn free_port() -> u16 {
-    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
-    socket.local_addr().unwrap().port()
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {

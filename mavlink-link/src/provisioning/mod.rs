@@ -105,7 +105,8 @@ struct Seen {
 
 impl<A: Copy + Eq> Handover<A> {
     /// Begins, or goes on where an earlier process was ended: a key that the store has a clock of has
-    /// been sent before, so nothing is known of it, and the state is [`State::Unknown`].
+    /// been sent before, so nothing is known of it, and the state is [`State::Unknown`]. So it is where
+    /// the key may not be sent from here.
     ///
     /// `new` must be on disk already.
     ///
@@ -121,7 +122,8 @@ impl<A: Copy + Eq> Handover<A> {
         if old.as_ref().is_some_and(|old| old.key().same_as(&new)) {
             return Err(StartError::SameKey);
         }
-        let known = store.load(&new.id())?.is_some();
+        // Who may not send the key only asks, and cannot tell a key that was never sent from one whose clock was lost.
+        let known = !config.may_send_key || store.load(&new.id())?.is_some();
         let (new, state) = if known {
             let key = KeyState::start(new, Origin::KeyFile, config.not_before, now, store)?;
             (NewKey::Offered(Box::new(key)), State::Unknown)

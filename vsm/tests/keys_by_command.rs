@@ -1,0 +1,367 @@
+//! The key commands and what the status page says of keys, on the program itself with a simulated vehicle.
+
+mod program_support;
+
+use std::fs;
+use std::io::{Read as _, Write as _};
+use std::net::{TcpStream, UdpSocket};
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage, STATUSTEXT_DATA};
+use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::signing::{SigningKey, Stamp, sign};
+use program_support::{Running, VSM, free_port, run};
+use serde_json::Value;
+use sim::px4::{LinkAddress, Simulator, SimulatorConfig};
+
+const FIRST: [u8; 32] = [0x11; 32];
+const SECOND: [u8; 32] = [0x22; 32];
+
+/// A folder with a configuration: the bridge waits for the vehicle at `link`, and serves its page at `http`.
+struct Ground {
+    folder: tempfile::TempDir,
+    link: u16,
+    http: u16,
+}
+
+impl Ground {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let (dli, link, http) = (free_port(), free_port(), free_port());
+        let config = format!(
+            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:{dli}\"\n[[vehicle]]\nid = \"1b:00:01:01\"\n\
+             link = \"udpin:127.0.0.1:{link}\"\nsystem_id = 1\nsigning = {{ key_file = \"uav1.key\" }}\n\
+             [store]\ndir = \"state\"\n[http]\nlisten = \"127.0.0.1:{http}\"\n"
+        );
+        fs::write(folder.path().join("vsm.toml"), config).unwrap();
+        Self { folder, link, http }
+    }
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    fn write_key(&self, name: &str, key: [u8; 32]) {
+        let hex: String = key.iter().map(|octet| format!("{octet:02x}")).collect();
+        let mut file = fs::OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(self.path().join(name))
+            .unwrap();
+        writeln!(file, "{hex}").unwrap();
+    }
+
+    fn key(&self, name: &str) -> SigningKey {
+        let text = fs::read_to_string(self.path().join(name)).unwrap();
+        SigningKey::from_hex(text.trim()).unwrap()
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.path().join(name).exists()
+    }
+
+    /// Runs a command to its end, off the runtime that the vehicle lives on.
+    async fn command(&self, arguments: &'static [&'static str]) -> (bool, String) {
+        let folder = self.path().to_owned();
+        let (done, said) = tokio::task::spawn_blocking(move || run(&folder, arguments))
+            .await
+            .unwrap();
+        (done, String::from_utf8_lossy(&said).into_owned())
+    }
+
+    fn start_bridge(&self) -> Running {
+        let bridge = Command::new(VSM)
+            .args(["run", "--config", "vsm.toml"])
+            .current_dir(self.path())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        Running(bridge)
+    }
+
+    /// The first vehicle's link in /status.json, once it says what is waited for.
+    async fn link_status(&self, what: &str, good: impl Fn(&Value) -> bool) -> Value {
+        let end = Instant::now() + Duration::from_secs(20);
+        let mut last = Value::Null;
+        loop {
+            if let Some(status) = self.status_json() {
+                let link = status["vehicles"][0]["link"].clone();
+                if good(&link) {
+                    return link;
+                }
+                last = link;
+            }
+            assert!(Instant::now() < end, "{what}: {last:#}");
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    }
+
+    fn status_json(&self) -> Option<Value> {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.http)).ok()?;
+        stream
+            .write_all(b"GET /status.json HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+            .ok()?;
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).ok()?;
+        let (head, body) = answer.split_once("\r\n\r\n")?;
+        assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+        serde_json::from_str(body).ok()
+    }
+
+    /// A vehicle that calls here; it signs where it has a key.
+    async fn vehicle(&self, key: Option<[u8; 32]>, first: u64) -> Simulator {
+        let link: LinkAddress = format!("udpout:127.0.0.1:{}", self.link).parse().unwrap();
+        Simulator::spawn(SimulatorConfig {
+            key: key.map(|key| SigningKey::new(key).unwrap()),
+            initial_timestamp: first,
+            ..SimulatorConfig::on(link)
+        })
+        .await
+        .unwrap()
+    }
+}
+
+fn key(octets: [u8; 32]) -> SigningKey {
+    SigningKey::new(octets).unwrap()
+}
+
+fn id(octets: [u8; 32]) -> String {
+    key(octets).id().to_string()
+}
+
+fn is_live_under(link: &Value, key_id: &str) -> bool {
+    link["state"] == "live" && link["signed"] == true && link["key_id"] == key_id
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_key_file_for_a_simulated_px4_brings_up_a_signed_link() {
+    let ground = Ground::new();
+    let (done, said) = ground
+        .command(&[
+            "key",
+            "provision",
+            "--sitl-file",
+            "rootfs/mavlink-signing-key.bin",
+        ])
+        .await;
+    assert!(!done, "a folder that is not there: {said}");
+    fs::create_dir(ground.path().join("rootfs")).unwrap();
+    let (done, said) = ground
+        .command(&[
+            "key",
+            "provision",
+            "--sitl-file",
+            "rootfs/mavlink-signing-key.bin",
+        ])
+        .await;
+    assert!(done, "{said}");
+
+    // PX4's own format: the key, and the first stamp.
+    let file = fs::read(ground.path().join("rootfs/mavlink-signing-key.bin")).unwrap();
+    assert_eq!(file.len(), 40);
+    let key: [u8; 32] = file[..32].try_into().unwrap();
+    let first = u64::from_le_bytes(file[32..].try_into().unwrap());
+    assert!(
+        ground
+            .key("uav1.key")
+            .same_as(&SigningKey::new(key).unwrap())
+    );
+    assert!(said.contains(&id(key)), "{said}");
+
+    let _vehicle = ground.vehicle(Some(key), first).await;
+    let _bridge = ground.start_bridge();
+    let link = ground
+        .link_status("a signed link", |link| is_live_under(link, &id(key)))
+        .await;
+    assert!(link["live_s"].as_f64().unwrap() >= 0.0, "{link:#}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_revoked_key_is_gone_at_both_ends() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    let _vehicle = ground.vehicle(Some(FIRST), 0).await;
+    let (done, said) = ground.command(&["key", "revoke", "--wait-s", "60"]).await;
+    assert!(done, "{said}");
+    assert!(said.contains("the old key is deleted"), "{said}");
+    let key = ground.key("uav1.key");
+    assert!(!key.same_as(&SigningKey::new(FIRST).unwrap()));
+    assert!(!ground.has("uav1.key.previous") && !ground.has("uav1.key.next"));
+    let (_, listed) = ground.command(&["key", "list"]).await;
+    assert!(listed.contains(&key.id().to_string()), "{listed}");
+    assert!(!listed.contains(&id(FIRST)), "{listed}");
+
+    let _bridge = ground.start_bridge();
+    let new_id = key.id().to_string();
+    ground
+        .link_status("a link under the new key", |link| {
+            is_live_under(link, &new_id)
+        })
+        .await;
+}
+
+/// An earlier process was ended with a handover open: the vehicle has the new key.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_bridge_finds_out_that_the_vehicle_has_the_next_key() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    ground.write_key("uav1.key.next", SECOND);
+    let _vehicle = ground.vehicle(Some(SECOND), 0).await;
+    let _bridge = ground.start_bridge();
+    ground
+        .link_status("the next key", |link| is_live_under(link, &id(SECOND)))
+        .await;
+    assert!(ground.key("uav1.key").same_as(&key(SECOND)));
+    assert!(ground.key("uav1.key.previous").same_as(&key(FIRST)));
+    assert!(!ground.has("uav1.key.next"));
+}
+
+/// The same, and the vehicle has the old key: only half a minute of nothing else throws the new one away.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_bridge_finds_out_that_the_vehicle_has_kept_its_key() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    ground.write_key("uav1.key.next", SECOND);
+    let _vehicle = ground.vehicle(Some(FIRST), 0).await;
+    let _bridge = ground.start_bridge();
+    let link = ground
+        .link_status("settling", |link| link["state"] == "settling")
+        .await;
+    assert_eq!(link["key_id"], Value::Null, "{link:#}");
+    tokio::time::sleep(Duration::from_secs(20)).await;
+    assert!(ground.has("uav1.key.next"), "nothing is thrown away early");
+    ground
+        .link_status("the old key", |link| is_live_under(link, &id(FIRST)))
+        .await;
+    assert!(ground.key("uav1.key").same_as(&key(FIRST)));
+    assert!(!ground.has("uav1.key.next"));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_status_page_names_what_was_refused_and_the_peer_stays() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    let _vehicle = ground.vehicle(Some(FIRST), 0).await;
+    let _bridge = ground.start_bridge();
+    let before = ground
+        .link_status("a signed link", |link| is_live_under(link, &id(FIRST)))
+        .await;
+
+    // A stranger speaks in the vehicle's name: seven unsigned texts, five signed with another key; and three heartbeats
+    // of a system of its own, which a vehicle might have passed on.
+    let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA::default());
+    let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+    let mut out = [0; MAX_FRAME];
+    for _ in 0..7 {
+        let len = encode(
+            &text,
+            Header {
+                system_id: 1,
+                component_id: 1,
+                ..Header::default()
+            },
+            &mut out,
+        );
+        stranger
+            .send_to(&out[..len], ("127.0.0.1", ground.link))
+            .unwrap();
+    }
+    for n in 0..5 {
+        let header = Header {
+            system_id: 1,
+            component_id: 1,
+            incompat: INCOMPAT_SIGNED,
+            ..Header::default()
+        };
+        let len = encode(&text, header, &mut out);
+        let wrong = SigningKey::new(SECOND).unwrap();
+        let len = sign(
+            &wrong,
+            0,
+            Stamp::new(1 << 47).plus(Duration::from_secs(n)),
+            &mut out,
+            len,
+        )
+        .unwrap();
+        stranger
+            .send_to(&out[..len], ("127.0.0.1", ground.link))
+            .unwrap();
+    }
+    for _ in 0..3 {
+        let len = encode(
+            &beat,
+            Header {
+                system_id: 77,
+                component_id: 1,
+                ..Header::default()
+            },
+            &mut out,
+        );
+        stranger
+            .send_to(&out[..len], ("127.0.0.1", ground.link))
+            .unwrap();
+    }
+
+    let after = ground
+        .link_status("the refused are counted", |link| {
+            let refused: u64 = link["refused"]
+                .as_object()
+                .map_or(0, |by| by.values().filter_map(Value::as_u64).sum());
+            refused >= 12 && link["strangers"].as_u64() >= Some(3)
+        })
+        .await;
+    assert_eq!(after["refused"]["not signed"], 7, "{after:#}");
+    assert_eq!(
+        after["refused"]["signature does not fit the key"], 5,
+        "{after:#}"
+    );
+    assert_eq!(after["strangers"], 3, "{after:#}");
+    assert_eq!(
+        after["peer"], before["peer"],
+        "the peer is the vehicle still"
+    );
+    assert_eq!(after["state"], "live");
+
+    // The same in words, by the command.
+    let (done, said) = ground.command(&["status"]).await;
+    assert!(
+        done && said.contains("signed with key") && said.contains("signature does not fit"),
+        "{said}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_wall_clock_far_ahead_is_believed_only_when_a_person_vouches_for_it() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    let (done, said) = ground.command(&["key", "clock"]).await;
+    assert!(done && said.contains("has not been used yet"), "{said}");
+    let (done, said) = ground.command(&["key", "clock", "--accept"]).await;
+    assert!(
+        done && said.contains("the wall clock is accepted"),
+        "{said}"
+    );
+    let (done, said) = ground.command(&["key", "clock"]).await;
+    assert!(done && said.contains("nothing is stamped beyond"), "{said}");
+    let days: f64 = said
+        .split("the wall clock is ")
+        .nth(1)
+        .and_then(|rest| rest.split(' ').next())
+        .and_then(|days| days.parse().ok())
+        .unwrap_or_else(|| panic!("{said}"));
+    assert!((0.0..0.01).contains(&days), "{said}");
+    // While a bridge runs the clock is its own.
+    let bridge = ground.start_bridge();
+    ground
+        .link_status("the bridge", |link| link["signed"] == true)
+        .await;
+    let (done, said) = ground.command(&["key", "clock", "--accept"]).await;
+    assert!(!done, "the store is in use: {said}");
+    drop(bridge);
+}
