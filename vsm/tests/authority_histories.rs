@@ -21,7 +21,7 @@ proptest! {
     fn every_promise_holds_along_histories_of_five_hundred_inputs(
         choices in prop::collection::vec(any::<usize>(), 500)
     ) {
-        let model = AuthorityModel { scope: FULL };
+        let model = AuthorityModel::new(FULL);
         let mut state = model.init_states().remove(0);
         let mut history = Vec::new();
         for choice in choices {

@@ -8,12 +8,13 @@ use model::{AuthorityModel, FULL, Scope};
 use stateright::{Checker as _, Model as _};
 
 fn check(scope: Scope, at_least: usize) {
-    let checker = AuthorityModel { scope }
+    let checker = AuthorityModel::new(scope)
         .checker()
         .threads(1)
         .spawn_bfs()
         .join();
     checker.assert_properties();
+    checker.model().assert_moved();
     assert!(
         checker.unique_state_count() >= at_least,
         "only {} states: the model does not move",
@@ -51,13 +52,13 @@ fn three_cucs_for_control_and_a_station() {
         phases: false,
         ..FULL
     };
-    check(scope, 500);
+    check(scope, 200);
 }
 
 /// The scope whose every state is visited in minutes, here to the depth that seconds allow.
 #[test]
 fn every_history_of_three_inputs_in_the_whole_scope() {
-    let checker = AuthorityModel { scope: FULL }
+    let checker = AuthorityModel::new(FULL)
         .checker()
         .threads(1)
         .target_max_depth(4)

@@ -39,4 +39,6 @@ pub use station::{Discovered, LoiterAt, Station};
 pub use time::Now;
 pub use traffic::{ByType, Traffic};
 pub use vehicle::{Position, Vehicle};
-pub use verb::{AltitudeName, Condition, Degrees, LoiList, ModeArguments, ModeName, Verb};
+pub use verb::{
+    AltitudeName, Condition, Degrees, HandoverVerb, LoiList, ModeArguments, ModeName, Verb,
+};

@@ -11,6 +11,7 @@ use stanag_msgs::{Bam32, Id};
 
 mod configuring;
 mod error;
+mod handing_over;
 mod telling;
 
 pub use error::OperatorError;
@@ -100,6 +101,7 @@ impl<W: Write> Operator<W> {
                     json!({"granted": loi}),
                 )
             }
+            Verb::Handover(verb) => self.hand_over(verb).await,
             Verb::Release => {
                 let vehicle = self.meet().await?;
                 self.station.release(vehicle).await?;
@@ -343,7 +345,14 @@ impl<W: Write> Operator<W> {
     }
 
     async fn wait(&mut self, condition: &Condition, within: Duration) -> Done {
-        let vehicle = self.listen().await?;
+        // What concerns rights is told to those who have none too.
+        let vehicle = match condition {
+            Condition::Asked
+            | Condition::Offered
+            | Condition::Holds { .. }
+            | Condition::Lacks { .. } => self.meet().await?,
+            _ => self.listen().await?,
+        };
         let mark = self.state(vehicle).map_or(0, Vehicle::next_alert);
         let holds = |state: &Vehicle| match condition {
             Condition::Mode { mode } => state.mode() == Some(mode.0),
@@ -360,6 +369,10 @@ impl<W: Write> Operator<W> {
             Condition::Alert { text } => state
                 .alerts_from(mark)
                 .any(|alert| alert.text.contains(text)),
+            Condition::Asked => state.wish().is_some(),
+            Condition::Offered => state.offer().is_some(),
+            Condition::Holds { loi } => state.granted().contains(loi.0),
+            Condition::Lacks { loi } => !state.granted().intersects(loi.0),
         };
         self.station
             .wait_until(&awaited(condition), within, |session| {
@@ -401,6 +414,10 @@ fn awaited(condition: &Condition) -> String {
         Condition::Above { altitude } => format!("altitude of at least {altitude} m (4000)"),
         Condition::Below { altitude } => format!("altitude of at most {altitude} m (4000)"),
         Condition::Alert { text } => format!("alert (16000) with {text:?}"),
+        Condition::Asked => "wish of another CUCS (4)".to_owned(),
+        Condition::Offered => "offer of the holder (5)".to_owned(),
+        Condition::Holds { loi } => format!("LOI {} (2)", levels(loi.0)),
+        Condition::Lacks { loi } => format!("loss of LOI {} (2)", levels(loi.0)),
     }
 }
 

@@ -101,7 +101,7 @@ pub enum StationError {
     #[error(
         "vehicle {vehicle}: LOI {} asked for, {} granted; this CUCS may have {}{}",
         levels(*asked), levels(*granted), levels(*authorised),
-        if authorised.contains(*asked) { ": another CUCS is in control" } else { "" }
+        reasons_text(reasons)
     )]
     NotGranted {
         /// The vehicle.
@@ -112,6 +112,8 @@ pub enum StationError {
         granted: LoiBitmap,
         /// What it may have by the VSM's configuration.
         authorised: LoiBitmap,
+        /// The texts of the 16000s that came with the answer.
+        reasons: Vec<String>,
     },
     /// A command was refused.
     #[error(transparent)]
@@ -125,6 +127,14 @@ pub enum StationError {
     /// A message cannot be written.
     #[error(transparent)]
     Encode(#[from] EncodeError),
+}
+
+fn reasons_text(reasons: &[String]) -> String {
+    if reasons.is_empty() {
+        " (no reason given)".to_owned()
+    } else {
+        format!(": {}", reasons.join("; "))
+    }
 }
 
 /// Levels of interoperability as people write them: `2,4,5`; `none`.
@@ -160,6 +170,8 @@ pub struct Timeouts {
     pub transfer: Duration,
     /// For 17000 to say that a mode command is carried out or refused.
     pub command: Duration,
+    /// For the end of a handover: the VSM gives holder and successor 20 s.
+    pub consent: Duration,
     /// For the 16000 that says why, after a refusal.
     pub reason: Duration,
 }
@@ -172,6 +184,7 @@ impl Default for Timeouts {
             store: Duration::from_secs(20),
             transfer: Duration::from_secs(60),
             command: Duration::from_secs(40),
+            consent: Duration::from_secs(25),
             reason: Duration::from_millis(400),
         }
     }

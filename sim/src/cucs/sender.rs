@@ -230,6 +230,17 @@ impl Sender {
             .map(|sent| sent.delivery)
     }
 
+    /// Sends the very octets once more, where they want an answer: what is decided later may have been lost.
+    pub(crate) fn ask_again(&mut self, ticket: Ticket, traffic: &mut Traffic) {
+        if let Some(sent) = self.sent.get(&ticket)
+            && !sent.octets.is_empty()
+        {
+            traffic.sent.count(sent.message_type);
+            traffic.retransmitted += 1;
+            self.out.push_back(sent.octets.to_vec());
+        }
+    }
+
     /// Nothing of this is sent again, or for the first time.
     pub(crate) fn withdraw(&mut self, ticket: Ticket) {
         self.queue.retain(|(queued, ..)| *queued != ticket);

@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use stanag_msgs::enums::AckType;
+use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::{Heartbeat, MessageAcknowledgement};
 use stanag_msgs::wrapper::{ChecksumStyle, Frame, frames};
 use stanag_msgs::{EncodeError, Id, Message, TimeStamp};
@@ -60,6 +60,22 @@ pub enum Event {
         from: Id,
         /// The alert.
         alert: Alert,
+    },
+    /// Another CUCS asks for rights that this one holds: message 4.
+    Asked {
+        /// Over which vehicle.
+        vehicle: Id,
+        /// Who.
+        by: Id,
+        /// Which.
+        loi: LoiBitmap,
+    },
+    /// The holder offers rights to this CUCS: message 5.
+    Offered {
+        /// Over which vehicle.
+        vehicle: Id,
+        /// Which.
+        loi: LoiBitmap,
     },
     /// A message of ours has been answered.
     Answered {
@@ -195,6 +211,16 @@ impl Session {
         self.sender.withdraw(ticket);
     }
 
+    /// Sends a message that was answered "received" once more, the same octets: its end may have been lost.
+    pub fn ask_again(&mut self, ticket: Ticket) {
+        self.sender.ask_again(ticket, &mut self.traffic);
+    }
+
+    /// After what time a message is sent again.
+    pub(crate) fn retry(&self) -> Duration {
+        self.config.retry
+    }
+
     /// Takes a datagram of the VSM.
     pub fn handle_datagram(&mut self, now: Now, octets: &[u8]) {
         for frame in frames(octets) {
@@ -222,7 +248,11 @@ impl Session {
         match &message {
             Message::MessageAcknowledgement(answer) => self.take_answer(header.source, answer),
             // What everybody may hear of another's rights says nothing of ours.
-            Message::VsmAuthorisationResponse(_) if !to_us => {
+            Message::VsmAuthorisationResponse(_)
+            | Message::PositiveHandoverAuthorisationRequest(_)
+            | Message::PositiveHandoverAuthorisationGranted(_)
+                if !to_us =>
+            {
                 return self.traffic.drop("for others");
             }
             _ => match self.take_report(now, header.source, &message) {
@@ -231,6 +261,15 @@ impl Session {
                 Change::Alert(alert) => self.note(Event::Alert {
                     from: header.source,
                     alert,
+                }),
+                Change::Asked(by, loi) => self.note(Event::Asked {
+                    vehicle: header.source,
+                    by,
+                    loi,
+                }),
+                Change::Offered(loi) => self.note(Event::Offered {
+                    vehicle: header.source,
+                    loi,
                 }),
             },
         }

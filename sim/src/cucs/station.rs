@@ -20,6 +20,7 @@ use super::vehicle::Vehicle;
 
 mod authority;
 mod command;
+mod handover;
 mod plan;
 
 pub use authority::Discovered;

@@ -3,10 +3,11 @@
 use std::time::Duration;
 
 use stanag_msgs::enums::{
-    AltitudeType, FlightPathControlMode, LoiBitmap, MissionTransferStatus, UaState,
+    AltitudeType, FlightPathControlMode, HandoverStatus, LoiBitmap, MissionTransferStatus, UaState,
 };
 use stanag_msgs::messages::{
-    FromToNextWaypointStates, InertialStates, MissionUploadDownloadStatus, VehicleId,
+    FromToNextWaypointStates, InertialStates, MissionUploadDownloadStatus,
+    PositiveHandoverAuthorisationGranted, PositiveHandoverAuthorisationRequest, VehicleId,
     VehicleOperatingModeReport, VehicleOperatingStates, VsmAuthorisationResponse,
 };
 use stanag_msgs::{Id, Message, TimeStamp};
@@ -33,6 +34,10 @@ pub struct Vehicle {
     pub waypoints: Option<FromToNextWaypointStates>,
     /// Message 14000: the state of a mission transfer.
     pub transfer: Option<MissionUploadDownloadStatus>,
+    /// Message 4: what another CUCS wishes for; `None` once it is decided.
+    wish: Option<PositiveHandoverAuthorisationRequest>,
+    /// Message 5: what the holder offers; `None` once it is decided.
+    offer: Option<PositiveHandoverAuthorisationGranted>,
     /// How many messages 2 came: tells an answer from what was known before.
     pub authorisations: u64,
     /// How many messages 14000 came.
@@ -66,6 +71,10 @@ pub(crate) enum Change {
     Alert(Alert),
     /// Older than what is known, or known already.
     Late,
+    /// Another CUCS has begun to ask for this.
+    Asked(Id, LoiBitmap),
+    /// The holder has begun to offer this.
+    Offered(LoiBitmap),
     /// Nothing that is kept.
     Unused,
 }
@@ -81,6 +90,8 @@ impl Vehicle {
             inertial: None,
             waypoints: None,
             transfer: None,
+            wish: None,
+            offer: None,
             authorisations: 0,
             transfers: 0,
             heard,
@@ -104,6 +115,7 @@ impl Vehicle {
             Message::VsmAuthorisationResponse(new) => {
                 let change = latest!(authorisation, new);
                 self.authorisations += 1;
+                self.forget_decided();
                 change
             }
             Message::VehicleId(new) => latest!(identity, new),
@@ -115,6 +127,34 @@ impl Vehicle {
                 let change = latest!(transfer, new);
                 self.transfers += 1;
                 change
+            }
+            Message::PositiveHandoverAuthorisationRequest(new) => {
+                let before = self.wish();
+                let change = latest!(wish, new);
+                match self.wish() {
+                    Some((by, loi)) if before != Some((by, loi)) => Change::Asked(by, loi),
+                    _ => change,
+                }
+            }
+            Message::PositiveHandoverAuthorisationGranted(new) => {
+                let before = self.offer();
+                let change = latest!(offer, new);
+                self.forget_decided();
+                match self.offer() {
+                    Some(loi) if before != Some(loi) => Change::Offered(loi),
+                    _ => change,
+                }
+            }
+            Message::HandoverStatusReport(new) => {
+                let over = matches!(
+                    new.status,
+                    Some(HandoverStatus::Successful | HandoverStatus::Failed)
+                );
+                let by = self.wish().map(|(by, _)| by);
+                if over && by.is_some() && by == new.cucs_id_acquiring_control {
+                    self.wish = None;
+                }
+                Change::Taken
             }
             Message::SubsystemStatusAlert(new) => match self.alerts.take(new) {
                 Taken::Whole(alert) => Change::Alert(alert),
@@ -138,6 +178,32 @@ impl Vehicle {
         response
             .and_then(|response| response.loi_granted)
             .unwrap_or(LoiBitmap::NONE)
+    }
+
+    /// Who asks for what this CUCS holds (4), and for which levels.
+    #[must_use]
+    pub fn wish(&self) -> Option<(Id, LoiBitmap)> {
+        let wish = self.wish.as_ref()?;
+        let levels = wish.requested_handover_loi.filter(|loi| !loi.is_empty())?;
+        Some((wish.requesting_cucs_id?, levels))
+    }
+
+    /// What the holder offers to this CUCS (5).
+    #[must_use]
+    pub fn offer(&self) -> Option<LoiBitmap> {
+        let offer = self.offer.as_ref()?;
+        offer.loi_authorized.filter(|loi| !loi.is_empty())
+    }
+
+    /// What is held is no offer any more, and what is held no more nobody wishes for.
+    fn forget_decided(&mut self) {
+        let held = self.granted();
+        if self.offer().is_some_and(|loi| held.contains(loi)) {
+            self.offer = None;
+        }
+        if self.wish().is_some_and(|(_, loi)| !held.intersects(loi)) {
+            self.wish = None;
+        }
     }
 
     /// LOI Authorized: what this CUCS may have.

@@ -25,6 +25,9 @@ pub enum Verb {
     },
     /// Give all rights back.
     Release,
+    /// Handing rights over.
+    #[command(flatten)]
+    Handover(HandoverVerb),
     /// Send a route file and load it aboard.
     Send {
         /// The route file (TOML).
@@ -129,6 +132,46 @@ pub enum Verb {
     },
 }
 
+/// Positive handover (messages 4 and 5).
+#[derive(Clone, Debug, Subcommand)]
+pub enum HandoverVerb {
+    /// Ask who holds them for rights, and wait for the answer.
+    Ask {
+        /// Levels, such as 4,5; without it everything that this CUCS may have.
+        #[arg(long, value_name = "LEVELS")]
+        loi: Option<LoiList>,
+    },
+    /// Hand over to a CUCS that asks.
+    Consent {
+        /// Which; without it the one that asked last.
+        cucs: Option<Id>,
+        /// Levels; without it what was asked for, or where that is not known everything that this CUCS holds.
+        #[arg(long, value_name = "LEVELS")]
+        loi: Option<LoiList>,
+    },
+    /// Hand nothing over to a CUCS that asks.
+    Refuse {
+        /// Which; without it the one that asked last.
+        cucs: Option<Id>,
+    },
+    /// Offer rights to another CUCS, and wait until it accepts or declines.
+    Successor {
+        /// Which.
+        cucs: Id,
+        /// Levels; without it everything that this CUCS holds.
+        #[arg(long, value_name = "LEVELS")]
+        loi: Option<LoiList>,
+    },
+    /// Take what is offered.
+    Accept {
+        /// Levels; without it those offered.
+        #[arg(long, value_name = "LEVELS")]
+        loi: Option<LoiList>,
+    },
+    /// Take nothing of what is offered, or wish no longer for what was asked.
+    Decline,
+}
+
 /// What `wait` waits for.
 #[derive(Clone, Debug, Subcommand)]
 pub enum Condition {
@@ -164,6 +207,20 @@ pub enum Condition {
     Alert {
         /// A part of its text.
         text: String,
+    },
+    /// Another CUCS asks for what this one holds (4).
+    Asked,
+    /// The holder offers this CUCS what it holds (5).
+    Offered,
+    /// This CUCS holds all of these levels (2).
+    Holds {
+        /// Such as 4,5.
+        loi: LoiList,
+    },
+    /// This CUCS holds none of these levels (2).
+    Lacks {
+        /// Such as 4,5.
+        loi: LoiList,
     },
 }
 

@@ -10,7 +10,7 @@ use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::service::Node;
 use mavlink_link::signing::Stamp;
-use stanag_msgs::enums::{AckType, AlertPriority, LoiBitmap, RequestedAccess};
+use stanag_msgs::enums::{AckType, AlertPriority, LoiBitmap};
 use stanag_msgs::table::{self, Direction};
 use stanag_msgs::wrapper::{Frame, WrapperError};
 use stanag_msgs::{Id, Message, Profile, TimeStamp};
@@ -282,21 +282,18 @@ impl Bridge {
             Message::MessageAcknowledgement(_) => {}
             Message::CucsAuthorisationRequest(request) => {
                 let (mut desk, aircraft) = self.desk(now, store);
-                // To everybody, or to the VSM: a question for each vehicle. To a vehicle: a request.
-                let asks = matches!(
-                    request.requested_handover_access,
-                    Some(RequestedAccess::Request | RequestedAccess::Override)
-                );
-                let mut answer = if asks {
-                    AckType::Refused
-                } else {
-                    AckType::CarriedOut
-                };
+                let to_all = destination == Id::BROADCAST || destination == desk.vsm;
+                let mut answer = AckType::CarriedOut;
                 for aircraft in aircraft.iter_mut() {
-                    if aircraft.id() == destination {
-                        answer = aircraft.authorise(&mut desk, &origin, request);
-                    } else if destination == Id::BROADCAST || destination == desk.vsm {
-                        aircraft.answer_authorisation(&mut desk, origin.station, Some(request));
+                    let of_one = if aircraft.id() == destination {
+                        aircraft.authorise(&mut desk, &origin, request)
+                    } else if to_all {
+                        aircraft.authorise_to_all(&mut desk, &origin, request)
+                    } else {
+                        continue;
+                    };
+                    if of_one != AckType::CarriedOut {
+                        answer = of_one;
                     }
                 }
                 let vehicle = aircraft

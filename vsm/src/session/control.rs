@@ -41,6 +41,7 @@ impl Aircraft {
             Some(RequestedAccess::Override) if !levels.is_empty() => Access::Override,
             _ => {
                 self.answer_authorisation(desk, origin.station, Some(request));
+                self.convey_pending(desk, origin.station);
                 return AckType::CarriedOut;
             }
         };
@@ -57,6 +58,47 @@ impl Aircraft {
         });
         self.answer_authorisation(desk, origin.station, Some(request));
         self.acknowledgement(desk, origin, asker.id, &answer)
+    }
+
+    /// Message 1 to everybody, or to the VSM. It is a question for each vehicle, as a discovery is; a release of levels
+    /// that it names is one of each vehicle. Rights are given by a vehicle alone.
+    pub(super) fn authorise_to_all(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: &Origin,
+        request: &CucsAuthorisationRequest,
+    ) -> AckType {
+        let named = request
+            .requested_handover_loi
+            .is_some_and(|levels| !levels.is_empty());
+        let why = match request.requested_handover_access {
+            Some(RequestedAccess::Relinquish) if named => {
+                return self.authorise(desk, origin, request);
+            }
+            // Who discovers asks for no acknowledgement; who wants one, and holds something, meant to release it.
+            Some(RequestedAccess::Relinquish)
+                if origin.ack_requested && self.holds_anything(desk, origin.station) =>
+            {
+                "nothing is released: name the levels, or send it to the vehicle"
+            }
+            Some(RequestedAccess::Request | RequestedAccess::Override) => {
+                "rights are asked of a vehicle, not of all"
+            }
+            _ => {
+                self.answer_authorisation(desk, origin.station, Some(request));
+                self.convey_pending(desk, origin.station);
+                return AckType::CarriedOut;
+            }
+        };
+        self.answer_authorisation(desk, origin.station, Some(request));
+        let text = format!("message 1 refused: {why}");
+        self.tell_stations(desk, &[origin.station], text);
+        AckType::Refused
+    }
+
+    fn holds_anything(&self, desk: &Desk<'_>, station: usize) -> bool {
+        desk.asker(station)
+            .is_some_and(|asker| !self.authority.held(asker.id).is_empty())
     }
 
     /// What 17000 says of an answer. One that waits is acknowledged again when it is decided.

@@ -46,10 +46,15 @@ impl Aircraft {
 
     /// Message 4 once more, the same octets: an answer to it may have been lost on either side.
     pub(super) fn hand_over_again(&mut self, desk: &mut Desk<'_>, station: usize) {
+        self.answer_authorisation(desk, station, None);
+        self.convey_pending(desk, station);
+    }
+
+    /// What a station is asked for, or offered, and has not answered: told again, since it may never have heard it.
+    pub(super) fn convey_pending(&mut self, desk: &mut Desk<'_>, station: usize) {
         let Some(by) = desk.asker(station) else {
             return;
         };
-        self.answer_authorisation(desk, station, None);
         let pending: Vec<Handover> = self.authority.pending().to_vec();
         for handover in pending {
             if handover.to == by.id || handover.from == Some(by.id) {

@@ -3,6 +3,11 @@
 //! At every state every CUCS may send anything that is in scope, as often as it likes: a datagram that is lost, comes
 //! twice, late or in another order is such a history too, so that all of them are covered without a network in the
 //! state. Restart, silence, loads and launches come between any two inputs.
+//!
+//! What keeps the states few, and what each leaves out: how a state was reached is no part of it. Handovers that wait
+//! have one order, by their rights. Time stands still but for one step in which all that waits lapses: what a single
+//! lapse leaves is what the release of that wish leaves. The silence that is only warned of is none to the machine.
+//! The two payload stations are treated alike: one of them is asked for together with control, each by itself.
 #![allow(
     dead_code,
     unreachable_pub,
@@ -10,6 +15,7 @@
     reason = "each test file uses its own part"
 )]
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
 use stanag_msgs::Id;
@@ -17,7 +23,7 @@ use stanag_msgs::enums::LoiBitmap;
 use stateright::{Model, Property};
 use vsm::session::{
     Access, Answer, Asker, Authority, CONSENT_WITHIN, CONTROL, Change, Circumstances, Decision,
-    Outcome, Reason, Rights, Silence, Stage, Stations,
+    Ended, Handover, Outcome, Reason, Rights, Silence, Stage, Stations,
 };
 
 /// What is tried.
@@ -46,6 +52,44 @@ pub const FULL: Scope = Scope {
 
 pub struct AuthorityModel {
     pub scope: Scope,
+    roster: Vec<Asker>,
+    /// What any step did so far, so that a model that does not move cannot pass.
+    seen: Seen,
+}
+
+impl AuthorityModel {
+    pub fn new(scope: Scope) -> AuthorityModel {
+        AuthorityModel {
+            scope,
+            roster: roster(scope.cucs),
+            seen: Seen::default(),
+        }
+    }
+
+    /// Panics where something that the scope allows has never happened.
+    pub fn assert_moved(&self) {
+        let Scope {
+            cucs,
+            silence,
+            phases,
+            ..
+        } = self.scope;
+        let seen = |what: &AtomicBool| what.load(Relaxed);
+        assert!(seen(&self.seen.handed_over), "no handover is completed");
+        assert!(seen(&self.seen.lapsed), "no handover lapses");
+        assert!(
+            seen(&self.seen.overridden) || cucs < 2,
+            "no override succeeds"
+        );
+        assert!(
+            seen(&self.seen.taken_in_silence) || !silence,
+            "the silent never lose to others"
+        );
+        assert!(
+            seen(&self.seen.after_load) || !phases,
+            "no handover waits for a load"
+        );
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -56,23 +100,18 @@ pub struct State {
     /// Index of the CUCS that loads a mission; the number of CUCSs for the VSM.
     pub loading: Option<usize>,
     pub launch_or_landing: bool,
-    /// Holder and acquirer by index, for whom both sides have agreed while a load runs.
-    pub agreed: Vec<(usize, usize)>,
     /// What a step did that it must not.
     pub flaw: Option<&'static str>,
-    /// What the last step did, for the properties that say what can happen.
-    pub seen: Seen,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Seen {
-    #[default]
-    Other,
-    HandedOver,
-    Overridden,
-    Lapsed,
-    TakenInSilence,
-    AfterLoad,
+/// No part of the state: the same state is one, whatever led to it.
+#[derive(Debug, Default)]
+struct Seen {
+    handed_over: AtomicBool,
+    overridden: AtomicBool,
+    lapsed: AtomicBool,
+    taken_in_silence: AtomicBool,
+    after_load: AtomicBool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -116,16 +155,13 @@ fn station(number: u8) -> Rights {
 
 impl AuthorityModel {
     fn index(&self, id: Id) -> Option<usize> {
-        roster(self.scope.cucs)
-            .iter()
-            .position(|asker| asker.id == id)
+        self.roster.iter().position(|asker| asker.id == id)
     }
 
     /// One input to the machine under test, and what its step must and must not do.
     fn step(&self, last: &State, input: Input) -> State {
-        let roster = roster(self.scope.cucs);
+        let roster = &self.roster;
         let mut state = last.clone();
-        state.seen = Seen::Other;
         match input {
             Input::Loading(owner) => state.loading = owner,
             Input::LaunchOrLanding(on) => state.launch_or_landing = on,
@@ -138,7 +174,7 @@ impl AuthorityModel {
             } else {
                 Duration::ZERO
             },
-            roster: &roster,
+            roster,
             loading: state.loading.map(owner),
             launch_or_landing: state.launch_or_landing,
         };
@@ -161,7 +197,7 @@ impl AuthorityModel {
                     loading: None,
                     ..at
                 };
-                state.machine = Authority::restored(&last.machine.record(), at.now, &roster);
+                state.machine = Authority::restored(&last.machine.record(), at.now, roster);
                 state.machine.look_again(&at)
             }
             Input::Lapse | Input::Loading(_) | Input::LaunchOrLanding(_) => {
@@ -173,7 +209,7 @@ impl AuthorityModel {
             self.book(&mut state, change);
         }
         state.flaw = state.flaw.or(self.flaw_of_answer(&state, input, &decision));
-        self.note(last, &mut state, &decision);
+        self.note(last, &decision);
         state
     }
 
@@ -186,10 +222,7 @@ impl AuthorityModel {
             state.ledger[from] = state.ledger[from].without(change.lost);
         }
         if let Some(to) = change.to.and_then(|id| self.index(id)) {
-            if !roster(self.scope.cucs)[to]
-                .may_hold()
-                .contains(change.gained)
-            {
+            if !self.roster[to].may_hold().contains(change.gained) {
                 state.flaw = Some("more is given than the configuration allows");
             }
             state.ledger[to] = state.ledger[to].with(change.gained);
@@ -217,7 +250,7 @@ impl AuthorityModel {
         if control && passes && state.launch_or_landing && change.why != Reason::Overridden {
             return Some("control is taken during launch or landing without override");
         }
-        let silence = |of: usize| last.machine.silence(roster(self.scope.cucs)[of].id);
+        let silence = |of: usize| last.machine.silence(self.roster[of].id);
         let fits = match change.why {
             Reason::Requested => from.is_none(),
             Reason::Released => {
@@ -235,7 +268,7 @@ impl AuthorityModel {
                     && state.machine.controller() == change.to
             }
             Reason::Overridden => from.is_some_and(|from| {
-                let ranks = roster(self.scope.cucs);
+                let ranks = &self.roster;
                 to.is_some_and(|to| ranks[to].may_override && ranks[to].rank >= ranks[from].rank)
                     && (matches!(input, Input::Request(by, Access::Override, _) if Some(by) == to)
                         || self.was_decided(last, from, to, Reason::Overridden))
@@ -274,7 +307,7 @@ impl AuthorityModel {
             Input::Request(by, Access::Control | Access::Override, _) if by == to => {
                 between(|stage| matches!(stage, Stage::Acceptance(_)))
             }
-            _ => last.agreed.contains(&(from, to)),
+            _ => self.was_decided(last, from, Some(to), Reason::HandedOver),
         }
     }
 
@@ -305,38 +338,31 @@ impl AuthorityModel {
         }
     }
 
-    fn note(&self, last: &State, state: &mut State, decision: &Decision) {
-        state.agreed = state
-            .machine
-            .pending()
-            .iter()
-            .filter(|handover| handover.stage == Stage::Load(Reason::HandedOver))
-            .filter_map(|handover| Some((self.index(handover.from?)?, self.index(handover.to)?)))
-            .collect();
+    fn note(&self, last: &State, decision: &Decision) {
+        let waited = |handover: &Handover| handover.stage == Stage::Load(Reason::HandedOver);
         for change in &decision.changes {
-            state.seen = match change.why {
-                Reason::HandedOver if !last.agreed.is_empty() => Seen::AfterLoad,
-                Reason::HandedOver => Seen::HandedOver,
-                Reason::Overridden => Seen::Overridden,
-                Reason::OfferedInSilence => Seen::TakenInSilence,
-                _ => state.seen,
-            };
+            match change.why {
+                Reason::HandedOver if last.machine.pending().iter().any(waited) => {
+                    self.seen.after_load.store(true, Relaxed);
+                }
+                Reason::HandedOver => self.seen.handed_over.store(true, Relaxed),
+                Reason::Overridden => self.seen.overridden.store(true, Relaxed),
+                Reason::OfferedInSilence => self.seen.taken_in_silence.store(true, Relaxed),
+                _ => {}
+            }
         }
-        if decision
-            .ended
-            .iter()
-            .any(|ended| ended.outcome == Outcome::Lapsed)
-        {
-            state.seen = Seen::Lapsed;
+        let lapsed = |ended: &Ended| ended.outcome == Outcome::Lapsed;
+        if decision.ended.iter().any(lapsed) {
+            self.seen.lapsed.store(true, Relaxed);
         }
     }
 
     /// Whatever order they do it in, all let go, and everything is free.
     fn released_is_free(&self, state: &State) -> bool {
-        let roster = roster(self.scope.cucs);
+        let roster = &self.roster;
         let at = Circumstances {
             now: Duration::ZERO,
-            roster: &roster,
+            roster,
             loading: state
                 .loading
                 .and_then(|index| roster.get(index))
@@ -364,9 +390,7 @@ impl Model for AuthorityModel {
             ledger: vec![Rights::NONE; self.scope.cucs],
             loading: None,
             launch_or_landing: false,
-            agreed: Vec::new(),
             flaw: None,
-            seen: Seen::Other,
         }]
     }
 
@@ -403,8 +427,8 @@ impl Model for AuthorityModel {
         }
         if self.scope.phases {
             inputs.push(Input::Loading(None));
-            // By one of them, or by the VSM itself.
-            inputs.extend([0, cucs].map(|owner| Input::Loading(Some(owner))));
+            // By any of them, or by the VSM itself.
+            inputs.extend((0..=cucs).map(|owner| Input::Loading(Some(owner))));
             inputs.extend([false, true].map(Input::LaunchOrLanding));
         }
         inputs.extend([Input::Lapse, Input::Restart]);
@@ -416,7 +440,7 @@ impl Model for AuthorityModel {
     }
 
     fn properties(&self) -> Vec<Property<Self>> {
-        let mut properties = vec![
+        vec![
             Property::always("at most one holder of each right", |_, state: &State| {
                 let held = &state.ledger;
                 (0..held.len()).all(|a| (0..a).all(|b| !held[a].collides(held[b])))
@@ -424,24 +448,20 @@ impl Model for AuthorityModel {
             Property::always(
                 "no command without its right at that moment",
                 |model: &Self, state: &State| {
-                    roster(model.scope.cucs)
-                        .iter()
-                        .zip(&state.ledger)
-                        .all(|(asker, held)| {
-                            let levels = [
-                                LoiBitmap::LOI2,
-                                LoiBitmap::LOI3,
-                                LoiBitmap::LOI4,
-                                LoiBitmap::LOI5,
-                            ];
-                            levels.iter().all(|level| {
-                                state.machine.holds(asker.id, *level)
-                                    == held.levels().contains(*level)
-                            }) && (1..=model.scope.stations).all(|number| {
-                                state.machine.holds_station(asker.id, number)
-                                    == held.contains(station(number))
-                            })
+                    model.roster.iter().zip(&state.ledger).all(|(asker, held)| {
+                        let levels = [
+                            LoiBitmap::LOI2,
+                            LoiBitmap::LOI3,
+                            LoiBitmap::LOI4,
+                            LoiBitmap::LOI5,
+                        ];
+                        levels.iter().all(|level| {
+                            state.machine.holds(asker.id, *level) == held.levels().contains(*level)
+                        }) && (1..=model.scope.stations).all(|number| {
+                            state.machine.holds_station(asker.id, number)
+                                == held.contains(station(number))
                         })
+                    })
                 },
             ),
             Property::always("a granted request is never lost", |_, state: &State| {
@@ -450,9 +470,9 @@ impl Model for AuthorityModel {
             Property::always(
                 "a restart changes nothing",
                 |model: &Self, state: &State| {
-                    let roster = roster(model.scope.cucs);
+                    let roster = &model.roster;
                     let again =
-                        Authority::restored(&state.machine.record(), Duration::ZERO, &roster);
+                        Authority::restored(&state.machine.record(), Duration::ZERO, roster);
                     let holders = |machine: &Authority| machine.holders().collect::<Vec<_>>();
                     holders(&again) == holders(&state.machine)
                         && again.pending() == state.machine.pending()
@@ -464,31 +484,6 @@ impl Model for AuthorityModel {
                 (0..pending.len())
                     .all(|a| (0..a).all(|b| !pending[a].rights.collides(pending[b].rights)))
             }),
-            Property::sometimes("a handover is completed", |_, state: &State| {
-                state.seen == Seen::HandedOver
-            }),
-            Property::sometimes("a handover lapses", |_, state: &State| {
-                state.seen == Seen::Lapsed
-            }),
-        ];
-        if self.scope.cucs > 1 {
-            properties.push(Property::sometimes(
-                "an override succeeds",
-                |_, state: &State| state.seen == Seen::Overridden,
-            ));
-        }
-        if self.scope.silence {
-            properties.push(Property::sometimes(
-                "the silent lose to others",
-                |_, state: &State| state.seen == Seen::TakenInSilence,
-            ));
-        }
-        if self.scope.phases {
-            properties.push(Property::sometimes(
-                "a handover waits for a load",
-                |_, state: &State| state.seen == Seen::AfterLoad,
-            ));
-        }
-        properties
+        ]
     }
 }

@@ -30,6 +30,12 @@ pub enum OperatorError {
     /// What needs status needs LOI 2.
     #[error("vehicle {0}: this CUCS holds no LOI, so nothing is told to it: take it first")]
     NoRights(Id),
+    /// Whom to answer is not known.
+    #[error("vehicle {0}: no CUCS is known to ask for it: name it")]
+    NobodyAsks(Id),
+    /// What to accept is not known.
+    #[error("vehicle {0}: nothing is known to be offered: name the levels with --loi")]
+    NothingOffered(Id),
     /// What was downloaded has holes.
     #[error("the plan names waypoints that it does not have: {0}")]
     Incomplete(String),

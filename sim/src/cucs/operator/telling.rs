@@ -61,10 +61,20 @@ impl<W: Write> Operator<W> {
         self.tell(&line, value)
     }
 
+    /// Alerts, and what others wish for or offer.
     pub(super) fn tell_alerts(&mut self, told: &str) -> Done {
         while let Some(event) = self.station.session.poll_event() {
-            let Event::Alert { from, alert } = event else {
-                continue;
+            let (from, alert) = match event {
+                Event::Alert { from, alert } => (from, alert),
+                Event::Asked { vehicle, by, loi } => {
+                    self.tell_wish(vehicle, by, loi)?;
+                    continue;
+                }
+                Event::Offered { vehicle, loi } => {
+                    self.tell_offer(vehicle, loi)?;
+                    continue;
+                }
+                Event::Message { .. } | Event::Answered { .. } => continue,
             };
             if self.style == Style::People && told.contains(&alert.text) {
                 continue;

@@ -98,17 +98,25 @@ impl Station {
         loi: LoiBitmap,
         access: RequestedAccess,
     ) -> Result<LoiBitmap, StationError> {
+        let mark = self.alert_mark(vehicle);
         self.authorise(vehicle, loi, access).await?;
-        let state = self.session.vehicle(vehicle);
-        let granted = state.map_or(LoiBitmap::NONE, Vehicle::granted);
-        if granted.contains(loi) {
-            return Ok(granted);
+        let granted = |station: &Station| {
+            let state = station.session.vehicle(vehicle);
+            state.map_or(LoiBitmap::NONE, Vehicle::granted)
+        };
+        let held = granted(self);
+        if held.contains(loi) {
+            return Ok(held);
         }
+        let what = "request (message 1)".to_owned();
+        let refused = self.refusal(vehicle, what, None, mark).await?;
+        let state = self.session.vehicle(vehicle);
         Err(StationError::NotGranted {
             vehicle,
             asked: loi,
-            granted,
+            granted: refused.held,
             authorised: state.map_or(LoiBitmap::NONE, Vehicle::authorised),
+            reasons: refused.reasons,
         })
     }
 

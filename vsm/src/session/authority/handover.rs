@@ -248,8 +248,17 @@ impl Authority {
             rights,
             stage,
         };
-        self.pending.push(handover);
+        self.expect(handover);
         decision.begun.push(handover);
+    }
+
+    /// Keeps a handover in its place. What is pending has one order, whichever began first: control, then stations.
+    pub(super) fn expect(&mut self, handover: Handover) {
+        let place = |one: &Handover| (one.rights.control().is_empty(), one.rights.stations().raw());
+        let index = self
+            .pending
+            .partition_point(|known| place(known) < place(&handover));
+        self.pending.insert(index, handover);
     }
 
     pub(super) fn end_where(

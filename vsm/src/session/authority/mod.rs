@@ -39,7 +39,7 @@ pub struct Authority {
     stations: BTreeMap<u8, Id>,
     /// LOI 2, asked for by itself.
     monitors: BTreeSet<Id>,
-    /// In order of their beginning. No two are for rights that have one holder.
+    /// Control first, then by station. No two are for rights that have one holder.
     pending: Vec<Handover>,
     /// Holders that are silent.
     silent: BTreeMap<Id, Silence>,

@@ -96,7 +96,7 @@ impl Authority {
                 continue;
             };
             let until = now + CONSENT_WITHIN;
-            authority.pending.push(Handover {
+            authority.expect(Handover {
                 from: pending.from.map(Id),
                 to,
                 rights,
