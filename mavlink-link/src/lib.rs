@@ -3,7 +3,7 @@
 //! From the octets up: [`frame`] finds and makes frames, [`signing`] signs and verifies them, [`clock`]
 //! says which stamps may be used and [`receiver`] which frames are believed; [`link`] joins them into
 //! one machine a physical link, and [`service`] speaks PX4's mission, command and parameter protocols
-//! over it. [`frame`] and [`signing`] are usable alone.
+//! over it. [`provisioning`] gives a vehicle a key, [`exchange`] agrees about one over the air. [`frame`] and [`signing`] are usable alone.
 //!
 //! Nothing here owns a socket, a clock, a disk or randomness: time comes in as [`Now`], the signing
 //! clock's ceiling goes out through [`clock::CeilingStore`]. Foreign input never panics and never makes
@@ -12,6 +12,7 @@
 #![forbid(unsafe_code)]
 
 pub mod clock;
+pub mod exchange;
 pub mod frame;
 pub mod link;
 pub mod provisioning;

@@ -122,6 +122,12 @@ impl fmt::Debug for SigningKey {
 pub struct KeyId([u8; 8]);
 
 impl KeyId {
+    /// An id as it was stored or told.
+    #[must_use]
+    pub const fn from_octets(octets: [u8; 8]) -> Self {
+        Self(octets)
+    }
+
     /// The id's octets.
     #[must_use]
     pub const fn octets(&self) -> &[u8; 8] {

@@ -1,0 +1,432 @@
+//! KEY_EXCHANGE (229) as octets: one layout, read strictly and written canonically.
+//!
+//! Promised: no input panics or allocates; what is read and written again is the same octets but for the zeros that
+//! MAVLink 2 trims. A payload of at most 32 octets, or version 0, is the bare exchange of old and never anything else.
+
+use core::fmt;
+
+use subtle::ConstantTimeEq as _;
+use thiserror::Error;
+
+use super::identity::PublicKey;
+
+/// The longest payload of KEY_EXCHANGE, octets.
+pub const MAX_MESSAGE: usize = 203;
+/// The most octets of `data`.
+pub const MAX_DATA: usize = 160;
+/// The version of the exchange that is spoken here.
+pub const VERSION: u8 = 1;
+
+/// The sender's or receiver's MAVLink system and component.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Node {
+    /// System id, 1 to 255.
+    pub system: u8,
+    /// Component id, 1 to 255.
+    pub component: u8,
+}
+
+/// What was received: an exchange of this version, or the bare public key of old.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Received {
+    /// The extended message.
+    Exchange(Message),
+    /// The public key alone, unauthenticated.
+    Legacy(PublicKey),
+}
+
+/// One step of an exchange.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Message {
+    /// 229.public_key: the sender's ephemeral key, in every step; zero in steps 0 and 15.
+    pub public_key: [u8; 32],
+    /// 229.session: chosen at random by the initiator, never 0 but in step 0.
+    pub session: u32,
+    /// 229.version, 1 for all that is known here.
+    pub version: u8,
+    /// 229.step.
+    pub step: Step,
+    /// 229.suite as on the wire; see [`Suite`].
+    pub suite: u8,
+    /// 229.status as on the wire; unauthenticated, see [`Status`].
+    pub status: Status,
+    /// 229.target_system and target_component: matched exactly, there is no broadcast.
+    pub target: Node,
+    /// 229.data up to 229.length.
+    pub data: Data,
+}
+
+/// 229.step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Step {
+    /// 0: the responder would like an exchange. A hint.
+    Please,
+    /// 1: the initiator's ephemeral key and first Noise message.
+    Offer,
+    /// 2: the responder's.
+    Answer,
+    /// 3: the initiator's confirmation.
+    Confirm,
+    /// 4: the responder's confirmation and what has become of the key.
+    Outcome,
+    /// 15: no, with a status. Unauthenticated, so it changes nothing.
+    Reject,
+    /// Any other.
+    Unknown(u8),
+}
+
+impl From<u8> for Step {
+    fn from(raw: u8) -> Self {
+        match raw {
+            0 => Self::Please,
+            1 => Self::Offer,
+            2 => Self::Answer,
+            3 => Self::Confirm,
+            4 => Self::Outcome,
+            15 => Self::Reject,
+            other => Self::Unknown(other),
+        }
+    }
+}
+
+impl From<Step> for u8 {
+    fn from(step: Step) -> Self {
+        match step {
+            Step::Please => 0,
+            Step::Offer => 1,
+            Step::Answer => 2,
+            Step::Confirm => 3,
+            Step::Outcome => 4,
+            Step::Reject => 15,
+            Step::Unknown(other) => other,
+        }
+    }
+}
+
+/// 229.suite: the Noise protocol. One a peer; nothing is negotiated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Suite {
+    /// 1, `Noise_KK_25519_ChaChaPoly_SHA256`: both know the other's static key.
+    Pinned,
+    /// 2, `Noise_XXpsk3_25519_ChaChaPoly_SHA256`: both know the pairing code.
+    Pairing,
+}
+
+impl Suite {
+    /// The suite of a number on the wire, if it is known.
+    #[must_use]
+    pub const fn from_wire(raw: u8) -> Option<Self> {
+        match raw {
+            1 => Some(Self::Pinned),
+            2 => Some(Self::Pairing),
+            _ => None,
+        }
+    }
+
+    /// The number on the wire.
+    #[must_use]
+    pub const fn to_wire(self) -> u8 {
+        match self {
+            Self::Pinned => 1,
+            Self::Pairing => 2,
+        }
+    }
+}
+
+/// 229.status, and the first octet of step 4's body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Status {
+    /// 0: as it should be.
+    Ok,
+    /// 1: a key is on its way to the autopilot, and is not replaced.
+    Busy,
+    /// 2: the key waits until the vehicle is disarmed.
+    WaitDisarm,
+    /// 3: SETUP_SIGNING has been sent.
+    Sent,
+    /// 4: the autopilot signs with the key.
+    Active,
+    /// 5: the autopilot did not take the key; the old one stays.
+    RolledBack,
+    /// 6: the autopilot is silent; both keys are kept.
+    Silent,
+    /// 7: the autopilot cannot sign.
+    CannotSign,
+    /// 8: the session is not known here, or no more.
+    UnknownSession,
+    /// 9: refused.
+    Refused,
+    /// Any other.
+    Unknown(u8),
+}
+
+impl From<u8> for Status {
+    fn from(raw: u8) -> Self {
+        match raw {
+            0 => Self::Ok,
+            1 => Self::Busy,
+            2 => Self::WaitDisarm,
+            3 => Self::Sent,
+            4 => Self::Active,
+            5 => Self::RolledBack,
+            6 => Self::Silent,
+            7 => Self::CannotSign,
+            8 => Self::UnknownSession,
+            9 => Self::Refused,
+            other => Self::Unknown(other),
+        }
+    }
+}
+
+impl From<Status> for u8 {
+    fn from(status: Status) -> Self {
+        match status {
+            Status::Ok => 0,
+            Status::Busy => 1,
+            Status::WaitDisarm => 2,
+            Status::Sent => 3,
+            Status::Active => 4,
+            Status::RolledBack => 5,
+            Status::Silent => 6,
+            Status::CannotSign => 7,
+            Status::UnknownSession => 8,
+            Status::Refused => 9,
+            Status::Unknown(other) => other,
+        }
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ok => "ok",
+            Self::Busy => "busy with another key",
+            Self::WaitDisarm => "waits until the vehicle is disarmed",
+            Self::Sent => "sent to the autopilot",
+            Self::Active => "in use by the autopilot",
+            Self::RolledBack => "not taken by the autopilot, the old key stays",
+            Self::Silent => "the autopilot is silent, both keys are kept",
+            Self::CannotSign => "the autopilot cannot sign",
+            Self::UnknownSession => "unknown session",
+            Self::Refused => "refused",
+            Self::Unknown(other) => return write!(f, "unknown status {other}"),
+        })
+    }
+}
+
+/// 229.data: at most [`MAX_DATA`] octets.
+#[derive(Clone)]
+pub struct Data {
+    octets: [u8; MAX_DATA],
+    len: usize,
+}
+
+impl Data {
+    /// No octets.
+    pub const EMPTY: Self = Self {
+        octets: [0; MAX_DATA],
+        len: 0,
+    };
+
+    /// These octets, where they fit.
+    #[must_use]
+    pub fn new(octets: &[u8]) -> Option<Self> {
+        let mut data = Self::EMPTY;
+        data.octets.get_mut(..octets.len())?.copy_from_slice(octets);
+        data.len = octets.len();
+        Some(data)
+    }
+
+    /// The octets.
+    #[must_use]
+    pub fn as_slice(&self) -> &[u8] {
+        &self.octets[..self.len]
+    }
+}
+
+impl PartialEq for Data {
+    fn eq(&self, other: &Self) -> bool {
+        // Compared where the other is a stranger's.
+        self.len == other.len && bool::from(self.octets.ct_eq(&other.octets))
+    }
+}
+
+impl Eq for Data {}
+
+impl fmt::Debug for Data {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} octets", self.len)
+    }
+}
+
+impl Message {
+    /// Reads a payload as it came, trailing zeros trimmed.
+    ///
+    /// # Errors
+    /// It is too long, says that it has more data than fits, or has octets where there must be none.
+    pub fn parse(payload: &[u8]) -> Result<Received, MessageError> {
+        let mut octets = [0; MAX_MESSAGE];
+        octets
+            .get_mut(..payload.len())
+            .ok_or(MessageError::TooLong { len: payload.len() })?
+            .copy_from_slice(payload);
+        let mut public_key = [0; 32];
+        public_key.copy_from_slice(&octets[..32]);
+        let version = octets[36];
+        if payload.len() <= 32 || version == 0 {
+            return Ok(Received::Legacy(PublicKey::new(public_key)));
+        }
+        let len = usize::from(octets[42]);
+        if len > MAX_DATA {
+            return Err(MessageError::Length { length: octets[42] });
+        }
+        let (data, rest) = octets[43..].split_at(len);
+        if let Some(at) = rest.iter().position(|&octet| octet != 0) {
+            return Err(MessageError::Beyond {
+                offset: 43 + len + at,
+            });
+        }
+        Ok(Received::Exchange(Self {
+            public_key,
+            session: u32::from_le_bytes([octets[32], octets[33], octets[34], octets[35]]),
+            version,
+            step: octets[37].into(),
+            suite: octets[38],
+            status: octets[39].into(),
+            target: Node {
+                system: octets[40],
+                component: octets[41],
+            },
+            data: Data::new(data).unwrap_or(Data::EMPTY),
+        }))
+    }
+
+    /// The whole payload; the frame encoder trims its trailing zeros.
+    #[must_use]
+    pub fn to_payload(&self) -> [u8; MAX_MESSAGE] {
+        let mut octets = [0; MAX_MESSAGE];
+        octets[..32].copy_from_slice(&self.public_key);
+        octets[32..36].copy_from_slice(&self.session.to_le_bytes());
+        octets[36] = self.version;
+        octets[37] = self.step.into();
+        octets[38] = self.suite;
+        octets[39] = self.status.into();
+        octets[40] = self.target.system;
+        octets[41] = self.target.component;
+        octets[42] = u8::try_from(self.data.len).unwrap_or(0);
+        octets[43..].copy_from_slice(&self.data.octets);
+        octets
+    }
+}
+
+/// Why a payload is no KEY_EXCHANGE.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum MessageError {
+    /// More octets than the message has.
+    #[error("a payload of {len} octets, expected at most 203")]
+    TooLong {
+        /// Octets found.
+        len: usize,
+    },
+    /// 229.length.
+    #[error("length is {length}, expected at most 160")]
+    Length {
+        /// The value found.
+        length: u8,
+    },
+    /// Something follows the data.
+    #[error("an octet beyond the data at offset {offset}, expected zeros")]
+    Beyond {
+        /// Its offset in the payload.
+        offset: usize,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{KEY_EXCHANGE_CRC_EXTRA, KEY_EXCHANGE_ID, crc_extra};
+
+    fn message(data: &[u8]) -> Message {
+        Message {
+            public_key: [7; 32],
+            session: 0x0403_0201,
+            version: VERSION,
+            step: Step::Answer,
+            suite: Suite::Pairing.to_wire(),
+            status: Status::Ok,
+            target: Node {
+                system: 245,
+                component: 190,
+            },
+            data: Data::new(data).unwrap(),
+        }
+    }
+
+    #[test]
+    fn fields_stand_where_the_table_says() {
+        let payload = message(&[9; 88]).to_payload();
+        assert_eq!(payload[..32], [7; 32]);
+        assert_eq!(payload[32..43], [1, 2, 3, 4, 1, 2, 2, 0, 245, 190, 88]);
+        assert_eq!(payload[43..131], [9; 88]);
+        assert_eq!(payload[131..], [0; 72]);
+    }
+
+    #[test]
+    fn trimmed_zeros_come_back() {
+        for len in [0, 1, 40, 160] {
+            let mut data = vec![5; len];
+            data.iter_mut().rev().take(3).for_each(|octet| *octet = 0);
+            let sent = message(&data);
+            let payload = sent.to_payload();
+            let used = payload.iter().rposition(|&octet| octet != 0).unwrap() + 1;
+            let read = Message::parse(&payload[..used]).unwrap();
+            assert_eq!(read, Received::Exchange(sent));
+        }
+    }
+
+    #[test]
+    fn short_payloads_and_version_zero_are_the_bare_exchange() {
+        let key = PublicKey::new([7; 32]);
+        assert_eq!(
+            Message::parse(&[7; 32]).unwrap(),
+            Received::Legacy(key.clone())
+        );
+        let mut payload = message(&[1]).to_payload();
+        payload[36] = 0;
+        assert_eq!(Message::parse(&payload).unwrap(), Received::Legacy(key));
+        assert!(matches!(Message::parse(&[]).unwrap(), Received::Legacy(_)));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_with_its_place() {
+        assert_eq!(
+            Message::parse(&[1; 204]).unwrap_err(),
+            MessageError::TooLong { len: 204 }
+        );
+        let mut payload = message(&[]).to_payload();
+        payload[42] = 161;
+        assert_eq!(
+            Message::parse(&payload).unwrap_err(),
+            MessageError::Length { length: 161 }
+        );
+        payload[42] = 3;
+        payload[46] = 1;
+        assert_eq!(
+            Message::parse(&payload).unwrap_err(),
+            MessageError::Beyond { offset: 46 }
+        );
+    }
+
+    #[test]
+    fn crc_extra_is_that_of_the_one_field_that_is_no_extension() {
+        // mavgen: the message name, then type, name and array length of each field that is no extension.
+        let crc = crc::Crc::<u16>::new(&crc::CRC_16_MCRF4XX);
+        let mut digest = crc.digest();
+        digest.update(b"KEY_EXCHANGE uint8_t public_key ");
+        digest.update(&[32]);
+        let [low, high] = digest.finalize().to_le_bytes();
+        assert_eq!(low ^ high, KEY_EXCHANGE_CRC_EXTRA);
+        assert_eq!(crc_extra(KEY_EXCHANGE_ID), Some(KEY_EXCHANGE_CRC_EXTRA));
+    }
+}

@@ -1,0 +1,114 @@
+//! Signing keys agreed over the air, in KEY_EXCHANGE (229) frames: Noise KK between pinned static keys, Noise XXpsk3
+//! once for pairing, each confirmed by both ends.
+//!
+//! Two machines without clock, socket, disk or randomness: the [`Initiator`] on the ground, always the VSM, and the
+//! [`Responder`] in the air, always the agent beside the autopilot. Time, random octets and the disk are arguments;
+//! payloads go in and [`Message`]s come out. Framing, signing and sending are the caller's
+//! ([`Link::send_raw`](crate::link::Link::send_raw)).
+//!
+//! Promised, and each tested by driving both ends against each other under loss, duplication, reordering, delay and
+//! restart between any two disk writes:
+//!
+//! - whoever has neither a static key nor the pairing code changes nothing but counters;
+//! - a key that the responder may hand to the autopilot is on the initiator's disk, always: there is no state in which
+//!   the vehicle signs with a key that the ground does not have;
+//! - no key is replaced on silence.
+//!
+//! A caller must keep on disk: its [`Identity`], the peer's [`PublicKey`], the counter, the epoch, and the keys
+//! `current` and `next`. [`InitiatorStore`] and [`ResponderStore`] say when, [`InitiatorMemory`] and
+//! [`ResponderMemory`] what a new process begins with.
+//!
+//! ```
+//! use core::time::Duration;
+//! use mavlink_link::Now;
+//! use mavlink_link::exchange::*;
+//!
+//! // A disk that only remembers the last key.
+//! #[derive(Default)]
+//! struct Disk(Option<mavlink_link::signing::KeyId>);
+//! impl InitiatorStore for Disk {
+//!     fn store_counter(&mut self, _: u64) -> Result<(), StoreError> { Ok(()) }
+//!     fn promote_next(&mut self) -> Result<(), StoreError> { Ok(()) }
+//!     fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
+//!         self.0 = Some(agreed.key.id());
+//!         Ok(())
+//!     }
+//!     fn drop_next(&mut self) -> Result<(), StoreError> { Ok(()) }
+//!     fn pin(&mut self, _: &PublicKey) -> Result<(), StoreError> { Ok(()) }
+//! }
+//! impl ResponderStore for Disk {
+//!     fn withdraw_next(&mut self) -> Result<(), StoreError> { Ok(()) }
+//!     fn store_peer(&mut self, _: &PinnedPeer) -> Result<(), StoreError> { Ok(()) }
+//!     fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
+//!         self.0 = Some(agreed.key.id());
+//!         Ok(())
+//!     }
+//! }
+//!
+//! // The system's random source in a program; here a counter will do.
+//! let mut seed = 0_u8;
+//! let mut random = |out: &mut [u8]| {
+//!     out.iter_mut().for_each(|octet| { seed = seed.wrapping_mul(5).wrapping_add(3); *octet = seed });
+//!     Ok(())
+//! };
+//! let (ground, air) = (Node { system: 245, component: 190 }, Node { system: 1, component: 191 });
+//! let parties = Parties::new(ground, air, 0x1b00_0001, 0x1b00_0101);
+//! let wanted = Wanted { signing: true, confidential: false };
+//! let code = PairingCode::generate(&mut random)?;
+//!
+//! let config = ResponderConfig { parties, identity: Identity::generate(&mut random)?, wanted };
+//! let (mut responder, mut air_disk) = (Responder::new(config, ResponderMemory::default(), Duration::ZERO), Disk::default());
+//! responder.open_window(Duration::ZERO, &code, &mut air_disk)?;
+//!
+//! let trust = Trust::Pairing(code);
+//! let config = InitiatorConfig { parties, identity: Identity::generate(&mut random)?, trust, wanted };
+//! let (mut initiator, mut ground_disk) = (Initiator::new(config, InitiatorMemory::default(), Duration::ZERO), Disk::default());
+//! initiator.want();
+//!
+//! let now = Now { mono: Duration::ZERO, wall: Duration::from_secs(1_800_000_000) };
+//! initiator.handle_timeout(now, &mut random, &mut ground_disk);
+//! while let Some(message) = initiator.poll_transmit() {
+//!     let payload = message.to_payload();
+//!     let inbound = Inbound { from: (), source: ground, verified: false, payload: &payload };
+//!     responder.handle(now.mono, inbound, &mut random, &mut air_disk)?;
+//!     while let Some(answer) = responder.poll_transmit() {
+//!         initiator.handle(now, air, &answer.message.to_payload(), &mut ground_disk)?;
+//!     }
+//! }
+//! assert!(ground_disk.0.is_some());
+//! assert_eq!(ground_disk.0, air_disk.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod facts;
+mod identity;
+mod initiator;
+mod keys;
+mod legacy;
+mod message;
+mod noise;
+mod pairing;
+mod responder;
+mod stats;
+mod store;
+
+pub use self::facts::{VehicleState, Wanted};
+pub use self::identity::{
+    Fingerprint, Identity, NoRandom, POLICY, Parties, PublicKey, Random, policy_digest,
+};
+pub use self::initiator::{Initiator, InitiatorConfig, InitiatorEvent, Trust};
+pub use self::keys::{Agreed, ConfidentialKeys};
+pub use self::legacy::Legacy;
+pub use self::message::{
+    Data, MAX_DATA, MAX_MESSAGE, Message, MessageError, Node, Received, Status, Step, Suite,
+    VERSION,
+};
+pub use self::pairing::{CodeError, PairingCode};
+pub use self::responder::{
+    Inbound, Outbound, Responder, ResponderConfig, ResponderEvent, WindowError,
+};
+pub use self::stats::{ExchangeStats, Ignored};
+pub use self::store::{
+    InitiatorMemory, InitiatorStore, PinnedPeer, ResponderMemory, ResponderStore, StagedKey,
+    StoreError,
+};

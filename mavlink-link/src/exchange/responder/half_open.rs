@@ -1,0 +1,489 @@
+//! Sessions that have been answered and not confirmed, and the one that was.
+
+use core::fmt;
+use core::time::Duration;
+
+use zeroize::Zeroizing;
+
+use super::{Inbound, Responder, ResponderEvent};
+use crate::exchange::Ignored;
+use crate::exchange::facts::Facts;
+use crate::exchange::identity::Random;
+use crate::exchange::keys::{Agreed, Confirmation, Outcome, Terms, derive};
+use crate::exchange::message::{Data, Message, Status, Step, Suite};
+use crate::exchange::noise::{Failed, Noise, Setup};
+use crate::exchange::store::{PinnedPeer, ResponderStore, StagedKey, StoreError};
+
+/// Step 2 is out.
+pub(super) struct HalfOpen<A> {
+    from: A,
+    since: Duration,
+    offer: Message,
+    answer: Message,
+    waits_for: WaitsFor,
+}
+
+enum WaitsFor {
+    /// Suite 1: everything is derived, and the initiator only proves that it has derived the same.
+    Proof(Box<(Agreed, Confirmation)>, u64),
+    /// Suite 2: its last Noise message. The state is made anew for each try, from the ephemeral key: a forged message
+    /// spoils a state.
+    Message {
+        ephemeral: Zeroizing<[u8; 32]>,
+        /// What step 2 said of this end.
+        facts: [u8; Facts::LEN],
+    },
+}
+
+impl<A> HalfOpen<A> {
+    pub(super) fn until(&self) -> Duration {
+        self.since.saturating_add(HALF_OPEN_LIFE)
+    }
+
+    pub(super) fn is_over(&self, now: Duration) -> bool {
+        now >= self.until()
+    }
+}
+
+impl<A> fmt::Debug for HalfOpen<A> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("HalfOpen")
+            .field("offer", &self.offer)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The sessions of a pairing window.
+pub(super) struct PairingSlots<A>([Option<HalfOpen<A>>; SLOTS]);
+
+impl<A> Default for PairingSlots<A> {
+    fn default() -> Self {
+        Self([const { None }; SLOTS])
+    }
+}
+
+impl<A: Copy + Eq> PairingSlots<A> {
+    pub(super) fn expire(&mut self, now: Duration) {
+        for slot in &mut self.0 {
+            slot.take_if(|open| open.is_over(now));
+        }
+    }
+
+    fn find(&self, session: u32) -> Option<&HalfOpen<A>> {
+        self.0
+            .iter()
+            .flatten()
+            .find(|open| open.offer.session == session)
+    }
+
+    /// Takes a free place, or the oldest one of the address that holds most.
+    fn insert(&mut self, open: HalfOpen<A>) {
+        let share = |of: &HalfOpen<A>| {
+            self.0
+                .iter()
+                .flatten()
+                .filter(|other| other.from == of.from)
+                .count()
+        };
+        let place = self.0.iter().position(Option::is_none).unwrap_or_else(|| {
+            let claim = |at: &usize| {
+                self.0[*at]
+                    .as_ref()
+                    .map(|open| (share(open), core::cmp::Reverse(open.since)))
+            };
+            (0..SLOTS).max_by_key(claim).unwrap_or(0)
+        });
+        self.0[place] = Some(open);
+    }
+}
+
+/// The last session that was confirmed.
+#[derive(Debug)]
+pub(super) struct Done {
+    confirm: Message,
+    ephemeral: [u8; 32],
+    confirmation: Confirmation,
+    outcome: Outcome,
+}
+
+impl Done {
+    pub(super) fn tell(&mut self, status: Status, reason: u8) {
+        let Outcome {
+            status: before,
+            reason: because,
+            seq,
+        } = self.outcome;
+        if (before, because) != (status, reason) {
+            self.outcome = Outcome {
+                status,
+                reason,
+                seq: seq.saturating_add(1),
+            };
+        }
+    }
+}
+
+impl<A: Copy + Eq> Responder<A> {
+    /// Step 1.
+    pub(super) fn offered(
+        &mut self,
+        now: Duration,
+        inbound: &Inbound<'_, A>,
+        suite: Suite,
+        offer: &Message,
+        random: &mut dyn Random,
+        store: &mut dyn ResponderStore,
+    ) -> Result<(), Ignored> {
+        let known = match suite {
+            Suite::Pinned => self.half_open.as_ref(),
+            Suite::Pairing => self
+                .pairing
+                .as_ref()
+                .and_then(|w| w.slots.find(offer.session)),
+        };
+        if let Some(open) = known.filter(|open| open.offer.session == offer.session) {
+            if open.offer != *offer {
+                return Err(Ignored::Changed);
+            }
+            let answer = open.answer.clone();
+            if !self.limits.admit(inbound.from, inbound.verified, now) {
+                return Err(Ignored::Limited);
+            }
+            self.send(inbound.from, answer);
+            return Ok(());
+        }
+        match suite {
+            Suite::Pinned if self.memory.peer.is_none() => return Err(Ignored::Suite),
+            Suite::Pinned if self.pairing.is_some() => return Err(Ignored::Window),
+            Suite::Pairing if self.pairing.is_none() => return Err(Ignored::Window),
+            _ => {}
+        }
+        if self.memory.next.is_some_and(|next| next.sent) {
+            return Err(Ignored::Busy);
+        }
+        if !self.limits.admit(inbound.from, inbound.verified, now) {
+            return Err(Ignored::Limited);
+        }
+        let mut ephemeral = Zeroizing::new([0; 32]);
+        random
+            .fill(&mut *ephemeral)
+            .map_err(|_| Ignored::NoRandom)?;
+        match suite {
+            Suite::Pinned => self.answer_pinned(now, inbound, offer, &ephemeral, store),
+            Suite::Pairing => self.answer_pairing(now, inbound, offer, ephemeral),
+        }
+    }
+
+    fn answer_pinned(
+        &mut self,
+        now: Duration,
+        inbound: &Inbound<'_, A>,
+        offer: &Message,
+        ephemeral: &[u8; 32],
+        store: &mut dyn ResponderStore,
+    ) -> Result<(), Ignored> {
+        let peer = self.memory.peer.ok_or(Ignored::Suite)?.key;
+        let (mut noise, payload) = self
+            .read_offer(Suite::Pinned, offer, ephemeral)
+            .map_err(|_| Ignored::Forged)?;
+        let theirs = Facts::parse(payload.as_slice()).ok_or(Ignored::Forged)?;
+        if theirs.counter <= self.highest {
+            return Err(Ignored::OldCounter);
+        }
+        self.withdraw(store)
+            .map_err(|cause| self.not_stored(cause))?;
+        self.highest = theirs.counter;
+        let answer = self
+            .write_answer(&mut noise, offer, &self.facts())
+            .ok_or(Ignored::Forged)?;
+        let finished = noise.finish().ok_or(Ignored::Forged)?;
+        let terms = Terms {
+            parties: &self.config.parties,
+            session: offer.session,
+            wanted: [self.config.wanted, theirs.wanted],
+            epochs: [self.memory.epoch, theirs.epoch],
+            peer,
+        };
+        let derived = derive(&finished, &terms).ok_or(Ignored::Forged)?;
+        self.half_open = Some(HalfOpen {
+            from: inbound.from,
+            since: now,
+            offer: offer.clone(),
+            answer: answer.clone(),
+            waits_for: WaitsFor::Proof(Box::new(derived), theirs.counter),
+        });
+        self.send(inbound.from, answer);
+        Ok(())
+    }
+
+    fn answer_pairing(
+        &mut self,
+        now: Duration,
+        inbound: &Inbound<'_, A>,
+        offer: &Message,
+        ephemeral: Zeroizing<[u8; 32]>,
+    ) -> Result<(), Ignored> {
+        let (mut noise, _) = self
+            .read_offer(Suite::Pairing, offer, &ephemeral)
+            .map_err(|_| Ignored::Forged)?;
+        let facts = self.facts();
+        let answer = self
+            .write_answer(&mut noise, offer, &facts)
+            .ok_or(Ignored::Forged)?;
+        let window = self.pairing.as_mut().ok_or(Ignored::Window)?;
+        window.slots.insert(HalfOpen {
+            from: inbound.from,
+            since: now,
+            offer: offer.clone(),
+            answer: answer.clone(),
+            waits_for: WaitsFor::Message { ephemeral, facts },
+        });
+        self.send(inbound.from, answer);
+        Ok(())
+    }
+
+    /// A handshake that has read step 1, and its payload.
+    fn read_offer(
+        &self,
+        suite: Suite,
+        offer: &Message,
+        ephemeral: &[u8; 32],
+    ) -> Result<(Noise, crate::exchange::noise::Written), Failed> {
+        let peer = self.memory.peer.map(|peer| peer.key);
+        let pinned = suite == Suite::Pinned;
+        let mut noise = Noise::responder(&Setup {
+            suite,
+            own: &self.config.identity,
+            peer: peer.as_ref().filter(|_| pinned),
+            psk: self
+                .pairing
+                .as_ref()
+                .map(|window| &*window.psk)
+                .filter(|_| !pinned),
+            prologue: &self.config.parties.prologue(suite, offer.session),
+            ephemeral,
+        })?;
+        let payload = noise.read([&offer.public_key, offer.data.as_slice()])?;
+        Ok((noise, payload))
+    }
+
+    fn facts(&self) -> [u8; Facts::LEN] {
+        Facts {
+            counter: 0,
+            wanted: self.config.wanted,
+            state: self.vehicle,
+            epoch: self.memory.epoch,
+            current: self.memory.current,
+        }
+        .to_octets()
+    }
+
+    fn write_answer(
+        &self,
+        noise: &mut Noise,
+        offer: &Message,
+        facts: &[u8; Facts::LEN],
+    ) -> Option<Message> {
+        let written = noise.write(facts).ok()?;
+        let (public_key, data) = written.as_slice().split_first_chunk::<32>()?;
+        Some(Message {
+            public_key: *public_key,
+            data: Data::new(data)?,
+            ..self.message(offer.suite, offer.session, Step::Answer, Status::Ok)
+        })
+    }
+
+    /// Step 3.
+    pub(super) fn confirmed(
+        &mut self,
+        now: Duration,
+        inbound: &Inbound<'_, A>,
+        confirm: &Message,
+        store: &mut dyn ResponderStore,
+    ) -> Result<(), Ignored> {
+        if let Some(done) = &self.done
+            && done.confirm.session == confirm.session
+        {
+            if done.confirm != *confirm {
+                return Err(Ignored::Changed);
+            }
+            return self.answer_done(now, inbound, confirm);
+        }
+        let pinned = self
+            .half_open
+            .as_ref()
+            .is_some_and(|open| fits(open, confirm));
+        if pinned {
+            self.prove_pinned(inbound, confirm, store)
+        } else {
+            self.prove_pairing(now, inbound, confirm, store)
+        }
+    }
+
+    /// The same step 3 again: the same step 4 again, unless something has become of the key.
+    fn answer_done(
+        &mut self,
+        now: Duration,
+        inbound: &Inbound<'_, A>,
+        confirm: &Message,
+    ) -> Result<(), Ignored> {
+        if !self.limits.admit(inbound.from, inbound.verified, now) {
+            return Err(Ignored::Limited);
+        }
+        let done = self.done.as_ref().ok_or(Ignored::Session)?;
+        let answer = self.outcome(done, confirm).ok_or(Ignored::Session)?;
+        self.send(inbound.from, answer);
+        Ok(())
+    }
+
+    fn outcome(&self, done: &Done, confirm: &Message) -> Option<Message> {
+        Some(Message {
+            public_key: done.ephemeral,
+            data: Data::new(&done.confirmation.of_responder(done.outcome))?,
+            ..self.message(confirm.suite, confirm.session, Step::Outcome, Status::Ok)
+        })
+    }
+
+    fn prove_pinned(
+        &mut self,
+        inbound: &Inbound<'_, A>,
+        confirm: &Message,
+        store: &mut dyn ResponderStore,
+    ) -> Result<(), Ignored> {
+        let Some(HalfOpen {
+            waits_for: WaitsFor::Proof(derived, counter),
+            ..
+        }) = &self.half_open
+        else {
+            return Err(Ignored::Session);
+        };
+        if !derived.1.proves_initiator(confirm.data.as_slice()) {
+            return Err(Ignored::Forged);
+        }
+        let peer = PinnedPeer {
+            key: derived.0.peer,
+            counter: *counter,
+        };
+        let stored = store
+            .store_peer(&peer)
+            .and_then(|()| store.store_next(&derived.0));
+        stored.map_err(|cause| self.not_stored(cause))?;
+        let Some(HalfOpen {
+            answer,
+            waits_for: WaitsFor::Proof(derived, _),
+            ..
+        }) = self.half_open.take()
+        else {
+            return Err(Ignored::Session);
+        };
+        let (agreed, confirmation) = *derived;
+        self.complete(inbound, confirm, &answer, peer, &agreed, confirmation)
+    }
+
+    fn prove_pairing(
+        &mut self,
+        now: Duration,
+        inbound: &Inbound<'_, A>,
+        confirm: &Message,
+        store: &mut dyn ResponderStore,
+    ) -> Result<(), Ignored> {
+        let open = self
+            .pairing
+            .as_ref()
+            .and_then(|window| window.slots.find(confirm.session))
+            .filter(|open| fits(open, confirm))
+            .ok_or(Ignored::Session)?;
+        if !self.limits.admit(inbound.from, inbound.verified, now) {
+            return Err(Ignored::Limited);
+        }
+        let WaitsFor::Message { ephemeral, facts } = &open.waits_for else {
+            return Err(Ignored::Session);
+        };
+        let Ok((mut noise, _)) = self.read_offer(Suite::Pairing, &open.offer, ephemeral) else {
+            return Err(Ignored::Forged);
+        };
+        // The same octets as when it was sent: everything that goes in is the same.
+        let answer = self
+            .write_answer(&mut noise, &open.offer, facts)
+            .ok_or(Ignored::Forged)?;
+        let Ok(payload) = noise.read([confirm.data.as_slice(), &[]]) else {
+            self.note(ResponderEvent::WrongCode);
+            return Err(Ignored::Forged);
+        };
+        let theirs = Facts::parse(payload.as_slice()).ok_or(Ignored::Forged)?;
+        let key = noise.peer().ok_or(Ignored::Forged)?;
+        let finished = noise.finish().ok_or(Ignored::Forged)?;
+        let terms = Terms {
+            parties: &self.config.parties,
+            session: confirm.session,
+            wanted: [self.config.wanted, theirs.wanted],
+            epochs: [self.memory.epoch, theirs.epoch],
+            peer: key,
+        };
+        let (agreed, confirmation) = derive(&finished, &terms).ok_or(Ignored::Forged)?;
+        let counter = theirs.counter;
+        let peer = PinnedPeer { key, counter };
+        let stored = store
+            .store_peer(&peer)
+            .and_then(|()| store.store_next(&agreed));
+        stored.map_err(|cause| self.not_stored(cause))?;
+        self.pairing = None;
+        self.note(ResponderEvent::Paired { peer: key });
+        self.complete(inbound, confirm, &answer, peer, &agreed, confirmation)
+    }
+
+    /// Both keys are on disk at both ends.
+    fn complete(
+        &mut self,
+        inbound: &Inbound<'_, A>,
+        confirm: &Message,
+        answer: &Message,
+        peer: PinnedPeer,
+        agreed: &Agreed,
+        confirmation: Confirmation,
+    ) -> Result<(), Ignored> {
+        let (key, epoch) = (agreed.key.id(), agreed.epoch);
+        self.highest = peer.counter;
+        self.memory.peer = Some(peer);
+        self.memory.epoch = epoch;
+        self.memory.next = Some(StagedKey {
+            id: key,
+            sent: false,
+        });
+        self.half_open = None;
+        let done = Done {
+            confirm: confirm.clone(),
+            ephemeral: answer.public_key,
+            confirmation,
+            outcome: Outcome {
+                status: Status::Ok,
+                reason: 0,
+                seq: 0,
+            },
+        };
+        let outcome = self.outcome(&done, confirm);
+        self.done = Some(done);
+        self.note(ResponderEvent::Staged { key, epoch });
+        if let Some(outcome) = outcome {
+            self.send(inbound.from, outcome);
+        }
+        Ok(())
+    }
+
+    fn not_stored(&mut self, cause: StoreError) -> Ignored {
+        self.note(ResponderEvent::NotStored(cause));
+        Ignored::NotStored
+    }
+}
+
+/// Whether step 3 belongs to the session: its number, its suite, the same ephemeral key as in step 1.
+fn fits<A>(open: &HalfOpen<A>, confirm: &Message) -> bool {
+    open.offer.session == confirm.session
+        && open.offer.suite == confirm.suite
+        && open.offer.public_key == confirm.public_key
+}
+
+/// How long a session may stay half-open.
+const HALF_OPEN_LIFE: Duration = Duration::from_secs(10);
+/// Half-open sessions of a pairing.
+const SLOTS: usize = 4;

@@ -1,0 +1,139 @@
+//! What was received, and why it was passed over.
+
+use thiserror::Error;
+
+use super::message::MessageError;
+
+/// Why a KEY_EXCHANGE message changes nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum Ignored {
+    /// It is no KEY_EXCHANGE.
+    #[error(transparent)]
+    Message(MessageError),
+    /// The bare exchange of old, which nothing here falls back to.
+    #[error("the bare public key of the legacy exchange")]
+    Legacy,
+    /// Not from the system and component that the peer has.
+    #[error("not from the peer's system and component")]
+    Source,
+    /// Not to our system and component.
+    #[error("for another system or component")]
+    Target,
+    /// A version that is not known.
+    #[error("another version, expected 1")]
+    Version,
+    /// A suite that is not known, or not the one this peer has.
+    #[error("not the suite of this peer")]
+    Suite,
+    /// A step that is not known.
+    #[error("unknown step")]
+    Step,
+    /// A step that only we send.
+    #[error("our own message came back")]
+    Reflected,
+    /// Of no session that is open.
+    #[error("of no open session")]
+    Session,
+    /// A session that is open, with other content than before.
+    #[error("other content for an open session")]
+    Changed,
+    /// It does not decrypt or verify.
+    #[error("not made with the peer's keys")]
+    Forged,
+    /// Its counter is not above the last.
+    #[error("an old counter")]
+    OldCounter,
+    /// More than may be asked in this time.
+    #[error("too many")]
+    Limited,
+    /// It says nothing new.
+    #[error("said before")]
+    Repeated,
+    /// No pairing window is open, or one is and only pairing goes.
+    #[error("not while the pairing window is as it is")]
+    Window,
+    /// A key is on its way to the autopilot and is not replaced.
+    #[error("busy with another key")]
+    Busy,
+    /// The disk failed.
+    #[error("not stored")]
+    NotStored,
+    /// There are no random octets.
+    #[error("no random octets")]
+    NoRandom,
+}
+
+impl Ignored {
+    /// Every reason's name and place, in the order of [`ExchangeStats::by_reason`].
+    const NAMES: [&'static str; 18] = [
+        "message",
+        "legacy",
+        "source",
+        "target",
+        "version",
+        "suite",
+        "step",
+        "reflected",
+        "session",
+        "changed",
+        "forged",
+        "old_counter",
+        "limited",
+        "repeated",
+        "window",
+        "busy",
+        "not_stored",
+        "no_random",
+    ];
+
+    fn place(self) -> usize {
+        match self {
+            Self::Message(_) => 0,
+            Self::Legacy => 1,
+            Self::Source => 2,
+            Self::Target => 3,
+            Self::Version => 4,
+            Self::Suite => 5,
+            Self::Step => 6,
+            Self::Reflected => 7,
+            Self::Session => 8,
+            Self::Changed => 9,
+            Self::Forged => 10,
+            Self::OldCounter => 11,
+            Self::Limited => 12,
+            Self::Repeated => 13,
+            Self::Window => 14,
+            Self::Busy => 15,
+            Self::NotStored => 16,
+            Self::NoRandom => 17,
+        }
+    }
+}
+
+/// Counts of messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ExchangeStats {
+    /// Messages that were of use.
+    pub taken: u64,
+    ignored: [u64; Ignored::NAMES.len()],
+}
+
+impl ExchangeStats {
+    pub(super) fn count(&mut self, result: Result<(), Ignored>) {
+        match result {
+            Ok(()) => self.taken += 1,
+            Err(ignored) => self.ignored[ignored.place()] += 1,
+        }
+    }
+
+    /// Every reason and how often it was met.
+    pub fn by_reason(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        Ignored::NAMES.into_iter().zip(self.ignored)
+    }
+
+    /// How often this reason was met.
+    #[must_use]
+    pub fn count_of(&self, ignored: Ignored) -> u64 {
+        self.ignored[ignored.place()]
+    }
+}

@@ -1,0 +1,118 @@
+//! What each end keeps on disk, and what must be there when a process starts again.
+//!
+//! The machines decide the order; every call returns only when what it was given would survive a power cut. A call that
+//! fails ends the attempt, and nothing more is sent of it. Between any two of the calls the process may die.
+
+use thiserror::Error;
+
+use super::identity::PublicKey;
+use super::keys::Agreed;
+use crate::signing::KeyId;
+
+/// Something could not be made durable.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{reason}")]
+pub struct StoreError {
+    /// What the store says, for a person.
+    pub reason: String,
+}
+
+/// The disk of the ground side.
+pub trait InitiatorStore {
+    /// Keeps the counter of the attempt that begins now.
+    ///
+    /// # Errors
+    /// It is not durable.
+    fn store_counter(&mut self, counter: u64) -> Result<(), StoreError>;
+
+    /// The responder has our `next` in force: makes it the current key, and the current one the previous.
+    ///
+    /// # Errors
+    /// It is not durable.
+    fn promote_next(&mut self) -> Result<(), StoreError>;
+
+    /// Keeps a key as `next`, in place of any other, with its epoch; for a pairing the peer's static key too, which is
+    /// not proven yet.
+    ///
+    /// # Errors
+    /// It is not durable.
+    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError>;
+
+    /// The responder does not have `next`, and says so under the keys of the exchange: it may go.
+    ///
+    /// # Errors
+    /// It is not durable.
+    fn drop_next(&mut self) -> Result<(), StoreError>;
+
+    /// The peer of a pairing is proven: only suite 1 with this key is spoken from now on.
+    ///
+    /// # Errors
+    /// It is not durable.
+    fn pin(&mut self, peer: &PublicKey) -> Result<(), StoreError>;
+}
+
+/// What the ground side must know when it starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct InitiatorMemory {
+    /// As last given to [`InitiatorStore::store_counter`]; 0 at first.
+    pub counter: u64,
+    /// The highest epoch ever stored; 0 at first.
+    pub epoch: u32,
+    /// The key in force.
+    pub current: Option<KeyId>,
+    /// The key that is agreed and not known to be in force.
+    pub next: Option<KeyId>,
+}
+
+/// The disk of the air side.
+pub trait ResponderStore {
+    /// `next`, which the autopilot has not been sent, is given up before another one is agreed about: after this it
+    /// must not be sent any more.
+    ///
+    /// # Errors
+    /// It is not durable.
+    fn withdraw_next(&mut self) -> Result<(), StoreError>;
+
+    /// Keeps the peer's static key and the counter of its last exchange: the one peer from now on.
+    ///
+    /// # Errors
+    /// It is not durable.
+    fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), StoreError>;
+
+    /// Keeps a key as `next`, with its epoch. It may be handed to the autopilot from now on.
+    ///
+    /// # Errors
+    /// It is not durable.
+    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError>;
+}
+
+/// The ground side, as the air side knows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PinnedPeer {
+    /// Its static key.
+    pub key: PublicKey,
+    /// The counter of its last completed exchange.
+    pub counter: u64,
+}
+
+/// What the air side must know when it starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ResponderMemory {
+    /// As last given to [`ResponderStore::store_peer`].
+    pub peer: Option<PinnedPeer>,
+    /// The highest epoch ever stored; 0 at first.
+    pub epoch: u32,
+    /// The key in force.
+    pub current: Option<KeyId>,
+    /// The key that is staged, and whether the autopilot may have been sent it.
+    pub next: Option<StagedKey>,
+}
+
+/// `next` at the air side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StagedKey {
+    /// Its name.
+    pub id: KeyId,
+    /// Whether the autopilot may have been sent it: then it is not replaced before it is known what became of it.
+    pub sent: bool,
+}
