@@ -217,6 +217,21 @@ impl<A: Copy + Eq> Handover<A> {
         matches!(self.new, NewKey::Staged(_))
     }
 
+    /// A copy of the key that is handed over.
+    #[must_use]
+    pub fn new_key(&self) -> SigningKey {
+        match &self.new {
+            NewKey::Staged(key) => key.duplicate(),
+            NewKey::Offered(key) => key.key().duplicate(),
+        }
+    }
+
+    /// A copy of the key in force so far, to be kept as the one before.
+    #[must_use]
+    pub fn old_key(&self) -> Option<SigningKey> {
+        self.old.as_ref().map(|old| old.key().duplicate())
+    }
+
     /// The key in force so far, taken back from a handover whose key has not been sent.
     #[must_use]
     pub fn into_old(self) -> Option<KeyState> {
@@ -330,7 +345,8 @@ impl<A: Copy + Eq> Handover<A> {
     }
 
     /// The vehicle sends unsigned, more than heartbeats: it has no key, or has lost it.
-    fn vehicle_is_open(&self, mono: Duration) -> bool {
+    #[must_use]
+    pub fn vehicle_is_open(&self, mono: Duration) -> bool {
         let verified_lately = self
             .seen
             .verified

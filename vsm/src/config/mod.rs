@@ -3,6 +3,7 @@
 //! Parsing ends in values that cannot be illegal: identification numbers are [`Id`]s, links and addresses are parsed,
 //! relative paths are resolved against the folder of the file. Unknown keys are refused.
 
+pub mod airside;
 mod disputed;
 mod error;
 mod value;

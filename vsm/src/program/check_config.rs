@@ -4,12 +4,17 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use anyhow::anyhow;
+use vsm::config::airside::AirsideConfig;
 use vsm::config::{Config, Signing};
 use vsm::shell::key_file;
 
 use super::Failure;
 
 pub(crate) fn check(path: &Path) -> Result<(), Failure> {
+    // A file that cannot be read is told by the one that reads it in earnest.
+    if std::fs::read_to_string(path).is_ok_and(|text| AirsideConfig::is_meant_by(&text)) {
+        return check_airside(path);
+    }
     let config = Config::load(path).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
     let mut text = format!("{}: good\n", path.display());
     text += &format!("  VSM {} on {}", config.dli.vsm_id, config.dli.listen);
@@ -53,6 +58,50 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
             vehicle.id, vehicle.system_id, vehicle.link
         );
     }
+    io::stdout()
+        .write_all(text.as_bytes())
+        .map_err(|fault| Failure::Failed(fault.into()))
+}
+
+fn check_airside(path: &Path) -> Result<(), Failure> {
+    let config = AirsideConfig::load(path).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    let (agent, radio, px4) = (
+        config.agent.get_ref(),
+        config.radio.get_ref(),
+        config.px4.get_ref(),
+    );
+    let key = if agent.key_file.exists() {
+        let key = key_file::read(&agent.key_file).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+        format!("key id {}", key.id())
+    } else {
+        "no key yet: nothing is relayed before one has been agreed".to_owned()
+    };
+    let mut text = format!("{}: good, for `vsm airside`\n", path.display());
+    text += &format!(
+        "  agent of vehicle {}, for VSM {}: {key}\n",
+        agent.vehicle_id, agent.vsm_id
+    );
+    text += &format!(
+        "  to the ground over {}; who may speak to PX4:\n",
+        radio.link
+    );
+    for talker in &radio.talkers {
+        text += &format!(
+            "    system {}, component {}, link id {}\n",
+            talker.system_id, talker.component_id, talker.link_id
+        );
+    }
+    let restamp = if px4.restamp {
+        "given a new stamp after each start"
+    } else {
+        "keeps its stamp over starts: recordings can be replayed until it is heard"
+    };
+    text += &format!(
+        "  PX4 (system {}) on {}: {restamp}\n  state in {}\n",
+        px4.system_id,
+        px4.link,
+        config.store.dir.display()
+    );
     io::stdout()
         .write_all(text.as_bytes())
         .map_err(|fault| Failure::Failed(fault.into()))

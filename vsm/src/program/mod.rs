@@ -1,5 +1,6 @@
 //! The command line of `vsm`. Exit status: 0 done, 1 failed, 2 bad arguments or configuration.
 
+mod airside;
 mod check_config;
 mod demo;
 mod dli_lines;
@@ -39,6 +40,8 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         config: PathBuf,
     },
+    /// Serves as the agent beside PX4 until SIGTERM or SIGINT: a verifying relay that gives PX4 its keys
+    Airside(airside::Arguments),
     /// Reads a configuration and says what is wrong with it, or what it means
     CheckConfig {
         /// The configuration
@@ -90,6 +93,7 @@ pub(crate) fn main() -> ExitCode {
     let done = match arguments.command {
         Command::Demo { out, speed } => demo::run(&out, speed),
         Command::Run { config } => run::run(&config),
+        Command::Airside(arguments) => airside::run(arguments),
         Command::CheckConfig { file } => check_config::check(&file),
         Command::Status { config, json } => status::show(&config, json),
         Command::Keygen { file } => keygen::generate(&file),

@@ -60,7 +60,7 @@ pub(crate) fn run(path: &Path) -> Result<(), Failure> {
 }
 
 /// To standard error; RUST_LOG chooses how much, default info.
-fn log() {
+pub(super) fn log() {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
     // A second call in one process finds a log already: that is fine.
     let _ = tracing_subscriber::fmt()

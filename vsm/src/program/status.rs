@@ -114,7 +114,7 @@ fn holding(holder: &Value) -> String {
     format!("  {id} holds LOI {}{stations}{since}\n", levels.join(", "))
 }
 
-fn counts(title: &str, counts: &Value) -> String {
+pub(super) fn counts(title: &str, counts: &Value) -> String {
     let counts = counts
         .as_object()
         .into_iter()
@@ -134,6 +134,6 @@ fn list(value: &Value) -> impl Iterator<Item = &Value> {
     value.as_array().into_iter().flatten()
 }
 
-fn plain(value: &Value) -> &str {
+pub(super) fn plain(value: &Value) -> &str {
     value.as_str().unwrap_or("?")
 }

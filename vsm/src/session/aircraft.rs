@@ -352,7 +352,8 @@ impl Aircraft {
     }
 }
 
-fn link_alert_text(alert: mavlink_link::link::Alert) -> &'static str {
+/// What an operator is told of a link's alert.
+pub(crate) fn link_alert_text(alert: mavlink_link::link::Alert) -> &'static str {
     use mavlink_link::link::Alert as A;
     match alert {
         A::WallFarAhead => {

@@ -38,6 +38,7 @@ mod store;
 mod transfer;
 mod vehicle;
 
+pub(crate) use aircraft::link_alert_text;
 pub use audit::{Broken, Chain, Entry, Verified};
 pub use authority::{
     Access, Answer, Asker, Authority, CONSENT_WITHIN, CONTROL, Change, Circumstances, Decision,

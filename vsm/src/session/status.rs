@@ -157,10 +157,7 @@ impl Bridge {
                     .map(|aboard| aboard.flight.items.len()),
                 link: LinkStatus {
                     address: aircraft.config.link.to_string(),
-                    peer: aircraft.mav.peer().map(|peer| match peer {
-                        super::vehicle::Peer::Udp(address) => address.to_string(),
-                        super::vehicle::Peer::Serial => "serial".to_owned(),
-                    }),
+                    peer: aircraft.mav.peer().map(|peer| peer.to_string()),
                     signed: aircraft.config.signing != crate::config::Signing::Off,
                     key_id: aircraft.mav.key().map(|key| key.id().to_string()),
                     state: aircraft.mav.link_state_name(),

@@ -32,6 +32,15 @@ pub enum Peer {
     Serial,
 }
 
+impl std::fmt::Display for Peer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Peer::Udp(address) => address.fmt(f),
+            Peer::Serial => f.write_str("serial"),
+        }
+    }
+}
+
 /// One frame for the wire.
 #[derive(Debug, Clone)]
 pub struct OutFrame {

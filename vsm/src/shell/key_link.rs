@@ -102,7 +102,8 @@ impl KeyLink {
         let mut store = FileStore::open(&config.store.dir)?;
         let keys = KeyStore::open(key_file)?;
         let record = format!("port-{:08x}", vehicle.id.0);
-        let (reader, writer, peer) = sockets::open_vehicle(&vehicle.link, &record, &mut store)?;
+        let (reader, writer, peer) =
+            sockets::open_link("vehicle.link", &vehicle.link, &record, &mut store)?;
         let new = match keys.next()? {
             Some(unfinished) => unfinished,
             None => {

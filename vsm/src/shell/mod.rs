@@ -1,5 +1,7 @@
 //! Sockets, files, clocks and the log around the sessions. It can be read in one sitting.
 
+pub mod airside;
+pub mod airside_disk;
 pub mod audit_log;
 pub mod clock;
 pub mod durable;

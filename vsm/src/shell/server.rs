@@ -122,7 +122,8 @@ impl Server {
             };
             key_stores.push(keys);
             let record = format!("port-{:08x}", vehicle.id.0);
-            let (reader, writer, peer) = sockets::open_vehicle(&vehicle.link, &record, &mut store)?;
+            let (reader, writer, peer) =
+                sockets::open_link("vehicle.link", &vehicle.link, &record, &mut store)?;
             readers.push(reader);
             writers.push(writer);
             ends.push(LinkEnd { key, peer });

@@ -27,16 +27,20 @@ pub enum SocketError {
         hint: &'static str,
     },
     /// The host of a udpout link has no address.
-    #[error("vehicle.link: the host of \"udpout:{address}\" cannot be resolved: {cause}")]
+    #[error("{key}: the host of \"udpout:{address}\" cannot be resolved: {cause}")]
     Resolve {
+        /// The key of the configuration.
+        key: &'static str,
         /// Host and port.
         address: String,
         /// The system's reason.
         cause: io::Error,
     },
     /// A serial device cannot be opened.
-    #[error("vehicle.link: the serial device {device} cannot be opened: {cause}")]
+    #[error("{key}: the serial device {device} cannot be opened: {cause}")]
     Serial {
+        /// The key of the configuration.
+        key: &'static str,
         /// The device.
         device: String,
         /// The system's reason.
@@ -145,22 +149,23 @@ impl VehicleWriter {
     }
 }
 
-/// Opens a vehicle's link: its ends, and the fixed peer where the configuration names one.
+/// Opens a MAVLink link, named by its `key` of the configuration: its ends, and the fixed peer where there is one.
 ///
 /// PX4 answers the first address that speaks to it for as long as it runs: the local port of a udpout link is kept in
 /// the store, and taken again after a restart.
 ///
 /// # Errors
 /// The port is taken, the host unknown, the device missing.
-pub fn open_vehicle(
+pub fn open_link(
+    key: &'static str,
     link: &LinkAddress,
     record: &str,
     store: &mut dyn Store,
 ) -> Result<(VehicleReader, VehicleWriter, Option<Peer>), SocketError> {
     let (socket, peer) = match link {
         LinkAddress::UdpIn(address) => {
-            let socket = udp(*address, false)
-                .map_err(|cause| SocketError::bind("vehicle.link", link, cause))?;
+            let socket =
+                udp(*address, false).map_err(|cause| SocketError::bind(key, link, cause))?;
             (socket, None)
         }
         LinkAddress::UdpOut(host) => {
@@ -168,17 +173,19 @@ pub fn open_vehicle(
                 .to_socket_addrs()
                 .and_then(|mut all| all.next().ok_or_else(|| io::ErrorKind::NotFound.into()))
                 .map_err(|cause| SocketError::Resolve {
+                    key,
                     address: host.clone(),
                     cause,
                 })?;
             let socket = same_port(to, record, store)
-                .map_err(|cause| SocketError::bind("vehicle.link", link, cause))?;
+                .map_err(|cause| SocketError::bind(key, link, cause))?;
             (socket, Some(Peer::Udp(to)))
         }
         LinkAddress::Serial { device, baud } => {
             let port = tokio_serial::new(device, *baud)
                 .open_native_async()
                 .map_err(|cause| SocketError::Serial {
+                    key,
                     device: device.clone(),
                     cause,
                 })?;

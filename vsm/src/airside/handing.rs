@@ -1,0 +1,271 @@
+//! A key on its way to PX4: begun by an agreement or by PX4 having lost it, ended by what its frames prove.
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::link::Endpoint;
+use mavlink_link::provisioning::{
+    Event, Handover, HandoverConfig, Outcome, StartError, State, Under,
+};
+use mavlink_link::receiver::KeyState;
+use mavlink_link::signing::SigningKey;
+
+use super::phase::{Cause, HandingOver, Phase, Relaying};
+use super::{Agent, Keys, Passage};
+use crate::session::{LogLevel, Peer};
+
+impl Agent {
+    /// Begins the handover of a key that is on disk.
+    pub(super) fn hand_over(
+        &mut self,
+        old: Option<KeyState>,
+        new: SigningKey,
+        cause: Cause,
+        now: Now,
+        keys: &mut dyn Keys,
+    ) -> Result<(), StartError> {
+        let mut link = *self.px4.config();
+        // One that has proved to be PX4 is spoken to at once.
+        if let Some(peer) = self.px4.peer() {
+            link.endpoint = Endpoint::Fixed(peer);
+        }
+        let config = HandoverConfig {
+            link,
+            not_before: self.settings.not_before,
+            may_send_key: true,
+        };
+        let handover = Handover::start(config, old, new, now, keys)?;
+        self.phase = Phase::HandingOver(Box::new(HandingOver {
+            handover,
+            cause,
+            commit_at: None,
+        }));
+        Ok(())
+    }
+
+    /// PX4 sends unsigned, or signs with the key before: the one in force is handed over again.
+    pub(super) fn key_lost(&mut self, unsigned: bool, now: Now, keys: &mut dyn Keys) {
+        let Phase::Relaying(relaying) = std::mem::replace(&mut self.phase, Phase::Keyless) else {
+            return;
+        };
+        let Relaying { key, previous } = *relaying;
+        self.note(
+            LogLevel::Error,
+            if unsigned {
+                "PX4 sends UNSIGNED: it has lost its key, as by a power cut. It is given the key again; no command \
+                 reaches it before"
+            } else {
+                "PX4 signs with the key BEFORE: it has fallen back. It is given the key in force again"
+            },
+        );
+        let old = match previous.as_ref().map(SigningKey::duplicate) {
+            Some(previous) if !unsigned => self.state_of(previous, now, keys).map(Some),
+            _ => Ok(None),
+        };
+        let begun = old
+            .map_err(StartError::from)
+            .and_then(|old| self.hand_over(old, key.key().duplicate(), Cause::LostKey, now, keys));
+        if let Err(fault) = begun {
+            // The clock cannot be read: nothing passes under a key that PX4 does not have, and it is tried again.
+            self.note(
+                LogLevel::Error,
+                format!("the key cannot be given again: {fault}"),
+            );
+            self.phase = Phase::Relaying(Box::new(Relaying { key, previous }));
+        }
+    }
+
+    /// Perhaps it has another firmware by now.
+    pub(super) fn try_again_to_sign(&mut self, now: Now, keys: &mut dyn Keys) {
+        let Phase::CannotSign { key, again_at } = &mut self.phase else {
+            return;
+        };
+        *again_at = now.mono.saturating_add(ASK_AGAIN);
+        let key = key.duplicate();
+        if let Err(fault) = self.hand_over(None, key, Cause::LostKey, now, keys) {
+            self.note(
+                LogLevel::Error,
+                format!("the key cannot be given again: {fault}"),
+            );
+        }
+    }
+
+    pub(super) fn take_while_handing_over(
+        &mut self,
+        now: Now,
+        from: Peer,
+        octets: &[u8],
+        keys: &mut dyn Keys,
+    ) {
+        let Phase::HandingOver(on) = &mut self.phase else {
+            return;
+        };
+        let cause = on.cause;
+        let (queued, counted) = (self.queue.len(), self.to_ground);
+        let mut passage = Passage {
+            mono: now.mono,
+            own_component: self.settings.own_component,
+            ground: self.radio.peer(),
+            watch: &mut self.watch,
+            queue: &mut self.queue,
+            held_back: &mut self.held_back,
+            to_ground: &mut self.to_ground,
+        };
+        on.handover
+            .handle_and_pass(now, from, octets, keys, &mut |under, frame| {
+                // Under the key before PX4 has fallen back: that is not delivered.
+                if under == Under::New || cause == Cause::NewKey {
+                    passage.pass(frame);
+                }
+            });
+        self.follow_handover(now, keys);
+        let undecided = matches!(&self.phase, Phase::HandingOver(on) if on.commit_at.is_some());
+        if undecided {
+            // What verified under a key that is not in force on disk yet is not delivered.
+            self.queue.truncate(queued);
+            self.to_ground = counted;
+        }
+    }
+
+    /// Does and tells what the handover wants.
+    pub(super) fn follow_handover(&mut self, now: Now, keys: &mut dyn Keys) {
+        let Phase::HandingOver(on) = &mut self.phase else {
+            return;
+        };
+        let mut told = Vec::new();
+        while let Some(event) = on.handover.poll_event() {
+            if event == Event::Commit {
+                on.commit_at = Some(now.mono);
+            }
+            told.push(event);
+        }
+        let mut fault = None;
+        if on.commit_at.is_some_and(|at| at <= now.mono) {
+            match keys.commit() {
+                Ok(()) => on.commit_at = None,
+                Err(cause) => {
+                    on.commit_at = Some(now.mono.saturating_add(COMMIT_AGAIN));
+                    fault = Some(cause);
+                }
+            }
+        }
+        let ended = match on.commit_at {
+            Some(_) => None,
+            None => on.handover.outcome(),
+        };
+        for event in told {
+            self.tell_handover(event);
+        }
+        if let Some(fault) = fault {
+            self.note(
+                LogLevel::Error,
+                format!("PX4 has the new key, but it cannot be made the one in force: {fault}"),
+            );
+        }
+        if let Some(outcome) = ended {
+            self.end_handover(outcome, now.mono, keys);
+        }
+    }
+
+    fn end_handover(&mut self, outcome: Outcome, mono: Duration, keys: &mut dyn Keys) {
+        let Phase::HandingOver(on) = std::mem::replace(&mut self.phase, Phase::Keyless) else {
+            return;
+        };
+        let HandingOver {
+            handover, cause, ..
+        } = *on;
+        let id = handover.new_id();
+        let (text, level) = match (outcome, cause) {
+            (Outcome::Committed, _) => (format!("PX4 signs with key {id}"), LogLevel::Info),
+            (Outcome::RolledBack, _) => (
+                format!("PX4 keeps its key: key {id} is given up"),
+                LogLevel::Error,
+            ),
+            (Outcome::SeveralAutopilots, _) => (
+                format!("more than one autopilot is on PX4's link: key {id} is refused"),
+                LogLevel::Error,
+            ),
+            (Outcome::NeverSigns, _) => (
+                "PX4 stays unsigned: it cannot sign (1.17 and older), and nothing is relayed"
+                    .to_owned(),
+                LogLevel::Error,
+            ),
+        };
+        self.note(level, text);
+        if cause == Cause::NewKey
+            && matches!(outcome, Outcome::RolledBack | Outcome::SeveralAutopilots)
+            && let Err(fault) = keys.drop_next()
+        {
+            self.note(
+                LogLevel::Warning,
+                format!("key {id} cannot be deleted: {fault}"),
+            );
+        }
+        let previous = match (outcome, cause) {
+            (Outcome::Committed, Cause::NewKey) => handover.old_key(),
+            _ => None,
+        };
+        self.phase = match outcome {
+            Outcome::NeverSigns => Phase::CannotSign {
+                key: handover.new_key(),
+                again_at: mono.saturating_add(ASK_AGAIN),
+            },
+            Outcome::SeveralAutopilots => handover
+                .into_old()
+                .map_or(Phase::Keyless, |key| relaying(key, None)),
+            Outcome::Committed | Outcome::RolledBack => handover
+                .into_key_in_force()
+                .map_or(Phase::Keyless, |key| relaying(key, previous)),
+        };
+    }
+
+    fn tell_handover(&mut self, event: Event) {
+        let (level, text) = match event {
+            Event::State(State::Staged) => (
+                LogLevel::Info,
+                "a new key is on disk: listening for 10 s that only one autopilot is on PX4's link"
+                    .to_owned(),
+            ),
+            Event::State(State::WaitDisarm) => (
+                LogLevel::Info,
+                "a new key waits for PX4's word that it is disarmed".to_owned(),
+            ),
+            Event::State(State::Sent) => (
+                LogLevel::Warning,
+                "the key is being sent to PX4. DO NOT cut its power for 5 s".to_owned(),
+            ),
+            Event::State(State::NotTaken) => {
+                (LogLevel::Warning, "PX4 has not taken the key".to_owned())
+            }
+            Event::State(State::RolledBack) => (
+                LogLevel::Warning,
+                "PX4 keeps its key; the new one is given up if that holds for 30 s".to_owned(),
+            ),
+            Event::State(State::Unknown) => (
+                LogLevel::Info,
+                "which key PX4 has is being found out".to_owned(),
+            ),
+            Event::SeveralAutopilots { system } => (
+                LogLevel::Error,
+                format!("system {system} is on PX4's link too"),
+            ),
+            Event::RefusedWhileArmed => (
+                LogLevel::Warning,
+                "PX4 refuses a key while it is armed".to_owned(),
+            ),
+            Event::FellBack => (
+                LogLevel::Error,
+                "PX4 has lost its key again; once more".to_owned(),
+            ),
+            Event::State(State::Committed) | Event::Commit | Event::Ended(_) => return,
+        };
+        self.note(level, text);
+    }
+}
+
+fn relaying(key: KeyState, previous: Option<SigningKey>) -> Phase {
+    Phase::Relaying(Box::new(Relaying { key, previous }))
+}
+
+const ASK_AGAIN: Duration = Duration::from_secs(60);
+const COMMIT_AGAIN: Duration = Duration::from_secs(1);

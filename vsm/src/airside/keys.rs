@@ -1,0 +1,42 @@
+//! What the agent needs of a disk: the ceilings of its signing clocks, and the keys with their order.
+
+use mavlink_link::clock::{CeilingStore, StoreError};
+use mavlink_link::signing::SigningKey;
+
+/// The key files beside the clocks. Each call returns only when a power cut could not undo it.
+pub trait Keys: CeilingStore {
+    /// Stores a key that is going to be handed over.
+    ///
+    /// # Errors
+    /// It could not be made durable, or another one is there that PX4 may have.
+    fn stage(&mut self, key: &SigningKey) -> Result<(), StoreError>;
+
+    /// The next key becomes the current one, and the current the previous.
+    ///
+    /// # Errors
+    /// It could not be made durable; both keys are still there.
+    fn commit(&mut self) -> Result<(), StoreError>;
+
+    /// The next key is deleted: PX4 keeps the current one.
+    ///
+    /// # Errors
+    /// It could not be deleted.
+    fn drop_next(&mut self) -> Result<(), StoreError>;
+
+    /// The previous key is deleted: PX4 has started anew and still signs with the current one.
+    ///
+    /// # Errors
+    /// It could not be deleted.
+    fn drop_previous(&mut self) -> Result<(), StoreError>;
+}
+
+/// The keys as they lie on disk at the start.
+#[derive(Debug, Default)]
+pub struct Held {
+    /// In force.
+    pub current: Option<SigningKey>,
+    /// PX4 may have been sent it.
+    pub next: Option<SigningKey>,
+    /// The one before.
+    pub previous: Option<SigningKey>,
+}

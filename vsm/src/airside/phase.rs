@@ -1,0 +1,116 @@
+//! How the agent stands with PX4's key.
+
+use std::time::Duration;
+
+use mavlink_link::link::Auth;
+use mavlink_link::provisioning::{Handover, State, Under};
+use mavlink_link::receiver::KeyState;
+use mavlink_link::signing::{KeyId, SigningKey};
+
+use super::Keys;
+use crate::session::Peer;
+
+/// The phases of an agent's life; each says what is relayed.
+#[derive(Debug)]
+pub(super) enum Phase {
+    /// There is no key: only the exchange is heard.
+    Keyless,
+    /// One key in force: what verifies under it passes.
+    Relaying(Box<Relaying>),
+    /// A key is on its way to PX4.
+    HandingOver(Box<HandingOver>),
+    /// PX4 takes no key: it is older than v1.18. Nothing passes, and it is asked again now and then.
+    CannotSign { key: SigningKey, again_at: Duration },
+}
+
+#[derive(Debug)]
+pub(super) struct Relaying {
+    pub(super) key: KeyState,
+    /// Kept until PX4 has started anew and still signs with the current one.
+    pub(super) previous: Option<SigningKey>,
+}
+
+#[derive(Debug)]
+pub(super) struct HandingOver {
+    pub(super) handover: Handover<Peer>,
+    pub(super) cause: Cause,
+    /// PX4 has the key, and the files do not say so yet: tried again then.
+    pub(super) commit_at: Option<Duration>,
+}
+
+/// Why a key is handed over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Cause {
+    /// It is a new one: until PX4 has it the link goes on under the old one.
+    NewKey,
+    /// PX4 has lost it, or fallen back to the one before: nothing passes until it has it again.
+    LostKey,
+}
+
+impl Cause {
+    /// The key that the ground uses meanwhile.
+    fn of_ground(self) -> Under {
+        match self {
+            Cause::NewKey => Under::Old,
+            Cause::LostKey => Under::New,
+        }
+    }
+}
+
+impl Phase {
+    /// What frames of the ground are verified by.
+    pub(super) fn ground_auth<'a>(&'a mut self, keys: &'a mut dyn Keys) -> Auth<'a> {
+        let key = match self {
+            Phase::Keyless | Phase::CannotSign { .. } => None,
+            Phase::Relaying(relaying) => Some(&mut relaying.key),
+            Phase::HandingOver(on) => on.handover.key_mut(on.cause.of_ground()),
+        };
+        key.map_or(Auth::Off, |key| Auth::Signed { key, store: keys })
+    }
+
+    /// Whether a command must not reach PX4: it would carry out anybody's.
+    pub(super) fn is_closed(&self, mono: Duration) -> bool {
+        match self {
+            Phase::Keyless | Phase::CannotSign { .. } => true,
+            Phase::Relaying(_) => false,
+            Phase::HandingOver(on) => {
+                on.cause == Cause::LostKey || on.handover.vehicle_is_open(mono)
+            }
+        }
+    }
+
+    /// The name of the state, for the status.
+    pub(super) fn name(&self) -> &'static str {
+        match self {
+            Phase::Keyless => "no key",
+            Phase::Relaying(_) => "relaying",
+            Phase::CannotSign { .. } => "PX4 cannot sign",
+            Phase::HandingOver(on) => match on.handover.state() {
+                State::Staged => "staged",
+                State::WaitDisarm => "waits for disarmed",
+                State::Sent => "key sent",
+                State::Committed => "committed",
+                State::NotTaken => "key not taken",
+                State::RolledBack => "rolled back",
+                State::Unknown => "asks which key PX4 has",
+            },
+        }
+    }
+
+    /// The key in force, where it is known.
+    pub(super) fn key_id(&self) -> Option<KeyId> {
+        match self {
+            Phase::Relaying(relaying) => Some(relaying.key.id()),
+            Phase::HandingOver(_) | Phase::Keyless | Phase::CannotSign { .. } => None,
+        }
+    }
+
+    /// The key that PX4 is to be given, or may have been.
+    pub(super) fn next_id(&self) -> Option<KeyId> {
+        match self {
+            Phase::HandingOver(on) => Some(on.handover.new_id()),
+            Phase::CannotSign { key, .. } => Some(key.id()),
+            Phase::Keyless | Phase::Relaying(_) => None,
+        }
+    }
+}

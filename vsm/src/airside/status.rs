@@ -1,0 +1,52 @@
+//! What the agent is doing, for `vsm airside status`. Keys are named by their ids only.
+
+use std::collections::BTreeMap;
+
+use mavlink_link::link::LinkStats;
+use serde::Serialize;
+
+use crate::session::{Counters, Peer};
+
+/// The whole agent.
+#[derive(Debug, Clone, Serialize)]
+pub struct AirsideStatus {
+    /// Vehicle ID.
+    pub vehicle: String,
+    /// Since the start, s.
+    pub uptime_s: f64,
+    /// How it stands with PX4's key: "relaying", "no key", "staged", "waits for disarmed", "key sent", "asks which key
+    /// PX4 has", "rolled back", "PX4 cannot sign".
+    pub state: &'static str,
+    /// The id of the key in force.
+    pub key_id: Option<String>,
+    /// The id of a key that PX4 is to be given, or may have been.
+    pub next_key_id: Option<String>,
+    /// Frames of the ground passed on to PX4.
+    pub to_px4: u64,
+    /// Frames of PX4 passed on to the ground.
+    pub to_ground: u64,
+    /// Verified frames not passed on all the same, by the reason.
+    pub held_back: Counters,
+    /// The ground's side.
+    pub radio: SideStatus,
+    /// PX4's side.
+    pub px4: SideStatus,
+}
+
+/// One side.
+#[derive(Debug, Clone, Serialize)]
+pub struct SideStatus {
+    /// Where the other end is.
+    pub peer: Option<String>,
+    /// Frames by what became of them.
+    pub frames: BTreeMap<&'static str, u64>,
+}
+
+impl SideStatus {
+    pub(super) fn new(peer: Option<Peer>, stats: &LinkStats) -> SideStatus {
+        SideStatus {
+            peer: peer.map(|peer| peer.to_string()),
+            frames: stats.iter().filter(|&(_, count)| count > 0).collect(),
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! What PX4 says of itself in frames that have verified: disarmed or not, and whether it has started anew.
+
+use std::time::Duration;
+
+use mavlink_link::dialect::{MavMessage, MavModeFlag};
+use mavlink_link::frame::FrameView;
+use mavlink_link::receiver::AUTOPILOT;
+
+/// The last word of the autopilot.
+#[derive(Debug, Default)]
+pub(super) struct Watch {
+    /// When it last said that it is disarmed; `None` once it says armed.
+    disarmed: Option<Duration>,
+    boot_ms: Option<u32>,
+    /// It has started, and no new stamp has been given to it since.
+    restamp_due: bool,
+    /// It has started anew while this was looking on.
+    restarted: bool,
+}
+
+impl Watch {
+    /// Takes a verified frame.
+    pub(super) fn take(&mut self, mono: Duration, frame: &FrameView<'_>) {
+        let header = frame.header();
+        if header.component_id != AUTOPILOT || !WATCHED.contains(&header.message_id) {
+            return;
+        }
+        let boot_ms = match frame.message() {
+            Ok(MavMessage::HEARTBEAT(m)) => {
+                let armed = m
+                    .base_mode
+                    .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
+                self.disarmed = (!armed).then_some(mono);
+                return;
+            }
+            Ok(MavMessage::SYSTEM_TIME(m)) => m.time_boot_ms,
+            Ok(MavMessage::ATTITUDE(m)) => m.time_boot_ms,
+            Ok(MavMessage::GLOBAL_POSITION_INT(m)) => m.time_boot_ms,
+            _ => return,
+        };
+        match self.boot_ms {
+            // Frames of one link may overtake each other a little.
+            Some(before) if boot_ms.saturating_add(BOOT_SLACK_MS) < before => {
+                (self.restarted, self.restamp_due) = (true, true);
+            }
+            None if boot_ms < JUST_STARTED_MS => self.restamp_due = true,
+            _ => {}
+        }
+        self.boot_ms = Some(boot_ms);
+    }
+
+    /// Whether its word that it is disarmed still holds.
+    pub(super) fn is_disarmed(&self, mono: Duration) -> bool {
+        self.disarmed
+            .is_some_and(|at| mono.saturating_sub(at) < DISARMED_LIFE)
+    }
+
+    /// True once after it has started anew.
+    pub(super) fn take_restart(&mut self) -> bool {
+        std::mem::take(&mut self.restarted)
+    }
+
+    /// Whether a new stamp is to be given now.
+    pub(super) fn restamp_is_due(&self, mono: Duration) -> bool {
+        self.restamp_due && self.is_disarmed(mono)
+    }
+
+    /// It has been sent a new stamp.
+    pub(super) fn restamped(&mut self) {
+        self.restamp_due = false;
+    }
+}
+
+/// HEARTBEAT, SYSTEM_TIME, ATTITUDE, GLOBAL_POSITION_INT.
+const WATCHED: [u32; 4] = [0, 2, 30, 33];
+/// How long the vehicle's word that it is disarmed holds.
+const DISARMED_LIFE: Duration = Duration::from_millis(1_500);
+const BOOT_SLACK_MS: u32 = 2_000;
+/// An agent that hears a younger PX4 first has been switched on with it.
+const JUST_STARTED_MS: u32 = 120_000;

@@ -1,0 +1,133 @@
+//! `vsm airside`: the agent beside PX4.
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, anyhow};
+use clap::{Args, Subcommand};
+use serde_json::Value;
+use tokio::signal::unix::{SignalKind, signal};
+use vsm::config::airside::AirsideConfig;
+use vsm::shell::airside::{AirsideError, AirsideServer};
+use vsm::shell::status_socket;
+
+use super::{Failure, run, status};
+
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    action: Option<Action>,
+    /// The configuration, such as examples/airside.toml
+    #[arg(long, value_name = "FILE", default_value = "airside.toml")]
+    config: PathBuf,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Action {
+    /// Shows what a running agent does
+    Status {
+        /// The configuration that the agent was started with
+        #[arg(long, value_name = "FILE", default_value = "airside.toml")]
+        config: PathBuf,
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
+    match arguments.action {
+        None => serve(&arguments.config),
+        Some(Action::Status { config, json }) => show(&config, json),
+    }
+}
+
+fn load(path: &Path) -> Result<AirsideConfig, Failure> {
+    AirsideConfig::load(path).map_err(|fault| Failure::Bad(anyhow!(fault)))
+}
+
+fn serve(path: &Path) -> Result<(), Failure> {
+    let config = load(path)?;
+    run::log();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("no asynchronous runtime")
+        .map_err(Failure::Failed)?;
+    runtime.block_on(async {
+        let server = AirsideServer::open(&config).map_err(|fault| match fault {
+            AirsideError::Keys(_) | AirsideError::OpenLink { .. } => Failure::Bad(anyhow!(fault)),
+            other => Failure::Failed(anyhow!(other)),
+        })?;
+        let mut terminate =
+            signal(SignalKind::terminate()).map_err(|fault| Failure::Failed(fault.into()))?;
+        let mut interrupt =
+            signal(SignalKind::interrupt()).map_err(|fault| Failure::Failed(fault.into()))?;
+        let ready = format!(
+            "vsm: airside: ready: radio {}, PX4 {}\n",
+            config.radio.get_ref().link,
+            config.px4.get_ref().link
+        );
+        let _ = io::stderr().write_all(ready.as_bytes());
+        server
+            .serve(async {
+                tokio::select! {
+                    _ = terminate.recv() => {}
+                    _ = interrupt.recv() => {}
+                }
+            })
+            .await;
+        tracing::info!("stopped");
+        Ok(())
+    })
+}
+
+fn show(path: &Path, json: bool) -> Result<(), Failure> {
+    let config = load(path)?;
+    let text = status_socket::ask(&config.store.dir)
+        .with_context(|| {
+            format!(
+                "no agent answers for the store {}: is it running?",
+                config.store.dir.display()
+            )
+        })
+        .map_err(Failure::Failed)?;
+    let text = if json {
+        text + "\n"
+    } else {
+        let status = serde_json::from_str(&text)
+            .context("the running agent answers with something else")
+            .map_err(Failure::Failed)?;
+        readable(&status)
+    };
+    io::stdout()
+        .write_all(text.as_bytes())
+        .map_err(|fault| Failure::Failed(fault.into()))
+}
+
+fn readable(of: &Value) -> String {
+    let mut text = format!(
+        "agent of vehicle {}, up {:.0} s: {}\n",
+        status::plain(&of["vehicle"]),
+        of["uptime_s"].as_f64().unwrap_or(0.0),
+        status::plain(&of["state"])
+    );
+    if let Some(id) = of["key_id"].as_str() {
+        text += &format!("  key in force {id}\n");
+    }
+    if let Some(id) = of["next_key_id"].as_str() {
+        text += &format!("  key on its way to PX4 {id}\n");
+    }
+    for (name, side) in [("radio", &of["radio"]), ("PX4", &of["px4"])] {
+        let peer = side["peer"].as_str().unwrap_or("not heard yet");
+        text += &format!("  {name}: peer {peer}\n");
+        text += &status::counts("    frames: ", &side["frames"]);
+    }
+    text += &format!(
+        "  passed on: {} to PX4, {} to the ground\n",
+        of["to_px4"], of["to_ground"]
+    );
+    text += &status::counts("  verified and held back: ", &of["held_back"]);
+    text
+}

@@ -1,0 +1,202 @@
+//! `vsm airside`: the agent between its two links. One thread, one loop, one machine.
+
+use std::future::Future;
+use std::io;
+use std::time::Duration;
+
+use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::link::Endpoint;
+use mavlink_link::receiver::Stream;
+use mavlink_link::signing::Stamp;
+use tokio::io::AsyncWriteExt;
+use tokio::net::{UnixListener, UnixStream};
+use zeroize::Zeroize;
+
+use super::airside_disk::AirsideDisk;
+use super::clock::Clock;
+use super::file_store::{FileStore, OpenError};
+use super::key_link;
+use super::key_store::{KeyStore, KeyStoreError};
+use super::server::NOT_BEFORE;
+use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
+use super::status_socket;
+use crate::airside::{Agent, AgentError, AirsideStatus, Settings, Side};
+use crate::config::airside::AirsideConfig;
+use crate::session::{LogLevel, Peer};
+
+/// An agent that cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum AirsideError {
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] OpenError),
+    /// The keys.
+    #[error(transparent)]
+    Keys(#[from] KeyStoreError),
+    /// A link.
+    #[error(transparent)]
+    Socket(#[from] SocketError),
+    /// The machine.
+    #[error(transparent)]
+    Agent(#[from] AgentError),
+    /// Keys would be shown to whoever hears the link.
+    #[error(
+        "px4.link = \"{link}\": PX4's keys go over it, so it must be a serial line or loopback; or vouch for it with \
+         px4.i_trust_this_link = true"
+    )]
+    OpenLink {
+        /// The link.
+        link: String,
+    },
+    /// The status socket.
+    #[error("the status socket in the [store] dir: {0}")]
+    Status(io::Error),
+}
+
+/// An agent with its links open, ready to serve.
+#[derive(Debug)]
+pub struct AirsideServer {
+    agent: Agent,
+    disk: AirsideDisk,
+    clock: Clock,
+    vehicle: String,
+    radio: (VehicleReader, VehicleWriter),
+    px4: (VehicleReader, VehicleWriter),
+    status: UnixListener,
+}
+
+impl AirsideServer {
+    /// Opens store, keys and links. Must be called within a tokio runtime.
+    ///
+    /// # Errors
+    /// Any of them cannot be had; nothing has been sent then.
+    pub fn open(config: &AirsideConfig) -> Result<AirsideServer, AirsideError> {
+        let (own, radio, px4) = (
+            config.agent.get_ref(),
+            config.radio.get_ref(),
+            config.px4.get_ref(),
+        );
+        if !px4.i_trust_this_link && !key_link::is_local(&px4.link) {
+            let link = px4.link.to_string();
+            return Err(AirsideError::OpenLink { link });
+        }
+        let clock = Clock::default();
+        let mut store = FileStore::open(&config.store.dir)?;
+        let keys = KeyStore::open(&own.key_file)?;
+        let (radio_reader, radio_writer, ground) =
+            sockets::open_link("radio.link", &radio.link, "port-radio", &mut store)?;
+        let (px4_reader, px4_writer, autopilot) =
+            sockets::open_link("px4.link", &px4.link, "port-px4", &mut store)?;
+        let status = status_socket::listen(&config.store.dir).map_err(AirsideError::Status)?;
+        let endpoint = |peer: Option<Peer>| peer.map_or(Endpoint::Listen, Endpoint::Fixed);
+        let settings = Settings {
+            vehicle_system: px4.system_id,
+            own_system: own.system_id,
+            own_component: own.component_id,
+            own_link_id: own.link_id,
+            talkers: radio.talkers.iter().copied().map(Stream::from).collect(),
+            radio: endpoint(ground),
+            px4: endpoint(autopilot),
+            restamp: px4.restamp,
+            not_before: Stamp::from_unix(NOT_BEFORE),
+        };
+        let mut disk = AirsideDisk { store, keys };
+        let held = disk.held()?;
+        let agent = Agent::start(settings, held, clock.now(), &mut disk)?;
+        Ok(AirsideServer {
+            agent,
+            disk,
+            clock,
+            vehicle: own.vehicle_id.to_string(),
+            radio: (radio_reader, radio_writer),
+            px4: (px4_reader, px4_writer),
+            status,
+        })
+    }
+
+    /// Serves until `stop` is done, then gives the last status.
+    pub async fn serve(mut self, stop: impl Future<Output = ()>) -> AirsideStatus {
+        let mut stop = std::pin::pin!(stop);
+        let (mut from_radio, mut from_px4) = (vec![0; LARGEST], vec![0; LARGEST]);
+        self.settle().await;
+        loop {
+            let due = self.clock.instant(self.agent.poll_timeout());
+            tokio::select! {
+                () = &mut stop => break,
+                received = self.radio.0.receive(&mut from_radio) => match received {
+                    Ok((length, from)) => {
+                        let octets = from_radio.get(..length).unwrap_or_default();
+                        let now = self.clock.now();
+                        self.agent.handle_radio(now, from, octets, &mut self.disk);
+                    }
+                    Err(cause) => pause_after("the ground's link", &cause).await,
+                },
+                received = self.px4.0.receive(&mut from_px4) => match received {
+                    Ok((length, from)) => {
+                        let octets = from_px4.get(..length).unwrap_or_default();
+                        let now = self.clock.now();
+                        self.agent.handle_px4(now, from, octets, &mut self.disk);
+                    }
+                    Err(cause) => pause_after("PX4's link", &cause).await,
+                },
+                asked = self.status.accept() => match asked {
+                    Ok((stream, _)) => tell(stream, self.picture()).await,
+                    Err(cause) => pause_after("the status socket", &cause).await,
+                },
+                () = tokio::time::sleep_until(due.into()) => {
+                    self.agent.handle_timeout(self.clock.now(), &mut self.disk);
+                }
+            }
+            self.settle().await;
+        }
+        self.picture()
+    }
+
+    fn picture(&self) -> AirsideStatus {
+        self.agent.status(self.vehicle.clone(), self.clock.mono())
+    }
+
+    /// Sends what is due and writes the log.
+    async fn settle(&mut self) {
+        let mut out = [0; MAX_FRAME];
+        while let Some(sent) = self
+            .agent
+            .poll_transmit(self.clock.now(), &mut self.disk, &mut out)
+        {
+            let frame = out.get(..sent.len).unwrap_or_default();
+            let writer = match sent.side {
+                Side::Radio => &mut self.radio.1,
+                Side::Px4 => &mut self.px4.1,
+            };
+            if let Err(cause) = writer.send(frame, sent.to).await {
+                tracing::debug!("a frame to {} was not sent: {cause}", sent.to);
+            }
+            if sent.secret {
+                out.zeroize();
+            }
+        }
+        while let Some(note) = self.agent.poll_note() {
+            match note.level {
+                LogLevel::Info => tracing::info!("{}", note.text),
+                LogLevel::Warning => tracing::warn!("{}", note.text),
+                LogLevel::Error => tracing::error!("{}", note.text),
+            }
+        }
+    }
+}
+
+/// Whoever asks and does not read must not hold up the links: a socket takes this much at once.
+async fn tell(mut stream: UnixStream, status: AirsideStatus) {
+    let text = serde_json::to_string(&status).unwrap_or_default();
+    let _ = tokio::time::timeout(STATUS_WITHIN, stream.write_all(text.as_bytes())).await;
+}
+
+/// A link that fails again and again is said once in a while, and takes no whole core.
+async fn pause_after(what: &str, cause: &io::Error) {
+    tracing::warn!("{what}: {cause}");
+    tokio::time::sleep(PAUSE).await;
+}
+
+const LARGEST: usize = 65_536;
+const STATUS_WITHIN: Duration = Duration::from_millis(100);
+const PAUSE: Duration = Duration::from_millis(100);
