@@ -3,9 +3,11 @@
 
     signing_peer.py verify --key HEX --stamp N < frames.hex     one JSON verdict a line
     signing_peer.py sign --key HEX --stamp N --seed N --count N one frame a line, in hex
+    signing_peer.py forge --key HEX --stamp N < wishes.json     one frame a wish, in hex
 
 `verify` judges each line with pymavlink's own check; an empty line starts a new receiver. `--stamp` is the
-clock of either, in 10 us since 2015.
+clock of either, in 10 us since 2015. A wish is an object on a line: `message` (heartbeat, radio_status or ack), and
+where they differ from the vehicle's own: `system`, `component`, `link`, `stamp`, `key`.
 """
 import argparse
 import json
@@ -53,6 +55,23 @@ def sign(options):
         print(sample(dice).pack(sender).hex())
 
 
+def forge(options):
+    for line in sys.stdin:
+        wish = json.loads(line)
+        sender = end(options, wish.get("system", 1), wish.get("component", 1))
+        sender.signing.link_id = wish.get("link", 0)
+        sender.signing.timestamp = wish.get("stamp", options.stamp)
+        sender.signing.secret_key = bytes.fromhex(wish.get("key", options.key))
+        print(NAMED[wish["message"]].pack(sender).hex(), flush=True)
+
+
+NAMED = {
+    "heartbeat": m.MAVLink_heartbeat_message(2, 12, 0x1D, 0x04040000, 3, 3),
+    "radio_status": m.MAVLink_radio_status_message(9, 9, 100, 1, 1, 0, 0),
+    "ack": m.MAVLink_command_ack_message(400, 0, 0, 0, 245, 190),
+}
+
+
 def sample(dice):
     real = lambda: dice.uniform(-1e4, 1e4)  # noqa: E731
     kind = dice.randrange(7)
@@ -78,13 +97,13 @@ def sample(dice):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("verb", choices=["verify", "sign"])
+    parser.add_argument("verb", choices=["verify", "sign", "forge"])
     parser.add_argument("--key", required=True)
     parser.add_argument("--stamp", type=int, required=True)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=50)
     options = parser.parse_args()
-    verify(options) if options.verb == "verify" else sign(options)
+    {"verify": verify, "sign": sign, "forge": forge}[options.verb](options)
 
 
 if __name__ == "__main__":

@@ -3,11 +3,16 @@
 mod program_support;
 
 use std::fs;
+use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
+use mavlink_link::Now;
+use mavlink_link::clock::{CeilingStore, Origin, StoreError};
+use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
+use mavlink_link::receiver::KeyState;
+use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use program_support::{Running, VSM, free_port, run};
 use sim::px4::{LinkAddress, Simulator, SimulatorConfig};
 
@@ -44,7 +49,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 async fn no_key_is_in_any_log_record_status_or_recording() {
     let port = free_port();
     let link: LinkAddress = format!("udpin:127.0.0.1:{port}").parse().unwrap();
-    let _vehicle = Simulator::spawn(SimulatorConfig::on(link)).await.unwrap();
+    let vehicle = Simulator::spawn(SimulatorConfig::on(link)).await.unwrap();
     let folder = tempfile::tempdir().unwrap();
     let config = format!(
         "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:{}\"\n[[vehicle]]\nid = \"1b:00:01:01\"\n\
@@ -57,6 +62,7 @@ async fn no_key_is_in_any_log_record_status_or_recording() {
     tokio::task::spawn_blocking(move || search(&folder_path))
         .await
         .unwrap();
+    replay_at_vehicle(folder.path(), &vehicle).await;
 }
 
 fn search(folder: &Path) {
@@ -102,9 +108,7 @@ fn search(folder: &Path) {
         std::thread::sleep(Duration::from_millis(200));
     };
     // Seen at a glance: which key, and since when.
-    let id = mavlink_link::signing::SigningKey::from_hex(second.trim())
-        .unwrap()
-        .id();
+    let id = SigningKey::from_hex(second.trim()).unwrap().id();
     assert!(
         status.contains(&format!("signed with key {id}, live for")),
         "{status}"
@@ -145,68 +149,86 @@ fn search(folder: &Path) {
         }
     }
     assert!(searched > 10_000, "only {searched} octets were searched");
-    replay(folder);
+    replay_at_ground(folder);
+}
+
+/// The frames of the recording of that flight, as they stand there.
+fn recorded(folder: &Path) -> Vec<Vec<u8>> {
+    let recording = files(&folder.join("tlog")).pop().expect("a recording");
+    let records = fs::read(recording).unwrap();
+    let mut frames = vec![];
+    let mut rest = &records[..];
+    while rest.len() > 20 {
+        assert_eq!(rest[10] & 1, 0, "a signature was recorded");
+        let len = (8 + 12 + usize::from(rest[9])).min(rest.len());
+        frames.push(rest[8..len].to_vec());
+        rest = &rest[len..];
+    }
+    assert!(frames.len() > 50, "{} frames", frames.len());
+    frames
 }
 
 /// The recording of that flight, played at a signed receiver with the same key: nothing gets in.
-fn replay(folder: &Path) {
-    let recording = files(&folder.join("tlog")).pop().expect("a recording");
-    let records = fs::read(recording).unwrap();
+fn replay_at_ground(folder: &Path) {
     let mut link = Link::<u8>::new(LinkConfig::new(1, Security::Signed, Endpoint::Listen));
-    let mut played = 0;
-    let mut rest = &records[..];
-    while rest.len() > 20 {
-        let signed = usize::from(rest[10] & 1) * 13;
-        assert_eq!(signed, 0, "a signature was recorded");
-        let len = 8 + 12 + usize::from(rest[9]);
-        let (frame, left) = (&rest[8..len.min(rest.len())], &rest[len.min(rest.len())..]);
-        let now = mavlink_link::Now {
-            mono: Duration::from_millis(played),
-            wall: Duration::from_secs(1_795_219_200),
-        };
-        let mut store = Nowhere;
-        let key = mavlink_link::signing::SigningKey::from_hex(
-            fs::read_to_string(folder.join("uav1.key")).unwrap().trim(),
-        )
-        .unwrap();
-        let origin = mavlink_link::clock::Origin::KeyFile;
-        let mut keys = mavlink_link::receiver::KeyState::start(
-            key,
-            origin,
-            mavlink_link::signing::Stamp::ZERO,
-            now,
-            &mut store,
-        )
-        .unwrap();
-        let auth = mavlink_link::link::Auth::Signed {
+    let key = fs::read_to_string(folder.join("uav1.key")).unwrap();
+    let key = SigningKey::from_hex(key.trim()).unwrap();
+    let mut now = Now {
+        mono: Duration::ZERO,
+        wall: Duration::from_secs(1_795_219_200),
+    };
+    let mut store = Nowhere;
+    let mut keys = KeyState::start(key, Origin::KeyFile, Stamp::ZERO, now, &mut store).unwrap();
+    for frame in recorded(folder) {
+        now = now.after(Duration::from_millis(1));
+        let auth = Auth::Signed {
             key: &mut keys,
             store: &mut store,
         };
-        link.handle_datagram(now, 1, frame, auth, &mut |d| {
+        link.handle_datagram(now, 1, &frame, auth, &mut |d| {
             panic!("{:?} got in", d.header)
         });
-        played += 1;
-        rest = left;
     }
-    assert!(played > 50, "{played} frames");
     assert_eq!(link.peer(), None);
+}
+
+/// And played at the vehicle itself, which has that key: it takes what it takes of anyone, and no more.
+async fn replay_at_vehicle(folder: &Path, vehicle: &Simulator) {
+    let before = vehicle.counters().links[0].clone();
+    let done = format!("{:?}", vehicle.counters().vehicle);
+    let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let mut played = 0;
+    for frame in recorded(folder) {
+        stranger
+            .send_to(&frame, vehicle.address(0).unwrap())
+            .unwrap();
+        let heartbeat = frame[7..10] == [0, 0, 0];
+        played += u64::from(!heartbeat);
+    }
+    let end = Instant::now() + Duration::from_secs(10);
+    loop {
+        let after = vehicle.counters().links[0].clone();
+        assert_eq!(
+            after.verified, before.verified,
+            "a frame passed for a signed one"
+        );
+        if after.dropped_unsigned - before.dropped_unsigned >= played {
+            break;
+        }
+        assert!(Instant::now() < end, "{played} played: {after:?}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    assert_eq!(format!("{:?}", vehicle.counters().vehicle), done);
 }
 
 struct Nowhere;
 
-impl mavlink_link::clock::CeilingStore for Nowhere {
-    fn load(
-        &mut self,
-        _: &mavlink_link::signing::KeyId,
-    ) -> Result<Option<mavlink_link::signing::Stamp>, mavlink_link::clock::StoreError> {
+impl CeilingStore for Nowhere {
+    fn load(&mut self, _: &KeyId) -> Result<Option<Stamp>, StoreError> {
         Ok(None)
     }
 
-    fn store(
-        &mut self,
-        _: &mavlink_link::signing::KeyId,
-        _: mavlink_link::signing::Stamp,
-    ) -> Result<(), mavlink_link::clock::StoreError> {
+    fn store(&mut self, _: &KeyId, _: Stamp) -> Result<(), StoreError> {
         Ok(())
     }
 }

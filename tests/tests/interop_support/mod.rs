@@ -8,6 +8,7 @@
 )]
 
 pub(crate) mod bridge;
+pub(crate) mod signing;
 
 use std::ffi::OsStr;
 use std::fmt::Write as _;
