@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use mavlink_link::Now;
+use mavlink_link::exchange::Status;
 use mavlink_link::link::Endpoint;
 use mavlink_link::provisioning::{
     Event, Handover, HandoverConfig, Outcome, StartError, State, Under,
@@ -71,7 +72,7 @@ impl Agent {
                 LogLevel::Error,
                 format!("the key cannot be given again: {fault}"),
             );
-            self.phase = Phase::Relaying(Box::new(Relaying { key, previous }));
+            self.phase = Phase::relaying(key, previous);
         }
     }
 
@@ -154,6 +155,9 @@ impl Agent {
             None => on.handover.outcome(),
         };
         for event in told {
+            if let Event::State(state) = event {
+                self.tell_state(state);
+            }
             self.tell_handover(event);
         }
         if let Some(fault) = fault {
@@ -201,6 +205,12 @@ impl Agent {
                 format!("key {id} cannot be deleted: {fault}"),
             );
         }
+        match outcome {
+            Outcome::Committed => self.responder.key_active(),
+            Outcome::RolledBack => self.responder.key_dropped(),
+            Outcome::NeverSigns => self.responder.tell(Status::CannotSign, 0),
+            Outcome::SeveralAutopilots => self.tell_refused(),
+        }
         let previous = match (outcome, cause) {
             (Outcome::Committed, Cause::NewKey) => handover.old_key(),
             _ => None,
@@ -212,10 +222,10 @@ impl Agent {
             },
             Outcome::SeveralAutopilots => handover
                 .into_old()
-                .map_or(Phase::Keyless, |key| relaying(key, None)),
+                .map_or(Phase::Keyless, |key| Phase::relaying(key, None)),
             Outcome::Committed | Outcome::RolledBack => handover
                 .into_key_in_force()
-                .map_or(Phase::Keyless, |key| relaying(key, previous)),
+                .map_or(Phase::Keyless, |key| Phase::relaying(key, previous)),
         };
     }
 
@@ -261,10 +271,6 @@ impl Agent {
         };
         self.note(level, text);
     }
-}
-
-fn relaying(key: KeyState, previous: Option<SigningKey>) -> Phase {
-    Phase::Relaying(Box::new(Relaying { key, previous }))
 }
 
 const ASK_AGAIN: Duration = Duration::from_secs(60);

@@ -1,15 +1,20 @@
 //! What the agent needs of a disk: the ceilings of its signing clocks, and the keys with their order.
 
 use mavlink_link::clock::{CeilingStore, StoreError};
+use mavlink_link::exchange::{PinnedPeer, ResponderStore};
 use mavlink_link::signing::SigningKey;
 
-/// The key files beside the clocks. Each call returns only when a power cut could not undo it.
+/// The key files beside the clocks and what the exchange keeps. Each call returns only when a power cut could not undo
+/// it.
 pub trait Keys: CeilingStore {
-    /// Stores a key that is going to be handed over.
+    /// The same disk as the exchange sees it.
+    fn for_exchange(&mut self) -> &mut dyn ResponderStore;
+
+    /// The key that is going to be handed over.
     ///
     /// # Errors
-    /// It could not be made durable, or another one is there that PX4 may have.
-    fn stage(&mut self, key: &SigningKey) -> Result<(), StoreError>;
+    /// It is there and cannot be used.
+    fn next(&mut self) -> Result<Option<SigningKey>, StoreError>;
 
     /// The next key becomes the current one, and the current the previous.
     ///
@@ -39,4 +44,8 @@ pub struct Held {
     pub next: Option<SigningKey>,
     /// The one before.
     pub previous: Option<SigningKey>,
+    /// The ground that was paired with.
+    pub peer: Option<PinnedPeer>,
+    /// The highest epoch ever stored.
+    pub epoch: u32,
 }

@@ -13,12 +13,14 @@
 //!
 //! What the promise against replays after PX4's restart is worth hangs on PX4 having no other radio.
 
+mod exchange;
 mod handing;
 mod keys;
 mod phase;
 mod status;
 mod watch;
 
+pub use exchange::PairingNews;
 pub use keys::{Held, Keys};
 pub use status::{AirsideStatus, SideStatus};
 
@@ -27,10 +29,12 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::clock::{CeilingStore, Origin};
-use mavlink_link::frame::{FrameView, MAX_FRAME};
-use mavlink_link::link::{
-    Alert, Auth, Endpoint, Event, KeyExchangeFrame, Link, LinkConfig, Role, Security,
+use mavlink_link::exchange::{
+    Fingerprint, Identity, Node, Parties, Random, Responder, ResponderConfig, ResponderMemory,
+    StagedKey, Wanted,
 };
+use mavlink_link::frame::{FrameView, MAX_FRAME};
+use mavlink_link::link::{Alert, Auth, Endpoint, Event, Link, LinkConfig, Role, Security};
 use mavlink_link::provisioning;
 use mavlink_link::receiver::{KeyState, Stream, Talkers};
 use mavlink_link::signing::{SigningKey, Stamp, verify};
@@ -61,6 +65,8 @@ pub struct Settings {
     pub restamp: bool,
     /// A date that cannot be in the future.
     pub not_before: Stamp,
+    /// The VSM's and the vehicle's identification numbers, DLI.
+    pub ids: [u32; 2],
 }
 
 /// Why an agent does not start.
@@ -116,6 +122,10 @@ pub struct Agent {
     radio: Link<Peer>,
     px4: Link<Peer>,
     phase: Phase,
+    /// The agent's own static key, as people compare it.
+    identity: Fingerprint,
+    responder: Responder<Peer>,
+    news: VecDeque<PairingNews>,
     watch: Watch,
     queue: VecDeque<Relayed>,
     notes: VecDeque<Note>,
@@ -140,6 +150,7 @@ impl Agent {
     /// The list of talkers is empty or too long, or a clock cannot be read.
     pub fn start(
         settings: Settings,
+        identity: Identity,
         held: Held,
         now: Now,
         keys: &mut dyn Keys,
@@ -159,7 +170,45 @@ impl Agent {
             link.role = Role::OnboardComputer;
             link.accept_unsigned = &[];
         }
+        let [vsm, vehicle] = settings.ids;
+        let fingerprint = identity.public().fingerprint();
+        let exchange = ResponderConfig {
+            parties: Parties::new(
+                Node {
+                    system: first.system,
+                    component: first.component,
+                },
+                Node {
+                    system: settings.vehicle_system,
+                    component: settings.own_component,
+                },
+                vsm,
+                vehicle,
+            ),
+            identity,
+            wanted: Wanted {
+                signing: true,
+                confidential: false,
+            },
+        };
+        let next = match &held.next {
+            None => None,
+            Some(next) => Some(StagedKey {
+                id: next.id(),
+                // A key with a clock has been sent.
+                sent: keys.load(&next.id())?.is_some(),
+            }),
+        };
+        let memory = ResponderMemory {
+            peer: held.peer,
+            epoch: held.epoch,
+            current: held.current.as_ref().map(SigningKey::id),
+            next,
+        };
         let mut agent = Agent {
+            identity: fingerprint,
+            responder: Responder::new(exchange, memory, now.mono),
+            news: VecDeque::new(),
             started: now.mono,
             radio: Link::new(radio),
             px4: Link::new(px4),
@@ -210,8 +259,15 @@ impl Agent {
         KeyState::start(key, Origin::KeyFile, not_before, now, keys)
     }
 
-    /// Takes what came from the ground.
-    pub fn handle_radio(&mut self, now: Now, from: Peer, octets: &[u8], keys: &mut dyn Keys) {
+    /// Takes what came from the ground. `random` is for the exchange.
+    pub fn handle_radio(
+        &mut self,
+        now: Now,
+        from: Peer,
+        octets: &[u8],
+        random: &mut dyn Random,
+        keys: &mut dyn Keys,
+    ) {
         let closed = self.phase.is_closed(now.mono);
         let to = self.px4.peer();
         let Agent {
@@ -241,7 +297,7 @@ impl Agent {
         });
         while let Some(event) = self.radio.poll_event() {
             match event {
-                Event::KeyExchange(frame) => self.take_exchange(now, &frame, keys),
+                Event::KeyExchange(frame) => self.take_exchange(now, &frame, random, keys),
                 Event::Alert(alert) => self.tell_alert("the ground's link", alert),
                 Event::PeerChanged { to, .. } => {
                     self.note(LogLevel::Info, format!("the ground is at {to}"));
@@ -356,12 +412,13 @@ impl Agent {
                 .unwrap_or(Duration::MAX)
                 .min(on.handover.poll_timeout()),
         };
-        self.radio.poll_timeout().min(px4)
+        self.radio.poll_timeout().min(px4).min(self.exchange_due())
     }
 
     /// Does what is due by now. Calling it early or late does no harm.
     pub fn handle_timeout(&mut self, now: Now, keys: &mut dyn Keys) {
         self.radio.handle_timeout(now);
+        self.exchange_timeout(now, keys);
         match &mut self.phase {
             Phase::Keyless => {}
             Phase::CannotSign { again_at, .. } if *again_at <= now.mono => {
@@ -398,6 +455,7 @@ impl Agent {
             });
         }
         self.px4_transmit(now, keys, out)
+            .or_else(|| self.exchange_transmit(now, keys, out))
             .or_else(|| self.radio_transmit(now, keys, out))
     }
 
@@ -491,6 +549,20 @@ impl Agent {
             to_px4: self.to_px4,
             to_ground: self.to_ground,
             held_back: self.held_back.clone(),
+            identity: self.identity.to_string(),
+            ground: self
+                .responder
+                .memory()
+                .peer
+                .map(|peer| peer.key.fingerprint().to_string()),
+            window_s: self.responder.window(mono).map(|left| left.as_secs()),
+            exchange: {
+                let stats = self.responder.stats();
+                let told = [("taken", stats.taken)].into_iter();
+                told.chain(stats.by_reason())
+                    .filter(|&(_, count)| count > 0)
+                    .collect()
+            },
             radio: SideStatus::new(self.radio.peer(), &self.radio.stats()),
             px4: SideStatus::new(self.px4.peer(), &self.px4.stats()),
         }
@@ -509,10 +581,6 @@ impl Agent {
             let text = text.into();
             self.notes.push_back(Note { level, text });
         }
-    }
-
-    fn take_exchange(&mut self, _now: Now, _frame: &KeyExchangeFrame<Peer>, _keys: &mut dyn Keys) {
-        self.held_back.count("KEY_EXCHANGE");
     }
 }
 

@@ -58,6 +58,10 @@ impl Cause {
 }
 
 impl Phase {
+    pub(super) fn relaying(key: KeyState, previous: Option<SigningKey>) -> Phase {
+        Phase::Relaying(Box::new(Relaying { key, previous }))
+    }
+
     /// What frames of the ground are verified by.
     pub(super) fn ground_auth<'a>(&'a mut self, keys: &'a mut dyn Keys) -> Auth<'a> {
         let key = match self {

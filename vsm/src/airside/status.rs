@@ -27,6 +27,14 @@ pub struct AirsideStatus {
     pub to_ground: u64,
     /// Verified frames not passed on all the same, by the reason.
     pub held_back: Counters,
+    /// The fingerprint of the agent's own static key.
+    pub identity: String,
+    /// That of the ground's, once paired.
+    pub ground: Option<String>,
+    /// How long the pairing window is still open, s.
+    pub window_s: Option<u64>,
+    /// KEY_EXCHANGE by what became of it.
+    pub exchange: BTreeMap<&'static str, u64>,
     /// The ground's side.
     pub radio: SideStatus,
     /// PX4's side.

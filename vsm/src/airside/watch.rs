@@ -9,8 +9,8 @@ use mavlink_link::receiver::AUTOPILOT;
 /// The last word of the autopilot.
 #[derive(Debug, Default)]
 pub(super) struct Watch {
-    /// When it last said that it is disarmed; `None` once it says armed.
-    disarmed: Option<Duration>,
+    /// Whether it last said that it is armed, and when.
+    armed: Option<(bool, Duration)>,
     boot_ms: Option<u32>,
     /// It has started, and no new stamp has been given to it since.
     restamp_due: bool,
@@ -30,7 +30,7 @@ impl Watch {
                 let armed = m
                     .base_mode
                     .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
-                self.disarmed = (!armed).then_some(mono);
+                self.armed = Some((armed, mono));
                 return;
             }
             Ok(MavMessage::SYSTEM_TIME(m)) => m.time_boot_ms,
@@ -51,8 +51,13 @@ impl Watch {
 
     /// Whether its word that it is disarmed still holds.
     pub(super) fn is_disarmed(&self, mono: Duration) -> bool {
-        self.disarmed
-            .is_some_and(|at| mono.saturating_sub(at) < DISARMED_LIFE)
+        self.armed
+            .is_some_and(|(armed, at)| !armed && mono.saturating_sub(at) < DISARMED_LIFE)
+    }
+
+    /// Whether its last word was that it is armed.
+    pub(super) fn is_armed(&self) -> bool {
+        self.armed.is_some_and(|(armed, _)| armed)
     }
 
     /// True once after it has started anew.

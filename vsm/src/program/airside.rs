@@ -9,7 +9,7 @@ use serde_json::Value;
 use tokio::signal::unix::{SignalKind, signal};
 use vsm::config::airside::AirsideConfig;
 use vsm::shell::airside::{AirsideError, AirsideServer};
-use vsm::shell::status_socket;
+use vsm::shell::{pairing_socket, status_socket};
 
 use super::{Failure, run, status};
 
@@ -25,6 +25,15 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
+    /// Opens the running agent's window for one pairing, for 10 minutes, and shows the code that the ground must be given
+    Pair {
+        /// The configuration that the agent was started with
+        #[arg(long, value_name = "FILE", default_value = "airside.toml")]
+        config: PathBuf,
+        /// A code that the ground has made, instead of a new one; `-` reads it from standard input
+        #[arg(long, value_name = "CODE")]
+        code: Option<String>,
+    },
     /// Shows what a running agent does
     Status {
         /// The configuration that the agent was started with
@@ -39,6 +48,7 @@ pub(crate) enum Action {
 pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.action {
         None => serve(&arguments.config),
+        Some(Action::Pair { config, code }) => pair(&config, code),
         Some(Action::Status { config, json }) => show(&config, json),
     }
 }
@@ -83,6 +93,40 @@ fn serve(path: &Path) -> Result<(), Failure> {
     })
 }
 
+/// Until the window is closed; ending this program closes it too.
+fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
+    let config = load(path)?;
+    let code = match code.as_deref() {
+        Some("-") => {
+            let mut line = String::new();
+            io::stdin()
+                .read_line(&mut line)
+                .context("standard input")
+                .map_err(Failure::Failed)?;
+            Some(line.trim().to_owned())
+        }
+        _ => code,
+    };
+    let mut paired = false;
+    pairing_socket::ask(&config.store.dir, code.as_deref(), |line| {
+        paired |= line.starts_with("paired");
+        // Nobody is left to tell when standard output is gone.
+        let _ = writeln!(io::stdout(), "{line}");
+    })
+    .with_context(|| {
+        format!(
+            "no agent answers for the store {}: is it running?",
+            config.store.dir.display()
+        )
+    })
+    .map_err(Failure::Failed)?;
+    if paired {
+        Ok(())
+    } else {
+        Err(Failure::Failed(anyhow!("nobody was paired with")))
+    }
+}
+
 fn show(path: &Path, json: bool) -> Result<(), Failure> {
     let config = load(path)?;
     let text = status_socket::ask(&config.store.dir)
@@ -119,6 +163,13 @@ fn readable(of: &Value) -> String {
     if let Some(id) = of["next_key_id"].as_str() {
         text += &format!("  key on its way to PX4 {id}\n");
     }
+    text += &format!("  this agent    {}\n", status::plain(&of["identity"]));
+    let ground = of["ground"].as_str().unwrap_or("not paired yet");
+    text += &format!("  paired with   {ground}\n");
+    if let Some(left) = of["window_s"].as_u64() {
+        text += &format!("  the pairing window is open for {left} s\n");
+    }
+    text += &status::counts("  key exchange: ", &of["exchange"]);
     for (name, side) in [("radio", &of["radio"]), ("PX4", &of["px4"])] {
         let peer = side["peer"].as_str().unwrap_or("not heard yet");
         text += &format!("  {name}: peer {peer}\n");

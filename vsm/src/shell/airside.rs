@@ -4,6 +4,7 @@ use std::future::Future;
 use std::io;
 use std::time::Duration;
 
+use mavlink_link::exchange;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::Endpoint;
 use mavlink_link::receiver::Stream;
@@ -15,12 +16,14 @@ use zeroize::Zeroize;
 use super::airside_disk::AirsideDisk;
 use super::clock::Clock;
 use super::file_store::{FileStore, OpenError};
+use super::key_file::{self, KeyFileError};
 use super::key_link;
 use super::key_store::{KeyStore, KeyStoreError};
+use super::pairing_socket::{self, Asker};
 use super::server::NOT_BEFORE;
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
-use crate::airside::{Agent, AgentError, AirsideStatus, Settings, Side};
+use crate::airside::{Agent, AgentError, AirsideStatus, PairingNews, Settings, Side};
 use crate::config::airside::AirsideConfig;
 use crate::session::{LogLevel, Peer};
 
@@ -48,8 +51,14 @@ pub enum AirsideError {
         /// The link.
         link: String,
     },
-    /// The status socket.
-    #[error("the status socket in the [store] dir: {0}")]
+    /// This end's static key.
+    #[error(transparent)]
+    Identity(#[from] KeyFileError),
+    /// What the exchange keeps.
+    #[error("the record of the key exchange in the [store] dir: {0}")]
+    Exchange(exchange::StoreError),
+    /// The status or the pairing socket.
+    #[error("the sockets in the [store] dir: {0}")]
     Status(io::Error),
 }
 
@@ -63,6 +72,9 @@ pub struct AirsideServer {
     radio: (VehicleReader, VehicleWriter),
     px4: (VehicleReader, VehicleWriter),
     status: UnixListener,
+    pairing: UnixListener,
+    /// Whoever stands at the open pairing window.
+    asker: Option<Asker>,
 }
 
 impl AirsideServer {
@@ -88,6 +100,7 @@ impl AirsideServer {
         let (px4_reader, px4_writer, autopilot) =
             sockets::open_link("px4.link", &px4.link, "port-px4", &mut store)?;
         let status = status_socket::listen(&config.store.dir).map_err(AirsideError::Status)?;
+        let pairing = pairing_socket::listen(&config.store.dir).map_err(AirsideError::Status)?;
         let endpoint = |peer: Option<Peer>| peer.map_or(Endpoint::Listen, Endpoint::Fixed);
         let settings = Settings {
             vehicle_system: px4.system_id,
@@ -99,10 +112,12 @@ impl AirsideServer {
             px4: endpoint(autopilot),
             restamp: px4.restamp,
             not_before: Stamp::from_unix(NOT_BEFORE),
+            ids: [own.vsm_id.0, own.vehicle_id.0],
         };
+        let identity = key_file::identity(&config.store.dir.join(IDENTITY))?;
         let mut disk = AirsideDisk { store, keys };
         let held = disk.held()?;
-        let agent = Agent::start(settings, held, clock.now(), &mut disk)?;
+        let agent = Agent::start(settings, identity, held, clock.now(), &mut disk)?;
         Ok(AirsideServer {
             agent,
             disk,
@@ -111,6 +126,8 @@ impl AirsideServer {
             radio: (radio_reader, radio_writer),
             px4: (px4_reader, px4_writer),
             status,
+            pairing,
+            asker: None,
         })
     }
 
@@ -127,7 +144,9 @@ impl AirsideServer {
                     Ok((length, from)) => {
                         let octets = from_radio.get(..length).unwrap_or_default();
                         let now = self.clock.now();
-                        self.agent.handle_radio(now, from, octets, &mut self.disk);
+                        let mut random = key_file::fill;
+                        self.agent
+                            .handle_radio(now, from, octets, &mut random, &mut self.disk);
                     }
                     Err(cause) => pause_after("the ground's link", &cause).await,
                 },
@@ -143,6 +162,14 @@ impl AirsideServer {
                     Ok((stream, _)) => tell(stream, self.picture()).await,
                     Err(cause) => pause_after("the status socket", &cause).await,
                 },
+                asked = self.pairing.accept() => match asked {
+                    Ok((stream, _)) => self.open_window(stream).await,
+                    Err(cause) => pause_after("the pairing socket", &cause).await,
+                },
+                () = gone(&mut self.asker) => {
+                    self.asker = None;
+                    self.agent.close_window();
+                }
                 () = tokio::time::sleep_until(due.into()) => {
                     self.agent.handle_timeout(self.clock.now(), &mut self.disk);
                 }
@@ -154,6 +181,51 @@ impl AirsideServer {
 
     fn picture(&self) -> AirsideStatus {
         self.agent.status(self.vehicle.clone(), self.clock.mono())
+    }
+
+    /// Somebody at this computer wants to pair.
+    async fn open_window(&mut self, stream: UnixStream) {
+        let greeting = tokio::time::timeout(GREETING_WITHIN, Asker::greet(stream));
+        let Ok(Some((mut asker, code))) = greeting.await else {
+            return;
+        };
+        let now = self.clock.now();
+        match self.agent.open_window(now, &code, &mut self.disk) {
+            Ok(()) => {
+                asker
+                    .tell(&format!("pairing code  {}", &*code.text()))
+                    .await;
+                let own = self.picture().identity;
+                asker.tell(&format!("this agent    {own}")).await;
+                asker
+                    .tell("the window is open for 10 minutes, for one pairing")
+                    .await;
+                self.asker = Some(asker);
+            }
+            Err(fault) => asker.tell(&format!("refused: {fault}")).await,
+        }
+    }
+
+    /// Tells whoever stands at the window what happens there.
+    async fn tell_pairing(&mut self) {
+        while let Some(news) = self.agent.poll_pairing() {
+            let Some(asker) = &mut self.asker else {
+                continue;
+            };
+            match news {
+                PairingNews::WrongCode => asker.tell("somebody did not know the code").await,
+                PairingNews::Paired(peer) => {
+                    asker
+                        .tell(&format!("paired with   {}", peer.fingerprint()))
+                        .await;
+                    self.asker = None;
+                }
+                PairingNews::Closed => {
+                    asker.tell("closed without a pairing").await;
+                    self.asker = None;
+                }
+            }
+        }
     }
 
     /// Sends what is due and writes the log.
@@ -175,6 +247,7 @@ impl AirsideServer {
                 out.zeroize();
             }
         }
+        self.tell_pairing().await;
         while let Some(note) = self.agent.poll_note() {
             match note.level {
                 LogLevel::Info => tracing::info!("{}", note.text),
@@ -182,6 +255,14 @@ impl AirsideServer {
                 LogLevel::Error => tracing::error!("{}", note.text),
             }
         }
+    }
+}
+
+/// Done when whoever stands at the window goes away; never where nobody does.
+async fn gone(asker: &mut Option<Asker>) {
+    match asker {
+        Some(asker) => asker.gone().await,
+        None => std::future::pending().await,
     }
 }
 
@@ -197,6 +278,10 @@ async fn pause_after(what: &str, cause: &io::Error) {
     tokio::time::sleep(PAUSE).await;
 }
 
+/// The static key, beside the signing clocks.
+const IDENTITY: &str = "identity.key";
 const LARGEST: usize = 65_536;
 const STATUS_WITHIN: Duration = Duration::from_millis(100);
+/// How long an asker may hold up the links with its line.
+const GREETING_WITHIN: Duration = Duration::from_millis(100);
 const PAUSE: Duration = Duration::from_millis(100);

@@ -12,6 +12,7 @@ pub mod key_file;
 pub mod key_guard;
 pub mod key_link;
 pub mod key_store;
+pub mod pairing_socket;
 pub mod recording;
 pub mod server;
 pub mod sitl_key_file;

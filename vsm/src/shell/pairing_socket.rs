@@ -1,0 +1,90 @@
+//! `vsm airside pair`: a Unix socket in the agent's store folder. Who may enter the folder may open the window.
+//!
+//! The asker sends one line, the code or an empty line for a new one; the agent answers in lines, the code first, and
+//! then what happens at the window until it is closed. An asker that goes away closes it.
+
+use std::io::{self, BufRead as _, BufReader, Write as _};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixStream as BlockingStream;
+use std::path::{Path, PathBuf};
+
+use mavlink_link::exchange::PairingCode;
+use tokio::io::{AsyncBufReadExt as _, AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::{UnixListener, UnixStream};
+use zeroize::Zeroizing;
+
+use super::key_file;
+
+fn path(store: &Path) -> PathBuf {
+    store.join("pair.sock")
+}
+
+/// Opens the socket. The store's lock is held: one that is there is left over.
+///
+/// # Errors
+/// The system's; paths of over 107 octets too.
+pub fn listen(store: &Path) -> io::Result<UnixListener> {
+    let path = path(store);
+    match std::fs::remove_file(&path) {
+        Err(cause) if cause.kind() != io::ErrorKind::NotFound => return Err(cause),
+        _ => {}
+    }
+    let listener = UnixListener::bind(&path)?;
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600))?;
+    Ok(listener)
+}
+
+/// A person at the window.
+#[derive(Debug)]
+pub struct Asker(UnixStream);
+
+impl Asker {
+    /// Reads what is asked for: the code, typed or made here. `None` where it is no code, which the asker is told.
+    pub async fn greet(stream: UnixStream) -> Option<(Asker, PairingCode)> {
+        let mut stream = tokio::io::BufReader::new(stream.take(LINE));
+        let mut line = Zeroizing::new(String::with_capacity(LINE as usize));
+        stream.read_line(&mut line).await.ok()?;
+        let mut asker = Asker(stream.into_inner().into_inner());
+        let code = if line.trim().is_empty() {
+            PairingCode::generate(&mut key_file::fill).map_err(|fault| fault.to_string())
+        } else {
+            PairingCode::parse(line.trim()).map_err(|fault| fault.to_string())
+        };
+        match code {
+            Ok(code) => Some((asker, code)),
+            Err(fault) => {
+                asker.tell(&format!("refused: {fault}")).await;
+                None
+            }
+        }
+    }
+
+    /// Tells a line. One that has gone away is no fault: [`Asker::gone`] shows it.
+    pub async fn tell(&mut self, line: &str) {
+        let line = Zeroizing::new(format!("{line}\n"));
+        let _ = self.0.write_all(line.as_bytes()).await;
+    }
+
+    /// Done when the asker has gone away.
+    pub async fn gone(&mut self) {
+        let mut octet = [0];
+        while self.0.read(&mut octet).await.is_ok_and(|count| count > 0) {}
+    }
+}
+
+/// Asks a running agent to open its window, and shows what it says, line by line, until it closes.
+///
+/// # Errors
+/// None is running on this store.
+pub fn ask(store: &Path, code: Option<&str>, mut show: impl FnMut(&str)) -> io::Result<()> {
+    let mut stream = BlockingStream::connect(path(store))?;
+    let line = Zeroizing::new(format!("{}\n", code.unwrap_or_default()));
+    stream.write_all(line.as_bytes())?;
+    for line in BufReader::new(stream).lines() {
+        show(&Zeroizing::new(line?));
+    }
+    Ok(())
+}
+
+/// More than a code with its hyphens has.
+const LINE: u64 = 256;
