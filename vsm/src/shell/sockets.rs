@@ -4,9 +4,12 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs};
 
 use socket2::{Domain, Protocol, Socket, Type};
-use tokio::io::{AsyncReadExt, AsyncWriteExt, ReadHalf, WriteHalf};
+use tokio::io::{AsyncReadExt, AsyncWrite, AsyncWriteExt, ReadHalf};
 use tokio::net::UdpSocket;
+use tokio::sync::mpsc;
+use tokio::time::{Duration, Instant};
 use tokio_serial::{SerialPortBuilderExt, SerialStream};
+use zeroize::Zeroizing;
 
 use crate::config::{Dli, LinkAddress};
 use crate::session::{Durability, Peer, Store};
@@ -110,9 +113,14 @@ pub enum VehicleReader {
 pub enum VehicleWriter {
     /// Datagrams.
     Udp(std::rc::Rc<UdpSocket>),
-    /// A stream of octets.
-    Serial(WriteHalf<SerialStream>),
+    /// A stream of octets, written by a task of its own: a port that takes nothing (flow control, a pulled plug) holds
+    /// up no other link. What it has no room for is lost, as on any link.
+    Serial(SerialQueue),
 }
+
+/// Frames on their way to a serial port, each with the time it was queued.
+#[derive(Debug)]
+pub struct SerialQueue(mpsc::Sender<(Instant, Zeroizing<Vec<u8>>)>);
 
 impl VehicleReader {
     /// What came, and from where.
@@ -143,10 +151,41 @@ impl VehicleWriter {
             (VehicleWriter::Udp(socket), Peer::Udp(to)) => {
                 socket.send_to(octets, to).await.map(|_| ())
             }
-            (VehicleWriter::Serial(port), _) => port.write_all(octets).await,
+            (VehicleWriter::Serial(queue), _) => queue
+                .0
+                .try_send((Instant::now(), Zeroizing::new(octets.to_vec())))
+                .map_err(|refused| match refused {
+                    mpsc::error::TrySendError::Full(_) => io::ErrorKind::WouldBlock.into(),
+                    mpsc::error::TrySendError::Closed(_) => io::ErrorKind::BrokenPipe.into(),
+                }),
             (VehicleWriter::Udp(_), Peer::Serial) => Err(io::ErrorKind::AddrNotAvailable.into()),
         }
     }
+}
+
+/// Frames that wait for a serial port, at the most.
+const SERIAL_QUEUE: usize = 64;
+
+/// How long a frame may wait for its port. A command that comes later than this might no longer be meant; what was lost
+/// is repeated by the protocols above.
+const SERIAL_PATIENCE: Duration = Duration::from_secs(2);
+
+/// Writes what is queued, in its order, until the port fails or nobody sends any more.
+fn write_apart(mut port: impl AsyncWrite + Unpin + Send + 'static) -> SerialQueue {
+    let (queue, mut frames) = mpsc::channel::<(Instant, Zeroizing<Vec<u8>>)>(SERIAL_QUEUE);
+    tokio::spawn(async move {
+        while let Some((queued, frame)) = frames.recv().await {
+            if queued.elapsed() > SERIAL_PATIENCE {
+                tracing::debug!("a frame waited too long for the serial port and is not sent");
+                continue;
+            }
+            if let Err(cause) = port.write_all(&frame).await {
+                tracing::warn!(%cause, "the serial port cannot be written");
+                return;
+            }
+        }
+    });
+    SerialQueue(queue)
 }
 
 /// Opens a MAVLink link, named by its `key` of the configuration: its ends, and the fixed peer where there is one.
@@ -192,7 +231,7 @@ pub fn open_link(
             let (reader, writer) = tokio::io::split(port);
             return Ok((
                 VehicleReader::Serial(reader),
-                VehicleWriter::Serial(writer),
+                VehicleWriter::Serial(write_apart(writer)),
                 Some(Peer::Serial),
             ));
         }
@@ -268,3 +307,51 @@ fn udp(address: SocketAddr, shared: bool) -> io::Result<UdpSocket> {
 
 /// Bursts of an upload wait here while a record is written. The system may grant less.
 const RECEIVE_BUFFER: usize = 1 << 20;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test(start_paused = true)]
+    async fn a_port_that_takes_nothing_holds_nobody_up() {
+        let (port, mut far) = tokio::io::duplex(16);
+        let mut writer = VehicleWriter::Serial(write_apart(port));
+        let frame = [7_u8; 16];
+        let mut lost = 0;
+        for _ in 0..200 {
+            // Each of these returns at once; were it to wait, the test would not end.
+            match writer.send(&frame, Peer::Serial).await {
+                Ok(()) => tokio::task::yield_now().await,
+                Err(cause) => {
+                    assert_eq!(cause.kind(), io::ErrorKind::WouldBlock);
+                    lost += 1;
+                }
+            }
+        }
+        assert!((1..200).contains(&lost), "{lost} lost");
+        // What was taken arrives whole and in order, once the port moves again.
+        let mut got = vec![0; (200 - lost) * 16];
+        far.read_exact(&mut got).await.unwrap();
+        assert!(got.iter().all(|&octet| octet == 7));
+        writer.send(&frame, Peer::Serial).await.unwrap();
+        far.read_exact(&mut got[..16]).await.unwrap();
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_command_that_waited_too_long_is_not_sent() {
+        let (port, mut far) = tokio::io::duplex(16);
+        let mut writer = VehicleWriter::Serial(write_apart(port));
+        // Two go into the stalled port, one whole and one in the writing task's hand; two more wait behind them.
+        for octet in 1..=4 {
+            writer.send(&[octet; 16], Peer::Serial).await.unwrap();
+            tokio::task::yield_now().await;
+        }
+        tokio::time::advance(SERIAL_PATIENCE + Duration::from_millis(1)).await;
+        writer.send(&[5; 16], Peer::Serial).await.unwrap();
+        drop(writer);
+        let mut got = vec![];
+        far.read_to_end(&mut got).await.unwrap();
+        let order: Vec<u8> = got.chunks(16).map(|frame| frame[0]).collect();
+        assert_eq!(order, [1, 2, 5]);
+    }
+}
