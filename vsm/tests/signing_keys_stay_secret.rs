@@ -194,7 +194,7 @@ fn replay_at_ground(folder: &Path) {
 
 /// And played at the vehicle itself, which has that key: it takes what it takes of anyone, and no more.
 async fn replay_at_vehicle(folder: &Path, vehicle: &Simulator) {
-    let before = vehicle.counters().links[0].clone();
+    let before = vehicle.counters().links[0];
     let done = format!("{:?}", vehicle.counters().vehicle);
     let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
     let mut played = 0;
@@ -207,7 +207,7 @@ async fn replay_at_vehicle(folder: &Path, vehicle: &Simulator) {
     }
     let end = Instant::now() + Duration::from_secs(10);
     loop {
-        let after = vehicle.counters().links[0].clone();
+        let after = vehicle.counters().links[0];
         assert_eq!(
             after.verified, before.verified,
             "a frame passed for a signed one"
