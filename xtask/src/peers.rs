@@ -13,8 +13,11 @@ pub(crate) fn install(steps: &mut Steps) -> Result<PathBuf> {
     let interop = root().join("tests/interop");
     let environment = interop.join(".venv");
     let python = environment.join("bin/python");
-    let wanted = fs::read_to_string(interop.join("requirements.txt"))
-        .context("tests/interop/requirements.txt")?;
+    let mut wanted = String::new();
+    for (file, _) in LISTS {
+        let list = fs::read_to_string(root().join(file)).context(file)?;
+        wanted.push_str(&list);
+    }
     // Written last, so that an environment broken off half-way is made again.
     let mark = environment.join("installed.txt");
     let installed = fs::read_to_string(&mark).unwrap_or_default();
@@ -27,21 +30,23 @@ pub(crate) fn install(steps: &mut Steps) -> Result<PathBuf> {
         fs::remove_dir_all(&environment).context("the old tests/interop/.venv")?;
     }
     steps.run(Command::new(system).args(["-m", "venv", "tests/interop/.venv"]))?;
-    let install = [
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--disable-pip-version-check",
-        "--requirement",
-        "tests/interop/requirements.txt",
-    ];
-    steps
-        .run(Command::new(&python).args(install))
-        .context("the Python peers could not be installed: pip needs its package index once")?;
+    for (file, how) in LISTS {
+        let mut install = Command::new(&python);
+        install.args(["-m", "pip", "install", "--quiet"]);
+        install.arg("--disable-pip-version-check").args(how);
+        steps
+            .run(install.args(["--requirement", file]))
+            .context("the Python peers could not be installed: pip needs its package index once")?;
+    }
     fs::write(&mark, wanted).context("tests/interop/.venv/installed.txt")?;
     Ok(python)
 }
+
+/// Lists of packages, and how each is installed.
+const LISTS: [(&str, &[&str]); 2] = [
+    ("tests/interop/requirements.txt", &[]),
+    ("tests/interop/requirements-alone.txt", &["--no-deps"]),
+];
 
 /// A Python that is new enough for the reference codec (tomllib).
 fn find_python() -> Result<&'static str> {

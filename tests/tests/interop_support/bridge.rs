@@ -17,17 +17,28 @@ pub(crate) struct Ground {
     dli: u16,
     mavlink: u16,
     http: u16,
+    signed: bool,
 }
 
 impl Ground {
     /// Lays it out; the key is as random as a temporary folder's name and the clock.
     pub(crate) fn new() -> Self {
+        Self::with_signing(true)
+    }
+
+    /// The same with MAVLink signing off.
+    pub(crate) fn unsigned() -> Self {
+        Self::with_signing(false)
+    }
+
+    fn with_signing(signed: bool) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let ground = Self {
             folder,
             dli: free_udp_port(),
             mavlink: free_udp_port(),
             http: free_tcp_port(),
+            signed,
         };
         let seed = super::seed_from_clock().to_le_bytes();
         let key: [u8; 32] = core::array::from_fn(|i| seed[i % 8] ^ (i as u8).wrapping_mul(167) | 1);
@@ -40,6 +51,11 @@ impl Ground {
         let Self {
             dli, mavlink, http, ..
         } = self;
+        let signing = if self.signed {
+            "{ key_file = \"uav1.key\" }"
+        } else {
+            "\"off\""
+        };
         format!(
             r#"
 [dli]
@@ -53,7 +69,7 @@ id = "1b:00:01:01"
 link = "udpin:127.0.0.1:{mavlink}"
 system_id = 1
 tail_number = "PX4-01"
-signing = {{ key_file = "uav1.key" }}
+signing = {signing}
 [store]
 dir = "state"
 [http]
@@ -65,6 +81,11 @@ listen = "127.0.0.1:{http}"
     /// A file beside the configuration.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
+    }
+
+    /// Where the bridge waits for its vehicle.
+    pub(crate) fn link(&self) -> String {
+        format!("127.0.0.1:{}", self.mavlink)
     }
 
     /// Where stations find the bridge.
@@ -81,20 +102,22 @@ listen = "127.0.0.1:{http}"
         bridge
     }
 
+    /// Replaces the key, before anything is started.
+    pub(crate) fn set_key(&self, key: &[u8; 32]) {
+        write_key(&self.path("uav1.key"), key);
+    }
+
     /// Starts the simulated aircraft, ten times faster than time.
     pub(crate) fn aircraft(&self) -> Running {
+        self.aircraft_with(&["--speed", "10"])
+    }
+
+    /// Starts the simulated aircraft with further arguments.
+    pub(crate) fn aircraft_with(&self, further: &[&str]) -> Running {
         let key = self.path("uav1.key").to_string_lossy().into_owned();
-        let link = format!("udpout:127.0.0.1:{}", self.mavlink);
-        let arguments = [
-            "--link",
-            &link,
-            "--key-file",
-            &key,
-            "--home",
-            HOME,
-            "--speed",
-            "10",
-        ];
+        let link = format!("udpout:{}", self.link());
+        let arguments = ["--link", &link, "--key-file", &key, "--home", HOME];
+        let arguments = arguments.iter().chain(further);
         let mut aircraft = Running::start(&program("px4-sim"), arguments);
         aircraft.wait_for("ready", Duration::from_secs(10));
         aircraft
