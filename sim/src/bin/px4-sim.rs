@@ -21,6 +21,10 @@ struct Arguments {
     /// 32 octets in hex, mode 0600: sign from the first packet, take nothing unsigned.
     #[arg(long, value_name = "FILE")]
     key_file: Option<PathBuf>,
+    /// PX4's own key file (40 octets): read at the start, written when a key is set; without it a key is gone with the
+    /// process.
+    #[arg(long, value_name = "FILE", conflicts_with = "key_file")]
+    signing_file: Option<PathBuf>,
     /// MAVLink system id.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=255))]
     system_id: u8,
@@ -78,6 +82,7 @@ fn main() -> ExitCode {
         links: arguments.link,
         key,
         initial_timestamp: arguments.initial_timestamp,
+        signing_file: arguments.signing_file,
         speed: arguments.speed,
     };
     let runtime = match tokio::runtime::Builder::new_current_thread()
@@ -107,10 +112,10 @@ async fn serve(config: SimulatorConfig) -> ExitCode {
             .map(ToString::to_string)
             .collect::<Vec<_>>()
             .join(", "),
-        if config.key.is_some() {
-            "signed"
-        } else {
-            "unsigned"
+        match (&config.key, &config.signing_file) {
+            (Some(_), _) => "signed",
+            (None, Some(_)) => "signed where its key file says so",
+            (None, None) => "unsigned",
         },
         config.speed
     );

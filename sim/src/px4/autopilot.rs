@@ -147,6 +147,11 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         self.ports.get(link).map(|p| p.clock)
     }
 
+    /// Key and first stamp, as they are in force and on disk.
+    pub fn signing(&self) -> &Signing {
+        &self.signing
+    }
+
     /// True while frames are signed.
     pub fn is_signing(&self) -> bool {
         self.signing.key().is_some()

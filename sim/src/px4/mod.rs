@@ -34,6 +34,7 @@ mod quad;
 mod reports;
 mod rng;
 mod signing;
+mod signing_file;
 mod simulator;
 mod steering;
 mod streams;

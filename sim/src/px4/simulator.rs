@@ -2,13 +2,14 @@
 
 use std::future::poll_fn;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::Poll;
 use std::time::Duration;
 
 use mavlink_link::frame::MAX_FRAME;
-use mavlink_link::signing::SigningKey;
+use mavlink_link::signing::{KeyId, SigningKey};
 use thiserror::Error;
 use tokio::net::UdpSocket;
 use tokio::task::JoinHandle;
@@ -18,6 +19,7 @@ use super::autopilot::{Autopilot, LinkCounters};
 use super::config::Config;
 use super::link::LinkAddress;
 use super::signing::Signing;
+use super::signing_file;
 use super::vehicle::{Truth, VehicleCounters};
 
 /// What to simulate, and where to be reached.
@@ -31,6 +33,9 @@ pub struct SimulatorConfig {
     pub key: Option<SigningKey>,
     /// Stamp of the first packet, in units of 10 us since 2015; a real PX4's is as odd.
     pub initial_timestamp: u64,
+    /// PX4's own key file: read at the start where no key is given, written whenever the key changes. Without it a key
+    /// lives as long as the process.
+    pub signing_file: Option<PathBuf>,
     /// How much faster than time, 0.01 to 100.
     pub speed: f64,
 }
@@ -43,6 +48,7 @@ impl SimulatorConfig {
             links: vec![link],
             key: None,
             initial_timestamp: 0,
+            signing_file: None,
             speed: 1.0,
         }
     }
@@ -62,6 +68,14 @@ pub enum SimulatorError {
     /// The speed is no speed.
     #[error("speed {0}: expected 0.01 to 100")]
     Speed(f64),
+    /// The key file.
+    #[error("signing file {}: {source}", path.display())]
+    SigningFile {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// No link was given.
     #[error("no link: expected at least one")]
     NoLink,
@@ -131,9 +145,15 @@ impl Simulator {
                 LinkAddress::UdpOut(to) => Some(*to),
             })
             .collect();
-        let signing = match config.key {
-            Some(key) => Signing::with_key(key, config.initial_timestamp),
-            None => Signing::off(),
+        let signing = match (config.key, &config.signing_file) {
+            (Some(key), _) => Signing::with_key(key, config.initial_timestamp),
+            (None, Some(path)) => {
+                signing_file::read(path).map_err(|source| SimulatorError::SigningFile {
+                    path: path.clone(),
+                    source,
+                })?
+            }
+            (None, None) => Signing::off(),
         };
         let autopilot = Autopilot::new(config.vehicle, signing, remotes);
         let shared = Arc::new(Mutex::new(Shared {
@@ -147,6 +167,7 @@ impl Simulator {
             sockets,
             shared: Arc::clone(&shared),
             next_sample: Duration::ZERO,
+            signing_file: config.signing_file,
         };
         let task = tokio::spawn(simulation.run(config.speed, Arc::clone(&orders)));
         Ok(Self {
@@ -220,6 +241,7 @@ struct Simulation {
     sockets: Vec<UdpSocket>,
     shared: Arc<Mutex<Shared>>,
     next_sample: Duration,
+    signing_file: Option<PathBuf>,
 }
 
 impl Simulation {
@@ -292,14 +314,27 @@ impl Simulation {
         let Some(socket) = self.sockets.get(link) else {
             return;
         };
+        let before = self.signing_mark();
         for _ in 0..BATCH {
             match socket.try_recv_from(buffer) {
                 Ok((len, from)) => self.autopilot.handle_datagram(link, from, &buffer[..len]),
                 // On loopback the answer of a port that nobody listens on comes back as an error.
                 Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => {}
-                Err(_) => return,
+                Err(_) => break,
             }
         }
+        if let Some(path) = &self.signing_file
+            && self.signing_mark() != before
+        {
+            // PX4 does not notice either when its card is full.
+            let _ = signing_file::write(path, self.autopilot.signing());
+        }
+    }
+
+    /// Another one where the key or its first stamp is another.
+    fn signing_mark(&self) -> (Option<KeyId>, u64) {
+        let signing = self.autopilot.signing();
+        (signing.key().map(SigningKey::id), signing.stored_stamp())
     }
 
     async fn flush(&mut self) {
