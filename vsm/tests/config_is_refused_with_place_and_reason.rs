@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use vsm::config::{Config, Signing};
+use vsm::config::{Config, Exchange, Signing};
 
 const GOOD: &str = r#"
 [dli]
@@ -42,7 +42,7 @@ fn every_key_of_the_contract_is_read() {
     let vehicle = config.vehicles().next().expect("one");
     assert_eq!(
         vehicle.signing,
-        Signing::KeyFile("/etc/vsm/uav1.key".into())
+        Signing::KeyFile("/etc/vsm/uav1.key".into(), Exchange::default())
     );
     assert_eq!(config.stations().count(), 1);
 }
@@ -214,7 +214,7 @@ fn the_examples_are_good() {
 fn the_reference_names_every_key() {
     let reference = include_str!("../../docs/configuration.md");
     let keys = "dli.vsm_id dli.listen dli.multicast dli.interface dli.provisional cucs.id cucs.loi cucs.address \
-                cucs.override vehicle.id vehicle.link vehicle.system_id vehicle.tail_number vehicle.signing \
+                cucs.override vehicle.id vehicle.link vehicle.system_id vehicle.tail_number vehicle.signing vehicle.signing.exchange vehicle.signing.agent vehicle.signing.rotate_days \
                 vehicle.link_id vehicle.agl vehicle.curve.tolerance_m vehicle.curve.max_items vehicle.curve.policy \
                 vehicle.limits.first_m vehicle.limits.leg_m vehicle.limits.lowest_m vehicle.limits.highest_m \
                 vehicle.limits.speed_m_s store.dir http.listen authority.warn_s authority.offer_s authority.act_s \

@@ -17,7 +17,7 @@ use toml::Spanned;
 
 pub use disputed::Readings;
 pub use error::ConfigError;
-pub use value::{LinkAddress, LoiSet, OnLoss, Signing};
+pub use value::{Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Signing};
 
 use value::{group, id, silence};
 
@@ -328,7 +328,7 @@ impl Config {
             record.dir = folder.join(&record.dir);
         }
         for vehicle in &mut self.vehicle {
-            if let Signing::KeyFile(file) = &mut vehicle.get_mut().signing {
+            if let Signing::KeyFile(file, _) = &mut vehicle.get_mut().signing {
                 *file = folder.join(&*file);
             }
         }
@@ -396,6 +396,24 @@ impl Config {
                     vehicle.tail_number.clone(),
                     "at most 15 ASCII characters",
                 );
+            }
+            if let Signing::KeyFile(_, exchange) = &vehicle.signing {
+                if exchange.agent < 2 {
+                    return fault(
+                        span,
+                        "vehicle.signing.agent",
+                        exchange.agent.to_string(),
+                        "a component id of 2 to 255: 1 is the autopilot",
+                    );
+                }
+                if !(0.0001..=3650.0).contains(&exchange.rotate_days) {
+                    return fault(
+                        span,
+                        "vehicle.signing.rotate_days",
+                        exchange.rotate_days.to_string(),
+                        "0.0001 to 3650 (days)",
+                    );
+                }
             }
             let curve = vehicle.curve;
             if !(0.1..=100.0).contains(&curve.tolerance_m) {

@@ -67,12 +67,46 @@ impl<'de> Deserialize<'de> for LinkAddress {
 }
 
 /// `vehicle.signing`: `{ key_file = "uav1.key" }`, or `"off"`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Signing {
     /// The file that holds 32 octets in hex.
-    KeyFile(PathBuf),
+    KeyFile(PathBuf, Exchange),
     /// Nothing is signed and nothing is verified: said aloud in the log and in 16000.
     Off,
+}
+
+/// How keys are agreed about over the air: the rest of `vehicle.signing`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exchange {
+    /// Whether, and how.
+    pub mode: ExchangeMode,
+    /// Component id of the air-side agent, which has the vehicle's system id.
+    pub agent: u8,
+    /// Days after which a key in use is replaced, 0.0001 to 3650. It is never stopped.
+    pub rotate_days: f64,
+}
+
+impl Default for Exchange {
+    fn default() -> Self {
+        Exchange {
+            mode: ExchangeMode::Off,
+            agent: 191,
+            rotate_days: 30.0,
+        }
+    }
+}
+
+/// `vehicle.signing.exchange`
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ExchangeMode {
+    /// KEY_EXCHANGE frames are ignored.
+    #[default]
+    Off,
+    /// With an air-side agent that has been paired (`vsm pair`).
+    On,
+    /// The bare public keys of old, which anyone in the middle can replace: said aloud in the log and in 16000.
+    Legacy,
 }
 
 impl<'de> Deserialize<'de> for Signing {
@@ -93,15 +127,19 @@ impl<'de> Deserialize<'de> for Signing {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Signing, A::Error> {
-                let mut file = None;
+                const KEYS: &[&str] = &["key_file", "exchange", "agent", "rotate_days"];
+                let (mut file, mut exchange) = (None, Exchange::default());
                 while let Some(key) = map.next_key::<String>()? {
                     match key.as_str() {
                         "key_file" => file = Some(map.next_value::<PathBuf>()?),
-                        _ => return Err(de::Error::unknown_field(&key, &["key_file"])),
+                        "exchange" => exchange.mode = map.next_value()?,
+                        "agent" => exchange.agent = map.next_value()?,
+                        "rotate_days" => exchange.rotate_days = map.next_value()?,
+                        _ => return Err(de::Error::unknown_field(&key, KEYS)),
                     }
                 }
-                file.map(Signing::KeyFile)
-                    .ok_or_else(|| de::Error::missing_field("key_file"))
+                let file = file.ok_or_else(|| de::Error::missing_field("key_file"))?;
+                Ok(Signing::KeyFile(file, exchange))
             }
         }
         deserializer.deserialize_any(Either)

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::anyhow;
 use vsm::config::airside::AirsideConfig;
-use vsm::config::{Config, Signing};
+use vsm::config::{Config, ExchangeMode, Signing};
 use vsm::shell::key_file;
 
 use super::Failure;
@@ -47,7 +47,12 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     }
     for vehicle in config.vehicles() {
         let signing = match &vehicle.signing {
-            Signing::KeyFile(file) => {
+            Signing::KeyFile(file, exchange)
+                if exchange.mode == ExchangeMode::On && !file.exists() =>
+            {
+                "signed, no key yet: begin with `vsm pair`".to_owned()
+            }
+            Signing::KeyFile(file, _) => {
                 let key = key_file::read(file).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
                 format!("signed, key id {}", key.id())
             }

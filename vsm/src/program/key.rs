@@ -8,7 +8,8 @@ use anyhow::{Context as _, anyhow, bail};
 use clap::{Args, Subcommand};
 use mavlink_link::provisioning::{Event, Outcome, State};
 use mavlink_link::signing::{SigningKey, Stamp};
-use vsm::config::{Config, Signing, Vehicle};
+use vsm::config::{Config, Exchange, Signing, Vehicle};
+use vsm::shell::exchange_record::{ExchangeRecord, peek_identity};
 use vsm::shell::file_store::FileStore;
 use vsm::shell::key_link::{Ending, KeyLink, KeyLinkError};
 use vsm::shell::key_store::KeyStore;
@@ -53,7 +54,7 @@ pub(crate) enum Action {
         #[arg(long)]
         accept: bool,
     },
-    /// Names the keys that are on disk
+    /// Names the keys that are on disk, and the air-side agents that are paired
     List {
         /// The configuration
         #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
@@ -102,7 +103,7 @@ fn provision(
     sitl_file: Option<&Path>,
     over: &Over,
 ) -> Result<(), Failure> {
-    let (config, vehicle, path) = open(which)?;
+    let (config, vehicle, path, _) = open(which)?;
     let key = match from {
         None => key_file::random().map_err(|cause| Failure::Failed(cause.into()))?,
         Some(file) => key_file::read(file).map_err(|fault| Failure::Bad(anyhow!(fault)))?,
@@ -120,7 +121,7 @@ fn provision(
 }
 
 fn replace(which: &Which, over: &Over, revoke: bool) -> Result<(), Failure> {
-    let (config, vehicle, path) = open(which)?;
+    let (config, vehicle, path, _) = open(which)?;
     if !path.exists() {
         let path = path.display();
         return Err(Failure::Bad(anyhow!(
@@ -257,7 +258,7 @@ fn write_sitl_file(
 }
 
 fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
-    let (config, vehicle, path) = open(which)?;
+    let (config, vehicle, path, _) = open(which)?;
     let shown = || -> anyhow::Result<()> {
         let mut store = FileStore::open(&config.store.dir)?;
         let key = key_file::read(&path)?.id();
@@ -289,8 +290,11 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
 
 fn list(config: &Path) -> Result<(), Failure> {
     let config = Config::load(config).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    if let Some(own) = peek_identity(&config.store.dir) {
+        say(&format!("this VSM: fingerprint {}", own.fingerprint()));
+    }
     for vehicle in config.vehicles() {
-        let Signing::KeyFile(path) = &vehicle.signing else {
+        let Signing::KeyFile(path, _) = &vehicle.signing else {
             say(&format!("vehicle {}: signing is off", vehicle.id));
             continue;
         };
@@ -312,11 +316,26 @@ fn list(config: &Path) -> Result<(), Failure> {
                 key.id()
             ));
         }
+        let record = ExchangeRecord::peek(&config.store.dir, vehicle.id)
+            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        if let Some(peer) = record.as_ref().and_then(ExchangeRecord::peer) {
+            say(&format!(
+                "vehicle {}: paired with agent {}",
+                vehicle.id,
+                peer.fingerprint()
+            ));
+        } else if record.is_some_and(|record| record.pending.is_some()) {
+            say(&format!(
+                "vehicle {}: a pairing was answered and not confirmed; pair again",
+                vehicle.id
+            ));
+        }
     }
     Ok(())
 }
 
-fn open(which: &Which) -> Result<(Config, Vehicle, PathBuf), Failure> {
+/// The configuration, the vehicle that is meant, its key file and how keys are agreed about.
+pub(super) fn open(which: &Which) -> Result<(Config, Vehicle, PathBuf, Exchange), Failure> {
     let config = Config::load(&which.config).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
     let found: Vec<Vehicle> = config
         .vehicles()
@@ -334,13 +353,13 @@ fn open(which: &Which) -> Result<(Config, Vehicle, PathBuf), Failure> {
             found.len()
         )));
     };
-    let Signing::KeyFile(path) = &vehicle.signing else {
+    let Signing::KeyFile(path, exchange) = &vehicle.signing else {
         return Err(Failure::Bad(anyhow!(
             "vehicle {}: signing is \"off\" in the configuration; name a key_file there first",
             vehicle.id
         )));
     };
-    Ok((config.clone(), vehicle.clone(), path.clone()))
+    Ok((config.clone(), vehicle.clone(), path.clone(), *exchange))
 }
 
 fn wall_stamp() -> anyhow::Result<Stamp> {
@@ -350,7 +369,7 @@ fn wall_stamp() -> anyhow::Result<Stamp> {
     Ok(Stamp::from_unix(wall))
 }
 
-fn say(line: &str) {
+pub(super) fn say(line: &str) {
     // Nobody is left to tell when standard output is gone.
     let _ = writeln!(io::stdout(), "{line}");
 }

@@ -6,6 +6,7 @@ mod demo;
 mod dli_lines;
 mod key;
 mod keygen;
+mod pair;
 mod run;
 mod status;
 
@@ -66,6 +67,8 @@ enum Command {
         #[command(subcommand)]
         action: key::Action,
     },
+    /// Makes this VSM and a vehicle's air-side agent known to each other, by a code
+    Pair(pair::Pair),
     /// Reads DLI datagrams, one a line in hex, and writes each message as a line of JSON
     Decode {
         /// Integers as on the wire, never range-checked
@@ -98,6 +101,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Status { config, json } => status::show(&config, json),
         Command::Keygen { file } => keygen::generate(&file),
         Command::Key { action } => key::run(action),
+        Command::Pair(arguments) => pair::run(arguments),
         Command::Decode { raw } => dli_lines::decode(raw),
         Command::Encode { raw } => dli_lines::encode(raw),
     };

@@ -80,6 +80,12 @@ fn readable(json: &str) -> anyhow::Result<String> {
         let peer = link["peer"].as_str().unwrap_or("not heard yet");
         let address = plain(&link["address"]);
         text += &format!("  {address} {signed}, {state}{since}, peer {peer}\n");
+        let exchange = &link["exchange"];
+        if exchange.is_object() {
+            let peer = exchange["peer"].as_str().unwrap_or("none");
+            let (mode, state) = (plain(&exchange["mode"]), plain(&exchange["state"]));
+            text += &format!("  key exchange {mode}, paired with {peer}: {state}\n");
+        }
         text += &counts("  refused in the vehicle's name: ", &link["refused"]);
         text += &counts("  frames: ", &link["frames"]);
     }

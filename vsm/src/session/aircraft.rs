@@ -309,7 +309,7 @@ impl Aircraft {
                 );
                 desk.alert(self.id(), listeners, raised);
             }
-            // Keys are agreed with the air-side agent only, which is not configured here.
+            // No exchange is configured for this vehicle.
             E::KeyExchange(_) => desk.counters.count("key exchange ignored"),
         }
     }

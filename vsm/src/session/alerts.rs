@@ -20,6 +20,8 @@ pub(crate) enum Cause {
     OwnFailsafe,
     /// The audit log does not follow from itself.
     Audit,
+    /// A key that waits, or an exchange that cannot be.
+    KeyExchange,
 }
 
 /// The alerts of one vehicle.

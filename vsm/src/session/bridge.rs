@@ -527,7 +527,7 @@ impl Bridge {
         &self.stations
     }
 
-    fn desk<'a>(
+    pub(super) fn desk<'a>(
         &'a mut self,
         now: Now,
         store: &'a mut dyn Store,

@@ -20,6 +20,7 @@ mod detail;
 mod duplicate;
 mod engine;
 mod handover;
+mod key_agreement;
 mod maneuver;
 mod manual;
 mod mission_transfer;
@@ -47,8 +48,10 @@ pub use authority::{
 pub use bridge::{Bridge, BridgeError, LinkEnd, LogEntry, LogLevel, Tap};
 pub(crate) use ceiling::Ceilings;
 pub use counters::{ByType, Counters};
+pub use key_agreement::{ExchangeNotice, ExchangeStatus};
 pub use outbox::{Datagram, Destination};
 pub use settling::KeyChange;
 pub use status::{LinkStatus, StationStatus, Status, VehicleStatus};
+pub(crate) use store::record_name;
 pub use store::{Durability, Store, StoreError};
 pub use vehicle::{OutFrame, Peer};

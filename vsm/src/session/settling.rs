@@ -32,7 +32,7 @@ pub enum KeyChange {
 #[derive(Debug, Default)]
 pub(super) struct Settling {
     handover: Option<Box<Handover<Peer>>>,
-    change: Option<KeyChange>,
+    pub(super) change: Option<KeyChange>,
 }
 
 impl Settling {

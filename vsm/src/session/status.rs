@@ -9,6 +9,7 @@ use super::aircraft::Aircraft;
 use super::authority::Stage;
 use super::bridge::Bridge;
 use super::counters::{ByType, Counters};
+use super::key_agreement::ExchangeStatus;
 
 /// The whole bridge.
 #[derive(Debug, Clone, Serialize)]
@@ -111,6 +112,8 @@ pub struct LinkStatus {
     pub state: &'static str,
     /// Since when it has been live, s.
     pub live_s: Option<f64>,
+    /// How keys are agreed about over the air, where they are.
+    pub exchange: Option<ExchangeStatus>,
     /// Refused frames in the vehicle's name, by the reason.
     pub refused: BTreeMap<&'static str, u64>,
     /// Frames of other systems, which a vehicle passes on: no concern of this link.
@@ -165,6 +168,7 @@ impl Bridge {
                         .mav
                         .live_since
                         .map(|at| now.saturating_sub(at).as_secs_f64()),
+                    exchange: aircraft.mav.agreement.status(),
                     refused: aircraft.mav.refused_frames(),
                     strangers: aircraft.mav.stats().unexpected_system,
                     frames: aircraft.mav.stats().iter().collect(),

@@ -21,6 +21,7 @@ use mavlink_link::service::{Node, command, mission, param};
 use mavlink_link::signing::Stamp;
 
 use super::counters::ByType;
+use super::key_agreement::Agreement;
 use super::settling::Settling;
 
 /// Where a frame came from or goes to.
@@ -100,6 +101,7 @@ pub(crate) struct VehicleLink {
     pub(super) link: Link<Peer>,
     pub(super) key: Option<KeyState>,
     pub(super) settling: Settling,
+    pub(super) agreement: Agreement,
     /// Since when frames have been accepted without a break.
     pub(super) live_since: Option<Duration>,
     pub(crate) telemetry: Telemetry,
@@ -156,6 +158,7 @@ impl VehicleLink {
             link,
             key,
             settling: Settling::default(),
+            agreement: Agreement::default(),
             live_since: None,
             telemetry: Telemetry::default(),
             missions: mission::Client::new(own, vehicle, mission::Timing::default()),
@@ -233,6 +236,7 @@ impl VehicleLink {
         if self.settle_datagram(now, from, octets, store) {
             return;
         }
+        self.look_for_next_key(now, octets, store);
         // The link borrows itself while it delivers: what it delivers is taken in afterwards.
         let mut believed = std::mem::take(&mut self.believed);
         let asked = self.asked;
@@ -398,6 +402,10 @@ impl VehicleLink {
             match event {
                 mavlink_link::link::Event::Live => self.live_since = Some(now),
                 mavlink_link::link::Event::Behind => self.live_since = None,
+                mavlink_link::link::Event::KeyExchange(frame) if self.agreement.wanted => {
+                    self.agreement.take_in(frame);
+                    continue;
+                }
                 _ => {}
             }
             self.events.push_back(VehicleEvent::Link(event));
@@ -476,7 +484,7 @@ impl VehicleLink {
     }
 }
 
-fn auth<'a>(key: Option<&'a mut KeyState>, store: &'a mut dyn CeilingStore) -> Auth<'a> {
+pub(super) fn auth<'a>(key: Option<&'a mut KeyState>, store: &'a mut dyn CeilingStore) -> Auth<'a> {
     match key {
         Some(key) => Auth::Signed { key, store },
         None => Auth::Off,

@@ -131,6 +131,14 @@ impl KeyStore {
         }
     }
 
+    /// Stores a key as the next one in place of any other: one that the vehicle cannot be sent any more.
+    ///
+    /// # Errors
+    /// It could not be made durable; what was there before still is.
+    pub fn restage(&self, key: &SigningKey) -> Result<(), KeyStoreError> {
+        self.save(&with(&self.path, "next"), key)
+    }
+
     /// The vehicle has the next key: it becomes the current one, and the current the previous.
     ///
     /// Done again after a failure, or after a power cut in the middle, it comes to the same.

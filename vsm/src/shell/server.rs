@@ -19,12 +19,13 @@ use tokio::task::LocalSet;
 use super::clock::Clock;
 use super::file_store::{FileStore, OpenError};
 use super::http;
+use super::key_exchange::{KeyExchange, Surroundings};
 use super::key_file::{self, KeyFileError};
 use super::key_store::{KeyStore, KeyStoreError};
 use super::recording::Recording;
 use super::sockets::{self, DliSockets, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
-use crate::config::{Config, Signing};
+use crate::config::{Config, ExchangeMode, Signing};
 use crate::session::{Bridge, BridgeError, Destination, KeyChange, LinkEnd, LogLevel, Status};
 
 /// A bridge that cannot start.
@@ -64,6 +65,18 @@ pub enum StartError {
         /// The system's reason.
         cause: io::Error,
     },
+    /// There is no key yet, and the exchange that would bring one needs a pairing.
+    #[error("there is no key {path} yet: pair with the air-side agent by `vsm pair` first", path = path.display())]
+    NotPaired {
+        /// The key file.
+        path: PathBuf,
+    },
+    /// A record of the key exchange.
+    #[error(transparent)]
+    Record(#[from] crate::session::StoreError),
+    /// No key can be made.
+    #[error("the system has no random octets: {0}")]
+    Random(io::Error),
     /// The status socket.
     #[error("the status socket in the [store] dir: {0}")]
     Status(io::Error),
@@ -98,6 +111,34 @@ struct Core {
     recordings: Vec<Option<Recording>>,
     /// Locked as long as the bridge runs.
     key_stores: Vec<Option<KeyStore>>,
+    /// Of the vehicles that agree about keys over the air, by their index.
+    exchanges: Vec<(usize, KeyExchange)>,
+}
+
+impl Core {
+    /// The key exchanges take what has come in for them, and do what is due.
+    fn step_exchanges(&mut self, now: mavlink_link::Now, in_use: Option<usize>) {
+        for (index, exchange) in &mut self.exchanges {
+            let Some(Some(keys)) = self.key_stores.get(*index) else {
+                continue;
+            };
+            let mut with = Surroundings {
+                bridge: &mut self.bridge,
+                store: &mut self.store,
+                keys,
+            };
+            if in_use == Some(*index) {
+                exchange.key_in_use(now, &mut with);
+            }
+            exchange.step(now, &mut with);
+        }
+    }
+
+    /// When anything is next needed.
+    fn poll_timeout(&self, now: Duration) -> Duration {
+        let exchanges = self.exchanges.iter().map(|(_, one)| one.poll_timeout());
+        exchanges.fold(self.bridge.poll_timeout(now), Duration::min)
+    }
 }
 
 impl Server {
@@ -114,8 +155,8 @@ impl Server {
         let mut key_stores = vec![];
         for vehicle in config.vehicles() {
             let (key, keys) = match &vehicle.signing {
-                Signing::KeyFile(path) => {
-                    let (key, keys) = vehicle_keys(path)?;
+                Signing::KeyFile(path, exchange) => {
+                    let (key, keys) = vehicle_keys(path, exchange.mode)?;
                     (Some(key), Some(keys))
                 }
                 Signing::Off => (None, None),
@@ -143,7 +184,23 @@ impl Server {
             });
         }
         let mut bridge = Bridge::new(config, ends, now, NOT_BEFORE, &mut store)?;
-        for (index, keys) in key_stores.iter().enumerate() {
+        let mut exchanges = vec![];
+        for ((index, keys), vehicle) in key_stores.iter().enumerate().zip(config.vehicles()) {
+            if let (Signing::KeyFile(_, settings), Some(keys)) = (&vehicle.signing, keys)
+                && settings.mode != ExchangeMode::Off
+            {
+                let mut with = Surroundings {
+                    bridge: &mut bridge,
+                    store: &mut store,
+                    keys,
+                };
+                let mut exchange =
+                    KeyExchange::open(config, vehicle, index, *settings, now, &mut with)?;
+                // The agent hands it over: in flight the vehicle goes on under its current key.
+                exchange.take_up_next(now, &mut with);
+                exchanges.push((index, exchange));
+                continue;
+            }
             if let Some(next) = keys.as_ref().map(KeyStore::next).transpose()?.flatten() {
                 tracing::warn!(
                     "a handover of key {} is not finished: finding out which key the vehicle has",
@@ -166,6 +223,7 @@ impl Server {
                 store,
                 recordings,
                 key_stores,
+                exchanges,
             }),
             outgoing: Notify::new(),
             timing: Notify::new(),
@@ -263,7 +321,9 @@ impl Shared {
     /// Lets the bridge do something, then sees to what follows from it.
     fn with<T>(&self, act: impl FnOnce(&mut Core, mavlink_link::Now) -> T) -> T {
         let mut core = self.core.borrow_mut();
-        let done = act(&mut core, self.clock.now());
+        let now = self.clock.now();
+        let done = act(&mut core, now);
+        core.step_exchanges(now, None);
         while let Some(entry) = core.bridge.poll_log() {
             match entry.level {
                 LogLevel::Info => tracing::info!("{}: {}", entry.about, entry.text),
@@ -280,7 +340,11 @@ impl Shared {
                 KeyChange::DropNext => (keys.drop_next(), "the vehicle keeps its key"),
             };
             match done {
-                Ok(()) => tracing::info!("{what}"),
+                Ok(()) => {
+                    tracing::info!("{what}");
+                    let in_use = (change == KeyChange::Commit).then_some(index);
+                    core.step_exchanges(now, in_use);
+                }
                 // Found out again at the next start.
                 Err(fault) => tracing::error!("{what}, but {fault}"),
             }
@@ -292,10 +356,19 @@ impl Shared {
 }
 
 /// The key in force and its files. A first key that was sent and whose end is not known is the one in force.
-fn vehicle_keys(path: &Path) -> Result<(SigningKey, KeyStore), StartError> {
+fn vehicle_keys(path: &Path, mode: ExchangeMode) -> Result<(SigningKey, KeyStore), StartError> {
     let keys = KeyStore::open(path)?;
     if keys.current()?.is_none() {
         keys.commit()?;
+    }
+    if keys.current()?.is_none() && mode == ExchangeMode::Legacy {
+        // Until there is an agreed key the link has one that nobody else holds: nothing unsigned is believed.
+        keys.stage(&key_file::random().map_err(StartError::Random)?)?;
+        keys.commit()?;
+    }
+    if keys.current()?.is_none() && mode == ExchangeMode::On {
+        let path = path.to_owned();
+        return Err(StartError::NotPaired { path });
     }
     match keys.current()? {
         Some(key) => Ok((key, keys)),
@@ -395,7 +468,7 @@ async fn keep_time(shared: Rc<Shared>) {
     loop {
         let due = {
             let core = shared.core.borrow();
-            core.bridge.poll_timeout(shared.clock.mono())
+            core.poll_timeout(shared.clock.mono())
         };
         if due <= shared.clock.mono() {
             shared.with(|Core { bridge, store, .. }, now| bridge.handle_timeout(now, store));

@@ -1,0 +1,113 @@
+//! `vsm pair`: makes this VSM and a vehicle's air-side agent known to each other.
+
+use std::io::Read as _;
+use std::time::Duration;
+
+use anyhow::{Context as _, anyhow};
+use clap::Args;
+use mavlink_link::exchange::{InitiatorEvent, PairingCode};
+use vsm::shell::exchange_record::system_random;
+use vsm::shell::key_store::KeyStore;
+use vsm::shell::pairing::{Ending, Pairing};
+use zeroize::Zeroizing;
+
+use super::Failure;
+use super::key::{Which, open, say};
+
+#[derive(Debug, Args)]
+pub(crate) struct Pair {
+    #[command(flatten)]
+    which: Which,
+    /// The code that `vsm airside pair` shows; `-` reads it from standard input. Without it a new one is made and shown
+    #[arg(long)]
+    code: Option<String>,
+    /// How long to try, s; the agent's window is open for 10 minutes
+    #[arg(long, default_value_t = 600)]
+    wait_s: u64,
+}
+
+pub(crate) fn run(arguments: Pair) -> Result<(), Failure> {
+    let Pair {
+        which,
+        code,
+        wait_s,
+    } = arguments;
+    let code = read_code(code).map_err(Failure::Bad)?;
+    let (config, vehicle, path, exchange) = open(&which)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("no asynchronous runtime")
+        .map_err(Failure::Failed)?;
+    let ending = runtime.block_on(async {
+        let pairing = Pairing::open(&config, &vehicle, (&path, exchange), code)
+            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        say(&format!(
+            "this VSM's fingerprint: {}",
+            pairing.own_key().fingerprint()
+        ));
+        say(&format!(
+            "pairing with vehicle {} on {}",
+            vehicle.id, vehicle.link
+        ));
+        let patience = Duration::from_secs(wait_s);
+        Ok(pairing.run(patience, &mut |event| tell(event)).await)
+    })?;
+    match ending {
+        Ending::Paired { peer, key } => {
+            say(&format!("the agent's fingerprint: {}", peer.fingerprint()));
+            say(&format!(
+                "paired: key {key} waits for the vehicle; compare both fingerprints with the agent's, then start \
+                          `vsm run`"
+            ));
+            // A first key is in force as soon as the vehicle has it, and `vsm run` knows no other.
+            let keys = KeyStore::open(&path).map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+            let none = keys
+                .current()
+                .map_err(|fault| Failure::Failed(anyhow!(fault)))?
+                .is_none();
+            if none {
+                keys.commit()
+                    .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+            }
+            Ok(())
+        }
+        Ending::NotAnswered(said) => {
+            let said = said.map_or(String::new(), |status| format!("; somebody said: {status}"));
+            Err(Failure::Failed(anyhow!(
+                "nobody answered with this code within {wait_s} s: is the agent's window open (`vsm airside pair`), and \
+                 the code the same{said}"
+            )))
+        }
+    }
+}
+
+/// The code given, or a new one, which is shown.
+fn read_code(code: Option<String>) -> anyhow::Result<PairingCode> {
+    let text = match code.map(Zeroizing::new) {
+        None => {
+            let code = PairingCode::generate(&mut system_random)?;
+            say(&format!("pairing code: {}", *code.text()));
+            return Ok(code);
+        }
+        Some(dash) if *dash == "-" => {
+            let mut text = Zeroizing::new(String::with_capacity(256));
+            std::io::stdin().take(256).read_to_string(&mut text)?;
+            text
+        }
+        Some(text) => text,
+    };
+    Ok(PairingCode::parse(&text)?)
+}
+
+fn tell(event: &InitiatorEvent) {
+    match event {
+        InitiatorEvent::GaveUp { .. } => say("no answer yet; trying again"),
+        InitiatorEvent::Rejected { status } => {
+            say(&format!("somebody answers, unproven: {status}"))
+        }
+        InitiatorEvent::NotStored(cause) => say(&format!("not stored: {cause}")),
+        InitiatorEvent::NoRandom => say("the system has no random octets"),
+        _ => {}
+    }
+}

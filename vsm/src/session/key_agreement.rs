@@ -1,0 +1,239 @@
+//! Keys agreed over the air, as the bridge sees it: frames of the exchange go out and in, the key that waits is looked
+//! for in the vehicle's frames, and stations are told.
+//!
+//! Promised: KEY_EXCHANGE goes to the exchange only; the vehicle goes on under its current key until one of its own
+//! frames verifies under the next, and from that frame on under that one.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::clock::{CeilingStore, Origin, StoreError};
+use mavlink_link::frame::{FrameView, KEY_EXCHANGE_ID, MAX_FRAME, Parser};
+use mavlink_link::link::{KeyExchangeFrame, LinkState};
+use mavlink_link::receiver::{AUTOPILOT, KeyState};
+use mavlink_link::signing::{KeyId, SigningKey, Stamp, verify};
+use serde::Serialize;
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
+
+use super::alerts::Cause;
+use super::bridge::Bridge;
+use super::ceiling::Ceilings;
+use super::settling::KeyChange;
+use super::store::Store;
+use super::vehicle::{OutFrame, Peer, VehicleLink, auth};
+
+/// The part of the exchange that a vehicle's link holds.
+#[derive(Debug, Default)]
+pub(super) struct Agreement {
+    /// Whether anybody waits for KEY_EXCHANGE frames.
+    pub(super) wanted: bool,
+    inbox: VecDeque<KeyExchangeFrame<Peer>>,
+    next: Option<Box<KeyState>>,
+    /// Joins frames that were split, as the link's own parser does.
+    parser: Parser,
+    status: Option<ExchangeStatus>,
+}
+
+/// How the exchange with the air-side agent stands, for `vsm status`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ExchangeStatus {
+    /// "on" or "legacy".
+    pub mode: &'static str,
+    /// The fingerprint of the paired agent.
+    pub peer: Option<String>,
+    /// What it does or waits for.
+    pub state: String,
+    /// The id of the key that is agreed and not in use yet.
+    pub next_key_id: Option<String>,
+    /// Messages that were of use.
+    pub taken: u64,
+    /// Messages that were passed over.
+    pub ignored: u64,
+}
+
+/// What stations are told of the exchange by 16000.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ExchangeNotice {
+    /// Something that happened.
+    Once(AlertPriority, String),
+    /// Something that lasts, in place of what stood before.
+    Stands(AlertPriority, String),
+    /// What stood is over.
+    Over(&'static str),
+}
+
+impl Agreement {
+    pub(super) fn take_in(&mut self, frame: KeyExchangeFrame<Peer>) {
+        // The link holds back all but a few; whoever empties this is called after every datagram.
+        if self.inbox.len() < MOST_WAITING {
+            self.inbox.push_back(frame);
+        }
+    }
+
+    pub(super) fn status(&self) -> Option<ExchangeStatus> {
+        self.status.clone()
+    }
+}
+
+impl Bridge {
+    /// KEY_EXCHANGE frames of this vehicle's link are wanted from now on.
+    pub fn want_key_exchange(&mut self, index: usize) {
+        if let Some(aircraft) = self.aircraft.get_mut(index) {
+            aircraft.mav.agreement.wanted = true;
+        }
+    }
+
+    /// The next KEY_EXCHANGE frame of this vehicle's link.
+    pub fn poll_key_exchange(&mut self, index: usize) -> Option<KeyExchangeFrame<Peer>> {
+        self.aircraft
+            .get_mut(index)?
+            .mav
+            .agreement
+            .inbox
+            .pop_front()
+    }
+
+    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` where there is none yet.
+    pub fn send_key_exchange(
+        &mut self,
+        index: usize,
+        now: Now,
+        payload: &[u8],
+        otherwise: Option<Peer>,
+        store: &mut dyn Store,
+    ) {
+        if let Some(aircraft) = self.aircraft.get_mut(index) {
+            let mav = &mut aircraft.mav;
+            mav.send_key_exchange(now, payload, otherwise, &mut Ceilings(store));
+        }
+    }
+
+    /// A key that the vehicle may sign with from some moment on: it is looked for in its frames.
+    ///
+    /// # Errors
+    /// The clock of the key cannot be read.
+    pub fn offer_next_key(
+        &mut self,
+        index: usize,
+        key: SigningKey,
+        now: Now,
+        not_before: Duration,
+        store: &mut dyn Store,
+    ) -> Result<(), StoreError> {
+        let Some(aircraft) = self.aircraft.get_mut(index) else {
+            return Ok(());
+        };
+        let not_before = Stamp::from_unix(not_before);
+        let store = &mut Ceilings(store);
+        let next = KeyState::start(key, Origin::KeyFile, not_before, now, store)?;
+        aircraft.mav.agreement.next = Some(Box::new(next));
+        Ok(())
+    }
+
+    /// No vehicle will ever sign with the next key.
+    pub fn withdraw_next_key(&mut self, index: usize) {
+        if let Some(aircraft) = self.aircraft.get_mut(index) {
+            aircraft.mav.agreement.next = None;
+        }
+    }
+
+    /// The key under which the vehicle's frames are being accepted.
+    #[must_use]
+    pub fn proven_key(&self, index: usize) -> Option<KeyId> {
+        let mav = &self.aircraft.get(index)?.mav;
+        let live = mav.link.state() == LinkState::Live;
+        mav.key.as_ref().map(KeyState::id).filter(|_| live)
+    }
+
+    /// What the exchange is doing, for the status.
+    pub fn set_exchange_status(&mut self, index: usize, status: ExchangeStatus) {
+        if let Some(aircraft) = self.aircraft.get_mut(index) {
+            aircraft.mav.agreement.status = Some(status);
+        }
+    }
+
+    /// Tells the stations, and the log.
+    pub fn tell_of_exchange(
+        &mut self,
+        index: usize,
+        now: Now,
+        notice: ExchangeNotice,
+        store: &mut dyn Store,
+    ) {
+        let (mut desk, aircraft) = self.desk(now, store);
+        let Some(aircraft) = aircraft.get_mut(index) else {
+            return;
+        };
+        let listeners = desk.listeners(&aircraft.authority, None);
+        let alerts = &mut aircraft.alerts;
+        let comms = SubsystemId::Comms;
+        let raised = match notice {
+            ExchangeNotice::Once(priority, text) => alerts.notice(now.mono, priority, comms, text),
+            ExchangeNotice::Stands(priority, text) => {
+                alerts.raise(Cause::KeyExchange, priority, comms, text)
+            }
+            ExchangeNotice::Over(text) => alerts.clear(Cause::KeyExchange, text),
+        };
+        let id = aircraft.id();
+        desk.alert(id, &listeners, raised);
+    }
+}
+
+impl VehicleLink {
+    /// Looks for the next key in what arrived: the first frame of the autopilot that verifies under it is the proof.
+    pub(super) fn look_for_next_key(
+        &mut self,
+        now: Now,
+        octets: &[u8],
+        store: &mut dyn CeilingStore,
+    ) {
+        let Some(next) = &self.agreement.next else {
+            return;
+        };
+        let vehicle = self.link.config().vehicle_system;
+        let mut frames = self.agreement.parser.feed(octets);
+        let mut proven = false;
+        while let Some(item) = frames.next() {
+            proven |= item.is_ok_and(|frame| is_proof(&frame, vehicle, next));
+        }
+        if proven && let Some(mut next) = self.agreement.next.take() {
+            if let Some(current) = &self.key {
+                // The vehicle has one table of streams for all keys, so our stamps go on rising. Where they cannot,
+                // its receiver tells by silence, as with any clock that is behind.
+                let _ = next.follow(current.clock().reading(now), now, store);
+            }
+            self.key = Some(*next);
+            self.settling.change = Some(KeyChange::Commit);
+        }
+    }
+
+    fn send_key_exchange(
+        &mut self,
+        now: Now,
+        payload: &[u8],
+        otherwise: Option<Peer>,
+        store: &mut dyn CeilingStore,
+    ) {
+        let to = self.link.peer().or(otherwise);
+        let mut octets = [0; MAX_FRAME];
+        let auth = auth(self.key.as_mut(), store);
+        // A message that cannot leave is lost, and sent again in time.
+        if let Ok(sent) = self
+            .link
+            .send_raw(now, auth, KEY_EXCHANGE_ID, payload, to, &mut octets)
+        {
+            self.sent.count(KEY_EXCHANGE_ID);
+            self.out.push_back(OutFrame::new(sent.to, sent.len, octets));
+        }
+    }
+}
+
+fn is_proof(frame: &FrameView<'_>, vehicle: u8, next: &KeyState) -> bool {
+    let header = frame.header();
+    header.system_id == vehicle
+        && header.component_id == AUTOPILOT
+        && verify(next.key(), frame).is_ok()
+}
+
+const MOST_WAITING: usize = 8;

@@ -1,0 +1,247 @@
+//! What the ground side of the key exchange keeps in the store: its static key, and for each vehicle the paired agent,
+//! counter and epoch.
+
+use std::path::Path;
+
+use mavlink_link::exchange::{Identity, NoRandom, PublicKey};
+use mavlink_link::signing::KeyId;
+use serde::{Deserialize, Serialize};
+use stanag_msgs::Id;
+use zeroize::{Zeroize as _, Zeroizing};
+
+use super::file_store::FileStore;
+use crate::session::{Durability, Store as _, StoreError, record_name};
+
+/// One vehicle's record. Public keys and key ids only.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExchangeRecord {
+    /// The paired agent's static key.
+    #[serde(default, with = "hex", skip_serializing_if = "Option::is_none")]
+    pub peer: Option<[u8; 32]>,
+    /// An agent whose pairing is not proven, and the key that would prove it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pending: Option<Pending>,
+    /// The counter of the last attempt.
+    #[serde(default)]
+    pub counter: u64,
+    /// The highest epoch agreed about.
+    #[serde(default)]
+    pub epoch: u32,
+    /// The key that `since` is about.
+    #[serde(default, with = "hex", skip_serializing_if = "Option::is_none")]
+    pub key: Option<[u8; 8]>,
+    /// When that key was first in use, s since 1970.
+    #[serde(default)]
+    pub since: u64,
+}
+
+/// A pairing that was answered and not confirmed.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pending {
+    /// The agent's static key, as it claims.
+    #[serde(with = "hex")]
+    pub peer: Option<[u8; 32]>,
+    /// A frame of the vehicle under this key proves it.
+    #[serde(with = "hex")]
+    pub key: Option<[u8; 8]>,
+}
+
+impl ExchangeRecord {
+    /// The record of a vehicle; an empty one where there is none.
+    ///
+    /// # Errors
+    /// It is there and cannot be read.
+    pub fn load(store: &FileStore, vehicle: Id) -> Result<ExchangeRecord, StoreError> {
+        let name = record_name(KIND, vehicle);
+        match store.load(&name)? {
+            None => Ok(ExchangeRecord::default()),
+            Some(octets) => parse(name, &octets),
+        }
+    }
+
+    /// The record of a vehicle in a store that another process may hold, to be shown.
+    ///
+    /// # Errors
+    /// It is there and cannot be read.
+    pub fn peek(folder: &Path, vehicle: Id) -> Result<Option<ExchangeRecord>, StoreError> {
+        let name = record_name(KIND, vehicle);
+        match std::fs::read(folder.join(&name)) {
+            Ok(octets) => parse(name, &octets).map(Some),
+            Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(cause) => Err(StoreError {
+                name,
+                cause: cause.to_string(),
+            }),
+        }
+    }
+
+    /// Keeps it.
+    ///
+    /// # Errors
+    /// It is not durable.
+    pub fn save(&self, store: &mut FileStore, vehicle: Id) -> Result<(), StoreError> {
+        let text = serde_json::to_vec(self).unwrap_or_default();
+        store.save(&record_name(KIND, vehicle), &text, Durability::Power)
+    }
+
+    /// The paired agent.
+    #[must_use]
+    pub fn peer(&self) -> Option<PublicKey> {
+        self.peer.map(PublicKey::new)
+    }
+
+    /// Notes which key is in use at this time, s since 1970; true where it is another than before.
+    pub fn note_key(&mut self, key: KeyId, wall_s: u64) -> bool {
+        let changed = self.key != Some(*key.octets());
+        if changed {
+            (self.key, self.since) = (Some(*key.octets()), wall_s);
+        }
+        changed
+    }
+}
+
+fn parse(name: String, octets: &[u8]) -> Result<ExchangeRecord, StoreError> {
+    serde_json::from_slice(octets).map_err(|cause| StoreError {
+        name,
+        cause: cause.to_string(),
+    })
+}
+
+/// The static key of this VSM; made, and kept, where there is none yet.
+///
+/// # Errors
+/// It cannot be read or made durable, or there are no random octets.
+pub fn identity(store: &mut FileStore) -> Result<Identity, StoreError> {
+    let fault = |cause: &str| StoreError {
+        name: IDENTITY.to_owned(),
+        cause: cause.to_owned(),
+    };
+    if let Some(octets) = store.load(IDENTITY)?.map(Zeroizing::new) {
+        let mut key = Zeroizing::new([0; 32]);
+        let text = std::str::from_utf8(&octets).unwrap_or_default();
+        if !hex::fill(text.trim_end(), &mut *key) {
+            return Err(fault("expected 64 hex digits"));
+        }
+        return Ok(Identity::new(*key));
+    }
+    let identity = Identity::generate(&mut system_random).map_err(|_| fault("no random octets"))?;
+    let text = Zeroizing::new(hex::text(identity.expose()));
+    store.save(IDENTITY, text.as_bytes(), Durability::Power)?;
+    Ok(identity)
+}
+
+/// The static key of a VSM whose store another process may hold: its public half, to be shown.
+#[must_use]
+pub fn peek_identity(folder: &Path) -> Option<PublicKey> {
+    let text = Zeroizing::new(std::fs::read_to_string(folder.join(IDENTITY)).ok()?);
+    let mut key = [0; 32];
+    let identity = hex::fill(text.trim_end(), &mut key).then(|| Identity::new(key));
+    key.zeroize();
+    Some(identity?.public())
+}
+
+/// The system's random source.
+///
+/// # Errors
+/// There is none.
+pub fn system_random(out: &mut [u8]) -> Result<(), NoRandom> {
+    getrandom::fill(out).map_err(|_| NoRandom)
+}
+
+const KIND: &str = "exchange";
+const IDENTITY: &str = "exchange-identity";
+
+/// Octets as hexadecimal text in the record.
+mod hex {
+    use serde::{Deserialize as _, Deserializer, Serializer, de};
+
+    pub(super) fn text(octets: &[u8]) -> String {
+        octets.iter().fold(
+            String::with_capacity(octets.len() * 2),
+            |mut text, octet| {
+                for nibble in [octet >> 4, octet & 0x0f] {
+                    text.push(char::from_digit(nibble.into(), 16).unwrap_or('0'));
+                }
+                text
+            },
+        )
+    }
+
+    /// Whether the text was exactly so many octets.
+    pub(super) fn fill(text: &str, out: &mut [u8]) -> bool {
+        let digits = text.as_bytes();
+        digits.len() == out.len() * 2
+            && out
+                .iter_mut()
+                .zip(digits.chunks_exact(2))
+                .all(|(octet, pair)| {
+                    let digit = |at: usize| pair.get(at).and_then(|c| char::from(*c).to_digit(16));
+                    let value = digit(0).zip(digit(1)).map(|(high, low)| high << 4 | low);
+                    *octet = value
+                        .and_then(|value| u8::try_from(value).ok())
+                        .unwrap_or(0);
+                    value.is_some()
+                })
+    }
+
+    pub(super) fn serialize<S: Serializer, const N: usize>(
+        octets: &Option<[u8; N]>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        match octets {
+            Some(octets) => serializer.serialize_str(&text(octets)),
+            None => serializer.serialize_none(),
+        }
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>, const N: usize>(
+        deserializer: D,
+    ) -> Result<Option<[u8; N]>, D::Error> {
+        let Some(text) = Option::<String>::deserialize(deserializer)? else {
+            return Ok(None);
+        };
+        let mut octets = [0; N];
+        if fill(&text, &mut octets) {
+            return Ok(Some(octets));
+        }
+        let expected = format!("{} hex digits", N * 2);
+        Err(de::Error::invalid_value(
+            de::Unexpected::Str(&text),
+            &expected.as_str(),
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_and_the_identity_come_back_from_the_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = folder.path().join("state");
+        let vehicle = Id(0x1b00_0101);
+        let mut store = FileStore::open(&dir).unwrap();
+        assert_eq!(ExchangeRecord::peek(&dir, vehicle).unwrap(), None);
+        let mut record = ExchangeRecord::load(&store, vehicle).unwrap();
+        record.peer = Some([7; 32]);
+        record.pending = Some(Pending {
+            peer: Some([8; 32]),
+            key: Some([9; 8]),
+        });
+        record.counter = u64::MAX;
+        assert!(record.note_key(KeyId::from_octets([5; 8]), 12));
+        assert!(!record.note_key(KeyId::from_octets([5; 8]), 13));
+        record.save(&mut store, vehicle).unwrap();
+        assert_eq!(ExchangeRecord::load(&store, vehicle).unwrap(), record);
+        assert_eq!(ExchangeRecord::peek(&dir, vehicle).unwrap(), Some(record));
+
+        let made = identity(&mut store).unwrap().public();
+        assert_eq!(identity(&mut store).unwrap().public(), made);
+        assert_eq!(peek_identity(&dir), Some(made));
+        store.save(IDENTITY, b"short", Durability::Power).unwrap();
+        assert!(identity(&mut store).is_err());
+    }
+}

@@ -1,0 +1,541 @@
+//! The ground side of the key exchange inside `vsm run`: the machine, its disk and its random source, beside the bridge
+//! that carries its messages.
+//!
+//! The bridge goes on under its current key whatever happens here; a key that is agreed waits as `next` until the
+//! vehicle signs with it.
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::exchange::{
+    Agreed, Identity, Initiator, InitiatorConfig, InitiatorEvent, InitiatorMemory, InitiatorStore,
+    Legacy, Node, Parties, PublicKey, Status, StoreError, Trust, Wanted,
+};
+use mavlink_link::signing::KeyId;
+use stanag_msgs::Id;
+use stanag_msgs::enums::AlertPriority;
+
+use super::exchange_record::{self, ExchangeRecord, Pending, system_random};
+use super::file_store::FileStore;
+use super::key_store::KeyStore;
+use super::server::NOT_BEFORE;
+use crate::config::{Config, Exchange, ExchangeMode, Vehicle};
+use crate::session::{Bridge, ExchangeNotice, ExchangeStatus, Peer};
+
+/// The exchange of one vehicle.
+#[derive(Debug)]
+pub struct KeyExchange {
+    index: usize,
+    vehicle: Id,
+    settings: Exchange,
+    parties: Parties,
+    machine: Machine,
+    record: ExchangeRecord,
+    /// From where a message of the agent came last: the vehicle's link may not have a peer yet.
+    heard_from: Option<Peer>,
+    look_at: Duration,
+    /// When an exchange that was rolled back may be tried again.
+    again_at: Duration,
+    state: String,
+}
+
+#[derive(Debug)]
+enum Machine {
+    /// No agent is paired.
+    Unpaired,
+    Paired(Box<Initiator>),
+    Legacy(Box<Legacy>),
+}
+
+/// What an exchange works with for one call.
+pub struct Surroundings<'a> {
+    /// The bridge.
+    pub bridge: &'a mut Bridge,
+    /// The records.
+    pub store: &'a mut FileStore,
+    /// The key files.
+    pub keys: &'a KeyStore,
+}
+
+impl KeyExchange {
+    /// The exchange of a vehicle, where its configuration wants one.
+    ///
+    /// # Errors
+    /// A record cannot be read.
+    pub fn open(
+        config: &Config,
+        vehicle: &Vehicle,
+        index: usize,
+        settings: Exchange,
+        now: Now,
+        with: &mut Surroundings<'_>,
+    ) -> Result<KeyExchange, crate::session::StoreError> {
+        let record = ExchangeRecord::load(with.store, vehicle.id)?;
+        let parties = parties(config, vehicle, settings);
+        let machine = match settings.mode {
+            ExchangeMode::Legacy => {
+                let identity = fresh_identity()?;
+                let legacy = Legacy::new(identity, parties.responder, now.mono);
+                Machine::Legacy(Box::new(legacy))
+            }
+            _ => Machine::Unpaired,
+        };
+        let mut exchange = KeyExchange {
+            index,
+            vehicle: vehicle.id,
+            settings,
+            parties,
+            machine,
+            record,
+            heard_from: None,
+            look_at: now.mono,
+            again_at: now.mono,
+            state: "idle".to_owned(),
+        };
+        with.bridge.want_key_exchange(index);
+        exchange.pair(now, with)?;
+        exchange.announce(now, with);
+        Ok(exchange)
+    }
+
+    /// With an agent that is paired, the initiator.
+    fn pair(
+        &mut self,
+        now: Now,
+        with: &mut Surroundings<'_>,
+    ) -> Result<(), crate::session::StoreError> {
+        let (Machine::Unpaired, Some(peer)) = (&self.machine, self.record.peer()) else {
+            return Ok(());
+        };
+        let config = InitiatorConfig {
+            parties: self.parties,
+            identity: exchange_record::identity(with.store)?,
+            trust: Trust::Pinned(peer),
+            wanted: WANTED,
+        };
+        let memory = memory(&self.record, with.keys);
+        let mut initiator = Initiator::new(config, memory, now.mono);
+        if memory.next.is_some() {
+            // Nobody knows what became of it: the agent does.
+            initiator.want();
+        }
+        self.machine = Machine::Paired(Box::new(initiator));
+        Ok(())
+    }
+
+    fn announce(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        let text = match &self.machine {
+            Machine::Unpaired => {
+                "no air-side agent is paired: no key can be agreed about; run `vsm pair`"
+            }
+            Machine::Legacy(_) => {
+                "the legacy key exchange is on: anyone in the middle can have the signing key"
+            }
+            Machine::Paired(_) => return,
+        };
+        self.tell(
+            now,
+            ExchangeNotice::Stands(AlertPriority::Warning, text.to_owned()),
+            with,
+        );
+    }
+
+    /// Does what is due, and what has come in. Called after everything that the bridge does.
+    pub fn step(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        while let Some(frame) = with.bridge.poll_key_exchange(self.index) {
+            let header = frame.header;
+            let source = Node {
+                system: header.system_id,
+                component: header.component_id,
+            };
+            if source == self.parties.responder {
+                self.heard_from = Some(frame.from);
+            }
+            self.take(now, source, frame.payload(), with);
+        }
+        if now.mono >= self.look_at {
+            self.look_at = now.mono.saturating_add(LOOK_EVERY);
+            self.look(now, with);
+        }
+        let mut disk = Disk {
+            store: with.store,
+            keys: with.keys,
+            record: &mut self.record,
+            vehicle: self.vehicle,
+        };
+        match &mut self.machine {
+            Machine::Unpaired => {}
+            Machine::Legacy(legacy) => {
+                if let Some(payload) = legacy.poll_transmit(now.mono) {
+                    self.send(now, &payload, with);
+                }
+            }
+            Machine::Paired(initiator) => {
+                initiator.handle_timeout(now, &mut system_random, &mut disk);
+                while let Some(message) = initiator.poll_transmit() {
+                    with.bridge.send_key_exchange(
+                        self.index,
+                        now,
+                        &message.to_payload(),
+                        self.heard_from,
+                        with.store,
+                    );
+                }
+            }
+        }
+        self.report(now, with);
+    }
+
+    fn send(&self, now: Now, payload: &[u8], with: &mut Surroundings<'_>) {
+        with.bridge
+            .send_key_exchange(self.index, now, payload, self.heard_from, with.store);
+    }
+
+    fn take(&mut self, now: Now, source: Node, payload: &[u8], with: &mut Surroundings<'_>) {
+        let mut disk = Disk {
+            store: with.store,
+            keys: with.keys,
+            record: &mut self.record,
+            vehicle: self.vehicle,
+        };
+        match &mut self.machine {
+            Machine::Unpaired => {}
+            Machine::Paired(initiator) => {
+                // Counted there.
+                let _ = initiator.handle(now, source, payload, &mut disk);
+            }
+            Machine::Legacy(legacy) => {
+                let Ok(key) = legacy.handle(source, payload) else {
+                    return;
+                };
+                let id = key.id();
+                match with.keys.restage(&key) {
+                    Ok(()) => {
+                        self.offer(now, with);
+                        let text = format!("key {id} is agreed by the legacy exchange");
+                        self.once(now, AlertPriority::Warning, text, with);
+                    }
+                    Err(fault) => self.once(now, AlertPriority::Caution, fault.to_string(), with),
+                }
+            }
+        }
+    }
+
+    /// What the passing of time makes due.
+    fn look(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        let wall_s = now.wall.as_secs();
+        if let Some(proven) = with.bridge.proven_key(self.index) {
+            self.prove_pairing(now, proven, with);
+            if self.record.note_key(proven, wall_s)
+                && let Err(fault) = self.record.save(with.store, self.vehicle)
+            {
+                tracing::warn!("the age of the key is not kept: {fault}");
+            }
+        }
+        let age = Duration::from_secs(wall_s.saturating_sub(self.record.since));
+        let life = Duration::from_secs_f64(self.settings.rotate_days * 86_400.0);
+        let old = self.record.key.is_some() && age >= life;
+        if let Machine::Paired(initiator) = &mut self.machine
+            && old
+            && !initiator.is_busy()
+            && initiator.memory().next.is_none()
+            && now.mono >= self.again_at
+        {
+            initiator.want();
+            let days = age.as_secs() / 86_400;
+            let text = format!(
+                "the signing key is {days} days old: another is being agreed about, this one stays in use until then"
+            );
+            self.once(now, AlertPriority::Nominal, text, with);
+        }
+    }
+
+    /// A pairing that was answered and not confirmed is proven by a frame of the vehicle under its key.
+    fn prove_pairing(&mut self, now: Now, proven: KeyId, with: &mut Surroundings<'_>) {
+        let pending = self.record.pending.as_ref();
+        let Some(pending) = pending.filter(|pending| pending.key == Some(*proven.octets())) else {
+            return;
+        };
+        let mut record = self.record.clone();
+        (record.peer, record.pending) = (pending.peer, None);
+        if let Err(fault) = record.save(with.store, self.vehicle) {
+            tracing::warn!("the pairing is not kept: {fault}");
+            return;
+        }
+        self.record = record;
+        if let Err(fault) = self.pair(now, with) {
+            tracing::error!("{fault}");
+        }
+        self.tell(
+            now,
+            ExchangeNotice::Over("the air-side agent is paired"),
+            with,
+        );
+    }
+
+    /// The vehicle signs with the next key, and it is the current one on disk.
+    pub fn key_in_use(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        if let Machine::Paired(initiator) = &mut self.machine {
+            let mut disk = Disk {
+                store: with.store,
+                keys: with.keys,
+                record: &mut self.record,
+                vehicle: self.vehicle,
+            };
+            // A paired initiator has nothing to store here.
+            let _ = initiator.key_in_use(&mut disk);
+        }
+        if let Ok(Some(key)) = with.keys.current() {
+            let id = key.id();
+            self.once(
+                now,
+                AlertPriority::Nominal,
+                format!("the vehicle signs with the new key {id}"),
+                with,
+            );
+        }
+        if !matches!(self.machine, Machine::Legacy(_)) {
+            self.tell(now, ExchangeNotice::Over("the new key is in use"), with);
+        }
+        self.look_at = now.mono;
+    }
+
+    /// The next key on disk is looked for in the vehicle's frames.
+    fn offer(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        let offered = match with.keys.next() {
+            Ok(Some(next)) => with
+                .bridge
+                .offer_next_key(self.index, next, now, NOT_BEFORE, with.store),
+            Ok(None) => return,
+            Err(fault) => {
+                tracing::error!("{fault}");
+                return;
+            }
+        };
+        if let Err(fault) = offered {
+            tracing::error!("the agreed key cannot be used before a restart: {fault}");
+        }
+    }
+
+    fn report(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        while let Machine::Paired(initiator) = &mut self.machine
+            && let Some(event) = initiator.poll_event()
+        {
+            self.tell_of(now, event, with);
+        }
+        let (mode, stats) = match &self.machine {
+            Machine::Unpaired => ("on", None),
+            Machine::Paired(initiator) => ("on", Some(initiator.stats())),
+            Machine::Legacy(legacy) => ("legacy", Some(legacy.stats())),
+        };
+        let next = match &self.machine {
+            Machine::Paired(initiator) => initiator.memory().next,
+            _ => None,
+        };
+        let status = ExchangeStatus {
+            mode,
+            peer: self
+                .record
+                .peer()
+                .map(|peer| peer.fingerprint().to_string()),
+            state: self.state.clone(),
+            next_key_id: next.map(|key| key.to_string()),
+            taken: stats.map_or(0, |stats| stats.taken),
+            ignored: stats.map_or(0, |stats| stats.by_reason().map(|(_, count)| count).sum()),
+        };
+        with.bridge.set_exchange_status(self.index, status);
+    }
+
+    fn tell_of(&mut self, now: Now, event: InitiatorEvent, with: &mut Surroundings<'_>) {
+        use InitiatorEvent as E;
+        match event {
+            E::Begun { session } => {
+                tracing::debug!("key exchange {session:08x} with the air-side agent begins");
+                "agreeing about a key".clone_into(&mut self.state);
+            }
+            E::NextStored { key } => {
+                self.offer(now, with);
+                self.state = format!("key {key} is stored, waiting for the agent's confirmation");
+            }
+            E::Agreed { key, peer, epoch } => {
+                self.state = format!("key {key} is agreed");
+                let peer = peer.fingerprint();
+                let text = format!("key {key} is agreed with agent {peer} (epoch {epoch})");
+                self.once(now, AlertPriority::Nominal, text, with);
+            }
+            E::Status { status, reason } => self.tell_status(now, status, reason, with),
+            E::Dropped { status } => {
+                with.bridge.withdraw_next_key(self.index);
+                self.again_at = now.mono.saturating_add(AGAIN_AFTER);
+                self.state = format!("the new key was given up: {status}");
+                let text = format!("the new key is given up, the old one stays in use: {status}");
+                self.tell(now, ExchangeNotice::Over("no key waits"), with);
+                self.once(now, AlertPriority::Caution, text, with);
+            }
+            E::Promoted => {
+                let text = "the vehicle has had the new key in use already";
+                self.once(now, AlertPriority::Nominal, text.to_owned(), with);
+            }
+            E::GaveUp { unanswered } => {
+                tracing::info!("the air-side agent does not answer ({unanswered:?})");
+                "the agent does not answer".clone_into(&mut self.state);
+            }
+            E::Rejected { status } => {
+                tracing::info!("somebody answers for the air-side agent, unproven: {status}");
+            }
+            E::NotStored(cause) => {
+                let text = format!("the key exchange cannot be stored: {cause}");
+                self.once(now, AlertPriority::Warning, text, with);
+            }
+            E::NoRandom => tracing::error!("the system has no random octets"),
+        }
+    }
+
+    fn tell_status(&mut self, now: Now, status: Status, reason: u8, with: &mut Surroundings<'_>) {
+        self.state = format!("the agent says: {status}");
+        if reason != 0 {
+            self.state += &format!(" ({reason})");
+        }
+        let (priority, text) = match status {
+            Status::WaitDisarm => (
+                AlertPriority::Nominal,
+                "a new signing key waits until the vehicle is disarmed",
+            ),
+            Status::Sent => (
+                AlertPriority::Nominal,
+                "a new signing key is being given to the vehicle: do not cut its power for 5 s",
+            ),
+            Status::Silent => (
+                AlertPriority::Caution,
+                "the vehicle is silent after a new key was sent: both keys are kept",
+            ),
+            Status::CannotSign => (
+                AlertPriority::Warning,
+                "the vehicle cannot sign: PX4 1.17 or older",
+            ),
+            _ => return,
+        };
+        self.tell(now, ExchangeNotice::Stands(priority, text.to_owned()), with);
+    }
+
+    fn once(&self, now: Now, priority: AlertPriority, text: String, with: &mut Surroundings<'_>) {
+        self.tell(now, ExchangeNotice::Once(priority, text), with);
+    }
+
+    fn tell(&self, now: Now, notice: ExchangeNotice, with: &mut Surroundings<'_>) {
+        with.bridge
+            .tell_of_exchange(self.index, now, notice, with.store);
+    }
+
+    /// When [`KeyExchange::step`] is next needed.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Duration {
+        let machine = match &self.machine {
+            Machine::Unpaired => None,
+            Machine::Paired(initiator) => initiator.poll_timeout(),
+            Machine::Legacy(legacy) => Some(legacy.poll_timeout()),
+        };
+        machine.unwrap_or(Duration::MAX).min(self.look_at)
+    }
+
+    /// Takes up a key that an earlier process agreed about and that is not known to be in use.
+    pub fn take_up_next(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        self.offer(now, with);
+    }
+}
+
+/// Both ends' ids, as they go into the exchange.
+#[must_use]
+pub fn parties(config: &Config, vehicle: &Vehicle, settings: Exchange) -> Parties {
+    let ground = Node {
+        system: config.mavlink.system_id,
+        component: config.mavlink.component_id,
+    };
+    let air = Node {
+        system: vehicle.system_id,
+        component: settings.agent,
+    };
+    Parties::new(ground, air, config.dli.vsm_id.0, vehicle.id.0)
+}
+
+/// What the machine must know of the stored keys.
+pub(super) fn memory(record: &ExchangeRecord, keys: &KeyStore) -> InitiatorMemory {
+    let id = |key: mavlink_link::signing::SigningKey| key.id();
+    InitiatorMemory {
+        counter: record.counter,
+        epoch: record.epoch,
+        current: keys.current().ok().flatten().map(id),
+        next: keys.next().ok().flatten().map(id),
+    }
+}
+
+fn fresh_identity() -> Result<Identity, crate::session::StoreError> {
+    Identity::generate(&mut system_random).map_err(|fault| crate::session::StoreError {
+        name: "legacy".to_owned(),
+        cause: fault.to_string(),
+    })
+}
+
+/// The files that an exchange writes.
+pub(super) struct Disk<'a> {
+    pub(super) store: &'a mut FileStore,
+    pub(super) keys: &'a KeyStore,
+    pub(super) record: &'a mut ExchangeRecord,
+    pub(super) vehicle: Id,
+}
+
+impl Disk<'_> {
+    /// Changes the record on disk, and then here.
+    fn change(&mut self, change: impl FnOnce(&mut ExchangeRecord)) -> Result<(), StoreError> {
+        let mut record = self.record.clone();
+        change(&mut record);
+        record.save(self.store, self.vehicle).map_err(reason)?;
+        *self.record = record;
+        Ok(())
+    }
+}
+
+impl InitiatorStore for Disk<'_> {
+    fn store_counter(&mut self, counter: u64) -> Result<(), StoreError> {
+        self.change(|record| record.counter = counter)
+    }
+
+    fn promote_next(&mut self) -> Result<(), StoreError> {
+        self.keys.commit().map_err(reason)
+    }
+
+    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
+        let (peer, key) = (*agreed.peer.octets(), *agreed.key.id().octets());
+        self.change(|record| {
+            record.epoch = agreed.epoch;
+            record.pending = (record.peer != Some(peer)).then_some(Pending {
+                peer: Some(peer),
+                key: Some(key),
+            });
+        })?;
+        self.keys.restage(&agreed.key).map_err(reason)
+    }
+
+    fn drop_next(&mut self) -> Result<(), StoreError> {
+        self.keys.drop_next().map_err(reason)
+    }
+
+    fn pin(&mut self, peer: &PublicKey) -> Result<(), StoreError> {
+        self.change(|record| (record.peer, record.pending) = (Some(*peer.octets()), None))
+    }
+}
+
+fn reason(fault: impl std::fmt::Display) -> StoreError {
+    StoreError {
+        reason: fault.to_string(),
+    }
+}
+
+/// What keys are agreed for.
+pub(super) const WANTED: Wanted = Wanted {
+    signing: true,
+    confidential: false,
+};
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// After a key that the vehicle did not take.
+const AGAIN_AFTER: Duration = Duration::from_secs(600);

@@ -1,0 +1,216 @@
+//! `vsm pair`: this VSM and a vehicle's air-side agent get to know each other, over the vehicle's link, by a code that a
+//! person has carried from one to the other. The store's lock and the key's are held, so no bridge runs meanwhile.
+
+use std::path::Path;
+use std::time::Duration;
+
+use mavlink_link::exchange::{
+    Initiator, InitiatorConfig, InitiatorEvent, Node, PairingCode, PublicKey, Status, Trust,
+};
+use mavlink_link::frame::{Header, KEY_EXCHANGE_ID, MAX_FRAME, Parser, encode_raw};
+use tokio::time::{Instant, sleep_until};
+
+use super::clock::Clock;
+use super::exchange_record::{self, ExchangeRecord, system_random};
+use super::file_store::{FileStore, OpenError};
+use super::key_exchange::{Disk, WANTED, memory, parties};
+use super::key_store::{KeyStore, KeyStoreError};
+use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
+use crate::config::{Config, Exchange, Vehicle};
+use crate::session::{Peer, StoreError};
+
+/// Why a pairing cannot be tried.
+#[derive(Debug, thiserror::Error)]
+pub enum PairingError {
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] OpenError),
+    /// A record.
+    #[error(transparent)]
+    Record(#[from] StoreError),
+    /// The keys.
+    #[error(transparent)]
+    Keys(#[from] KeyStoreError),
+    /// The link.
+    #[error(transparent)]
+    Socket(#[from] SocketError),
+}
+
+/// A pairing on its way.
+#[derive(Debug)]
+pub struct Pairing {
+    initiator: Initiator,
+    parties: mavlink_link::exchange::Parties,
+    record: ExchangeRecord,
+    vehicle: stanag_msgs::Id,
+    store: FileStore,
+    keys: KeyStore,
+    clock: Clock,
+    reader: VehicleReader,
+    writer: VehicleWriter,
+    peer: Option<Peer>,
+    parser: Parser,
+    seq: u8,
+}
+
+/// How it ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Ending {
+    /// Both know each other, and share a key.
+    Paired {
+        /// The agent's static key.
+        peer: PublicKey,
+        /// The shared key's name.
+        key: mavlink_link::signing::KeyId,
+    },
+    /// Nobody answered with the code; the last thing that somebody said, unproven.
+    NotAnswered(Option<Status>),
+}
+
+impl Pairing {
+    /// Opens the vehicle's link. Must be called within a tokio runtime.
+    ///
+    /// # Errors
+    /// Another process has store or key, or a file or socket cannot be had.
+    pub fn open(
+        config: &Config,
+        vehicle: &Vehicle,
+        (key_file, settings): (&Path, Exchange),
+        code: PairingCode,
+    ) -> Result<Pairing, PairingError> {
+        let clock = Clock::default();
+        let mut store = FileStore::open(&config.store.dir)?;
+        let keys = KeyStore::open(key_file)?;
+        let port = format!("port-{:08x}", vehicle.id.0);
+        let (reader, writer, peer) =
+            sockets::open_link("vehicle.link", &vehicle.link, &port, &mut store)?;
+        let record = ExchangeRecord::load(&store, vehicle.id)?;
+        let parties = parties(config, vehicle, settings);
+        let config = InitiatorConfig {
+            parties,
+            identity: exchange_record::identity(&mut store)?,
+            trust: Trust::Pairing(code),
+            wanted: WANTED,
+        };
+        let mut initiator = Initiator::new(config, memory(&record, &keys), clock.mono());
+        initiator.want();
+        Ok(Pairing {
+            initiator,
+            parties,
+            record,
+            vehicle: vehicle.id,
+            store,
+            keys,
+            clock,
+            reader,
+            writer,
+            peer,
+            parser: Parser::new(),
+            seq: 0,
+        })
+    }
+
+    /// What this VSM's people and the agent's compare.
+    #[must_use]
+    pub fn own_key(&self) -> PublicKey {
+        self.initiator.config().identity.public()
+    }
+
+    /// Tries until it succeeds, at most `patience`. `tell` is given each event as it happens.
+    pub async fn run(
+        mut self,
+        patience: Duration,
+        tell: &mut dyn FnMut(&InitiatorEvent),
+    ) -> Ending {
+        let mut octets = vec![0; 65_536];
+        let mut said = None;
+        loop {
+            self.send().await;
+            let due = self.initiator.poll_timeout().unwrap_or(Duration::MAX);
+            let until = due.min(patience).max(self.clock.mono());
+            tokio::select! {
+                received = self.reader.receive(&mut octets) => match received {
+                    Ok((length, from)) => self.take(from, octets.get(..length).unwrap_or_default()),
+                    Err(_) => tokio::time::sleep(PAUSE).await,
+                },
+                () = sleep_until(Instant::from_std(self.clock.instant(until))) => {}
+            }
+            while let Some(event) = self.initiator.poll_event() {
+                tell(&event);
+                match event {
+                    InitiatorEvent::Agreed { key, peer, .. } => {
+                        return Ending::Paired { peer, key };
+                    }
+                    InitiatorEvent::Rejected { status } => said = Some(status),
+                    _ => {}
+                }
+            }
+            if self.clock.mono() >= patience {
+                return Ending::NotAnswered(said);
+            }
+        }
+    }
+
+    /// Only KEY_EXCHANGE counts, signed or not: what is believed is proven by the code.
+    fn take(&mut self, from: Peer, octets: &[u8]) {
+        let now = self.clock.now();
+        let mut disk = Disk {
+            store: &mut self.store,
+            keys: &self.keys,
+            record: &mut self.record,
+            vehicle: self.vehicle,
+        };
+        let mut frames = self.parser.feed(octets);
+        while let Some(item) = frames.next() {
+            let Ok(frame) = item else { continue };
+            let header = frame.header();
+            if header.system_id != self.parties.responder.system || !frame.is_checked() {
+                continue;
+            }
+            // A listening link learns here where the vehicle is.
+            self.peer = self.peer.or(Some(from));
+            if header.message_id == KEY_EXCHANGE_ID {
+                let source = Node {
+                    system: header.system_id,
+                    component: header.component_id,
+                };
+                // Counted by the machine.
+                let _ = self
+                    .initiator
+                    .handle(now, source, frame.payload(), &mut disk);
+            }
+        }
+    }
+
+    async fn send(&mut self) {
+        let mut disk = Disk {
+            store: &mut self.store,
+            keys: &self.keys,
+            record: &mut self.record,
+            vehicle: self.vehicle,
+        };
+        self.initiator
+            .handle_timeout(self.clock.now(), &mut system_random, &mut disk);
+        while let Some(message) = self.initiator.poll_transmit() {
+            let Some(to) = self.peer else { return };
+            let header = Header {
+                seq: self.seq,
+                system_id: self.parties.initiator.system,
+                component_id: self.parties.initiator.component,
+                message_id: KEY_EXCHANGE_ID,
+                ..Header::default()
+            };
+            self.seq = self.seq.wrapping_add(1);
+            let mut out = [0; MAX_FRAME];
+            if let Ok(len) = encode_raw(header, &message.to_payload(), &mut out) {
+                // A frame that does not leave is a frame that is lost.
+                let _ = self
+                    .writer
+                    .send(out.get(..len).unwrap_or_default(), to)
+                    .await;
+            }
+        }
+    }
+}
+
+const PAUSE: Duration = Duration::from_millis(200);
