@@ -11,6 +11,50 @@
 //! - [`alert`]: texts and faults to message 16000.
 //! - [`configuration`]: the answers of the configuration phase, from what the vehicle is.
 //! - [`support`]: what is done with each field of each message.
+//!
+//! A route of one waypoint, 30 m above home, becomes one mission item:
+//!
+//! ```
+//! use mapping::altitude::{Agl, Altimeter};
+//! use mapping::curve::Curving;
+//! use mapping::route::{Limits, Reason, Site, flight};
+//! use mapping::{plan::Plan, telemetry::Place};
+//! use stanag_msgs::enums::AltitudeType;
+//! use stanag_msgs::messages::{UaPositionWaypoint, UaRoute};
+//! use stanag_msgs::{Bam32, Id, Scaled};
+//!
+//! let route = UaRoute { initial_waypoint_number: Some(7), ..UaRoute::default() };
+//! let waypoint = UaPositionWaypoint {
+//!     waypoint_number: Some(7),
+//!     waypoint_to_latitude_or_relative_y: Some(Bam32::from_degrees(47.398)),
+//!     waypoint_to_longitude_or_relative_x: Some(Bam32::from_degrees(8.546)),
+//!     waypoint_to_altitude: Some(Scaled::from_si(30.0)?),
+//!     waypoint_altitude_type: Some(AltitudeType::Agl),
+//!     ..UaPositionWaypoint::default()
+//! };
+//! let (cucs, vehicle) = (Id(0x1b00_00a0), Id(0x1b00_0101));
+//! let mut plan = Plan::default();
+//! plan.store(&route.into(), cucs, vehicle)?;
+//! plan.store(&waypoint.into(), cucs, vehicle)?;
+//!
+//! let site = Site {
+//!     home: Place { latitude: 47.3977, longitude: 8.5456, amsl_m: 488.0 },
+//!     geoid_m: Some(47.4),
+//!     agl: Agl::AboveHome,
+//!     altimeter: Altimeter::STANDARD,
+//!     hovers: true,
+//!     limits: Limits::default(),
+//!     curving: Curving::default(),
+//! };
+//! let mission = flight(&plan, 7, &site)?;
+//! assert_eq!(mission.first_item_of(7), Some(0));
+//! assert_eq!((mission.items[0].x, mission.items[0].z), (473_980_000, 30.0));
+//!
+//! // What cannot be flown is refused with the waypoint and the reason.
+//! let refused = flight(&plan, 9, &site).unwrap_err();
+//! assert_eq!((refused.waypoint, refused.reason), (9, Reason::Unknown));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod alert;
 pub mod altitude;

@@ -2,6 +2,81 @@
 //!
 //! [`Bridge`] is the whole of it: datagrams of both sides and the time go in, datagrams and log entries come out.
 //! What must survive a restart goes through the [`Store`] that is handed in, before it is answered.
+//!
+//! A CUCS asks for control, and is told what it holds before the vehicle has been heard at all:
+//!
+//! ```
+//! use std::collections::BTreeMap;
+//! use std::net::SocketAddr;
+//! use std::time::Duration;
+//!
+//! use mavlink_link::Now;
+//! use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
+//! use stanag_msgs::messages::CucsAuthorisationRequest;
+//! use stanag_msgs::{Envelope, Id, Message};
+//! use vsm::config::Config;
+//! use vsm::session::{Bridge, Durability, LinkEnd, Store, StoreError};
+//!
+//! /// A store that forgets; the program's own is `vsm::shell::file_store::FileStore`.
+//! #[derive(Default)]
+//! struct Memory(BTreeMap<String, Vec<u8>>);
+//!
+//! impl Store for Memory {
+//!     fn save(&mut self, name: &str, octets: &[u8], _: Durability) -> Result<(), StoreError> {
+//!         self.0.insert(name.to_owned(), octets.to_vec());
+//!         Ok(())
+//!     }
+//!
+//!     fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+//!         Ok(self.0.get(name).cloned())
+//!     }
+//! }
+//!
+//! let text = r#"
+//!     [dli]
+//!     vsm_id = "1b:00:00:01"
+//!     listen = "127.0.0.1:4586"
+//!     [[cucs]]
+//!     id = "1b:00:00:a0"
+//!     loi = [2, 3, 4, 5]
+//!     [[vehicle]]
+//!     id = "1b:00:01:01"
+//!     link = "udpin:127.0.0.1:14550"
+//!     system_id = 1
+//!     signing = "off"
+//!     [store]
+//!     dir = "state"
+//! "#;
+//! let config = Config::parse(text, std::path::Path::new("."))?;
+//! let now = Now { mono: Duration::ZERO, wall: Duration::from_secs(1_795_219_200) };
+//! let (mut store, end) = (Memory::default(), LinkEnd { key: None, peer: None });
+//! let mut bridge = Bridge::new(&config, vec![end], now, Duration::ZERO, &mut store)?;
+//!
+//! let (cucs, vehicle) = (Id(0x1b00_00a0), Id(0x1b00_0101));
+//! let request = CucsAuthorisationRequest {
+//!     requested_handover_loi: Some(LoiBitmap::from_raw(0x0d)), // LOI 2, 4 and 5
+//!     requested_handover_access: Some(RequestedAccess::Request),
+//!     ..CucsAuthorisationRequest::default()
+//! };
+//! let mut octets = [0; stanag_msgs::MAX_DATAGRAM];
+//! let length = Message::from(request).encode(&Envelope::new(cucs, vehicle), &mut octets)?;
+//! let from: SocketAddr = "127.0.0.1:40000".parse()?;
+//! bridge.handle_dli(now, from, &octets[..length], &mut store);
+//!
+//! let mut granted = None;
+//! while let Some(answer) = bridge.poll_dli() {
+//!     for frame in stanag_msgs::frames(answer.octets()) {
+//!         let frame = frame?;
+//!         if let Message::VsmAuthorisationResponse(response) =
+//!             Message::decode(frame.header.message_type, frame.data)?
+//!         {
+//!             granted = response.loi_granted;
+//!         }
+//!     }
+//! }
+//! assert_eq!(granted, Some(LoiBitmap::from_raw(0x0d)));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod aircraft;
 mod alerts;
