@@ -271,6 +271,7 @@ fn what_cannot_be_stored_is_not_granted() {
     let request = scene.ask(A, RequestedAccess::Request, CONTROL);
     assert_eq!(scene.end(A, request), NO);
     assert_eq!(scene.controller(), None);
+    assert!(scene.rig.stations[A].was_told("refused: it cannot be stored"));
     scene.rig.store.full = None;
     scene.take(A);
     assert_eq!(scene.controller(), Some(A));

@@ -19,7 +19,6 @@ pub use error::OperatorError;
 use super::outcome::{Outcome, levels};
 use super::report;
 use super::route::Route;
-use super::session::Session;
 use super::station::{LoiterAt, Station, set_altitude, set_speed};
 use super::vehicle::Vehicle;
 use super::verb::{Condition, ModeArguments, Verb};
@@ -168,15 +167,7 @@ impl<W: Write> Operator<W> {
                 self.finish(vehicle, "loiters", outcome)
             }
             Verb::Speed { metres_per_second } => {
-                let vehicle = self.listen().await?;
-                let known = |session: &Session| {
-                    session
-                        .vehicle(vehicle)
-                        .is_some_and(|state| state.mode().is_some())
-                };
-                self.station
-                    .wait_until("mode (3001)", STATUS_WITHIN, known)
-                    .await?;
+                let vehicle = self.meet().await?;
                 let outcome = self
                     .station
                     .change_speed(vehicle, *metres_per_second)
@@ -442,6 +433,4 @@ fn numbered(path: &Path, index: usize) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Status is pushed at 2 Hz or faster.
-const STATUS_WITHIN: Duration = Duration::from_secs(3);
 const SHORTEST_LOOK: Duration = Duration::from_millis(50);

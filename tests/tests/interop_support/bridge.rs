@@ -23,15 +23,20 @@ pub(crate) struct Ground {
 impl Ground {
     /// Lays it out; the key is as random as a temporary folder's name and the clock.
     pub(crate) fn new() -> Self {
-        Self::with_signing(true)
+        Self::laid_out(true, "")
     }
 
     /// The same with MAVLink signing off.
     pub(crate) fn unsigned() -> Self {
-        Self::with_signing(false)
+        Self::laid_out(false, "")
     }
 
-    fn with_signing(signed: bool) -> Self {
+    /// The same, signed, with further tables of configuration.
+    pub(crate) fn with_tables(tables: &str) -> Self {
+        Self::laid_out(true, tables)
+    }
+
+    fn laid_out(signed: bool, tables: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let ground = Self {
             folder,
@@ -43,7 +48,8 @@ impl Ground {
         let seed = super::seed_from_clock().to_le_bytes();
         let key: [u8; 32] = core::array::from_fn(|i| seed[i % 8] ^ (i as u8).wrapping_mul(167) | 1);
         write_key(&ground.path("uav1.key"), &key);
-        fs::write(ground.path("vsm.toml"), ground.configuration()).expect("the configuration");
+        fs::write(ground.path("vsm.toml"), ground.configuration() + tables)
+            .expect("the configuration");
         ground
     }
 

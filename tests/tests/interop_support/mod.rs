@@ -8,6 +8,7 @@
 )]
 
 pub(crate) mod bridge;
+pub(crate) mod relay;
 pub(crate) mod signing;
 
 use std::ffi::OsStr;
@@ -115,6 +116,22 @@ impl Running {
         program: &Path,
         arguments: impl IntoIterator<Item = A>,
     ) -> Self {
+        Self::start_with(program, arguments, Stdio::null())
+    }
+
+    /// Starts a program that lines can be typed to.
+    pub(crate) fn start_shell<A: AsRef<OsStr>>(
+        program: &Path,
+        arguments: impl IntoIterator<Item = A>,
+    ) -> Self {
+        Self::start_with(program, arguments, Stdio::piped())
+    }
+
+    fn start_with<A: AsRef<OsStr>>(
+        program: &Path,
+        arguments: impl IntoIterator<Item = A>,
+        input: Stdio,
+    ) -> Self {
         let name = program
             .file_name()
             .unwrap_or_default()
@@ -123,7 +140,7 @@ impl Running {
         let mut child = Command::new(program)
             .args(arguments)
             .env("PYTHONDONTWRITEBYTECODE", "1")
-            .stdin(Stdio::null())
+            .stdin(input)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -152,6 +169,12 @@ impl Running {
             .lock()
             .unwrap_or_else(|e| e.into_inner())
             .clone()
+    }
+
+    /// Types a line.
+    pub(crate) fn type_line(&mut self, line: &str) {
+        let input = self.child.stdin.as_mut().expect("a shell");
+        writeln!(input, "{line}").expect("it reads");
     }
 
     /// Waits until it prints a line with `word` in it.

@@ -26,6 +26,7 @@ use super::manual::Sticks;
 use super::mission_transfer::{Download, Load};
 use super::plan_record::Aboard;
 use super::push::Push;
+use super::recall::Recall;
 use super::steering::Steering;
 use super::transfer::Bounds;
 use super::vehicle::{Peer, VehicleEvent, VehicleLink};
@@ -55,6 +56,8 @@ pub(crate) struct Aircraft {
     /// That AGL is flown above home has been said.
     said_agl: bool,
     pub(super) custody: Custody,
+    /// What the VSM flies since the controlling CUCS is lost.
+    pub(super) recall: Option<Recall>,
 }
 
 impl Aircraft {
@@ -109,6 +112,7 @@ impl Aircraft {
             configuration: Configuration::default(),
             said_agl: false,
             custody: Custody::default(),
+            recall: None,
         }
     }
 
@@ -180,6 +184,7 @@ impl Aircraft {
             self.steering.poll_timeout(),
             self.configuration.poll_timeout(),
             self.authority.poll_timeout(),
+            self.recall.as_ref().map(Recall::poll_timeout),
         ]
         .into_iter()
         .flatten()

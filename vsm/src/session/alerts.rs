@@ -14,6 +14,8 @@ pub(crate) enum Cause {
     SigningOff,
     /// The controlling CUCS is silent.
     CucsSilent,
+    /// The controlling CUCS is lost, and the vehicle does not do what is configured for that.
+    LossAction,
     /// A record could not be written.
     Store,
     /// What the vehicle does by itself when it hears no ground station.
@@ -30,7 +32,7 @@ pub(crate) struct Alerts {
     next_id: i32,
     standing: Vec<(Cause, Alert)>,
     /// Texts sent lately, so that a repeated one is not sent a hundred times.
-    lately: Vec<(Duration, String)>,
+    lately: Vec<(Duration, AlertPriority, String)>,
 }
 
 /// An alert to send.
@@ -95,7 +97,8 @@ impl Alerts {
         })
     }
 
-    /// Something that happened; `None` where the same text went out less than [`QUIET`] ago.
+    /// Something that happened; `None` where the same text went out less than [`QUIET`] ago. Of many at once those
+    /// that ask for nothing are left out, never one that a person must act on.
     pub(crate) fn notice(
         &mut self,
         now: Duration,
@@ -104,11 +107,21 @@ impl Alerts {
         text: String,
     ) -> Option<Raised> {
         self.lately
-            .retain(|(at, _)| now.saturating_sub(*at) < QUIET);
-        if self.lately.len() >= MOST_LATELY || self.lately.iter().any(|(_, known)| *known == text) {
+            .retain(|(at, ..)| now.saturating_sub(*at) < QUIET);
+        let mut lately = self.lately.iter();
+        if lately.any(|(_, known, same)| *known == priority && *same == text) {
             return None;
         }
-        self.lately.push((now, text.clone()));
+        if self.lately.len() >= MOST_LATELY {
+            if !matters(priority) {
+                return None;
+            }
+            // What is forgotten here has been sent; it may only come twice.
+            let lesser = |(_, known, _): &(Duration, AlertPriority, String)| !matters(*known);
+            let forgotten = self.lately.iter().position(lesser).unwrap_or(0);
+            self.lately.remove(forgotten);
+        }
+        self.lately.push((now, priority, text.clone()));
         Some(Raised {
             alert: Alert {
                 id: self.take_id(),
@@ -151,9 +164,65 @@ impl Alerts {
     }
 }
 
+/// Whether a person must know of it: all but what is nominal or over.
+fn matters(priority: AlertPriority) -> bool {
+    !matches!(priority, AlertPriority::Cleared | AlertPriority::Nominal)
+}
+
 /// The vehicle that a text is about is the wrapper's source; this only keeps ids apart.
 const IDS_A_VEHICLE: i32 = 1_000_000;
 /// The same text is not repeated within this time.
 const QUIET: Duration = Duration::from_secs(2);
 /// Most different texts within [`QUIET`].
 const MOST_LATELY: usize = 50;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn notice(alerts: &mut Alerts, priority: AlertPriority, text: String) -> bool {
+        alerts
+            .notice(Duration::ZERO, priority, SubsystemId::VsmStatus, text)
+            .is_some()
+    }
+
+    #[test]
+    fn of_many_texts_none_that_warns_is_left_out() {
+        let mut alerts = Alerts::new(0);
+        for n in 0..MOST_LATELY {
+            assert!(notice(
+                &mut alerts,
+                AlertPriority::Nominal,
+                format!("info {n}")
+            ));
+        }
+        assert!(!notice(
+            &mut alerts,
+            AlertPriority::Nominal,
+            "one more".to_owned()
+        ));
+        for n in 0..3 * MOST_LATELY {
+            let priority = [
+                AlertPriority::Caution,
+                AlertPriority::Warning,
+                AlertPriority::Emergency,
+            ][n % 3];
+            assert!(notice(&mut alerts, priority, format!("warning {n}")), "{n}");
+        }
+        assert!(!notice(
+            &mut alerts,
+            AlertPriority::Nominal,
+            "and one".to_owned()
+        ));
+        assert_eq!(alerts.lately.len(), MOST_LATELY);
+    }
+
+    #[test]
+    fn the_same_text_is_said_once_and_again_where_it_matters_more() {
+        let mut alerts = Alerts::new(0);
+        let mut say = |priority| notice(&mut alerts, priority, "battery".to_owned());
+        assert!(say(AlertPriority::Nominal));
+        assert!(!say(AlertPriority::Nominal));
+        assert!(say(AlertPriority::Warning));
+    }
+}

@@ -3,11 +3,14 @@
 //! A line is 64 hex digits, a space and a JSON object. The digits are SHA-256 of the digits of the line before (64
 //! zeros before the first), a line feed and the object: a line that is changed, left out, moved or put in breaks the
 //! chain there. What has been cut off at the end cannot be seen: keep the last line elsewhere where that matters.
+//!
+//! A log that has grown to a megaoctet is put aside, and the next begins with a line that names the digits of the last
+//! line before it: the chain goes on over files, and each can be verified by itself.
 
 use std::fmt;
 use std::time::Duration;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use stanag_msgs::Id;
 
@@ -29,11 +32,15 @@ pub enum Entry {
     Change(Change),
     /// The change before could not be stored, and does not hold.
     NotKept,
+    /// The first line of a log that follows another.
+    Continued,
 }
 
 /// What a log is found to be.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Verified {
+    /// What it follows: the beginning of all, or the last line of the log before.
+    pub follows: Chain,
     /// Where to go on.
     pub chain: Chain,
     /// The first line that does not fit.
@@ -59,6 +66,13 @@ impl fmt::Display for Broken {
     }
 }
 
+/// What a first line must tell where its log follows another.
+#[derive(Deserialize)]
+struct First {
+    line: u64,
+    after: Option<String>,
+}
+
 #[derive(Serialize)]
 struct Line<'a> {
     /// From 1.
@@ -79,6 +93,9 @@ struct Line<'a> {
     why: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     holders: Option<Vec<(String, String)>>,
+    /// The digits of the last line of the log before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    after: Option<&'a str>,
 }
 
 impl Default for Chain {
@@ -111,6 +128,7 @@ impl Chain {
             gained: None,
             why: None,
             holders: None,
+            after: None,
         };
         match entry {
             Entry::Started(holders) => {
@@ -128,6 +146,10 @@ impl Chain {
                 line.why = Some(change.why.to_string());
             }
             Entry::NotKept => line.what = "not kept",
+            Entry::Continued => {
+                line.what = "continued";
+                line.after = Some(&self.last);
+            }
         }
         // Text and numbers alone: this cannot fail.
         let object = serde_json::to_string(&line).unwrap_or_default();
@@ -140,7 +162,8 @@ impl Chain {
     /// Checks a log from its first line on.
     #[must_use]
     pub fn verify(octets: &[u8]) -> Verified {
-        let mut chain = Chain::default();
+        let follows = Chain::before(octets);
+        let mut chain = follows.clone();
         let mut broken = None;
         let torn = octets.last().is_some_and(|octet| *octet != b'\n');
         let mut lines: Vec<&[u8]> = octets.split(|octet| *octet == b'\n').collect();
@@ -169,9 +192,30 @@ impl Chain {
             chain.lines += 1;
         }
         Verified {
+            follows,
             chain,
             broken,
             torn,
+        }
+    }
+}
+
+impl Chain {
+    /// What the first line of a log says that it follows.
+    fn before(octets: &[u8]) -> Chain {
+        let first = octets.split(|octet| *octet == b'\n').next();
+        let first = first
+            .and_then(|line| line.get(HASH_DIGITS + 1..))
+            .and_then(|object| serde_json::from_slice::<First>(object).ok());
+        match first {
+            Some(First {
+                line,
+                after: Some(last),
+            }) => Chain {
+                lines: line.saturating_sub(1),
+                last,
+            },
+            _ => Chain::default(),
         }
     }
 }
@@ -265,5 +309,19 @@ mod tests {
             (verified.chain.lines(), verified.broken, verified.torn),
             (3, None, false)
         );
+    }
+
+    #[test]
+    fn a_log_that_follows_another_is_verified_by_itself_and_after_it() {
+        let before = Chain::verify(log(3).as_bytes()).chain;
+        let vehicle = Id(0x1b00_0101);
+        let (chain, first) = before.extended(Duration::ZERO, vehicle, &Entry::Continued);
+        let (chain, second) = chain.extended(Duration::ZERO, vehicle, &Entry::NotKept);
+        let text = first + &second;
+        let verified = Chain::verify(text.as_bytes());
+        assert_eq!((verified.broken, &verified.chain), (None, &chain));
+        assert_eq!((verified.follows, chain.lines()), (before, 5));
+        let forged = text.replacen("\"line\":4", "\"line\":6", 1);
+        assert!(Chain::verify(forged.as_bytes()).broken.is_some());
     }
 }

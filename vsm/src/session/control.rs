@@ -216,6 +216,7 @@ impl Aircraft {
         let listeners = desk.listeners(&self.authority, None);
         desk.alert(self.id(), &listeners, raised);
         self.end_commands_without_right(desk);
+        self.sticks.forget();
         if to.is_none() && self.steering.engaged() && self.mav.telemetry.airborne() {
             // Steered by nobody it would fly straight on for ever.
             let hold = VehicleOperatingModeCommand {

@@ -1,17 +1,12 @@
 //! The silence of holders: warned of, offered to others, acted on. Each step goes out by 16000 and 35000.
 
-use mapping::mode::Px4Mode;
 use stanag_msgs::Id;
-use stanag_msgs::enums::{
-    AlertPriority, FlightPathControlMode as Mode, HandoverStatus, SubsystemId,
-};
-use stanag_msgs::messages::VehicleOperatingModeCommand;
+use stanag_msgs::enums::{AlertPriority, HandoverStatus, SubsystemId};
 
 use super::aircraft::Aircraft;
 use super::alerts::Cause;
 use super::authority::Silence;
 use super::desk::Desk;
-use super::maneuver::{self, Maneuver};
 use crate::config::OnLoss;
 
 impl Aircraft {
@@ -37,6 +32,7 @@ impl Aircraft {
             }
         }
         self.settle_authority(desk);
+        self.advance_recall(desk);
     }
 
     fn say_silence(&mut self, desk: &mut Desk<'_>, id: Id, silence: Silence) {
@@ -83,31 +79,7 @@ impl Aircraft {
         desk.alert(self.id(), &listeners, raised);
         self.report_handover(desk, Some(id), None, status);
         if silence == Silence::Lost {
-            self.fly_on_loss(desk);
-        }
-    }
-
-    fn fly_on_loss(&mut self, desk: &mut Desk<'_>) {
-        let mode = match desk.loss.on_loss {
-            // Steered by nobody it would fly straight on for ever.
-            OnLoss::Continue if !self.steering.engaged() => return,
-            OnLoss::Continue | OnLoss::Hold => Mode::Loiter,
-            // A transfer that its owner left behind must not keep the aircraft from coming home.
-            OnLoss::Contingency if self.may_change_mission().is_ok() => Mode::ContingencyA,
-            OnLoss::Contingency | OnLoss::Rtl => {
-                if self.mav.telemetry.airborne() {
-                    let steps = maneuver::enter(&[Px4Mode::RTL]);
-                    self.begin(desk, None, Maneuver::new(steps, self.commanded));
-                }
-                return;
-            }
-        };
-        if self.mav.telemetry.airborne() {
-            let command = VehicleOperatingModeCommand {
-                select_flight_path_control_mode: Some(mode),
-                ..VehicleOperatingModeCommand::default()
-            };
-            self.operate(desk, None, &command);
+            self.begin_recall(desk);
         }
     }
 }

@@ -10,10 +10,10 @@ use stanag_msgs::Id;
 
 use super::aircraft::Aircraft;
 use super::alerts::Cause;
-use super::audit::{Chain, Entry};
-use super::authority::{Authority, Decision, Handover, Record};
+use super::audit::{Broken, Chain, Entry};
+use super::authority::{Authority, Change, Decision, Handover, Record, Rights};
 use super::desk::{Desk, Origin};
-use super::store::{Durability, StoreError, record_name};
+use super::store::{Durability, StoreError, log_name, record_name};
 
 /// Beside the rights of one vehicle.
 #[derive(Debug, Default)]
@@ -25,6 +25,8 @@ pub(crate) struct Custody {
     /// Holders that have sent heartbeats, as stored: their silence counts after a restart too.
     beats: BTreeSet<Id>,
     audit: Chain,
+    /// Length of the log that is written now; 0 where it is yet to begin.
+    audit_octets: usize,
 }
 
 impl Custody {
@@ -79,8 +81,9 @@ impl Aircraft {
     ) -> Result<(), StoreError> {
         let wall = desk.now.wall;
         let since = self.custody.since.clone();
+        let durability = durability(decision);
         for change in &decision.changes {
-            self.write_audit(desk, &Entry::Change(*change))?;
+            self.write_audit(desk, &Entry::Change(*change), durability)?;
             if let Some(to) = change.to {
                 self.custody.since.insert(to, wall);
             }
@@ -89,7 +92,7 @@ impl Aircraft {
         self.custody
             .since
             .retain(|id, _| !authority.held(*id).is_empty());
-        let kept = self.store_authority(desk);
+        let kept = self.store_authority(desk, durability);
         if kept.is_ok()
             && let Some(cleared) = self
                 .alerts
@@ -102,21 +105,48 @@ impl Aircraft {
             self.custody.since = since;
             if !decision.changes.is_empty() {
                 // The log says what holds: it says too that this does not.
-                self.write_audit(desk, &Entry::NotKept)?;
+                self.write_audit(desk, &Entry::NotKept, Durability::Power)?;
             }
         }
         kept
     }
 
-    fn write_audit(&mut self, desk: &mut Desk<'_>, entry: &Entry) -> Result<(), StoreError> {
+    fn write_audit(
+        &mut self,
+        desk: &mut Desk<'_>,
+        entry: &Entry,
+        durability: Durability,
+    ) -> Result<(), StoreError> {
         let name = audit_name(self.id());
+        if self.custody.audit_octets >= MOST_AUDIT_OCTETS {
+            desk.store.rotate(&name, MOST_AUDIT_LOGS)?;
+            self.custody.audit_octets = 0;
+        }
+        if self.custody.audit_octets == 0 && self.custody.audit.lines() > 0 {
+            self.write_line(desk, &name, &Entry::Continued, Durability::Power)?;
+        }
+        self.write_line(desk, &name, entry, durability)
+    }
+
+    fn write_line(
+        &mut self,
+        desk: &mut Desk<'_>,
+        name: &str,
+        entry: &Entry,
+        durability: Durability,
+    ) -> Result<(), StoreError> {
         let (chain, line) = self.custody.audit.extended(desk.now.wall, self.id(), entry);
-        desk.store.append(&name, line.as_bytes())?;
+        desk.store.append(name, line.as_bytes(), durability)?;
         self.custody.audit = chain;
+        self.custody.audit_octets += line.len();
         Ok(())
     }
 
-    fn store_authority(&mut self, desk: &mut Desk<'_>) -> Result<(), StoreError> {
+    fn store_authority(
+        &mut self,
+        desk: &mut Desk<'_>,
+        durability: Durability,
+    ) -> Result<(), StoreError> {
         let pending = self.authority.pending().iter();
         let holders = self.authority.holders().map(|(id, _)| id);
         // Who takes part in a handover must hear of its end.
@@ -142,11 +172,8 @@ impl Aircraft {
             holders,
         };
         let octets = serde_json::to_vec(&stored).unwrap_or_default();
-        desk.store.save(
-            &record_name("authority", self.id()),
-            &octets,
-            Durability::Power,
-        )
+        desk.store
+            .save(&record_name("authority", self.id()), &octets, durability)
     }
 
     /// That a holder sends heartbeats is stored once: its silence counts after a restart too.
@@ -154,7 +181,7 @@ impl Aircraft {
         if !beats || self.custody.beats.contains(&id) {
             return;
         }
-        if let Err(fault) = self.store_authority(desk) {
+        if let Err(fault) = self.store_authority(desk, Durability::Power) {
             let text = format!("authority cannot be stored: {fault}");
             self.warn(desk, Cause::Store, text);
         }
@@ -194,22 +221,60 @@ impl Aircraft {
         self.restore_audit(desk)
     }
 
-    /// Verifies the audit log, and goes on with it. A broken one is said aloud; the vehicle is served all the same.
+    /// Verifies the audit logs, and goes on with the last. A broken one is said aloud; the vehicle is served all the
+    /// same.
     fn restore_audit(&mut self, desk: &mut Desk<'_>) -> Result<(), StoreError> {
         let name = audit_name(self.id());
-        let octets = desk.store.load_whole(&name)?.unwrap_or_default();
-        let verified = Chain::verify(&octets);
-        self.custody.audit = verified.chain;
-        if let Some(break_) = verified.broken {
-            let text = format!("the audit log {name} is broken: {break_}");
-            self.warn(desk, Cause::Audit, text);
-        }
-        if verified.torn {
-            // What a crash cut off is closed, so that the next line is a line.
-            desk.store.append(&name, b"\n")?;
+        let mut before: Option<Chain> = None;
+        for number in (0..=MOST_AUDIT_LOGS).rev() {
+            let name = log_name(&name, number);
+            let octets = desk.store.load_whole(&name)?.unwrap_or_default();
+            if octets.is_empty() {
+                continue;
+            }
+            let verified = Chain::verify(&octets);
+            // The oldest that is kept may follow one that is not.
+            let follows = before.is_none_or(|before| before == verified.follows);
+            let first = Broken {
+                line: verified.follows.lines() + 1,
+            };
+            let broken = if follows {
+                verified.broken
+            } else {
+                Some(first)
+            };
+            if let Some(broken) = broken {
+                let text = format!("the audit log {name} is broken: {broken}");
+                self.warn(desk, Cause::Audit, text);
+            }
+            if verified.torn {
+                // What a crash cut off is closed, so that the next line is a line.
+                desk.store.append(&name, b"\n", Durability::Power)?;
+            }
+            if number == 0 {
+                self.custody.audit_octets = octets.len();
+            }
+            self.custody.audit = verified.chain.clone();
+            before = Some(verified.chain);
         }
         let holders = self.authority.holders().collect();
-        self.write_audit(desk, &Entry::Started(holders))
+        self.write_audit(desk, &Entry::Started(holders), Durability::Power)
+    }
+}
+
+/// What must outlive a power cut: every right to command, and what is asked for it. LOI 2 commands nothing, and may be
+/// asked for and given up as often as a CUCS likes.
+fn durability(decision: &Decision) -> Durability {
+    let commands = |rights: Rights| !rights.without(Rights::monitor()).is_empty();
+    let weighs = |change: &Change| commands(change.lost) || commands(change.gained);
+    let status_only = !decision.changes.is_empty()
+        && decision.begun.is_empty()
+        && decision.ended.is_empty()
+        && !decision.changes.iter().any(weighs);
+    if status_only {
+        Durability::Process
+    } else {
+        Durability::Power
     }
 }
 
@@ -219,3 +284,7 @@ fn audit_name(vehicle: Id) -> String {
 
 /// Messages that wait for a decision at most, of a vehicle.
 const MOST_WAITING: usize = 64;
+/// A log of this length is put aside.
+const MOST_AUDIT_OCTETS: usize = 1 << 20;
+/// Logs that are kept beside the one that is written, some four thousand changes each.
+const MOST_AUDIT_LOGS: u32 = 8;

@@ -77,6 +77,12 @@ impl Sticks {
         Ok(())
     }
 
+    /// Another CUCS controls, or none: the sticks of the one before count no more, nor do its stamps, since each CUCS
+    /// has a clock of its own.
+    pub(crate) fn forget(&mut self) {
+        self.latest = None;
+    }
+
     /// Whether sticks come.
     fn fresh(&self, now: Duration) -> bool {
         self.latest
@@ -272,5 +278,27 @@ mod tests {
         sticks.engage(Duration::ZERO);
         assert_eq!(x(sticks.advance(Duration::ZERO, None, 1)), Some(200));
         assert!(sticks.take(Duration::ZERO, &forward(600, 101)).is_err());
+    }
+
+    #[test]
+    fn the_sticks_of_another_controller_count_whatever_its_clock() {
+        let ms = Duration::from_millis;
+        let mut sticks = Sticks::default();
+        sticks.take(ms(0), &forward(5_000, 20)).unwrap();
+        sticks.engage(ms(0));
+        assert_eq!(
+            x(sticks.advance(ms(0), Some(Px4Mode::POSCTL), 1)),
+            Some(200)
+        );
+        sticks.forget();
+        assert_eq!(
+            sticks.advance(ms(40), Some(Px4Mode::POSCTL), 1),
+            Turn::Stopped
+        );
+        sticks.take(ms(80), &forward(4_000, -30)).unwrap();
+        assert_eq!(
+            x(sticks.advance(ms(80), Some(Px4Mode::POSCTL), 1)),
+            Some(-300)
+        );
     }
 }

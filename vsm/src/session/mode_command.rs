@@ -60,6 +60,40 @@ pub(crate) fn mode_of(
         .or_else(|| telemetry.mode.map(Px4Mode::reported))
 }
 
+fn steps_to_waypoint(command: &VehicleOperatingModeCommand) -> bool {
+    command
+        .commanded_waypoint_number
+        .is_some_and(|number| number != 0)
+}
+
+fn names_mode(command: &VehicleOperatingModeCommand) -> bool {
+    command
+        .select_flight_path_control_mode
+        .is_some_and(|mode| mode != Mode::NoMode)
+}
+
+/// Whether no mode, altitude, speed, heading, place or waypoint is commanded: nothing is to be flown otherwise.
+fn names_nothing(command: &VehicleOperatingModeCommand) -> bool {
+    let angles = [
+        command.loiter_position_latitude,
+        command.loiter_position_longitude,
+    ];
+    altitude(command).is_none()
+        && command
+            .commanded_vertical_speed
+            .is_none_or(|rate| rate.si() == 0.0)
+        && command
+            .commanded_speed
+            .is_none_or(|speed| speed.si() == 0.0)
+        && command
+            .heading_command_type
+            .is_none_or(|kind| kind == HeadingCommandType::None)
+        && !steps_to_waypoint(command)
+        && angles
+            .iter()
+            .all(|angle| angle.is_none_or(|angle| angle.degrees() == 0.0))
+}
+
 /// Decides.
 ///
 /// # Errors
@@ -70,6 +104,18 @@ pub(crate) fn task(
 ) -> Result<Task, String> {
     let mode = mode_of(command, at.telemetry)
         .ok_or("no mode is commanded, and the vehicle has told none")?;
+    if !names_mode(command) {
+        if names_nothing(command) {
+            // A setting that is kept, such as the altimeter's.
+            return Ok(Task::Steps(Vec::new(), at.commanded));
+        }
+        if !matches!(mode, Mode::Waypoint | Mode::Loiter | Mode::Autopilot) {
+            return Err(format!(
+                "no mode is commanded, and in the present one, {}, nothing can be changed",
+                mode.raw()
+            ));
+        }
+    }
     if let Some(heading) = command.heading_command_type
         && heading != HeadingCommandType::None
         && mode != Mode::Autopilot
@@ -158,8 +204,8 @@ fn fly(
                 .first_item_of(number)
                 .ok_or_else(|| format!("waypoint {number} is not in the route aboard"))?,
         ),
-        // A route that has been flown to its end is flown again from its start.
-        None => complete.then_some(0),
+        // A route that has been flown to its end is flown again from its start, where that is commanded.
+        None => (complete && names_mode(command)).then_some(0),
     };
     steps.extend(start.map(Step::SetCurrent));
     if at.telemetry.mode != Some(Px4Mode::MISSION) || start.is_some() {
@@ -207,8 +253,11 @@ fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
     let mut commanded = at.commanded;
     let mut steps = Vec::new();
     if place.is_none() && level.is_none() {
-        if at.telemetry.mode.map(Px4Mode::reported) != Some(Mode::Loiter) || speed.is_none() {
+        let loiters = at.telemetry.mode.map(Px4Mode::reported) == Some(Mode::Loiter);
+        if names_mode(command) && !(loiters && speed.is_some()) {
             steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
+        } else if !names_mode(command) && steps_to_waypoint(command) {
+            return Err("a commanded waypoint needs mode 11".to_owned());
         }
         commanded.altitude_amsl_m = None;
         commanded.loiter_position = None;

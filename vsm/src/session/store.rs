@@ -17,14 +17,33 @@ pub trait Store {
     /// It is there and cannot be read.
     fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError>;
 
-    /// Adds to the end of a log, synchronised to the disk before the call returns.
+    /// Adds to the end of a log.
     ///
     /// # Errors
     /// Nothing, or a part, has been added.
-    fn append(&mut self, name: &str, octets: &[u8]) -> Result<(), StoreError> {
-        let mut whole = self.load(name)?.unwrap_or_default();
+    fn append(
+        &mut self,
+        name: &str,
+        octets: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError> {
+        let mut whole = self.load_whole(name)?.unwrap_or_default();
         whole.extend_from_slice(octets);
-        self.save(name, &whole, Durability::Power)
+        self.save(name, &whole, durability)
+    }
+
+    /// Puts a log aside, so that the next line is the first of a new one: `name` becomes `name.1`, that `name.2`, up
+    /// to `keep`; the one before is gone.
+    ///
+    /// # Errors
+    /// Not all of it has been done; no line has been lost.
+    fn rotate(&mut self, name: &str, keep: u32) -> Result<(), StoreError> {
+        for number in (0..keep).rev() {
+            if let Some(octets) = self.load_whole(&log_name(name, number))? {
+                self.save(&log_name(name, number + 1), &octets, Durability::Power)?;
+            }
+        }
+        self.save(name, b"", Durability::Power)
     }
 
     /// Reads a log, of whatever length; `None` where there is none.
@@ -53,6 +72,15 @@ pub struct StoreError {
     pub name: String,
     /// The system's reason.
     pub cause: String,
+}
+
+/// The name of a log that was put aside so many times.
+pub(crate) fn log_name(name: &str, number: u32) -> String {
+    if number == 0 {
+        name.to_owned()
+    } else {
+        format!("{name}.{number}")
+    }
 }
 
 /// The name of a vehicle's record of a kind.

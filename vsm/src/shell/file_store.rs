@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::audit_log;
 use super::durable::{self, Disk, SystemDisk};
-use crate::session::{Durability, Store, StoreError};
+use crate::session::{Durability, Store, StoreError, log_name};
 
 /// The folder of `[store] dir`. Only one process holds it at a time.
 #[derive(Debug)]
@@ -133,8 +133,26 @@ impl Store for FileStore {
         })
     }
 
-    fn append(&mut self, name: &str, octets: &[u8]) -> Result<(), StoreError> {
-        audit_log::append(&self.folder.join(name), octets).map_err(|cause| StoreError {
+    fn append(
+        &mut self,
+        name: &str,
+        octets: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError> {
+        let power = durability == Durability::Power;
+        audit_log::append(&self.folder.join(name), octets, power).map_err(|cause| StoreError {
+            name: name.to_owned(),
+            cause: cause.to_string(),
+        })
+    }
+
+    fn rotate(&mut self, name: &str, keep: u32) -> Result<(), StoreError> {
+        let paths: Vec<PathBuf> = (0..=keep)
+            .rev()
+            .map(|number| self.folder.join(log_name(name, number)))
+            .collect();
+        let paths: Vec<&Path> = paths.iter().map(PathBuf::as_path).collect();
+        audit_log::shift(&paths).map_err(|cause| StoreError {
             name: name.to_owned(),
             cause: cause.to_string(),
         })

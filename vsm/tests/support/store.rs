@@ -12,6 +12,8 @@ pub struct MemoryStore {
     pub full: Option<&'static str>,
     /// How many writes were refused.
     pub refused: u64,
+    /// How many had to outlive a power cut.
+    pub synced: u64,
 }
 
 impl Store for MemoryStore {
@@ -19,7 +21,7 @@ impl Store for MemoryStore {
         &mut self,
         name: &str,
         octets: &[u8],
-        _durability: Durability,
+        durability: Durability,
     ) -> Result<(), StoreError> {
         if self.full.is_some_and(|prefix| name.starts_with(prefix)) {
             self.refused += 1;
@@ -28,8 +30,20 @@ impl Store for MemoryStore {
                 cause: "No space left on device".to_owned(),
             });
         }
+        self.synced += u64::from(durability == Durability::Power);
         self.records.insert(name.to_owned(), octets.to_vec());
         Ok(())
+    }
+
+    fn append(
+        &mut self,
+        name: &str,
+        octets: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError> {
+        let mut whole = self.records.get(name).cloned().unwrap_or_default();
+        whole.extend_from_slice(octets);
+        self.save(name, &whole, durability)
     }
 
     fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {

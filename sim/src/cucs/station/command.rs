@@ -117,10 +117,8 @@ impl Station {
         vehicle: Id,
         speed_m_s: f64,
     ) -> Result<Outcome, StationError> {
-        let mut command = VehicleOperatingModeCommand {
-            select_flight_path_control_mode: self.vehicle(vehicle).and_then(|state| state.mode()),
-            ..VehicleOperatingModeCommand::default()
-        };
+        // No mode is named: what is absent is not commanded, and a route that has been flown is not flown again.
+        let mut command = VehicleOperatingModeCommand::default();
         set_speed(&mut command, Some(speed_m_s))?;
         self.operate(vehicle, command).await
     }
