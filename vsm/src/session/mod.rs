@@ -128,7 +128,6 @@ pub use key_agreement::{ExchangeNotice, ExchangeStatus};
 pub use outbox::{Datagram, Destination};
 pub use settling::KeyChange;
 pub use status::{LinkStatus, StationStatus, Status, VehicleStatus};
-pub(crate) use store::log_name;
-pub(crate) use store::record_name;
 pub use store::{Durability, Store, StoreError};
+pub(crate) use store::{log_name, record_name};
 pub use vehicle::{OutFrame, Peer};
