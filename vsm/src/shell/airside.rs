@@ -4,7 +4,6 @@ use std::future::Future;
 use std::io;
 use std::time::Duration;
 
-use mavlink_link::exchange;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::Endpoint;
 use mavlink_link::receiver::Stream;
@@ -15,8 +14,8 @@ use zeroize::Zeroize;
 
 use super::airside_disk::AirsideDisk;
 use super::clock::Clock;
+use super::exchange_record::{self, system_random};
 use super::file_store::{FileStore, OpenError};
-use super::key_file::{self, KeyFileError};
 use super::key_link;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::pairing_socket::{self, Asker};
@@ -25,7 +24,7 @@ use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
 use crate::airside::{Agent, AgentError, AirsideStatus, PairingNews, Settings, Side};
 use crate::config::airside::AirsideConfig;
-use crate::session::{LogLevel, Peer};
+use crate::session::{LogLevel, Peer, StoreError};
 
 /// An agent that cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -51,12 +50,9 @@ pub enum AirsideError {
         /// The link.
         link: String,
     },
-    /// This end's static key.
-    #[error(transparent)]
-    Identity(#[from] KeyFileError),
     /// What the exchange keeps.
-    #[error("the record of the key exchange in the [store] dir: {0}")]
-    Exchange(exchange::StoreError),
+    #[error(transparent)]
+    Exchange(#[from] StoreError),
     /// The status or the pairing socket.
     #[error("the sockets in the [store] dir: {0}")]
     Status(io::Error),
@@ -114,8 +110,12 @@ impl AirsideServer {
             not_before: Stamp::from_unix(NOT_BEFORE),
             ids: [own.vsm_id.0, own.vehicle_id.0],
         };
-        let identity = key_file::identity(&config.store.dir.join(IDENTITY))?;
-        let mut disk = AirsideDisk { store, keys };
+        let identity = exchange_record::identity(&mut store)?;
+        let mut disk = AirsideDisk {
+            store,
+            keys,
+            vehicle: own.vehicle_id,
+        };
         let held = disk.held()?;
         let agent = Agent::start(settings, identity, held, clock.now(), &mut disk)?;
         Ok(AirsideServer {
@@ -144,7 +144,7 @@ impl AirsideServer {
                     Ok((length, from)) => {
                         let octets = from_radio.get(..length).unwrap_or_default();
                         let now = self.clock.now();
-                        let mut random = key_file::fill;
+                        let mut random = system_random;
                         self.agent
                             .handle_radio(now, from, octets, &mut random, &mut self.disk);
                     }
@@ -278,8 +278,6 @@ async fn pause_after(what: &str, cause: &io::Error) {
     tokio::time::sleep(PAUSE).await;
 }
 
-/// The static key, beside the signing clocks.
-const IDENTITY: &str = "identity.key";
 const LARGEST: usize = 65_536;
 const STATUS_WITHIN: Duration = Duration::from_millis(100);
 /// How long an asker may hold up the links with its line.

@@ -1,23 +1,23 @@
 //! The agent's disk: the ceilings of its clocks in its store folder, its keys beside their file.
 
-use std::fmt::Write as _;
-
 use mavlink_link::clock::{CeilingStore, StoreError};
-use mavlink_link::exchange::{self, Agreed, PinnedPeer, PublicKey, ResponderStore};
+use mavlink_link::exchange::{self, Agreed, PinnedPeer, ResponderStore};
 use mavlink_link::signing::{KeyId, SigningKey, Stamp};
-use serde::{Deserialize, Serialize};
+use stanag_msgs::Id;
 
 use super::airside::AirsideError;
+use super::exchange_record::ExchangeRecord;
 use super::file_store::FileStore;
 use super::key_store::{KeyStore, KeyStoreError};
 use crate::airside::{Held, Keys};
-use crate::session::{Ceilings, Durability, Store as _};
+use crate::session::Ceilings;
 
 /// Both, locked for this process.
 #[derive(Debug)]
 pub struct AirsideDisk {
     pub(super) store: FileStore,
     pub(super) keys: KeyStore,
+    pub(super) vehicle: Id,
 }
 
 impl AirsideDisk {
@@ -26,16 +26,11 @@ impl AirsideDisk {
     /// # Errors
     /// One is there and cannot be used.
     pub fn held(&self) -> Result<Held, AirsideError> {
-        let record = self.record().map_err(AirsideError::Exchange)?;
-        let peer = match &record.peer {
-            None => None,
-            Some((key, counter)) => Some(PinnedPeer {
-                key: PublicKey::new(unhex(key).ok_or_else(|| {
-                    AirsideError::Exchange(exchange_fault("the peer's key is no 64 hex digits"))
-                })?),
-                counter: *counter,
-            }),
-        };
+        let record = ExchangeRecord::load(&self.store, self.vehicle)?;
+        let peer = record.peer().map(|key| PinnedPeer {
+            key,
+            counter: record.counter,
+        });
         Ok(Held {
             peer,
             epoch: record.epoch,
@@ -43,6 +38,16 @@ impl AirsideDisk {
             next: self.keys.next()?,
             previous: self.keys.previous()?,
         })
+    }
+}
+
+impl AirsideDisk {
+    fn change(&mut self, to: impl FnOnce(&mut ExchangeRecord)) -> Result<(), exchange::StoreError> {
+        let mut record = ExchangeRecord::load(&self.store, self.vehicle).map_err(exchange_fault)?;
+        to(&mut record);
+        record
+            .save(&mut self.store, self.vehicle)
+            .map_err(exchange_fault)
     }
 }
 
@@ -62,64 +67,16 @@ impl ResponderStore for AirsideDisk {
     }
 
     fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), exchange::StoreError> {
-        let record = Record {
-            peer: Some((hex(peer.key.octets()), peer.counter)),
-            ..self.record()?
-        };
-        self.save(&record)
+        self.change(|record| {
+            record.peer = Some(*peer.key.octets());
+            record.counter = peer.counter;
+        })
     }
 
     fn store_next(&mut self, agreed: &Agreed) -> Result<(), exchange::StoreError> {
-        let record = self.record()?;
-        let epoch = record.epoch.max(agreed.epoch);
-        self.save(&Record { epoch, ..record })?;
+        self.change(|record| record.epoch = record.epoch.max(agreed.epoch))?;
         self.keys.stage(&agreed.key).map_err(exchange_fault)
     }
-}
-
-/// What the exchange keeps, as a record of the store.
-#[derive(Debug, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Record {
-    /// The ground's static key in hex, and the counter of its last exchange.
-    peer: Option<(String, u64)>,
-    /// The highest epoch.
-    epoch: u32,
-}
-
-impl AirsideDisk {
-    fn record(&self) -> Result<Record, exchange::StoreError> {
-        let octets = self.store.load(RECORD).map_err(exchange_fault)?;
-        match octets {
-            None => Ok(Record::default()),
-            Some(octets) => serde_json::from_slice(&octets).map_err(exchange_fault),
-        }
-    }
-
-    fn save(&mut self, record: &Record) -> Result<(), exchange::StoreError> {
-        let octets = serde_json::to_vec(record).map_err(exchange_fault)?;
-        self.store
-            .save(RECORD, &octets, Durability::Power)
-            .map_err(exchange_fault)
-    }
-}
-
-fn hex(octets: &[u8; 32]) -> String {
-    octets.iter().fold(String::new(), |mut hex, octet| {
-        let _ = write!(hex, "{octet:02x}");
-        hex
-    })
-}
-
-fn unhex(text: &str) -> Option<[u8; 32]> {
-    let mut octets = [0; 32];
-    if text.len() != 64 || !text.is_ascii() {
-        return None;
-    }
-    for (at, octet) in octets.iter_mut().enumerate() {
-        *octet = u8::from_str_radix(text.get(2 * at..2 * at + 2)?, 16).ok()?;
-    }
-    Some(octets)
 }
 
 fn exchange_fault(cause: impl std::fmt::Display) -> exchange::StoreError {
@@ -127,8 +84,6 @@ fn exchange_fault(cause: impl std::fmt::Display) -> exchange::StoreError {
         reason: cause.to_string(),
     }
 }
-
-const RECORD: &str = "exchange.json";
 
 impl Keys for AirsideDisk {
     fn for_exchange(&mut self) -> &mut dyn ResponderStore {

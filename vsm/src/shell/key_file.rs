@@ -6,7 +6,6 @@ use std::io::{self, Read, Write};
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use mavlink_link::exchange::{Identity, NoRandom};
 use mavlink_link::signing::SigningKey;
 use zeroize::Zeroizing;
 
@@ -95,25 +94,6 @@ pub fn random() -> io::Result<SigningKey> {
     let mut octets = Zeroizing::new([0_u8; 32]);
     getrandom::fill(&mut *octets).map_err(|cause| io::Error::other(cause.to_string()))?;
     SigningKey::new(*octets).map_err(|cause| io::Error::other(cause.to_string()))
-}
-
-/// The static key of this end of key exchanges: kept as a key file is, and made where there is none.
-///
-/// # Errors
-/// As [`read`] and [`generate`].
-pub fn identity(path: &Path) -> Result<Identity, KeyFileError> {
-    if !path.exists() {
-        generate(path)?;
-    }
-    Ok(Identity::new(*read(path)?.expose()))
-}
-
-/// Random octets of the system, for the exchange.
-///
-/// # Errors
-/// The system has none.
-pub fn fill(octets: &mut [u8]) -> Result<(), NoRandom> {
-    getrandom::fill(octets).map_err(|_| NoRandom)
 }
 
 /// A key as its file holds it.

@@ -13,7 +13,7 @@ use tokio::io::{AsyncBufReadExt as _, AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{UnixListener, UnixStream};
 use zeroize::Zeroizing;
 
-use super::key_file;
+use super::exchange_record::system_random;
 
 fn path(store: &Path) -> PathBuf {
     store.join("pair.sock")
@@ -46,7 +46,7 @@ impl Asker {
         stream.read_line(&mut line).await.ok()?;
         let mut asker = Asker(stream.into_inner().into_inner());
         let code = if line.trim().is_empty() {
-            PairingCode::generate(&mut key_file::fill).map_err(|fault| fault.to_string())
+            PairingCode::generate(&mut system_random).map_err(|fault| fault.to_string())
         } else {
             PairingCode::parse(line.trim()).map_err(|fault| fault.to_string())
         };
