@@ -11,6 +11,7 @@ mod flight;
 pub(crate) mod macros;
 mod mission;
 mod payload;
+mod private;
 mod subsystem;
 
 pub use crate::disputed::values::*;
@@ -21,6 +22,7 @@ pub use engine::*;
 pub use flight::*;
 pub use mission::*;
 pub use payload::*;
+pub use private::*;
 pub use subsystem::*;
 
 use crate::table::Confidence;

@@ -20,6 +20,7 @@ mod select;
 mod services;
 mod subsystem;
 mod system_id;
+mod vehicle_services;
 mod walk;
 
 pub use info::{Confidence, Direction, FieldInfo, Layout, MessageInfo, Traffic, Wire};
@@ -178,6 +179,9 @@ gather! {
         FieldChangeIntegerCommand, FieldChangeFloatCommand, FieldChangeEnumeratedCommand,
         MessageParameterAvailability;
     private: CurveSegmentPaper, CurveSegment;
+    vehicle_services: ParameterRequest, ParameterSetCommand, ParameterReport,
+        SoftwareVersionReport, PingRequest, PingResponse, AreaVertex, AreaTransferCommand,
+        AreaTransferStatus;
 }
 
 impl Message {
