@@ -10,6 +10,8 @@
 //! - [`status`]: messages 3000, 3004 to 3010, 12101 and 16001.
 //! - [`alert`]: texts and faults to message 16000.
 //! - [`configuration`]: the answers of the configuration phase, from what the vehicle is.
+//! - [`parameter`]: the vehicle's parameters, what may be written to each, and message 50012.
+//! - [`software`]: message 50013.
 //! - [`support`]: what is done with each field of each message.
 //!
 //! A route of one waypoint, 30 m above home, becomes one mission item:
@@ -63,10 +65,12 @@ pub mod curve;
 mod loiter;
 mod loops;
 pub mod mode;
+pub mod parameter;
 pub mod plan;
 pub mod report;
 pub mod route;
 pub mod sensed;
+pub mod software;
 pub mod status;
 pub mod support;
 pub mod telemetry;

@@ -8,6 +8,7 @@ use mavlink_link::dialect::{
 
 use crate::mode::Px4Mode;
 use crate::sensed::Sensed;
+use crate::software::Software;
 
 /// A place: WGS-84 latitude and longitude in degrees, altitude in metres above mean sea level.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,6 +96,8 @@ pub struct Telemetry {
     pub reached: Option<u16>,
     /// What its sensors have told beyond that.
     pub sensed: Sensed,
+    /// AUTOPILOT_VERSION, once it was asked for.
+    pub software: Option<Software>,
 }
 
 impl Telemetry {
@@ -191,6 +194,7 @@ impl Telemetry {
                 });
             }
             MavMessage::MISSION_ITEM_REACHED(m) => self.reached = Some(m.seq),
+            MavMessage::AUTOPILOT_VERSION(m) => self.software = Some(Software::of(m)),
             _ => return sensed,
         }
         true

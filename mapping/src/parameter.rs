@@ -1,0 +1,234 @@
+//! Parameters of PX4 by name: what kind each is, and what may be written to it.
+//!
+//! PX4 stores what it is given, in range or not: a write is checked here first, and one of a parameter that the table
+//! does not have is refused. The table is that of PX4 v1.18 (`data/px4-v1.18-parameters.csv`), sorted by name.
+
+use mavlink_link::service::param::Value;
+use stanag_msgs::enums::ParameterKind;
+use stanag_msgs::messages::ParameterReport;
+use stanag_msgs::{Text, TimeStamp};
+
+/// What may be written to a parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Range {
+    /// Integer or float.
+    pub kind: ParameterKind,
+    /// The least value; `None` where only its kind bounds it.
+    pub low: Option<f64>,
+    /// The greatest.
+    pub high: Option<f64>,
+    /// The only values that mean something, where it is an enumeration.
+    pub values: Vec<i32>,
+}
+
+/// A write that is refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ParameterError {
+    /// The table does not have it.
+    #[error("parameter {0} is not in the table of PX4 v1.18: its range is not known")]
+    Unknown(String),
+    /// Written, the vehicle would no longer be found on this link.
+    #[error("parameter {0} is who the vehicle is on this link: it is not written here")]
+    Identity(String),
+    /// No number, or not whole where it must be.
+    #[error("parameter {name}: {value}, expected {expected}")]
+    Kind {
+        /// The parameter.
+        name: String,
+        /// What was to be written.
+        value: f64,
+        /// What it takes.
+        expected: &'static str,
+    },
+    /// Outside its range.
+    #[error("parameter {name}: {value}, expected {low} to {high}")]
+    Range {
+        /// The parameter.
+        name: String,
+        /// What was to be written.
+        value: f64,
+        /// The least.
+        low: f64,
+        /// The greatest.
+        high: f64,
+    },
+    /// None of the values of an enumeration.
+    #[error("parameter {name}: {value}, expected one of {values:?}")]
+    Value {
+        /// The parameter.
+        name: String,
+        /// What was to be written.
+        value: f64,
+        /// What it takes.
+        values: Vec<i32>,
+    },
+}
+
+/// What may be written to the parameter of this name; `None` where the table does not have it.
+#[must_use]
+pub fn range(name: &str) -> Option<Range> {
+    let mut columns = line(name)?.split(',').skip(1);
+    let kind = match columns.next() {
+        Some("i") => ParameterKind::Integer,
+        _ => ParameterKind::Float,
+    };
+    let mut bound = || columns.next().and_then(|number| number.parse().ok());
+    let (low, high) = (bound(), bound());
+    let values = columns.next().unwrap_or("").split_whitespace();
+    Some(Range {
+        kind,
+        low,
+        high,
+        values: values.filter_map(|value| value.parse().ok()).collect(),
+    })
+}
+
+/// The value to write.
+///
+/// # Errors
+/// It must not be written.
+pub fn checked(name: &str, value: f64) -> Result<Value, ParameterError> {
+    let range = range(name).ok_or_else(|| ParameterError::Unknown(name.to_owned()))?;
+    if IDENTITY.contains(&name) {
+        return Err(ParameterError::Identity(name.to_owned()));
+    }
+    let kind = |expected| ParameterError::Kind {
+        name: name.to_owned(),
+        value,
+        expected,
+    };
+    let typed = match range.kind {
+        ParameterKind::Integer => {
+            let whole = value.fract() == 0.0
+                && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value);
+            if !whole {
+                return Err(kind("a whole number of 32 bits"));
+            }
+            Value::Int(value as i32)
+        }
+        _ => {
+            let narrow = value as f32;
+            if !narrow.is_finite() {
+                return Err(kind("a number"));
+            }
+            Value::Real(narrow)
+        }
+    };
+    let low = range.low.unwrap_or(f64::NEG_INFINITY);
+    let high = range.high.unwrap_or(f64::INFINITY);
+    if !(low..=high).contains(&value) {
+        return Err(ParameterError::Range {
+            name: name.to_owned(),
+            value,
+            low,
+            high,
+        });
+    }
+    match typed {
+        Value::Int(whole) if !range.values.is_empty() && !range.values.contains(&whole) => {
+            Err(ParameterError::Value {
+                name: name.to_owned(),
+                value,
+                values: range.values,
+            })
+        }
+        typed => Ok(typed),
+    }
+}
+
+/// 50012. `place` is index and count within an answer about all parameters.
+#[must_use]
+pub fn report(
+    name: &str,
+    value: Value,
+    place: Option<(u16, u16)>,
+    stamp: Option<TimeStamp>,
+) -> ParameterReport {
+    let range = range(name);
+    let (kind, value) = match value {
+        Value::Int(value) => (ParameterKind::Integer, f64::from(value)),
+        Value::Real(value) => (ParameterKind::Float, f64::from(value)),
+    };
+    let least = |range: &Range| range.values.first().map(|value| f64::from(*value));
+    let greatest = |range: &Range| range.values.last().map(|value| f64::from(*value));
+    ParameterReport {
+        time_stamp: stamp,
+        parameter_name: Some(Text::new(name)),
+        parameter_kind: Some(kind),
+        value: Some(value),
+        minimum: range.as_ref().and_then(|range| range.low.or(least(range))),
+        maximum: range
+            .as_ref()
+            .and_then(|range| range.high.or(greatest(range))),
+        parameter_index: place.map(|(index, _)| index),
+        parameter_count: place.map(|(_, count)| count),
+    }
+}
+
+/// The line of a parameter, by halving the sorted text.
+fn line(name: &str) -> Option<&'static str> {
+    let (mut from, mut to) = (0, TABLE.len());
+    while from < to {
+        let middle = from + (to - from) / 2;
+        let start = TABLE.get(from..middle)?.rfind('\n').map_or(from, |at| from + at + 1);
+        let rest = TABLE.get(start..)?;
+        let line = rest.split('\n').next()?;
+        match line.split(',').next()?.cmp(name) {
+            std::cmp::Ordering::Equal => return Some(line),
+            std::cmp::Ordering::Less => from = start + line.len() + 1,
+            std::cmp::Ordering::Greater => to = start,
+        }
+    }
+    None
+}
+
+static TABLE: &str = include_str!("../data/px4-v1.18-parameters.csv");
+/// Another id, and neither side would hear the other any more.
+const IDENTITY: &[&str] = &["MAV_COMP_ID", "MAV_SYS_ID"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_line_is_found_by_its_name_and_nothing_else_is() {
+        let lines = TABLE.lines().filter(|line| !line.starts_with('#'));
+        let mut count = 0;
+        let mut before = "";
+        for text in lines {
+            let name = text.split(',').next().unwrap();
+            assert!(before < name, "{name} after {before}");
+            assert_eq!(line(name), Some(text));
+            assert!(range(name).is_some());
+            before = name;
+            count += 1;
+        }
+        assert!(count > 1_800);
+        for none in ["", "A", "MIS_TAKEOFF_AL", "MIS_TAKEOFF_ALTX", "ZZZ"] {
+            assert_eq!(range(none), None, "{none}");
+        }
+    }
+
+    #[test]
+    fn what_the_vehicle_would_store_blindly_is_refused_here() {
+        assert!(checked("NAV_DLL_ACT", 2.0) == Ok(Value::Int(2)));
+        // A real vehicle takes all of these.
+        assert!(matches!(checked("NAV_DLL_ACT", 99.0), Err(ParameterError::Value { .. })));
+        assert!(matches!(checked("NAV_DLL_ACT", 1.5), Err(ParameterError::Kind { .. })));
+        assert!(matches!(checked("COM_DL_LOSS_T", 4.0), Err(ParameterError::Range { .. })));
+        assert!(matches!(checked("MIS_TAKEOFF_ALT", -1.0), Err(ParameterError::Range { .. })));
+        assert!(matches!(checked("MIS_TAKEOFF_ALT", f64::NAN), Err(ParameterError::Kind { .. })));
+        assert!(matches!(checked("MPC_XY_CRUISE", 1e40), Err(ParameterError::Kind { .. })));
+        assert!(matches!(checked("NOT_A_PARAMETER", 1.0), Err(ParameterError::Unknown(_))));
+        assert!(matches!(checked("MAV_SYS_ID", 2.0), Err(ParameterError::Identity(_))));
+    }
+
+    #[test]
+    fn a_report_tells_the_range_with_the_value() {
+        let told = report("COM_DL_LOSS_T", Value::Int(10), Some((3, 9)), None);
+        assert_eq!((told.minimum, told.maximum), (Some(5.0), Some(300.0)));
+        assert_eq!((told.parameter_index, told.parameter_count), (Some(3), Some(9)));
+        let told = report("NAV_DLL_ACT", Value::Int(0), None, None);
+        assert_eq!((told.minimum, told.maximum), (Some(0.0), Some(6.0)));
+    }
+}
