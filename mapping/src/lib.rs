@@ -3,6 +3,7 @@
 //! - [`plan`]: the routes and waypoints that a CUCS has sent, as DLI messages, and what is wrong with one by itself.
 //! - [`route`]: a route of a plan becomes mission items, or a refusal that names the waypoint.
 //! - [`mode`]: flight path control modes and PX4's modes.
+//! - [`area`]: areas to stay inside or outside, and PX4's geofence.
 //! - [`altitude`]: altitude types and MAVLink frames.
 //! - [`telemetry`]: what a vehicle has said of itself, from its messages.
 //! - [`report`]: messages 3001, 3002, 4000 and 4001 from that.
@@ -60,6 +61,7 @@
 
 pub mod alert;
 pub mod altitude;
+pub mod area;
 pub mod configuration;
 pub mod curve;
 mod loiter;

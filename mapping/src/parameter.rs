@@ -170,7 +170,10 @@ fn line(name: &str) -> Option<&'static str> {
     let (mut from, mut to) = (0, TABLE.len());
     while from < to {
         let middle = from + (to - from) / 2;
-        let start = TABLE.get(from..middle)?.rfind('\n').map_or(from, |at| from + at + 1);
+        let start = TABLE
+            .get(from..middle)?
+            .rfind('\n')
+            .map_or(from, |at| from + at + 1);
         let rest = TABLE.get(start..)?;
         let line = rest.split('\n').next()?;
         match line.split(',').next()?.cmp(name) {
@@ -213,21 +216,48 @@ mod tests {
     fn what_the_vehicle_would_store_blindly_is_refused_here() {
         assert!(checked("NAV_DLL_ACT", 2.0) == Ok(Value::Int(2)));
         // A real vehicle takes all of these.
-        assert!(matches!(checked("NAV_DLL_ACT", 99.0), Err(ParameterError::Value { .. })));
-        assert!(matches!(checked("NAV_DLL_ACT", 1.5), Err(ParameterError::Kind { .. })));
-        assert!(matches!(checked("COM_DL_LOSS_T", 4.0), Err(ParameterError::Range { .. })));
-        assert!(matches!(checked("MIS_TAKEOFF_ALT", -1.0), Err(ParameterError::Range { .. })));
-        assert!(matches!(checked("MIS_TAKEOFF_ALT", f64::NAN), Err(ParameterError::Kind { .. })));
-        assert!(matches!(checked("MPC_XY_CRUISE", 1e40), Err(ParameterError::Kind { .. })));
-        assert!(matches!(checked("NOT_A_PARAMETER", 1.0), Err(ParameterError::Unknown(_))));
-        assert!(matches!(checked("MAV_SYS_ID", 2.0), Err(ParameterError::Identity(_))));
+        assert!(matches!(
+            checked("NAV_DLL_ACT", 99.0),
+            Err(ParameterError::Value { .. })
+        ));
+        assert!(matches!(
+            checked("NAV_DLL_ACT", 1.5),
+            Err(ParameterError::Kind { .. })
+        ));
+        assert!(matches!(
+            checked("COM_DL_LOSS_T", 4.0),
+            Err(ParameterError::Range { .. })
+        ));
+        assert!(matches!(
+            checked("MIS_TAKEOFF_ALT", -1.0),
+            Err(ParameterError::Range { .. })
+        ));
+        assert!(matches!(
+            checked("MIS_TAKEOFF_ALT", f64::NAN),
+            Err(ParameterError::Kind { .. })
+        ));
+        assert!(matches!(
+            checked("MPC_XY_CRUISE", 1e40),
+            Err(ParameterError::Kind { .. })
+        ));
+        assert!(matches!(
+            checked("NOT_A_PARAMETER", 1.0),
+            Err(ParameterError::Unknown(_))
+        ));
+        assert!(matches!(
+            checked("MAV_SYS_ID", 2.0),
+            Err(ParameterError::Identity(_))
+        ));
     }
 
     #[test]
     fn a_report_tells_the_range_with_the_value() {
         let told = report("COM_DL_LOSS_T", Value::Int(10), Some((3, 9)), None);
         assert_eq!((told.minimum, told.maximum), (Some(5.0), Some(300.0)));
-        assert_eq!((told.parameter_index, told.parameter_count), (Some(3), Some(9)));
+        assert_eq!(
+            (told.parameter_index, told.parameter_count),
+            (Some(3), Some(9))
+        );
         let told = report("NAV_DLL_ACT", Value::Int(0), None, None);
         assert_eq!((told.minimum, told.maximum), (Some(0.0), Some(6.0)));
     }

@@ -49,6 +49,8 @@ pub struct MissionProgress {
     pub state: MissionState,
     /// PX4's checksum of the plan aboard, 0 where it has none.
     pub mission_id: u32,
+    /// The same of the geofence aboard.
+    pub fence_id: u32,
 }
 
 /// The latest values.
@@ -184,6 +186,7 @@ impl Telemetry {
                     total: (m.total != u16::MAX).then_some(m.total),
                     state: m.mission_state,
                     mission_id: m.mission_id,
+                    fence_id: m.fence_id,
                 });
             }
             MavMessage::POSITION_TARGET_GLOBAL_INT(m) => {

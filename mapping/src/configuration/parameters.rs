@@ -10,6 +10,7 @@ pub const NAMES: &[&str] = &[
     "FW_AIRSPD_MAX",
     "FW_AIRSPD_MIN",
     "FW_AIRSPD_TRIM",
+    "GF_ACTION",
     "GF_MAX_HOR_DIST",
     "GF_MAX_VER_DIST",
     "MIS_TAKEOFF_ALT",

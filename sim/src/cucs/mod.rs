@@ -10,6 +10,7 @@
 mod alert;
 mod configuration;
 mod download;
+pub mod fence;
 mod operator;
 mod outcome;
 mod report;

@@ -12,6 +12,7 @@ use stanag_msgs::{Bam32, Id};
 mod configuring;
 mod error;
 mod handing_over;
+mod services;
 mod telling;
 
 pub use error::OperatorError;
@@ -203,6 +204,18 @@ impl<W: Write> Operator<W> {
             }
             Verb::Traffic => self.traffic(),
             Verb::Config { loi } => self.configuration(*loi).await,
+            Verb::Parameters { name } => self.parameters(name.as_deref()).await,
+            Verb::Set { name, value } => self.set_parameter(name, *value).await,
+            Verb::Software => self.software().await,
+            Verb::Ping { vehicle } => self.ping(*vehicle).await,
+            Verb::Fence {
+                file: Some(file), ..
+            } => self.send_fence(&folder.join(file)).await,
+            Verb::Fence { clear: true, .. } => self.clear_fence().await,
+            Verb::Fence { output, .. } => {
+                let path = output.as_ref().map(|path| folder.join(path));
+                self.download_fence(path.as_deref()).await
+            }
         }
     }
 

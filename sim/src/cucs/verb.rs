@@ -130,6 +130,39 @@ pub enum Verb {
         #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(2..=5))]
         loi: Option<u8>,
     },
+    /// Tell the vehicle's parameters, or one of them (50010).
+    Parameters {
+        /// Its name; without it, all.
+        name: Option<String>,
+    },
+    /// Write a parameter of the vehicle (50011).
+    Set {
+        /// Its name.
+        name: String,
+        /// The value.
+        #[arg(allow_negative_numbers = true)]
+        value: f64,
+    },
+    /// Tell the software of VSM and vehicle (50013).
+    Software,
+    /// Measure how long an answer takes (50014).
+    Ping {
+        /// Of the vehicle too, through the VSM.
+        #[arg(long)]
+        vehicle: bool,
+    },
+    /// Send a file of areas to stay inside or outside; without one, fetch them back (50016, 50017).
+    Fence {
+        /// The fence file (TOML).
+        #[arg(conflicts_with_all = ["clear", "output"])]
+        file: Option<PathBuf>,
+        /// Forget all areas, in the VSM and aboard.
+        #[arg(long, conflicts_with = "output")]
+        clear: bool,
+        /// Where to write the areas that are fetched; without it, to standard output.
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+    },
 }
 
 /// Positive handover (messages 4 and 5).

@@ -137,6 +137,11 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         &self.vehicle
     }
 
+    /// The vehicle, to do to it what no link does: another station beside this one, a sensor that fails.
+    pub fn vehicle_mut(&mut self) -> &mut Vehicle {
+        &mut self.vehicle
+    }
+
     /// What went over a link.
     pub fn counters(&self, link: usize) -> LinkCounters {
         self.ports.get(link).map(|p| p.counters).unwrap_or_default()

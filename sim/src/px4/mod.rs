@@ -54,4 +54,4 @@ pub use mode::Mode;
 pub use params::{Param, Params};
 pub use signing::{Admission, Refusal, Setup, Signing};
 pub use simulator::{Counters, Simulator, SimulatorConfig, SimulatorError};
-pub use vehicle::{Outgoing, TICK, Truth, Vehicle, VehicleCounters};
+pub use vehicle::{Ailments, Outgoing, TICK, Truth, Vehicle, VehicleCounters};

@@ -97,13 +97,15 @@ impl Vehicle {
 
     fn sys_status(&self) -> mav::SYS_STATUS_DATA {
         use mav::MavSysStatusSensor as Sensor;
-        let mut health = Sensor::from_bits_retain(HEALTH);
+        let mut health = Sensor::from_bits_retain(HEALTH & !self.ailments.unhealthy);
         if self.commander.can_arm(&self.facts()) || self.commander.is_armed() {
             health |= Sensor::MAV_SYS_STATUS_PREARM_CHECK;
         }
         mav::SYS_STATUS_DATA {
             onboard_control_sensors_present: Sensor::from_bits_retain(PRESENT),
-            onboard_control_sensors_enabled: Sensor::from_bits_retain(ENABLED),
+            onboard_control_sensors_enabled: Sensor::from_bits_retain(
+                ENABLED | self.ailments.unhealthy,
+            ),
             onboard_control_sensors_health: health,
             load: 196,
             voltage_battery: (self.battery_volts() * 1000.0) as u16,
@@ -180,7 +182,7 @@ impl Vehicle {
     }
 
     fn estimator_status(&self) -> mav::ESTIMATOR_STATUS_DATA {
-        let flags = if self.is_located() { 895 } else { 1 };
+        let flags = if self.is_located() { 895 } else { 1 } ^ self.ailments.estimator;
         mav::ESTIMATOR_STATUS_DATA {
             time_usec: self.boot_us(),
             vel_ratio: 0.1,
@@ -292,7 +294,10 @@ impl Vehicle {
     }
 
     fn battery_percent(&self) -> i8 {
-        (self.charge * 100.0).round() as i8
+        match self.ailments.battery {
+            Some(percent) => percent.min(100) as i8,
+            None => (self.charge * 100.0).round() as i8,
+        }
     }
 
     /// Four cells between 3.6 and 4.05 V.

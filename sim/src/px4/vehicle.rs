@@ -6,7 +6,7 @@ use std::time::Duration;
 use mavlink::dialects::development::{
     MISSION_ITEM_REACHED_DATA, MavMessage, MavMissionType, MavSeverity, MissionState,
 };
-use mavlink_link::service::mission::{Airframe as ParamUse, Limits, Px4Rules, Server};
+use mavlink_link::service::mission::{Airframe as ParamUse, Item, Limits, Px4Rules, Server};
 use mavlink_link::service::{Node, param};
 
 use super::body::{Body, Tuning};
@@ -77,6 +77,17 @@ pub struct Truth {
     pub mission_seq: u16,
 }
 
+/// What is wrong with a vehicle, for tests of what is said of it. It flies on as if nothing were.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Ailments {
+    /// Bits of MAV_SYS_STATUS_SENSOR that SYS_STATUS tells as used and not well.
+    pub unhealthy: u32,
+    /// Bits of ESTIMATOR_STATUS.flags that are the other way round.
+    pub estimator: u16,
+    /// Per cent that the battery tells.
+    pub battery: Option<u8>,
+}
+
 /// What the vehicle has done with what it was told.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct VehicleCounters {
@@ -127,6 +138,7 @@ pub struct Vehicle {
     pub(super) tuning: Tuning,
     pub(super) reached: Option<(u16, u8)>,
     pub(super) last_seq: usize,
+    pub(super) ailments: Ailments,
 }
 
 impl Vehicle {
@@ -178,6 +190,7 @@ impl Vehicle {
             tuning,
             reached: None,
             last_seq: 0,
+            ailments: Ailments::default(),
             config,
         }
     }
@@ -304,6 +317,16 @@ impl Vehicle {
                 Note::ReturnHome => {}
             }
         }
+    }
+
+    /// The items of a plan that it holds.
+    pub fn plan(&self, kind: MavMissionType) -> &[Item] {
+        self.missions.items(kind)
+    }
+
+    /// Makes it ail, or well again.
+    pub fn ail(&mut self, ailments: Ailments) {
+        self.ailments = ailments;
     }
 
     /// The parameters' values.

@@ -4,6 +4,7 @@
 //! relative paths are resolved against the folder of the file. Unknown keys are refused.
 
 pub mod airside;
+mod area;
 mod disputed;
 mod error;
 mod value;
@@ -15,6 +16,7 @@ use serde::Deserialize;
 use stanag_msgs::Id;
 use toml::Spanned;
 
+pub use area::{Area, Keep};
 pub use disputed::Readings;
 pub use error::ConfigError;
 pub use value::{Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Signing};
@@ -129,6 +131,9 @@ pub struct Vehicle {
     /// Bounds of a route.
     #[serde(default)]
     pub limits: Limits,
+    /// Areas of its geofence, which no CUCS can take away.
+    #[serde(default)]
+    pub area: Vec<Area>,
 }
 
 /// `vehicle.curve`
@@ -431,6 +436,14 @@ impl Config {
                     curve.max_items.to_string(),
                     "2 to 10000",
                 );
+            }
+            if let Err(fault) = area::check(&vehicle.area) {
+                return Err(error::Fault {
+                    at: span.start,
+                    key: "vehicle.area".to_owned(),
+                    found: fault,
+                    expected: "areas that make a fence".to_owned(),
+                });
             }
             let limits = vehicle.limits;
             for (key, value) in [

@@ -21,9 +21,12 @@ use super::ceiling::Ceilings;
 use super::configuration::Configuration;
 use super::custody::Custody;
 use super::desk::{Desk, Origin};
+use super::fence::Fence;
+use super::inquiry::Inquiries;
 use super::maneuver::{Maneuver, Progress};
 use super::manual::Sticks;
 use super::mission_transfer::{Download, Load};
+use super::parameters::ParameterDesk;
 use super::plan_record::Aboard;
 use super::push::Push;
 use super::recall::Recall;
@@ -53,6 +56,9 @@ pub(crate) struct Aircraft {
     pub(super) engine_command: Option<CommandedEngineState>,
     pub(super) push: Push,
     pub(super) configuration: Configuration,
+    pub(super) parameters: ParameterDesk,
+    pub(super) inquiries: Inquiries,
+    pub(crate) fence: Fence,
     /// That AGL is flown above home has been said.
     said_agl: bool,
     pub(super) custody: Custody,
@@ -92,6 +98,7 @@ impl Aircraft {
                 },
             },
         };
+        let areas = config.area.iter().map(config::Area::area).collect();
         Aircraft {
             config,
             mav,
@@ -110,6 +117,9 @@ impl Aircraft {
             engine_command: None,
             push: Push::default(),
             configuration: Configuration::default(),
+            parameters: ParameterDesk::default(),
+            inquiries: Inquiries::default(),
+            fence: Fence::new(areas),
             said_agl: false,
             custody: Custody::default(),
             recall: None,
@@ -165,6 +175,8 @@ impl Aircraft {
         self.go_on(desk);
         self.watch_modes(desk);
         self.send_configuration(desk);
+        self.watch_inquiries(desk);
+        self.watch_fence(desk);
         self.advance_download(desk);
         self.settle_authority(desk);
         self.push_due(desk);
@@ -183,6 +195,7 @@ impl Aircraft {
             self.sticks.poll_timeout(),
             self.steering.poll_timeout(),
             self.configuration.poll_timeout(),
+            self.inquiries.poll_timeout(),
             self.authority.poll_timeout(),
             self.recall.as_ref().map(Recall::poll_timeout),
         ]
@@ -223,6 +236,7 @@ impl Aircraft {
                 desk.alert(self.id(), &listeners, raised);
                 self.report_on_change(desk);
                 self.read_parameters(desk);
+                self.fence.look_again(desk.now.mono);
             }
             VehicleEvent::Silent => {
                 self.stop_reading(desk);
@@ -238,6 +252,7 @@ impl Aircraft {
             }
             VehicleEvent::Restarted => {
                 self.read_parameters(desk);
+                self.fence.look_again(desk.now.mono);
                 let text = "the autopilot has restarted".to_owned();
                 let raised = self.alerts.notice(
                     desk.now.mono,
@@ -252,7 +267,8 @@ impl Aircraft {
                 self.say_foreign_command(desk, system, command);
             }
             VehicleEvent::Parameter(event) => self.take_parameter(desk, event),
-            VehicleEvent::ParameterTold(name, value) => self.keep_parameter(desk, name, value),
+            VehicleEvent::ParameterTold(name, value) => self.parameter_told(desk, name, value),
+            VehicleEvent::PingReturned(seq) => self.ping_returned(desk, seq),
             VehicleEvent::Text(text) => {
                 let priority = mapping::alert::priority(text.severity);
                 let raised =
@@ -277,7 +293,9 @@ impl Aircraft {
                     let origin = *origin;
                     self.fail_maneuver(desk, origin, why);
                 }
-                self.load_sees_mission(desk, event);
+                if !self.fence_sees_mission(desk, &event) {
+                    self.load_sees_mission(desk, event);
+                }
             }
             VehicleEvent::Link(event) => self.take_link_event(desk, &listeners, event),
         }

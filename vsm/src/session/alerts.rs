@@ -24,6 +24,8 @@ pub(crate) enum Cause {
     Audit,
     /// A key that waits, or an exchange that cannot be.
     KeyExchange,
+    /// The geofence aboard is not what it should be.
+    Fence,
 }
 
 /// The alerts of one vehicle.

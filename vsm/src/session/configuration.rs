@@ -11,7 +11,7 @@ use mapping::configuration::{
     self, Level, NAMES, Parameters, Request, RequestError, Scope, Subject, modes,
 };
 use mavlink_link::dialect::MavType;
-use mavlink_link::service::param::{self, Name, Value};
+use mavlink_link::service::param::{Name, Value};
 use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::FieldConfigurationRequest;
 use stanag_msgs::{Id, Message, TimeStamp};
@@ -189,27 +189,14 @@ impl Aircraft {
         let names = NAMES.iter().filter_map(|name| Name::new(name).ok());
         let mut asked = 0;
         for name in names {
-            asked += usize::from(self.mav.parameters.read(desk.now.mono, name).is_ok());
+            asked += usize::from(self.read_for_configuration(desk, name));
         }
         self.configuration.reading = Reading::Left(asked);
         self.parameters_came(desk, 0);
     }
 
-    /// The vehicle has told a parameter, or will not.
-    pub(super) fn take_parameter(&mut self, desk: &mut Desk<'_>, event: param::Event) {
-        match event {
-            param::Event::Read { name, value } => {
-                self.keep_parameter(desk, name, value);
-                self.parameters_came(desk, 1);
-            }
-            // A vehicle that lacks it is bounded by the rest.
-            param::Event::Refused { .. } => self.parameters_came(desk, 1),
-            param::Event::Set { name, value } => self.keep_parameter(desk, name, value),
-            _ => {}
-        }
-    }
-
-    fn parameters_came(&mut self, desk: &mut Desk<'_>, count: usize) {
+    /// So many of the parameters that the configuration phase needs have come, or will not.
+    pub(super) fn parameters_came(&mut self, desk: &mut Desk<'_>, count: usize) {
         let Reading::Left(left) = self.configuration.reading else {
             return;
         };
@@ -276,6 +263,31 @@ impl Aircraft {
         };
         let changed: Vec<Message> = available.changes(&before).collect();
         self.tell_the_configured(desk, &changed);
+    }
+
+    /// Answers a station a few at a time, then carries out what it asked with `origin`.
+    pub(super) fn answer_later(
+        &mut self,
+        desk: &mut Desk<'_>,
+        station: usize,
+        answers: impl IntoIterator<Item = Message>,
+        origin: Option<Origin>,
+    ) {
+        let machine = &mut self.configuration;
+        if machine.queue.len() > MOST_WAITING {
+            if let Some(origin) = origin {
+                let why = "too many answers wait to be sent".to_owned();
+                self.refuse(desk, Some(origin), why);
+            }
+            return;
+        }
+        let answers = answers.into_iter();
+        machine
+            .queue
+            .extend(answers.map(|answer| Outgoing::Answer(station, Box::new(answer))));
+        machine.queue.extend(origin.map(Outgoing::Done));
+        machine.due.get_or_insert(desk.now.mono);
+        self.send_configuration(desk);
     }
 
     fn tell_the_configured(&mut self, desk: &mut Desk<'_>, messages: &[Message]) {
@@ -346,6 +358,9 @@ fn stamped(mut answer: Message, stamp: TimeStamp) -> Message {
         Message::VsmServicesReportMessage(m) => &mut m.time_stamp,
         Message::UaRouteConfiguration(m) => &mut m.time_stamp,
         Message::MessageParameterAvailability(m) => &mut m.time_stamp,
+        Message::ParameterReport(m) => &mut m.time_stamp,
+        Message::AreaVertex(m) => &mut m.time_stamp,
+        Message::AreaTransferStatus(m) => &mut m.time_stamp,
         _ => return answer,
     };
     *place = Some(stamp);

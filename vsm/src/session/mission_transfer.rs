@@ -229,7 +229,7 @@ impl Aircraft {
         if !self.mav.live() {
             return Err("the vehicle is silent: nothing can be loaded".to_owned());
         }
-        if self.load.is_some() || self.mav.missions.busy().is_some() {
+        if self.load.is_some() || self.fence.busy() || self.mav.missions.busy().is_some() {
             return Err("another transfer is in progress".to_owned());
         }
         Ok(())
@@ -671,6 +671,7 @@ impl Aircraft {
                 .map_err(|cause| unreadable("aboard", cause.to_string()))?;
             self.aboard = Some(aboard);
         }
+        self.restore_fence(desk)?;
         self.restore_altimeter(desk)
     }
 }

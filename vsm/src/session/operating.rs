@@ -38,7 +38,11 @@ impl Aircraft {
             | Message::UaPositionWaypoint(_)
             | Message::UaLoiterWaypoint(_)
             | Message::CurveSegment(_)
-            | Message::CurveSegmentPaper(_) => Some(LoiBitmap::LOI4),
+            | Message::CurveSegmentPaper(_)
+            | Message::ParameterSetCommand(_)
+            | Message::AreaVertex(_)
+            | Message::AreaTransferCommand(_) => Some(LoiBitmap::LOI4),
+            Message::ParameterRequest(_) | Message::PingRequest(_) => Some(LoiBitmap::LOI2),
             _ => None,
         }
     }
@@ -60,6 +64,11 @@ impl Aircraft {
             Message::MissionTransferCommand(command) => {
                 self.transfer_command(desk, origin, command)
             }
+            Message::ParameterRequest(request) => self.request_parameter(desk, origin, request),
+            Message::ParameterSetCommand(command) => self.set_parameter(desk, origin, command),
+            Message::PingRequest(request) => self.ping(desk, origin, request),
+            Message::AreaVertex(vertex) => self.store_area(desk, origin, vertex),
+            Message::AreaTransferCommand(command) => self.transfer_areas(desk, origin, command),
             other => self.store_plan_message(desk, origin, other),
         }
     }
@@ -111,6 +120,10 @@ impl Aircraft {
                         origin,
                         "a route is on its way aboard: wait for 14000".to_owned(),
                     );
+                }
+                if self.fence.busy() && needs_mission {
+                    let why = "a fence is on its way aboard: wait for 50018".to_owned();
+                    return self.refuse(desk, origin, why);
                 }
                 self.begin(desk, origin, Maneuver::new(steps, commanded));
             }

@@ -32,17 +32,40 @@ struct PlanRecord {
 
 /// The octets of a plan's record.
 pub(crate) fn encode_plan(plan: &Plan, cucs: Id, vehicle: Id) -> Vec<u8> {
+    let messages = encode_messages(plan.messages(), cucs, vehicle);
+    serde_json::to_vec(&PlanRecord { messages }).unwrap_or_default()
+}
+
+/// Messages of a record, one a line.
+pub(super) fn encode_messages(
+    messages: impl Iterator<Item = Message>,
+    cucs: Id,
+    vehicle: Id,
+) -> Vec<String> {
     let mut octets = [0; MAX_DATAGRAM];
-    let messages = plan
-        .messages()
+    messages
         .filter_map(|message| {
             let length = message
                 .encode(&Envelope::new(cucs, vehicle), &mut octets)
                 .ok()?;
             octets.get(..length).map(hex)
         })
-        .collect();
-    serde_json::to_vec(&PlanRecord { messages }).unwrap_or_default()
+        .collect()
+}
+
+/// The messages of a record, each with its source.
+pub(super) fn decode_messages(lines: &[String]) -> Result<Vec<(Id, Message)>, RecordError> {
+    let mut messages = Vec::with_capacity(lines.len());
+    for line in lines {
+        let octets = unhex(line).ok_or_else(|| RecordError(format!("not hex: {line}")))?;
+        for frame in frames(&octets) {
+            let frame = frame.map_err(|cause| RecordError(cause.to_string()))?;
+            let message = Message::decode(frame.header.message_type, frame.data)
+                .map_err(|cause| RecordError(cause.to_string()))?;
+            messages.push((frame.header.source, message));
+        }
+    }
+    Ok(messages)
 }
 
 /// The plan of a record.
@@ -50,16 +73,10 @@ pub(crate) fn decode_plan(octets: &[u8], vehicle: Id) -> Result<Plan, RecordErro
     let record: PlanRecord =
         serde_json::from_slice(octets).map_err(|cause| RecordError(cause.to_string()))?;
     let mut plan = Plan::default();
-    for line in record.messages {
-        let octets = unhex(&line).ok_or_else(|| RecordError(format!("not hex: {line}")))?;
-        for frame in frames(&octets) {
-            let frame = frame.map_err(|cause| RecordError(cause.to_string()))?;
-            let message = Message::decode(frame.header.message_type, frame.data)
-                .map_err(|cause| RecordError(cause.to_string()))?;
-            // 50001 names its CUCS: the one it was stored for.
-            plan.store(&message, frame.header.source, vehicle)
-                .map_err(|cause| RecordError(cause.to_string()))?;
-        }
+    for (cucs, message) in decode_messages(&record.messages)? {
+        // 50001 names its CUCS: the one it was stored for.
+        plan.store(&message, cucs, vehicle)
+            .map_err(|cause| RecordError(cause.to_string()))?;
     }
     Ok(plan)
 }

@@ -48,6 +48,10 @@ impl Aircraft {
             self.answer_authorisation(desk, station, None);
             return true;
         }
+        if message == SOFTWARE {
+            self.request_software(desk, station, fields);
+            return true;
+        }
         let reports = self.compose_all(desk, message);
         for report in &reports {
             match fields {
@@ -157,3 +161,5 @@ impl Aircraft {
 /// What 17001 and 17002 can ask for.
 const REPORTS: &[u16] = &[3, 3001, 3002, 4000, 4001, 16002];
 const MOST_HERTZ: u16 = 50;
+/// 50013 is asked of the vehicle, and told once.
+const SOFTWARE: u16 = 50013;

@@ -86,6 +86,8 @@ pub(crate) enum VehicleEvent {
     Parameter(param::Event),
     /// A parameter that it tells unasked: somebody has changed it.
     ParameterTold(param::Name, param::Value),
+    /// It has returned the ping of this number.
+    PingReturned(u32),
     /// It has answered a command of another system: (system, command).
     ForeignCommand(u8, u32),
     /// A text of its own.
@@ -278,6 +280,12 @@ impl VehicleLink {
         {
             let event = VehicleEvent::ForeignCommand(ack.target_system, ack.command as u32);
             self.events.push_back(event);
+        }
+        #[allow(deprecated, reason = "what PX4 answers")]
+        if let MavMessage::PING(ping) = message
+            && ping.target_system == self.link.config().own_system
+        {
+            self.events.push_back(VehicleEvent::PingReturned(ping.seq));
         }
         let mode = self.telemetry.mode;
         self.telemetry.update(message);

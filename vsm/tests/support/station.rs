@@ -228,6 +228,13 @@ fn set_stamp(message: &mut Message, stamp: TimeStamp) {
         FieldConfigurationRequest,
         ScheduleMessageUpdateCommand,
         GenericInformationRequestMessage,
+        ParameterRequest,
+        ParameterSetCommand,
+        PingRequest,
+        AreaVertex,
+        AreaTransferCommand,
+        SubsystemStatusRequest,
+        SubsystemStatusDetailRequest,
         Heartbeat
     );
 }

@@ -7,6 +7,7 @@ mod mission;
 mod private;
 mod services;
 mod system_id;
+mod vehicle_services;
 
 use super::MessageSupport;
 
@@ -19,6 +20,7 @@ pub static SUPPORT: &[&[MessageSupport]] = &[
     services::ROWS,
     configuration::ROWS,
     private::ROWS,
+    vehicle_services::ROWS,
 ];
 
 const STAMP: &str = "rises strictly";

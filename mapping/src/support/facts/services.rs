@@ -89,7 +89,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         sends: "",
         honoured: &[
             ("Time Stamp", HEARD_STAMP),
-            ("Message Type", "2 and those of 17001; others are refused"),
+            ("Message Type", "2, 50013 and those of 17001; others are refused"),
             (
                 "Requested Field Presence Vector",
                 "the fields to send, beside the stamp; 0: all",

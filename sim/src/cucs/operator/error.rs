@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use stanag_msgs::Id;
 
+use crate::cucs::fence::FenceFileError;
 use crate::cucs::outcome::{Refused, StationError};
 use crate::cucs::route::RouteFileError;
 
@@ -16,6 +17,9 @@ pub enum OperatorError {
     /// A route file.
     #[error(transparent)]
     RouteFile(#[from] RouteFileError),
+    /// A fence file.
+    #[error(transparent)]
+    FenceFile(#[from] FenceFileError),
     /// More than one vehicle, and none was named.
     #[error("vehicles {0} are there: say which")]
     Ambiguous(String),
@@ -60,7 +64,7 @@ impl OperatorError {
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::RouteFile(_) | Self::Ambiguous(_) | Self::Seconds(_) => 2,
+            Self::RouteFile(_) | Self::FenceFile(_) | Self::Ambiguous(_) | Self::Seconds(_) => 2,
             Self::Station(StationError::Route(_) | StationError::Value(_)) => 2,
             _ => 1,
         }
