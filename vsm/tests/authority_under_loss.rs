@@ -5,15 +5,14 @@
 mod scene;
 mod support;
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use scene::{A, B, C, CONTROL, Scene, TABLES, lossy};
-use stanag_msgs::Message;
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, RequestedAccess};
-use stanag_msgs::messages::{
-    LoiterConfiguration, MissionTransferCommand, UaRoute, VehicleOperatingModeCommand,
-};
-use support::{Faults, Setup, orders};
+use stanag_msgs::enums::{AckType, RequestedAccess};
+use stanag_msgs::table::{self, Direction, MessageInfo};
+use stanag_msgs::{Message, TimeStamp};
+use support::{Faults, Setup};
 
 const RETRY: Duration = Duration::from_millis(200);
 
@@ -94,75 +93,132 @@ fn handovers_are_quick_at_a_fifth_of_loss() {
     assert!(p99 < Duration::from_secs(2), "p99 {p99:?}");
 }
 
+/// A number below `below`, by a seed.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, below: u64) -> u64 {
+        let (times, plus) = (6_364_136_223_846_793_005, 1_442_695_040_888_963_407);
+        self.0 = self.0.wrapping_mul(times).wrapping_add(plus);
+        (self.0 >> 33) % below
+    }
+
+    /// A message of this type with random fields of random values, whatever they mean, and this stamp.
+    fn message(&mut self, info: &MessageInfo, stamp: u64) -> Option<Message> {
+        let mut present = vec![0_u8; usize::from(info.presence_octets)];
+        let mut values = Vec::new();
+        let often = [1, 2, 8][self.below(3) as usize];
+        for (index, field) in info.fields.iter().enumerate() {
+            if index > 0 && self.below(often) != 0 {
+                continue;
+            }
+            let octets = field.wire.octets()?;
+            // The first bit is the last of the vector.
+            let at = present.len().checked_sub(1 + index / 8)?;
+            present[at] |= 1 << (index % 8);
+            if index == 0 && octets == 5 {
+                values.extend_from_slice(&stamp.to_be_bytes()[3..]);
+            } else {
+                // Small values are those that mean something.
+                let small = self.below(2) == 0;
+                values.extend((1..=octets).map(|n| match small {
+                    true if n < octets => 0,
+                    true => self.below(40) as u8,
+                    false => self.below(256) as u8,
+                }));
+            }
+        }
+        present.extend(values);
+        Message::decode(info.id, &present).ok()
+    }
+}
+
+/// What a CUCS asks for, answers and asks about: no command.
+const NO_COMMANDS: [u16; 8] = [1, 4, 34000, 16002, 17000, 17001, 17002, 40000];
+/// Of these the first three would change who may command.
+const RIGHTS: [u16; 3] = [1, 4, 34000];
+
 #[test]
 fn a_hundred_thousand_commands_without_the_right_reach_nothing() {
     let mut scene = Scene::with(Setup {
-        dli: Faults::NONE,
-        tables: TABLES,
+        dli: Faults::lossy(0.2),
+        tables: concat!(
+            "[[cucs]]\nid = \"1b:00:00:b0\"\nloi = [2, 3, 4, 5]\n",
+            "[[cucs]]\nid = \"1b:00:00:c0\"\nloi = [2, 3, 4, 5]\n",
+            "[[cucs]]\nid = \"1b:00:00:d0\"\nloi = [2]\noverride = true\nrank = 9\n",
+        ),
         ..Setup::default()
     });
-    // C has controlled, and is an ex-holder; B only listens; a stranger is in no configuration.
+    // C has controlled, and is an ex-holder; B only listens; D may only listen, and asks for more; a stranger is in no
+    // configuration.
     scene.take(C);
     let handed = scene.hand_over(C, A, CONTROL);
-    scene.rig.run(0.1);
+    scene.rig.run(1.0);
     scene.take(A);
     assert_eq!(scene.end(C, handed), Some(AckType::CarriedOut));
     let monitor = scene.ask(B, RequestedAccess::Request, 0x01);
     assert_eq!(scene.end(B, monitor), Some(AckType::CarriedOut));
-    let stranger = scene.rig.stations.len();
-    let address = ([127, 0, 0, 1], 43_000).into();
-    let id = stanag_msgs::Id(0x1b00_00ee);
-    scene.rig.stations.push(support::Station::new(id, address));
+    let listener = scene.rig.stations.len();
+    for (id, port) in [(0x1b00_00d0, 43_000), (0x1b00_00ee, 44_000)] {
+        let address = ([127, 0, 0, 1], port).into();
+        let station = support::Station::new(stanag_msgs::Id(id), address);
+        scene.rig.stations.push(station);
+    }
+    let stranger = listener + 1;
+    // What is read of the vehicle by itself is over.
+    scene.rig.run(20.0);
     let before = scene.rig.vehicles[0].vehicle().counters();
-    let mut seed = 1_u64;
-    let mut random = |below: u64| {
-        seed = seed
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (seed >> 33) % below
-    };
-    for round in 0..100_000 {
-        let by = [B, C, stranger][random(3) as usize];
-        let message: Message = match random(6) {
-            0 => orders::launch(5.0 + random(50) as f64).into(),
-            1 => VehicleOperatingModeCommand {
-                select_flight_path_control_mode: Some(Mode::from_raw(random(40) as u8)),
-                ..VehicleOperatingModeCommand::default()
-            }
-            .into(),
-            2 => LoiterConfiguration::default().into(),
-            3 => orders::load().into(),
-            4 => UaRoute::default().into(),
-            _ => MissionTransferCommand::default().into(),
+    scene.rig.arrived.clear();
+    let commands: Vec<&MessageInfo> = table::MESSAGES
+        .iter()
+        .filter(|info| info.direction != Direction::ToCucs)
+        .filter(|info| !NO_COMMANDS.contains(&info.id) || RIGHTS.contains(&info.id))
+        .collect();
+    let mut random = Random(1);
+    let mut stamp = TimeStamp::from_unix_ms(scene.rig.now().wall.as_millis() as u64).0;
+    let mut sent: BTreeMap<u16, u64> = BTreeMap::new();
+    while sent.values().sum::<u64>() < 100_000 {
+        let info = commands[random.below(commands.len() as u64) as usize];
+        // Who may have control may ask for it: that is no command without the right.
+        let by = if RIGHTS.contains(&info.id) {
+            [listener, stranger][random.below(2) as usize]
+        } else {
+            [B, C, listener, stranger][random.below(4) as usize]
         };
-        let wall = scene.rig.now().wall;
-        let mut message = message;
-        scene.rig.stations[by].say(wall, support::vehicle_id(0), &mut message);
-        if round % 50 == 0 {
+        stamp += 1;
+        let Some(message) = random.message(info, stamp) else {
+            continue;
+        };
+        scene.rig.stations[by].say_as_is(support::vehicle_id(0), &message);
+        let count = sent.entry(info.id).or_default();
+        *count += 1;
+        if stamp % 50 == 0 {
             scene.rig.run(0.01);
-            scene
-                .rig
-                .stations
-                .iter_mut()
-                .for_each(|station| station.heard.clear());
+            let stations = scene.rig.stations.iter_mut();
+            stations.for_each(|station| station.heard.clear());
         }
     }
-    scene.rig.run(0.5);
+    scene.rig.run(1.0);
+    assert_eq!(sent.len(), commands.len(), "each type is tried: {sent:?}");
+    for command in [2000, 2008, 2010, 2016, 2017, 13000, 13001, 13002, 13003] {
+        assert!(sent[&command] > 1_000, "{command}: {sent:?}");
+    }
     let after = scene.rig.vehicles[0].vehicle().counters();
-    assert_eq!(
-        format!("{before:?}"),
-        format!("{after:?}"),
-        "something reached the vehicle"
-    );
+    assert_eq!(before, after, "something reached the vehicle");
     assert!(!scene.rig.truth().armed);
+    // Of all that arrived at the vehicle there is nothing but our heartbeats.
+    let arrived: Vec<u32> = scene.rig.arrived.keys().copied().collect();
+    assert_eq!(arrived, [0], "{:?}", scene.rig.arrived);
     let bridge = scene.rig.bridge.as_ref().expect("it runs");
     let status = bridge.status(String::new(), Duration::ZERO);
     let refused = serde_json::to_value(&status.refused).expect("counters are a map");
     let count = |name: &str| refused[name].as_u64().unwrap_or(0);
-    // Without stamps of their own none is a duplicate: every single one is accounted for.
-    assert_eq!(
-        count("without the right") + count("unauthorised source"),
-        100_000
+    // A fifth is lost; what arrives is refused for its reason.
+    let reasons = ["without the right", "unauthorised source", "not supported"].map(count);
+    assert!(
+        reasons.iter().sum::<u64>() > 70_000 && reasons[0] > 10_000,
+        "{refused}"
     );
     assert_eq!(scene.controller(), Some(A));
+    assert_eq!(scene.pending(), 0);
 }

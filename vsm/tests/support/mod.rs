@@ -13,6 +13,7 @@ pub mod station;
 pub mod store;
 pub mod wire;
 
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
@@ -78,6 +79,8 @@ pub struct Rig {
     pub dli: wire::Wire,
     pub mav: wire::Wire,
     pub log: Vec<LogEntry>,
+    /// MAVLink messages that arrived at the vehicles, by their ids.
+    pub arrived: BTreeMap<u32, u64>,
     config: Config,
     started: Duration,
 }
@@ -113,6 +116,7 @@ impl Rig {
             dli: wire::Wire::new(setup.seed ^ 0x00d1_1d11, setup.dli),
             mav: wire::Wire::new(setup.seed ^ 0x03a7_73a0, setup.mav),
             log: Vec::new(),
+            arrived: BTreeMap::new(),
             config,
             started: Duration::ZERO,
         };
@@ -308,6 +312,12 @@ impl Rig {
                     &mut |_| {},
                 );
             } else if let Some(index) = to(vehicle_address) {
+                if let Some([a, b, c]) = packet.octets.get(7..10) {
+                    *self
+                        .arrived
+                        .entry(u32::from_le_bytes([*a, *b, *c, 0]))
+                        .or_default() += 1;
+                }
                 self.vehicles[index].handle_datagram(0, packet.from, &packet.octets);
             }
         }

@@ -78,6 +78,11 @@ impl Station {
         self.out.push(encoded(message, &Envelope::new(self.id, to)));
     }
 
+    /// Sends a message once, as it is, its stamp too.
+    pub fn say_as_is(&mut self, to: Id, message: &Message) {
+        self.out.push(encoded(message, &self.envelope(to)));
+    }
+
     /// Sends the very octets of a message once more.
     pub fn repeat(&mut self, ticket: Ticket) {
         self.out.push(self.sent[ticket.0].octets.clone());
