@@ -388,10 +388,7 @@ mod tests {
     #[test]
     fn short_payloads_and_version_zero_are_the_bare_exchange() {
         let key = PublicKey::new([7; 32]);
-        assert_eq!(
-            Message::parse(&[7; 32]).unwrap(),
-            Received::Legacy(key.clone())
-        );
+        assert_eq!(Message::parse(&[7; 32]).unwrap(), Received::Legacy(key));
         let mut payload = message(&[1]).to_payload();
         payload[36] = 0;
         assert_eq!(Message::parse(&payload).unwrap(), Received::Legacy(key));

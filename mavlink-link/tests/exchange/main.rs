@@ -1,0 +1,8 @@
+//! The key exchange: both ends driven against each other under a virtual clock, by an honest network, a bad one, dying
+//! processes and attackers.
+
+mod agreement;
+mod attacks;
+mod disks;
+mod faults;
+mod world;
