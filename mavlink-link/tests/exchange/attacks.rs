@@ -86,7 +86,7 @@ fn a_man_in_the_middle_with_keys_of_his_own_is_neither_end() {
     // Towards the air, as the ground.
     let trust = Trust::Pinned(world.air_identity().public());
     let offer = first_message(&world, attacker(99, parties(), trust), 1);
-    world.to_air(7, GROUND, false, &offer.to_payload());
+    world.air_hears(7, GROUND, false, &offer.to_payload());
     assert_eq!(ignored(&world, "air", Ignored::Forged), 1);
     // Towards the ground, as the air: he pins the ground's public key and answers its step 1.
     let config = ResponderConfig {
@@ -159,7 +159,7 @@ fn a_man_in_the_middle_of_a_pairing_without_the_code_pairs_with_nobody() {
             &mut his_disk,
         );
         while let Some(answer) = as_air.poll_transmit() {
-            world.to_ground(AIR, &answer.message.to_payload());
+            world.ground_hears(AIR, &answer.message.to_payload());
         }
     }
     assert_eq!(his_disk.next, None, "step 3 tells him nothing");
@@ -178,15 +178,15 @@ fn a_guessed_pairing_code_is_counted_and_the_honest_one_still_works() {
         initiator.handle_timeout(world.clock(), &mut Dice::new(guess).fill(), &mut disk);
         let offer = initiator.poll_transmit().unwrap();
         let before = world.tape.len();
-        world.to_air(99, GROUND, false, &offer.to_payload());
+        world.air_hears(99, GROUND, false, &offer.to_payload());
         let now = world.clock();
-        for parcel in world.tape[before..].to_vec() {
+        for parcel in world.tape[before..].iter().cloned() {
             if let Parcel::Down(payload) = parcel {
                 let _ = initiator.handle(now, AIR, &payload, &mut disk);
             }
         }
         while let Some(confirm) = initiator.poll_transmit() {
-            world.to_air(99, GROUND, false, &confirm.to_payload());
+            world.air_hears(99, GROUND, false, &confirm.to_payload());
         }
         world.run_until(world.now + ms(250));
     }
@@ -218,9 +218,9 @@ fn every_octet_of_every_message_bent_changes_nothing_and_the_true_one_still_does
                     Parcel::Up(_) => {
                         // Below the limits of the responder, which are not the point here.
                         world.now += ms(60);
-                        world.to_air(at as u8, GROUND, false, &bent);
+                        world.air_hears(at as u8, GROUND, false, &bent);
                     }
-                    _ => world.to_ground(AIR, &bent),
+                    _ => world.ground_hears(AIR, &bent),
                 }
                 assert_eq!(picture(&world), before, "octet {at} of step {}", step + 1);
                 assert_eq!(agreed(&world), count);
@@ -267,14 +267,14 @@ fn reflected_messages_change_nothing() {
                 // As it is, and readdressed so that it looks like the peer's.
                 let mut message = message(&parcel);
                 message.target = GROUND;
-                world.to_ground(GROUND, payload);
-                world.to_ground(AIR, &message.to_payload());
+                world.ground_hears(GROUND, payload);
+                world.ground_hears(AIR, &message.to_payload());
             }
             Parcel::Down(payload) => {
                 let mut message = message(&parcel);
                 message.target = AIR;
-                world.to_air(7, AIR, false, payload);
-                world.to_air(7, GROUND, false, &message.to_payload());
+                world.air_hears(7, AIR, false, payload);
+                world.air_hears(7, GROUND, false, &message.to_payload());
             }
             Parcel::Telemetry(_) => {}
         }
@@ -312,8 +312,8 @@ fn messages_of_another_session_change_nothing() {
             for message in [message, &renumbered, &dressed] {
                 world.now += ms(60);
                 match parcel {
-                    Parcel::Up(_) => world.to_air(99, GROUND, false, &message.to_payload()),
-                    _ => world.to_ground(AIR, &message.to_payload()),
+                    Parcel::Up(_) => world.air_hears(99, GROUND, false, &message.to_payload()),
+                    _ => world.ground_hears(AIR, &message.to_payload()),
                 }
             }
         }
@@ -354,7 +354,7 @@ fn an_all_zero_point_is_refused_by_either_end() {
         offer.public_key.copy_from_slice(&octets[..32]);
         offer.data = mavlink_link::exchange::Data::new(&octets[32..len]).unwrap();
         let before = world.tape.len();
-        world.to_air(42, GROUND, false, &offer.to_payload());
+        world.air_hears(42, GROUND, false, &offer.to_payload());
         let down = world.tape[before..].iter();
         let down = down.filter(|parcel| matches!(parcel, Parcel::Down(_)));
         assert_eq!(down.count(), answers, "zero: {}", answers == 0);
@@ -371,7 +371,7 @@ fn an_all_zero_point_is_refused_by_either_end() {
     assert_eq!(answer.step, Step::Answer);
     answer.public_key = [0; 32];
     let before = picture(&world);
-    world.to_ground(AIR, &answer.to_payload());
+    world.ground_hears(AIR, &answer.to_payload());
     assert_eq!(picture(&world), before);
     assert_eq!(ignored(&world, "ground", Ignored::Forged), 1);
 }
@@ -488,7 +488,7 @@ fn a_wrong_prologue_in_any_one_field_agrees_about_nothing() {
         initiator.want();
         let mut offer = first_message(&world, initiator, 1);
         offer.target = AIR;
-        world.to_air(7, GROUND, false, &offer.to_payload());
+        world.air_hears(7, GROUND, false, &offer.to_payload());
         assert_eq!(ignored(&world, "air", Ignored::Forged), 1, "field {field}");
         assert_eq!(picture(&world), before);
     }
@@ -497,7 +497,7 @@ fn a_wrong_prologue_in_any_one_field_agrees_about_nothing() {
     let offer = message(&catch(&mut world));
     let before = picture(&world);
     let session = offer.session ^ 1;
-    world.to_air(
+    world.air_hears(
         7,
         GROUND,
         false,
@@ -508,7 +508,7 @@ fn a_wrong_prologue_in_any_one_field_agrees_about_nothing() {
         .to_payload(),
     );
     assert_eq!(ignored(&world, "air", Ignored::Forged), 1);
-    world.to_air(
+    world.air_hears(
         7,
         GROUND,
         false,
@@ -547,7 +547,7 @@ fn an_unknown_suite_or_version_is_refused_and_nothing_is_negotiated() {
     ] {
         let (before, count) = (picture(&world), ignored(&world, "air", reason));
         let sent = world.tape.len();
-        world.to_air(7, GROUND, false, &bent.to_payload());
+        world.air_hears(7, GROUND, false, &bent.to_payload());
         assert_eq!(ignored(&world, "air", reason), count + 1);
         let answer = message(&world.tape[sent]);
         assert_eq!(
@@ -555,7 +555,7 @@ fn an_unknown_suite_or_version_is_refused_and_nothing_is_negotiated() {
             (Step::Reject, Status::Refused)
         );
         // What the ground hears of it, it shows, and goes on as before.
-        world.to_ground(AIR, &answer.to_payload());
+        world.ground_hears(AIR, &answer.to_payload());
         assert_eq!(picture(&world), before);
     }
     world.held = None;
@@ -572,12 +572,12 @@ fn a_downgrade_to_the_legacy_exchange_is_not_followed() {
         world.treatments.insert(at, crate::world::Treatment::Lose);
     }
     for _ in 0..20 {
-        world.to_ground(AIR, &[8; 32]);
-        world.to_air(7, GROUND, false, &[8; 32]);
+        world.ground_hears(AIR, &[8; 32]);
+        world.air_hears(7, GROUND, false, &[8; 32]);
         let mut old = [8; 203];
         old[36] = 0;
-        world.to_ground(AIR, &old);
-        world.to_air(7, GROUND, false, &old);
+        world.ground_hears(AIR, &old);
+        world.air_hears(7, GROUND, false, &old);
         world.run_until(world.now + ms(1_000));
     }
     assert_eq!(ignored(&world, "ground", Ignored::Legacy), 40);
@@ -592,7 +592,7 @@ fn rejections_by_anyone_change_nothing() {
     (reject.step, reject.target) = (Step::Reject, GROUND);
     for status in 0..12 {
         reject.status = Status::from(status);
-        world.to_ground(AIR, &reject.to_payload());
+        world.ground_hears(AIR, &reject.to_payload());
     }
     world.held = None;
     assert!(world.run_until_settled(Duration::from_secs(20)).is_some());
@@ -613,7 +613,7 @@ fn flood(world: &mut World, a_second: u64, address: impl Fn(u64) -> u8, verified
         n += 1;
         for mut message in [pinned.clone(), pairing.clone()] {
             message.session = n as u32 + 1;
-            world.to_air(address(n), GROUND, false, &message.to_payload());
+            world.air_hears(address(n), GROUND, false, &message.to_payload());
         }
         if world.is_settled() && agreed(world) > 0 {
             return true;
@@ -629,9 +629,10 @@ fn run_with_honest_frames_verified(world: &mut World, until: Duration, verified:
     }
     let seen = world.tape.len();
     world.run_until(until);
-    for parcel in world.tape[seen..].to_vec() {
+    let fresh = world.tape[seen..].to_vec();
+    for parcel in fresh {
         if let Parcel::Up(payload) = parcel {
-            world.to_air(7, GROUND, true, &payload);
+            world.air_hears(7, GROUND, true, &payload);
         }
     }
 }
@@ -675,7 +676,7 @@ fn a_stolen_old_counter_is_of_no_use() {
             world.kill_air(ms(10));
             world.run_until(world.now + ms(50));
         }
-        world.to_air(7, GROUND, false, &offer.to_payload());
+        world.air_hears(7, GROUND, false, &offer.to_payload());
         assert_eq!(ignored(&world, "air", Ignored::OldCounter), 1);
         assert_eq!(picture(&world), before, "restart {restart}");
     }

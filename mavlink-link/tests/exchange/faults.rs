@@ -16,9 +16,10 @@ fn heals(world: &mut World, what: impl Fn() -> String) {
     assert!(world.is_settled(), "{} does not stay healed", what());
 }
 
+type Begin = fn(u64) -> World;
+
 /// Two begin differently: an exchange between pinned keys, and a pairing.
-const BEGINNINGS: [(&str, fn(u64) -> World); 2] =
-    [("exchange", World::paired), ("pairing", World::pairing)];
+const BEGINNINGS: [(&str, Begin); 2] = [("exchange", World::paired), ("pairing", World::pairing)];
 
 #[test]
 fn no_treatment_of_any_one_message_leaves_the_ends_apart() {

@@ -405,13 +405,13 @@ impl World {
 
     pub(crate) fn deliver(&mut self, parcel: &Parcel) {
         match parcel {
-            Parcel::Up(payload) => self.to_air(7, GROUND, false, payload),
-            Parcel::Down(payload) => self.to_ground(AIR, payload),
+            Parcel::Up(payload) => self.air_hears(7, GROUND, false, payload),
+            Parcel::Down(payload) => self.ground_hears(AIR, payload),
             Parcel::Telemetry(key) => self.hear(*key),
         }
     }
 
-    pub(crate) fn to_air(&mut self, from: u8, source: Node, verified: bool, payload: &[u8]) {
+    pub(crate) fn air_hears(&mut self, from: u8, source: Node, verified: bool, payload: &[u8]) {
         if let Some(air) = &mut self.air {
             let inbound = Inbound {
                 from,
@@ -424,7 +424,7 @@ impl World {
         self.after_air();
     }
 
-    pub(crate) fn to_ground(&mut self, source: Node, payload: &[u8]) {
+    pub(crate) fn ground_hears(&mut self, source: Node, payload: &[u8]) {
         let now = self.clock();
         if let Some(ground) = &mut self.ground {
             let _ = ground.handle(now, source, payload, &mut self.ground_disk);
