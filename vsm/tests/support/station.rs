@@ -205,11 +205,13 @@ fn encoded(message: &Message, envelope: &Envelope) -> Vec<u8> {
     octets[..length].to_vec()
 }
 
-/// Field 1 of every message but 50001, whose stamp is a float.
+/// Field 1 of every message.
 fn set_stamp(message: &mut Message, stamp: TimeStamp) {
     macro_rules! set {
         ($($kind:ident),*) => {
             match message {
+                // Its stamp is a float.
+                Message::CurveSegmentPaper(m) => m.time_stamp = Some(stamp.0 as f64),
                 $(Message::$kind(m) => m.time_stamp = Some(stamp),)*
                 other => panic!("message {} is not one that a station sends", other.id()),
             }
