@@ -236,6 +236,22 @@ fn a_lost_holder_leaves_control_free() {
 }
 
 #[test]
+fn heartbeats_before_the_grant_make_no_later_silence_count() {
+    let mut scene = Scene::new();
+    scene.rig.stations[A].heartbeats = true;
+    scene.rig.run(3.0);
+    scene.rig.stations[A].heartbeats = false;
+    scene.take(A);
+    scene.rig.run(15.0);
+    assert_eq!(scene.controller(), Some(A), "it never sent one as a holder");
+    scene.rig.stations[A].heartbeats = true;
+    scene.rig.run(2.0);
+    scene.rig.stations[A].heartbeats = false;
+    scene.rig.run(11.5);
+    assert_eq!(scene.controller(), None, "now it has");
+}
+
+#[test]
 fn a_restart_keeps_control_and_the_pending_handover() {
     let mut scene = Scene::controlled();
     let wish = scene.hand_over(B, B, CONTROL);

@@ -276,7 +276,12 @@ impl Bridge {
     ) {
         match message {
             Message::Heartbeat(_) => {
-                self.stations[origin.station].sends_heartbeats = true;
+                // One before any grant is harmless: it does not make later silence count.
+                let id = self.stations[origin.station].id();
+                let holds = |aircraft: &Aircraft| {
+                    aircraft.authority.holders().any(|(holder, _)| holder == id)
+                };
+                self.stations[origin.station].sends_heartbeats |= self.aircraft.iter().any(holds);
                 self.acknowledge(now, &origin, destination, AckType::CarriedOut, store);
             }
             Message::MessageAcknowledgement(_) => {}
