@@ -28,6 +28,7 @@ use super::manual::Sticks;
 use super::mission_transfer::{Download, Load};
 use super::parameters::ParameterDesk;
 use super::plan_record::Aboard;
+use super::plan_return::PlanCheck;
 use super::push::Push;
 use super::recall::Recall;
 use super::steering::Steering;
@@ -64,6 +65,7 @@ pub(crate) struct Aircraft {
     pub(super) custody: Custody,
     /// What the VSM flies since the controlling CUCS is lost.
     pub(super) recall: Option<Recall>,
+    pub(super) plan_check: PlanCheck,
 }
 
 impl Aircraft {
@@ -123,6 +125,7 @@ impl Aircraft {
             said_agl: false,
             custody: Custody::default(),
             recall: None,
+            plan_check: PlanCheck::default(),
         }
     }
 
@@ -174,6 +177,7 @@ impl Aircraft {
         self.watch_controller(desk);
         self.go_on(desk);
         self.watch_modes(desk);
+        self.compare_plan(desk);
         self.send_configuration(desk);
         self.watch_inquiries(desk);
         self.watch_fence(desk);
@@ -230,6 +234,7 @@ impl Aircraft {
         let listeners = desk.listeners(&self.authority, None);
         match event {
             VehicleEvent::Heard => {
+                self.plan_may_differ();
                 let raised = self
                     .alerts
                     .clear(Cause::VehicleSilent, "the vehicle is heard");
@@ -251,6 +256,7 @@ impl Aircraft {
                 self.report_on_change(desk);
             }
             VehicleEvent::Restarted => {
+                self.plan_may_differ();
                 self.read_parameters(desk);
                 self.fence.look_again(desk.now.mono);
                 let text = "the autopilot has restarted".to_owned();

@@ -6,7 +6,9 @@ use std::time::Duration;
 use mapping::altitude::Level;
 use mavlink_link::service::command;
 use mavlink_link::service::mission::{self, Failure, Operation};
-use stanag_msgs::enums::{AckType, MissionPlanMode as Mode, MissionTransferStatus, RouteType};
+use stanag_msgs::enums::{
+    AckType, AlertPriority, MissionPlanMode as Mode, MissionTransferStatus, RouteType,
+};
 use stanag_msgs::messages::{
     CurveSegmentPaper, MissionTransferCommand, MissionUploadDownloadStatus, UaRoute,
     VehicleOperatingModeCommand,
@@ -53,6 +55,20 @@ const DOWNLOAD_BURST: usize = 8;
 const DOWNLOAD_PAUSE: Duration = Duration::from_millis(10);
 
 impl Load {
+    /// Of a plan that was aboard: nobody has asked for it.
+    pub(super) fn again(aboard: &Aboard) -> Load {
+        Load {
+            work: Work::Transfer(Transfer::again(aboard.flight.clone(), aboard.route_type)),
+            origin: None,
+            mission_name: aboard.mission_name.clone(),
+            then: None,
+        }
+    }
+
+    fn is_unasked(&self) -> bool {
+        self.origin.is_none() && self.then.is_none()
+    }
+
     /// Who gave the command that is carried out once this is aboard.
     pub(super) fn waiting_command(&self) -> Option<Option<Origin>> {
         self.then.as_ref().map(|(origin, _)| *origin)
@@ -499,6 +515,9 @@ impl Aircraft {
     }
 
     fn loaded(&mut self, desk: &mut Desk<'_>, load: Load) {
+        if load.is_unasked() {
+            self.advise(desk, "the loaded plan is aboard again".to_owned());
+        }
         if let Some(origin) = load.origin {
             desk.acknowledge(self.id(), &origin, AckType::CarriedOut);
             let status = MissionTransferStatus::Complete;
@@ -552,6 +571,10 @@ impl Aircraft {
             Work::Transfer(_) => Mode::Load,
             Work::Clear => Mode::Clear,
         };
+        if load.is_unasked() {
+            let text = format!("the loaded plan is not aboard any more: {why}");
+            self.tell_once(desk, AlertPriority::Warning, text);
+        }
         if let Some((origin, _)) = load.then {
             self.refuse(desk, origin, why.clone());
         }

@@ -107,6 +107,7 @@ mod operator_control;
 mod outbox;
 mod parameters;
 mod plan_record;
+mod plan_return;
 mod push;
 mod recall;
 mod reporting;

@@ -33,16 +33,14 @@ impl Aircraft {
         let text = format!(
             "MAVLink system {system} commands the vehicle too: command {command}, not through this VSM"
         );
-        self.warn_once(desk, text);
+        self.tell_once(desk, AlertPriority::Warning, text);
     }
 
-    fn warn_once(&mut self, desk: &mut Desk<'_>, text: String) {
-        let raised = self.alerts.notice(
-            desk.now.mono,
-            AlertPriority::Warning,
-            SubsystemId::Comms,
-            text,
-        );
+    /// Something that happened on the vehicle's side, to all who listen.
+    pub(super) fn tell_once(&mut self, desk: &mut Desk<'_>, priority: AlertPriority, text: String) {
+        let raised = self
+            .alerts
+            .notice(desk.now.mono, priority, SubsystemId::Comms, text);
         let listeners = desk.listeners(&self.authority, None);
         desk.alert(self.id(), &listeners, raised);
     }

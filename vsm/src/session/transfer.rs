@@ -34,6 +34,10 @@ pub(crate) struct Transfer {
 
 #[derive(Debug)]
 enum Phase {
+    /// Made before, and aboard once: sent as it was.
+    Again {
+        flight: Flight,
+    },
     /// Waits for home, and for the geoid separation where an altitude needs it.
     Site {
         deadline: Duration,
@@ -97,9 +101,20 @@ impl Transfer {
         }
     }
 
+    /// A route that was aboard already, and is no more.
+    pub(crate) fn again(flight: Flight, route_type: RouteType) -> Transfer {
+        Transfer {
+            phase: Phase::Again { flight },
+            route_type,
+            initial: 0,
+            percent: 0,
+            touched: false,
+        }
+    }
+
     /// Whether nothing has been asked of the vehicle yet.
     pub(crate) fn has_not_begun(&self) -> bool {
-        matches!(self.phase, Phase::Site { .. })
+        matches!(self.phase, Phase::Site { .. } | Phase::Again { .. })
     }
 
     /// Begins what can begin, looks at what is awaited.
@@ -111,6 +126,7 @@ impl Transfer {
         vehicle: &mut VehicleLink,
     ) -> Course {
         match std::mem::replace(&mut self.phase, Phase::Ended) {
+            Phase::Again { flight } => self.send(now, flight, vehicle),
             Phase::Site { deadline } => self.start(now, deadline, plan, bounds, vehicle),
             Phase::Hold {
                 mut maneuver,
@@ -358,6 +374,7 @@ impl Transfer {
         match &self.phase {
             Phase::Site { deadline } | Phase::Checking { deadline, .. } => Some(*deadline),
             Phase::Hold { maneuver, .. } => maneuver.poll_timeout(),
+            Phase::Again { .. } => Some(Duration::ZERO),
             Phase::Sending { .. } | Phase::Reading { .. } | Phase::Ended => None,
         }
     }

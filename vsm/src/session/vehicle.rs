@@ -299,6 +299,8 @@ impl VehicleLink {
             self.heartbeat_at = Some(now.mono);
             if self.silent {
                 self.silent = false;
+                // It may have been given another plan meanwhile.
+                self.telemetry.mission = None;
                 self.intervals.ask_again();
                 self.events.push_back(VehicleEvent::Heard);
             }
@@ -335,6 +337,7 @@ impl VehicleLink {
             .boot_ms
             .is_some_and(|before| boot_ms.saturating_add(BOOT_SLACK_MS) < before)
         {
+            self.telemetry.mission = None;
             self.intervals.ask_again();
             self.events.push_back(VehicleEvent::Restarted);
         }
