@@ -6,11 +6,12 @@ mod cucs_support;
 use cucs_support::*;
 use sim::cucs::{Event, Session, SessionConfig};
 use stanag_msgs::enums::{
-    AckType, AltitudeType, FlightPathControlMode as Mode, LoiBitmap, UaState,
+    AckType, AltitudeType, FlightPathControlMode as Mode, HandoverStatus, LoiBitmap, UaState,
 };
 use stanag_msgs::messages::{
-    FromToNextWaypointStates, InertialStates, MessageAcknowledgement, VehicleOperatingModeReport,
-    VehicleOperatingStates, VsmAuthorisationResponse,
+    FromToNextWaypointStates, HandoverStatusReport, InertialStates, MessageAcknowledgement,
+    PositiveHandoverAuthorisationGranted, PositiveHandoverAuthorisationRequest,
+    VehicleOperatingModeReport, VehicleOperatingStates, VsmAuthorisationResponse,
 };
 use stanag_msgs::{Bam32, Envelope, Id, Message, Scaled, TimeStamp};
 
@@ -232,4 +233,114 @@ fn any_octets_are_survived() {
         session.traffic().dropped
     );
     assert!(session.vehicles().count() <= 256);
+}
+
+#[test]
+fn wishes_and_offers_are_told_once_and_forgotten_when_they_are_decided() {
+    let control = LoiBitmap::from_raw(0x0c);
+    let other = Id(0x1b00_00b0);
+    let mut session = Session::new(SessionConfig::new(CUCS));
+    let mut stamp = 0;
+    let mut told = |session: &mut Session, to: Id, message: Message| {
+        stamp += 100;
+        let message = stamped(message, TimeStamp(800_000_000_000 + stamp));
+        session.handle_datagram(now(stamp), &datagram(VEHICLE, to, message));
+        std::iter::from_fn(|| session.poll_event())
+            .filter(|event| matches!(event, Event::Asked { .. } | Event::Offered { .. }))
+            .collect::<Vec<Event>>()
+    };
+    let holds = |levels: u8| {
+        Message::from(VsmAuthorisationResponse {
+            loi_granted: Some(LoiBitmap::from_raw(levels)),
+            ..VsmAuthorisationResponse::default()
+        })
+    };
+    let wish = || {
+        Message::from(PositiveHandoverAuthorisationRequest {
+            requested_handover_loi: Some(control),
+            requesting_cucs_id: Some(other),
+            ..PositiveHandoverAuthorisationRequest::default()
+        })
+    };
+    let offer = |levels: LoiBitmap| {
+        Message::from(PositiveHandoverAuthorisationGranted {
+            loi_authorized: Some(levels),
+            ..PositiveHandoverAuthorisationGranted::default()
+        })
+    };
+    let known = |session: &Session| {
+        let vehicle = session.vehicle(VEHICLE).unwrap();
+        (vehicle.wish(), vehicle.offer())
+    };
+
+    assert!(told(&mut session, CUCS, holds(0x0d)).is_empty());
+    assert!(
+        told(&mut session, other, wish()).is_empty(),
+        "it is for another"
+    );
+    let asked = told(&mut session, CUCS, wish());
+    assert_eq!(
+        asked,
+        [Event::Asked {
+            vehicle: VEHICLE,
+            by: other,
+            loi: control
+        }]
+    );
+    assert!(
+        told(&mut session, CUCS, wish()).is_empty(),
+        "once is enough"
+    );
+    assert_eq!(known(&session), (Some((other, control)), None));
+    let over = HandoverStatusReport {
+        cucs_id_acquiring_control: Some(other),
+        status: Some(HandoverStatus::Failed),
+        ..HandoverStatusReport::default()
+    };
+    told(&mut session, CUCS, over.into());
+    assert_eq!(known(&session), (None, None));
+    assert_eq!(told(&mut session, CUCS, wish()).len(), 1, "it asks anew");
+    told(&mut session, CUCS, holds(0x01));
+    assert_eq!(
+        known(&session),
+        (None, None),
+        "what is not held is not asked for"
+    );
+
+    let offered = told(&mut session, CUCS, offer(control));
+    assert_eq!(
+        offered,
+        [Event::Offered {
+            vehicle: VEHICLE,
+            loi: control
+        }]
+    );
+    told(&mut session, CUCS, holds(0x0d));
+    assert_eq!(known(&session), (None, None), "what is held is no offer");
+    assert!(told(&mut session, CUCS, offer(control)).is_empty());
+    told(&mut session, CUCS, holds(0x01));
+    assert_eq!(told(&mut session, CUCS, offer(control)).len(), 1);
+    told(&mut session, CUCS, offer(LoiBitmap::NONE));
+    assert_eq!(known(&session), (None, None), "it was withdrawn");
+}
+
+/// The message with this stamp: field 1 of each of these.
+fn stamped(message: Message, stamp: TimeStamp) -> Message {
+    macro_rules! stamp {
+        ($($kind:ident),*) => {
+            match message {
+                $(Message::$kind(mut m) => {
+                    m.time_stamp = Some(stamp);
+                    Message::$kind(m)
+                })*
+                other => panic!("message {} is not stamped here", other.id()),
+            }
+        };
+    }
+    stamp!(
+        VsmAuthorisationResponse,
+        PositiveHandoverAuthorisationRequest,
+        PositiveHandoverAuthorisationGranted,
+        HandoverStatusReport
+    )
 }

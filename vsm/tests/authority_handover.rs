@@ -8,6 +8,7 @@ use scene::{A, B, C, CONTROL, Scene, TABLES};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, HandoverStatus, RequestedAccess};
 use support::{Setup, orders};
+use vsm::session::Stations;
 
 const DONE: Option<AckType> = Some(AckType::CarriedOut);
 const NO: Option<AckType> = Some(AckType::Refused);
@@ -294,22 +295,11 @@ fn what_cannot_be_stored_is_not_granted() {
 }
 
 #[test]
-fn a_transition_is_carried_out_where_provisional_layouts_are() {
+fn a_transition_is_refused_where_provisional_layouts_only_report() {
     let mut scene = Scene::controlled();
     let refused = scene.transition(A, B);
     assert_eq!(scene.end(A, refused), NO);
-    assert_eq!(scene.pending(), 0);
-    let mut scene = Scene::with(Setup {
-        tables: TABLES,
-        dli_keys: "provisional = \"all\"",
-        ..Setup::default()
-    });
-    scene.take(A);
-    let wish = scene.transition(B, B);
-    scene.rig.run(0.3);
-    let transition = scene.transition(A, B);
-    assert_eq!((scene.end(A, transition), scene.end(B, wish)), (DONE, DONE));
-    assert_eq!(scene.controller(), Some(B));
+    assert_eq!((scene.controller(), scene.pending()), (Some(A), 0));
 }
 
 #[test]
@@ -361,4 +351,125 @@ fn every_change_of_control_is_a_line_of_the_audit_log() {
             .text
             .contains("audit log audit-1b000101.log is broken: line 3")
     }));
+}
+
+#[test]
+fn the_acquirer_withdraws() {
+    let mut scene = Scene::controlled();
+    let wish = scene.hand_over(B, B, CONTROL);
+    scene.rig.run(0.3);
+    let no_more = scene.hand_over(B, B, 0);
+    assert_eq!((scene.end(B, no_more), scene.end(B, wish)), (DONE, NO));
+    let late = scene.hand_over(A, B, 0);
+    assert_eq!(
+        scene.end(A, late),
+        NO,
+        "there is nothing to refuse any more"
+    );
+    assert_eq!((scene.controller(), scene.pending()), (Some(A), 0));
+    scene.drawn("the_acquirer_withdraws");
+}
+
+#[test]
+fn a_named_successor_lets_it_lapse() {
+    let mut scene = Scene::controlled();
+    let offer = scene.hand_over(A, C, CONTROL);
+    scene.rig.run(19.0);
+    assert_eq!((scene.controller(), scene.pending()), (Some(A), 1));
+    scene.note_event("20 s without an answer");
+    assert_eq!(scene.end(A, offer), NO);
+    assert_eq!((scene.controller(), scene.pending()), (Some(A), 0));
+    scene.drawn("a_named_successor_lets_it_lapse");
+}
+
+#[test]
+fn a_release_while_another_asks_hands_over_at_once() {
+    let mut scene = Scene::controlled();
+    let wish = scene.hand_over(B, B, CONTROL);
+    scene.rig.run(0.3);
+    let release = scene.ask(A, RequestedAccess::Relinquish, 0);
+    assert_eq!((scene.end(A, release), scene.end(B, wish)), (DONE, DONE));
+    assert_eq!(scene.controller(), Some(B));
+    scene.drawn("a_release_while_another_asks_hands_over_at_once");
+}
+
+#[test]
+fn what_is_lost_on_the_way_is_told_again() {
+    let mut scene = Scene::controlled();
+    scene.rig.dli.faults.loss = 1.0;
+    let wish = scene.hand_over(B, B, CONTROL);
+    scene.rig.run(0.2);
+    scene.rig.dli.faults.loss = 0.0;
+    scene.note_event("the first datagram of B is lost");
+    scene.rig.run(0.6);
+    let consent = scene.hand_over(A, B, CONTROL);
+    assert_eq!((scene.end(A, consent), scene.end(B, wish)), (DONE, DONE));
+    scene.note_event("B repeats, as if it had not heard the end");
+    scene.rig.stations[B].repeat(wish);
+    scene.rig.run(0.2);
+    assert_eq!(scene.controller(), Some(B));
+    scene.drawn("what_is_lost_on_the_way_is_told_again");
+}
+
+#[test]
+fn a_part_is_granted_and_the_rest_is_named() {
+    let mut scene = Scene::controlled();
+    let request = scene.ask_stations(C, RequestedAccess::Request, 0x0f, Stations::one(2));
+    assert_eq!(scene.end(C, request), NO);
+    let granted = scene.rig.stations[C].last(support::vehicle_id(0), 2, |message| match message {
+        Message::VsmAuthorisationResponse(response) => response.loi_granted,
+        _ => None,
+    });
+    assert_eq!(granted.map(|levels| levels.raw()), Some(0x03));
+    assert!(scene.rig.stations[C].was_told("LOI 4, 5 refused"));
+    assert_eq!(scene.controller(), Some(A));
+    scene.drawn("a_part_is_granted_and_the_rest_is_named");
+}
+
+#[test]
+fn the_controller_is_given_the_station_that_it_names() {
+    let mut scene = Scene::controlled();
+    let request = scene.ask_stations(C, RequestedAccess::Request, 0x02, Stations::one(1));
+    assert_eq!(scene.end(C, request), DONE);
+    let request = scene.ask_stations(A, RequestedAccess::Request, 0x02, Stations::one(1));
+    assert_eq!(scene.end(A, request), DONE);
+    scene.drawn("the_controller_is_given_the_station_that_it_names");
+}
+
+#[test]
+fn a_transition_hands_over() {
+    let mut scene = Scene::with(Setup {
+        tables: TABLES,
+        dli_keys: "provisional = \"all\"",
+        ..Setup::default()
+    });
+    scene.take(A);
+    let wish = scene.transition(B, B);
+    scene.rig.run(0.3);
+    let transition = scene.transition(A, B);
+    assert_eq!((scene.end(A, transition), scene.end(B, wish)), (DONE, DONE));
+    assert_eq!(scene.controller(), Some(B));
+    scene.drawn("a_transition_hands_over");
+}
+
+/// The page draws what is tested here, and tells of no case that is not.
+#[test]
+fn every_case_of_the_page_is_a_test_that_draws_it() {
+    let page = include_str!("../../docs/authority.md");
+    let tests = include_str!("authority_handover.rs");
+    let cases: Vec<&str> = page
+        .lines()
+        .filter_map(|line| line.strip_prefix("### `")?.strip_suffix('`'))
+        .collect();
+    assert!(cases.len() > 20, "{cases:?}");
+    for case in &cases {
+        assert!(
+            tests.contains(&format!("scene.drawn(\"{case}\")")),
+            "{case} is not drawn"
+        );
+        let row = format!("](#{case})");
+        assert!(page.contains(&row), "{case} is not in the table");
+    }
+    let drawn = tests.matches("\n    scene.drawn(\"").count();
+    assert_eq!(drawn, cases.len());
 }
