@@ -3,6 +3,7 @@
 
 mod agreement;
 mod attacks;
+mod cost;
 mod disks;
 mod faults;
 mod world;
