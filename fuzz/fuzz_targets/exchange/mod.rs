@@ -169,11 +169,7 @@ pub fn run(to_initiator: bool, input: &[u8]) {
             }
             // The last one of the other end, bent in one octet.
             8 | 9 => {
-                let source = if target == Target::Responder {
-                    &up
-                } else {
-                    &down
-                };
+                let source = if to_initiator { &down } else { &up };
                 if let Some(message) = source.last() {
                     let mut payload = message.to_payload();
                     payload[usize::from(value) % MAX_MESSAGE] ^= act;
