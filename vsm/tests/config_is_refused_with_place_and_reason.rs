@@ -234,3 +234,68 @@ fn the_reference_names_every_key() {
         );
     }
 }
+
+const AGENT: &str = r#"
+[agent]
+vehicle_id = "1b:00:01:01"
+vsm_id = "1b:00:00:01"
+key_file = "uav1.key"
+[radio]
+link = "udpin:127.0.0.1:14560"
+talkers = [{ system_id = 245, component_id = 190 }]
+[px4]
+link = "udpin:127.0.0.1:14550"
+system_id = 1
+[store]
+dir = "state"
+"#;
+
+#[test]
+fn the_agents_file_is_refused_with_the_key_and_what_was_expected() {
+    let good = AirsideConfig::parse(AGENT, Path::new("/etc/vsm")).expect("good");
+    assert_eq!(good.store.dir, Path::new("/etc/vsm/state"));
+    assert!(good.px4.get_ref().restamp && !good.px4.get_ref().i_trust_this_link);
+    assert!(AirsideConfig::is_meant_by(AGENT) && !AirsideConfig::is_meant_by(GOOD));
+    let nine = "[{ system_id = 9, component_id = 1 }, ".to_owned()
+        + &"{ system_id = 9, component_id = 1 }, ".repeat(8)
+        + "]";
+    let bad = [
+        ("dir = \"state\"", "dir = \"state\"\nkeep = 1", "keep"),
+        ("system_id = 1\n", "system_id = 0\n", "px4.system_id"),
+        ("system_id = 1\n", "system_id = 246\n", "agent.system_id"),
+        (
+            "key_file = \"uav1.key\"",
+            "key_file = \"k\"\ncomponent_id = 1",
+            "agent.component_id",
+        ),
+        ("udpin:127.0.0.1:14550", "udpin:127.0.0.1:14560", "px4.link"),
+        (
+            "vsm_id = \"1b:00:00:01\"",
+            "vsm_id = \"1b:00:01:01\"",
+            "agent.vsm_id",
+        ),
+        ("{ system_id = 245,", "{ system_id = 1,", "radio.talkers"),
+        (
+            "[{ system_id = 245, component_id = 190 }]",
+            "[]",
+            "radio.talkers",
+        ),
+        (
+            "[{ system_id = 245, component_id = 190 }]",
+            &nine,
+            "radio.talkers",
+        ),
+        ("[px4]\nlink", "[px4]\nlinc", "linc"),
+    ];
+    for (from, to, key) in bad {
+        let text = AGENT.replace(from, to);
+        assert_ne!(text, AGENT, "{from}");
+        let fault = AirsideConfig::parse(&text, Path::new(""))
+            .expect_err(to)
+            .to_string();
+        assert!(
+            fault.contains(key) && fault.contains("line"),
+            "{to}: {fault}"
+        );
+    }
+}

@@ -188,6 +188,13 @@ impl Simulator {
         self.lock().truth
     }
 
+    /// When the vehicle was armed first, of the samples that have not been taken yet, in time since boot.
+    pub fn armed_at(&self) -> Option<Duration> {
+        let shared = self.lock();
+        let armed = shared.track.iter().find(|truth| truth.armed)?;
+        Some(armed.time)
+    }
+
     /// The flown track since the last call: a sample each tenth of a simulated second.
     pub fn take_track(&self) -> Vec<Truth> {
         std::mem::take(&mut self.lock().track)

@@ -268,7 +268,7 @@ impl Agent {
         random: &mut dyn Random,
         keys: &mut dyn Keys,
     ) {
-        let closed = self.phase.is_closed(now.mono);
+        let closed = self.phase.is_closed(now.mono, self.px4.accepted_at());
         let to = self.px4.peer();
         let Agent {
             radio,
@@ -283,7 +283,7 @@ impl Agent {
             let why = match to {
                 _ if !delivery.verified => "unsigned",
                 _ if delivery.header.message_id == SETUP_SIGNING => "SETUP_SIGNING from the ground",
-                _ if closed => "a command while PX4 is unsigned",
+                _ if closed => "PX4 is not heard, signed",
                 None => "PX4 has not been heard",
                 Some(to) => match enqueue(queue, Side::Px4, to, &delivery.frame) {
                     true => {

@@ -72,11 +72,12 @@ impl Phase {
         key.map_or(Auth::Off, |key| Auth::Signed { key, store: keys })
     }
 
-    /// Whether a command must not reach PX4: it would carry out anybody's.
-    pub(super) fn is_closed(&self, mono: Duration) -> bool {
+    /// Whether a command must not reach PX4: one that has lost its key would carry out anybody's. `accepted` is when a
+    /// frame of PX4 has verified last.
+    pub(super) fn is_closed(&self, mono: Duration, accepted: Option<Duration>) -> bool {
         match self {
             Phase::Keyless | Phase::CannotSign { .. } => true,
-            Phase::Relaying(_) => false,
+            Phase::Relaying(_) => accepted.is_none_or(|at| mono.saturating_sub(at) > SIGNED_LATELY),
             Phase::HandingOver(on) => {
                 on.cause == Cause::LostKey || on.handover.vehicle_is_open(mono)
             }
@@ -118,3 +119,6 @@ impl Phase {
         }
     }
 }
+
+/// How long PX4 counts as signed after a frame that verified; it says something each second, and takes longer to start.
+const SIGNED_LATELY: Duration = Duration::from_millis(1_800);

@@ -34,6 +34,9 @@ enum Command {
         /// How much faster than time the simulator runs
         #[arg(long, default_value_t = 10.0)]
         speed: f64,
+        /// Show an attack instead: false commands pull a hovering vehicle down, with and without protection
+        #[arg(long)]
+        attack: bool,
     },
     /// Serves the vehicles of a configuration until SIGTERM or SIGINT
     Run {
@@ -94,7 +97,12 @@ pub(crate) enum Failure {
 pub(crate) fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let done = match arguments.command {
-        Command::Demo { out, speed } => demo::run(&out, speed),
+        Command::Demo {
+            out,
+            speed,
+            attack: true,
+        } => demo::attack::run(&out, speed),
+        Command::Demo { out, speed, .. } => demo::run(&out, speed),
         Command::Run { config } => run::run(&config),
         Command::Airside(arguments) => airside::run(arguments),
         Command::CheckConfig { file } => check_config::check(&file),

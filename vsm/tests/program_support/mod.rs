@@ -1,5 +1,7 @@
 //! The program itself, run by a test: it ends with the test, by its process id.
 
+#![allow(dead_code, reason = "each test file uses its part")]
+
 use std::path::Path;
 use std::process::{Child, Command};
 

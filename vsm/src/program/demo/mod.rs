@@ -3,6 +3,9 @@
 //! Each has a thread of its own and only sockets between them. The simulator runs faster than time; signing clocks,
 //! time-outs and the CUCS stay in real time.
 
+mod altitudes;
+pub(crate) mod attack;
+mod attacker;
 mod picture;
 mod table;
 mod track;
@@ -21,7 +24,7 @@ use stanag_msgs::enums::{
 
 use self::picture::Picture;
 use self::track::{Point, Track};
-use self::world::World;
+use self::world::{Protection, World};
 use super::Failure;
 
 /// Flies the demo and leaves picture and recording in `out`.
@@ -38,7 +41,7 @@ fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
     story.tell(format!(
         "a simulated PX4, {speed} times faster than time; signing clocks stay real"
     ));
-    let world = World::start(out, speed)?;
+    let world = World::start(out, speed, Protection::On)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;

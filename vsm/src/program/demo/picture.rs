@@ -204,7 +204,12 @@ fn scale_bar(svg: &mut String, pixels_a_metre: f64) {
     );
 }
 
-fn polyline(svg: &mut String, points: impl Iterator<Item = (f64, f64)>, colour: &str, style: &str) {
+pub(super) fn polyline(
+    svg: &mut String,
+    points: impl Iterator<Item = (f64, f64)>,
+    colour: &str,
+    style: &str,
+) {
     svg.push_str("<polyline fill=\"none\" stroke-linejoin=\"round\" stroke=\"");
     let _ = write!(svg, "{colour}\" {style} points=\"");
     for (x, y) in points {
@@ -214,7 +219,7 @@ fn polyline(svg: &mut String, points: impl Iterator<Item = (f64, f64)>, colour: 
 }
 
 /// Round steps from 0 to a value, at most eight.
-fn ticks(to: f64) -> impl Iterator<Item = f64> {
+pub(super) fn ticks(to: f64) -> impl Iterator<Item = f64> {
     let rough = to / 8.0;
     let power = 10_f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0]
@@ -227,17 +232,17 @@ fn ticks(to: f64) -> impl Iterator<Item = f64> {
         .take_while(move |value| *value <= to)
 }
 
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
-const WIDTH: f64 = 920.0;
+pub(super) const WIDTH: f64 = 920.0;
 const HEIGHT: f64 = 840.0;
-const MARGIN: f64 = 46.0;
+pub(super) const MARGIN: f64 = 46.0;
 const MAP_TOP: f64 = 62.0;
-const MAP_WIDTH: f64 = 828.0;
+pub(super) const MAP_WIDTH: f64 = 828.0;
 const MAP_HEIGHT: f64 = 480.0;
 const PROFILE_TOP: f64 = 576.0;
 const PROFILE_HEIGHT: f64 = 200.0;
-const PLANNED: &str = "#1f5fa8";
-const FLOWN: &str = "#c8401a";
+pub(super) const PLANNED: &str = "#1f5fa8";
+pub(super) const FLOWN: &str = "#c8401a";

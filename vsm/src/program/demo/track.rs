@@ -22,16 +22,22 @@ pub(crate) struct Track {
 impl Track {
     /// From samples of the simulated vehicle's truth, from arming to disarming.
     pub(crate) fn flown(samples: &[Truth]) -> Track {
-        let points = samples
-            .iter()
-            .filter(|truth| truth.armed)
-            .map(|truth| Point {
-                time_s: truth.time.as_secs_f64(),
-                north_m: truth.position.n,
-                east_m: truth.position.e,
-                up_m: -truth.position.d,
-                in_mission: truth.mode == Mode::Mission,
-            });
+        Track::of(samples.iter().filter(|truth| truth.armed))
+    }
+
+    /// From arming to the last sample, armed or not.
+    pub(crate) fn since_arming(samples: &[Truth]) -> Track {
+        Track::of(samples.iter().skip_while(|truth| !truth.armed))
+    }
+
+    fn of<'a>(samples: impl Iterator<Item = &'a Truth>) -> Track {
+        let points = samples.map(|truth| Point {
+            time_s: truth.time.as_secs_f64(),
+            north_m: truth.position.n,
+            east_m: truth.position.e,
+            up_m: -truth.position.d,
+            in_mission: truth.mode == Mode::Mission,
+        });
         Track {
             points: points.collect(),
         }

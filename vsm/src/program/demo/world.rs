@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 use sim::px4::{Counters, LinkAddress, Simulator, SimulatorConfig, Truth};
@@ -14,6 +15,15 @@ use vsm::config::Config;
 use vsm::session::Status;
 use vsm::shell::key_file;
 use vsm::shell::server::Server;
+
+/// What stands between an attacker and the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Protection {
+    /// As a user would have it: signed, and a CUCS is taken from its address alone.
+    On,
+    /// Neither. In the demo's own world on loopback, and nowhere else.
+    Off,
+}
 
 /// What runs.
 pub(crate) struct World {
@@ -38,12 +48,19 @@ pub(crate) struct Remains {
 }
 
 impl World {
-    pub(crate) fn start(out: &Path, speed: f64) -> anyhow::Result<World> {
+    pub(crate) fn start(out: &Path, speed: f64, protection: Protection) -> anyhow::Result<World> {
         let private = TempDir::new().context("a folder for the demo's key and state")?;
         let key = private.path().join("demo.key");
         key_file::generate(&key)?;
         let out = std::path::absolute(out)?;
-        let text = CONFIG.replace("OUT", &toml_text(&out)?);
+        let (signing, address) = match protection {
+            Protection::On => (r#"{ key_file = "demo.key" }"#, r#"address = "127.0.0.1""#),
+            Protection::Off => (r#""off""#, ""),
+        };
+        let text = CONFIG
+            .replace("OUT", &toml_text(&out)?)
+            .replace("SIGNING", signing)
+            .replace("ADDRESS", address);
         let config = Config::parse(&text, private.path())?;
         let (tell, told) = mpsc::channel();
         let (stop, stopped) = oneshot::channel();
@@ -56,7 +73,10 @@ impl World {
             .enable_all()
             .build()?;
         let mut simulation = SimulatorConfig::on(LinkAddress::UdpOut(addresses.vehicle));
-        simulation.key = Some(key_file::read(&key)?);
+        simulation.key = match protection {
+            Protection::On => Some(key_file::read(&key)?),
+            Protection::Off => None,
+        };
         simulation.speed = speed;
         let simulator = background.block_on(Simulator::spawn(simulation))?;
         Ok(World {
@@ -68,6 +88,21 @@ impl World {
             recording: addresses.recording,
             _private: private,
         })
+    }
+
+    /// What is really so with the vehicle now.
+    pub(crate) fn truth(&self) -> Truth {
+        self.simulator.truth()
+    }
+
+    /// When it was armed, in the vehicle's time.
+    pub(crate) fn armed_at(&self) -> Option<Duration> {
+        self.simulator.armed_at()
+    }
+
+    /// Where the vehicle's own MAVLink socket is, for whoever is on the link.
+    pub(crate) fn px4(&self) -> anyhow::Result<SocketAddr> {
+        self.simulator.address(0).context("the vehicle has no link")
     }
 
     /// Stops both and gives what is left.
@@ -161,12 +196,13 @@ listen = "127.0.0.1:0"
 [[cucs]]
 id = "1b:00:00:a0"
 loi = [2, 3, 4, 5]
+ADDRESS
 [[vehicle]]
 id = "1b:00:01:01"
 link = "udpin:127.0.0.1:0"
 system_id = 1
 tail_number = "DEMO-01"
-signing = { key_file = "demo.key" }
+signing = SIGNING
 [store]
 dir = "state"
 [record]
