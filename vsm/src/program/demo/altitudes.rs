@@ -17,7 +17,7 @@ pub(super) struct Altitudes<'a> {
 pub(super) struct Panel<'a> {
     pub(super) title: &'a str,
     /// What was refused and what was taken.
-    pub(super) note: &'a str,
+    pub(super) note: &'a [String; 2],
     pub(super) track: &'a Track,
 }
 
@@ -63,17 +63,21 @@ impl Panel<'_> {
         let begun = self.track.points.first().map_or(0.0, |first| first.time_s);
         let x = |time_s: f64| MARGIN + time_s / seconds * MAP_WIDTH;
         let y = |up_m: f64| top + PANEL_HEIGHT * (1.0 - up_m.max(0.0) / highest);
+        let [first, second] = self.note;
         let (right, bottom) = (MARGIN + MAP_WIDTH, top + PANEL_HEIGHT);
         let _ = writeln!(
             svg,
             "<text x=\"{MARGIN}\" y=\"{:.1}\" font-weight=\"bold\">{}</text>\
-             <text x=\"{MARGIN}\" y=\"{:.1}\" font-size=\"12\" fill=\"#555\">{}</text>\
+             <text x=\"{MARGIN}\" y=\"{:.1}\" fill=\"#555\">{}</text>\
+             <text x=\"{MARGIN}\" y=\"{:.1}\" fill=\"#555\">{}</text>\
              <rect x=\"{MARGIN}\" y=\"{top}\" width=\"{MAP_WIDTH}\" height=\"{PANEL_HEIGHT}\" fill=\"#f6f8f6\" \
              stroke=\"#ccc\"/>",
-            top - 26.0,
+            top - 44.0,
             escaped(self.title),
-            top - 8.0,
-            escaped(self.note)
+            top - 26.0,
+            escaped(first),
+            top - 9.0,
+            escaped(second)
         );
         for step in ticks(highest) {
             let y = y(step);
@@ -112,7 +116,7 @@ impl Panel<'_> {
     }
 }
 
-const HEIGHT: f64 = 660.0;
-const FIRST_TOP: f64 = 110.0;
+const HEIGHT: f64 = 690.0;
+const FIRST_TOP: f64 = 124.0;
 const PANEL_HEIGHT: f64 = 210.0;
-const PANEL_PITCH: f64 = 290.0;
+const PANEL_PITCH: f64 = 306.0;

@@ -28,8 +28,8 @@ pub(crate) fn run(out: &Path, speed: f64) -> Result<(), Failure> {
 struct Flown {
     track: Track,
     shots: Shots,
-    /// Refused or taken, by whom and how many.
-    counts: String,
+    /// Refused or taken, by whom and how many: a line each.
+    counts: [String; 2],
     /// The lowest altitude above home after the attack began, m.
     lowest_m: f64,
 }
@@ -70,7 +70,10 @@ fn show(out: &Path, speed: f64) -> anyhow::Result<()> {
     for (name, flown) in [("with protection", &on), ("without protection", &off)] {
         text += &format!(
             "{name}: {} MAVLink frames and {} mode commands (2016) injected\n  {}\n  lowest after that {:.1} m\n",
-            flown.shots.frames, flown.shots.commands, flown.counts, flown.lowest_m
+            flown.shots.frames,
+            flown.shots.commands,
+            flown.counts.join("\n  "),
+            flown.lowest_m
         );
     }
     text += "A CUCS's address is no proof on a network whose senders can be forged.\n";
@@ -190,17 +193,18 @@ async fn take_off(station: &mut Station, story: &mut Story) -> anyhow::Result<Id
 }
 
 /// What the vehicle and the VSM made of it.
-fn counts(remains: &Remains) -> String {
+fn counts(remains: &Remains) -> [String; 2] {
     let link = remains.counters.links.first().copied().unwrap_or_default();
+    let refused = link.dropped_unsigned + link.dropped_bad_signature;
+    let taken = link.from_strangers.saturating_sub(refused);
     let address = remains.status.refused.get("unauthorised address");
-    format!(
-        "refused by the PX4: {} unsigned, {} with a wrong signature; by the VSM: {address} DLI datagrams of another address; \
-         taken by the PX4 from strangers: {}",
-        link.dropped_unsigned,
-        link.dropped_bad_signature,
-        link.from_strangers
-            .saturating_sub(link.dropped_unsigned + link.dropped_bad_signature)
-    )
+    [
+        format!(
+            "PX4 refused {} unsigned frames and {} with a wrong signature, and took {taken} of the attacker's",
+            link.dropped_unsigned, link.dropped_bad_signature
+        ),
+        format!("the VSM refused {address} DLI datagrams from another address"),
+    ]
 }
 
 const HOVER_M: f64 = 10.0;
