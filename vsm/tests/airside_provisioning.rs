@@ -156,6 +156,11 @@ fn a_px4_that_falls_back_to_the_key_before_is_not_delivered_and_gets_the_new_one
     world.ground = before;
     world.run(10.0);
     assert!(has(&world, 6), "{:?}", world.log);
+    // The key before is kept until a start that PX4 comes out of with the one in force.
+    assert!(world.disk.previous.is_some());
+    world.px4.restart();
+    world.run(10.0);
+    assert!(has(&world, 6) && world.disk.previous.is_none());
 }
 
 #[test]

@@ -39,6 +39,7 @@ impl Agent {
         self.phase = Phase::HandingOver(Box::new(HandingOver {
             handover,
             cause,
+            previous: None,
             commit_at: None,
         }));
         Ok(())
@@ -66,6 +67,11 @@ impl Agent {
         let begun = old
             .map_err(StartError::from)
             .and_then(|old| self.hand_over(old, key.key().duplicate(), Cause::LostKey, now, keys));
+        // Its time since boot starts again, and that alone does not show that it kept the key.
+        self.watch.forget_boot();
+        if let (Ok(()), Phase::HandingOver(on)) = (&begun, &mut self.phase) {
+            on.previous = previous.as_ref().map(SigningKey::duplicate);
+        }
         if let Err(fault) = begun {
             // The clock cannot be read: nothing passes under a key that PX4 does not have, and it is tried again.
             self.note(
@@ -176,8 +182,13 @@ impl Agent {
             return;
         };
         let HandingOver {
-            handover, cause, ..
+            handover,
+            cause,
+            previous,
+            ..
         } = *on;
+        // A start before this says nothing of the key that is in force now.
+        self.watch.take_restart();
         let id = handover.new_id();
         let (text, level) = match (outcome, cause) {
             (Outcome::Committed, _) => (format!("PX4 signs with key {id}"), LogLevel::Info),
@@ -213,7 +224,7 @@ impl Agent {
         }
         let previous = match (outcome, cause) {
             (Outcome::Committed, Cause::NewKey) => handover.old_key(),
-            _ => None,
+            _ => previous,
         };
         self.phase = match outcome {
             Outcome::NeverSigns => Phase::CannotSign {

@@ -34,6 +34,8 @@ pub(super) struct Relaying {
 pub(super) struct HandingOver {
     pub(super) handover: Handover<Peer>,
     pub(super) cause: Cause,
+    /// The key before the one in force, where that is handed over again.
+    pub(super) previous: Option<SigningKey>,
     /// PX4 has the key, and the files do not say so yet: tried again then.
     pub(super) commit_at: Option<Duration>,
 }

@@ -65,6 +65,11 @@ impl Watch {
         std::mem::take(&mut self.restarted)
     }
 
+    /// Its time since boot is learned anew.
+    pub(super) fn forget_boot(&mut self) {
+        (self.boot_ms, self.restarted) = (None, false);
+    }
+
     /// Whether a new stamp is to be given now.
     pub(super) fn restamp_is_due(&self, mono: Duration) -> bool {
         self.restamp_due && self.is_disarmed(mono)

@@ -4,12 +4,14 @@ use std::future::Future;
 use std::io;
 use std::time::Duration;
 
+use mavlink_link::exchange::PairingCode;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::Endpoint;
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{UnixListener, UnixStream};
+use tokio::task::JoinHandle;
 use zeroize::Zeroize;
 
 use super::airside_disk::AirsideDisk;
@@ -69,9 +71,13 @@ pub struct AirsideServer {
     px4: (VehicleReader, VehicleWriter),
     status: UnixListener,
     pairing: UnixListener,
+    /// Somebody at this computer who has not said yet what they want.
+    greeting: Option<Greeting>,
     /// Whoever stands at the open pairing window.
     asker: Option<Asker>,
 }
+
+type Greeting = JoinHandle<Option<(Asker, PairingCode)>>;
 
 impl AirsideServer {
     /// Opens store, keys and links. Must be called within a tokio runtime.
@@ -127,6 +133,7 @@ impl AirsideServer {
             px4: (px4_reader, px4_writer),
             status,
             pairing,
+            greeting: None,
             asker: None,
         })
     }
@@ -163,9 +170,20 @@ impl AirsideServer {
                     Err(cause) => pause_after("the status socket", &cause).await,
                 },
                 asked = self.pairing.accept() => match asked {
-                    Ok((stream, _)) => self.open_window(stream).await,
+                    Ok((stream, _)) => {
+                        let greeted = tokio::time::timeout(GREETING_WITHIN, Asker::greet(stream));
+                        // Apart: who is slow to speak holds up no frame. The last to come is listened to.
+                        let greeting = async { greeted.await.ok().flatten() };
+                        self.greeting = Some(tokio::spawn(greeting));
+                    }
                     Err(cause) => pause_after("the pairing socket", &cause).await,
                 },
+                greeted = greeted(&mut self.greeting) => {
+                    self.greeting = None;
+                    if let Some((asker, code)) = greeted {
+                        self.open_window(asker, code).await;
+                    }
+                }
                 () = gone(&mut self.asker) => {
                     self.asker = None;
                     self.agent.close_window();
@@ -184,11 +202,7 @@ impl AirsideServer {
     }
 
     /// Somebody at this computer wants to pair.
-    async fn open_window(&mut self, stream: UnixStream) {
-        let greeting = tokio::time::timeout(GREETING_WITHIN, Asker::greet(stream));
-        let Ok(Some((mut asker, code))) = greeting.await else {
-            return;
-        };
+    async fn open_window(&mut self, mut asker: Asker, code: PairingCode) {
         let now = self.clock.now();
         match self.agent.open_window(now, &code, &mut self.disk) {
             Ok(()) => {
@@ -258,6 +272,14 @@ impl AirsideServer {
     }
 }
 
+/// What somebody wants at the window; never where nobody has come.
+async fn greeted(greeting: &mut Option<Greeting>) -> Option<(Asker, PairingCode)> {
+    match greeting {
+        Some(greeting) => greeting.await.ok().flatten(),
+        None => std::future::pending().await,
+    }
+}
+
 /// Done when whoever stands at the window goes away; never where nobody does.
 async fn gone(asker: &mut Option<Asker>) {
     match asker {
@@ -280,6 +302,5 @@ async fn pause_after(what: &str, cause: &io::Error) {
 
 const LARGEST: usize = 65_536;
 const STATUS_WITHIN: Duration = Duration::from_millis(100);
-/// How long an asker may hold up the links with its line.
-const GREETING_WITHIN: Duration = Duration::from_millis(100);
+const GREETING_WITHIN: Duration = Duration::from_secs(5);
 const PAUSE: Duration = Duration::from_millis(100);
