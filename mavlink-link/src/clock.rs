@@ -99,7 +99,12 @@ impl SigningClock {
         let (start, floor) = match (origin, stored) {
             (Origin::Provisioned { initial }, None) => {
                 let before = Stamp::new(initial.get().saturating_sub(1));
-                (start.max(initial.get()), before)
+                // It goes on from the clock of the key before: the wall clock is believed as far as that one would be.
+                let believed = match judge_wall(initial.get(), wall_stamp) {
+                    WallState::Fits => wall_stamp.get(),
+                    WallState::Behind | WallState::FarAhead => initial.get(),
+                };
+                (believed, before)
             }
             (_, Some(ceiling)) => (start, ceiling),
             (Origin::KeyFile, None) => (start, Stamp::new(start)),

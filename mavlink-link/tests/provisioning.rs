@@ -16,7 +16,7 @@ use mavlink_link::link::{Endpoint, LinkConfig, Security};
 use mavlink_link::provisioning::{Event, Handover, HandoverConfig, Outcome, StartError, State};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{KeyId, SigningKey, Stamp, sign, verify};
-use support::{BUILD, VEHICLE, at, key, ms, other_key};
+use support::{BUILD, STRANGER, VEHICLE, at, key, ms, other_key};
 
 /// The vehicle's side: key in memory and in its file, one table of streams for its life.
 struct Px4 {
@@ -209,6 +209,7 @@ fn config() -> HandoverConfig<u16> {
         link: LinkConfig::new(1, Security::Signed, Endpoint::Fixed(VEHICLE)),
         not_before: BUILD,
         may_send_key: true,
+        believe_unsigned: false,
     }
 }
 
@@ -733,4 +734,197 @@ fn no_pair_of_faults_with_a_first_key_leaves_a_link_that_needs_a_person() {
 #[test]
 fn no_pair_of_faults_with_another_key_leaves_a_link_that_needs_a_person() {
     no_pair_of_faults(Some(&key()));
+}
+
+/// On a link that listens, what is sent arrives only where it was sent to.
+impl World {
+    fn listening(may_send_key: bool) -> Self {
+        let mut world = Self::new(Some(key()));
+        let ceiling = Stamp::from_unix(at(0).wall);
+        world.disk.ceilings.insert(key().id(), ceiling);
+        let (now, disk) = (world.now, &mut world.disk);
+        let old = KeyState::start(key(), Origin::KeyFile, BUILD, now, disk).unwrap();
+        let listens = HandoverConfig {
+            link: LinkConfig::new(1, Security::Signed, Endpoint::Listen),
+            may_send_key,
+            ..config()
+        };
+        world.ours = Handover::start(listens, Some(old), other_key(), now, disk).unwrap();
+        world
+    }
+
+    /// A tenth of a second; gives to whom SETUP_SIGNING went.
+    fn step_by_address(&mut self, vehicle_is_on: bool) -> Option<u16> {
+        self.tick += 1;
+        self.now = self.now.after(ms(100));
+        if vehicle_is_on {
+            for frame in self.px4.speak(self.tick) {
+                self.ours
+                    .handle_datagram(self.now, VEHICLE, &frame, &mut self.disk);
+            }
+        }
+        self.ours.handle_timeout(self.now);
+        let mut out = [0; MAX_FRAME];
+        let mut told = None;
+        while let Some(sent) = self.ours.poll_transmit(self.now, &mut self.disk, &mut out) {
+            told = sent.secret.then_some(sent.to).or(told);
+            if sent.to == VEHICLE && vehicle_is_on {
+                self.px4.receive(&out[..sent.len]);
+            }
+        }
+        told
+    }
+}
+
+#[test]
+fn unsigned_datagrams_of_a_stranger_end_no_search_for_the_key() {
+    let mut world = World::listening(false);
+    let mut stranger = Px4::new(None);
+    for _ in 0..200 {
+        for message in [support::ack(), stranger.heartbeat()] {
+            let frame = stranger.send(&message);
+            let (now, disk) = (world.now, &mut world.disk);
+            world.ours.handle_datagram(now, STRANGER, &frame, disk);
+        }
+        world.step_by_address(false);
+    }
+    assert_eq!(
+        world.ours.outcome(),
+        None,
+        "nothing is known of the vehicle"
+    );
+    assert!(world.ours.disbelieved_frames() >= 400);
+    for _ in 0..900 {
+        world.step_by_address(true);
+    }
+    assert_eq!(world.ours.outcome(), Some(Outcome::RolledBack));
+}
+
+#[test]
+fn a_vehicle_that_lost_its_key_ends_no_search_for_it_either() {
+    let mut world = World::listening(false);
+    for _ in 0..50 {
+        world.step_by_address(true);
+    }
+    assert_eq!(world.ours.peer(), Some(VEHICLE));
+    (world.px4.running, world.px4.file) = (None, None);
+    for _ in 0..200 {
+        world.step_by_address(true);
+    }
+    assert_eq!(world.ours.outcome(), None);
+    assert!(world.ours.vehicle_is_open(world.now.mono), "and it is told");
+}
+
+#[test]
+fn a_replay_from_elsewhere_keeps_no_fallen_vehicle_down() {
+    for replayed in [false, true] {
+        let mut world = World::listening(false);
+        let recorded = Px4::new(Some(key())).send(&support::ack());
+        for _ in 0..900 {
+            if replayed {
+                let (now, disk) = (world.now, &mut world.disk);
+                world.ours.handle_datagram(now, STRANGER, &recorded, disk);
+            }
+            world.step_by_address(true);
+        }
+        assert_eq!(world.ours.outcome(), Some(Outcome::RolledBack));
+        assert_eq!(world.ours.peer(), Some(VEHICLE));
+    }
+}
+
+#[test]
+fn a_rotation_sends_no_key_to_who_has_proved_nothing() {
+    let mut world = World::listening(true);
+    let mut stranger = Px4::new(None);
+    for _ in 0..200 {
+        for message in [support::ack(), stranger.heartbeat()] {
+            let frame = stranger.send(&message);
+            let (now, disk) = (world.now, &mut world.disk);
+            world.ours.handle_datagram(now, STRANGER, &frame, disk);
+        }
+        assert_eq!(world.step_by_address(false), None);
+    }
+}
+
+#[test]
+fn of_two_unsigned_who_say_that_they_are_the_vehicle_neither_gets_its_first_key() {
+    let mut world = World::new(None);
+    world.ours = {
+        let listens = HandoverConfig {
+            link: LinkConfig::new(1, Security::Signed, Endpoint::Listen),
+            ..config()
+        };
+        Handover::start(listens, None, other_key(), world.now, &mut world.disk).unwrap()
+    };
+    let mut stranger = Px4::new(None);
+    for _ in 0..200 {
+        let frame = stranger.send(&support::ack());
+        let (now, disk) = (world.now, &mut world.disk);
+        world.ours.handle_datagram(now, STRANGER, &frame, disk);
+        assert_eq!(world.step_by_address(true), None);
+    }
+    assert_eq!(world.ours.outcome(), Some(Outcome::SeveralAutopilots));
+}
+
+#[test]
+fn a_dragged_clock_and_a_lost_datagram_are_mended_over_a_restart_too() {
+    for killed_at in [None, Some(50), Some(600)] {
+        let mut world = World::new(Some(key()));
+        world.px4.clock = Stamp::from_unix(at(0).wall + Duration::from_secs(86_400));
+        let mut out = [0; MAX_FRAME];
+        let mut sent_keys = 0;
+        for tick in 0..3_000 {
+            if killed_at == Some(tick) {
+                world.kill();
+            }
+            world.tick += 1;
+            world.now = world.now.after(ms(100));
+            for frame in world.px4.speak(world.tick) {
+                let (now, disk) = (world.now, &mut world.disk);
+                world.ours.handle_datagram(now, VEHICLE, &frame, disk);
+            }
+            world.ours.handle_timeout(world.now);
+            while let Some(sent) = world
+                .ours
+                .poll_transmit(world.now, &mut world.disk, &mut out)
+            {
+                sent_keys += usize::from(sent.secret);
+                let lost = sent.secret && sent_keys == 1;
+                if sent.secret && !lost {
+                    // PX4 sets its clock to the key's first stamp, whatever it was before.
+                    world.px4.clock = Stamp::new(1);
+                }
+                if !lost {
+                    world.px4.receive(&out[..sent.len]);
+                }
+            }
+            while let Some(event) = world.ours.poll_event() {
+                assert_ne!(event, Event::Ended(Outcome::RolledBack));
+                if event == Event::Commit {
+                    world.disk.commit();
+                }
+            }
+        }
+        let state = world.ours.state();
+        let end = world.ours.outcome();
+        assert_eq!(
+            end,
+            Some(Outcome::Committed),
+            "{killed_at:?}: {state:?}, {sent_keys}"
+        );
+    }
+}
+
+#[test]
+fn a_wall_clock_ten_years_ahead_is_not_believed_by_way_of_a_new_key() {
+    let mut world = World::new(Some(key()));
+    let ceiling = Stamp::from_unix(at(0).wall);
+    world.disk.ceilings.insert(key().id(), ceiling);
+    world.now.wall += Duration::from_secs(3_652 * 86_400);
+    world.ours = start(&mut world.disk, world.now);
+    assert_eq!(world.settle(30), Some(Outcome::Committed));
+    for id in [key().id(), other_key().id()] {
+        let ahead = world.disk.ceilings[&id].since(ceiling);
+        assert!(ahead < Duration::from_secs(120), "{ahead:?}");
+    }
 }

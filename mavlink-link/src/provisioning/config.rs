@@ -15,6 +15,9 @@ pub struct HandoverConfig<A> {
     pub not_before: Stamp,
     /// Whether the link may show the key: if not, it is only found out which key the vehicle has.
     pub may_send_key: bool,
+    /// Whether a vehicle that should sign is believed without a signature, from whatever address: a person, or the agent
+    /// beside it, says that it has lost its key. Otherwise only the address counts that has proved to be the vehicle.
+    pub believe_unsigned: bool,
 }
 
 /// Where a handover stands.
@@ -41,7 +44,7 @@ pub enum State {
 pub enum Event {
     /// It has moved to this state.
     State(State),
-    /// Another autopilot is on the link; nothing is sent while there are two.
+    /// Another autopilot is on the link, or the same one from two addresses; nothing is sent while there are two.
     SeveralAutopilots {
         /// Its system id.
         system: u8,

@@ -86,14 +86,22 @@ impl<A: Copy + Eq> Handover<A> {
         let message = frame.message().ok();
         match self.prove(now, frame, store) {
             Proof::New => {
-                self.heard(now.mono, from, true);
+                self.verified_from(now.mono, from);
                 self.seen.verified = Some(now.mono);
                 self.read(now.mono, message.as_ref());
                 self.commit(now);
                 pass(Under::New, frame);
             }
             Proof::Old(stamp) => {
-                self.heard(now.mono, from, true);
+                match stamp {
+                    Some(_) => self.verified_from(now.mono, from),
+                    // Perhaps a replay: it moves no peer that is known.
+                    None => {
+                        self.seen.future = self.seen.future.saturating_add(1);
+                        self.peer.get_or_insert(from);
+                        self.seen.first.get_or_insert(now.mono);
+                    }
+                }
                 self.seen.verified = Some(now.mono);
                 self.seen.old = Some(now.mono);
                 if let (Some(stamp), Some(mark)) = (stamp, self.seen.mark)
@@ -107,23 +115,11 @@ impl<A: Copy + Eq> Handover<A> {
                 }
             }
             Proof::Stale(under) => {
-                // It has fallen back: a heartbeat lifts it, and goes where the frame came from.
-                self.heard(now.mono, from, false);
-                self.lift = Some(under);
+                // It has fallen back, or it is a replay: a heartbeat goes there, and nothing else.
+                self.seen.first.get_or_insert(now.mono);
+                self.lift = Some((under, from));
             }
-            Proof::Unsigned => {
-                let heartbeat = matches!(message, Some(MavMessage::HEARTBEAT(_)));
-                // Anyone's heartbeats are passed on by a vehicle that signs; other messages are not.
-                if !heartbeat {
-                    self.seen.unsigned = self.seen.unsigned.saturating_add(1);
-                }
-                let open = self.old.is_none() || self.vehicle_is_open(now.mono);
-                if open && (!heartbeat || self.seen.unsigned > 0) {
-                    self.heard(now.mono, from, false);
-                    self.seen.old = Some(now.mono);
-                    self.read(now.mono, message.as_ref());
-                }
-            }
+            Proof::Unsigned => self.take_unsigned(now.mono, from, message.as_ref()),
             Proof::Foreign => self.seen.foreign += 1,
         }
     }
@@ -160,8 +156,7 @@ impl<A: Copy + Eq> Handover<A> {
 
     /// Another autopilot would take the key too: before anything is sent, that ends the handover.
     fn watch_others(&mut self, system: u8, frame: &FrameView<'_>) {
-        let waiting = matches!(self.state, State::Staged | State::WaitDisarm) && self.tries == 0;
-        if !waiting || self.outcome.is_some() {
+        if !self.nothing_is_sent() {
             return;
         }
         if let Ok(MavMessage::HEARTBEAT(heartbeat)) = frame.message()
@@ -172,11 +167,47 @@ impl<A: Copy + Eq> Handover<A> {
         }
     }
 
-    fn heard(&mut self, mono: Duration, from: A, verified: bool) {
-        if verified || self.peer.is_none() {
-            self.peer = Some(from);
+    /// Without a signature only an address counts that has verified, or that is configured; unless there is no key in
+    /// force that could verify, or somebody vouches for a vehicle that has lost it.
+    fn take_unsigned(&mut self, mono: Duration, from: A, message: Option<&MavMessage>) {
+        let vouched = self.old.is_none() || self.config.believe_unsigned;
+        match self.peer {
+            Some(peer) if peer == from => {}
+            None if vouched => {}
+            Some(_) if vouched && self.nothing_is_sent() => {
+                // Two who both say that they are the vehicle: the key would go to one of them.
+                let system = self.config.link.vehicle_system;
+                self.events.push_back(Event::SeveralAutopilots { system });
+                return self.end(Outcome::SeveralAutopilots);
+            }
+            _ => {
+                self.seen.disbelieved += 1;
+                return;
+            }
         }
+        let heartbeat = matches!(message, Some(MavMessage::HEARTBEAT(_)));
+        // Anyone's heartbeats are passed on by a vehicle that signs; other messages are not.
+        if !heartbeat {
+            self.seen.unsigned = self.seen.unsigned.saturating_add(1);
+        }
+        let open = self.old.is_none() || self.vehicle_is_open(mono);
+        if open && (!heartbeat || self.seen.unsigned > 0) {
+            self.peer = Some(from);
+            self.seen.first.get_or_insert(mono);
+            self.seen.old = Some(mono);
+            self.read(mono, message);
+        }
+    }
+
+    /// A frame that was accepted came from there.
+    fn verified_from(&mut self, mono: Duration, from: A) {
+        self.peer = Some(from);
         self.seen.first.get_or_insert(mono);
+    }
+
+    fn nothing_is_sent(&self) -> bool {
+        let waiting = matches!(self.state, State::Staged | State::WaitDisarm);
+        waiting && self.tries == 0 && self.outcome.is_none()
     }
 
     /// What the vehicle says of itself.

@@ -56,7 +56,8 @@ pub struct Handover<A> {
     /// The next alternating heartbeat goes under the new key.
     new_next: bool,
     setup_due: bool,
-    lift: Option<Under>,
+    /// Where a frame came from that verified and was behind.
+    lift: Option<(Under, A)>,
     lifted_at: Option<Duration>,
     events: VecDeque<Event>,
     outcome: Option<Outcome>,
@@ -93,8 +94,13 @@ struct Seen {
     old_newer: u32,
     /// Unsigned frames of the autopilot other than heartbeats, since the last SETUP_SIGNING.
     unsigned: u32,
+    /// Frames under the old key with stamps beyond what is followed: its clock was dragged ahead, or they are replays
+    /// from when it was. They show that the key was perhaps not taken, never that it was refused.
+    future: u32,
     /// Frames in the vehicle's name under neither key.
     foreign: u64,
+    /// Frames in the vehicle's name, without a signature, from where nothing has verified.
+    disbelieved: u64,
     /// When it last said that it is disarmed; `None` once it says armed.
     disarmed: Option<Duration>,
     /// It said that it refuses while armed.
@@ -194,6 +200,12 @@ impl<A: Copy + Eq> Handover<A> {
         self.seen.foreign
     }
 
+    /// Frames in the vehicle's name without a signature that were not believed: it may have lost its key.
+    #[must_use]
+    pub fn disbelieved_frames(&self) -> u64 {
+        self.seen.disbelieved
+    }
+
     /// Whether anything of the vehicle has been believed.
     #[must_use]
     pub fn has_heard(&self) -> bool {
@@ -265,10 +277,14 @@ impl<A: Copy + Eq> Handover<A> {
             State::RolledBack => self.entered.saturating_add(GIVE_UP),
             _ => Duration::MAX,
         };
-        if self.outcome.is_some() {
-            return self.heartbeat_at;
+        let heartbeat = match self.peer {
+            Some(_) => self.heartbeat_at,
+            None => Duration::MAX,
+        };
+        match self.outcome {
+            Some(_) => heartbeat,
+            None => decision.min(heartbeat),
         }
-        decision.min(self.heartbeat_at)
     }
 
     /// Does what is due by now. Calling it early or late does no harm.
@@ -310,13 +326,21 @@ impl<A: Copy + Eq> Handover<A> {
                 }
             }
             State::Sent if in_state >= SETTLE && !self.setup_due => {
-                if self.not_taken(mono) {
+                if self.not_taken(mono) || self.clock_is_dragged() {
                     self.again(mono);
                 } else {
                     self.enter(State::Unknown, mono);
                 }
             }
             State::Unknown if self.not_taken(mono) => self.again(mono),
+            State::Unknown if self.clock_is_dragged() => {
+                if in_state >= ASK_FAST_FOR {
+                    self.tries = 0;
+                }
+                if self.tries < TRIES {
+                    self.again(mono);
+                }
+            }
             State::RolledBack if in_state >= GIVE_UP => {
                 let heard = self
                     .seen
@@ -339,9 +363,16 @@ impl<A: Copy + Eq> Handover<A> {
     }
 
     /// Whether frames show that the vehicle has not taken the key: two under the old key that are newer
-    /// than what could still have been on its way, or two unsigned where nothing verifies.
+    /// than what could still have been on its way, or two unsigned where nothing verifies. Whoever may only
+    /// ask decides nothing by what is unsigned: the key could not be given to a vehicle that has none.
     fn not_taken(&self, mono: Duration) -> bool {
-        self.seen.old_newer >= 2 || self.vehicle_is_open(mono)
+        self.seen.old_newer >= 2 || (self.config.may_send_key && self.vehicle_is_open(mono))
+    }
+
+    /// Frames under the old key are beyond what can be followed, so none can be newer than a stamp of ours: the key is
+    /// sent again, since it mends that.
+    fn clock_is_dragged(&self) -> bool {
+        self.config.may_send_key && self.seen.future >= 2
     }
 
     /// The vehicle sends unsigned, more than heartbeats: it has no key, or has lost it.
@@ -366,6 +397,9 @@ impl<A: Copy + Eq> Handover<A> {
             self.enter(State::WaitDisarm, mono);
         } else if self.seen.old_newer >= 2 {
             self.enter(State::RolledBack, mono);
+        } else if self.clock_is_dragged() {
+            // Frames that far ahead can be replays, so nothing is given up; it is tried again later.
+            self.enter(State::Unknown, mono);
         } else {
             self.end(Outcome::NeverSigns);
         }
@@ -407,6 +441,8 @@ const DISARMED_LIFE: Duration = Duration::from_millis(1_500);
 /// How long after SETUP_SIGNING the frames are judged.
 const SETTLE: Duration = Duration::from_secs(2);
 const TRIES: u8 = 3;
+/// How long UNKNOWN asks at 5 Hz before it asks slowly.
+const ASK_FAST_FOR: Duration = Duration::from_secs(60);
 /// How long frames under the old key alone must go on before the new one is given up.
 const GIVE_UP: Duration = Duration::from_secs(30);
 const HEARD_LATELY: Duration = Duration::from_secs(2);

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use zeroize::Zeroizing;
 
-use super::{Handover, NewKey, State, Under};
+use super::{ASK_FAST_FOR, Handover, NewKey, State, Under};
 use crate::Now;
 use crate::clock::{CeilingStore, ClockError, Origin};
 use crate::dialect::MavMessage;
@@ -32,14 +32,13 @@ impl<A: Copy + Eq> Handover<A> {
         store: &mut dyn CeilingStore,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit<A>> {
-        let to = self.peer?;
-        if self.setup_due {
+        if let (true, Some(to)) = (self.setup_due, self.peer) {
             // What cannot be stamped now, because the disk fails, is tried again with the next call.
             let len = self.setup_signing(now, store, out).ok()?;
             self.setup_due = false;
             self.entered = now.mono;
             self.tries += 1;
-            (self.seen.old_newer, self.seen.unsigned) = (0, 0);
+            (self.seen.old_newer, self.seen.unsigned, self.seen.future) = (0, 0, 0);
             (self.seen.mark, self.seen.refused_armed) = (None, false);
             // Both keys are asked about at once.
             (self.heartbeat_at, self.new_next) = (now.mono, false);
@@ -49,7 +48,7 @@ impl<A: Copy + Eq> Handover<A> {
                 secret: true,
             });
         }
-        let under = self.next_heartbeat(now.mono)?;
+        let (under, to) = self.next_heartbeat(now.mono)?;
         let len = self.heartbeat(under, now, store, out).ok()?;
         Some(Transmit {
             to,
@@ -58,14 +57,17 @@ impl<A: Copy + Eq> Handover<A> {
         })
     }
 
-    fn next_heartbeat(&mut self, mono: Duration) -> Option<Under> {
+    /// Under which key one is due, and where to. A vehicle that has fallen back is lifted where it was heard: that
+    /// proves nothing of the address, and it gets a heartbeat and nothing else.
+    fn next_heartbeat(&mut self, mono: Duration) -> Option<(Under, A)> {
         let may_lift = self
             .lifted_at
             .is_none_or(|at| mono.saturating_sub(at) >= LIFT_EVERY);
-        if let Some(under) = self.lift.take_if(|_| may_lift) {
+        if let Some(lift) = self.lift.take_if(|_| may_lift) {
             self.lifted_at = Some(mono);
-            return Some(under);
+            return Some(lift);
         }
+        let to = self.peer?;
         if mono < self.heartbeat_at {
             return None;
         }
@@ -76,7 +78,7 @@ impl<A: Copy + Eq> Handover<A> {
             _ => BEAT,
         };
         self.heartbeat_at = mono.saturating_add(every);
-        Some(match self.state {
+        let under = match self.state {
             State::Committed => Under::New,
             State::Staged | State::WaitDisarm | State::NotTaken if self.tries == 0 => Under::Old,
             _ => {
@@ -87,7 +89,8 @@ impl<A: Copy + Eq> Handover<A> {
                     Under::New
                 }
             }
-        })
+        };
+        Some((under, to))
     }
 
     fn heartbeat(
@@ -226,6 +229,5 @@ const SETUP_SIGNING_ID: u32 = 256;
 const BEAT: Duration = Duration::from_secs(1);
 /// Heartbeats under both keys in turn, 5 Hz.
 const ASKING: Duration = Duration::from_millis(200);
-const ASK_FAST_FOR: Duration = Duration::from_secs(60);
 const ASKING_SLOWLY: Duration = Duration::from_secs(5);
 const LIFT_EVERY: Duration = Duration::from_millis(200);
