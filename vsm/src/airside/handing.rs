@@ -34,6 +34,8 @@ impl Agent {
             link,
             not_before: self.settings.not_before,
             may_send_key: true,
+            // The line to PX4 is its own and the agent's.
+            believe_unsigned: true,
         };
         let handover = Handover::start(config, old, new, now, keys)?;
         self.phase = Phase::HandingOver(Box::new(HandingOver {
@@ -173,11 +175,11 @@ impl Agent {
             );
         }
         if let Some(outcome) = ended {
-            self.end_handover(outcome, now.mono, keys);
+            self.end_handover(outcome, now, keys);
         }
     }
 
-    fn end_handover(&mut self, outcome: Outcome, mono: Duration, keys: &mut dyn Keys) {
+    fn end_handover(&mut self, outcome: Outcome, now: Now, keys: &mut dyn Keys) {
         let Phase::HandingOver(on) = std::mem::replace(&mut self.phase, Phase::Keyless) else {
             return;
         };
@@ -192,8 +194,14 @@ impl Agent {
         let id = handover.new_id();
         let (text, level) = match (outcome, cause) {
             (Outcome::Committed, _) => (format!("PX4 signs with key {id}"), LogLevel::Info),
-            (Outcome::RolledBack, _) => (
+            (Outcome::RolledBack, Cause::NewKey) => (
                 format!("PX4 keeps its key: key {id} is given up"),
+                LogLevel::Error,
+            ),
+            (Outcome::RolledBack, Cause::LostKey) => (
+                format!(
+                    "PX4 keeps the key BEFORE: it is given key {id} once more, and nothing is relayed until then"
+                ),
                 LogLevel::Error,
             ),
             (Outcome::SeveralAutopilots, _) => (
@@ -218,7 +226,8 @@ impl Agent {
         }
         match outcome {
             Outcome::Committed => self.responder.key_active(),
-            Outcome::RolledBack => self.responder.key_dropped(),
+            Outcome::RolledBack if cause == Cause::NewKey => self.responder.key_dropped(),
+            Outcome::RolledBack => {}
             Outcome::NeverSigns => self.responder.tell(Status::CannotSign, 0),
             Outcome::SeveralAutopilots => self.tell_refused(),
         }
@@ -226,11 +235,26 @@ impl Agent {
             (Outcome::Committed, Cause::NewKey) => handover.old_key(),
             _ => previous,
         };
+        let later = |key| Phase::CannotSign {
+            key,
+            again_at: now.mono.saturating_add(ASK_AGAIN),
+        };
+        let key = handover.new_key();
+        if (outcome, cause) == (Outcome::RolledBack, Cause::LostKey) {
+            // The key in force on disk stays in force: nothing is ever relayed under the one that it replaced.
+            let old = handover.into_old();
+            self.phase = later(key.duplicate());
+            if let Err(fault) = self.hand_over(old, key, cause, now, keys) {
+                self.note(
+                    LogLevel::Error,
+                    format!("the key cannot be given again: {fault}"),
+                );
+            }
+            return;
+        }
         self.phase = match outcome {
-            Outcome::NeverSigns => Phase::CannotSign {
-                key: handover.new_key(),
-                again_at: mono.saturating_add(ASK_AGAIN),
-            },
+            Outcome::NeverSigns => later(key),
+            Outcome::SeveralAutopilots if cause == Cause::LostKey => later(key),
             Outcome::SeveralAutopilots => handover
                 .into_old()
                 .map_or(Phase::Keyless, |key| Phase::relaying(key, None)),

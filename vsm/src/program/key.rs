@@ -11,7 +11,7 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use vsm::config::{Config, Exchange, Signing, Vehicle};
 use vsm::shell::exchange_record::{ExchangeRecord, peek_identity};
 use vsm::shell::file_store::FileStore;
-use vsm::shell::key_link::{Ending, KeyLink, KeyLinkError};
+use vsm::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust};
 use vsm::shell::key_store::KeyStore;
 use vsm::shell::{key_clock, key_file, sitl_key_file};
 
@@ -77,9 +77,22 @@ pub(crate) struct Over {
     /// Show the key on a link that is neither a serial line nor loopback
     #[arg(long)]
     i_trust_this_link: bool,
+    /// The vehicle has lost its key and sends unsigned: believe whoever speaks in its name on this link, and give it the
+    /// key
+    #[arg(long)]
+    vehicle_is_unsigned: bool,
     /// How long to wait for the vehicle to be heard and disarmed, s
     #[arg(long, default_value_t = 120)]
     wait_s: u64,
+}
+
+impl Over {
+    fn trust(&self) -> Trust {
+        Trust {
+            open_link: self.i_trust_this_link,
+            lost_key: self.vehicle_is_unsigned,
+        }
+    }
 }
 
 pub(crate) fn run(action: Action) -> Result<(), Failure> {
@@ -147,14 +160,14 @@ fn hand_over(
         .map_err(Failure::Failed)?;
     let ending = runtime.block_on(async {
         let link =
-            KeyLink::open(config, vehicle, path, key, over.i_trust_this_link).map_err(|fault| {
-                match fault {
+            KeyLink::open(config, vehicle, path, key, over.trust()).map_err(
+                |fault| match fault {
                     KeyLinkError::OpenLink { .. } | KeyLinkError::Keys(_) => {
                         Failure::Bad(anyhow!(fault))
                     }
                     other => Failure::Failed(anyhow!(other)),
-                }
-            })?;
+                },
+            )?;
         say(&format!(
             "vehicle {} (system {}) on {}: key id {}",
             vehicle.id,
@@ -226,6 +239,10 @@ fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {
         Ending::ForeignKey => bail!(
             "nothing was sent: the vehicle signs with a key that is not in {}",
             path.display()
+        ),
+        Ending::Unsigned => bail!(
+            "nothing was sent: who speaks in the vehicle's name does not sign, though it has a key. If the vehicle has lost \
+             it, say so with --vehicle-is-unsigned"
         ),
         Ending::StayedArmed => bail!("nothing was sent: the vehicle was not heard to be disarmed"),
         Ending::Unknown => bail!(

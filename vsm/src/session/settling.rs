@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use mavlink_link::Now;
 use mavlink_link::clock::CeilingStore;
 use mavlink_link::frame::MAX_FRAME;
-use mavlink_link::link::LinkState;
+use mavlink_link::link::{Alert, LinkState};
 use mavlink_link::provisioning::{Event, Handover, HandoverConfig, Outcome, StartError};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{SigningKey, Stamp};
@@ -32,6 +32,8 @@ pub enum KeyChange {
 #[derive(Debug, Default)]
 pub(super) struct Settling {
     handover: Option<Box<Handover<Peer>>>,
+    /// That the vehicle sends unsigned has been told.
+    told_open: bool,
     pub(super) change: Option<KeyChange>,
 }
 
@@ -109,6 +111,7 @@ impl VehicleLink {
             link: *self.link.config(),
             not_before,
             may_send_key: false,
+            believe_unsigned: false,
         };
         let handover = Handover::start(config, self.key.take(), next, now, store)?;
         self.settling.handover = Some(Box::new(handover));
@@ -156,7 +159,15 @@ impl VehicleLink {
                 _ => {}
             }
         }
-        if handover.outcome().is_some()
+        if handover.vehicle_is_open(now.mono) && !self.settling.told_open {
+            self.settling.told_open = true;
+            self.tell_link(mavlink_link::link::Event::Alert(Alert::VehicleUnsigned));
+        }
+        let Some(handover) = &self.settling.handover else {
+            return;
+        };
+        // Only what the vehicle has proved ends the search: without a key nothing could ever be believed again.
+        if let Some(Outcome::Committed | Outcome::RolledBack) = handover.outcome()
             && let Some(handover) = self.settling.handover.take()
         {
             self.key = handover.into_key_in_force();
@@ -178,9 +189,16 @@ impl VehicleLink {
     /// Frames that carried the vehicle's system id and were refused, by the reason.
     pub(super) fn refused_frames(&self) -> BTreeMap<&'static str, u64> {
         let stats = self.stats();
+        let settling = self.settling.handover.as_deref();
+        let (unsigned, foreign) = settling.map_or((0, 0), |handover| {
+            (handover.disbelieved_frames(), handover.foreign_frames())
+        });
         [
-            ("not signed", stats.unsigned_vehicle),
-            ("signature does not fit the key", stats.bad_signature),
+            ("not signed", stats.unsigned_vehicle + unsigned),
+            (
+                "signature does not fit the key",
+                stats.bad_signature + foreign,
+            ),
             ("replayed, reordered or fallen back", stats.stale),
             ("stamp over an hour ahead", stats.future),
             ("another link's stream", stats.unexpected_link),

@@ -344,6 +344,11 @@ impl VehicleLink {
         self.boot_ms = Some(boot_ms);
     }
 
+    /// Passes on what the link would say, were it asked.
+    pub(super) fn tell_link(&mut self, event: mavlink_link::link::Event<Peer>) {
+        self.events.push_back(VehicleEvent::Link(event));
+    }
+
     /// Does what is due.
     pub(crate) fn handle_timeout(&mut self, now: Now, store: &mut dyn CeilingStore) {
         self.settle_timeout(now, store);

@@ -52,6 +52,15 @@ pub enum KeyLinkError {
     },
 }
 
+/// What the operator vouches for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Trust {
+    /// The link may show the key, though it is neither a serial line nor loopback.
+    pub open_link: bool,
+    /// A vehicle that should sign and does not is the vehicle: it has lost its key.
+    pub lost_key: bool,
+}
+
 /// How it ended, for a person.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
@@ -61,6 +70,8 @@ pub enum Ending {
     NotHeard,
     /// The vehicle signs, but with neither key.
     ForeignKey,
+    /// Somebody in the vehicle's name does not sign, and was not believed.
+    Unsigned,
     /// The vehicle stayed armed.
     StayedArmed,
     /// The vehicle fell silent after the key was sent: both keys are kept, and `vsm run` finds out which it has.
@@ -90,9 +101,9 @@ impl KeyLink {
         vehicle: &Vehicle,
         key_file: &std::path::Path,
         new: SigningKey,
-        trusted: bool,
+        trust: Trust,
     ) -> Result<KeyLink, KeyLinkError> {
-        if !trusted && !is_local(&vehicle.link) {
+        if !trust.open_link && !is_local(&vehicle.link) {
             return Err(KeyLinkError::OpenLink {
                 link: vehicle.link.to_string(),
             });
@@ -132,6 +143,7 @@ impl KeyLink {
             link,
             not_before,
             may_send_key: true,
+            believe_unsigned: trust.lost_key,
         };
         let handover = Handover::start(settings, old, new, now, &mut ceilings)?;
         Ok(KeyLink {
@@ -227,6 +239,7 @@ impl KeyLink {
         match self.handover.state() {
             State::WaitDisarm => Ending::StayedArmed,
             State::Staged if self.handover.foreign_frames() > 0 => Ending::ForeignKey,
+            State::Staged if self.handover.disbelieved_frames() > 0 => Ending::Unsigned,
             State::Staged => Ending::NotHeard,
             _ => Ending::Unknown,
         }
