@@ -319,3 +319,28 @@ fn nothing_from_the_radio_gives_px4_a_key() {
     let agent = start(settings(), &mut disk, world.now);
     assert_eq!(agent.status(String::new(), world.now.mono).state, "no key");
 }
+
+#[test]
+fn a_key_that_was_replaced_never_comes_into_force_again() {
+    let mut world = rotation();
+    world.run(25.0);
+    assert!(has(&world, 6));
+    // A power cut brings PX4's old file back, and the way to PX4 loses every SETUP_SIGNING.
+    let stamp = Stamp::from_unix(world.now.after(Duration::from_secs(60)).wall);
+    world.px4 = sim::px4::Autopilot::new(
+        sim::px4::Config::default(),
+        Signing::with_key(key(5), stamp.get()),
+        vec![Some(airside_support::at(9))],
+    );
+    world.cannot_sign = true;
+    world.run(90.0);
+    // Whoever holds the old key, which was replaced for that reason, speaks in the VSM's name.
+    let mut thief = Ground::new(key(5), world.now.after(Duration::from_secs(5)));
+    world.now = world.now.after(Duration::from_secs(10));
+    let octets = thief.frame(world.now, &arm());
+    assert!(!world.passes(GROUND, &octets), "{}", world.state());
+    // The way is open again: PX4 gets the key in force, and its ground is heard.
+    world.cannot_sign = false;
+    world.run(60.0);
+    assert!(has(&world, 6), "{}", world.state());
+}

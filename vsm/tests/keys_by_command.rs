@@ -242,6 +242,77 @@ async fn the_bridge_finds_out_that_the_vehicle_has_kept_its_key() {
     assert!(!ground.has("uav1.key.next"));
 }
 
+/// What a stranger can say in the vehicle's name: unsigned, or a replay from long ago.
+fn strangers(key: Option<[u8; 32]>) -> Vec<u8> {
+    let mut out = [0; MAX_FRAME];
+    let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA::default());
+    let header = Header {
+        system_id: 1,
+        component_id: 1,
+        incompat: if key.is_some() { INCOMPAT_SIGNED } else { 0 },
+        ..Header::default()
+    };
+    let mut len = encode(&text, header, &mut out);
+    if let Some(octets) = key {
+        len = sign(&self::key(octets), 0, Stamp::new(7), &mut out, len).unwrap();
+    }
+    out[..len].to_vec()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn no_stranger_ends_the_search_for_the_key_or_keeps_the_vehicle_down() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    ground.write_key("uav1.key.next", SECOND);
+    let _bridge = ground.start_bridge();
+    ground
+        .link_status("settling", |link| link["state"] == "settling")
+        .await;
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    for frame in [strangers(None), strangers(None), strangers(Some(FIRST))] {
+        socket.send_to(&frame, ("127.0.0.1", ground.link)).unwrap();
+    }
+    ground
+        .link_status("the refused are counted", |link| {
+            link["refused"]["not signed"] == 2
+        })
+        .await;
+    let _vehicle = ground.vehicle(Some(SECOND), 0).await;
+    ground
+        .link_status("the next key", |link| is_live_under(link, &id(SECOND)))
+        .await;
+}
+
+/// The key was changed long ago, and a power cut brings PX4's old file back.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_vehicle_that_fell_back_to_the_key_before_is_given_the_key_again() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", SECOND);
+    ground.write_key("uav1.key.previous", FIRST);
+    let _vehicle = ground.vehicle(Some(FIRST), 0).await;
+    let (done, said) = ground.command(&["key", "rotate", "--wait-s", "15"]).await;
+    assert!(done, "{said}");
+    assert!(said.contains("has the key in force again"), "{said}");
+    let new = ground.key("uav1.key");
+    assert!(!new.same_as(&key(FIRST)) && !new.same_as(&key(SECOND)));
+    assert!(ground.key("uav1.key.previous").same_as(&key(SECOND)));
+}
+
+/// The vehicle lost its key: who does not sign is believed only where the operator vouches for it.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_vehicle_that_lost_its_key_is_given_another_one_on_the_operators_word() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    let _vehicle = ground.vehicle(None, 0).await;
+    let (done, said) = ground.command(&["key", "rotate", "--wait-s", "4"]).await;
+    assert!(!done && said.contains("--vehicle-is-unsigned"), "{said}");
+    let (done, said) = ground
+        .command(&["key", "rotate", "--vehicle-is-unsigned", "--wait-s", "60"])
+        .await;
+    assert!(done, "{said}");
+    assert!(!ground.key("uav1.key").same_as(&key(FIRST)));
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_status_page_names_what_was_refused_and_the_peer_stays() {
     let ground = Ground::new();

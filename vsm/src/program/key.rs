@@ -11,7 +11,7 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use vsm::config::{Config, Exchange, Signing, Vehicle};
 use vsm::shell::exchange_record::{ExchangeRecord, peek_identity};
 use vsm::shell::file_store::FileStore;
-use vsm::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust};
+use vsm::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust, What};
 use vsm::shell::key_store::KeyStore;
 use vsm::shell::{key_clock, key_file, sitl_key_file};
 
@@ -153,14 +153,51 @@ fn hand_over(
     over: &Over,
     revoke: bool,
 ) -> Result<(), Failure> {
+    let again = key.duplicate();
+    let mut ending = round(config, vehicle, path, What::New(key), over)?;
+    if ending == Ending::ForeignKey && holds_previous(path)? {
+        say(
+            "the vehicle does not sign with the key in force; perhaps with the one before, as after a power cut",
+        );
+        ending = round(config, vehicle, path, What::InForceAgain, over)?;
+        if ending == Ending::Ended(Outcome::Committed) {
+            say("the vehicle has the key in force again; now the new one");
+            ending = round(config, vehicle, path, What::New(again), over)?;
+        }
+    }
+    if revoke && ending == Ending::Ended(Outcome::Committed) {
+        let keys = KeyStore::open(path).map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        keys.drop_previous()
+            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        say("the old key is deleted");
+    }
+    conclude(ending, path).map_err(Failure::Failed)
+}
+
+fn holds_previous(path: &Path) -> Result<bool, Failure> {
+    let keys = KeyStore::open(path).map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+    let previous = keys
+        .previous()
+        .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+    Ok(previous.is_some())
+}
+
+/// One handover, from its opening to its end.
+fn round(
+    config: &Config,
+    vehicle: &Vehicle,
+    path: &Path,
+    what: What,
+    over: &Over,
+) -> Result<Ending, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .context("no asynchronous runtime")
         .map_err(Failure::Failed)?;
-    let ending = runtime.block_on(async {
+    runtime.block_on(async {
         let link =
-            KeyLink::open(config, vehicle, path, key, over.trust()).map_err(
+            KeyLink::open(config, vehicle, path, what, over.trust()).map_err(
                 |fault| match fault {
                     KeyLinkError::OpenLink { .. } | KeyLinkError::Keys(_) => {
                         Failure::Bad(anyhow!(fault))
@@ -178,14 +215,7 @@ fn hand_over(
         link.run(Duration::from_secs(over.wait_s), &mut |event| tell(event))
             .await
             .map_err(|fault| Failure::Failed(anyhow!(fault)))
-    })?;
-    if revoke && ending == Ending::Ended(Outcome::Committed) {
-        let keys = KeyStore::open(path).map_err(|fault| Failure::Failed(anyhow!(fault)))?;
-        keys.drop_previous()
-            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
-        say("the old key is deleted");
-    }
-    conclude(ending, path).map_err(Failure::Failed)
+    })
 }
 
 /// What an operator is told on the way.
@@ -237,7 +267,7 @@ fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {
         }
         Ending::NotHeard => bail!("nothing was sent: the vehicle was not heard"),
         Ending::ForeignKey => bail!(
-            "nothing was sent: the vehicle signs with a key that is not in {}",
+            "nothing was sent: the vehicle signs with a key that is neither in {} nor the one before",
             path.display()
         ),
         Ending::Unsigned => bail!(

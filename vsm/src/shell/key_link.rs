@@ -41,6 +41,9 @@ pub enum KeyLinkError {
     /// The machine.
     #[error(transparent)]
     Start(#[from] StartError),
+    /// There is no key in force that could be given again.
+    #[error("there is no key in force, expected one to give again")]
+    NoKey,
     /// The key would be shown to whoever hears the link.
     #[error(
         "SETUP_SIGNING shows the key to whoever hears {link}: use a serial line or loopback, or vouch for this link with \
@@ -50,6 +53,15 @@ pub enum KeyLinkError {
         /// The link.
         link: String,
     },
+}
+
+/// What is to be handed over.
+#[derive(Debug)]
+pub enum What {
+    /// Another key than the one in force, or the vehicle's first.
+    New(SigningKey),
+    /// The key in force, once more: the vehicle has fallen back to the one before.
+    InForceAgain,
 }
 
 /// What the operator vouches for.
@@ -83,6 +95,8 @@ pub enum Ending {
 pub struct KeyLink {
     handover: Handover<Peer>,
     keys: KeyStore,
+    /// The key is the one in force already: the files stay as they are, however it ends.
+    again: bool,
     store: FileStore,
     clock: Clock,
     reader: VehicleReader,
@@ -90,8 +104,8 @@ pub struct KeyLink {
 }
 
 impl KeyLink {
-    /// Opens the vehicle's link and stages the key. `new` is a key to hand over; an unfinished handover goes on with
-    /// its own. Must be called within a tokio runtime.
+    /// Opens the vehicle's link and stages the key, where it is a new one; an unfinished handover goes on with its own.
+    /// Must be called within a tokio runtime.
     ///
     /// # Errors
     /// The link is open to others, another process has store or key, or a file or socket cannot be had. Nothing has
@@ -100,7 +114,7 @@ impl KeyLink {
         config: &Config,
         vehicle: &Vehicle,
         key_file: &std::path::Path,
-        new: SigningKey,
+        what: What,
         trust: Trust,
     ) -> Result<KeyLink, KeyLinkError> {
         if !trust.open_link && !is_local(&vehicle.link) {
@@ -115,16 +129,23 @@ impl KeyLink {
         let record = format!("port-{:08x}", vehicle.id.0);
         let (reader, writer, peer) =
             sockets::open_link("vehicle.link", &vehicle.link, &record, &mut store)?;
-        let new = match keys.next()? {
-            Some(unfinished) => unfinished,
-            None => {
-                keys.stage(&new)?;
-                new
+        let again = matches!(what, What::InForceAgain);
+        let (old, new) = match what {
+            What::New(new) => match keys.next()? {
+                Some(unfinished) => (keys.current()?, unfinished),
+                None => {
+                    keys.stage(&new)?;
+                    (keys.current()?, new)
+                }
+            },
+            What::InForceAgain => {
+                let current = keys.current()?.ok_or(KeyLinkError::NoKey)?;
+                (keys.previous()?, current)
             }
         };
         let not_before = Stamp::from_unix(NOT_BEFORE);
         let mut ceilings = Ceilings(&mut store);
-        let old = match keys.current()? {
+        let old = match old {
             None => None,
             Some(old) => Some(KeyState::start(
                 old,
@@ -149,6 +170,7 @@ impl KeyLink {
         Ok(KeyLink {
             handover,
             keys,
+            again,
             store,
             clock,
             reader,
@@ -185,6 +207,7 @@ impl KeyLink {
             while let Some(event) = self.handover.poll_event() {
                 tell(event);
                 match event {
+                    _ if self.again => {}
                     Event::Commit => self.keys.commit()?,
                     Event::Ended(Outcome::RolledBack) => self.keys.drop_next()?,
                     _ => {}
