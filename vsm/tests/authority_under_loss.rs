@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use scene::{A, B, C, CONTROL, Scene, TABLES, lossy};
 use stanag_msgs::enums::{AckType, RequestedAccess};
+use stanag_msgs::messages::{ParameterRequest, PingRequest};
 use stanag_msgs::table::{self, Direction, MessageInfo};
 use stanag_msgs::{Message, TimeStamp};
 use support::{Faults, Setup};
@@ -134,7 +135,18 @@ impl Random {
 }
 
 /// What a CUCS asks for, answers and asks about: no command.
-const NO_COMMANDS: [u16; 8] = [1, 4, 34000, 16002, 17000, 17001, 17002, 40000];
+const NO_COMMANDS: [u16; 10] = [
+    1,
+    4,
+    34000,
+    16002,
+    17000,
+    17001,
+    17002,
+    40000,
+    ParameterRequest::ID,
+    PingRequest::ID,
+];
 /// Of these the first three would change who may command.
 const RIGHTS: [u16; 3] = [1, 4, 34000];
 
