@@ -135,6 +135,14 @@ fn an_unsigned_px4_after_a_power_cut_gets_its_key_again_and_no_command_before() 
     assert_eq!(passed_while_open, 0);
     let alert = world.log.iter().any(|line| line.contains("UNSIGNED"));
     assert!(alert, "{:?}", world.log);
+    // And so is the ground.
+    world.run(1.0);
+    let texts = &world.ground.as_ref().unwrap().texts;
+    let told: Vec<bool> = ["UNSIGNED", "again"]
+        .iter()
+        .map(|word| texts.iter().any(|text| text.contains(word)))
+        .collect();
+    assert_eq!(told, [true, true], "{texts:?}");
 }
 
 #[test]

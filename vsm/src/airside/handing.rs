@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use mavlink_link::Now;
+use mavlink_link::dialect::MavSeverity;
 use mavlink_link::exchange::Status;
 use mavlink_link::link::Endpoint;
 use mavlink_link::provisioning::{
@@ -62,6 +63,12 @@ impl Agent {
                 "PX4 signs with the key BEFORE: it has fallen back. It is given the key in force again"
             },
         );
+        let text = if unsigned {
+            "Agent: PX4 is UNSIGNED, its key is given again"
+        } else {
+            "Agent: PX4 fell back to the key before"
+        };
+        self.tell_ground(MavSeverity::MAV_SEVERITY_CRITICAL, text);
         let old = match previous.as_ref().map(SigningKey::duplicate) {
             Some(previous) if !unsigned => self.state_of(previous, now, keys).map(Some),
             _ => Ok(None),
@@ -215,6 +222,21 @@ impl Agent {
             ),
         };
         self.note(level, text);
+        match (outcome, cause) {
+            (Outcome::Committed, Cause::LostKey) => {
+                let text = "Agent: PX4 signs with its key again";
+                self.tell_ground(MavSeverity::MAV_SEVERITY_NOTICE, text);
+            }
+            (Outcome::RolledBack, _) => {
+                let text = "Agent: PX4 keeps its key, the new one is dropped";
+                self.tell_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
+            }
+            (Outcome::SeveralAutopilots, _) => {
+                let text = "Agent: several autopilots, the key is refused";
+                self.tell_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
+            }
+            (Outcome::Committed, Cause::NewKey) | (Outcome::NeverSigns, _) => {}
+        }
         if cause == Cause::NewKey
             && matches!(outcome, Outcome::RolledBack | Outcome::SeveralAutopilots)
             && let Err(fault) = keys.drop_next()

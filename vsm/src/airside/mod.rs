@@ -29,6 +29,7 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::clock::{CeilingStore, Origin};
+use mavlink_link::dialect::{MavMessage, MavSeverity, STATUSTEXT_DATA};
 use mavlink_link::exchange::{
     Fingerprint, Identity, Node, Parties, Random, Responder, ResponderConfig, ResponderMemory,
     StagedKey, Wanted,
@@ -129,6 +130,8 @@ pub struct Agent {
     watch: Watch,
     queue: VecDeque<Relayed>,
     notes: VecDeque<Note>,
+    /// What the ground should know; it alerts its operators.
+    texts: VecDeque<(MavSeverity, &'static str)>,
     held_back: Counters,
     to_px4: u64,
     to_ground: u64,
@@ -216,6 +219,7 @@ impl Agent {
             watch: Watch::default(),
             queue: VecDeque::new(),
             notes: VecDeque::new(),
+            texts: VecDeque::new(),
             held_back: Counters::default(),
             to_px4: 0,
             to_ground: 0,
@@ -519,11 +523,23 @@ impl Agent {
         keys: &mut dyn Keys,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit> {
+        let heard = self.radio.peer().is_some();
         let auth = self.phase.ground_auth(keys);
         if matches!(auth, Auth::Off) {
             return None;
         }
-        let sent = self.radio.poll_transmit(now, auth, out)?;
+        let text = if heard { self.texts.pop_front() } else { None };
+        let sent = match text {
+            Some((severity, text)) => {
+                let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+                    severity,
+                    text: text.into(),
+                    ..STATUSTEXT_DATA::default()
+                });
+                self.radio.send(now, auth, &text, out).ok()?
+            }
+            None => self.radio.poll_transmit(now, auth, out)?,
+        };
         Some(Transmit {
             side: Side::Radio,
             to: sent.to,
@@ -574,6 +590,13 @@ impl Agent {
             other => link_alert_text(other),
         };
         self.note(LogLevel::Warning, format!("{link}: {text}"));
+    }
+
+    /// At most 50 octets, the longest that STATUSTEXT holds in one.
+    fn tell_ground(&mut self, severity: MavSeverity, text: &'static str) {
+        if self.texts.len() < MOST_TEXTS {
+            self.texts.push_back((severity, text));
+        }
     }
 
     fn note(&mut self, level: LogLevel, text: impl Into<String>) {
@@ -640,3 +663,4 @@ const SETUP_SIGNING: u32 = 256;
 /// Frames of one datagram, many times over: more than this is a flood.
 const MOST_RELAYED: usize = 1_024;
 const MOST_NOTES: usize = 256;
+const MOST_TEXTS: usize = 8;

@@ -147,6 +147,8 @@ pub(crate) struct Ground {
     disk: Disk,
     /// Ids of frames of component 1 delivered so far.
     pub(crate) heard: Vec<u32>,
+    /// What the agent said.
+    pub(crate) texts: Vec<String>,
 }
 
 impl Ground {
@@ -160,6 +162,7 @@ impl Ground {
             key,
             disk,
             heard: vec![],
+            texts: vec![],
         }
     }
 
@@ -168,12 +171,14 @@ impl Ground {
             key: &mut self.key,
             store: &mut self.disk,
         };
-        let heard = &mut self.heard;
+        let (heard, texts) = (&mut self.heard, &mut self.texts);
         self.link
             .handle_datagram(now, at(9), octets, auth, &mut |delivery| {
                 assert!(delivery.verified);
                 if delivery.header.component_id == 1 {
                     heard.push(delivery.header.message_id);
+                } else if let Ok(MavMessage::STATUSTEXT(said)) = &delivery.message {
+                    texts.push(said.text.to_str().unwrap().to_owned());
                 }
             });
     }
