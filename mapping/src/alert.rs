@@ -16,6 +16,8 @@ pub struct Alert {
     pub subsystem: SubsystemId,
     /// What an operator can act on.
     pub text: String,
+    /// It stands until its cause is gone: no operator can clear it.
+    pub lasting: bool,
 }
 
 /// Longest text of one 16000 (field Text: 80 octets with the closing NUL).
@@ -51,6 +53,8 @@ pub fn messages(
         subsystem_id: Some(alert.subsystem),
         alert_type: Some(if cleared {
             AlertType::Clear
+        } else if alert.lasting {
+            AlertType::NotClearable
         } else {
             AlertType::Clearable
         }),

@@ -11,6 +11,8 @@
 //! - [`status`]: messages 3000, 3004 to 3010, 12101 and 16001.
 //! - [`alert`]: texts and faults to message 16000.
 //! - [`configuration`]: the answers of the configuration phase, from what the vehicle is.
+//! - [`crossing`]: what becomes of each message on the other side, for the documents.
+//! - [`health`]: what is wrong with a vehicle, by its own messages.
 //! - [`parameter`]: the vehicle's parameters, what may be written to each, and message 50012.
 //! - [`software`]: message 50013.
 //! - [`support`]: what is done with each field of each message.
@@ -63,7 +65,9 @@ pub mod alert;
 pub mod altitude;
 pub mod area;
 pub mod configuration;
+pub mod crossing;
 pub mod curve;
+pub mod health;
 mod loiter;
 mod loops;
 pub mod mode;

@@ -13,7 +13,7 @@
 
 use geo::{Distance, Haversine, Point};
 use mavlink_link::service::mission::Item;
-use stanag_msgs::enums::{LocationType, TurnType, WaypointSpeedType};
+use stanag_msgs::enums::{LocationType, LoiterType, TurnType, WaypointSpeedType};
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 
 use crate::altitude::{self, Agl, Altimeter, AltitudeError, Level};
@@ -297,6 +297,15 @@ pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteErr
             Some(p1) => fly_curve(plan, &p1, &leg, &mut flight, site)?,
             None => None,
         };
+        if site.hovers
+            && plan
+                .loiter(number)
+                .is_some_and(|loiter| loiter.waypoint_loiter_type == Some(LoiterType::Circular))
+        {
+            flight.notes.push(format!(
+                "waypoint {number}: a multicopter flies no circle in a route, it hovers there (13003)"
+            ));
+        }
         for mut item in position_items(&leg, waypoint, plan.loiter(number), site).map_err(at)? {
             if let Some(chords) = &curved {
                 narrow(&mut item, chords.acceptance_m);
@@ -436,6 +445,25 @@ impl Flight {
             .rev()
             .find_map(|leg| leg.speed_m_s)
             .unwrap_or(CRUISE_M_S)
+    }
+
+    /// Ends the route by landing at its last waypoint: an approach.
+    pub fn land_at_the_end(&mut self) {
+        let Some(last) = self.order.last().copied() else {
+            return;
+        };
+        let (frame, z) = Level::AboveHome(0.0).frame();
+        let item = Item {
+            frame,
+            command: NAV_LAND,
+            current: false,
+            autocontinue: true,
+            params: [0.0, 0.0, 0.0, f32::NAN],
+            x: degrees_e7(last.latitude),
+            y: degrees_e7(last.longitude),
+            z: z as f32,
+        };
+        self.push(last.number, item);
     }
 
     fn push(&mut self, waypoint: u16, item: Item) {
@@ -633,6 +661,7 @@ fn degrees_e7(degrees: f64) -> i32 {
 
 /// MPC_XY_CRUISE, m/s: what PX4 flies before any speed is commanded.
 const CRUISE_M_S: f64 = 5.0;
+const NAV_LAND: u16 = 21;
 const NAV_WAYPOINT: u16 = 16;
 const DO_CHANGE_SPEED: u16 = 178;
 /// Frame 2: an item without a place.

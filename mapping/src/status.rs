@@ -3,7 +3,7 @@
 //! None is pushed: a CUCS asks by 17001 or 17002. A field that the vehicle has not told is absent, never zero.
 //! Angles and velocities over ground are true, not magnetic; 3010 is in the body's axes.
 
-use mavlink_link::dialect::{MavState, MavType};
+use mavlink_link::dialect::MavType;
 use stanag_msgs::enums::{
     AlertPriority, AltitudeType, CommandedEngineState, EngineStatus, FtMode, FtState, SpeedType,
     SubsystemId,
@@ -16,6 +16,8 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Scaled, TimeStamp};
 
 use crate::altitude::{Agl, Altimeter};
+use crate::configuration::Parameters;
+use crate::health;
 use crate::report::Commanded;
 use crate::telemetry::Telemetry;
 
@@ -206,88 +208,63 @@ pub fn battery(vehicle: &Telemetry, stamp: TimeStamp) -> BatteryReport {
     }
 }
 
-/// 16001, one a subsystem, by rising Subsystem ID. `live` is whether the vehicle is heard.
+/// 16001, one a subsystem, by rising Subsystem ID: the worst of what is found there. `live` is whether the vehicle is
+/// heard; of one that is not, nothing is known but the link.
 #[must_use]
-pub fn subsystems(vehicle: &Telemetry, live: bool) -> Vec<(SubsystemId, AlertPriority)> {
+pub fn subsystems(
+    vehicle: &Telemetry,
+    parameters: &Parameters,
+    live: bool,
+) -> Vec<(SubsystemId, AlertPriority)> {
     use AlertPriority as State;
+    let found = if live {
+        health::findings(vehicle, parameters)
+    } else {
+        Vec::new()
+    };
+    let state = |subsystem: SubsystemId, told: bool| {
+        let here = found
+            .iter()
+            .filter(|finding| finding.subsystem == subsystem);
+        let worst = here
+            .map(|finding| finding.priority)
+            .max_by_key(|state| state.raw());
+        let state = match worst {
+            Some(worst) => worst,
+            None if live && told => State::Nominal,
+            None => State::Cleared,
+        };
+        (subsystem, state)
+    };
     let comms = if live { State::Nominal } else { State::Failed };
-    if !live {
-        // What a silent vehicle said last is no state of now.
-        let unknown = [
-            SubsystemId::Engine,
-            SubsystemId::PropulsionEnergy,
-            SubsystemId::Navigation,
-        ];
-        let unknown = unknown.map(|subsystem| (subsystem, State::Cleared));
-        return std::iter::once((SubsystemId::Comms, comms))
-            .chain(unknown)
-            .collect();
-    }
-    let sensed = &vehicle.sensed;
-    let fails = |sensors| sensed.health.is_some_and(|health| health.fails(sensors));
-    let engine = match vehicle.system_status {
-        Some(MavState::MAV_STATE_EMERGENCY) => State::Emergency,
-        Some(MavState::MAV_STATE_CRITICAL) => State::Warning,
-        _ if fails(MOTORS) => State::Failed,
-        Some(_) => State::Nominal,
-        None => State::Cleared,
-    };
-    let energy = match vehicle.battery {
-        _ if fails(BATTERY) => State::Failed,
-        Some(percent) if percent <= 10 => State::Emergency,
-        Some(percent) if percent <= 20 => State::Warning,
-        Some(percent) if percent <= 30 => State::Caution,
-        Some(_) => State::Nominal,
-        None => State::Cleared,
-    };
-    let navigation = match (vehicle.gps_fix, sensed.estimator) {
-        _ if fails(NAVIGATION) => State::Warning,
-        (Some(false), _) => State::Warning,
-        (_, Some(flags)) if flags & POSITION != POSITION => State::Warning,
-        (_, Some(flags)) if flags & GLITCHES != 0 => State::Caution,
-        (None, None) => State::Cleared,
-        _ => State::Nominal,
-    };
+    let navigation = vehicle.gps_fix.is_some() || vehicle.sensed.estimator.is_some();
     vec![
-        (SubsystemId::Engine, engine),
+        state(SubsystemId::Engine, vehicle.system_status.is_some()),
         (SubsystemId::Comms, comms),
-        (SubsystemId::PropulsionEnergy, energy),
-        (SubsystemId::Navigation, navigation),
+        state(SubsystemId::PropulsionEnergy, vehicle.battery.is_some()),
+        state(SubsystemId::Navigation, navigation),
     ]
 }
 
-/// 16001 of one subsystem.
+/// 16001 of one subsystem; `reference` is what 15001 asks for more with, -1 where there is no more.
 #[must_use]
 pub fn subsystem_report(
     (subsystem, state): (SubsystemId, AlertPriority),
+    reference: i32,
     stamp: TimeStamp,
 ) -> SubsystemStatusReport {
     SubsystemStatusReport {
         time_stamp: Some(stamp),
         subsystem_id: Some(subsystem),
         subsystem_state: Some(state),
-        subsystem_state_report_reference: Some(NO_MORE_INFO),
+        subsystem_state_report_reference: Some(reference),
         ..SubsystemStatusReport::default()
     }
 }
 
-/// 1101.06: there is no more to be asked for.
-const NO_MORE_INFO: i32 = -1;
-/// MAV_SYS_STATUS_SENSOR: gyroscopes, accelerometers, magnetometer, barometer, GPS, attitude and position control.
-const NAVIGATION: u32 = 0x1 | 0x2 | 0x4 | 0x8 | 0x20;
-/// MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS.
-const MOTORS: u32 = 0x8000;
-/// MAV_SYS_STATUS_SENSOR_BATTERY.
-const BATTERY: u32 = 0x200_0000;
-/// ESTIMATOR_STATUS_FLAGS: attitude, both velocities, absolute horizontal position.
-const POSITION: u16 = 0x1 | 0x2 | 0x4 | 0x10;
-/// ESTIMATOR_STATUS_FLAGS: GPS glitch, accelerometer error.
-const GLITCHES: u16 = 0x400 | 0x800;
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensed::Health;
 
     #[test]
     fn a_silent_vehicle_has_no_state_and_a_failed_link() {
@@ -295,48 +272,52 @@ mod tests {
             battery: Some(90),
             ..Telemetry::default()
         };
-        let states = subsystems(&vehicle, false);
-        assert_eq!(states[0], (SubsystemId::Comms, AlertPriority::Failed));
+        let states = subsystems(&vehicle, &Parameters::default(), false);
+        assert!(states.contains(&(SubsystemId::Comms, AlertPriority::Failed)));
+        let others = states
+            .iter()
+            .filter(|(subsystem, _)| *subsystem != SubsystemId::Comms);
         assert!(
-            states[1..]
-                .iter()
+            others
+                .into_iter()
                 .all(|(_, state)| *state == AlertPriority::Cleared)
         );
     }
 
     #[test]
-    fn a_sick_sensor_a_low_battery_and_a_lost_position_each_show() {
+    fn the_worst_of_a_subsystem_is_its_state() {
         let mut vehicle = Telemetry {
-            battery: Some(15),
+            battery: Some(80),
             gps_fix: Some(true),
             ..Telemetry::default()
         };
         vehicle.sensed.estimator = Some(895);
         let of = |vehicle: &Telemetry, wanted| {
-            let states = subsystems(vehicle, true);
+            let states = subsystems(vehicle, &Parameters::default(), true);
             states.iter().find(|(id, _)| *id == wanted).unwrap().1
         };
-        assert_eq!(
-            of(&vehicle, SubsystemId::PropulsionEnergy),
-            AlertPriority::Warning
-        );
         assert_eq!(
             of(&vehicle, SubsystemId::Navigation),
             AlertPriority::Nominal
         );
-        vehicle.sensed.estimator = Some(1);
+        assert_eq!(
+            of(&vehicle, SubsystemId::PropulsionEnergy),
+            AlertPriority::Nominal
+        );
+        vehicle.sensed.estimator = Some(895 | 0x400);
+        assert_eq!(
+            of(&vehicle, SubsystemId::Navigation),
+            AlertPriority::Caution
+        );
+        vehicle.gps_fix = Some(false);
         assert_eq!(
             of(&vehicle, SubsystemId::Navigation),
             AlertPriority::Warning
         );
-        vehicle.sensed.estimator = Some(895);
-        vehicle.sensed.health = Some(Health {
-            enabled: 0x20,
-            healthy: 0,
-        });
+        vehicle.battery = Some(3);
         assert_eq!(
-            of(&vehicle, SubsystemId::Navigation),
-            AlertPriority::Warning
+            of(&vehicle, SubsystemId::PropulsionEnergy),
+            AlertPriority::Emergency
         );
     }
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 /// The parameters that are read once a vehicle is there.
 pub const NAMES: &[&str] = &[
     "BAT_CRIT_THR",
+    "BAT_EMERGEN_THR",
     "BAT_LOW_THR",
     "COM_DL_LOSS_T",
     "FW_AIRSPD_MAX",

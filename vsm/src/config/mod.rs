@@ -7,6 +7,7 @@ pub mod airside;
 mod area;
 mod disputed;
 mod error;
+pub mod reference;
 mod value;
 
 use std::net::{IpAddr, SocketAddr};

@@ -22,6 +22,7 @@ use super::configuration::Configuration;
 use super::custody::Custody;
 use super::desk::{Desk, Origin};
 use super::fence::Fence;
+use super::health::HealthWatch;
 use super::inquiry::Inquiries;
 use super::maneuver::{Maneuver, Progress};
 use super::manual::Sticks;
@@ -44,6 +45,8 @@ pub(crate) struct Aircraft {
     pub(crate) authority: Authority,
     pub(crate) plan: Plan,
     pub(crate) aboard: Option<Aboard>,
+    /// What 13000 has loaded: flown by mode 11, also after another route was aboard for another mode.
+    pub(super) chosen: Option<Aboard>,
     pub(crate) load: Option<Load>,
     pub(super) download: Option<Download>,
     pub(crate) bounds: Bounds,
@@ -59,6 +62,7 @@ pub(crate) struct Aircraft {
     pub(super) configuration: Configuration,
     pub(super) parameters: ParameterDesk,
     pub(super) inquiries: Inquiries,
+    pub(super) health: HealthWatch,
     pub(crate) fence: Fence,
     /// That AGL is flown above home has been said.
     said_agl: bool,
@@ -107,6 +111,7 @@ impl Aircraft {
             authority: Authority::default(),
             plan: Plan::default(),
             aboard: None,
+            chosen: None,
             load: None,
             download: None,
             bounds,
@@ -121,6 +126,7 @@ impl Aircraft {
             configuration: Configuration::default(),
             parameters: ParameterDesk::default(),
             inquiries: Inquiries::default(),
+            health: HealthWatch::default(),
             fence: Fence::new(areas),
             said_agl: false,
             custody: Custody::default(),
@@ -181,6 +187,7 @@ impl Aircraft {
         self.send_configuration(desk);
         self.watch_inquiries(desk);
         self.watch_fence(desk);
+        self.watch_health(desk);
         self.advance_download(desk);
         self.settle_authority(desk);
         self.push_due(desk);

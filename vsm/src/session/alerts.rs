@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use mapping::alert::Alert;
+use mapping::health::Ailment;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 /// A cause that lasts. One alert stands for each at a time, per vehicle.
@@ -26,6 +27,8 @@ pub(crate) enum Cause {
     KeyExchange,
     /// The geofence aboard is not what it should be.
     Fence,
+    /// Something that the vehicle itself says is wrong.
+    Ailment(Ailment),
 }
 
 /// The alerts of one vehicle.
@@ -79,6 +82,7 @@ impl Alerts {
             priority,
             subsystem,
             text,
+            lasting: true,
         };
         self.standing.push((cause, alert.clone()));
         Some(Raised { alert, first: true })
@@ -130,6 +134,7 @@ impl Alerts {
                 priority,
                 subsystem,
                 text,
+                lasting: false,
             },
             first: true,
         })
@@ -148,6 +153,7 @@ impl Alerts {
                 priority,
                 subsystem,
                 text,
+                lasting: false,
             },
             first: true,
         }

@@ -207,6 +207,11 @@ impl Aircraft {
         }
     }
 
+    /// The parameters that the configuration phase has read.
+    pub(super) fn configured_parameters(&self) -> &Parameters {
+        &self.configuration.parameters
+    }
+
     /// A parameter of the vehicle, where it is known.
     pub(super) fn parameter(&self, name: &str) -> Option<f64> {
         self.configuration.parameters.get(name)

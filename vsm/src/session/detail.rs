@@ -57,9 +57,12 @@ impl Aircraft {
                 .into_iter()
                 .collect(),
             12101 if live => vec![status::battery(vehicle, desk.stamp()).into()],
-            16001 => status::subsystems(vehicle, live)
+            16001 => status::subsystems(vehicle, self.configured_parameters(), live)
                 .into_iter()
-                .map(|state| status::subsystem_report(state, desk.stamp()).into())
+                .map(|state| {
+                    let reference = self.detail_reference(state.0);
+                    status::subsystem_report(state, reference, desk.stamp()).into()
+                })
                 .collect(),
             _ => Vec::new(),
         }

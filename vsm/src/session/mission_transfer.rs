@@ -211,31 +211,36 @@ impl Aircraft {
         Ok((route.clone(), mapping::plan::route_type(route)))
     }
 
-    /// A mode command that needs another route aboard first.
+    /// A mode command that needs another route aboard first: the latest of a type, or what 13000 has loaded.
     pub(crate) fn load_and_fly(
         &mut self,
         desk: &mut Desk<'_>,
         origin: Option<Origin>,
-        route_type: RouteType,
+        route_type: Option<RouteType>,
         command: &VehicleOperatingModeCommand,
     ) {
         if let Err(why) = self.may_change_mission() {
             return self.refuse(desk, origin, why);
         }
-        let Some(route) = self.plan.route_of_type(route_type).cloned() else {
-            return self.refuse(
-                desk,
-                origin,
-                "no such route has been received (13001)".to_owned(),
-            );
+        let transfer = match (route_type, &self.chosen) {
+            (Some(route_type), _) => self
+                .plan
+                .route_of_type(route_type)
+                .map(|route| Transfer::new(desk.now.mono, route, route_type)),
+            (None, Some(chosen)) => Some(Transfer::again(chosen.flight.clone(), chosen.route_type)),
+            (None, None) => None,
+        };
+        let Some(transfer) = transfer else {
+            let why = "no such route has been received (13001)".to_owned();
+            return self.refuse(desk, origin, why);
         };
         self.load = Some(Load {
-            work: Work::Transfer(Transfer::new(desk.now.mono, &route, route_type)),
+            work: Work::Transfer(transfer),
             origin: None,
             mission_name: self
-                .aboard
+                .chosen
                 .as_ref()
-                .map_or_else(String::new, |aboard| aboard.mission_name.clone()),
+                .map_or_else(String::new, |chosen| chosen.mission_name.clone()),
             then: Some((origin, command.clone())),
         });
         self.go_on(desk);
@@ -491,6 +496,10 @@ impl Aircraft {
                     route_type,
                     mission_name,
                 });
+                // Only 13000 chooses; a route that a mode needed, or that was chosen before, is aboard for that.
+                if load.origin.is_some() || again(&self.chosen, &self.aboard) {
+                    self.chosen.clone_from(&self.aboard);
+                }
                 // What is answered as loaded must still be known after a crash.
                 match self.save_aboard(desk) {
                     Ok(()) => self.loaded(desk, load),
@@ -507,6 +516,9 @@ impl Aircraft {
             } => {
                 let Some(load) = self.load.take() else { return };
                 if touched {
+                    if load.origin.is_some() {
+                        self.chosen = None;
+                    }
                     self.forget_aboard(desk);
                 }
                 self.end_load(desk, load, waypoint, why);
@@ -540,6 +552,7 @@ impl Aircraft {
         let Some(load) = self.load.take() else { return };
         self.plan.clear();
         self.aboard = None;
+        self.chosen = None;
         let cucs = load
             .origin
             .and_then(|origin| desk.stations.get(origin.station))
@@ -655,15 +668,14 @@ impl Aircraft {
     }
 
     fn save_aboard(&self, desk: &mut Desk<'_>) -> Result<(), StoreError> {
-        let octets = self
-            .aboard
-            .as_ref()
-            .map_or_else(Vec::new, plan_record::encode_aboard);
-        desk.store.save(
-            &record_name("aboard", self.id()),
-            &octets,
-            Durability::Power,
-        )
+        for (kind, route) in [("chosen", &self.chosen), ("aboard", &self.aboard)] {
+            let octets = route
+                .as_ref()
+                .map_or_else(Vec::new, plan_record::encode_aboard);
+            desk.store
+                .save(&record_name(kind, self.id()), &octets, Durability::Power)?;
+        }
+        Ok(())
     }
 
     /// What a restart finds: authority, plan, and what is aboard.
@@ -685,17 +697,26 @@ impl Aircraft {
             self.plan = plan_record::decode_plan(&octets, id)
                 .map_err(|cause| unreadable("plan", cause.to_string()))?;
         }
-        if let Some(octets) = desk
-            .store
-            .load(&record_name("aboard", id))?
-            .filter(|octets| !octets.is_empty())
-        {
-            let aboard = plan_record::decode_aboard(&octets)
-                .map_err(|cause| unreadable("aboard", cause.to_string()))?;
-            self.aboard = Some(aboard);
+        for (kind, route) in [("aboard", &mut self.aboard), ("chosen", &mut self.chosen)] {
+            let octets = desk.store.load(&record_name(kind, id))?;
+            if let Some(octets) = octets.filter(|octets| !octets.is_empty()) {
+                let read = plan_record::decode_aboard(&octets)
+                    .map_err(|cause| unreadable(kind, cause.to_string()))?;
+                *route = Some(read);
+            }
         }
         self.restore_fence(desk)?;
         self.restore_altimeter(desk)
+    }
+}
+
+/// Whether what is aboard now is what was chosen before, as it was.
+fn again(chosen: &Option<Aboard>, aboard: &Option<Aboard>) -> bool {
+    match (chosen, aboard) {
+        (Some(chosen), Some(aboard)) => {
+            chosen.route_type == aboard.route_type && chosen.flight.items == aboard.flight.items
+        }
+        _ => false,
     }
 }
 

@@ -96,6 +96,7 @@ mod duplicate;
 mod engine;
 mod fence;
 mod handover;
+mod health;
 mod inquiry;
 mod key_agreement;
 mod maneuver;

@@ -29,6 +29,8 @@ pub(crate) enum Task {
     Launch(Vec<Step>, Commanded),
     /// The route of this type must first go aboard, then the command is looked at again.
     Load(RouteType),
+    /// What 13000 has loaded must first go aboard again, then the command is looked at again.
+    Reload,
     /// Manual flight: sticks, then the mode.
     Manual,
     /// Steering: set points, then the mode.
@@ -40,8 +42,10 @@ pub(crate) enum Task {
 pub(crate) struct Situation<'a> {
     pub(crate) telemetry: &'a Telemetry,
     pub(crate) aboard: Option<&'a Aboard>,
-    /// Whether the plan holds a route of type contingency A, B.
-    pub(crate) contingency: [bool; 2],
+    /// What 13000 has loaded last.
+    pub(crate) chosen: Option<&'a Aboard>,
+    /// The types of the routes that the plan holds.
+    pub(crate) routes: &'a [RouteType],
     pub(crate) loiter: &'a LoiterConfiguration,
     pub(crate) commanded: Commanded,
     pub(crate) agl: Agl,
@@ -129,6 +133,9 @@ pub(crate) fn task(
         Mode::Waypoint => waypoint(command, at),
         Mode::Loiter => loiter(command, at),
         Mode::Launch => launch(command, at),
+        Mode::AutolandEngage if at.telemetry.airborne() && has(RouteType::Approach, at) => {
+            fly(command, RouteType::Approach, at)
+        }
         Mode::AutolandEngage => Ok(plain(&[Px4Mode::LAND], at)),
         Mode::ContingencyA => contingency(command, RouteType::ContingencyA, &[Px4Mode::RTL], at),
         Mode::ContingencyB => contingency(command, RouteType::ContingencyB, &[Px4Mode::LAND], at),
@@ -152,12 +159,16 @@ fn contingency(
     otherwise: &'static [Px4Mode],
     at: &Situation<'_>,
 ) -> Result<Task, String> {
-    let loaded = at.contingency[usize::from(route == RouteType::ContingencyB)];
-    if loaded {
+    if has(route, at) {
         fly(command, route, at)
     } else {
         Ok(plain(otherwise, at))
     }
+}
+
+/// Whether the plan holds a route of this type.
+fn has(route: RouteType, at: &Situation<'_>) -> bool {
+    at.routes.contains(&route)
 }
 
 fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
@@ -166,7 +177,7 @@ fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
             "mode 11 flies the altitudes of the route; command another in mode 12".to_owned(),
         );
     }
-    if at.aboard.is_none() {
+    if at.aboard.is_none() && at.chosen.is_none() {
         return Err("mode 11: no route has been loaded (13000)".to_owned());
     }
     fly(command, RouteType::Flight, at)
@@ -178,7 +189,11 @@ fn fly(
     at: &Situation<'_>,
 ) -> Result<Task, String> {
     let aboard = match at.aboard {
-        Some(aboard) if serves(aboard.route_type, route) && holds(at.telemetry, aboard) => aboard,
+        Some(aboard) if serves(aboard, route, at) && holds(at.telemetry, aboard) => aboard,
+        // Another route went aboard for another mode: what 13000 has loaded comes back.
+        _ if route == RouteType::Flight && at.chosen.is_some() && at.chosen != at.aboard => {
+            return Ok(Task::Reload);
+        }
         // Mode 11 flies what 13000 has loaded, never what has been stored since.
         _ if route == RouteType::Flight => {
             return Err(
@@ -220,18 +235,18 @@ fn fly(
         // After the mode: entering one takes PX4 back to its own speed.
         steps.push(maneuver::change_speed(speed_m_s));
         commanded.speed_m_s = Some(speed_m_s);
-        commanded.speed_type = command.speed_type.or(Some(SpeedType::Ground));
+        commanded.speed_type = Some(flown_as(at.telemetry));
     }
     Ok(Task::Steps(steps, commanded))
 }
 
-/// Whether a route aboard is the one that is to be flown: mode 11 flies all but contingency routes.
-fn serves(aboard: RouteType, wanted: RouteType) -> bool {
-    let contingency = matches!(aboard, RouteType::ContingencyA | RouteType::ContingencyB);
+/// Whether a route aboard is the one that is to be flown: mode 11 flies what 13000 has loaded, but for contingency routes.
+fn serves(aboard: &Aboard, wanted: RouteType, at: &Situation<'_>) -> bool {
     if wanted == RouteType::Flight {
-        !contingency
+        let contingency = [RouteType::ContingencyA, RouteType::ContingencyB];
+        !contingency.contains(&aboard.route_type) && at.chosen.is_none_or(|chosen| chosen == aboard)
     } else {
-        aboard == wanted
+        aboard.route_type == wanted
     }
 }
 
@@ -285,7 +300,7 @@ fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
     if let Some(speed_m_s) = speed {
         steps.push(maneuver::change_speed(speed_m_s));
         commanded.speed_m_s = Some(speed_m_s);
-        commanded.speed_type = command.speed_type.or(Some(SpeedType::Ground));
+        commanded.speed_type = Some(flown_as(at.telemetry));
     }
     Ok(Task::Steps(steps, commanded))
 }
@@ -293,6 +308,10 @@ fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
 fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
     if at.telemetry.airborne() {
         return Err("mode 21: the vehicle is in the air already".to_owned());
+    }
+    let route = has(RouteType::Launch, at);
+    if route && !at.telemetry.hovers() {
+        return Err("mode 21: the launch route of a fixed wing is not flown; delete it".to_owned());
     }
     let metres = altitude(command).ok_or("mode 21 needs a commanded altitude to take off to")?;
     let level = checked_level(metres, command, at)?;
@@ -308,7 +327,19 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
         altitude_amsl_m: Some(amsl_m),
         ..Commanded::default()
     };
-    Ok(Task::Launch(maneuver::launch(amsl_m), commanded))
+    let mut steps = maneuver::launch(amsl_m);
+    if route {
+        match at.aboard {
+            Some(aboard)
+                if aboard.route_type == RouteType::Launch && holds(at.telemetry, aboard) =>
+            {
+                steps.push(Step::SetCurrent(0));
+                steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
+            }
+            _ => return Ok(Task::Load(RouteType::Launch)),
+        }
+    }
+    Ok(Task::Launch(steps, commanded))
 }
 
 fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
@@ -462,6 +493,16 @@ fn speed(command: &VehicleOperatingModeCommand, limits: &Limits) -> Result<Optio
             Ok(Some(speed_m_s))
         }
         Some(other) => Err(format!("Speed Type {} is not flown", other.raw())),
+    }
+}
+
+/// What a speed is flown as, whatever type it was commanded as: PX4 takes the speed of a multicopter over ground and that
+/// of a fixed wing through the air.
+fn flown_as(vehicle: &Telemetry) -> SpeedType {
+    if vehicle.hovers() {
+        SpeedType::Ground
+    } else {
+        SpeedType::Indicated
     }
 }
 

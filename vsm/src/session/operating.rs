@@ -1,10 +1,10 @@
 //! Commands of the CUCS that has the right to give them: 2016, 2017, and where plans go.
 
 use mapping::mode::Px4Mode;
+use mapping::plan::route_type;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
-    AckType, AlertPriority, AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RouteType,
-    SubsystemId,
+    AckType, AlertPriority, AltitudeType, FlightPathControlMode as Mode, LoiBitmap, SubsystemId,
 };
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
@@ -42,7 +42,10 @@ impl Aircraft {
             | Message::ParameterSetCommand(_)
             | Message::AreaVertex(_)
             | Message::AreaTransferCommand(_) => Some(LoiBitmap::LOI4),
-            Message::ParameterRequest(_) | Message::PingRequest(_) => Some(LoiBitmap::LOI2),
+            Message::ParameterRequest(_)
+            | Message::PingRequest(_)
+            | Message::SubsystemStatusRequest(_)
+            | Message::SubsystemStatusDetailRequest(_) => Some(LoiBitmap::LOI2),
             _ => None,
         }
     }
@@ -67,6 +70,12 @@ impl Aircraft {
             Message::ParameterRequest(request) => self.request_parameter(desk, origin, request),
             Message::ParameterSetCommand(command) => self.set_parameter(desk, origin, command),
             Message::PingRequest(request) => self.ping(desk, origin, request),
+            Message::SubsystemStatusRequest(request) => {
+                self.subsystem_status(desk, origin, request)
+            }
+            Message::SubsystemStatusDetailRequest(request) => {
+                self.subsystem_detail(desk, origin, request)
+            }
             Message::AreaVertex(vertex) => self.store_area(desk, origin, vertex),
             Message::AreaTransferCommand(command) => self.transfer_areas(desk, origin, command),
             other => self.store_plan_message(desk, origin, other),
@@ -88,11 +97,12 @@ impl Aircraft {
             Ok(altimeter) => altimeter,
             Err(why) => return self.refuse(desk, origin, why),
         };
+        let routes: Vec<_> = self.plan.routes().iter().map(route_type).collect();
         let situation = Situation {
             telemetry: &self.mav.telemetry,
             aboard: self.aboard.as_ref(),
-            contingency: [RouteType::ContingencyA, RouteType::ContingencyB]
-                .map(|wanted| self.plan.route_of_type(wanted).is_some()),
+            chosen: self.chosen.as_ref(),
+            routes: &routes,
             loiter: &self.loiter,
             commanded: self.commanded,
             agl: self.bounds.agl,
@@ -133,7 +143,8 @@ impl Aircraft {
             }
             Ok(Task::Manual) => self.fly_by_hand(desk, origin),
             Ok(Task::Steer(order, commanded)) => self.steer(desk, origin, order, commanded),
-            Ok(Task::Load(route)) => self.load_and_fly(desk, origin, route, command),
+            Ok(Task::Load(route)) => self.load_and_fly(desk, origin, Some(route), command),
+            Ok(Task::Reload) => self.load_and_fly(desk, origin, None, command),
         }
     }
 

@@ -126,8 +126,8 @@ impl Transfer {
         vehicle: &mut VehicleLink,
     ) -> Course {
         match std::mem::replace(&mut self.phase, Phase::Ended) {
-            Phase::Again { flight } => self.send(now, flight, vehicle),
             Phase::Site { deadline } => self.start(now, deadline, plan, bounds, vehicle),
+            Phase::Again { flight } => self.begin(now, flight, vehicle),
             Phase::Hold {
                 mut maneuver,
                 flight,
@@ -183,6 +183,15 @@ impl Transfer {
                     );
                 }
             };
+        let mut flight = flight;
+        if self.route_type == RouteType::Approach {
+            flight.land_at_the_end();
+        }
+        self.begin(now, flight, vehicle)
+    }
+
+    /// Sends it, from AUTO.LOITER where another mission is flown.
+    fn begin(&mut self, now: Duration, flight: Flight, vehicle: &mut VehicleLink) -> Course {
         let telemetry = &vehicle.telemetry;
         let same = telemetry
             .mission

@@ -13,8 +13,8 @@ use stanag_msgs::messages::{
     EngineCommand, FieldConfigurationRequest, GenericInformationRequestMessage, Heartbeat,
     LoiterConfiguration, MissionTransferCommand, ParameterRequest, ParameterSetCommand,
     PingRequest, PositiveHandoverAuthorisationRequest, ScheduleMessageUpdateCommand,
-    UaLoiterWaypoint, UaPositionWaypoint, UaStickCommand, VehicleDataLinkTransitionCoordination,
-    VehicleOperatingModeCommand,
+    SubsystemStatusDetailRequest, SubsystemStatusRequest, UaLoiterWaypoint, UaPositionWaypoint,
+    UaStickCommand, VehicleDataLinkTransitionCoordination, VehicleOperatingModeCommand,
 };
 use stanag_msgs::{Bam16, Bam32, Message, Scaled, Text};
 
@@ -62,6 +62,15 @@ fn nothing(_: &mut Rig) {}
 fn control(rig: &mut Rig) {
     done(rig, orders::request_control());
     rig.run(1.0);
+}
+
+fn with_a_failing_compass(rig: &mut Rig) {
+    control(rig);
+    rig.vehicles[0].vehicle_mut().ail(sim::px4::Ailments {
+        unhealthy: 0x4,
+        ..sim::px4::Ailments::default()
+    });
+    rig.run(5.0);
 }
 
 fn control_with_stations(rig: &mut Rig) {
@@ -603,6 +612,23 @@ fn routes() -> Vec<Trial> {
 
 fn requests() -> Vec<Trial> {
     vec![
+        trial!(
+            one,
+            control,
+            then_5_s,
+            SubsystemStatusRequest::default(),
+            ["Subsystem ID" = "8"]
+        ),
+        trial!(
+            one,
+            with_a_failing_compass,
+            then_5_s,
+            SubsystemStatusDetailRequest {
+                subsystem_state_report_reference: Some(6),
+                ..SubsystemStatusDetailRequest::default()
+            },
+            ["Subsystem State Report Reference" = "1"]
+        ),
         trial!(one, control, then_5_s, Heartbeat::default(), []),
         trial!(
             one,

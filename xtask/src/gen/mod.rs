@@ -1,8 +1,10 @@
-//! `cargo xtask gen`: everything that is made from the message table and the support facts.
+//! `cargo xtask gen`: everything that is made from tables of the code: messages, support facts, what becomes of
+//! each message on the other side, and the keys of the configuration.
 //!
 //! The files are checked in, so that a reader needs no build; `--check` says which of them are not what would be made
 //! now, and changes nothing.
 
+mod crossing;
 mod dissector;
 mod lua;
 mod reference;
@@ -78,6 +80,8 @@ fn outputs() -> Vec<Output> {
         Output::new("dissector/stanag4586.lua", dissector::script()),
         Output::new("docs/support.md", support::markdown()),
         Output::new("docs/support.json", support::json()),
+        Output::new("docs/configuration.md", vsm::config::reference::markdown()),
+        Output::new("docs/mapping-tables.md", crossing::markdown()),
     ];
     made.extend(
         reference::pages()

@@ -66,7 +66,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
                 "Commanded Speed",
                 "DO_CHANGE_SPEED in 11 and 12, flown in 15; 0: none",
             ),
-            ("Speed Type", "0, 1 and 2 alike; others are refused"),
+            (
+                "Speed Type",
+                "0, 1 and 2 alike: over ground by a multicopter, through the air by a fixed wing; others are refused",
+            ),
             (
                 "Commanded Waypoint Number",
                 "11, 23, 24: the flight starts at it; 0: none",

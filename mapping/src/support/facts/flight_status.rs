@@ -44,7 +44,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
                 "3 once the geoid separation is known, else 1",
             ),
             ("Commanded Speed", "the last command that the vehicle took"),
-            ("Speed Type", "as commanded"),
+            (
+                "Speed Type",
+                "as it is flown: 2 of a multicopter, 0 of a fixed wing",
+            ),
             ("Power Level", "VFR_HUD.throttle"),
             (
                 "Current Propulsion Energy Level",

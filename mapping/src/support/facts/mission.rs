@@ -33,7 +33,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Route ID", "names it for 13000"),
             (
                 "Route Type",
-                "2 flight; 3, 4 contingency A, B, flown by 2016 modes 23, 24",
+                "flown by 2016: 0 launch by 21, 1 approach by 19, 2 flight by 11, 3, 4 contingency A, B by 23, 24",
             ),
         ],
         sent: &[

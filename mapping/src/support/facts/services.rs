@@ -5,6 +5,29 @@ use crate::support::MessageSupport;
 
 pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
+        id: 15000,
+        taken: "answered by 16001, unless dli.provisional is off; needs LOI 2",
+        sends: "",
+        honoured: &[
+            ("Time Stamp", HEARD_STAMP),
+            ("Subsystem ID", "which; absent or 0: all that are known"),
+        ],
+        sent: &[],
+    },
+    MessageSupport {
+        id: 15001,
+        taken: "answered by 16001 with the texts of the alerts that stand, unless dli.provisional is off; needs LOI 2",
+        sends: "",
+        honoured: &[
+            ("Time Stamp", HEARD_STAMP),
+            (
+                "Subsystem State Report Reference",
+                "of the 16001 that told it",
+            ),
+        ],
+        sent: &[],
+    },
+    MessageSupport {
         id: 16000,
         taken: "",
         sends: "when something happens, changes or is over",
@@ -18,7 +41,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
                 "-1: there is no more to ask for",
             ),
             ("Subsystem ID", "what it is about; 20 is the autopilot"),
-            ("Type", "clearable by the operator, 0 when it is over"),
+            (
+                "Type",
+                "1 while its cause lasts, 2 of what has happened, 0 when it is over",
+            ),
             ("Alert (Warning) ID", "negative the first time"),
             ("Text", "for the operator"),
             ("Persistence", "-1, undefined; 0 when it is over"),
@@ -29,7 +55,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
         id: 16001,
         taken: "",
-        sends: "by 17001, on 17002, one a subsystem",
+        sends: "by 17001, on 17002, 15000 and 15001, one a subsystem",
         honoured: &[],
         sent: &[
             ("Time Stamp", STAMP),
@@ -43,8 +69,9 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Subsystem State Report Reference",
-                "-1: there is no more to ask for",
+                "what 15001 asks with where alerts stand; -1: there is no more",
             ),
+            ("Report Text Reference", "on 15001: the alert's text"),
         ],
     },
     MessageSupport {
@@ -89,7 +116,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
         sends: "",
         honoured: &[
             ("Time Stamp", HEARD_STAMP),
-            ("Message Type", "2, 50013 and those of 17001; others are refused"),
+            (
+                "Message Type",
+                "2, 50013 and those of 17001; others are refused",
+            ),
             (
                 "Requested Field Presence Vector",
                 "the fields to send, beside the stamp; 0: all",

@@ -20,7 +20,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
         sends: "",
         honoured: &[
             ("Time Stamp", HEARD_STAMP),
-            ("Parameter Name", "which; refused where its range is not known"),
+            (
+                "Parameter Name",
+                "which; refused where its range is not known",
+            ),
             ("Commanded Value", "refused out of its range"),
         ],
         sent: &[],
@@ -50,7 +53,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Time Stamp", STAMP),
             ("VSM Version", "its own"),
             ("Autopilot Version", "AUTOPILOT_VERSION.flight_sw_version"),
-            ("Autopilot Source", "AUTOPILOT_VERSION.flight_custom_version"),
+            (
+                "Autopilot Source",
+                "AUTOPILOT_VERSION.flight_custom_version",
+            ),
             ("Board Version", "AUTOPILOT_VERSION.board_version"),
             ("Hardware ID", "AUTOPILOT_VERSION.uid"),
         ],
@@ -87,7 +93,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Time Stamp", HEARD_STAMP),
             ("Area ID", "1 to 65535"),
             ("Area Type", "polygon or circle, to stay inside or outside"),
-            ("Vertex Count", "3 to 64 of a polygon, 1 of a circle; another count begins the area anew"),
+            (
+                "Vertex Count",
+                "3 to 64 of a polygon, 1 of a circle; another count begins the area anew",
+            ),
             ("Vertex Number", "1 to Vertex Count"),
             ("Latitude", "where it lies"),
             ("Longitude", "where it lies"),
@@ -119,8 +128,14 @@ pub(super) static ROWS: &[MessageSupport] = &[
         sent: &[
             ("Time Stamp", STAMP),
             ("Area Plan Mode", "of the 50017"),
-            ("Status", "complete once the vehicle holds the fence, read back"),
-            ("Area ID", "what a refusal is about; 0: an area of the configuration, or none"),
+            (
+                "Status",
+                "complete once the vehicle holds the fence, read back",
+            ),
+            (
+                "Area ID",
+                "what a refusal is about; 0: an area of the configuration, or none",
+            ),
             ("Vertex Number", "what a refusal is about; 0: no one vertex"),
         ],
     },

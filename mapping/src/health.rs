@@ -1,0 +1,289 @@
+//! What is wrong with a vehicle by its own messages, subsystem by subsystem, in words that an operator can act on: the
+//! source of 16000 for lasting causes and of the states in 16001.
+
+use mavlink_link::dialect::MavState;
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
+
+use crate::configuration::Parameters;
+use crate::telemetry::Telemetry;
+
+/// What can be wrong. One alert stands for each at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Ailment {
+    /// SYS_STATUS: motor outputs.
+    Motors,
+    /// SYS_STATUS: gyroscopes or accelerometers.
+    InertialSensors,
+    /// SYS_STATUS: magnetometer.
+    Compass,
+    /// SYS_STATUS: barometer.
+    Barometer,
+    /// SYS_STATUS: GPS, or GPS_RAW_INT without a 3-D fix.
+    Gps,
+    /// ESTIMATOR_STATUS: no position, or one that is not to be trusted.
+    Estimator,
+    /// SYS_STATUS: the battery's sensor.
+    BatterySensor,
+    /// SYS_STATUS, BATTERY_STATUS: how much is left.
+    Charge,
+    /// HEARTBEAT: a failsafe flies the vehicle, or it is an emergency.
+    Failsafe,
+}
+
+/// Something that is wrong.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finding {
+    /// What it is about.
+    pub ailment: Ailment,
+    /// How urgent.
+    pub priority: AlertPriority,
+    /// What of the aircraft.
+    pub subsystem: SubsystemId,
+    /// What is wrong, and what to do.
+    pub text: String,
+}
+
+impl Ailment {
+    /// All of them.
+    pub const ALL: [Ailment; 9] = [
+        Ailment::Motors,
+        Ailment::InertialSensors,
+        Ailment::Compass,
+        Ailment::Barometer,
+        Ailment::Gps,
+        Ailment::Estimator,
+        Ailment::BatterySensor,
+        Ailment::Charge,
+        Ailment::Failsafe,
+    ];
+
+    /// What is said when it is over.
+    #[must_use]
+    pub fn over(self) -> &'static str {
+        match self {
+            Ailment::Motors => "the motor outputs are well again",
+            Ailment::InertialSensors => "gyroscopes and accelerometers are well again",
+            Ailment::Compass => "the compass is well again",
+            Ailment::Barometer => "the barometer is well again",
+            Ailment::Gps => "the GPS is well again",
+            Ailment::Estimator => "the position is to be trusted again",
+            Ailment::BatterySensor => "the battery is measured again",
+            Ailment::Charge => "the battery is no longer low",
+            Ailment::Failsafe => "no failsafe flies the vehicle any more",
+        }
+    }
+}
+
+/// Everything that is wrong with a vehicle that is heard, by its latest messages.
+#[must_use]
+pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
+    use AlertPriority as P;
+    use SubsystemId as S;
+    let health = vehicle.sensed.health;
+    let fails = |sensors: u32| health.is_some_and(|health| health.fails(sensors));
+    let mut all = Vec::new();
+    let mut found = |ailment, priority, subsystem, text: &str| {
+        all.push(Finding {
+            ailment,
+            priority,
+            subsystem,
+            text: text.to_owned(),
+        });
+    };
+    if fails(MOTOR_OUTPUTS) {
+        found(
+            Ailment::Motors,
+            P::Failed,
+            S::Engine,
+            "motor outputs fail: land at once",
+        );
+    }
+    if fails(GYRO | ACCELEROMETER) {
+        let text = "gyroscopes or accelerometers fail: land as soon as possible";
+        found(Ailment::InertialSensors, P::Warning, S::Navigation, text);
+    }
+    if fails(MAGNETOMETER) {
+        let text = "the compass fails: the heading drifts, come home by route or land";
+        found(Ailment::Compass, P::Warning, S::Navigation, text);
+    }
+    if fails(BAROMETER) {
+        let text = "the barometer fails: heights are by GPS alone, keep clear of the ground";
+        found(Ailment::Barometer, P::Warning, S::Navigation, text);
+    }
+    if fails(GPS) {
+        let text = "the GPS fails: no mode that needs a position will be taken, land by hand";
+        found(Ailment::Gps, P::Warning, S::Navigation, text);
+    } else if vehicle.gps_fix == Some(false) {
+        let text = "no GPS position: no mode that needs a position will be taken";
+        found(Ailment::Gps, P::Warning, S::Navigation, text);
+    }
+    match vehicle.sensed.estimator {
+        Some(flags) if flags & POSITION != POSITION => {
+            let text = "the vehicle does not know its position: routes and loiters are not flown";
+            found(Ailment::Estimator, P::Warning, S::Navigation, text);
+        }
+        Some(flags) if flags & GLITCHES != 0 => {
+            let text = "GPS or accelerometer glitches: watch the position";
+            found(Ailment::Estimator, P::Caution, S::Navigation, text);
+        }
+        _ => {}
+    }
+    if fails(BATTERY) {
+        let text = "the battery is not measured: come home, its charge is not known";
+        found(Ailment::BatterySensor, P::Failed, S::PropulsionEnergy, text);
+    }
+    if let Some((priority, text)) = charge(vehicle, parameters) {
+        found(Ailment::Charge, priority, S::PropulsionEnergy, &text);
+    }
+    match vehicle.system_status {
+        Some(MavState::MAV_STATE_EMERGENCY) => {
+            found(
+                Ailment::Failsafe,
+                P::Emergency,
+                S::Engine,
+                "the autopilot tells an emergency",
+            );
+        }
+        Some(MavState::MAV_STATE_CRITICAL) => {
+            let text = "a failsafe flies the vehicle: command a mode to take it back";
+            found(Ailment::Failsafe, P::Warning, S::Engine, text);
+        }
+        _ => {}
+    }
+    all
+}
+
+fn charge(vehicle: &Telemetry, parameters: &Parameters) -> Option<(AlertPriority, String)> {
+    let percent = f64::from(vehicle.battery?);
+    let threshold = |name, otherwise: f64| {
+        parameters
+            .above_zero(name)
+            .map_or(otherwise, |share| share * 100.0)
+    };
+    let levels = [
+        (
+            AlertPriority::Emergency,
+            "BAT_EMERGEN_THR",
+            5.0,
+            "land at once",
+        ),
+        (AlertPriority::Warning, "BAT_CRIT_THR", 7.0, "come home now"),
+        (
+            AlertPriority::Caution,
+            "BAT_LOW_THR",
+            15.0,
+            "think of coming home",
+        ),
+    ];
+    levels.iter().find_map(|(priority, name, otherwise, what)| {
+        let below = threshold(name, *otherwise);
+        // A share of a float has more digits than a battery.
+        let shown = (below * 10.0).round() / 10.0;
+        (percent <= below).then(|| {
+            let text = format!("the battery is at {shown} % or less ({name}): {what}");
+            (*priority, text)
+        })
+    })
+}
+
+/// MAV_SYS_STATUS_SENSOR_3D_GYRO.
+const GYRO: u32 = 0x1;
+/// MAV_SYS_STATUS_SENSOR_3D_ACCEL.
+const ACCELEROMETER: u32 = 0x2;
+/// MAV_SYS_STATUS_SENSOR_3D_MAG.
+const MAGNETOMETER: u32 = 0x4;
+/// MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE.
+const BAROMETER: u32 = 0x8;
+/// MAV_SYS_STATUS_SENSOR_GPS.
+const GPS: u32 = 0x20;
+/// MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS.
+const MOTOR_OUTPUTS: u32 = 0x8000;
+/// MAV_SYS_STATUS_SENSOR_BATTERY.
+const BATTERY: u32 = 0x200_0000;
+/// ESTIMATOR_STATUS_FLAGS: attitude, both velocities, absolute horizontal position.
+const POSITION: u16 = 0x1 | 0x2 | 0x4 | 0x10;
+/// ESTIMATOR_STATUS_FLAGS: GPS glitch, accelerometer error.
+const GLITCHES: u16 = 0x400 | 0x800;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensed::Health;
+
+    fn found(vehicle: &Telemetry) -> Vec<(Ailment, AlertPriority)> {
+        let findings = findings(vehicle, &Parameters::default());
+        let all = findings.iter();
+        all.map(|finding| (finding.ailment, finding.priority))
+            .collect()
+    }
+
+    #[test]
+    fn each_sensor_of_sys_status_has_an_ailment_of_its_own() {
+        for (bit, ailment) in [
+            (GYRO, Ailment::InertialSensors),
+            (ACCELEROMETER, Ailment::InertialSensors),
+            (MAGNETOMETER, Ailment::Compass),
+            (BAROMETER, Ailment::Barometer),
+            (GPS, Ailment::Gps),
+            (MOTOR_OUTPUTS, Ailment::Motors),
+            (BATTERY, Ailment::BatterySensor),
+        ] {
+            let mut vehicle = Telemetry::default();
+            vehicle.sensed.health = Some(Health {
+                enabled: bit,
+                healthy: !bit,
+            });
+            let found = found(&vehicle);
+            assert_eq!(found.len(), 1, "{bit:#x}");
+            assert_eq!(found[0].0, ailment);
+            vehicle.sensed.health = Some(Health {
+                enabled: 0,
+                healthy: 0,
+            });
+            assert!(
+                self::found(&vehicle).is_empty(),
+                "one that is not used is not missed"
+            );
+        }
+    }
+
+    #[test]
+    fn the_charge_is_judged_by_the_vehicles_own_thresholds() {
+        let mut parameters = Parameters::default();
+        let vehicle = |percent| Telemetry {
+            battery: Some(percent),
+            ..Telemetry::default()
+        };
+        let priority = |percent, parameters: &Parameters| {
+            let findings = findings(&vehicle(percent), parameters);
+            findings.first().map(|finding| finding.priority)
+        };
+        assert_eq!(priority(16, &parameters), None);
+        assert_eq!(priority(15, &parameters), Some(AlertPriority::Caution));
+        assert_eq!(priority(7, &parameters), Some(AlertPriority::Warning));
+        assert_eq!(priority(5, &parameters), Some(AlertPriority::Emergency));
+        assert!(parameters.set("BAT_LOW_THR", 0.4));
+        assert_eq!(priority(40, &parameters), Some(AlertPriority::Caution));
+    }
+
+    #[test]
+    fn every_text_fits_one_message_of_16000() {
+        let mut vehicle = Telemetry {
+            gps_fix: Some(false),
+            battery: Some(1),
+            system_status: Some(MavState::MAV_STATE_CRITICAL),
+            ..Telemetry::default()
+        };
+        for (enabled, estimator) in [(u32::MAX, 0), (!GPS, 0xffff)] {
+            vehicle.sensed.health = Some(Health {
+                enabled,
+                healthy: 0,
+            });
+            vehicle.sensed.estimator = Some(estimator);
+            for finding in findings(&vehicle, &Parameters::default()) {
+                assert!(finding.text.len() <= crate::alert::TEXT, "{}", finding.text);
+                assert!(finding.ailment.over().len() <= crate::alert::TEXT);
+            }
+        }
+    }
+}
