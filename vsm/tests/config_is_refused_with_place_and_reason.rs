@@ -124,6 +124,16 @@ fn what_is_wrong_is_said_with_its_place() {
         ),
         ("system_id = 1", "system_id = 256", &["line 16", "256"]),
         (
+            "system_id = 1",
+            "system_id = 1\nstall_s = 5",
+            &["line 17", "10 to 3600"],
+        ),
+        (
+            "policy = \"slow\"",
+            "policy = \"slow\", vertices = \"off\"",
+            &["vertices", "off", "free"],
+        ),
+        (
             "PX4-01",
             "a tail number that is too long",
             &["vehicle.tail_number", "15"],

@@ -1,6 +1,7 @@
 //! What a simulated vehicle is told before it boots.
 
 use super::geo::Geodetic;
+use super::params::Param;
 
 /// Kind of airframe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,6 +36,8 @@ pub struct Config {
     /// Wall clock at boot, microseconds since 1970, as a GPS receiver would give it;
     /// zero where it is not known. Only SYSTEM_TIME shows it.
     pub unix_time_us: u64,
+    /// Parameters that differ from the defaults at boot.
+    pub params: Vec<(Param, f64)>,
 }
 
 impl Default for Config {
@@ -53,6 +56,7 @@ impl Default for Config {
             heading_rad: 0.0,
             declination_rad: 3.41_f64.to_radians(),
             unix_time_us: 0,
+            params: Vec::new(),
         }
     }
 }

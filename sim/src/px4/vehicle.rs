@@ -157,6 +157,9 @@ impl Vehicle {
         if config.airframe == Airframe::Plane {
             params.set(Param::MAV_TYPE, 1.0);
         }
+        for (param, value) in &config.params {
+            params.set(*param, *value);
+        }
         let tuning = Tuning::read(config.airframe, &params);
         Self {
             frame: LocalFrame::new(config.home),

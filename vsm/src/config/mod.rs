@@ -135,6 +135,10 @@ pub struct Vehicle {
     /// Areas of its geofence, which no CUCS can take away.
     #[serde(default)]
     pub area: Vec<Area>,
+    /// Longest time, s, that a mission may get no nearer to its waypoint, 10 to 3600: then the vehicle is told to
+    /// hold. `None`, as `0` in the file, for ever.
+    #[serde(default = "value::default_stall", deserialize_with = "value::stall")]
+    pub stall_s: Option<f64>,
 }
 
 /// `vehicle.curve`

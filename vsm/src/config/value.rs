@@ -216,16 +216,40 @@ pub(super) fn group<'de, D: Deserializer<'de>>(
 
 /// A time of silence in seconds, 0.5 to 3600.
 pub(super) fn silence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-    struct Seconds;
+    seconds(deserializer, "0.5 to 3600 (seconds)", |s| {
+        (0.5..=3600.0).contains(&s)
+    })
+}
+
+/// `vehicle.stall_s`: 10 to 3600 s, 0 for never.
+pub(super) fn stall<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    let expected = "10 to 3600 (seconds), or 0 for no watch";
+    let found = seconds(deserializer, expected, |s| {
+        s == 0.0 || (10.0..=3600.0).contains(&s)
+    })?;
+    Ok((found > 0.0).then_some(found))
+}
+
+#[expect(clippy::unnecessary_wraps, reason = "what serde takes as a default")]
+pub(super) const fn default_stall() -> Option<f64> {
+    Some(30.0)
+}
+
+fn seconds<'de, D: Deserializer<'de>>(
+    deserializer: D,
+    expected: &'static str,
+    good: fn(f64) -> bool,
+) -> Result<f64, D::Error> {
+    struct Seconds(&'static str, fn(f64) -> bool);
     impl Visitor<'_> for Seconds {
         type Value = f64;
 
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str("0.5 to 3600 (seconds)")
+            f.write_str(self.0)
         }
 
         fn visit_f64<E: de::Error>(self, value: f64) -> Result<f64, E> {
-            if (0.5..=3600.0).contains(&value) {
+            if (self.1)(value) {
                 return Ok(value);
             }
             Err(E::invalid_value(de::Unexpected::Float(value), &self))
@@ -235,5 +259,5 @@ pub(super) fn silence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64,
             self.visit_f64(value as f64)
         }
     }
-    deserializer.deserialize_any(Seconds)
+    deserializer.deserialize_any(Seconds(expected, good))
 }

@@ -32,6 +32,7 @@ use super::plan_record::Aboard;
 use super::plan_return::PlanCheck;
 use super::push::Push;
 use super::recall::Recall;
+use super::stall::StallWatch;
 use super::steering::Steering;
 use super::transfer::Bounds;
 use super::vehicle::{Peer, VehicleEvent, VehicleLink};
@@ -59,6 +60,7 @@ pub(crate) struct Aircraft {
     /// The last 2008.
     pub(super) engine_command: Option<CommandedEngineState>,
     pub(super) push: Push,
+    pub(super) stall: StallWatch,
     pub(super) configuration: Configuration,
     pub(super) parameters: ParameterDesk,
     pub(super) inquiries: Inquiries,
@@ -123,6 +125,7 @@ impl Aircraft {
             steering: Steering::default(),
             engine_command: None,
             push: Push::default(),
+            stall: StallWatch::default(),
             configuration: Configuration::default(),
             parameters: ParameterDesk::default(),
             inquiries: Inquiries::default(),
@@ -174,6 +177,7 @@ impl Aircraft {
         self.mav
             .handle_datagram(desk.now, from, octets, &mut Ceilings(desk.store), tap);
         self.go_on(desk);
+        self.watch_progress(desk);
         self.settle_authority(desk);
     }
 

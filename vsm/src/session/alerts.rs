@@ -21,6 +21,8 @@ pub(crate) enum Cause {
     Store,
     /// What the vehicle does by itself when it hears no ground station.
     OwnFailsafe,
+    /// Its mission does not get on, and it was told to hold.
+    Stalled,
     /// The audit log does not follow from itself.
     Audit,
     /// A key that waits, or an exchange that cannot be.

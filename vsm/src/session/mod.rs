@@ -113,6 +113,7 @@ mod push;
 mod recall;
 mod reporting;
 mod settling;
+mod stall;
 mod station;
 mod status;
 mod steering;

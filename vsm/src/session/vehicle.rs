@@ -115,6 +115,7 @@ pub(crate) struct VehicleLink {
     heartbeat_at: Option<Duration>,
     silent: bool,
     boot_ms: Option<u32>,
+    progress_told_ms: Option<u32>,
     asked: Asked,
     /// A mode was told after the last command was sent.
     state_is_newer: bool,
@@ -171,6 +172,7 @@ impl VehicleLink {
             heartbeat_at: None,
             silent: true,
             boot_ms: None,
+            progress_told_ms: None,
             asked: Asked::default(),
             state_is_newer: true,
             complaint: None,
@@ -201,6 +203,16 @@ impl VehicleLink {
     /// Wants a message at a rate from now on; asked for when the next command may go.
     pub(crate) fn want(&mut self, id: u32, hertz: f32) {
         self.intervals.wish(id, Rate::Hz(hertz));
+    }
+
+    /// Its clock since boot, ms, as of its latest message that shows it.
+    pub(crate) fn boot_ms(&self) -> Option<u32> {
+        self.boot_ms
+    }
+
+    /// The same when it last told the progress of its mission.
+    pub(crate) fn progress_told_ms(&self) -> Option<u32> {
+        self.progress_told_ms
     }
 
     /// Whether a mode was told by a message made after the last command was sent.
@@ -306,6 +318,9 @@ impl VehicleLink {
             }
         }
         self.watch_boot(message);
+        if let MavMessage::MISSION_CURRENT(_) = message {
+            self.progress_told_ms = self.boot_ms;
+        }
         if self.telemetry.mode != mode {
             self.events.push_back(VehicleEvent::ModeChanged);
         }
