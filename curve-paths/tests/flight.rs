@@ -1,7 +1,7 @@
 //! A turn that is too tight is found, named, and slowed down for or refused.
 
 use curve_paths::flight::{
-    Airframe, FixedWing, Multicopter, NotFlyable, Policy, plan_flight, tightest,
+    Airframe, FixedWing, Multicopter, NotFlyable, Policy, measure, plan_flight, tightest,
 };
 use curve_paths::{BezierLeg, Control, Leg, Options, Position, densify};
 
@@ -132,4 +132,40 @@ fn a_speed_that_is_none_is_refused() {
     for speed in [0.0, -3.0, f64::NAN, f64::INFINITY] {
         assert!(plan_flight(&legs, &dense, &copter, speed, Policy::Slow).is_err());
     }
+}
+
+#[test]
+fn a_flown_track_is_measured_between_the_ends_of_the_route_only() {
+    let legs = route();
+    let dense = densify(&legs, &Options::flight(0.5)).unwrap();
+    let Leg::Bezier(bend) = legs[1] else {
+        panic!("a curve")
+    };
+    // From far away to the start, a metre beside the first straight, exactly along the bend, half of the last.
+    let mut track: Vec<Position> = (0..40)
+        .map(|k| position(-400.0, 400.0 - 10.0 * f64::from(k)))
+        .collect();
+    track.extend((0..100).map(|k| position(-398.0 + 1.0 * f64::from(k), 0.0)));
+    track.extend((0..300).map(|k| position(-300.0 + f64::from(k), 1.0)));
+    track.extend((0..=100).map(|k| bend.at(f64::from(k) / 100.0)));
+    track.extend((0..300).map(|k| position(40.0, 40.0 + f64::from(k))));
+    track.extend((0..50).map(|k| position(40.0 + f64::from(k), 340.0)));
+    let flown = measure(&legs, &dense, &track, 2.0).unwrap();
+    assert!((flown.deviation_m - 1.0).abs() < 0.02, "{flown:?}");
+    assert_eq!(
+        (flown.passed, flown.points),
+        (dense.vertices.len(), dense.vertices.len())
+    );
+    // A higher one is off by as much, and passes nothing.
+    let high: Vec<Position> = track
+        .iter()
+        .map(|p| Position {
+            alt_m: p.alt_m + 5.0,
+            ..*p
+        })
+        .collect();
+    let flown = measure(&legs, &dense, &high, 2.0).unwrap();
+    assert!(flown.deviation_m > 4.9 && flown.passed == 0, "{flown:?}");
+    // Half of it is none of it.
+    assert!(measure(&legs, &dense, &track[..500], 2.0).is_none());
 }

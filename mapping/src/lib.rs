@@ -64,6 +64,7 @@
 pub mod alert;
 pub mod altitude;
 pub mod area;
+mod budget;
 pub mod configuration;
 pub mod crossing;
 pub mod curve;

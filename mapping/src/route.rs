@@ -17,7 +17,8 @@ use stanag_msgs::enums::{LocationType, LoiterType, TurnType, WaypointSpeedType};
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 
 use crate::altitude::{self, Agl, Altimeter, AltitudeError, Level};
-use crate::curve::{self, Chords, CurveError, Curving};
+use crate::budget;
+use crate::curve::{self, Chords, CurveError, Curved, Curving};
 use crate::loiter;
 use crate::loops;
 use crate::plan::Plan;
@@ -81,6 +82,8 @@ pub struct Flight {
     pub waypoint_of: Vec<u16>,
     /// The waypoints in the order that they are flown.
     pub order: Vec<Leg>,
+    /// What became of its curved legs, where it has any.
+    pub curved: Option<Curved>,
     /// What the operator should know of it.
     pub notes: Vec<String>,
 }
@@ -258,18 +261,41 @@ pub enum Reason {
     TooManyItems(usize),
 }
 
-/// Makes the mission of the route that starts at `initial`.
+/// Makes the mission of the route that starts at `initial`. Where its curves become too many items, they are flown
+/// within the smallest tolerance that the items allow, and the notes say so.
 ///
 /// # Errors
 /// The first waypoint, in flying order, that cannot be flown, and why. Nothing is half done.
 pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteError> {
+    let mut flight = match flight_within(plan, initial, site) {
+        Err(RouteError {
+            waypoint,
+            reason: Reason::TooManyItems(items),
+        }) => budget::flight(plan, initial, site)?.ok_or(RouteError {
+            waypoint,
+            reason: Reason::TooManyItems(items),
+        })?,
+        other => other?,
+    };
+    if let Some(curved) = flight.curved {
+        let note = curved.note(site.curving.tolerance_m, site.limits.items);
+        flight.notes.push(note);
+    }
+    Ok(flight)
+}
+
+/// The mission, its curves within the tolerance of the site.
+pub(crate) fn flight_within(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteError> {
     let mut flight = Flight {
         items: Vec::new(),
         waypoint_of: Vec::new(),
         order: Vec::new(),
+        curved: None,
         notes: Vec::new(),
     };
     let mut before: Option<(f64, f64)> = None;
+    // The items at the ends of curves.
+    let mut ends: Vec<usize> = Vec::new();
     let mut number = initial;
     if let Some((missing, to)) = plan.curve_without_end() {
         return Err(RouteError {
@@ -308,18 +334,17 @@ pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteErr
         }
         for mut item in position_items(&leg, waypoint, plan.loiter(number), site).map_err(at)? {
             if let Some(chords) = &curved {
-                narrow(&mut item, chords.acceptance_m);
+                accept(&mut item, chords);
+                ends.push(flight.items.len());
             }
             flight.push(number, item);
         }
         if let Some(chords) = &curved {
             // P1 is a vertex of the curve too.
-            if let Some(item) = flight
-                .items
-                .get_mut(..here_before)
-                .and_then(|before| before.last_mut())
-            {
-                narrow(item, chords.acceptance_m);
+            let before = flight.items.iter_mut().take(here_before).enumerate();
+            if let Some((p1, item)) = before.filter(|(_, item)| item.is_global()).last() {
+                accept(item, chords);
+                ends.push(p1);
             }
             if chords.slowed {
                 let wished_m_s = leg.speed_m_s.unwrap_or_else(|| flight.speed_m_s());
@@ -343,6 +368,11 @@ pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteErr
         }
         before = Some(here);
         number = if ends_loop { 0 } else { next };
+    }
+    if site.hovers {
+        for end in ends {
+            widen(&mut flight.items, end);
+        }
     }
     match flight.items.first_mut() {
         Some(first) => first.current = true,
@@ -398,6 +428,8 @@ fn fly_curve(
             reason,
         })?;
     }
+    let tolerance_m = site.curving.tolerance_m;
+    flight.curved = Some(Curved::and(flight.curved, &chords, tolerance_m));
     if chords.reads_differently {
         let text = format!(
             "curve {} to {} is flown as defined; drawn in latitude and longitude it is another line",
@@ -430,10 +462,36 @@ fn fly_curve(
     Ok(Some(chords))
 }
 
-/// A vertex of a curve is not passed by more than half a chord.
-fn narrow(item: &mut Item, acceptance_m: f32) {
-    if item.command == NAV_WAYPOINT && !(item.params[1] > 0.0 && item.params[1] < acceptance_m) {
+/// A vertex of a level curve is not passed by more than the curve's radius; one of a climbing curve not by less.
+fn accept(item: &mut Item, chords: &Chords) {
+    let acceptance_m = chords.acceptance_m;
+    let closer = item.params[1] > 0.0 && item.params[1] < acceptance_m;
+    if item.command == NAV_WAYPOINT && (chords.climbs || !closer) {
         item.params[1] = acceptance_m;
+    }
+}
+
+/// The end of a curve before an item at another altitude: a multicopter swings about its altitude on the way to it, and
+/// must stay within its radius for as long as that takes (`curve::SWING_S`).
+fn widen(items: &mut [Item], end: usize) {
+    let z = |item: &Item| (item.frame, item.z);
+    let speed_m_s = items
+        .iter()
+        .take(end)
+        .rev()
+        .find(|item| item.command == DO_CHANGE_SPEED)
+        .map_or(CRUISE_M_S as f32, |item| item.params[1]);
+    let next = items.iter().skip(end + 1).find(|item| item.is_global());
+    let differs = items
+        .get(end)
+        .zip(next)
+        .is_some_and(|(item, next)| z(item) != z(next));
+    if let Some(item) = items.get_mut(end)
+        && item.command == NAV_WAYPOINT
+        && differs
+    {
+        let wide_m = (0.5 * curve::SWING_S as f32 * speed_m_s).min(WIDEST_M);
+        item.params[1] = item.params[1].max(wide_m);
     }
 }
 
@@ -662,6 +720,8 @@ fn degrees_e7(degrees: f64) -> i32 {
 /// MPC_XY_CRUISE, m/s: what PX4 flies before any speed is commanded.
 const CRUISE_M_S: f64 = 5.0;
 const NAV_LAND: u16 = 21;
+/// Most that the end of a curve is widened to, m.
+const WIDEST_M: f32 = 20.0;
 const NAV_WAYPOINT: u16 = 16;
 const DO_CHANGE_SPEED: u16 = 178;
 /// Frame 2: an item without a place.

@@ -2,7 +2,8 @@
 
 use curve_paths::{BezierLeg, Control, Position};
 use mapping::altitude::{Agl, Altimeter};
-use mapping::curve::Curving;
+use mapping::configuration::Parameters;
+use mapping::curve::{Curving, Vertices};
 use mapping::plan::Plan;
 use mapping::route::{Flight, Limits, Reason, RouteError, Site, flight, metres};
 use mapping::telemetry::Place;
@@ -59,6 +60,10 @@ fn curve(p1: u16, p4: u16) -> CurveSegment {
 }
 
 fn planned(curves: &[Message]) -> Result<Flight, RouteError> {
+    planned_at(curves, &site())
+}
+
+fn planned_at(curves: &[Message], site: &Site) -> Result<Flight, RouteError> {
     let mut plan = Plan::default();
     let route = UaRoute {
         initial_waypoint_number: Some(9),
@@ -73,7 +78,7 @@ fn planned(curves: &[Message]) -> Result<Flight, RouteError> {
     for message in waypoints.iter().chain(curves) {
         plan.store(message, CUCS, VEHICLE).expect("stored");
     }
-    flight(&plan, 9, &site())
+    flight(&plan, 9, site)
 }
 
 fn refused(curves: &[Message]) -> RouteError {
@@ -250,4 +255,87 @@ fn a_curve_that_cannot_be_flown_is_refused_with_its_waypoint() {
         (fault.waypoint, fault.reason),
         (77, Reason::CurveWithoutEnd(9))
     );
+}
+
+#[test]
+fn too_few_items_mean_the_smallest_tolerance_that_they_allow_and_it_is_said() {
+    let curves = [Message::CurveSegment(curve(9, 4))];
+    let within = |items: usize| {
+        let mut site = site();
+        site.limits.items = items;
+        planned_at(&curves, &site)
+    };
+    let free = within(500).expect("flown");
+    let wished = free.curved.expect("a curve");
+    assert!(wished.tolerance_m == 1.0 && wished.bound_m <= 1.0);
+    assert_eq!(
+        wished.chords,
+        free.items.iter().filter(|item| item.command == 16).count() - 2
+    );
+    let fewest = free.items.len();
+    let mut before_m = 1.0;
+    for items in (fewest - 4..fewest).rev() {
+        let flight = within(items).expect("flown more coarsely");
+        let curved = flight.curved.expect("a curve");
+        assert!(flight.items.len() <= items);
+        assert!(curved.bound_m <= curved.tolerance_m && curved.tolerance_m > before_m - 1e-9);
+        let said = format!("tolerance {:.2} m, not 1 m", curved.tolerance_m);
+        assert!(
+            flight.notes.iter().any(|note| note.contains(&said)),
+            "{:?}",
+            flight.notes
+        );
+        // A little less would need more.
+        let mut closer = site();
+        closer.limits.items = items;
+        closer.curving.tolerance_m = curved.tolerance_m / 1.02;
+        let closer = planned_at(&curves, &closer).expect("flown");
+        assert!(closer.curved.expect("a curve").tolerance_m > curved.tolerance_m / 1.02);
+        before_m = curved.tolerance_m;
+    }
+    let fault = within(4).expect_err("the waypoints alone are more");
+    assert!(matches!(fault.reason, Reason::TooManyItems(4)), "{fault}");
+}
+
+#[test]
+fn free_vertices_are_fewer_and_the_ends_stay() {
+    let curves = [Message::CurveSegment(curve(9, 4))];
+    let items = |vertices, tolerance_m| {
+        let mut site = site();
+        site.curving = Curving {
+            vertices,
+            tolerance_m,
+            ..site.curving
+        };
+        planned_at(&curves, &site).expect("flown")
+    };
+    let (on, free) = (items(Vertices::OnCurve, 0.5), items(Vertices::Free, 0.5));
+    assert!(
+        free.items.len() < on.items.len(),
+        "{} {}",
+        free.items.len(),
+        on.items.len()
+    );
+    assert!(free.curved.expect("a curve").bound_m <= 0.5);
+    let places = |flight: &Flight| -> Vec<(i32, i32)> {
+        let places = flight.items.iter().filter(|item| item.command == 16);
+        places.map(|item| (item.x, item.y)).collect()
+    };
+    let (on, free) = (places(&on), places(&free));
+    assert_eq!((on[0], on[on.len() - 2]), (free[0], free[free.len() - 2]));
+}
+
+#[test]
+fn the_forecast_goes_by_what_the_vehicle_has_told_of_itself() {
+    let curves = [Message::CurveSegment(curve(9, 4))];
+    let mut slow = site();
+    let mut told = Parameters::default();
+    told.set("MPC_ACC_HOR", 0.1);
+    slow.curving.know(&told);
+    let time_s = |site: &Site| {
+        let flight = planned_at(&curves, site).expect("flown");
+        flight.curved.expect("a curve").time_s
+    };
+    let (slow_s, known_s) = (time_s(&slow), time_s(&site()));
+    assert!(slow_s > 1.5 * known_s, "{slow_s} {known_s}");
 }

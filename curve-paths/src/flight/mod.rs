@@ -5,9 +5,11 @@
 //! forecast from flights that were measured, and never a bound.
 
 mod curvature;
+mod flown;
 mod plan;
 mod vehicle;
 
 pub use curvature::{Tightest, tightest};
+pub use flown::{Flown, measure};
 pub use plan::{FlightPlan, NotFlyable, Policy, SpeedChange, Tight, plan_flight};
 pub use vehicle::{Airframe, FixedWing, Multicopter};

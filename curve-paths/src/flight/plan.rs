@@ -120,7 +120,7 @@ pub fn plan_flight(
     }
     plan.tight.extend(run);
     let speeds = speeds(&chords, speed_mps, braking(airframe));
-    let mut now = speed_mps;
+    let (mut now, mut lead_m) = (speed_mps, 0.0_f64);
     for (k, &speed) in speeds.iter().enumerate() {
         if speed != now {
             plan.changes.push(SpeedChange {
@@ -129,7 +129,11 @@ pub fn plan_flight(
             });
             now = speed;
         }
-        plan.time_s += chords[k].length_m / speed.min(chords[k].autopilot_mps);
+        let time_s = chords[k].length_m / speed.min(chords[k].autopilot_mps);
+        plan.time_s += time_s;
+        if let Airframe::Multicopter(m) = airframe {
+            lead_m = lead_m.max(m.lead_m(chords[k].rise_m, time_s));
+        }
     }
     if now != speed_mps {
         plan.changes.push(SpeedChange {
@@ -138,7 +142,8 @@ pub fn plan_flight(
         });
     }
     if let Airframe::Multicopter(m) = airframe {
-        plan.predicted_deviation_m = Some(densified.bound_m + m.added_deviation_m(speed_mps));
+        plan.predicted_deviation_m =
+            Some(densified.bound_m + m.added_deviation_m(speed_mps).hypot(lead_m));
     }
     Ok(plan)
 }
@@ -162,6 +167,7 @@ fn check(
 
 struct Chord {
     length_m: f64,
+    rise_m: f64,
     tight: Option<Tight>,
     /// The speed that the autopilot holds itself to, m/s.
     autopilot_mps: f64,
@@ -212,6 +218,7 @@ fn chords(legs: &[Leg], densified: &Densified, airframe: &Airframe) -> Vec<Chord
             };
             Chord {
                 length_m,
+                rise_m: pair[1].position.alt_m - pair[0].position.alt_m,
                 tight,
                 autopilot_mps,
             }

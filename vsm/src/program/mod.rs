@@ -37,6 +37,9 @@ enum Command {
         /// Show an attack instead: false commands pull a hovering vehicle down, with and without protection
         #[arg(long)]
         attack: bool,
+        /// A section of the Everland Speedway by nine curved legs, instead of a route of straight ones
+        #[arg(long, conflicts_with = "attack")]
+        curve: bool,
     },
     /// Serves the vehicles of a configuration until SIGTERM or SIGINT
     Run {
@@ -101,8 +104,11 @@ pub(crate) fn main() -> ExitCode {
             out,
             speed,
             attack: true,
+            ..
         } => demo::attack::run(&out, speed),
-        Command::Demo { out, speed, .. } => demo::run(&out, speed),
+        Command::Demo {
+            out, speed, curve, ..
+        } => demo::run(&out, speed, curve),
         Command::Run { config } => run::run(&config),
         Command::Airside(arguments) => airside::run(arguments),
         Command::CheckConfig { file } => check_config::check(&file),

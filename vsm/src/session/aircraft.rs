@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use mapping::curve::{Curving, Policy};
+use mapping::curve::{Curving, Policy, Vertices};
 use mapping::plan::Plan;
 use mapping::report::Commanded;
 use mapping::{altitude, route};
@@ -104,6 +104,11 @@ impl Aircraft {
                     config::CurvePolicy::Slow => Policy::Slow,
                     config::CurvePolicy::Refuse => Policy::Refuse,
                 },
+                vertices: match config.curve.vertices {
+                    config::CurveVertices::On => Vertices::OnCurve,
+                    config::CurveVertices::Free => Vertices::Free,
+                },
+                ..Curving::default()
             },
         };
         let areas = config.area.iter().map(config::Area::area).collect();

@@ -242,7 +242,11 @@ impl Aircraft {
         };
         let known = self.configuration.parameters.get(name.as_str()).is_some();
         let before = self.bounded(desk.vsm);
-        if !self.configuration.parameters.set(name.as_str(), value) || !known {
+        if !self.configuration.parameters.set(name.as_str(), value) {
+            return;
+        }
+        self.bounds.curving.know(&self.configuration.parameters);
+        if !known {
             return;
         }
         let text = format!("the vehicle's parameter {} is now {value}", name.as_str());

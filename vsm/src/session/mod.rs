@@ -133,7 +133,7 @@ pub use counters::{ByType, Counters};
 pub use key_agreement::{ExchangeNotice, ExchangeStatus};
 pub use outbox::{Datagram, Destination};
 pub use settling::KeyChange;
-pub use status::{LinkStatus, StationStatus, Status, VehicleStatus};
+pub use status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
 pub use store::{Durability, Store, StoreError};
 pub(crate) use store::{log_name, record_name};
 pub use vehicle::{OutFrame, Peer};

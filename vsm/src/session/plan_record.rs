@@ -1,6 +1,7 @@
 //! Plans on disk: what a CUCS has sent, and what went aboard the vehicle.
 
 use mapping::altitude::Level;
+use mapping::curve::Curved;
 use mapping::plan::Plan;
 use mapping::route::{Flight, Leg};
 use mavlink_link::service::mission::Item;
@@ -89,6 +90,61 @@ struct AboardRecord {
     items: Vec<ItemRecord>,
     waypoint_of: Vec<u16>,
     legs: Vec<LegRecord>,
+    #[serde(default)]
+    curved: Option<CurvedRecord>,
+}
+
+/// What was made of the curved legs.
+#[derive(Serialize, Deserialize)]
+struct CurvedRecord {
+    legs: usize,
+    chords: usize,
+    tolerance_m: f64,
+    bound_m: f64,
+    predicted_m: Option<f64>,
+    time_s: f64,
+}
+
+impl From<Curved> for CurvedRecord {
+    fn from(curved: Curved) -> Self {
+        let Curved {
+            legs,
+            chords,
+            tolerance_m,
+            bound_m,
+            predicted_m,
+            time_s,
+        } = curved;
+        Self {
+            legs,
+            chords,
+            tolerance_m,
+            bound_m,
+            predicted_m,
+            time_s,
+        }
+    }
+}
+
+impl From<CurvedRecord> for Curved {
+    fn from(record: CurvedRecord) -> Self {
+        let CurvedRecord {
+            legs,
+            chords,
+            tolerance_m,
+            bound_m,
+            predicted_m,
+            time_s,
+        } = record;
+        Self {
+            legs,
+            chords,
+            tolerance_m,
+            bound_m,
+            predicted_m,
+            time_s,
+        }
+    }
 }
 
 /// Floats as their bits: JSON has no NaN, and an unset parameter is one.
@@ -160,6 +216,7 @@ pub(crate) fn encode_aboard(aboard: &Aboard) -> Vec<u8> {
         items: items.collect(),
         waypoint_of: flight.waypoint_of.clone(),
         legs: legs.collect(),
+        curved: flight.curved.map(CurvedRecord::from),
     };
     serde_json::to_vec(&record).unwrap_or_default()
 }
@@ -211,6 +268,7 @@ pub(crate) fn decode_aboard(octets: &[u8]) -> Result<Aboard, RecordError> {
             items: items.collect(),
             waypoint_of: record.waypoint_of,
             order,
+            curved: record.curved.map(Curved::from),
             notes: Vec::new(),
         },
         mission_id: record.mission_id,

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use mapping::curve::Curved;
 use serde::Serialize;
 
 use super::aircraft::Aircraft;
@@ -66,8 +67,27 @@ pub struct VehicleStatus {
     pub handovers: Vec<HandoverStatus>,
     /// Items of the mission aboard, as loaded and read back.
     pub mission_items: Option<usize>,
+    /// What became of its curved legs.
+    pub mission_curves: Option<CurvesStatus>,
     /// Its MAVLink.
     pub link: LinkStatus,
+}
+
+/// The curved legs of the mission aboard.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct CurvesStatus {
+    /// Curved legs.
+    pub legs: usize,
+    /// The chords that they are flown by.
+    pub chords: usize,
+    /// The tolerance that these were made with, m.
+    pub tolerance_m: f64,
+    /// Proven deviation, m.
+    pub bound_m: f64,
+    /// Forecast of the flown deviation, m; none for a fixed wing.
+    pub predicted_m: Option<f64>,
+    /// Forecast of the time that the curved legs take, s.
+    pub time_s: f64,
 }
 
 /// One holder of rights.
@@ -158,6 +178,7 @@ impl Bridge {
                     .aboard
                     .as_ref()
                     .map(|aboard| aboard.flight.items.len()),
+                mission_curves: curves(aircraft),
                 link: LinkStatus {
                     address: aircraft.config.link.to_string(),
                     peer: aircraft.mav.peer().map(|peer| peer.to_string()),
@@ -187,6 +208,25 @@ impl Bridge {
             vehicles: vehicles.collect(),
         }
     }
+}
+
+fn curves(aircraft: &Aircraft) -> Option<CurvesStatus> {
+    let Curved {
+        legs,
+        chords,
+        tolerance_m,
+        bound_m,
+        predicted_m,
+        time_s,
+    } = aircraft.aboard.as_ref()?.flight.curved?;
+    Some(CurvesStatus {
+        legs,
+        chords,
+        tolerance_m,
+        bound_m,
+        predicted_m,
+        time_s,
+    })
 }
 
 fn holders(aircraft: &Aircraft) -> Vec<HolderStatus> {

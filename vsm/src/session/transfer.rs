@@ -196,7 +196,11 @@ impl Transfer {
         let same = telemetry
             .mission
             .is_some_and(|mission| mission.mission_id == plan_id(&flight.items));
-        if telemetry.mode == Some(Px4Mode::MISSION) && telemetry.airborne() && !same {
+        // What the vehicle names as its plan already is only read back: PX4 would apply nothing of an upload.
+        if same {
+            return self.read_back(now, flight, vehicle);
+        }
+        if telemetry.mode == Some(Px4Mode::MISSION) && telemetry.airborne() {
             let maneuver = Maneuver::new(maneuver::enter(&[Px4Mode::LOITER]), Commanded::default());
             self.phase = Phase::Hold { maneuver, flight };
             return Course::Percent(0);
@@ -215,6 +219,19 @@ impl Transfer {
                 Course::Percent(0)
             }
             Err(fault) => self.refused(None, format!("the upload cannot begin: {fault}")),
+        }
+    }
+
+    fn read_back(&mut self, now: Duration, flight: Flight, vehicle: &mut VehicleLink) -> Course {
+        match vehicle
+            .missions
+            .download(now, MavMissionType::MAV_MISSION_TYPE_MISSION)
+        {
+            Ok(()) => {
+                self.phase = Phase::Reading { flight };
+                self.grown(50)
+            }
+            Err(fault) => self.refused(None, format!("the read-back cannot begin: {fault}")),
         }
     }
 
@@ -270,18 +287,7 @@ impl Transfer {
             }
             (Phase::Sending { flight }, mission::Event::Uploaded { .. }) => {
                 self.touched = true;
-                match vehicle
-                    .missions
-                    .download(now, MavMissionType::MAV_MISSION_TYPE_MISSION)
-                {
-                    Ok(()) => {
-                        self.phase = Phase::Reading { flight };
-                        self.grown(50)
-                    }
-                    Err(fault) => {
-                        self.refused(None, format!("the read-back cannot begin: {fault}"))
-                    }
-                }
+                self.read_back(now, flight, vehicle)
             }
             (
                 Phase::Reading { flight },
@@ -303,6 +309,8 @@ impl Transfer {
                         };
                         Course::Going
                     }
+                    // It names this plan, and holds another: it gets it after all.
+                    Err(_) if !self.touched => self.send(now, flight, vehicle),
                     Err(difference) => self.refused(
                         None,
                         format!("the vehicle holds another plan: {difference}"),

@@ -71,6 +71,7 @@ impl Command {
             Kind::Quad => Airframe::Multicopter(Multicopter {
                 acceleration: self.acceleration,
                 jerk: self.jerk,
+                ..Multicopter::default()
             }),
         };
         let policy = if self.policy == Tightness::Slow {

@@ -39,6 +39,7 @@ fn show(out: &Path, speed: f64) -> anyhow::Result<()> {
         .with_context(|| format!("the folder {} cannot be made", out.display()))?;
     let mut story = Story {
         started: Instant::now(),
+        speed,
     };
     story.tell(format!(
         "a simulated PX4 hovers at {HOVER_M:.0} m, {speed} times faster than time; all of it on loopback"
@@ -89,7 +90,7 @@ fn show(out: &Path, speed: f64) -> anyhow::Result<()> {
 }
 
 fn fly(out: &Path, speed: f64, protection: Protection, story: &mut Story) -> anyhow::Result<Flown> {
-    let world = World::start(out, speed, protection)?;
+    let world = World::start(out, speed, None, protection)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;

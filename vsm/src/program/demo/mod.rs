@@ -6,6 +6,7 @@
 mod altitudes;
 pub(crate) mod attack;
 mod attacker;
+mod curve;
 mod picture;
 mod table;
 mod track;
@@ -22,87 +23,131 @@ use stanag_msgs::enums::{
     AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess, WaypointSpeedType,
 };
 
-use self::picture::Picture;
+use self::curve::Section;
+use self::picture::{Picture, Planned};
 use self::track::{Point, Track};
-use self::world::{Protection, World};
+use self::world::{Protection, Remains, World};
 use super::Failure;
 
-/// Flies the demo and leaves picture and recording in `out`.
-pub(crate) fn run(out: &Path, speed: f64) -> Result<(), Failure> {
-    fly(out, speed).map_err(Failure::Failed)
+/// Flies the demo and leaves picture and recording in `out`; with `curve` the Everland section instead of a route of
+/// straight legs.
+pub(crate) fn run(out: &Path, speed: f64, curve: bool) -> Result<(), Failure> {
+    let flown = if curve {
+        fly_curves(out, speed)
+    } else {
+        fly(out, speed)
+    };
+    flown.map_err(Failure::Failed)
 }
 
 fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
-    std::fs::create_dir_all(out)
-        .with_context(|| format!("the folder {} cannot be made", out.display()))?;
-    let mut story = Story {
-        started: Instant::now(),
+    let mut story = Story::begin(speed);
+    let world = World::start(out, speed, None, Protection::On)?;
+    let (station, remains) = session(world, &mut story, async |station, story, vehicle| {
+        flight(station, story, vehicle).await
+    })?;
+    let track = Track::flown(&remains.track);
+    let planned = planned();
+    let deviation_m = track.deviation_m(&planned.line);
+    let picture = Picture {
+        title: "vsm demo: planned and flown",
+        planned: &planned,
+        flown: &track,
+        note: &format!("{CHAIN}; largest deviation from the route {deviation_m:.1} m"),
     };
-    story.tell(format!(
-        "a simulated PX4, {speed} times faster than time; signing clocks stay real"
-    ));
-    let world = World::start(out, speed, Protection::On)?;
+    let report = format!(
+        "\nlargest deviation from the route {deviation_m:.1} m (corners are cut by PX4's acceptance radius)\n"
+    );
+    leave(out, &picture, &station, &remains, &story, &report)
+}
+
+fn fly_curves(out: &Path, speed: f64) -> anyhow::Result<()> {
+    let section = Section::new()?;
+    let mut story = Story::begin(speed);
+    let world = World::start(out, speed, Some(section.home()), Protection::On)?;
+    let (station, remains) = session(world, &mut story, async |station, story, vehicle| {
+        curve::flight(station, story, vehicle, &section).await
+    })?;
+    let track = Track::flown(&remains.track);
+    let planned = section.planned();
+    let compared = section.compare(&remains.track, &remains.status)?;
+    let picture = Picture {
+        title: "vsm demo --curve: Everland Speedway, nine curved legs",
+        planned: &planned,
+        flown: &track,
+        note: &format!(
+            "{CHAIN}; largest deviation from the curves {:.1} m",
+            compared.flown.deviation_m
+        ),
+    };
+    let report = section.report(&compared)?;
+    leave(out, &picture, &station, &remains, &story, &report)
+}
+
+/// From discovery to release, `fly` between take-over and landing; the world is stopped also where it fails.
+fn session(
+    world: World,
+    story: &mut Story,
+    fly: impl AsyncFnOnce(&mut Station, &mut Story, Id) -> anyhow::Result<()>,
+) -> anyhow::Result<(Station, Remains)> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
     let flown = runtime.block_on(async {
         let mut station = Station::bind(CUCS, "127.0.0.1:0".parse()?, world.vsm).await?;
+        let whole = async {
+            let vehicle = take_over(&mut station, story).await?;
+            fly(&mut station, story, vehicle).await?;
+            land(&mut station, story, vehicle).await
+        };
         let flown = tokio::select! {
-            flown = flight(&mut station, &mut story) => flown,
+            flown = whole => flown,
             _ = tokio::signal::ctrl_c() => Err(anyhow::anyhow!("interrupted")),
         };
         flown.map(|()| station)
     });
-    // What runs is stopped also where the flight failed.
     let remains = world.stop()?;
-    let station = flown?;
-    let track = Track::flown(&remains.track);
-    let planned = planned();
-    let legs: Vec<Point> = std::iter::once(HOME_POINT)
-        .chain(planned.iter().map(|(_, point)| *point))
-        .collect();
-    let deviation_m = track.deviation_m(&legs);
-    let note = format!(
-        "CUCS over DLI, bridge, signed MAVLink 2, simulated PX4; largest deviation from the route {deviation_m:.1} m"
-    );
-    let picture = Picture {
-        title: "vsm demo: planned and flown",
-        planned: &planned,
-        flown: &track,
-        note: &note,
-    };
+    Ok((flown?, remains))
+}
+
+/// Writes the picture, and tells the table and where everything is.
+fn leave(
+    out: &Path,
+    picture: &Picture<'_>,
+    station: &Station,
+    remains: &Remains,
+    story: &Story,
+    report: &str,
+) -> anyhow::Result<()> {
     let svg = out.join("flight.svg");
     std::fs::write(&svg, picture.svg())
         .with_context(|| format!("{} cannot be written", svg.display()))?;
+    let points = &picture.flown.points;
     let summary = table::Summary {
         traffic: station.session().traffic(),
         status: &remains.status,
         simulator: &remains.counters,
-        deviation_m,
-        flight_s: track.points.last().map_or(0.0, |last| last.time_s)
-            - track.points.first().map_or(0.0, |p| p.time_s),
+        flight_s: points.last().map_or(0.0, |last| last.time_s)
+            - points.first().map_or(0.0, |first| first.time_s),
         took: story.started.elapsed(),
-        speed,
+        speed: story.speed,
     };
-    let mut text = summary.text();
-    text += &format!(
-        "\nflight.svg shows it, {} is the MAVLink recording\n",
-        remains.recording
-    );
-    text += &format!(
-        "{}\n",
+    let text = format!(
+        "{}{report}{}\nflight.svg shows it, {} is the MAVLink recording\n{}\n",
+        summary.text(),
+        summary.times(),
+        remains.recording,
         std::path::absolute(out)
             .unwrap_or_else(|_| PathBuf::from(out))
             .display()
     );
     io::stdout()
         .write_all(text.as_bytes())
-        .context("standard output")?;
-    Ok(())
+        .context("standard output")
 }
 
-/// Everything that the CUCS does.
-async fn flight(station: &mut Station, story: &mut Story) -> anyhow::Result<()> {
+/// Finds the vehicle and takes control of it.
+async fn take_over(station: &mut Station, story: &mut Story) -> anyhow::Result<Id> {
     station.set_heartbeats(true);
     let found = station.discover().await?;
     let Some(vehicle) = found.first().map(|found| found.vehicle) else {
@@ -121,6 +166,37 @@ async fn flight(station: &mut Station, story: &mut Story) -> anyhow::Result<()> 
                 .is_some_and(|vehicle| vehicle.position().is_some())
         })
         .await?;
+    Ok(vehicle)
+}
+
+/// Lands and hands control back.
+async fn land(station: &mut Station, story: &mut Story, vehicle: Id) -> anyhow::Result<()> {
+    let flown = |session: &Session| {
+        session
+            .vehicle(vehicle)
+            .is_some_and(|v| v.from_waypoint().is_some() && v.to_waypoint().is_none())
+    };
+    station
+        .wait_until("the end of the route", FLIGHT_WITHIN, flown)
+        .await?;
+    story.tell("the route is flown");
+    station.land(vehicle).await?.accepted()?;
+    story.tell("lands");
+    station
+        .wait_until("the landing", FLIGHT_WITHIN, |session| {
+            session
+                .vehicle(vehicle)
+                .is_some_and(|vehicle| vehicle.landed() == Some(true))
+        })
+        .await?;
+    story.tell("landed");
+    station.release(vehicle).await?;
+    story.tell("control handed back");
+    Ok(())
+}
+
+/// Everything that the CUCS does.
+async fn flight(station: &mut Station, story: &mut Story, vehicle: Id) -> anyhow::Result<()> {
     let position = station
         .vehicle(vehicle)
         .and_then(|vehicle| vehicle.position());
@@ -181,29 +257,7 @@ async fn flight(station: &mut Station, story: &mut Story) -> anyhow::Result<()> 
         .await?
         .accepted()?;
     story.tell("flies on to waypoint 40");
-    await_waypoint(station, story, vehicle, 5).await?;
-    let flown = |session: &Session| {
-        session
-            .vehicle(vehicle)
-            .is_some_and(|v| v.from_waypoint() == Some(5) && v.to_waypoint().is_none())
-    };
-    station
-        .wait_until("the end of the route", FLIGHT_WITHIN, flown)
-        .await?;
-    story.tell("the route is flown");
-    station.land(vehicle).await?.accepted()?;
-    story.tell("lands");
-    station
-        .wait_until("the landing", FLIGHT_WITHIN, |session| {
-            session
-                .vehicle(vehicle)
-                .is_some_and(|vehicle| vehicle.landed() == Some(true))
-        })
-        .await?;
-    story.tell("landed");
-    station.release(vehicle).await?;
-    story.tell("control handed back");
-    Ok(())
+    await_waypoint(station, story, vehicle, 5).await
 }
 
 async fn await_waypoint(
@@ -244,9 +298,21 @@ async fn await_mode(
 /// Tells what happens as it happens.
 struct Story {
     started: Instant,
+    speed: f64,
 }
 
 impl Story {
+    fn begin(speed: f64) -> Story {
+        let mut story = Story {
+            started: Instant::now(),
+            speed,
+        };
+        story.tell(format!(
+            "a simulated PX4, {speed} times faster than time; signing clocks stay real"
+        ));
+        story
+    }
+
     fn tell(&mut self, what: impl std::fmt::Display) {
         let line = format!("[{:5.1} s] {what}\n", self.started.elapsed().as_secs_f64());
         // A reader that is gone must not stop a flight half-way.
@@ -286,19 +352,27 @@ fn route() -> Route {
     }
 }
 
-fn planned() -> Vec<(u16, Point)> {
+fn planned() -> Planned {
     let point = |north_m, east_m, up_m| Point {
         north_m,
         east_m,
         up_m,
         ..HOME_POINT
     };
-    WAYPOINTS
+    let waypoints: Vec<(u16, Point)> = WAYPOINTS
         .iter()
         .map(|(number, north_m, east_m, up_m, ..)| (*number, point(*north_m, *east_m, *up_m)))
-        .collect()
+        .collect();
+    let legs = waypoints.iter().map(|(_, point)| *point);
+    Planned {
+        line: std::iter::once(HOME_POINT).chain(legs).collect(),
+        waypoints,
+        ..Planned::default()
+    }
 }
 
+/// What flies, for the note of a picture.
+const CHAIN: &str = "CUCS over DLI, bridge, signed MAVLink 2, simulated PX4";
 const CUCS: Id = Id(0x1b00_00a0);
 /// Where px4-sim stands by default.
 const HOME: (f64, f64) = (47.397_743_4, 8.545_593_9);

@@ -4,11 +4,23 @@ use std::fmt::Write as _;
 
 use super::track::{Point, Track};
 
+/// A planned route as it is drawn.
+#[derive(Debug, Default)]
+pub(crate) struct Planned {
+    /// Numbered waypoints, in flying order.
+    pub(crate) waypoints: Vec<(u16, Point)>,
+    /// The line through them.
+    pub(crate) line: Vec<Point>,
+    /// Control arms of curves: from the curve's end to the control point.
+    pub(crate) arms: Vec<[Point; 2]>,
+    /// Vertices of the chords that curves are flown by.
+    pub(crate) vertices: Vec<Point>,
+}
+
 /// What is drawn.
 pub(crate) struct Picture<'a> {
     pub(crate) title: &'a str,
-    /// The route: numbered waypoints, in flying order.
-    pub(crate) planned: &'a [(u16, Point)],
+    pub(crate) planned: &'a Planned,
     pub(crate) flown: &'a Track,
     pub(crate) note: &'a str,
 }
@@ -33,11 +45,7 @@ impl Picture<'_> {
     }
 
     fn map(&self, svg: &mut String) {
-        let places = self
-            .planned
-            .iter()
-            .map(|(_, point)| point)
-            .chain(&self.flown.points);
+        let places = self.planned.line.iter().chain(&self.flown.points);
         let (mut west, mut east, mut south, mut north) = (f64::MAX, f64::MIN, f64::MAX, f64::MIN);
         for point in places {
             (west, east) = (west.min(point.east_m), east.max(point.east_m));
@@ -58,7 +66,19 @@ impl Picture<'_> {
             "<rect x=\"{MARGIN}\" y=\"{MAP_TOP}\" width=\"{MAP_WIDTH}\" height=\"{MAP_HEIGHT}\" \
              fill=\"#f6f8f6\" stroke=\"#ccc\"/>"
         );
-        let planned = self.planned.iter().map(|(_, point)| (x(point), y(point)));
+        for [end, control] in &self.planned.arms {
+            let _ = writeln!(
+                svg,
+                "<path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke=\"{ARM}\"/><circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"2\" fill=\"{ARM}\"/>",
+                x(end),
+                y(end),
+                x(control),
+                y(control),
+                x(control),
+                y(control)
+            );
+        }
+        let planned = self.planned.line.iter().map(|point| (x(point), y(point)));
         polyline(
             svg,
             planned,
@@ -67,7 +87,14 @@ impl Picture<'_> {
         );
         let flown = self.flown.points.iter().map(|point| (x(point), y(point)));
         polyline(svg, flown, FLOWN, "stroke-width=\"2\"");
-        for (number, point) in self.planned {
+        for vertex in &self.planned.vertices {
+            let (x, y) = (x(vertex), y(vertex));
+            let _ = writeln!(
+                svg,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2\" fill=\"{PLANNED}\"/>"
+            );
+        }
+        for (number, point) in &self.planned.waypoints {
             let (x, y) = (x(point), y(point));
             let _ = writeln!(
                 svg,
@@ -106,8 +133,9 @@ impl Picture<'_> {
         };
         let planned_top = self
             .planned
+            .line
             .iter()
-            .map(|(_, point)| point.up_m)
+            .map(|point| point.up_m)
             .fold(10.0, f64::max);
         let highest = points
             .iter()
@@ -147,7 +175,7 @@ impl Picture<'_> {
             FLOWN,
             "stroke-width=\"2\"",
         );
-        for (number, waypoint) in self.planned {
+        for (number, waypoint) in &self.planned.waypoints {
             let Some(nearest) = self.flown.nearest(waypoint) else {
                 continue;
             };
@@ -172,7 +200,7 @@ fn legend(svg: &mut String) {
     let _ = writeln!(
         svg,
         "<line x1=\"{MARGIN}\" x2=\"{:.0}\" y1=\"{:.0}\" y2=\"{:.0}\" stroke=\"{PLANNED}\" stroke-width=\"2\" \
-         stroke-dasharray=\"7 5\"/><text x=\"{:.0}\" y=\"{y}\">planned (DLI 13002)</text>\
+         stroke-dasharray=\"7 5\"/><text x=\"{:.0}\" y=\"{y}\">planned</text>\
          <line x1=\"{:.0}\" x2=\"{:.0}\" y1=\"{:.0}\" y2=\"{:.0}\" stroke=\"{FLOWN}\" stroke-width=\"2\"/>\
          <text x=\"{:.0}\" y=\"{y}\">flown</text>",
         MARGIN + 40.0,
@@ -244,5 +272,6 @@ pub(super) const MAP_WIDTH: f64 = 828.0;
 const MAP_HEIGHT: f64 = 480.0;
 const PROFILE_TOP: f64 = 576.0;
 const PROFILE_HEIGHT: f64 = 200.0;
+const ARM: &str = "#b9a3c9";
 pub(super) const PLANNED: &str = "#1f5fa8";
 pub(super) const FLOWN: &str = "#c8401a";

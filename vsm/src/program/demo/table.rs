@@ -13,7 +13,6 @@ pub(crate) struct Summary<'a> {
     pub(crate) traffic: &'a Traffic,
     pub(crate) status: &'a Status,
     pub(crate) simulator: &'a Counters,
-    pub(crate) deviation_m: f64,
     pub(crate) flight_s: f64,
     pub(crate) took: Duration,
     pub(crate) speed: f64,
@@ -87,15 +86,17 @@ impl Summary<'_> {
         }
         text += "  DLI:           ";
         text += &refusals(self.status.refused.iter()).replacen("; refused: ", "refused: ", 1);
-        text += &format!(
-            "\nlargest deviation from the route {:.1} m (corners are cut by PX4's acceptance radius)\n\
-             flight of {:.0} s in {:.1} s, the simulator at {} times real time\n",
-            self.deviation_m,
+        text
+    }
+
+    /// How long it all took.
+    pub(crate) fn times(&self) -> String {
+        format!(
+            "flight of {:.0} s in {:.1} s, the simulator at {} times real time",
             self.flight_s,
             self.took.as_secs_f64(),
             self.speed
-        );
-        text
+        )
     }
 }
 

@@ -43,10 +43,11 @@ impl Track {
         }
     }
 
-    /// The point nearest to a waypoint, over ground.
+    /// The point flown in AUTO.MISSION that is nearest to a waypoint, over ground.
     pub(crate) fn nearest(&self, to: &Point) -> Option<&Point> {
         self.points
             .iter()
+            .filter(|point| point.in_mission)
             .min_by(|a, b| ground(a, to).total_cmp(&ground(b, to)))
     }
 

@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
-use sim::px4::{Counters, LinkAddress, Simulator, SimulatorConfig, Truth};
+use sim::px4::{Counters, Geodetic, LinkAddress, Simulator, SimulatorConfig, Truth};
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
@@ -48,7 +48,15 @@ pub(crate) struct Remains {
 }
 
 impl World {
-    pub(crate) fn start(out: &Path, speed: f64, protection: Protection) -> anyhow::Result<World> {
+    /// `home` is where the vehicle stands, where that is not the simulator's own place.
+    pub(crate) fn start(
+        out: &Path,
+        speed: f64,
+        home: Option<Geodetic>,
+        protection: Protection,
+    ) -> anyhow::Result<World> {
+        std::fs::create_dir_all(out)
+            .with_context(|| format!("the folder {} cannot be made", out.display()))?;
         let private = TempDir::new().context("a folder for the demo's key and state")?;
         let key = private.path().join("demo.key");
         key_file::generate(&key)?;
@@ -78,6 +86,9 @@ impl World {
             Protection::Off => None,
         };
         simulation.speed = speed;
+        if let Some(home) = home {
+            simulation.vehicle.home = home;
+        }
         let simulator = background.block_on(Simulator::spawn(simulation))?;
         Ok(World {
             vsm: addresses.dli,
