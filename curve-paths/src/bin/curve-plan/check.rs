@@ -1,16 +1,18 @@
 //! `check`: whether a route can be flown at a speed, where it is too tight, and what flying will add.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use curve_paths::Leg;
-use curve_paths::flight::{Airframe, FixedWing, FlightPlan, Multicopter, Policy, plan_flight};
+use curve_paths::flight::{
+    Airframe, FixedWing, FlightPlan, Flown, Multicopter, Policy, measure, plan_flight,
+};
+use curve_paths::{Densified, Leg, Position};
 use serde_json::json;
 
 use crate::failure::Failure;
 use crate::load::{Densify, Loaded};
-use crate::print;
+use crate::{print, tlog};
 
 /// How it turns.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
@@ -54,6 +56,10 @@ pub(crate) struct Command {
     /// Fly a turn that is too tight slower, or refuse the route.
     #[arg(long, value_enum, default_value_t = Tightness::Slow)]
     policy: Tightness,
+    /// A .tlog of the flight: the flown deviation beside the predicted one. Its altitudes are taken from the height that
+    /// the route starts at.
+    #[arg(long, value_name = "FILE")]
+    flown: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -82,13 +88,24 @@ impl Command {
         let plan = plan_flight(&loaded.legs, &densified, &airframe, self.speed, policy)
             .map_err(|e| Failure::Answer(format!("{}: {e}", self.file.display())))?;
         let misread = misread(&loaded.legs, tolerance_m);
+        let flown = self
+            .flown
+            .as_deref()
+            .map(|file| measured(file, &loaded, &densified))
+            .transpose()?;
         if self.json {
-            return print(&format!(
-                "{}\n",
-                self.report(&plan, densified.bound_m, &misread)
-            ));
+            let report = self.report(&plan, densified.bound_m, &misread, flown.as_ref());
+            return print(&format!("{report}\n"));
         }
-        print(&self.text(&plan, densified.vertices.len(), densified.bound_m, &misread))
+        let mut text = self.text(&plan, densified.vertices.len(), densified.bound_m, &misread);
+        if let Some(flown) = flown {
+            let _ = writeln!(
+                text,
+                "flown: {:.2} m off at most, {} of {} points passed within {ACCEPTANCE_M} m",
+                flown.deviation_m, flown.passed, flown.points
+            );
+        }
+        print(&text)
     }
 
     fn report(
@@ -96,6 +113,7 @@ impl Command {
         plan: &FlightPlan,
         bound_m: f64,
         misread: &[(usize, f64)],
+        flown: Option<&Flown>,
     ) -> serde_json::Value {
         let finite = |x: f64| Some(x).filter(|x| x.is_finite());
         let tight: Vec<_> = plan
@@ -119,6 +137,7 @@ impl Command {
             "bound_m": bound_m, "speed_mps": self.speed, "fastest_mps": finite(plan.fastest_mps), "tight": tight,
             "changes": changes, "slowest_chord_mps": finite(plan.slowest_chord_mps), "time_s": plan.time_s,
             "predicted_deviation_m": plan.predicted_deviation_m, "read_differently": misread,
+            "flown": flown.map(|f| json!({ "deviation_m": f.deviation_m, "points": f.points, "passed": f.passed })),
         })
     }
 
@@ -165,6 +184,26 @@ impl Command {
         out
     }
 }
+
+/// The flown track of a recording, against the route.
+fn measured(file: &Path, loaded: &Loaded, densified: &Densified) -> Result<Flown, Failure> {
+    let mut track = tlog::read(file)?;
+    // A recording says heights above mean sea level, a route whatever it says: they meet where the route starts.
+    let start = densified.vertices[0].position;
+    let apart = |p: &Position| p.ground().distance_m(start.ground());
+    let nearest = track.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+    let shift_m = nearest.map_or(0.0, |p| start.alt_m - p.alt_m);
+    track.iter_mut().for_each(|p| p.alt_m += shift_m);
+    measure(&loaded.legs, densified, &track, ACCEPTANCE_M).ok_or_else(|| {
+        Failure::Answer(format!(
+            "{}: the route was not flown from its start to its end",
+            file.display()
+        ))
+    })
+}
+
+/// A point is passed within this distance, m: the acceptance radius that the bridge gives level chords.
+const ACCEPTANCE_M: f64 = 3.0;
 
 /// Legs that the other reading draws differently, and by how much, m.
 fn misread(legs: &[Leg], tolerance_m: f64) -> Vec<(usize, f64)> {

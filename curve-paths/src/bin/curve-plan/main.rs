@@ -14,6 +14,7 @@ mod formats;
 mod load;
 mod plot;
 mod route;
+mod tlog;
 
 use std::process::ExitCode;
 

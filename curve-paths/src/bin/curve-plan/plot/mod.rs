@@ -3,15 +3,14 @@
 mod html;
 mod scene;
 mod svg;
-mod tlog;
 
 use std::path::PathBuf;
 
 use clap::Args;
 
 use crate::failure::Failure;
-use crate::formats;
 use crate::load::{Densify, Loaded};
+use crate::{formats, tlog};
 use scene::Scene;
 
 /// Arguments of `plot`.
@@ -45,14 +44,7 @@ impl Command {
         let loaded = Loaded::read(&self.file)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
         let flown = match &self.flown {
-            Some(file) => {
-                let bytes = std::fs::read(file).map_err(|e| Failure::file(file, e))?;
-                let flown = tlog::positions(&bytes);
-                if flown.is_empty() {
-                    return Err(Failure::file(file, "no GLOBAL_POSITION_INT, expected some"));
-                }
-                flown
-            }
+            Some(file) => tlog::read(file)?,
             None => Vec::new(),
         };
         let name = &loaded.route.name;

@@ -3,10 +3,23 @@
 //! Each record is a time stamp of 8 octets (microseconds, most significant first) and a frame. A record whose
 //! checksum does not hold is passed over octet by octet until one does.
 
+use std::path::Path;
+
 use curve_paths::Position;
 
-/// The positions of system 1's own reports, in order.
-pub(crate) fn positions(bytes: &[u8]) -> Vec<Position> {
+use crate::failure::Failure;
+
+/// The positions in a file, in order; at least one.
+pub(crate) fn read(file: &Path) -> Result<Vec<Position>, Failure> {
+    let bytes = std::fs::read(file).map_err(|e| Failure::file(file, e))?;
+    let found = positions(&bytes);
+    if found.is_empty() {
+        return Err(Failure::file(file, "no GLOBAL_POSITION_INT, expected some"));
+    }
+    Ok(found)
+}
+
+fn positions(bytes: &[u8]) -> Vec<Position> {
     let mut out = Vec::new();
     let mut at = 0;
     while at + STAMP < bytes.len() {
