@@ -139,12 +139,22 @@ pub static KEYS: &[Key] = &[
     Key {
         name: "vehicle.curve.max_items",
         default: Value("500"),
-        meaning: "most mission items of a route, 2 to 10000",
+        meaning: "most mission items of a route, 2 to 10000; where its curves need more, they are flown within the smallest tolerance that these allow, said by 16000",
     },
     Key {
         name: "vehicle.curve.policy",
         default: Value("\"slow\""),
         meaning: "where a curve is too tight for the speed: `\"slow\"` or `\"refuse\"`",
+    },
+    Key {
+        name: "vehicle.curve.vertices",
+        default: Value("\"on\""),
+        meaning: "vertices of the straight legs `\"on\"` the curve, or `\"free\"`: off it by up to the tolerance, about a quarter fewer items, proven all the same",
+    },
+    Key {
+        name: "vehicle.stall_s",
+        default: Value("30.0"),
+        meaning: "longest time, s, that a mission may get no nearer to its waypoint before the vehicle is told to hold, 10 to 3600; `0` for no watch ([px4.md](px4.md))",
     },
     Key {
         name: "vehicle.limits.first_m",
