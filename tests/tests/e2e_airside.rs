@@ -137,14 +137,31 @@ dir = "state"
     }
 
     fn cucs(&self, words: &[&str]) {
+        if let Err(said) = self.try_cucs(words) {
+            panic!("cucs {words:?}: {said}");
+        }
+    }
+
+    fn try_cucs(&self, words: &[&str]) -> Result<(), String> {
         let vsm = format!("127.0.0.1:{}", self.dli);
         let done = Command::new(program("cucs"))
             .args(["--vsm", &vsm])
             .args(words)
             .output()
             .expect("cucs");
-        let said = String::from_utf8_lossy(&done.stderr);
-        assert!(done.status.success(), "cucs {words:?}: {said}");
+        if done.status.success() {
+            return Ok(());
+        }
+        Err(String::from_utf8_lossy(&done.stderr).into_owned())
+    }
+
+    /// Takes control and launches; refused until the vehicle knows its home and can arm.
+    fn launch(&self) {
+        self.cucs(&["take", "--loi", "2,4,5"]);
+        self.wait("launched", Duration::from_secs(30), |field| {
+            field.try_cucs(&["launch", "10"]).is_ok()
+        });
+        self.cucs(&["wait", "airborne", "--within", "30"]);
     }
 
     /// What a command of the program prints as JSON; `Null` where nobody answers.
@@ -267,9 +284,7 @@ fn the_agent_relays_and_drops_what_must_not_reach_px4() {
     assert_eq!(vehicle["armed"], false, "{vehicle:#}");
 
     // And the bridge's own commands pass: it flies.
-    field.cucs(&["take", "--loi", "2,4,5"]);
-    field.cucs(&["launch", "10"]);
-    field.cucs(&["wait", "airborne", "--within", "30"]);
+    field.launch();
 }
 
 #[test]
@@ -304,9 +319,7 @@ fn both_sides_pair_agree_fly_and_rotate() {
     let first = field.air()["key_id"].clone();
     assert_eq!(field.vehicle()["link"]["key_id"], first);
 
-    field.cucs(&["take", "--loi", "2,4,5"]);
-    field.cucs(&["launch", "10"]);
-    field.cucs(&["wait", "airborne", "--within", "30"]);
+    field.launch();
     field.cucs(&["land"]);
     field.cucs(&["wait", "landed", "--within", "60"]);
     field.wait("disarmed", Duration::from_secs(30), |field| {

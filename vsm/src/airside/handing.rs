@@ -227,7 +227,7 @@ impl Agent {
                 let text = "Agent: PX4 signs with its key again";
                 self.tell_ground(MavSeverity::MAV_SEVERITY_NOTICE, text);
             }
-            (Outcome::RolledBack, _) => {
+            (Outcome::RolledBack, Cause::NewKey) => {
                 let text = "Agent: PX4 keeps its key, the new one is dropped";
                 self.tell_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
             }
@@ -235,7 +235,9 @@ impl Agent {
                 let text = "Agent: several autopilots, the key is refused";
                 self.tell_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
             }
-            (Outcome::Committed, Cause::NewKey) | (Outcome::NeverSigns, _) => {}
+            (Outcome::Committed, Cause::NewKey)
+            | (Outcome::RolledBack, Cause::LostKey)
+            | (Outcome::NeverSigns, _) => {}
         }
         if cause == Cause::NewKey
             && matches!(outcome, Outcome::RolledBack | Outcome::SeveralAutopilots)
@@ -271,6 +273,9 @@ impl Agent {
                     LogLevel::Error,
                     format!("the key cannot be given again: {fault}"),
                 );
+            }
+            if let Phase::HandingOver(on) = &mut self.phase {
+                on.previous = previous;
             }
             return;
         }
