@@ -153,8 +153,10 @@ async fn a_key_that_is_too_old_is_replaced_in_flight() {
     let (old_id, air) = (old.id(), Identity::new([3; 32]));
     let ground = {
         let mut store = FileStore::open(&config.store.dir).unwrap();
-        let mut record = ExchangeRecord::default();
-        record.peer = Some(*air.public().octets());
+        let mut record = ExchangeRecord {
+            peer: Some(*air.public().octets()),
+            ..ExchangeRecord::default()
+        };
         // In use since 1970.
         record.note_key(old_id, 0);
         let vehicle = config.vehicles().next().unwrap().id;

@@ -131,6 +131,13 @@ impl Bridge {
         Ok(())
     }
 
+    /// The agent says, proven, that the vehicle signs with the next key already, and it is the current one on disk.
+    pub fn adopt_next_key(&mut self, index: usize, now: Now, store: &mut dyn Store) {
+        if let Some(aircraft) = self.aircraft.get_mut(index) {
+            aircraft.mav.adopt_next_key(now, &mut Ceilings(store));
+        }
+    }
+
     /// No vehicle will ever sign with the next key.
     pub fn withdraw_next_key(&mut self, index: usize) {
         if let Some(aircraft) = self.aircraft.get_mut(index) {
@@ -197,15 +204,22 @@ impl VehicleLink {
         while let Some(item) = frames.next() {
             proven |= item.is_ok_and(|frame| is_proof(&frame, vehicle, next));
         }
-        if proven && let Some(mut next) = self.agreement.next.take() {
-            if let Some(current) = &self.key {
-                // The vehicle has one table of streams for all keys, so our stamps go on rising. Where they cannot,
-                // its receiver tells by silence, as with any clock that is behind.
-                let _ = next.follow(current.clock().reading(now), now, store);
-            }
-            self.key = Some(*next);
+        if proven {
+            self.adopt_next_key(now, store);
             self.settling.change = Some(KeyChange::Commit);
         }
+    }
+
+    fn adopt_next_key(&mut self, now: Now, store: &mut dyn CeilingStore) {
+        let Some(mut next) = self.agreement.next.take() else {
+            return;
+        };
+        if let Some(current) = &self.key {
+            // The vehicle has one table of streams for all keys, so our stamps go on rising. Where they cannot, its
+            // receiver tells by silence, as with any clock that is behind.
+            let _ = next.follow(current.clock().reading(now), now, store);
+        }
+        self.key = Some(*next);
     }
 
     fn send_key_exchange(

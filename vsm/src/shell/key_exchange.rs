@@ -242,9 +242,9 @@ impl KeyExchange {
             && now.mono >= self.again_at
         {
             initiator.want();
-            let days = age.as_secs() / 86_400;
+            let days = age.as_secs_f64() / 86_400.0;
             let text = format!(
-                "the signing key is {days} days old: another is being agreed about, this one stays in use until then"
+                "the signing key is {days:.1} days old: another is being agreed about, this one stays in use until then"
             );
             self.once(now, AlertPriority::Nominal, text, with);
         }
@@ -373,6 +373,7 @@ impl KeyExchange {
                 self.once(now, AlertPriority::Caution, text, with);
             }
             E::Promoted => {
+                with.bridge.adopt_next_key(self.index, now, with.store);
                 let text = "the vehicle has had the new key in use already";
                 self.once(now, AlertPriority::Nominal, text.to_owned(), with);
             }
@@ -381,7 +382,8 @@ impl KeyExchange {
                 "the agent does not answer".clone_into(&mut self.state);
             }
             E::Rejected { status } => {
-                tracing::info!("somebody answers for the air-side agent, unproven: {status}");
+                // Anyone can send these, and as many as they like.
+                tracing::debug!("somebody answers for the air-side agent, unproven: {status}");
             }
             E::NotStored(cause) => {
                 let text = format!("the key exchange cannot be stored: {cause}");
