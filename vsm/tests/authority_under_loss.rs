@@ -204,7 +204,7 @@ fn a_hundred_thousand_commands_without_the_right_reach_nothing() {
         scene.rig.stations[by].say_as_is(support::vehicle_id(0), &message);
         let count = sent.entry(info.id).or_default();
         *count += 1;
-        if stamp % 50 == 0 {
+        if stamp.is_multiple_of(50) {
             scene.rig.run(0.01);
             let stations = scene.rig.stations.iter_mut();
             stations.for_each(|station| station.heard.clear());
