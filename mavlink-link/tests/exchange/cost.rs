@@ -2,6 +2,8 @@
 //! and the work of either end. Figures with
 //! `cargo test --release -p mavlink-link --test exchange cost -- --nocapture --test-threads 1`.
 
+#![expect(clippy::print_stdout, reason = "the figures are what it is for")]
+
 use core::time::Duration;
 use std::time::Instant;
 
