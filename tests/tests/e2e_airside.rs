@@ -253,7 +253,7 @@ fn the_agent_relays_and_drops_what_must_not_reach_px4() {
         ..COMMAND_LONG_DATA::default()
     });
     // Who, under which key and stamp, and the counter that must show it.
-    let attacks: [(u8, u8, Option<(&SigningKey, Stamp)>, &str); 6] = [
+    let attacks = [
         (245, 190, None, "unsigned_vehicle"),
         (245, 190, Some((&other, now)), "bad_signature"),
         (1, 191, Some((&key, now)), "reflected"),
