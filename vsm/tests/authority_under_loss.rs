@@ -135,10 +135,12 @@ impl Random {
 }
 
 /// What a CUCS asks for, answers and asks about: no command.
-const NO_COMMANDS: [u16; 10] = [
+const NO_COMMANDS: [u16; 12] = [
     1,
     4,
     34000,
+    15000,
+    15001,
     16002,
     17000,
     17001,
