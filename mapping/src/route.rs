@@ -129,6 +129,14 @@ impl Flight {
         u16::try_from(at).ok()
     }
 
+    /// The first item with a place at or after this one: PX4 does the ones before it at once.
+    #[must_use]
+    pub fn place_from(&self, seq: u16) -> u16 {
+        let on = self.items.iter().skip(usize::from(seq));
+        let steps = on.take_while(|item| !item.is_global()).count();
+        seq.saturating_add(u16::try_from(steps).unwrap_or(0))
+    }
+
     /// The leg that an item belongs to, as an index of `order`.
     #[must_use]
     pub fn leg_of_item(&self, seq: u16) -> Option<usize> {

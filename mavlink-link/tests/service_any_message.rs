@@ -161,7 +161,7 @@ impl Everything {
             0 => self.missions.upload(now, kind, vec![item(); 5]).is_ok(),
             1 => self.missions.download(now, kind).is_ok(),
             2 => self.missions.clear(now, kind).is_ok(),
-            3 => self.missions.set_current(now, 1).is_ok(),
+            3 => self.missions.set_current(now, 1..=1).is_ok(),
             4 => self.params.list(now).is_ok(),
             5 => self.params.read(now, name).is_ok(),
             6 => self.params.set(now, name, param::Value::Int(3)).is_ok(),

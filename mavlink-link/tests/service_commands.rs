@@ -405,7 +405,7 @@ fn a_mission_is_not_confirmed_by_what_may_be_a_replay() {
 #[test]
 fn the_current_item_is_set_when_the_vehicle_says_so() {
     let mut client = mission::Client::new(US, PX4, mission::Timing::default());
-    client.set_current(ms(0), 4).unwrap();
+    client.set_current(ms(0), 4..=4).unwrap();
     let current = |seq| {
         MavMessage::MISSION_CURRENT(MISSION_CURRENT_DATA {
             seq,

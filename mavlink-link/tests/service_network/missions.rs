@@ -324,7 +324,7 @@ fn a_silent_vehicle_fails_every_operation_in_ten_seconds() {
         Operation::Upload => world.client.upload(world.now, MISSION, plan(2, 0)),
         Operation::Download => world.client.download(world.now, MISSION),
         Operation::Clear => world.client.clear(world.now, MISSION),
-        Operation::SetCurrent => world.client.set_current(world.now, 1),
+        Operation::SetCurrent => world.client.set_current(world.now, 1..=1),
     };
     for wanted in [
         Operation::Upload,

@@ -4,6 +4,7 @@
 //! vehicle's own messages, made after the command was sent, show it; else it is refused with the vehicle's reason.
 
 use std::collections::VecDeque;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
@@ -25,8 +26,8 @@ pub(crate) enum Step {
         what: &'static str,
         patience: Duration,
     },
-    /// Makes a mission item the current one.
-    SetCurrent(u16),
+    /// Makes the first of these mission items the current one; the vehicle may go on to the last of them at once.
+    SetCurrent(RangeInclusive<u16>),
     /// Waits until the vehicle shows it.
     Confirm { sight: Sight, within: Duration },
 }
@@ -162,19 +163,22 @@ impl Maneuver {
 
     /// The end of a mission operation.
     pub(crate) fn handle_mission(&mut self, event: &mission::Event) -> Progress {
-        let (Waiting::Current, Some(Step::SetCurrent(seq))) = (&self.waiting, self.steps.front())
+        let (Waiting::Current, Some(Step::SetCurrent(items))) = (&self.waiting, self.steps.front())
         else {
             return Progress::Going;
         };
         match event {
-            mission::Event::CurrentSet { seq: set } if set == seq => {
+            mission::Event::CurrentSet { seq } if seq == items.start() => {
                 self.next();
                 Progress::Going
             }
             mission::Event::Failed {
                 operation: mission::Operation::SetCurrent,
                 ..
-            } => Progress::Refused(format!("the vehicle does not go to mission item {seq}")),
+            } => Progress::Refused(format!(
+                "the vehicle does not go to mission item {}",
+                items.end()
+            )),
             _ => Progress::Going,
         }
     }
@@ -219,8 +223,8 @@ impl Maneuver {
                         Err(full) => return Progress::Refused(format!("{what}: {full}")),
                     }
                 }
-                (Waiting::Nothing, Step::SetCurrent(seq)) => {
-                    match vehicle.missions.set_current(now, *seq) {
+                (Waiting::Nothing, Step::SetCurrent(items)) => {
+                    match vehicle.missions.set_current(now, items.clone()) {
                         Ok(()) => self.waiting = Waiting::Current,
                         Err(busy) => {
                             return Progress::Refused(format!("the mission service is {busy}"));

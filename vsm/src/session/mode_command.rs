@@ -222,7 +222,7 @@ fn fly(
         // A route that has been flown to its end is flown again from its start, where that is commanded.
         None => (complete && names_mode(command)).then_some(0),
     };
-    steps.extend(start.map(Step::SetCurrent));
+    steps.extend(start.map(|seq| Step::SetCurrent(seq..=aboard.flight.place_from(seq))));
     if at.telemetry.mode != Some(Px4Mode::MISSION) || start.is_some() {
         steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
     }

@@ -9,6 +9,7 @@
 //! - MAV_MISSION_ERROR is PX4's answer to a late duplicate as well as to a real failure, so it
 //!   ends nothing by itself: the vehicle goes on asking, or the transfer starts again.
 
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use mavlink::dialects::development::{MavMessage, MavMissionType};
@@ -94,14 +95,21 @@ impl Client {
         Ok(())
     }
 
-    /// Begins to make item `seq` the current one; ends in [`Event::CurrentSet`], when
-    /// MISSION_CURRENT says so, or in [`Event::Failed`].
-    pub fn set_current(&mut self, now: Duration, seq: u16) -> Result<(), StartError> {
+    /// Begins to make the first of these items the current one; ends in [`Event::CurrentSet`], when MISSION_CURRENT
+    /// names one of them, or in [`Event::Failed`].
+    ///
+    /// PX4 is through with items that have no place (DO_CHANGE_SPEED) before it names them, so `items` ends with the
+    /// first one that has.
+    pub fn set_current(
+        &mut self,
+        now: Duration,
+        items: RangeInclusive<u16>,
+    ) -> Result<(), StartError> {
         self.check_idle()?;
         self.settle();
         let repeat = self.first_repeat(now);
-        self.out.push(set_current(self.vehicle, seq));
-        self.job = Some(Job::SetCurrent { seq, repeat });
+        self.out.push(set_current(self.vehicle, *items.start()));
+        self.job = Some(Job::SetCurrent { items, repeat });
         Ok(())
     }
 

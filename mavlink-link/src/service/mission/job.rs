@@ -1,5 +1,6 @@
 //! What a mission client is busy with, and what all its jobs have in common.
 
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use mavlink::dialects::development::{
@@ -22,7 +23,8 @@ pub(super) enum Job {
         repeat: Repeat,
     },
     SetCurrent {
-        seq: u16,
+        /// The one to be set, and what shows that it was.
+        items: RangeInclusive<u16>,
         repeat: Repeat,
     },
 }
@@ -93,9 +95,9 @@ impl Job {
                 | MavMissionResult::MAV_MISSION_INVALID_SEQUENCE => None,
                 result => Some(Err(Failure::Refused { result, seq: None })),
             },
-            (Self::SetCurrent { seq, .. }, MavMessage::MISSION_CURRENT(current)) => {
-                (current.seq == *seq).then_some(Ok(Event::CurrentSet { seq: *seq }))
-            }
+            (Self::SetCurrent { items, .. }, MavMessage::MISSION_CURRENT(current)) => items
+                .contains(&current.seq)
+                .then_some(Ok(Event::CurrentSet { seq: *items.start() })),
             _ => None,
         }
     }
@@ -109,8 +111,9 @@ impl Job {
             Self::Upload(upload) => return upload.handle_timeout(now, context),
             Self::Download(download) => return download.handle_timeout(now, context),
             Self::Clear { kind, repeat } => (repeat, clear_all(context.vehicle, *kind), None),
-            Self::SetCurrent { seq, repeat } => {
-                (repeat, set_current(context.vehicle, *seq), Some(*seq))
+            Self::SetCurrent { items, repeat } => {
+                let seq = *items.start();
+                (repeat, set_current(context.vehicle, seq), Some(seq))
             }
         };
         if !repeat.again(now, &context.timing) {
