@@ -64,6 +64,7 @@
 pub mod alert;
 pub mod altitude;
 pub mod area;
+mod brake;
 mod budget;
 pub mod configuration;
 pub mod crossing;

@@ -17,6 +17,7 @@ use stanag_msgs::enums::{LocationType, LoiterType, TurnType, WaypointSpeedType};
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 
 use crate::altitude::{self, Agl, Altimeter, AltitudeError, Level};
+use crate::brake;
 use crate::budget;
 use crate::curve::{self, Chords, CurveError, Curved, Curving};
 use crate::loiter;
@@ -127,6 +128,25 @@ impl Flight {
             at = before;
         }
         u16::try_from(at).ok()
+    }
+
+    /// Makes PX4 stop where it could miss a waypoint for good, and says so.
+    fn brake(&mut self) {
+        let braked = brake::where_height_changes(&mut self.items);
+        let mut numbers: Vec<u16> = braked
+            .iter()
+            .skip(1)
+            .filter_map(|at| self.waypoint_of.get(*at).copied())
+            .collect();
+        numbers.dedup();
+        if !numbers.is_empty() {
+            let numbers: Vec<String> = numbers.iter().map(u16::to_string).collect();
+            self.notes.push(format!(
+                "it climbs or descends at small radii, to or from waypoint {}: the vehicle stops at each point there, or \
+                 it could miss one and fly on",
+                numbers.join(", ")
+            ));
+        }
     }
 
     /// The first item with a place at or after this one: PX4 does the ones before it at once.
@@ -381,6 +401,7 @@ pub(crate) fn flight_within(plan: &Plan, initial: u16, site: &Site) -> Result<Fl
         for end in ends {
             widen(&mut flight.items, end);
         }
+        flight.brake();
     }
     match flight.items.first_mut() {
         Some(first) => first.current = true,
@@ -730,7 +751,7 @@ const CRUISE_M_S: f64 = 5.0;
 const NAV_LAND: u16 = 21;
 /// Most that the end of a curve is widened to, m.
 const WIDEST_M: f32 = 20.0;
-const NAV_WAYPOINT: u16 = 16;
+pub(crate) const NAV_WAYPOINT: u16 = 16;
 const DO_CHANGE_SPEED: u16 = 178;
 /// Frame 2: an item without a place.
 pub(crate) const FRAME_MISSION: u8 = 2;

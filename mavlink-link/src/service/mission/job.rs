@@ -97,7 +97,9 @@ impl Job {
             },
             (Self::SetCurrent { items, .. }, MavMessage::MISSION_CURRENT(current)) => items
                 .contains(&current.seq)
-                .then_some(Ok(Event::CurrentSet { seq: *items.start() })),
+                .then_some(Ok(Event::CurrentSet {
+                    seq: *items.start(),
+                })),
             _ => None,
         }
     }
