@@ -11,11 +11,13 @@ use mavlink_link::service::mission::Item;
 
 use crate::route::NAV_WAYPOINT;
 
-/// Makes PX4 brake for each waypoint with a radius of its own that it comes to, or goes on from, with a climb or a
-/// descent. The first one is come to from anywhere. Gives the waypoints' indices.
-pub(crate) fn where_height_changes(items: &mut [Item]) -> Vec<usize> {
+/// Makes PX4 brake for each waypoint of these that has a radius of its own, and that it comes to, or goes on from, with
+/// a climb or a descent. The first one is come to from anywhere. Gives the indices of those it brakes for.
+///
+/// The points of a curve are not meant: they are slowed and widened instead ([`crate::curve`]).
+pub(crate) fn where_height_changes(items: &mut [Item], waypoints: &[usize]) -> Vec<usize> {
     let mut braked = Vec::new();
-    for at in 0..items.len() {
+    for &at in waypoints {
         let Some(item) = items.get(at) else { break };
         if item.command != NAV_WAYPOINT || item.params[1] <= 0.0 || item.params[0] > 0.0 {
             continue;
@@ -72,6 +74,11 @@ mod tests {
         }
     }
 
+    fn all(items: &mut [Item]) -> Vec<usize> {
+        let every: Vec<usize> = (0..items.len()).collect();
+        where_height_changes(items, &every)
+    }
+
     #[test]
     fn a_level_route_is_braked_for_at_its_first_waypoint_alone() {
         let mut items = [
@@ -81,7 +88,7 @@ mod tests {
             speed(),
             to(30.0, 3.0),
         ];
-        assert_eq!(where_height_changes(&mut items), [1]);
+        assert_eq!(all(&mut items), [1]);
         let holds: Vec<f32> = items.iter().map(|item| item.params[0]).collect();
         assert_eq!(holds, [1.0, 0.1, 0.0, 1.0, 0.0]);
     }
@@ -96,13 +103,13 @@ mod tests {
             to(31.5, 3.0),
             to(31.5, 3.0),
         ];
-        assert_eq!(where_height_changes(&mut items), [0, 2, 4]);
+        assert_eq!(all(&mut items), [0, 2, 4]);
     }
 
     #[test]
     fn the_vehicles_own_radius_is_wide_enough() {
         let mut items = [to(30.0, 0.0), to(45.0, 0.0), to(30.0, 0.0)];
-        assert!(where_height_changes(&mut items).is_empty());
+        assert!(all(&mut items).is_empty());
     }
 
     #[test]
@@ -116,7 +123,7 @@ mod tests {
             ..to(30.0, 3.0)
         };
         let mut items = [held, amsl, to(30.0, 3.0)];
-        assert_eq!(where_height_changes(&mut items), [1, 2]);
+        assert_eq!(all(&mut items), [1, 2]);
         assert_eq!(items[0].params[0], 20.0);
     }
 }

@@ -130,9 +130,9 @@ impl Flight {
         u16::try_from(at).ok()
     }
 
-    /// Makes PX4 stop where it could miss a waypoint for good, and says so.
-    fn brake(&mut self) {
-        let braked = brake::where_height_changes(&mut self.items);
+    /// Makes PX4 stop at those of these items that it could miss for good, and says so.
+    fn brake(&mut self, straight: &[usize]) {
+        let braked = brake::where_height_changes(&mut self.items, straight);
         let mut numbers: Vec<u16> = braked
             .iter()
             .skip(1)
@@ -324,6 +324,8 @@ pub(crate) fn flight_within(plan: &Plan, initial: u16, site: &Site) -> Result<Fl
     let mut before: Option<(f64, f64)> = None;
     // The items at the ends of curves.
     let mut ends: Vec<usize> = Vec::new();
+    // Waypoints that end no curve.
+    let mut straight = Vec::new();
     let mut number = initial;
     if let Some((missing, to)) = plan.curve_without_end() {
         return Err(RouteError {
@@ -364,6 +366,8 @@ pub(crate) fn flight_within(plan: &Plan, initial: u16, site: &Site) -> Result<Fl
             if let Some(chords) = &curved {
                 accept(&mut item, chords);
                 ends.push(flight.items.len());
+            } else {
+                straight.push(flight.items.len());
             }
             flight.push(number, item);
         }
@@ -398,10 +402,11 @@ pub(crate) fn flight_within(plan: &Plan, initial: u16, site: &Site) -> Result<Fl
         number = if ends_loop { 0 } else { next };
     }
     if site.hovers {
+        straight.retain(|at| !ends.contains(at));
+        flight.brake(&straight);
         for end in ends {
             widen(&mut flight.items, end);
         }
-        flight.brake();
     }
     match flight.items.first_mut() {
         Some(first) => first.current = true,

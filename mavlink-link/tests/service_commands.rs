@@ -424,3 +424,28 @@ fn the_current_item_is_set_when_the_vehicle_says_so() {
     );
     assert_eq!(client.busy(), None);
 }
+
+/// PX4 is through with DO_CHANGE_SPEED at once, and names the waypoint behind it.
+#[test]
+fn an_item_is_set_where_the_vehicle_is_through_with_it() {
+    let mut client = mission::Client::new(US, PX4, mission::Timing::default());
+    let current = |seq| {
+        MavMessage::MISSION_CURRENT(MISSION_CURRENT_DATA {
+            seq,
+            ..MISSION_CURRENT_DATA::default()
+        })
+    };
+    client.set_current(ms(0), 4..=6).unwrap();
+    let asked: Vec<_> = std::iter::from_fn(|| client.poll_transmit()).collect();
+    assert!(
+        matches!(&asked[..], [MavMessage::MISSION_SET_CURRENT(set)] if set.seq == 4),
+        "{asked:?}"
+    );
+    for elsewhere in [3, 7] {
+        client.handle_message(ms(10), PX4, &current(elsewhere), true);
+        assert_eq!(client.poll_event(), None, "{elsewhere}");
+    }
+    client.handle_message(ms(20), PX4, &current(6), true);
+    let set = client.poll_event();
+    assert_eq!(set, Some(mission::Event::CurrentSet { seq: 4 }));
+}

@@ -580,6 +580,12 @@ fn stamp_of(frame: &Frame<'_>) -> Option<TimeStamp> {
         return None;
     }
     let first = info.fields.first()?;
+    if first.wire == table::Wire::F64 {
+        // 50001 carries milliseconds as a float: 17000 names them as it names all others.
+        let ms = f64::from_be_bytes(rest.first_chunk().copied()?);
+        let fits = (0.0..TimeStamp::PERIOD_MS as f64).contains(&ms.round());
+        return fits.then(|| TimeStamp(ms.round() as u64));
+    }
     if first.wire.octets()? != 5 {
         return None;
     }

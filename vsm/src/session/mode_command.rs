@@ -139,8 +139,12 @@ pub(crate) fn task(
         Mode::AutolandEngage => Ok(plain(&[Px4Mode::LAND], at)),
         Mode::ContingencyA => contingency(command, RouteType::ContingencyA, &[Px4Mode::RTL], at),
         Mode::ContingencyB => contingency(command, RouteType::ContingencyB, &[Px4Mode::LAND], at),
+        // A multicopter that lands is stopped where it is; DO_GO_AROUND is for wings.
+        Mode::AutolandWaveOff if at.telemetry.mode == Some(Px4Mode::LAND) => {
+            Ok(plain(&[Px4Mode::LOITER], at))
+        }
         Mode::AutolandWaveOff if at.telemetry.hovers() => Err(
-            "mode 20 (wave-off): a multicopter has no approach to break off; command 12 or 11"
+            "mode 20 (wave-off): the vehicle is not landing, there is nothing to break off"
                 .to_owned(),
         ),
         Mode::FlightDirector => Ok(Task::Manual),
@@ -333,7 +337,7 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
             Some(aboard)
                 if aboard.route_type == RouteType::Launch && holds(at.telemetry, aboard) =>
             {
-                steps.push(Step::SetCurrent(0));
+                steps.push(Step::SetCurrent(0..=aboard.flight.place_from(0)));
                 steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
             }
             _ => return Ok(Task::Load(RouteType::Launch)),
