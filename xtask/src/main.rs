@@ -4,7 +4,9 @@
 
 #![expect(clippy::print_stderr, reason = "a program for people to read")]
 
+mod bench;
 mod ci;
+mod deb;
 mod r#gen;
 mod licences;
 mod peers;
@@ -22,6 +24,8 @@ fn main() -> ExitCode {
         "test" => tests::run(&mut steps),
         "ci" => ci::run(&mut steps),
         "gen" => generate(&mut steps),
+        "bench" => bench::run(&mut steps),
+        "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
         "peers" => peers::install(&mut steps).map(drop),
         _ => {
             eprintln!("{USAGE}");
@@ -50,4 +54,6 @@ usage: cargo xtask TASK
   test    install the Python peers, build every program, run all tests
   ci      formatting, lints, documentation, generated files, licences and advisories, then `test`
   gen     write the dissector, the support table and the reference; --check: only say what is stale
+  bench   run every bench, the C library and pymavlink beside, and print the figures as Markdown
+  deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: of programs that are built; --out DIR
   peers   only install the Python peers into tests/interop/.venv";

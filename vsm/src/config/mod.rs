@@ -254,7 +254,8 @@ pub struct Http {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
-    /// Folder that a `.tlog` a vehicle and a run is written to; keys blanked, signatures stripped.
+    /// Folder that a `.tlog` a vehicle and a run is written to (keys blanked, signatures stripped), and a `.pcapng` of
+    /// the DLI.
     pub dir: PathBuf,
 }
 

@@ -8,6 +8,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use tracing_subscriber::EnvFilter;
 use vsm::config::{Config, Signing};
 use vsm::shell::server::{Server, StartError};
+use vsm::shell::service;
 
 use super::Failure;
 
@@ -46,6 +47,7 @@ pub(crate) fn run(path: &Path) -> Result<(), Failure> {
             config.dli.listen
         );
         let _ = io::stderr().write_all(ready.as_bytes());
+        service::ready();
         server
             .serve(async {
                 tokio::select! {
@@ -54,6 +56,7 @@ pub(crate) fn run(path: &Path) -> Result<(), Failure> {
                 }
             })
             .await;
+        service::stopping();
         tracing::info!("stopped");
         Ok(())
     })

@@ -257,7 +257,7 @@ impl Bridge {
         station.peer = Some(from);
         station.heard = Some(now.mono);
         if let Some(stamp) = origin.stamp {
-            if let Some(answer) = self.stations[index].recent.find(frame) {
+            if let Some(answer) = self.stations[index].recent.find(frame, stamp) {
                 self.counters.count("duplicate");
                 return self.answer_again(now, &origin, frame, &message, answer, store);
             }

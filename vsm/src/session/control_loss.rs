@@ -12,11 +12,14 @@ use crate::config::OnLoss;
 impl Aircraft {
     /// Looks how long each holder has been silent, and does what follows.
     pub(super) fn watch_controller(&mut self, desk: &mut Desk<'_>) {
-        let holders: Vec<Id> = self.authority.holders().map(|(id, _)| id).collect();
-        for id in holders {
-            let Some(station) = desk.stations.iter().find(|station| station.id() == id) else {
+        for index in 0..desk.stations.len() {
+            let Some(station) = desk.stations.get(index) else {
                 continue;
             };
+            let id = station.id();
+            if self.authority.held(id).is_empty() {
+                continue;
+            }
             let silence = station.silence(desk.now.mono, &desk.loss);
             let beats = station.sends_heartbeats;
             self.remember_heartbeats(desk, id, beats);

@@ -89,16 +89,16 @@ impl Desk<'_> {
         );
     }
 
+    /// Whether a station holds LOI 2.
+    pub(crate) fn listens(&self, authority: &Authority, station: usize) -> bool {
+        let station = self.stations.get(station);
+        station.is_some_and(|station| authority.holds(station.id(), LoiBitmap::LOI2))
+    }
+
     /// The stations that hold LOI 2, and `also`.
     pub(crate) fn listeners(&self, authority: &Authority, also: Option<usize>) -> Vec<usize> {
         (0..self.stations.len())
-            .filter(|index| {
-                let listens = self
-                    .stations
-                    .get(*index)
-                    .is_some_and(|s| authority.holds(s.id(), LoiBitmap::LOI2));
-                listens || also == Some(*index)
-            })
+            .filter(|index| self.listens(authority, *index) || also == Some(*index))
             .collect()
     }
 

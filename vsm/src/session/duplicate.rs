@@ -14,7 +14,7 @@ pub(crate) struct Recent {
 
 #[derive(Debug)]
 struct Seen {
-    octets: Box<[u8]>,
+    octets: Vec<u8>,
     stamp: TimeStamp,
     message_type: u16,
     answer: Option<AckType>,
@@ -22,21 +22,27 @@ struct Seen {
 
 impl Recent {
     /// The answer given to this very message before: `Some(None)` where it was seen and not answered yet.
-    pub(crate) fn find(&self, frame: &Frame<'_>) -> Option<Option<AckType>> {
+    pub(crate) fn find(&self, frame: &Frame<'_>, stamp: TimeStamp) -> Option<Option<AckType>> {
         self.seen
             .iter()
             .rev()
-            .find(|seen| *seen.octets == *frame.octets)
+            .find(|seen| seen.stamp == stamp && seen.octets == frame.octets)
             .map(|seen| seen.answer)
     }
 
     /// Remembers a message. One without a stamp cannot be told from a new one, and is not remembered.
     pub(crate) fn remember(&mut self, frame: &Frame<'_>, stamp: TimeStamp) {
-        if self.seen.len() == DEPTH {
-            self.seen.pop_front();
-        }
+        // The oldest gives its octets' place to the newest: in the long run nothing is allocated for a message.
+        let oldest = if self.seen.len() == DEPTH {
+            self.seen.pop_front()
+        } else {
+            None
+        };
+        let mut octets = oldest.map(|seen| seen.octets).unwrap_or_default();
+        octets.clear();
+        octets.extend_from_slice(frame.octets);
         self.seen.push_back(Seen {
-            octets: frame.octets.into(),
+            octets,
             stamp,
             message_type: frame.header.message_type,
             answer: None,

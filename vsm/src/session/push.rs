@@ -14,29 +14,28 @@ pub(crate) struct Push {
 }
 
 impl Push {
-    /// The messages that are due now for a listening station. Each is due again a period later.
-    pub(crate) fn take_due(
+    /// A message that is due now for a listening station, until there is none. Each is due again a period later.
+    pub(crate) fn next_due(
         &mut self,
         now: Duration,
         index: usize,
         station: &Station,
         vehicle: Id,
-    ) -> Vec<u16> {
-        let mut taken = Vec::new();
+    ) -> Option<u16> {
         for (message, period) in scheduled(station, vehicle) {
             let due = self.due.entry((index, message)).or_insert(now);
             if *due > now {
                 continue;
             }
-            taken.push(message);
             // Kept in step, unless a pause was longer than the period.
             *due = if *due + period > now {
                 *due + period
             } else {
                 now + period
             };
+            return Some(message);
         }
-        taken
+        None
     }
 
     /// The station listens no longer, or its schedule has changed: everything is due anew.

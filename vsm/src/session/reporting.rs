@@ -109,22 +109,31 @@ impl Aircraft {
             let Some(report) = self.compose(desk, message) else {
                 continue;
             };
-            for station in desk.listeners(&self.authority, None) {
-                desk.send(station, self.id(), &report);
+            for station in 0..desk.stations.len() {
+                if desk.listens(&self.authority, station) {
+                    desk.send(station, self.id(), &report);
+                }
             }
             desk.send_to_group(self.id(), &report);
         }
     }
 
     pub(super) fn push_due(&mut self, desk: &mut Desk<'_>) {
-        for index in desk.listeners(&self.authority, None) {
-            let Some(station) = desk.stations.get(index) else {
+        for index in 0..desk.stations.len() {
+            if !desk.listens(&self.authority, index) {
                 continue;
-            };
-            for message in self
-                .push
-                .take_due(desk.now.mono, index, station, self.config.id)
-            {
+            }
+            while let Some(message) = desk.stations.get(index).and_then(|station| {
+                self.push
+                    .next_due(desk.now.mono, index, station, self.config.id)
+            }) {
+                if !DETAILS.contains(&message) {
+                    if let Some(report) = self.compose(desk, message) {
+                        desk.send(index, self.id(), &report);
+                        desk.send_to_group(self.id(), &report);
+                    }
+                    continue;
+                }
                 for report in self.compose_all(desk, message) {
                     desk.send(index, self.id(), &report);
                     desk.send_to_group(self.id(), &report);
@@ -132,6 +141,7 @@ impl Aircraft {
             }
         }
     }
+
     pub(super) fn vehicle_id(&self, desk: &mut Desk<'_>) -> VehicleId {
         VehicleId {
             time_stamp: Some(desk.stamp()),

@@ -9,12 +9,66 @@ use std::time::Duration;
 use mavlink_link::frame::FrameView;
 use mavlink_link::tlog;
 
-/// An open recording.
+/// A file that is written for as long as that works: a recording must not stop a flight.
 #[derive(Debug)]
-pub struct Recording {
+pub(super) struct RecordFile {
     path: PathBuf,
     file: BufWriter<File>,
     failed: bool,
+}
+
+impl RecordFile {
+    /// Makes a file of this name in `folder`, readable for its owner alone.
+    ///
+    /// # Errors
+    /// The folder or the file cannot be made.
+    pub(super) fn begin(folder: &Path, name: &str) -> io::Result<RecordFile> {
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(folder)?;
+        let path = folder.join(name);
+        let file = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(true)
+            .mode(0o600)
+            .open(&path)?;
+        Ok(RecordFile {
+            path,
+            file: BufWriter::new(file),
+            failed: false,
+        })
+    }
+
+    /// After the first failure nothing more is written.
+    pub(super) fn write(&mut self, octets: &[u8]) {
+        if !self.failed {
+            let done = self.file.write_all(octets);
+            self.see(done);
+        }
+    }
+
+    /// Brings it to the disk.
+    pub(super) fn flush(&mut self) {
+        if !self.failed {
+            let done = self.file.flush();
+            self.see(done);
+        }
+    }
+
+    fn see(&mut self, done: io::Result<()>) {
+        if let Err(cause) = done {
+            self.failed = true;
+            tracing::error!("the recording {} ends: {cause}", self.path.display());
+        }
+    }
+}
+
+/// An open recording.
+#[derive(Debug)]
+pub struct Recording {
+    file: RecordFile,
 }
 
 impl Recording {
@@ -23,53 +77,25 @@ impl Recording {
     /// # Errors
     /// The folder or the file cannot be made.
     pub fn begin(folder: &Path, name: &str, wall: Duration) -> io::Result<Recording> {
-        DirBuilder::new()
-            .recursive(true)
-            .mode(0o700)
-            .create(folder)?;
-        let path = folder.join(format!("{name}-{}.tlog", wall.as_secs()));
-        let file = OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(true)
-            .mode(0o600)
-            .open(&path)?;
-        Ok(Recording {
-            path,
-            file: BufWriter::new(file),
-            failed: false,
-        })
+        let file = RecordFile::begin(folder, &format!("{name}-{}.tlog", wall.as_secs()))?;
+        Ok(Recording { file })
     }
 
     /// Where it is.
     #[must_use]
     pub fn path(&self) -> &Path {
-        &self.path
+        &self.file.path
     }
 
-    /// Writes a frame. After the first failure nothing more is written: a recording must not stop a flight.
+    /// Writes a frame.
     pub fn write(&mut self, wall: Duration, frame: &FrameView<'_>) {
-        if self.failed {
-            return;
-        }
         let mut record = [0; tlog::MAX_RECORD];
         let length = tlog::record(wall, frame, &mut record);
-        if let Err(cause) = self
-            .file
-            .write_all(record.get(..length).unwrap_or_default())
-        {
-            self.failed = true;
-            tracing::error!("the recording {} ends: {cause}", self.path.display());
-        }
+        self.file.write(record.get(..length).unwrap_or_default());
     }
 
     /// Brings it to the disk.
     pub fn flush(&mut self) {
-        if !self.failed
-            && let Err(cause) = self.file.flush()
-        {
-            self.failed = true;
-            tracing::error!("the recording {} ends: {cause}", self.path.display());
-        }
+        self.file.flush();
     }
 }

@@ -17,12 +17,14 @@ use tokio::sync::Notify;
 use tokio::task::LocalSet;
 
 use super::clock::Clock;
+use super::dli_recording::DliRecording;
 use super::file_store::{FileStore, OpenError};
 use super::http;
 use super::key_exchange::{KeyExchange, Surroundings};
 use super::key_file::{self, KeyFileError};
 use super::key_store::{KeyStore, KeyStoreError};
 use super::recording::Recording;
+use super::service;
 use super::sockets::{self, DliSockets, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
 use crate::config::{Config, ExchangeMode, Signing};
@@ -109,6 +111,7 @@ struct Core {
     bridge: Bridge,
     store: FileStore,
     recordings: Vec<Option<Recording>>,
+    dli_recording: Option<DliRecording>,
     /// Locked as long as the bridge runs.
     key_stores: Vec<Option<KeyStore>>,
     /// Of the vehicles that agree about keys over the air, by their index.
@@ -183,6 +186,17 @@ impl Server {
                 }
             });
         }
+        let dli_recording = match &config.record {
+            None => None,
+            Some(record) => {
+                let stations = config.stations().map(|station| station.id).collect();
+                let begun = DliRecording::begin(&record.dir, stations, now.wall);
+                Some(begun.map_err(|cause| StartError::Recording {
+                    folder: record.dir.clone(),
+                    cause,
+                })?)
+            }
+        };
         let mut bridge = Bridge::new(config, ends, now, NOT_BEFORE, &mut store)?;
         let mut exchanges = vec![];
         for ((index, keys), vehicle) in key_stores.iter().enumerate().zip(config.vehicles()) {
@@ -222,6 +236,7 @@ impl Server {
                 bridge,
                 store,
                 recordings,
+                dli_recording,
                 key_stores,
                 exchanges,
             }),
@@ -288,6 +303,7 @@ impl Server {
         local.spawn_local(send(shared.clone(), unicast, group, writers));
         local.spawn_local(keep_time(shared.clone()));
         local.spawn_local(tell_status(shared.clone(), status));
+        local.spawn_local(service::keep_alive());
         if let Some(listener) = page {
             let shared = shared.clone();
             let picture = move || {
@@ -305,6 +321,7 @@ impl Server {
             .iter_mut()
             .flatten()
             .for_each(Recording::flush);
+        core.dli_recording.iter_mut().for_each(DliRecording::flush);
         core.bridge.status(shared.vsm.clone(), shared.clock.mono())
     }
 }
@@ -378,10 +395,15 @@ fn vehicle_keys(path: &Path, mode: ExchangeMode) -> Result<(SigningKey, KeyStore
 
 async fn receive_dli(shared: Rc<Shared>, socket: Rc<UdpSocket>) {
     let mut octets = vec![0; LARGEST_DATAGRAM];
+    let here = socket.local_addr();
     loop {
         match socket.recv_from(&mut octets).await {
-            Ok((length, from)) => shared.with(|Core { bridge, store, .. }, now| {
-                bridge.handle_dli(now, from, octets.get(..length).unwrap_or_default(), store);
+            Ok((length, from)) => shared.with(|core, now| {
+                let octets = octets.get(..length).unwrap_or_default();
+                if let (Some(recording), Ok(here)) = (&mut core.dli_recording, &here) {
+                    recording.received(now.wall, from, *here, octets);
+                }
+                core.bridge.handle_dli(now, from, octets, &mut core.store);
             }),
             Err(cause) => pause_after("the DLI socket", &cause).await,
         }
@@ -449,14 +471,18 @@ async fn send(
         loop {
             let datagram = shared.core.borrow_mut().bridge.poll_dli();
             let Some(datagram) = datagram else { break };
-            let sent = match (datagram.to, &group) {
-                (Destination::Unicast(to), _) => unicast.send_to(datagram.octets(), to).await,
-                (Destination::Multicast, Some((socket, group))) => {
-                    socket.send_to(datagram.octets(), group).await
-                }
+            let (socket, to) = match (datagram.to, &group) {
+                (Destination::Unicast(to), _) => (&unicast, to),
+                (Destination::Multicast, Some((socket, group))) => (socket, *group),
                 (Destination::Multicast, None) => continue,
             };
-            if let Err(cause) = sent {
+            if let (Some(recording), Ok(here)) = (
+                &mut shared.core.borrow_mut().dli_recording,
+                socket.local_addr(),
+            ) {
+                recording.sent(shared.clock.now().wall, here, to, datagram.octets());
+            }
+            if let Err(cause) = socket.send_to(datagram.octets(), to).await {
                 tracing::debug!("a datagram to a CUCS was not sent: {cause}");
             }
         }
@@ -474,13 +500,12 @@ async fn keep_time(shared: Rc<Shared>) {
             shared.with(|Core { bridge, store, .. }, now| bridge.handle_timeout(now, store));
             if flush_at <= shared.clock.mono() {
                 flush_at = shared.clock.mono() + FLUSH_EVERY;
-                shared
-                    .core
-                    .borrow_mut()
-                    .recordings
+                let mut core = shared.core.borrow_mut();
+                core.recordings
                     .iter_mut()
                     .flatten()
                     .for_each(Recording::flush);
+                core.dli_recording.iter_mut().for_each(DliRecording::flush);
             }
             // A machine that is due at once, always, must not starve the sockets.
             tokio::time::sleep(SHORTEST_WAIT).await;

@@ -8,6 +8,7 @@
     reason = "each test file uses its own part"
 )]
 
+pub mod heap;
 pub mod orders;
 pub mod station;
 pub mod store;
@@ -249,6 +250,12 @@ impl Rig {
         self.station().end(ticket)
     }
 
+    /// Waits for the end of a message of a station, 90 s at most.
+    pub fn end_as(&mut self, station: usize, ticket: Ticket) -> Option<AckType> {
+        self.until(90.0, |rig| rig.stations[station].end(ticket).is_some());
+        self.stations[station].end(ticket)
+    }
+
     /// Station 0.
     pub fn station(&self) -> &Station {
         &self.stations[0]
@@ -364,15 +371,15 @@ fn bridge_dli() -> SocketAddr {
     SocketAddr::from(([127, 0, 0, 1], 4_586))
 }
 
-fn bridge_mav(index: usize) -> SocketAddr {
+pub fn bridge_mav(index: usize) -> SocketAddr {
     SocketAddr::from(([127, 0, 0, 1], 14_550 + index as u16))
 }
 
-fn vehicle_address(index: usize) -> SocketAddr {
+pub fn vehicle_address(index: usize) -> SocketAddr {
     SocketAddr::from(([127, 0, 0, 1], 18_570 + index as u16))
 }
 
-fn station_address(index: usize) -> SocketAddr {
+pub fn station_address(index: usize) -> SocketAddr {
     SocketAddr::from(([127, 0, 0, 1], 40_000 + index as u16))
 }
 

@@ -25,6 +25,8 @@ pub struct Station {
     pub latest: BTreeMap<(Id, u16), Message>,
     /// Everything heard but acknowledgements, in order.
     pub heard: Vec<(Duration, Id, Message)>,
+    /// Messages that were for another station, and came here.
+    pub misaddressed: u64,
     sent: Vec<Sent>,
     out: Vec<Vec<u8>>,
     last_stamp: u64,
@@ -49,6 +51,7 @@ impl Station {
             retry: AGAIN,
             latest: BTreeMap::new(),
             heard: Vec::new(),
+            misaddressed: 0,
             sent: Vec::new(),
             out: Vec::new(),
             last_stamp: 0,
@@ -160,6 +163,7 @@ impl Station {
             let Ok(frame) = frame else { continue };
             let header = frame.header;
             if header.destination != self.id && header.destination != Id::BROADCAST {
+                self.misaddressed += 1;
                 continue;
             }
             let Ok(message) = Message::decode(header.message_type, frame.data) else {

@@ -1,0 +1,271 @@
+//! `vsm run` between sockets on loopback: how long a message takes through it, what it costs, and how many a second it
+//! takes before one is lost. Prints a Markdown table; `cargo bench -p vsm --bench sockets`.
+//!
+//! Vehicle to CUCS: a signed HEARTBEAT that changes the mode, until the 3001 that tells it. CUCS to vehicle nothing
+//! passes by itself: an order waits for what the vehicle shows. Measured is a 17002 until its answer.
+
+#![allow(missing_docs)]
+#![allow(clippy::print_stdout, reason = "figures are printed")]
+
+use std::cell::Cell;
+use std::fs;
+use std::net::{SocketAddr, UdpSocket};
+use std::os::unix::fs::PermissionsExt as _;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use mavlink_link::dialect::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType};
+use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::signing::{SigningKey, Stamp, sign};
+use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
+use stanag_msgs::messages::{CucsAuthorisationRequest, GenericInformationRequestMessage};
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
+
+fn main() {
+    // `cargo test --benches` asks for nothing to be measured.
+    if !std::env::args().any(|argument| argument == "--bench") {
+        return;
+    }
+    let world = World::start();
+    println!("| through `vsm run` on loopback | p50 | p99 | CPU a message | lost |");
+    println!("|---|---|---|---|---|");
+    world.measure("mode change to 3001, 100/s", 100, World::mode_change);
+    world.measure("mode change to 3001, 1000/s", 1_000, World::mode_change);
+    world.measure("17002 to its answer, 1000/s", 1_000, World::question);
+    world.flood();
+}
+
+struct World {
+    vsm: Child,
+    vehicle: UdpSocket,
+    station: UdpSocket,
+    mavlink: SocketAddr,
+    dli: SocketAddr,
+    sent: Cell<u64>,
+    folder: tempfile::TempDir,
+}
+
+impl World {
+    fn start() -> World {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (dli, mavlink) = (free(), free());
+        let key = folder.path().join("uav.key");
+        fs::write(&key, "5a".repeat(32)).expect("the key");
+        fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).expect("its mode");
+        let config = folder.path().join("vsm.toml");
+        let text = format!(
+            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"{dli}\"\n[[cucs]]\nid = \"{CUCS}\"\nloi = [2]\n[[vehicle]]\n\
+             id = \"{VEHICLE}\"\nlink = \"udpin:{mavlink}\"\nsystem_id = 1\nsigning = {{ key_file = \"uav.key\" }}\n\
+             [store]\ndir = \"state\"\n"
+        );
+        fs::write(&config, text).expect("the configuration");
+        let vsm = Command::new(VSM)
+            .args(["run", "--config"])
+            .arg(&config)
+            .env("RUST_LOG", "off")
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("vsm run");
+        let world = World {
+            vsm,
+            vehicle: socket(),
+            station: socket(),
+            mavlink,
+            dli,
+            sent: Cell::new(0),
+            folder,
+        };
+        std::thread::sleep(Duration::from_millis(500));
+        world.say(&Message::from(CucsAuthorisationRequest {
+            time_stamp: Some(stamp()),
+            requested_handover_loi: Some(LoiBitmap::LOI2),
+            requested_handover_access: Some(RequestedAccess::Request),
+            ..CucsAuthorisationRequest::default()
+        }));
+        for _ in 0..50 {
+            world.mode_change();
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        world.discard();
+        world
+    }
+
+    /// A HEARTBEAT in the other of two modes; a 3001 tells it.
+    fn mode_change(&self) {
+        let count = self.sent.get() + 1;
+        self.sent.set(count);
+        let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: [0x0304_0000, 0x0404_0000][usize::from(count.is_multiple_of(2))],
+            mavtype: MavType::MAV_TYPE_QUADROTOR,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
+            base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            mavlink_version: 3,
+            ..HEARTBEAT_DATA::default()
+        });
+        let mut out = [0; MAX_FRAME];
+        let header = Header {
+            system_id: 1,
+            component_id: 1,
+            seq: count as u8,
+            incompat: INCOMPAT_SIGNED,
+            ..Header::default()
+        };
+        let length = encode(&message, header, &mut out);
+        let key = SigningKey::new([0x5a; 32]).expect("a key");
+        let length = sign(&key, 0, Stamp::from_unix(wall()), &mut out, length).expect("it fits");
+        let sent = self.vehicle.send_to(&out[..length], self.mavlink);
+        sent.expect("it is sent");
+    }
+
+    /// A 17002 for 3001; a 3001 answers it.
+    fn question(&self) {
+        self.say(&Message::from(GenericInformationRequestMessage {
+            time_stamp: Some(stamp()),
+            message_type: Some(3001),
+            ..GenericInformationRequestMessage::default()
+        }));
+    }
+
+    fn say(&self, message: &Message) {
+        let mut out = [0; MAX_DATAGRAM];
+        let envelope = Envelope::new(CUCS, VEHICLE);
+        let length = message.encode(&envelope, &mut out).expect("it fits");
+        let sent = self.station.send_to(&out[..length], self.dli);
+        sent.expect("it is sent");
+    }
+
+    /// Sends at this rate for three seconds, one at a time, and awaits each.
+    fn measure(&self, what: &str, rate: u32, send: impl Fn(&World)) {
+        let count = rate * 3;
+        let (mut times, mut lost) = (Vec::new(), 0);
+        let cpu = cpu_time(self.vsm.id());
+        let mut due = Instant::now();
+        for _ in 0..count {
+            while Instant::now() < due {
+                std::hint::spin_loop();
+            }
+            due = Instant::now().max(due + Duration::from_secs(1) / rate);
+            self.discard();
+            let begun = Instant::now();
+            send(self);
+            match self.await_report(begun) {
+                Some(took) => times.push(took),
+                None => lost += 1,
+            }
+        }
+        let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu);
+        times.sort();
+        let micros = |part: f64| {
+            let at = (times.len() as f64 * part) as usize;
+            times
+                .get(at)
+                .map_or(f64::NAN, |took| took.as_secs_f64() * 1e6)
+        };
+        println!(
+            "| {what} | {:.0} us | {:.0} us | {:.0} us | {lost} of {count} |",
+            micros(0.5),
+            micros(0.99),
+            cpu.as_secs_f64() * 1e6 / f64::from(count),
+        );
+    }
+
+    fn await_report(&self, begun: Instant) -> Option<Duration> {
+        let mut octets = [0; 2_048];
+        loop {
+            let (length, _) = self.station.recv_from(&mut octets).ok()?;
+            let took = begun.elapsed();
+            let mut found = frames(&octets[..length]).flatten();
+            if found.any(|frame| frame.header.message_type == 3001) {
+                return Some(took);
+            }
+        }
+    }
+
+    /// Throws away what has come.
+    fn discard(&self) {
+        for socket in [&self.station, &self.vehicle] {
+            socket.set_nonblocking(true).expect("a socket");
+            while socket.recv_from(&mut [0; 2_048]).is_ok() {}
+            socket.set_nonblocking(false).expect("a socket");
+        }
+    }
+
+    /// Signed frames at rising rates, a second each, until not all of them were taken.
+    fn flood(&self) {
+        let mut best = "under 2000".to_owned();
+        for rate in [2_000_u32, 5_000, 10_000, 20_000, 40_000, 80_000] {
+            let before = self.taken();
+            let begun = Instant::now();
+            for number in 0..rate {
+                while begun.elapsed() < Duration::from_secs(1) * number / rate {
+                    std::hint::spin_loop();
+                }
+                self.mode_change();
+                if number.is_multiple_of(16) {
+                    self.discard();
+                }
+            }
+            let late = begun.elapsed() > Duration::from_millis(1_050);
+            std::thread::sleep(Duration::from_millis(300));
+            self.discard();
+            if late || self.taken() - before < u64::from(rate) {
+                break;
+            }
+            best = rate.to_string();
+        }
+        println!("| signed frames a second before one is lost: {best} | | | | |");
+    }
+
+    /// How many HEARTBEATs of the vehicle the bridge has believed.
+    fn taken(&self) -> u64 {
+        let status = Command::new(VSM)
+            .args(["status", "--json", "--config"])
+            .arg(self.folder.path().join("vsm.toml"))
+            .output()
+            .expect("vsm status");
+        let status: serde_json::Value = serde_json::from_slice(&status.stdout).expect("JSON");
+        let taken = &status["vehicles"][0]["received"]["0"];
+        taken.as_u64().expect("a count of HEARTBEAT")
+    }
+}
+
+impl Drop for World {
+    fn drop(&mut self) {
+        let _ = self.vsm.kill();
+        let _ = self.vsm.wait();
+    }
+}
+
+fn free() -> SocketAddr {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    socket.local_addr().expect("its address")
+}
+
+fn socket() -> UdpSocket {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let wait = Some(Duration::from_millis(200));
+    socket.set_read_timeout(wait).expect("a time-out");
+    socket
+}
+
+fn wall() -> Duration {
+    let wall = SystemTime::now().duration_since(UNIX_EPOCH);
+    wall.expect("after 1970")
+}
+
+fn stamp() -> TimeStamp {
+    TimeStamp::from_unix_ms(wall().as_millis() as u64)
+}
+
+/// Processor time that a process has used, from /proc, in ticks of 10 ms.
+fn cpu_time(process: u32) -> Duration {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    let after_name = stat.rsplit(')').next().unwrap_or_default();
+    let fields = after_name.split_whitespace().skip(11).take(2);
+    let ticks: u64 = fields.filter_map(|field| field.parse::<u64>().ok()).sum();
+    Duration::from_millis(ticks * 10)
+}
+
+const VSM: &str = env!("CARGO_BIN_EXE_vsm");
+const CUCS: Id = Id(0x1b00_00a0);
+const VEHICLE: Id = Id(0x1b00_0101);

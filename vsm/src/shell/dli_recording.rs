@@ -1,0 +1,64 @@
+//! The DLI recording: a .pcapng of what ground stations of the configuration sent, and of all that was sent to them.
+//!
+//! What others send is not in it: nobody else can fill the disk. The DLI carries no key; Wireshark opens it with
+//! `dissector/stanag4586.lua`.
+
+use std::io;
+use std::net::SocketAddr;
+use std::path::Path;
+use std::time::Duration;
+
+use stanag_msgs::{Id, frames};
+
+use super::pcapng;
+use super::recording::RecordFile;
+
+/// An open recording.
+#[derive(Debug)]
+pub struct DliRecording {
+    file: RecordFile,
+    stations: Vec<Id>,
+    block: Vec<u8>,
+}
+
+impl DliRecording {
+    /// Begins a file in `folder`, named by the time, of these ground stations.
+    ///
+    /// # Errors
+    /// The folder or the file cannot be made.
+    pub fn begin(folder: &Path, stations: Vec<Id>, wall: Duration) -> io::Result<DliRecording> {
+        let mut file = RecordFile::begin(folder, &format!("dli-{}.pcapng", wall.as_secs()))?;
+        file.write(&pcapng::header());
+        Ok(DliRecording {
+            file,
+            stations,
+            block: Vec::new(),
+        })
+    }
+
+    /// A datagram that arrived here.
+    pub fn received(&mut self, wall: Duration, from: SocketAddr, here: SocketAddr, octets: &[u8]) {
+        let known = frames(octets)
+            .flatten()
+            .any(|frame| self.stations.contains(&frame.header.source));
+        if known {
+            self.write(wall, from, here, octets);
+        }
+    }
+
+    /// A datagram that was sent from here.
+    pub fn sent(&mut self, wall: Duration, here: SocketAddr, to: SocketAddr, octets: &[u8]) {
+        self.write(wall, here, to, octets);
+    }
+
+    /// Brings it to the disk.
+    pub fn flush(&mut self) {
+        self.file.flush();
+    }
+
+    fn write(&mut self, wall: Duration, from: SocketAddr, to: SocketAddr, octets: &[u8]) {
+        self.block.clear();
+        pcapng::datagram(&mut self.block, wall, from, to, octets);
+        self.file.write(&self.block);
+    }
+}

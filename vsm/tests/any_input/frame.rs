@@ -1,0 +1,52 @@
+//! Any octets of a MAVLink link, in any pieces: the same frames are found, and what is decoded encodes to what decodes
+//! to the same.
+
+use core::time::Duration;
+
+use mavlink_link::frame::{FrameView, MAX_FRAME, Parser, encode};
+use mavlink_link::tlog;
+
+/// Feeds the octets to a parser, whole and in pieces whose length the first octet says.
+pub(crate) fn run(octets: &[u8]) {
+    let Some((&piece, rest)) = octets.split_first() else {
+        return;
+    };
+    let whole = frames(rest, rest.len().max(1));
+    let pieces = frames(rest, usize::from(piece) % 40 + 1);
+    assert_eq!(whole, pieces, "frames do not depend on how octets arrive");
+    for found in &whole {
+        let view = FrameView::parse(found).expect("it was found");
+        let mut record = [0; tlog::MAX_RECORD];
+        let length = tlog::record(Duration::from_secs(1), &view, &mut record);
+        let kept = FrameView::parse(&record[8..length]).expect("a record holds a frame");
+        assert!(!kept.is_signed());
+        let Ok(message) = view.message() else {
+            continue;
+        };
+        let mut once = [0; MAX_FRAME];
+        let length = encode(&message, view.header(), &mut once);
+        let mut header = view.header();
+        header.incompat = 0;
+        let length_plain = encode(&message, header, &mut once);
+        assert!(length == length_plain);
+        let again = FrameView::parse(&once[..length_plain]).expect("our own frame");
+        let again = again.message().expect("our own message");
+        let mut twice = [0; MAX_FRAME];
+        assert_eq!(encode(&again, header, &mut twice), length_plain);
+        assert_eq!(once[..length_plain], twice[..length_plain]);
+    }
+}
+
+fn frames(octets: &[u8], piece: usize) -> Vec<Vec<u8>> {
+    let mut parser = Parser::new();
+    let mut found = Vec::new();
+    for part in octets.chunks(piece) {
+        let mut frames = parser.feed(part);
+        while let Some(frame) = frames.next() {
+            if let Ok(view) = frame {
+                found.push(view.as_bytes().to_vec());
+            }
+        }
+    }
+    found
+}

@@ -1,0 +1,74 @@
+//! Any octets at all, from golden vectors, recordings and examples bent by a seed: whole sessions with the bridge,
+//! MAVLink links, configurations. Nothing panics, and what is promised of what goes out is kept.
+//!
+//! `VSM_MUTATIONS=1000000 cargo test --release -p vsm --test any_input` runs it for longer.
+
+mod config;
+mod frame;
+mod seeds;
+mod session;
+
+/// What is tried: its name, what it does with octets, and the octets that it begins with.
+type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
+
+const TARGETS: [Target; 3] = [
+    ("frame", frame::run, seeds::frames),
+    ("session", session::run, seeds::sessions),
+    ("config", config::run, seeds::configurations),
+];
+
+#[test]
+fn every_target_holds_on_its_seeds_and_their_mutations() {
+    let mutations: usize = std::env::var("VSM_MUTATIONS")
+        .ok()
+        .and_then(|text| text.parse().ok())
+        .unwrap_or(1_000);
+    for (name, run, seeds) in TARGETS {
+        let seeds = seeds();
+        assert!(!seeds.is_empty(), "{name} has no seeds");
+        for seed in seeds.iter().step_by((seeds.len() / 200).max(1)) {
+            run(seed);
+        }
+        let mut random = Random(0x4586);
+        for _ in 0..mutations {
+            let mut octets = seeds[random.below(seeds.len())].clone();
+            for _ in 0..random.below(8) + 1 {
+                mutate(&mut octets, &seeds, &mut random);
+            }
+            run(&octets);
+        }
+    }
+}
+
+fn mutate(octets: &mut Vec<u8>, seeds: &[Vec<u8>], random: &mut Random) {
+    let at = random.below(octets.len().max(1));
+    match random.below(5) {
+        0 if !octets.is_empty() => octets[at] ^= 1 << random.below(8),
+        1 if !octets.is_empty() => octets[at] = [0, 1, 0x7f, 0x80, 0xff][random.below(5)],
+        2 => octets.truncate(at),
+        3 => octets.insert(at.min(octets.len()), random.next() as u8),
+        _ => {
+            let other = &seeds[random.below(seeds.len())];
+            let from = random.below(other.len().max(1)).min(other.len());
+            octets.truncate(at);
+            octets.extend(&other[from..]);
+        }
+    }
+}
+
+/// SplitMix64.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, bound: usize) -> usize {
+        (self.next() % bound.max(1) as u64) as usize
+    }
+}

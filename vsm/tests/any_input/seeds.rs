@@ -1,0 +1,152 @@
+//! What fuzzing begins with: the golden vectors of the DLI, recordings of real autopilots, the example configurations.
+
+use std::fs::File;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use flate2::read::GzDecoder;
+use mavlink_link::frame::Parser;
+use stanag_msgs::frames as dli_frames;
+
+use super::session::{FRAME, MESSAGE, TIME};
+
+/// The golden vectors, one a datagram.
+pub(crate) fn datagrams() -> Vec<Vec<u8>> {
+    let text = String::from_utf8(unpacked("dli/vectors-4586.jsonl.gz")).expect("text");
+    let wires = text.lines().filter_map(|line| {
+        let (_, rest) = line.split_once("\"wire\": \"")?;
+        Some(rest.split('"').next()?.to_owned())
+    });
+    // One in so many: there are thousands of them, and each type is there often.
+    wires.step_by(7).map(|hex| octets(&hex)).collect()
+}
+
+/// Datagrams of PX4, of another autopilot, signed and unsigned; the first octet says the pieces.
+pub(crate) fn frames() -> Vec<Vec<u8>> {
+    let mut seeds = Vec::new();
+    for name in [
+        "02-params-mission-upload",
+        "04-signing-gcs-linka",
+        "11-ardupilot-signing",
+    ] {
+        let datagrams = capture(name);
+        seeds.extend(
+            datagrams
+                .into_iter()
+                .step_by(97)
+                .take(60)
+                .map(|mut octets| {
+                    octets.insert(0, octets.len() as u8);
+                    octets
+                }),
+        );
+    }
+    seeds
+}
+
+/// A vehicle that is heard, then one vector of each type that a station sends, with time between.
+pub(crate) fn sessions() -> Vec<Vec<u8>> {
+    let mut heard = Vec::new();
+    for octets in capture("03-arm-takeoff-mission-landa")
+        .into_iter()
+        .take(400)
+    {
+        let mut parser = Parser::new();
+        let mut frames = parser.feed(&octets);
+        while let Some(Ok(view)) = frames.next() {
+            let id = view.header().message_id;
+            if [0, 24, 33, 242, 245].contains(&id) && heard.len() < 2_000 {
+                let mut data = (id as u16).to_le_bytes().to_vec();
+                data.extend(view.payload());
+                push(&mut heard, FRAME, &data);
+            }
+        }
+    }
+    let request = [&[0, 1][..], &request_of_all()].concat();
+    push(&mut heard, MESSAGE, &request);
+    let mut seeds = Vec::new();
+    for datagram in datagrams() {
+        for frame in dli_frames(&datagram).flatten() {
+            if frame.data.len() > 250 {
+                continue;
+            }
+            let mut session = heard.clone();
+            let data = [&frame.header.message_type.to_be_bytes()[..], frame.data].concat();
+            push(&mut session, MESSAGE, &data);
+            session.extend([TIME, 50]);
+            seeds.push(session);
+        }
+    }
+    seeds
+}
+
+/// The example configurations.
+pub(crate) fn configurations() -> Vec<Vec<u8>> {
+    let folder = root().join("examples");
+    let entries = std::fs::read_dir(folder).expect("the examples");
+    let mut files: Vec<PathBuf> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+        .collect();
+    files.sort();
+    files
+        .iter()
+        .map(|path| std::fs::read(path).expect("an example"))
+        .collect()
+}
+
+/// The data of a message 1 that asks for LOI 2 to 5.
+fn request_of_all() -> Vec<u8> {
+    use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
+    use stanag_msgs::messages::CucsAuthorisationRequest;
+    let message = stanag_msgs::Message::from(CucsAuthorisationRequest {
+        time_stamp: Some(stanag_msgs::TimeStamp(1)),
+        requested_handover_loi: Some(LoiBitmap::from_raw(0x0f)),
+        requested_handover_access: Some(RequestedAccess::Request),
+        ..CucsAuthorisationRequest::default()
+    });
+    let mut out = [0; 548];
+    let length = message.encode_data(&mut out).expect("it fits");
+    out[..length].to_vec()
+}
+
+fn push(session: &mut Vec<u8>, operation: u8, data: &[u8]) {
+    session.extend([operation, u8::try_from(data.len()).unwrap_or(u8::MAX)]);
+    session.extend(&data[..data.len().min(255)]);
+}
+
+/// What the autopilot of a recording sent.
+fn capture(name: &str) -> Vec<Vec<u8>> {
+    let octets = unpacked(&format!("captures/{name}.mvr.gz"));
+    let (mut rest, mut found) = (&octets[..], Vec::new());
+    while let [direction, header @ ..] = rest {
+        let (_, body) = header.split_at(8);
+        let (length, body) = body.split_at(2);
+        let length = u16::from_be_bytes([length[0], length[1]]);
+        let (datagram, next) = body.split_at(length.into());
+        if *direction == b'<' {
+            found.push(datagram.to_vec());
+        }
+        rest = next;
+    }
+    found
+}
+
+fn unpacked(name: &str) -> Vec<u8> {
+    let path = root().join("tests/data").join(name);
+    let file = File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let mut octets = Vec::new();
+    GzDecoder::new(file).read_to_end(&mut octets).expect("gzip");
+    octets
+}
+
+fn octets(hex: &str) -> Vec<u8> {
+    (0..hex.len() / 2)
+        .map(|at| u8::from_str_radix(&hex[2 * at..2 * at + 2], 16).expect("hex"))
+        .collect()
+}
+
+fn root() -> &'static Path {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    own.parent().expect("the workspace")
+}

@@ -1,0 +1,207 @@
+//! Recorded vehicles in front of the bridge: a player sends what a real PX4 sent, at its times, and what the bridge then
+//! says on the DLI is compared with golden files, message for message.
+//!
+//! `VSM_BLESS=1 cargo nextest run -p vsm --test captures_as_vehicles` writes `tests/data/golden` anew; `gunzip -c` shows
+//! one, a JSON object a line.
+
+mod support;
+
+use std::io::{Read as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use mavlink_link::signing::SigningKey;
+use mavlink_link::{Now, frame::FrameView};
+use stanag_msgs::json;
+use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::{enums::LoiBitmap, frames};
+use support::{MemoryStore, Station, VSM, cucs, orders, station_address, vehicle_id};
+use vsm::config::Config;
+use vsm::session::{Bridge, Destination, LinkEnd, Peer};
+
+#[test]
+fn a_flight_of_px4_v1_18() {
+    let play = Play {
+        captures: &[
+            "03-arm-takeoff-mission-landa",
+            "03-arm-takeoff-mission-landb",
+        ],
+        system_id: 1,
+        key: None,
+    };
+    play.compare("03-flight");
+}
+
+#[test]
+fn a_flight_of_px4_v1_17() {
+    let play = Play {
+        captures: &["20-px4-v1.17.0-flight"],
+        system_id: 6,
+        key: None,
+    };
+    play.compare("20-flight");
+}
+
+#[test]
+fn a_signed_vehicle_whose_key_is_changed_by_another() {
+    let play = Play {
+        captures: &["04-signing-gcs-linka", "04-signing-gcs-linkb"],
+        system_id: 4,
+        key: Some(core::array::from_fn(|i| i as u8 + 1)),
+    };
+    play.compare("04-signing");
+}
+
+/// A recorded vehicle, and what the bridge is told of it.
+struct Play {
+    captures: &'static [&'static str],
+    system_id: u8,
+    key: Option<[u8; 32]>,
+}
+
+impl Play {
+    /// What a station hears that holds LOI 2 from the start: one JSON object a message, with its time in ms.
+    fn run(&self) -> Vec<String> {
+        let datagrams = datagrams(self.captures);
+        let begun = datagrams[0].0;
+        let signing = self.key.map_or("\"off\"", |_| "{ key_file = \"uav.key\" }");
+        let text = format!(
+            "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"127.0.0.1:4586\"\n[[cucs]]\nid = \"{}\"\nloi = [2]\n\
+             [[vehicle]]\nid = \"{}\"\nlink = \"udpin:127.0.0.1:14550\"\nsystem_id = {}\nsigning = {signing}\n\
+             [store]\ndir = \"state\"\n",
+            cucs(0),
+            vehicle_id(0),
+            self.system_id
+        );
+        let config = Config::parse(&text, Path::new("/nowhere")).expect("a good configuration");
+        let key = self.key.map(|key| SigningKey::new(key).expect("a key"));
+        let ends = vec![LinkEnd { key, peer: None }];
+        let mut store = MemoryStore::default();
+        let wall = |mono: Duration| Duration::from_micros(begun) + mono;
+        let now = |mono: Duration| Now {
+            mono,
+            wall: wall(mono),
+        };
+        let start = now(Duration::ZERO);
+        let not_before = Duration::from_secs(1_767_225_600);
+        let mut bridge =
+            Bridge::new(&config, ends, start, not_before, &mut store).expect("a bridge");
+        let mut station = Station::new(cucs(0), station_address(0));
+        let listen = CucsAuthorisationRequest {
+            requested_handover_loi: Some(LoiBitmap::LOI2),
+            ..orders::request_control()
+        };
+        station.tell(
+            Duration::ZERO,
+            start.wall,
+            vehicle_id(0),
+            &mut listen.into(),
+        );
+
+        let mut lines = Vec::new();
+        let mut played = datagrams.iter().peekable();
+        let last = Duration::from_micros(datagrams[datagrams.len() - 1].0 - begun);
+        let vehicle = Peer::Udp(support::vehicle_address(0));
+        let mut clock = Duration::ZERO;
+        while clock < last + Duration::from_secs(5) {
+            clock += Duration::from_millis(10);
+            let at = now(clock);
+            for octets in station.advance(clock, at.wall) {
+                bridge.handle_dli(at, station.address, &octets, &mut store);
+            }
+            while let Some((_, octets)) =
+                played.next_if(|(time, _)| Duration::from_micros(time - begun) <= clock)
+            {
+                bridge.handle_vehicle(at, 0, vehicle, octets, &mut store, &mut |_| {});
+            }
+            if bridge.poll_timeout(clock) <= clock {
+                bridge.handle_timeout(at, &mut store);
+            }
+            while let Some((_, frame)) = bridge.poll_vehicle() {
+                // A recording hears nothing; what the bridge says to it is well formed all the same.
+                assert!(FrameView::parse(frame.octets()).is_ok());
+            }
+            while bridge.poll_log().is_some() {}
+            while let Some(datagram) = bridge.poll_dli() {
+                assert_eq!(datagram.to, Destination::Unicast(station.address));
+                station.receive(clock, datagram.octets());
+                for frame in frames(datagram.octets()) {
+                    let frame = frame.expect("a frame of the bridge");
+                    let mut value = json::frame(&frame, false).expect("a message of the bridge");
+                    if let Some(message) = value.as_object_mut() {
+                        // As with every message: the whole wrapper is the same each time.
+                        for name in ["source", "destination", "idd", "checksum", "ack"] {
+                            message.shift_remove(name);
+                        }
+                    }
+                    lines.push(format!("{} {value}", clock.as_millis()));
+                }
+            }
+        }
+        lines
+    }
+
+    fn compare(&self, name: &str) {
+        let lines = self.run();
+        assert!(lines.len() > 100, "{} messages", lines.len());
+        let path = golden(name);
+        if std::env::var_os("VSM_BLESS").is_some() {
+            let file = std::fs::File::create(&path).expect("the golden file can be written");
+            // No time and no name within: the same messages are the same file.
+            let mut file = flate2::GzBuilder::new().write(file, flate2::Compression::best());
+            for line in &lines {
+                writeln!(file, "{line}").expect("it is written");
+            }
+            file.finish().expect("it is written");
+            return;
+        }
+        let mut text = String::new();
+        let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        flate2::read::GzDecoder::new(file)
+            .read_to_string(&mut text)
+            .expect("text");
+        for (number, (now, before)) in lines.iter().zip(text.lines()).enumerate() {
+            assert_eq!(
+                now, before,
+                "message {number} of {name}; VSM_BLESS=1 writes it anew"
+            );
+        }
+        assert_eq!(lines.len(), text.lines().count(), "messages of {name}");
+    }
+}
+
+fn golden(name: &str) -> PathBuf {
+    data(&format!("golden/{name}.jsonl.gz"))
+}
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../tests/data")
+        .join(name)
+}
+
+/// What the vehicle sent: microseconds since 1970, and the datagram.
+fn datagrams(names: &[&str]) -> Vec<(u64, Vec<u8>)> {
+    let mut found = Vec::new();
+    for name in names {
+        let path = data(&format!("captures/{name}.mvr.gz"));
+        let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        let mut octets = Vec::new();
+        flate2::read::GzDecoder::new(file)
+            .read_to_end(&mut octets)
+            .expect("a recording");
+        let mut rest = &octets[..];
+        while let [direction, header @ ..] = rest {
+            let (at, body) = header.split_at(8);
+            let (length, body) = body.split_at(2);
+            let length = u16::from_be_bytes(length.try_into().expect("two octets"));
+            let (datagram, next) = body.split_at(length.into());
+            if *direction == b'<' {
+                let at = u64::from_be_bytes(at.try_into().expect("eight octets"));
+                found.push((at, datagram.to_vec()));
+            }
+            rest = next;
+        }
+    }
+    found
+}
