@@ -164,7 +164,7 @@ impl Telemetry {
                 self.gps_fix = Some(fix);
                 // An extension field that was never sent reads as 0: no receiver is exactly on the ellipsoid for long.
                 if fix && m.alt_ellipsoid != 0 {
-                    self.geoid_m = Some(f64::from(m.alt_ellipsoid - m.alt) / 1e3);
+                    self.geoid_m = Some((f64::from(m.alt_ellipsoid) - f64::from(m.alt)) / 1e3);
                 }
             }
             MavMessage::VFR_HUD(m) => {
