@@ -2,7 +2,7 @@
 //!
 //! Promised: no frame is accepted twice, over links, restarts and jumps of the clock, and nothing
 //! changes before the signature has been verified. The order is fixed: checksum and MAVLink 2 (by the
-//! parser), not our own system, expected, signature, stamp; only then state.
+//! parser), not our own system, expected, signature, the autopilot's link id, stamp; only then state.
 
 use thiserror::Error;
 
@@ -131,13 +131,13 @@ impl KeyState {
         if !only.allow(name) {
             return Err(Refusal::NotListed);
         }
+        verify(&self.key, frame).map_err(|_| Refusal::BadSignature)?;
         if let Some(link) = expected.autopilot_link
             && name.component == AUTOPILOT
             && name.link != link
         {
             return Err(Refusal::UnexpectedLink);
         }
-        verify(&self.key, frame).map_err(|_| Refusal::BadSignature)?;
 
         let stamp = signature.stamp;
         if !self.clock.allows(stamp, now) {
@@ -229,7 +229,7 @@ pub enum Refusal {
     /// It is not from the vehicle.
     #[error("not from the vehicle's system")]
     UnexpectedSystem,
-    /// Component 1 with another link id than the one it has on this link: a capture of another link.
+    /// Verified, but component 1 with another link id than the one it has on this link: a capture of another link.
     #[error("the autopilot does not use this link id here")]
     UnexpectedLink,
     /// Its system, component and link id are not on the list of those that are taken.

@@ -277,8 +277,8 @@ proptest! {
         // The line is clean and the disk works from here on; what was in flight is gone.
         world.store.broken = false;
         world.in_flight = [vec![], vec![]];
-        // Longer than a failed store, a learned link id and a lock elsewhere are held on to.
-        world.now = world.now.after(Duration::from_secs(6));
+        // As long as a failed store is not tried again.
+        world.now = world.now.after(Duration::from_secs(1));
         for link in 0..2 {
             // The vehicle speaks, as it does all the time; that is all we need to know where it is.
             let hello = world.vehicles[link].heartbeat();

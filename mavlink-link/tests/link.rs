@@ -459,38 +459,72 @@ fn an_unknown_message_that_verifies_is_passed_raw() {
 }
 
 #[test]
-fn the_autopilots_link_id_moves_only_after_a_silence() {
+fn the_autopilots_link_id_moves_only_by_a_frame_that_it_can_only_have_made_now() {
     let (mut station, vehicle) = live_pair(Endpoint::Listen);
+    assert_eq!(station.link.learned_link_id(), Some(0));
     let mut moved = Vehicle {
         link_id: 3,
         ..Vehicle::new(vehicle.stamp)
     };
-    assert!(
-        station
-            .receive(at(4_000), VEHICLE, &moved.heartbeat())
-            .is_empty()
-    );
-    assert_eq!(station.link.stats().unexpected_link, 1);
-    assert_eq!(
-        station
-            .receive(at(6_000), VEHICLE, &moved.heartbeat())
-            .len(),
-        1
-    );
+    // However long the silence: this may be a recording of its other link. A heartbeat goes there.
+    for now in [20_000, 600_000] {
+        let frame = moved.heartbeat();
+        assert!(station.receive(at(now), STRANGER, &frame).is_empty());
+        assert_eq!(station.link.peer(), Some(VEHICLE));
+        for (to, lift) in station.heartbeats(at(now)) {
+            assert_eq!(to, STRANGER);
+            assert!(now == 20_000 || moved.receive(&lift));
+        }
+    }
+    assert_eq!(station.link.stats().unexpected_link, 2);
+    // What it sends after that heartbeat is no recording.
+    let frame = moved.heartbeat();
+    assert_eq!(station.receive(at(600_050), STRANGER, &frame).len(), 1);
     assert!(events(&mut station).contains(&Event::Alert(Alert::LinkIdMoved)));
+    assert_eq!(station.link.learned_link_id(), Some(3));
+
+    // Was that carried over from another link at once, then the one that it displaced is back with its first frame,
+    // and is not displaced again while it speaks.
+    let mut vehicle = Vehicle::new(moved.stamp);
+    let frame = vehicle.heartbeat();
+    assert_eq!(station.receive(at(600_060), VEHICLE, &frame).len(), 1);
+    let frame = moved.heartbeat();
+    assert!(station.receive(at(600_070), STRANGER, &frame).is_empty());
+    assert_eq!(station.link.peer(), Some(VEHICLE));
 
     // A configured one never does.
     let config = LinkConfig {
         vehicle_link_id: Some(0),
-        ..LinkConfig::new(1, Security::Signed, Endpoint::Listen)
+        ..LinkConfig::new(1, Security::Signed, Endpoint::Fixed(VEHICLE))
     };
     station.link = Link::new(config);
-    assert!(
-        station
-            .receive(at(60_000), VEHICLE, &moved.heartbeat())
-            .is_empty()
-    );
+    for (_, frame) in station.tick(at(700_000)) {
+        moved.receive(&frame);
+    }
+    let frame = moved.heartbeat();
+    assert!(station.receive(at(700_000), VEHICLE, &frame).is_empty());
     assert_eq!(station.link.stats().unexpected_link, 1);
+    assert_eq!(station.link.learned_link_id(), None);
+}
+
+#[test]
+fn a_link_id_that_an_earlier_run_learned_refuses_captures_of_another_link_from_the_start() {
+    let config = LinkConfig {
+        known_link_id: Some(0),
+        ..LinkConfig::new(1, Security::Signed, Endpoint::Listen)
+    };
+    let mut station = Station::new(Endpoint::Listen, at(0));
+    station.link = Link::new(config);
+    let capture = Vehicle {
+        link_id: 1,
+        ..Vehicle::new(Stamp::from_unix(at(1_000).wall))
+    }
+    .heartbeat();
+    assert!(station.receive(at(5_000), STRANGER, &capture).is_empty());
+    assert_eq!(station.link.peer(), None);
+    let mut vehicle = Vehicle::new(Stamp::from_unix(at(2_000).wall));
+    let frame = vehicle.heartbeat();
+    assert_eq!(station.receive(at(5_001), VEHICLE, &frame).len(), 1);
 }
 
 #[test]

@@ -34,9 +34,11 @@ pub struct LinkConfig<A> {
     pub link_id: u8,
     /// The vehicle's system id, 1 to 255.
     pub vehicle_system: u8,
-    /// The link id of the vehicle's component 1 on this link; learned from the first accepted frame
-    /// where `None`.
+    /// The link id of the vehicle's component 1 on this link. Where `None` it is learned from a frame that
+    /// the vehicle can only have made just now, and may be another one later by such a frame.
     pub vehicle_link_id: Option<u8>,
+    /// The link id that was learned in an earlier run, see [`Link::learned_link_id`](super::Link::learned_link_id).
+    pub known_link_id: Option<u8>,
     /// Whether frames must be signed.
     pub security: Security,
     /// How the peer is found.
@@ -59,6 +61,7 @@ impl<A> LinkConfig<A> {
             link_id: 0,
             vehicle_system,
             vehicle_link_id: None,
+            known_link_id: None,
             security,
             endpoint,
             role: Role::GroundStation,

@@ -18,6 +18,13 @@ pub enum Age {
 }
 
 impl Age {
+    /// Whether the sender can only have made the frame within the last 3 s: no recording that was made
+    /// before can be mistaken for it.
+    #[must_use]
+    pub fn is_now(self) -> bool {
+        matches!(self, Self::AtMost(age) if age <= NOW)
+    }
+
     /// Whether the frame may be older than 60 s: to be shown, never to confirm anything.
     #[must_use]
     pub fn is_late(self) -> bool {
@@ -68,6 +75,8 @@ impl HeartbeatLog {
     }
 }
 
+/// The age up to which a frame shows that its sender lives. Some heartbeats may be lost, or take their time.
+const NOW: Duration = Duration::from_secs(3);
 /// The age beyond which a frame is late.
 const FRESH: Duration = Duration::from_secs(60);
 const SPACING: Duration = Duration::from_millis(500);

@@ -85,8 +85,34 @@ struct Core<A> {
 #[derive(Debug, Clone, Copy)]
 struct Pin {
     link_id: u8,
-    heard: Duration,
-    configured: bool,
+    hold: Hold,
+}
+
+/// How firmly a [`Pin`] is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Hold {
+    /// Of frames that may be recordings, the last one then: let go after a silence.
+    Assumed(Duration),
+    /// Of a frame that can only have been made at that moment: moved by another such frame alone, and only in a
+    /// silence, or back to what it was before.
+    Proven {
+        /// When the last frame came.
+        heard: Duration,
+        /// The link id before.
+        before: Option<u8>,
+    },
+    /// Never moved.
+    Configured,
+}
+
+impl Hold {
+    /// Of an earlier run.
+    const fn known() -> Self {
+        Self::Proven {
+            heard: Duration::ZERO,
+            before: None,
+        }
+    }
 }
 
 /// Tells many in a short time from a few now and then.
@@ -111,11 +137,9 @@ impl<A: Copy + Eq> Link<A> {
     /// A link that has heard nothing; its first heartbeat is due at once.
     #[must_use]
     pub fn new(config: LinkConfig<A>) -> Self {
-        let pin = config.vehicle_link_id.map(|link_id| Pin {
-            link_id,
-            heard: Duration::ZERO,
-            configured: true,
-        });
+        let held = |hold| move |link_id| Pin { link_id, hold };
+        let configured = config.vehicle_link_id.map(held(Hold::Configured));
+        let pin = configured.or(config.known_link_id.map(held(Hold::known())));
         Self {
             config,
             parser: Parser::new(),
@@ -154,6 +178,14 @@ impl<A: Copy + Eq> Link<A> {
     #[must_use]
     pub fn state(&self) -> LinkState {
         self.core.presence.state()
+    }
+
+    /// The link id of the vehicle's component 1, where it was learned for certain. Kept and given as
+    /// [`LinkConfig::known_link_id`] to the next run, it refuses captures of another link from the start.
+    #[must_use]
+    pub fn learned_link_id(&self) -> Option<u8> {
+        let learned = |pin: &Pin| matches!(pin.hold, Hold::Proven { .. });
+        self.core.pin.filter(learned).map(|pin| pin.link_id)
     }
 
     /// When the last frame was accepted, in the caller's monotonic time.

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use super::event::{Alert, Event, KeyExchangeFrame};
 use super::freshness::Age;
-use super::{Auth, Core, Link, Pin, Security};
+use super::{Auth, Core, Hold, Link, Pin, Security};
 use crate::Now;
 use crate::dialect::MavMessage;
 use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, Undecoded};
@@ -118,7 +118,17 @@ impl<A: Copy + Eq> Core<A> {
             self.take_unsigned(now, from, frame, deliver);
             return Trust::Unverified;
         }
-        match key.receive(frame, expected, now, &mut **store) {
+        let judged = match key.receive(frame, expected, now, &mut **store) {
+            Err(Refusal::UnexpectedLink) if self.may_move_pin(now.mono, frame) => {
+                let any_link = Expected {
+                    autopilot_link: None,
+                    ..expected
+                };
+                key.receive(frame, any_link, now, &mut **store)
+            }
+            judged => judged,
+        };
+        match judged {
             Ok(stamp) => {
                 self.accept(now, from, frame, stamp, deliver);
                 Trust::Verified
@@ -136,8 +146,9 @@ impl<A: Copy + Eq> Core<A> {
         deliver: &mut dyn FnMut(Delivery<'_>),
     ) {
         let header = frame.header();
+        let age = self.heartbeats.age(stamp, now.mono);
         if let (AUTOPILOT, Some(signature)) = (header.component_id, frame.signature()) {
-            self.pin(signature.link_id, now.mono);
+            self.pin(signature.link_id, age, now.mono);
         }
         if let Some((before, to)) = self.peer.confirm(from, now.mono) {
             self.events.push(Event::PeerChanged { from: before, to });
@@ -151,7 +162,6 @@ impl<A: Copy + Eq> Core<A> {
                 .push_exchange(KeyExchangeFrame::new(from, frame, Some(stamp)));
             return;
         }
-        let age = self.heartbeats.age(stamp, now.mono);
         self.stats.delivered_verified += 1;
         self.stats.late += u64::from(age.is_late());
         self.hand_on(frame, Some(stamp), age, deliver);
@@ -161,7 +171,11 @@ impl<A: Copy + Eq> Core<A> {
         // Without CRC_EXTRA and without a good signature these are just octets.
         let verified = matches!(
             refusal,
-            Refusal::TableFull | Refusal::Future | Refusal::Stale | Refusal::Ceiling
+            Refusal::UnexpectedLink
+                | Refusal::TableFull
+                | Refusal::Future
+                | Refusal::Stale
+                | Refusal::Ceiling
         );
         if !frame.is_checked() && !verified {
             self.stats.unknown_id += 1;
@@ -172,7 +186,13 @@ impl<A: Copy + Eq> Core<A> {
             Refusal::Reflected => stats.reflected += 1,
             Refusal::UnexpectedSystem => stats.unexpected_system += 1,
             Refusal::NotListed => stats.not_listed += 1,
-            Refusal::UnexpectedLink => stats.unexpected_link += 1,
+            Refusal::UnexpectedLink => {
+                stats.unexpected_link += 1;
+                if self.pin.is_some_and(|pin| pin.hold != Hold::Configured) {
+                    // The vehicle may have come back with another link id: lifted, it can show that it lives.
+                    self.fallen_back(now.mono, from);
+                }
+            }
             Refusal::Unsigned => stats.unsigned_vehicle += 1,
             Refusal::BadSignature => {
                 stats.bad_signature += 1;
@@ -347,29 +367,67 @@ impl<A: Copy + Eq> Core<A> {
         });
     }
 
-    /// The link id that the autopilot must use. A learned one is let go after a silence, or a single
-    /// capture of another link, played in first, would lock the vehicle out.
+    /// The link id that the autopilot must use. One that is only assumed is let go after a silence.
     fn pinned_link(&self, mono: Duration) -> Option<u8> {
-        self.pin
-            .filter(|pin| pin.configured || mono.saturating_sub(pin.heard) <= PIN_SILENCE)
-            .map(|pin| pin.link_id)
+        let held = |pin: &Pin| match pin.hold {
+            Hold::Assumed(heard) => mono.saturating_sub(heard) <= ASSUMED_FOR,
+            Hold::Proven { .. } | Hold::Configured => true,
+        };
+        self.pin.filter(held).map(|pin| pin.link_id)
     }
 
-    fn pin(&mut self, link_id: u8, mono: Duration) {
-        let configured = self.pin.is_some_and(|pin| pin.configured);
-        if self.pin.is_some_and(|pin| pin.link_id != link_id) {
+    /// Whether a frame of the autopilot's, which uses another link id than it is known to use here, is one that
+    /// it can only have made just now. A recording of another link, played in first or in a silence, is not; one
+    /// that is carried over from there at once is, and so it must find a silence, and yields to whom it displaced.
+    fn may_move_pin(&self, mono: Duration, frame: &FrameView<'_>) -> bool {
+        let (Some(pin), Some(signature)) = (self.pin, frame.signature()) else {
+            return false;
+        };
+        let gives_way = match pin.hold {
+            Hold::Configured => false,
+            Hold::Assumed(_) => true,
+            Hold::Proven { heard, before } => {
+                before == Some(signature.link_id) || mono.saturating_sub(heard) >= PROVEN_FOR
+            }
+        };
+        gives_way && self.heartbeats.age(signature.stamp, mono).is_now()
+    }
+
+    fn pin(&mut self, link_id: u8, age: Age, mono: Duration) {
+        let same = self.pin.filter(|pin| pin.link_id == link_id);
+        if self.pin.is_some() && same.is_none() {
             self.events.alert(Alert::LinkIdMoved, mono);
         }
-        self.pin = Some(Pin {
-            link_id,
-            heard: mono,
-            configured,
-        });
+        let hold = match (same.map(|pin| pin.hold), self.pin) {
+            (Some(Hold::Configured), _) => Hold::Configured,
+            (Some(Hold::Proven { before, .. }), _) => Hold::Proven {
+                heard: mono,
+                before,
+            },
+            _ if !age.is_now() => Hold::Assumed(mono),
+            (None, Some(displaced)) => Hold::Proven {
+                heard: mono,
+                before: match displaced.hold {
+                    // Whoever comes back is not displaced again at once.
+                    Hold::Proven { before, .. } if before != Some(link_id) => {
+                        Some(displaced.link_id)
+                    }
+                    _ => None,
+                },
+            },
+            _ => Hold::Proven {
+                heard: mono,
+                before: None,
+            },
+        };
+        self.pin = Some(Pin { link_id, hold });
     }
 }
 
 const HEARTBEAT_ID: u32 = 0;
 /// How long the start of a frame waits for its end.
 const PARTIAL_FRAME_LIFE: Duration = Duration::from_millis(500);
-/// How long the autopilot must be silent before its stream may have another link id.
-const PIN_SILENCE: Duration = Duration::from_secs(5);
+/// How long the autopilot must be silent before a link id that is only assumed may be another one.
+const ASSUMED_FOR: Duration = Duration::from_secs(5);
+/// How long it must be silent before one that is proven may be another one.
+const PROVEN_FOR: Duration = Duration::from_secs(1);

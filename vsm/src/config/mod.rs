@@ -123,6 +123,8 @@ pub struct Vehicle {
     /// The MAVLink signing link id of this VSM on that link.
     #[serde(default)]
     pub link_id: u8,
+    /// The MAVLink signing link id of the vehicle's autopilot on that link; learned, and kept, where absent.
+    pub vehicle_link_id: Option<u8>,
     /// How curved legs are flown.
     #[serde(default)]
     pub curve: Curve,

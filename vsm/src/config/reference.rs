@@ -127,6 +127,11 @@ pub static KEYS: &[Key] = &[
         meaning: "MAVLink signing link id of the VSM on this link",
     },
     Key {
+        name: "vehicle.vehicle_link_id",
+        default: Nothing("learned, and kept in the store"),
+        meaning: "MAVLink signing link id, 0 to 255, that the vehicle's autopilot uses on this link (PX4: the number of its MAVLink instance); given here, no other is ever taken",
+    },
+    Key {
         name: "vehicle.agl",
         default: Value("\"home\""),
         meaning: "how altitude type 2 (AGL) is flown: as height above home, or `\"refuse\"`",

@@ -69,6 +69,8 @@ pub(crate) struct Aircraft {
     /// That AGL is flown above home has been said.
     said_agl: bool,
     pub(super) custody: Custody,
+    /// The vehicle's link id as it is stored.
+    pub(super) kept_link_id: Option<u8>,
     /// What the VSM flies since the controlling CUCS is lost.
     pub(super) recall: Option<Recall>,
     pub(super) plan_check: PlanCheck,
@@ -138,6 +140,7 @@ impl Aircraft {
             fence: Fence::new(areas),
             said_agl: false,
             custody: Custody::default(),
+            kept_link_id: None,
             recall: None,
             plan_check: PlanCheck::default(),
         }
@@ -200,6 +203,7 @@ impl Aircraft {
         self.advance_download(desk);
         self.settle_authority(desk);
         self.push_due(desk);
+        self.keep_link_id(desk);
     }
 
     /// When [`Aircraft::handle_timeout`] is next needed.

@@ -20,6 +20,7 @@ use super::ceiling::Ceilings;
 use super::configuration::Configuration;
 use super::counters::{ByType, Counters};
 use super::desk::{Desk, Origin};
+use super::link_id;
 use super::outbox::{Datagram, Destination, Outbox};
 use super::station::Station;
 use super::store::{Store, StoreError};
@@ -141,6 +142,8 @@ impl Bridge {
             link.own_system = own.system;
             link.own_component = own.component;
             link.link_id = vehicle.link_id;
+            link.vehicle_link_id = vehicle.vehicle_link_id;
+            link.known_link_id = link_id::known(vehicle.id, store)?;
             let key = match end.key {
                 None => None,
                 Some(key) => {
@@ -162,6 +165,7 @@ impl Bridge {
             let mav = VehicleLink::new(own, Link::new(link), key);
             let mut aircraft = Aircraft::new(vehicle.clone(), mav, number);
             aircraft.configuration = Configuration::of(config);
+            aircraft.kept_link_id = link.known_link_id;
             let (mut desk, _) = bridge.desk(now, store);
             aircraft.restore(&mut desk)?;
             aircraft.announce(&mut desk);

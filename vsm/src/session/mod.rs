@@ -99,6 +99,7 @@ mod handover;
 mod health;
 mod inquiry;
 mod key_agreement;
+mod link_id;
 mod maneuver;
 mod manual;
 mod mission_transfer;
