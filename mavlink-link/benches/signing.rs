@@ -202,15 +202,21 @@ fn others(c: &mut Criterion) {
 /// Not criterion's own figures: these programs time themselves, in the same run.
 fn other_programs(_: &mut Criterion) {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("bench");
-    if let Some(program) = c_library::harness(&folder) {
-        for line in c_library::ask(&program, &["bench"], "").lines() {
-            println!("C library {line} (octets, ns a frame, median)");
+    match c_library::harness(&folder) {
+        Ok(program) => {
+            for line in c_library::ask(&program, &["bench"], "").lines() {
+                println!("C library {line} (octets, ns a frame, median)");
+            }
         }
+        Err(missing) => println!("C library LEFT OUT: {missing}"),
     }
-    if let Some(python) = c_library::python() {
-        for line in c_library::ask(&python, &["-c", PYMAVLINK], "").lines() {
-            println!("pymavlink {line} (octets, ns a frame, median)");
+    match c_library::python() {
+        Ok(python) => {
+            for line in c_library::ask(&python, &["-c", PYMAVLINK], "").lines() {
+                println!("pymavlink {line} (octets, ns a frame, median)");
+            }
         }
+        Err(missing) => println!("pymavlink LEFT OUT: {missing}"),
     }
 }
 
