@@ -5,10 +5,11 @@ mod airside_support;
 use std::time::Duration;
 
 use airside_support::{
-    Disk, GROUND, Ground, Mishap, VSM, World, encoded, frame, key, settings, start,
+    Disk, GROUND, Ground, Mishap, PX4, VSM, World, at, encoded, frame, key, settings, start,
 };
 use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use mavlink_link::frame::FrameView;
+use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
 use sim::px4::Signing;
 use vsm::airside::Settings;
@@ -351,4 +352,55 @@ fn a_key_that_was_replaced_never_comes_into_force_again() {
     world.cannot_sign = false;
     world.run(60.0);
     assert!(has(&world, 6), "{}", world.state());
+}
+
+#[test]
+fn a_recording_from_before_a_rotation_does_not_make_the_agent_give_px4_its_key_again() {
+    let mut world = rotation();
+    let px4 = Stream {
+        system: 1,
+        component: 1,
+        link: 0,
+    };
+    let recorded = frame(
+        px4,
+        253,
+        &[6, 1],
+        Some((&key(5), Stamp::from_unix(world.now.wall))),
+    );
+    world.run(25.0);
+    assert!(has(&world, 6), "{:?}", world.log);
+    assert!(world.disk.previous.is_some());
+    let secrets = world.secrets;
+    for _ in 0..3 {
+        world
+            .agent
+            .handle_px4(world.now, at(PX4), &recorded, &mut world.disk);
+        world.drain();
+        world.run(1.0);
+    }
+    assert_eq!(
+        (world.state(), world.secrets),
+        ("relaying", secrets),
+        "{:?}",
+        world.log
+    );
+}
+
+#[test]
+fn a_px4_whose_old_key_file_came_back_is_given_the_key_again_however_old_its_stamps() {
+    let mut world = rotation();
+    world.run(25.0);
+    assert!(
+        has(&world, 6) && world.disk.previous.is_some(),
+        "{:?}",
+        world.log
+    );
+    world.px4 = sim::px4::Autopilot::new(
+        sim::px4::Config::default(),
+        Signing::with_key(key(5), 1),
+        vec![Some(at(9))],
+    );
+    world.run(30.0);
+    assert!(has(&world, 6), "{} {:?}", world.state(), world.log);
 }

@@ -14,6 +14,7 @@
 //! What the promise against replays after PX4's restart is worth hangs on PX4 having no other radio.
 
 mod exchange;
+mod fallback;
 mod handing;
 mod keys;
 mod phase;
@@ -38,9 +39,10 @@ use mavlink_link::frame::{FrameView, MAX_FRAME};
 use mavlink_link::link::{Alert, Auth, Endpoint, Event, Link, LinkConfig, Role, Security};
 use mavlink_link::provisioning;
 use mavlink_link::receiver::{KeyState, Stream, Talkers};
-use mavlink_link::signing::{SigningKey, Stamp, verify};
+use mavlink_link::signing::{SigningKey, Stamp};
 use zeroize::Zeroizing;
 
+use self::fallback::Fallback;
 use self::phase::{Cause, Phase, Relaying};
 use self::watch::Watch;
 use crate::session::{Counters, LogLevel, Peer, link_alert_text};
@@ -127,6 +129,8 @@ pub struct Agent {
     identity: Fingerprint,
     responder: Responder<Peer>,
     news: VecDeque<PairingNews>,
+    /// Looks for the key before in what does not verify under the one in force.
+    fallback: Option<Fallback>,
     watch: Watch,
     queue: VecDeque<Relayed>,
     notes: VecDeque<Note>,
@@ -216,6 +220,7 @@ impl Agent {
             radio: Link::new(radio),
             px4: Link::new(px4),
             phase: Phase::Keyless,
+            fallback: None,
             watch: Watch::default(),
             queue: VecDeque::new(),
             notes: VecDeque::new(),
@@ -357,35 +362,13 @@ impl Agent {
                 Event::PeerChanged { .. } | Event::KeyExchange(_) => {}
             }
         }
-        let fell_back =
-            self.px4.stats().bad_signature > bad_before && self.is_under_previous(octets);
+        let fell_back = self.px4.stats().bad_signature > bad_before
+            && self.is_under_previous(now, from, octets, keys);
         if unsigned || fell_back {
             self.key_lost(unsigned, now, keys);
         } else if self.watch.take_restart() {
             self.px4_restarted(keys);
         }
-    }
-
-    /// Whether a frame of the autopilot in these octets verifies under the key before.
-    fn is_under_previous(&self, octets: &[u8]) -> bool {
-        let Phase::Relaying(relaying) = &self.phase else {
-            return false;
-        };
-        let Some(previous) = &relaying.previous else {
-            return false;
-        };
-        let mut parser = mavlink_link::frame::Parser::new();
-        let mut frames = parser.feed(octets);
-        while let Some(found) = frames.next() {
-            if let Ok(frame) = found
-                && frame.header().system_id == self.settings.vehicle_system
-                && frame.header().component_id == mavlink_link::receiver::AUTOPILOT
-                && verify(previous, &frame).is_ok()
-            {
-                return true;
-            }
-        }
-        false
     }
 
     /// It signs with the current key after a start: the one before has come to its end.
@@ -458,7 +441,8 @@ impl Agent {
                 secret: false,
             });
         }
-        self.px4_transmit(now, keys, out)
+        self.fallback_transmit(now, keys, out)
+            .or_else(|| self.px4_transmit(now, keys, out))
             .or_else(|| self.exchange_transmit(now, keys, out))
             .or_else(|| self.radio_transmit(now, keys, out))
     }

@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::clock::{CeilingStore, Origin, StoreError};
-use mavlink_link::frame::{FrameView, KEY_EXCHANGE_ID, MAX_FRAME, Parser};
-use mavlink_link::link::{KeyExchangeFrame, LinkState};
+use mavlink_link::frame::{KEY_EXCHANGE_ID, MAX_FRAME};
+use mavlink_link::link::{KeyExchangeFrame, Link, LinkState};
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
-use mavlink_link::signing::{KeyId, SigningKey, Stamp, verify};
+use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use serde::Serialize;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
@@ -29,10 +29,16 @@ pub(super) struct Agreement {
     /// Whether anybody waits for KEY_EXCHANGE frames.
     pub(super) wanted: bool,
     inbox: VecDeque<KeyExchangeFrame<Peer>>,
-    next: Option<Box<KeyState>>,
-    /// Joins frames that were split, as the link's own parser does.
-    parser: Parser,
+    next: Option<Box<NextKey>>,
     status: Option<ExchangeStatus>,
+}
+
+/// A key that the vehicle may sign with from some moment on.
+#[derive(Debug)]
+struct NextKey {
+    /// Judges and lifts what is signed with it, as the vehicle's link does under the current key.
+    link: Link<Peer>,
+    key: KeyState,
 }
 
 /// How the exchange with the air-side agent stands, for `vsm status`.
@@ -126,8 +132,12 @@ impl Bridge {
         };
         let not_before = Stamp::from_unix(not_before);
         let store = &mut Ceilings(store);
-        let next = KeyState::start(key, Origin::KeyFile, not_before, now, store)?;
-        aircraft.mav.agreement.next = Some(Box::new(next));
+        // Agreed about just now, or never used since: nothing older than this program is signed with it.
+        let initial = not_before;
+        let origin = Origin::Provisioned { initial };
+        let key = KeyState::start(key, origin, not_before, now, store)?;
+        let link = Link::new(*aircraft.mav.link.config());
+        aircraft.mav.agreement.next = Some(Box::new(NextKey { link, key }));
         Ok(())
     }
 
@@ -188,26 +198,42 @@ impl Bridge {
 }
 
 impl VehicleLink {
-    /// Looks for the next key in what arrived: the first frame of the autopilot that verifies under it is the proof.
+    /// Looks for the next key in what arrived: the first frame of the autopilot that is accepted under it is the proof.
+    /// One with an old stamp may be a recording: it is answered by a heartbeat under that key, which lifts a vehicle that
+    /// has it. True where the proof was among these octets, which have been taken then.
     pub(super) fn look_for_next_key(
         &mut self,
         now: Now,
+        from: Peer,
         octets: &[u8],
         store: &mut dyn CeilingStore,
-    ) {
-        let Some(next) = &self.agreement.next else {
-            return;
+    ) -> bool {
+        let Some(next) = &mut self.agreement.next else {
+            return false;
         };
-        let vehicle = self.link.config().vehicle_system;
-        let mut frames = self.agreement.parser.feed(octets);
+        let NextKey { link, key } = &mut **next;
+        let stale = link.stats().stale;
         let mut proven = false;
-        while let Some(item) = frames.next() {
-            proven |= item.is_ok_and(|frame| is_proof(&frame, vehicle, next));
+        link.handle_datagram(now, from, octets, auth(Some(key), store), &mut |delivery| {
+            proven |= delivery.verified && delivery.header.component_id == AUTOPILOT;
+        });
+        // The link under the current key sees the same octets, and tells.
+        while link.poll_event().is_some() {}
+        if link.stats().stale > stale
+            && let Some(current) = &self.key
+        {
+            // As when it is adopted: what lifts the vehicle must be above what it has had from us.
+            let _ = key.follow(current.clock().reading(now), now, store);
+        }
+        let mut frame = [0; MAX_FRAME];
+        while let Some(sent) = link.poll_transmit(now, auth(Some(key), store), &mut frame) {
+            self.out.push_back(OutFrame::new(sent.to, sent.len, frame));
         }
         if proven {
             self.adopt_next_key(now, store);
             self.settling.change = Some(KeyChange::Commit);
         }
+        proven
     }
 
     fn adopt_next_key(&mut self, now: Now, store: &mut dyn CeilingStore) {
@@ -217,9 +243,9 @@ impl VehicleLink {
         if let Some(current) = &self.key {
             // The vehicle has one table of streams for all keys, so our stamps go on rising. Where they cannot, its
             // receiver tells by silence, as with any clock that is behind.
-            let _ = next.follow(current.clock().reading(now), now, store);
+            let _ = next.key.follow(current.clock().reading(now), now, store);
         }
-        self.key = Some(*next);
+        self.key = Some(next.key);
     }
 
     fn send_key_exchange(
@@ -241,13 +267,6 @@ impl VehicleLink {
             self.out.push_back(OutFrame::new(sent.to, sent.len, octets));
         }
     }
-}
-
-fn is_proof(frame: &FrameView<'_>, vehicle: u8, next: &KeyState) -> bool {
-    let header = frame.header();
-    header.system_id == vehicle
-        && header.component_id == AUTOPILOT
-        && verify(next.key(), frame).is_ok()
 }
 
 const MOST_WAITING: usize = 8;

@@ -250,7 +250,11 @@ impl VehicleLink {
         if self.settle_datagram(now, from, octets, store) {
             return;
         }
-        self.look_for_next_key(now, octets, store);
+        if self.look_for_next_key(now, from, octets, store) {
+            self.collect(now.mono);
+            self.flush(now, store);
+            return;
+        }
         // The link borrows itself while it delivers: what it delivers is taken in afterwards.
         let mut believed = std::mem::take(&mut self.believed);
         let asked = self.asked;
