@@ -244,3 +244,109 @@ fn fall_18_a_pass_phrase_is_refused_with_the_reason() {
     );
     assert!(!refused.contains("horse"));
 }
+
+#[test]
+fn a_leftover_of_a_write_neither_opens_a_key_to_others_nor_leads_it_elsewhere() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let (folder, path) = prepared();
+    let keys = KeyStore::open(&path).unwrap();
+    keys.commit().unwrap();
+    let beside = path.with_file_name("uav1.key.next.new");
+    std::fs::write(&beside, b"").unwrap();
+    std::fs::set_permissions(&beside, std::fs::Permissions::from_mode(0o644)).unwrap();
+    keys.stage(&key(3)).unwrap();
+    let next = path.with_file_name("uav1.key.next");
+    assert_eq!(next.metadata().unwrap().permissions().mode() & 0o777, 0o600);
+
+    let elsewhere = folder.path().join("elsewhere");
+    std::fs::write(&elsewhere, b"as it was").unwrap();
+    std::os::unix::fs::symlink(&elsewhere, &beside).unwrap();
+    keys.restage(&key(4)).unwrap();
+    assert_eq!(std::fs::read(&elsewhere).unwrap(), b"as it was");
+    assert!(holds(keys.next().unwrap(), 4) && !next.is_symlink());
+}
+
+#[test]
+fn a_key_by_another_name_is_the_same_key() {
+    let (folder, path) = prepared();
+    let (soft, hard) = (
+        folder.path().join("soft.key"),
+        folder.path().join("hard.key"),
+    );
+    std::os::unix::fs::symlink(&path, &soft).unwrap();
+    std::fs::hard_link(&path, &hard).unwrap();
+    let first = KeyStore::open(&path).unwrap();
+    for other in [&soft, &hard] {
+        let refused = KeyStore::open(other).unwrap_err();
+        assert!(matches!(refused, KeyStoreError::Locked { .. }), "{refused}");
+    }
+    // A change brings another file under the name: it is locked too, and lies where the name leads.
+    first.commit().unwrap();
+    let later = folder.path().join("later.key");
+    std::fs::hard_link(&path, &later).unwrap();
+    assert!(matches!(
+        KeyStore::open(&later),
+        Err(KeyStoreError::Locked { .. })
+    ));
+    drop(first);
+    let by_link = KeyStore::open(&soft).unwrap();
+    assert!(holds(by_link.current().unwrap(), 2));
+    by_link.stage(&key(3)).unwrap();
+    by_link.commit().unwrap();
+    assert!(soft.is_symlink(), "the link is still one");
+    drop(by_link);
+    assert!(holds(KeyStore::open(&path).unwrap().current().unwrap(), 3));
+}
+
+#[test]
+fn a_revoked_key_is_deleted_by_whichever_process_finds_the_new_one_in_use() {
+    for fault in FAULTS {
+        for step in 0..10 {
+            let (_folder, path) = prepared();
+            KeyStore::open(&path).unwrap().revoke_current().unwrap();
+            let keys = KeyStore::open_on(&path, Box::new(Failing::new(step, fault))).unwrap();
+            let _ = keys.commit();
+            drop(keys);
+            let keys = KeyStore::open(&path).unwrap();
+            keys.commit().unwrap();
+            assert!(
+                holds(keys.current().unwrap(), 2),
+                "{fault:?} at step {step}"
+            );
+            assert!(
+                keys.previous().unwrap().is_none(),
+                "{fault:?} at step {step}"
+            );
+            // The wish was about that key alone.
+            keys.stage(&key(3)).unwrap();
+            keys.commit().unwrap();
+            assert!(holds(keys.previous().unwrap(), 2));
+        }
+    }
+}
+
+#[test]
+fn a_revocation_that_the_vehicle_did_not_take_is_over() {
+    let (_folder, path) = prepared();
+    let keys = KeyStore::open(&path).unwrap();
+    keys.revoke_current().unwrap();
+    keys.drop_next().unwrap();
+    keys.stage(&key(3)).unwrap();
+    keys.commit().unwrap();
+    assert!(holds(keys.previous().unwrap(), 1));
+}
+
+#[test]
+fn a_new_key_file_is_whole_and_takes_the_place_of_none() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("uav1.key");
+    // What a power cut left of an earlier try.
+    std::fs::write(folder.path().join("uav1.key.new"), b"").unwrap();
+    key_file::generate(&path).unwrap();
+    let made = key_file::read(&path).unwrap();
+    assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
+    key_file::generate(&path).unwrap_err();
+    assert!(key_file::read(&path).unwrap().same_as(&made));
+    assert!(!folder.path().join("uav1.key.new").exists());
+}

@@ -4,9 +4,12 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use anyhow::anyhow;
+use mavlink_link::signing::KeyId;
+use stanag_msgs::Id;
 use vsm::config::airside::AirsideConfig;
 use vsm::config::{Config, ExchangeMode, Signing};
 use vsm::shell::key_file;
+use vsm::shell::server::StartError;
 
 use super::Failure;
 
@@ -45,6 +48,7 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     if config.cucs.is_empty() {
         text += "  no CUCS is listed: nobody may connect\n";
     }
+    let mut keys: Vec<(Id, KeyId)> = vec![];
     for vehicle in config.vehicles() {
         let signing = match &vehicle.signing {
             Signing::KeyFile(file, exchange)
@@ -54,7 +58,14 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
             }
             Signing::KeyFile(file, _) => {
                 let key = key_file::read(file).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
-                format!("signed, key id {}", key.id())
+                let key = key.id();
+                if let Some((one, _)) = keys.iter().find(|(_, known)| *known == key) {
+                    let (one, other) = (*one, vehicle.id);
+                    let fault = StartError::SameKey { one, other, key };
+                    return Err(Failure::Bad(anyhow!(fault)));
+                }
+                keys.push((vehicle.id, key));
+                format!("signed, key id {key}")
             }
             Signing::Off => "NOT SIGNED: anyone in range can command it".to_owned(),
         };

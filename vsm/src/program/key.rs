@@ -12,7 +12,7 @@ use vsm::config::{Config, Exchange, Signing, Vehicle};
 use vsm::shell::exchange_record::{ExchangeRecord, peek_identity};
 use vsm::shell::file_store::FileStore;
 use vsm::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust, What};
-use vsm::shell::key_store::KeyStore;
+use vsm::shell::key_store::{KeyStore, real_path};
 use vsm::shell::{key_clock, key_file, sitl_key_file};
 
 use super::Failure;
@@ -117,12 +117,12 @@ fn provision(
     over: &Over,
 ) -> Result<(), Failure> {
     let (config, vehicle, path, _) = open(which)?;
-    let key = match from {
-        None => key_file::random().map_err(|cause| Failure::Failed(cause.into()))?,
-        Some(file) => key_file::read(file).map_err(|fault| Failure::Bad(anyhow!(fault)))?,
+    let key = || match from {
+        None => random(),
+        Some(file) => key_file::read(file).map_err(|fault| Failure::Bad(anyhow!(fault))),
     };
     if let Some(file) = sitl_file {
-        return write_sitl_file(&config, &path, key, file).map_err(Failure::Failed);
+        return write_sitl_file(&config, &path, key()?, file).map_err(Failure::Failed);
     }
     if path.exists() {
         let path = path.display();
@@ -130,7 +130,12 @@ fn provision(
             "{path} exists: the vehicle has had a key from here; replace it with `vsm key rotate`"
         )));
     }
-    hand_over(&config, &vehicle, &path, key, over, false)
+    let wish = match from {
+        None => Wish::AnyNew,
+        Some(_) => Wish::This,
+    };
+    let link = (&config, &vehicle, path.as_path());
+    hand_over(link, &key, over, wish)
 }
 
 fn replace(which: &Which, over: &Over, revoke: bool) -> Result<(), Failure> {
@@ -141,34 +146,58 @@ fn replace(which: &Which, over: &Over, revoke: bool) -> Result<(), Failure> {
             "{path} does not exist: there is no key to replace; begin with `vsm key provision`"
         )));
     }
-    let key = key_file::random().map_err(|cause| Failure::Failed(cause.into()))?;
-    hand_over(&config, &vehicle, &path, key, over, revoke)
+    let wish = if revoke { Wish::Revoke } else { Wish::AnyNew };
+    let link = (&config, &vehicle, path.as_path());
+    hand_over(link, &random, over, wish)
 }
 
+fn random() -> Result<SigningKey, Failure> {
+    key_file::random().map_err(|cause| Failure::Failed(cause.into()))
+}
+
+/// Which key the vehicle must have in the end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wish {
+    /// Another one: that of an earlier, unfinished handover too.
+    AnyNew,
+    /// The given one.
+    This,
+    /// One that nobody else holds, and the old one is deleted.
+    Revoke,
+}
+
+/// The configuration, the vehicle and its key file.
+type Link<'a> = (&'a Config, &'a Vehicle, &'a Path);
+
+/// A handover that an earlier command did not finish is finished first, and a vehicle that fell back is given the key in
+/// force again. Where the key that it has then is not the one that is wished, another handover follows.
 fn hand_over(
-    config: &Config,
-    vehicle: &Vehicle,
-    path: &Path,
-    key: SigningKey,
+    link: Link<'_>,
+    key: &dyn Fn() -> Result<SigningKey, Failure>,
     over: &Over,
-    revoke: bool,
+    wish: Wish,
 ) -> Result<(), Failure> {
-    let again = key.duplicate();
-    let mut ending = round(config, vehicle, path, What::New(key), over)?;
+    let path = link.2;
+    let (mut ending, mut another) = round(link, What::New(key()?), over, wish)?;
     if ending == Ending::ForeignKey && holds_previous(path)? {
         say(
             "the vehicle does not sign with the key in force; perhaps with the one before, as after a power cut",
         );
-        ending = round(config, vehicle, path, What::InForceAgain, over)?;
+        (ending, _) = round(link, What::InForceAgain, over, wish)?;
         if ending == Ending::Ended(Outcome::Committed) {
             say("the vehicle has the key in force again; now the new one");
-            ending = round(config, vehicle, path, What::New(again), over)?;
+            (ending, another) = round(link, What::New(key()?), over, wish)?;
         }
     }
-    if revoke && ending == Ending::Ended(Outcome::Committed) {
-        let keys = KeyStore::open(path).map_err(|fault| Failure::Failed(anyhow!(fault)))?;
-        keys.drop_previous()
-            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+    let decided = matches!(
+        ending,
+        Ending::Ended(Outcome::Committed | Outcome::RolledBack)
+    );
+    if another && decided && wish != Wish::AnyNew {
+        say("the handover that an earlier command began is finished; now the new key");
+        (ending, _) = round(link, What::New(key()?), over, wish)?;
+    }
+    if wish == Wish::Revoke && ending == Ending::Ended(Outcome::Committed) {
         say("the old key is deleted");
     }
     conclude(ending, path).map_err(Failure::Failed)
@@ -182,20 +211,24 @@ fn holds_previous(path: &Path) -> Result<bool, Failure> {
     Ok(previous.is_some())
 }
 
-/// One handover, from its opening to its end.
+/// One handover, from its opening to its end; says whether it was of another key, which an earlier command had left.
 fn round(
-    config: &Config,
-    vehicle: &Vehicle,
-    path: &Path,
+    (config, vehicle, path): Link<'_>,
     what: What,
     over: &Over,
-) -> Result<Ending, Failure> {
+    wish: Wish,
+) -> Result<(Ending, bool), Failure> {
+    let wished = match &what {
+        What::New(key) => Some(key.id()),
+        What::InForceAgain => None,
+    };
+    let (leftover, mut sent) = (beside(path, ".next").exists(), false);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .context("no asynchronous runtime")
         .map_err(Failure::Failed)?;
-    runtime.block_on(async {
+    let (ending, another) = runtime.block_on(async {
         let link =
             KeyLink::open(config, vehicle, path, what, over.trust()).map_err(
                 |fault| match fault {
@@ -212,10 +245,30 @@ fn round(
             vehicle.link,
             link.new_id()
         ));
-        link.run(Duration::from_secs(over.wait_s), &mut |event| tell(event))
+        let another = wished.is_some_and(|wished| wished != link.new_id());
+        if wish == Wish::Revoke && wished.is_some() {
+            // Whoever finds out that the vehicle has the new key deletes the old one: this command, or `vsm run`.
+            link.revoke_current()
+                .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        }
+        let mut watch = |event| {
+            sent |= event == Event::State(State::Sent);
+            tell(event);
+        };
+        let ending = link
+            .run(Duration::from_secs(over.wait_s), &mut watch)
             .await
-            .map_err(|fault| Failure::Failed(anyhow!(fault)))
-    })
+            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        Ok((ending, another))
+    })?;
+    let committed = ending == Ending::Ended(Outcome::Committed);
+    if wished.is_some() && !sent && !leftover && !committed {
+        // The vehicle has never been sent it: nobody must take it for one that it may have.
+        let keys = KeyStore::open(path).map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        keys.drop_next()
+            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+    }
+    Ok((ending, another))
 }
 
 /// What an operator is told on the way.
@@ -350,9 +403,7 @@ fn list(config: &Path) -> Result<(), Failure> {
             (".next", "being handed over: the vehicle may have it"),
             (".previous", "the one before"),
         ] {
-            let mut name = path.as_os_str().to_owned();
-            name.push(part);
-            let file = PathBuf::from(name);
+            let file = beside(path, part);
             if !file.exists() {
                 continue;
             }
@@ -379,6 +430,14 @@ fn list(config: &Path) -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+/// The file beside a key file, where that really is.
+fn beside(path: &Path, part: &str) -> PathBuf {
+    let real = real_path(path).unwrap_or_else(|_| path.to_owned());
+    let mut name = real.into_os_string();
+    name.push(part);
+    PathBuf::from(name)
 }
 
 /// The configuration, the vehicle that is meant, its key file and how keys are agreed about.

@@ -22,7 +22,9 @@ pub(crate) fn run(path: &Path) -> Result<(), Failure> {
         .map_err(Failure::Failed)?;
     runtime.block_on(async {
         let server = Server::open(&config).map_err(|fault| match fault {
-            StartError::Key(_) | StartError::Keys(_) => Failure::Bad(anyhow!(fault)),
+            StartError::Key(_) | StartError::Keys(_) | StartError::SameKey { .. } => {
+                Failure::Bad(anyhow!(fault))
+            }
             other => Failure::Failed(anyhow!(other)),
         })?;
         let mut terminate =

@@ -5,7 +5,7 @@ use mavlink_link::signing::{KeyId, Stamp};
 
 use super::store::{Durability, Store};
 
-/// A [`Store`] as the signing clock sees it: one record a key.
+/// A [`Store`] as the signing clock sees it: one record a key, which never goes back, whoever writes it.
 pub(crate) struct Ceilings<'a>(pub(crate) &'a mut dyn Store);
 
 impl CeilingStore for Ceilings<'_> {
@@ -30,6 +30,9 @@ impl CeilingStore for Ceilings<'_> {
     }
 
     fn store(&mut self, key: &KeyId, ceiling: Stamp) -> Result<(), StoreError> {
+        if self.load(key)?.is_some_and(|stored| stored >= ceiling) {
+            return Ok(());
+        }
         let text = format!("{}\n", ceiling.get());
         self.0
             .save(&name(key), text.as_bytes(), Durability::Power)
@@ -41,4 +44,22 @@ impl CeilingStore for Ceilings<'_> {
 
 fn name(key: &KeyId) -> String {
     format!("clock-{key}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shell::file_store::FileStore;
+
+    #[test]
+    fn a_ceiling_is_never_lowered() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut store = FileStore::open(&folder.path().join("state")).unwrap();
+        let key = KeyId::from_octets([7; 8]);
+        let mut ceilings = Ceilings(&mut store);
+        for (written, held) in [(100, 100), (50, 100), (101, 101)] {
+            ceilings.store(&key, Stamp::new(written)).unwrap();
+            assert_eq!(ceilings.load(&key).unwrap(), Some(Stamp::new(held)));
+        }
+    }
 }

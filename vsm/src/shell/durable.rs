@@ -8,7 +8,7 @@ use std::fmt;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rustix::fs::FlockOperation;
 use rustix::io::Errno;
@@ -16,7 +16,7 @@ use zeroize::Zeroizing;
 
 /// The steps of writing and reading a file.
 pub trait Disk: fmt::Debug + Send + Sync {
-    /// Writes a file anew, mode 0600.
+    /// Writes a new file, mode 0600, in place of what bears its name.
     ///
     /// # Errors
     /// The system's; part of the octets may have been written.
@@ -53,10 +53,11 @@ pub struct SystemDisk;
 
 impl Disk for SystemDisk {
     fn write(&self, path: &Path, octets: &[u8]) -> io::Result<()> {
+        // One that is there has a mode and an owner of its own, or is a link to somewhere else.
+        self.remove(path)?;
         OpenOptions::new()
             .write(true)
-            .create(true)
-            .truncate(true)
+            .create_new(true)
             .mode(0o600)
             .open(path)?
             .write_all(octets)
@@ -97,9 +98,7 @@ impl Disk for SystemDisk {
 /// The first step that fails. The old file is still there, or, where only the folder's names could not
 /// be synchronised, the new one.
 pub fn replace(disk: &dyn Disk, path: &Path, octets: &[u8], power: bool) -> io::Result<()> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    let beside = Path::new(&beside);
+    let beside = &beside(path);
     let written = disk
         .write(beside, octets)
         .and_then(|()| if power { disk.sync(beside) } else { Ok(()) })
@@ -113,6 +112,30 @@ pub fn replace(disk: &dyn Disk, path: &Path, octets: &[u8], power: bool) -> io::
         disk.sync(folder_of(path))?;
     }
     Ok(())
+}
+
+/// Makes a file that does not exist yet. It has survived a power cut when this returns, and is whole whenever it is
+/// there.
+///
+/// # Errors
+/// It exists, or a step fails; where only the folder's names could not be synchronised it is there.
+pub fn create(path: &Path, octets: &[u8]) -> io::Result<()> {
+    let beside = &beside(path);
+    let disk = SystemDisk;
+    // A second name, and not a new name: that would take the place of a file that is there.
+    let made = disk
+        .write(beside, octets)
+        .and_then(|()| disk.sync(beside))
+        .and_then(|()| fs::hard_link(beside, path));
+    let removed = disk.remove(beside);
+    made.and(removed).and_then(|()| disk.sync(folder_of(path)))
+}
+
+/// `uav1.key` while it is being written: `uav1.key.new`.
+fn beside(path: &Path) -> PathBuf {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    PathBuf::from(beside)
 }
 
 /// Locks a file for this process, until it is closed. False where another process has it.

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 use zeroize::{Zeroize as _, Zeroizing};
 
+use super::durable::{Disk as _, SystemDisk};
 use super::file_store::FileStore;
 use crate::session::{Durability, Store as _, StoreError, record_name};
 
@@ -135,7 +136,10 @@ pub fn identity(store: &mut FileStore) -> Result<Identity, StoreError> {
 /// The static key of a VSM whose store another process may hold: its public half, to be shown.
 #[must_use]
 pub fn peek_identity(folder: &Path) -> Option<PublicKey> {
-    let text = Zeroizing::new(std::fs::read_to_string(folder.join(IDENTITY)).ok()?);
+    let octets = SystemDisk
+        .read(&folder.join(IDENTITY), MOST_OCTETS)
+        .ok()??;
+    let text = std::str::from_utf8(&octets).ok()?;
     let mut key = [0; 32];
     let identity = hex::fill(text.trim_end(), &mut key).then(|| Identity::new(key));
     key.zeroize();
@@ -152,6 +156,8 @@ pub fn system_random(out: &mut [u8]) -> Result<(), NoRandom> {
 
 const KIND: &str = "exchange";
 const IDENTITY: &str = "exchange-identity";
+/// The identity is 64 digits; more than this is never read.
+const MOST_OCTETS: u64 = 256;
 
 /// Octets as hexadecimal text in the record.
 mod hex {

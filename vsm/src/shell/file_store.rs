@@ -1,7 +1,7 @@
 //! Records as files of one folder: written beside, synchronised, renamed; locked against a second process.
 
 use std::fs::{self, DirBuilder, File, OpenOptions};
-use std::io::{self, Read};
+use std::io;
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
@@ -100,15 +100,9 @@ impl FileStore {
     }
 
     fn read(&self, name: &str) -> io::Result<Option<Vec<u8>>> {
-        let mut octets = Vec::new();
-        match File::open(self.folder.join(name)) {
-            Ok(file) => file
-                .take(MOST_OCTETS)
-                .read_to_end(&mut octets)
-                .map(|_| Some(octets)),
-            Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(cause) => Err(cause),
-        }
+        // Moved out, not copied: the identity is among the records, and its reader wipes it.
+        let octets = self.disk.read(&self.folder.join(name), MOST_OCTETS)?;
+        Ok(octets.map(|mut octets| std::mem::take(&mut *octets)))
     }
 }
 

@@ -1,13 +1,15 @@
 //! Key files: 32 random octets in hex, mode 0600, refused when others can read them. A pass phrase is refused: hashed
 //! once it would fall to a dictionary.
 
-use std::fs::{self, OpenOptions};
-use std::io::{self, Read, Write};
-use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::fs;
+use std::io::{self, Read};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use mavlink_link::signing::SigningKey;
 use zeroize::Zeroizing;
+
+use super::durable;
 
 /// A key file that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -118,15 +120,7 @@ pub fn generate(path: &Path) -> Result<(), KeyFileError> {
         cause,
     };
     let hex = hex(&random().map_err(io)?);
-    let mut file = OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .mode(0o600)
-        .open(path)
-        .map_err(io)?;
-    file.write_all(hex.as_bytes())
-        .and_then(|()| file.sync_all())
-        .map_err(io)
+    durable::create(path, hex.as_bytes()).map_err(io)
 }
 
 /// A key file is 65 octets; more than this is never read.

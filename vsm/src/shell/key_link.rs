@@ -160,6 +160,7 @@ impl KeyLink {
         link.own_system = config.mavlink.system_id;
         link.own_component = config.mavlink.component_id;
         link.link_id = vehicle.link_id;
+        link.vehicle_link_id = vehicle.vehicle_link_id;
         let settings = HandoverConfig {
             link,
             not_before,
@@ -233,6 +234,14 @@ impl KeyLink {
                 return Ok(self.impatient());
             }
         }
+    }
+
+    /// The key in force is deleted as soon as the vehicle has the new one, by whichever process finds that out.
+    ///
+    /// # Errors
+    /// The wish could not be made durable.
+    pub fn revoke_current(&self) -> Result<(), KeyStoreError> {
+        self.keys.revoke_current()
     }
 
     /// Names the key that is handed over.

@@ -1,21 +1,23 @@
 //! The keys of one vehicle: the current one, one being handed over, and the one before.
 //!
 //! `uav1.key` is the key in force, `uav1.key.next` one that the vehicle may have been sent, and
-//! `uav1.key.previous` the one before it; `uav1.key.lock` is held while a process uses them, so that no
-//! two sign with one key and one stream. Every change is durable when it returns, and a change that
-//! fails leaves a key file that can be used.
+//! `uav1.key.previous` the one before it; `uav1.key.revoked` names one that is deleted as soon as it is not in
+//! force any more, whichever process finds that out. `uav1.key.lock` and the key file itself are locked while a
+//! process uses them, so that no two sign with one key and one stream, by whatever names they know it: a symbolic
+//! link is followed first, and a hard link is the same file. A copy is not noticed here. Every change is durable
+//! when it returns, and a change that fails leaves a key file that can be used.
 
-use std::fs::{File, OpenOptions};
+use std::cell::RefCell;
+use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use mavlink_link::signing::SigningKey;
+use mavlink_link::signing::{KeyId, SigningKey};
 use zeroize::Zeroizing;
 
 use super::durable::{self, Disk, SystemDisk};
 use super::key_file::{self, KeyFileError};
-use super::key_guard;
 
 /// The key files of one vehicle, locked for this process.
 #[derive(Debug)]
@@ -23,7 +25,9 @@ pub struct KeyStore {
     path: PathBuf,
     disk: Box<dyn Disk>,
     /// Held open for its lock.
-    _lock: File,
+    _lock: Option<File>,
+    /// The key file, held open for its lock; another one after each change.
+    key_lock: RefCell<Option<File>>,
 }
 
 /// The keys cannot be used or changed.
@@ -72,26 +76,39 @@ impl KeyStore {
             path: path.to_owned(),
             cause,
         };
-        key_guard::no_core_files();
-        let lock = OpenOptions::new()
+        let locked = |file: File| match durable::lock(&file) {
+            Ok(true) => Ok(file),
+            Ok(false) => Err(KeyStoreError::Locked {
+                path: path.to_owned(),
+            }),
+            Err(cause) => Err(change(cause)),
+        };
+        let real = real_path(path).map_err(change)?;
+        let beside = OpenOptions::new()
             .write(true)
             .create(true)
             .truncate(false)
             .mode(0o600)
-            .open(with(path, "lock"))
-            // In a folder that cannot be written nothing is ever replaced: the key file itself can be locked.
-            .or_else(|_| File::open(path))
-            .map_err(change)?;
-        if !durable::lock(&lock).map_err(change)? {
-            return Err(KeyStoreError::Locked {
-                path: path.to_owned(),
-            });
-        }
-        Ok(KeyStore {
-            path: path.to_owned(),
+            .open(with(&real, "lock"));
+        let key = match File::open(&real) {
+            Ok(file) => Some(locked(file)?),
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => None,
+            Err(cause) => return Err(change(cause)),
+        };
+        let beside = match beside {
+            Ok(file) => Some(locked(file)?),
+            // In a folder that cannot be written nothing is ever replaced: the key file's own lock will do.
+            Err(_) if key.is_some() => None,
+            Err(cause) => return Err(change(cause)),
+        };
+        let keys = KeyStore {
+            path: real,
             disk,
-            _lock: lock,
-        })
+            _lock: beside,
+            key_lock: RefCell::new(key),
+        };
+        keys.finish_revocation()?;
+        Ok(keys)
     }
 
     /// The key in force; `None` where there is none yet.
@@ -118,6 +135,57 @@ impl KeyStore {
         self.load(&with(&self.path, "previous"))
     }
 
+    /// The names of the keys that are in force or may be.
+    ///
+    /// # Errors
+    /// One is there and cannot be used.
+    pub fn ids(&self) -> Result<Vec<KeyId>, KeyStoreError> {
+        let keys = [self.current()?, self.next()?];
+        Ok(keys.iter().flatten().map(SigningKey::id).collect())
+    }
+
+    /// The key in force is to be deleted as soon as the vehicle has another one, instead of being kept as the one
+    /// before. That holds over restarts, until then or until the vehicle is known to keep the key.
+    ///
+    /// # Errors
+    /// It could not be made durable.
+    pub fn revoke_current(&self) -> Result<(), KeyStoreError> {
+        let Some(current) = self.current()? else {
+            return Ok(());
+        };
+        let path = with(&self.path, "revoked");
+        let text = format!("{}\n", current.id());
+        durable::replace(&*self.disk, &path, text.as_bytes(), true)
+            .map_err(|cause| KeyStoreError::Change { path, cause })
+    }
+
+    /// Whether a key is one that [`KeyStore::revoke_current`] was asked to delete.
+    fn is_revoked(&self, key: &SigningKey) -> Result<bool, KeyStoreError> {
+        let named = self.revoked()?;
+        Ok(named.is_some_and(|name| name == key.id().to_string()))
+    }
+
+    fn revoked(&self) -> Result<Option<String>, KeyStoreError> {
+        let path = with(&self.path, "revoked");
+        let read = self.disk.read(&path, key_file::MOST_OCTETS);
+        let octets = read.map_err(|cause| KeyFileError::Io { path, cause })?;
+        Ok(octets.map(|octets| String::from_utf8_lossy(&octets).trim().to_owned()))
+    }
+
+    /// Deletes a revoked key that is not in force any more.
+    fn finish_revocation(&self) -> Result<(), KeyStoreError> {
+        if self.revoked()?.is_none() {
+            return Ok(());
+        }
+        match self.current()? {
+            Some(current) if !self.is_revoked(&current)? => {
+                self.drop_previous()?;
+                self.delete(&with(&self.path, "revoked"))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Stores a key that is going to be handed over. It must be here before the vehicle is sent it.
     ///
     /// # Errors
@@ -139,7 +207,8 @@ impl KeyStore {
         self.save(&with(&self.path, "next"), key)
     }
 
-    /// The vehicle has the next key: it becomes the current one, and the current the previous.
+    /// The vehicle has the next key: it becomes the current one, and the current the previous, or, where it is revoked,
+    /// is deleted.
     ///
     /// Done again after a failure, or after a power cut in the middle, it comes to the same.
     ///
@@ -148,18 +217,29 @@ impl KeyStore {
     pub fn commit(&self) -> Result<(), KeyStoreError> {
         let next = with(&self.path, "next");
         if self.next()?.is_none() {
-            return Ok(());
+            return self.finish_revocation();
         }
-        if let Some(current) = self.current()? {
+        if let Some(current) = self.current()?
+            && !self.is_revoked(&current)?
+        {
             self.save(&with(&self.path, "previous"), &current)?;
         }
+        let change = |cause| KeyStoreError::Change {
+            path: self.path.clone(),
+            cause,
+        };
+        // Locked before it bears its new name, so that at no time another process could lock the file of that name.
+        let file = File::open(&next).map_err(change)?;
+        if !durable::lock(&file).map_err(change)? {
+            let path = next;
+            return Err(KeyStoreError::Locked { path });
+        }
+        self.disk.rename(&next, &self.path).map_err(change)?;
+        self.key_lock.replace(Some(file));
         self.disk
-            .rename(&next, &self.path)
-            .and_then(|()| self.disk.sync(durable::folder_of(&self.path)))
-            .map_err(|cause| KeyStoreError::Change {
-                path: self.path.clone(),
-                cause,
-            })
+            .sync(durable::folder_of(&self.path))
+            .map_err(change)?;
+        self.finish_revocation()
     }
 
     /// The vehicle keeps the current key: the next one is deleted.
@@ -167,7 +247,11 @@ impl KeyStore {
     /// # Errors
     /// It could not be deleted.
     pub fn drop_next(&self) -> Result<(), KeyStoreError> {
-        self.delete(&with(&self.path, "next"))
+        self.delete(&with(&self.path, "next"))?;
+        match self.revoked()? {
+            Some(_) => self.delete(&with(&self.path, "revoked")),
+            None => Ok(()),
+        }
     }
 
     /// Nobody needs the previous key any more, or nobody may: it is deleted.
@@ -186,7 +270,7 @@ impl KeyStore {
         let Some(text) = self.disk.read(path, key_file::MOST_OCTETS).map_err(io)? else {
             return Ok(None);
         };
-        let mode = std::fs::metadata(path).map_err(io)?.permissions().mode() & 0o777;
+        let mode = fs::metadata(path).map_err(io)?.permissions().mode() & 0o777;
         if mode & 0o077 != 0 {
             return Err(KeyStoreError::File(KeyFileError::Permissions {
                 path: path.to_owned(),
@@ -214,6 +298,20 @@ impl KeyStore {
                 path: path.to_owned(),
                 cause,
             })
+    }
+}
+
+/// Where a key file really is, or will be: the other files are beside it.
+///
+/// # Errors
+/// The folder is not there, or a symbolic link leads nowhere.
+pub fn real_path(path: &Path) -> io::Result<PathBuf> {
+    match fs::canonicalize(path) {
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound && !path.is_symlink() => {
+            let folder = fs::canonicalize(durable::folder_of(path))?;
+            Ok(folder.join(path.file_name().unwrap_or_default()))
+        }
+        found => found,
     }
 }
 

@@ -10,7 +10,8 @@ use std::time::Duration;
 
 use mavlink_link::frame::FrameView;
 use mavlink_link::provisioning::StartError as HandoverError;
-use mavlink_link::signing::SigningKey;
+use mavlink_link::signing::{KeyId, SigningKey};
+use stanag_msgs::Id;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, UdpSocket, UnixListener};
 use tokio::sync::Notify;
@@ -20,6 +21,7 @@ use super::clock::Clock;
 use super::dli_recording::DliRecording;
 use super::file_store::{FileStore, OpenError};
 use super::http;
+use super::key_clock;
 use super::key_exchange::{KeyExchange, Surroundings};
 use super::key_file::{self, KeyFileError};
 use super::key_store::{KeyStore, KeyStoreError};
@@ -42,6 +44,18 @@ pub enum StartError {
     /// The keys of a vehicle.
     #[error(transparent)]
     Keys(#[from] KeyStoreError),
+    /// Two vehicles' files hold one key: both would count its stamps, each for itself.
+    #[error(
+        "vehicles {one} and {other} have the same key {key}: each vehicle needs a key of its own, see `vsm keygen`"
+    )]
+    SameKey {
+        /// A vehicle.
+        one: Id,
+        /// Another.
+        other: Id,
+        /// The key's name.
+        key: KeyId,
+    },
     /// A handover that is not finished.
     #[error(transparent)]
     Handover(#[from] HandoverError),
@@ -73,6 +87,15 @@ pub enum StartError {
         /// The key file.
         path: PathBuf,
     },
+    /// A first key was made for the vehicle and never sent to it.
+    #[error("the vehicle has never been sent its first key {path}.next: go on with `vsm key provision`", path = path.display())]
+    NeverSent {
+        /// The key file.
+        path: PathBuf,
+    },
+    /// The clock of a key.
+    #[error(transparent)]
+    Clock(#[from] mavlink_link::clock::StoreError),
     /// A record of the key exchange.
     #[error(transparent)]
     Record(#[from] crate::session::StoreError),
@@ -155,15 +178,25 @@ impl Server {
         let mut store = FileStore::open(&config.store.dir)?;
         let dli = DliSockets::open(&config.dli)?;
         let (mut readers, mut writers, mut ends, mut recordings) = (vec![], vec![], vec![], vec![]);
-        let mut key_stores = vec![];
+        let (mut key_stores, mut key_ids) = (vec![], vec![]);
         for vehicle in config.vehicles() {
             let (key, keys) = match &vehicle.signing {
                 Signing::KeyFile(path, exchange) => {
-                    let (key, keys) = vehicle_keys(path, exchange.mode)?;
+                    let (key, keys) = vehicle_keys(path, exchange.mode, &mut store)?;
                     (Some(key), Some(keys))
                 }
                 Signing::Off => (None, None),
             };
+            let held = keys.as_ref().map(KeyStore::ids).transpose()?;
+            for key in held.into_iter().flatten() {
+                match key_ids.iter().find(|(_, known)| *known == key) {
+                    Some((one, _)) if *one != vehicle.id => {
+                        let (one, other) = (*one, vehicle.id);
+                        return Err(StartError::SameKey { one, other, key });
+                    }
+                    _ => key_ids.push((vehicle.id, key)),
+                }
+            }
             key_stores.push(keys);
             let record = format!("port-{:08x}", vehicle.id.0);
             let (reader, writer, peer) =
@@ -373,9 +406,21 @@ impl Shared {
 }
 
 /// The key in force and its files. A first key that was sent and whose end is not known is the one in force.
-fn vehicle_keys(path: &Path, mode: ExchangeMode) -> Result<(SigningKey, KeyStore), StartError> {
+fn vehicle_keys(
+    path: &Path,
+    mode: ExchangeMode,
+    store: &mut FileStore,
+) -> Result<(SigningKey, KeyStore), StartError> {
     let keys = KeyStore::open(path)?;
     if keys.current()?.is_none() {
+        // A key that is handed over has a clock on disk before it leaves.
+        if mode == ExchangeMode::Off
+            && let Some(next) = keys.next()?
+            && key_clock::ceiling(store, &next.id())?.is_none()
+        {
+            let path = path.to_owned();
+            return Err(StartError::NeverSent { path });
+        }
         keys.commit()?;
     }
     if keys.current()?.is_none() && mode == ExchangeMode::Legacy {
