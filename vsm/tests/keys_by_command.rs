@@ -11,7 +11,9 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage, STATUSTEXT_DATA};
-use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::frame::{
+    FrameView, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode, encode_raw,
+};
 use mavlink_link::signing::{SigningKey, Stamp, sign};
 use program_support::{Running, VSM, free_port, run};
 use serde_json::Value;
@@ -435,4 +437,251 @@ async fn a_wall_clock_far_ahead_is_believed_only_when_a_person_vouches_for_it() 
     let (done, said) = ground.command(&["key", "clock", "--accept"]).await;
     assert!(!done, "the store is in use: {said}");
     drop(bridge);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn two_vehicles_with_one_key_are_refused_by_name() {
+    let ground = Ground::new();
+    let (file, link) = (ground.path().join("vsm.toml"), free_port());
+    let other = format!(
+        "[[vehicle]]\nid = \"1b:00:01:02\"\nlink = \"udpin:127.0.0.1:{link}\"\nsystem_id = 2\n\
+         signing = {{ key_file = \"uav2.key\" }}\n[store]"
+    );
+    let config = fs::read_to_string(&file).unwrap();
+    fs::write(&file, config.replace("[store]", &other)).unwrap();
+    ground.write_key("uav1.key", FIRST);
+    ground.write_key("uav2.key", FIRST);
+    let (good, said) = ground.command(&["check-config", "vsm.toml"]).await;
+    assert!(
+        !good && said.contains("1b:00:01:01 and 1b:00:01:02"),
+        "{said}"
+    );
+    let mut bridge = ground.start_bridge();
+    let end = Instant::now() + Duration::from_secs(20);
+    let status = loop {
+        if let Some(status) = bridge.0.try_wait().unwrap() {
+            break status;
+        }
+        assert!(Instant::now() < end, "it serves two vehicles under one key");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    };
+    assert_eq!(status.code(), Some(2));
+}
+
+/// "A random one that nobody else holds": not the one that an earlier command left half-way.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_revocation_after_an_unfinished_handover_ends_with_a_key_of_its_own() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    ground.write_key("uav1.key.next", SECOND);
+    let _vehicle = ground.vehicle(Some(FIRST), 0).await;
+    let (done, said) = ground.command(&["key", "revoke", "--wait-s", "60"]).await;
+    assert!(done, "{said}");
+    let now = ground.key("uav1.key");
+    assert!(
+        !now.same_as(&key(FIRST)) && !now.same_as(&key(SECOND)),
+        "{said}"
+    );
+    for part in ["previous", "next", "revoked"] {
+        assert!(!ground.has(&format!("uav1.key.{part}")), "{part}: {said}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_key_from_a_file_is_the_one_that_the_vehicle_has_in_the_end() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key.next", FIRST);
+    ground.write_key("wanted.key", SECOND);
+    let _vehicle = ground.vehicle(None, 0).await;
+    let wanted = &["key", "provision", "--from", "wanted.key", "--wait-s", "60"];
+    let (done, said) = ground.command(wanted).await;
+    assert!(done, "{said}");
+    assert!(ground.key("uav1.key").same_as(&key(SECOND)), "{said}");
+}
+
+/// The command was ended after the key had been sent.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_bridge_deletes_a_revoked_key_too() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    ground.write_key("uav1.key.next", SECOND);
+    fs::write(ground.path().join("uav1.key.revoked"), id(FIRST)).unwrap();
+    let _vehicle = ground.vehicle(Some(SECOND), 0).await;
+    let _bridge = ground.start_bridge();
+    ground
+        .link_status("the next key", |link| is_live_under(link, &id(SECOND)))
+        .await;
+    assert!(ground.key("uav1.key").same_as(&key(SECOND)));
+    assert!(!ground.has("uav1.key.previous") && !ground.has("uav1.key.revoked"));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_first_key_that_was_never_sent_is_not_taken_for_one_that_the_vehicle_has() {
+    let ground = Ground::new();
+    let (done, said) = ground.command(&["key", "provision", "--wait-s", "1"]).await;
+    assert!(!done && said.contains("nothing was sent"), "{said}");
+    assert!(
+        !ground.has("uav1.key") && !ground.has("uav1.key.next"),
+        "{said}"
+    );
+    // Killed before it could send: the bridge does not begin to live under that key.
+    ground.write_key("uav1.key.next", FIRST);
+    let (done, said) = ground.command(&["run", "--config", "vsm.toml"]).await;
+    assert!(!done && said.contains("vsm key provision"), "{said}");
+    assert!(!ground.has("uav1.key"));
+}
+
+/// A bare public key in the agent's name, as anybody can send one.
+fn public_key(octet: u8) -> Vec<u8> {
+    let header = Header {
+        system_id: 1,
+        component_id: 191,
+        message_id: KEY_EXCHANGE_ID,
+        ..Header::default()
+    };
+    let mut out = [0; MAX_FRAME];
+    let len = encode_raw(header, &[octet; 32], &mut out).unwrap();
+    out[..len].to_vec()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_legacy_exchange_replaces_no_key_that_the_vehicle_signs_with() {
+    let ground = Ground::new();
+    let file = ground.path().join("vsm.toml");
+    let config = fs::read_to_string(&file).unwrap();
+    let legacy = config.replace("\"uav1.key\"", "\"uav1.key\", exchange = \"legacy\"");
+    assert_ne!(legacy, config);
+    fs::write(&file, legacy).unwrap();
+    ground.write_key("uav1.key", FIRST);
+    let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
+    {
+        let _vehicle = ground.vehicle(Some(FIRST), 0).await;
+        let _bridge = ground.start_bridge();
+        ground
+            .link_status("a signed link", |link| is_live_under(link, &id(FIRST)))
+            .await;
+        // Until it is on disk that this key has been in use.
+        tokio::time::sleep(Duration::from_millis(1_500)).await;
+        stranger
+            .send_to(&public_key(9), ("127.0.0.1", ground.link))
+            .unwrap();
+        tokio::time::sleep(Duration::from_millis(500)).await;
+        assert!(!ground.has("uav1.key.next"), "in the same run");
+    }
+    let _bridge = ground.start_bridge();
+    ground
+        .link_status("a bridge", |link| link["state"] == "waiting")
+        .await;
+    stranger
+        .send_to(&public_key(7), ("127.0.0.1", ground.link))
+        .unwrap();
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    assert!(!ground.has("uav1.key.next"), "by what the store says");
+}
+
+/// A named pipe as key file: the command waits there, about to read a key.
+#[test]
+fn core_files_are_off_before_any_command_reads_a_key() {
+    let ground = Ground::new();
+    let pipe = ground.path().join("uav1.key");
+    let made = Command::new("mkfifo")
+        .args(["-m", "600"])
+        .arg(&pipe)
+        .status();
+    assert!(made.unwrap().success());
+    for arguments in [
+        &["key", "list"][..],
+        &["key", "clock"],
+        &["key", "provision", "--from", "uav1.key"],
+        &["check-config", "vsm.toml"],
+    ] {
+        let mut command = Command::new(VSM);
+        command.args(arguments).current_dir(ground.path());
+        let command = command.stdout(Stdio::null()).stderr(Stdio::null());
+        let running = Running(command.spawn().unwrap());
+        let limits = format!("/proc/{}/limits", running.0.id());
+        let end = Instant::now() + Duration::from_secs(10);
+        loop {
+            let text = fs::read_to_string(&limits).unwrap_or_default();
+            let core = text
+                .lines()
+                .find(|line| line.starts_with("Max core file size"));
+            let soft = core.and_then(|line| line.split_whitespace().nth(4));
+            if soft == Some("0") {
+                break;
+            }
+            assert!(Instant::now() < end, "{arguments:?}: {core:?}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+/// Whether a KEY_EXCHANGE frame comes to this socket within 5 s.
+fn is_asked(socket: &UdpSocket) -> bool {
+    let end = Instant::now() + Duration::from_secs(5);
+    let mut octets = [0; 2_048];
+    while Instant::now() < end {
+        if let Ok(length) = socket.recv(&mut octets)
+            && FrameView::parse(&octets[..length])
+                .is_ok_and(|frame| frame.header().message_id == KEY_EXCHANGE_ID)
+        {
+            return true;
+        }
+    }
+    false
+}
+
+#[test]
+fn a_pairing_goes_on_with_the_agent_whoever_has_spoken_before_it() {
+    let ground = Ground::new();
+    let mut command = Command::new(VSM);
+    command
+        .args(["pair", "--wait-s", "40"])
+        .current_dir(ground.path());
+    let command = command.stdout(Stdio::null()).stderr(Stdio::null());
+    let _pairing = Running(command.spawn().unwrap());
+    let socket = || {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.connect(("127.0.0.1", ground.link)).unwrap();
+        let wait = Some(Duration::from_millis(100));
+        socket.set_read_timeout(wait).unwrap();
+        socket
+    };
+    let (stranger, agent) = (socket(), socket());
+    let header = Header {
+        system_id: 1,
+        component_id: 1,
+        ..Header::default()
+    };
+    let mut beat = [0; MAX_FRAME];
+    let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+    let length = encode(&message, header, &mut beat);
+    let beat = &beat[..length];
+    // Until the command listens, and has taken the stranger for the vehicle.
+    let end = Instant::now() + Duration::from_secs(20);
+    loop {
+        let _ = stranger.send(beat);
+        let mut octets = [0; 2_048];
+        if stranger.recv(&mut octets).is_ok() {
+            break;
+        }
+        assert!(Instant::now() < end, "nobody is asked");
+    }
+    // Step 0 of suite 2, to the VSM.
+    let mut please = [0; 42];
+    please[32] = 7;
+    (please[36], please[38], please[40], please[41]) = (1, 2, 245, 190);
+    let header = Header {
+        system_id: 1,
+        component_id: 191,
+        message_id: KEY_EXCHANGE_ID,
+        ..Header::default()
+    };
+    let mut out = [0; MAX_FRAME];
+    let length = encode_raw(header, &please, &mut out).unwrap();
+    agent.send(&out[..length]).unwrap();
+    // The stranger goes on speaking.
+    std::thread::sleep(Duration::from_millis(100));
+    stranger.send(beat).unwrap();
+    assert!(is_asked(&agent));
 }

@@ -30,7 +30,8 @@ pub(crate) enum Action {
         /// The configuration that the agent was started with
         #[arg(long, value_name = "FILE", default_value = "airside.toml")]
         config: PathBuf,
-        /// A code that the ground has made, instead of a new one; `-` reads it from standard input
+        /// A code that the ground has made, instead of a new one; `-` reads it from standard input, which is better: what
+        /// is written here is seen by every user of this computer, in the list of processes
         #[arg(long, value_name = "CODE")]
         code: Option<String>,
     },

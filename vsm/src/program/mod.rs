@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use vsm::shell::key_guard;
 
 /// A bridge from STANAG 4586 (AEP-84) to PX4 over signed MAVLink 2.
 #[derive(Debug, Parser)]
@@ -89,6 +90,16 @@ enum Command {
     },
 }
 
+impl Command {
+    /// Whether keys come into this process's memory.
+    fn reads_keys(&self) -> bool {
+        !matches!(
+            self,
+            Command::Status { .. } | Command::Decode { .. } | Command::Encode { .. }
+        )
+    }
+}
+
 /// Why the program ends with another status than 0.
 pub(crate) enum Failure {
     /// Status 1.
@@ -99,6 +110,9 @@ pub(crate) enum Failure {
 
 pub(crate) fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    if arguments.command.reads_keys() {
+        key_guard::no_core_files();
+    }
     let done = match arguments.command {
         Command::Demo {
             out,

@@ -18,7 +18,8 @@ use super::key::{Which, open, say};
 pub(crate) struct Pair {
     #[command(flatten)]
     which: Which,
-    /// The code that `vsm airside pair` shows; `-` reads it from standard input. Without it a new one is made and shown
+    /// The code that `vsm airside pair` shows; `-` reads it from standard input, which is better: what is written here is
+    /// seen by every user of this computer, in the list of processes. Without it a new one is made and shown
     #[arg(long)]
     code: Option<String>,
     /// How long to try, s; the agent's window is open for 10 minutes

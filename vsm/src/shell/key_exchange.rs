@@ -37,6 +37,8 @@ pub struct KeyExchange {
     /// When an exchange that was rolled back may be tried again.
     again_at: Duration,
     state: String,
+    /// The key in force has been seen in use, in this run or by what the store says.
+    settled: bool,
 }
 
 #[derive(Debug)]
@@ -71,6 +73,8 @@ impl KeyExchange {
         with: &mut Surroundings<'_>,
     ) -> Result<KeyExchange, crate::session::StoreError> {
         let record = ExchangeRecord::load(with.store, vehicle.id)?;
+        let current = with.keys.current().ok().flatten().map(|key| key.id());
+        let settled = current.is_some_and(|id| record.key == Some(*id.octets()));
         let parties = parties(config, vehicle, settings);
         let machine = match settings.mode {
             ExchangeMode::Legacy => {
@@ -91,6 +95,7 @@ impl KeyExchange {
             look_at: now.mono,
             again_at: now.mono,
             state: "idle".to_owned(),
+            settled,
         };
         with.bridge.want_key_exchange(index);
         exchange.pair(now, with)?;
@@ -142,6 +147,7 @@ impl KeyExchange {
 
     /// Does what is due, and what has come in. Called after everything that the bridge does.
     pub fn step(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        self.settled |= with.bridge.proven_key(self.index).is_some();
         while let Some(frame) = with.bridge.poll_key_exchange(self.index) {
             let header = frame.header;
             let source = Node {
@@ -166,7 +172,9 @@ impl KeyExchange {
         match &mut self.machine {
             Machine::Unpaired => {}
             Machine::Legacy(legacy) => {
-                if let Some(payload) = legacy.poll_transmit(now.mono) {
+                let due = legacy.poll_transmit(now.mono);
+                // A peer that heard this run's public key would leave the key in force.
+                if let Some(payload) = due.filter(|_| !self.settled) {
                     self.send(now, &payload, with);
                 }
             }
@@ -204,6 +212,8 @@ impl KeyExchange {
                 // Counted there.
                 let _ = initiator.handle(now, source, payload, &mut disk);
             }
+            // Anyone can have sent it: it brings a first key, and replaces none that the vehicle signs with.
+            Machine::Legacy(_) if self.settled => {}
             Machine::Legacy(legacy) => {
                 let Ok(key) = legacy.handle(source, payload) else {
                     return;

@@ -3,7 +3,8 @@
 
 use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior, setrlimit};
 
-/// Switches core files off for this process, for good. Called before a key is read.
+/// Switches core files off for this process, for good. The program calls it first of all in every command that reads
+/// keys.
 pub fn no_core_files() {
     let none = Rlimit {
         current: Some(0),

@@ -5,7 +5,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use mavlink_link::exchange::{
-    Initiator, InitiatorConfig, InitiatorEvent, Node, PairingCode, PublicKey, Status, Trust,
+    Ignored, Initiator, InitiatorConfig, InitiatorEvent, Node, PairingCode, PublicKey, Status,
+    Trust,
 };
 use mavlink_link::frame::{Header, KEY_EXCHANGE_ID, MAX_FRAME, Parser, encode_raw};
 use tokio::time::{Instant, sleep_until};
@@ -49,6 +50,8 @@ pub struct Pairing {
     reader: VehicleReader,
     writer: VehicleWriter,
     peer: Option<Peer>,
+    /// The peer is where a message of the exchange came from.
+    exchanged: bool,
     parser: Parser,
     seq: u8,
 }
@@ -105,6 +108,7 @@ impl Pairing {
             reader,
             writer,
             peer,
+            exchanged: false,
             parser: Parser::new(),
             seq: 0,
         })
@@ -167,17 +171,24 @@ impl Pairing {
             if header.system_id != self.parties.responder.system || !frame.is_checked() {
                 continue;
             }
-            // A listening link learns here where the vehicle is.
-            self.peer = self.peer.or(Some(from));
+            let mut exchanged = false;
             if header.message_id == KEY_EXCHANGE_ID {
                 let source = Node {
                     system: header.system_id,
                     component: header.component_id,
                 };
-                // Counted by the machine.
-                let _ = self
+                // What is of no use is counted by the machine.
+                let taken = self
                     .initiator
                     .handle(now, source, frame.payload(), &mut disk);
+                // A hint that comes while an attempt runs is none too many for this.
+                exchanged = matches!(taken, Ok(()) | Err(Ignored::Limited));
+            }
+            // A listening link learns here where the vehicle is. Nothing of it is proven before the end, so nobody who
+            // has spoken first, or in between, keeps the place against one who speaks after.
+            if exchanged || !self.exchanged {
+                self.peer = Some(from);
+                self.exchanged |= exchanged;
             }
         }
     }

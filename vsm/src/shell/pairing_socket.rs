@@ -7,6 +7,7 @@ use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream as BlockingStream;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use mavlink_link::exchange::PairingCode;
 use tokio::io::{AsyncBufReadExt as _, AsyncReadExt as _, AsyncWriteExt as _};
@@ -59,10 +60,11 @@ impl Asker {
         }
     }
 
-    /// Tells a line. One that has gone away is no fault: [`Asker::gone`] shows it.
+    /// Tells a line. One that has gone away is no fault: [`Asker::gone`] shows it. One that does not read loses the
+    /// line, for the agent's links wait meanwhile.
     pub async fn tell(&mut self, line: &str) {
         let line = Zeroizing::new(format!("{line}\n"));
-        let _ = self.0.write_all(line.as_bytes()).await;
+        let _ = tokio::time::timeout(TELL_WITHIN, self.0.write_all(line.as_bytes())).await;
     }
 
     /// Done when the asker has gone away.
@@ -88,3 +90,21 @@ pub fn ask(store: &Path, code: Option<&str>, mut show: impl FnMut(&str)) -> io::
 
 /// More than a code with its hyphens has.
 const LINE: u64 = 256;
+/// A socket takes thousands of lines at once; whoever does not read them holds the agent up so long, for each.
+const TELL_WITHIN: Duration = Duration::from_millis(100);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test(start_paused = true)]
+    async fn an_asker_that_does_not_read_holds_nobody_up_for_long() {
+        let (ours, _theirs) = UnixStream::pair().unwrap();
+        let mut asker = Asker(ours);
+        let line = "x".repeat(4_096);
+        // Far more than a socket takes; were a line to wait, the test would not end.
+        for _ in 0..1_000 {
+            asker.tell(&line).await;
+        }
+    }
+}

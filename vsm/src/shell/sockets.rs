@@ -123,16 +123,24 @@ pub enum VehicleWriter {
 pub struct SerialQueue(mpsc::Sender<(Instant, Zeroizing<Vec<u8>>)>);
 
 impl VehicleReader {
-    /// What came, and from where.
+    /// What came, and from where, at most [`MOST_AT_ONCE`] octets. A datagram that is longer is not the vehicle's, and is
+    /// passed over.
     ///
     /// # Errors
     /// The system's.
     pub async fn receive(&mut self, octets: &mut [u8]) -> io::Result<(usize, Peer)> {
         match self {
-            VehicleReader::Udp(socket) => {
-                let (length, from) = socket.recv_from(octets).await?;
-                Ok((length, Peer::Udp(from)))
-            }
+            VehicleReader::Udp(socket) => loop {
+                // One octet of room more shows what was longer.
+                let room = octets.len().min(MOST_AT_ONCE + 1);
+                let (length, from) = socket.recv_from(&mut octets[..room]).await?;
+                if length <= MOST_AT_ONCE {
+                    return Ok((length, Peer::Udp(from)));
+                }
+                tracing::debug!(
+                    "a datagram of over {MOST_AT_ONCE} octets from {from} is passed over"
+                );
+            },
             VehicleReader::Serial(port) => match port.read(octets).await? {
                 0 => Err(io::ErrorKind::UnexpectedEof.into()),
                 length => Ok((length, Peer::Serial)),
@@ -162,6 +170,10 @@ impl VehicleWriter {
         }
     }
 }
+
+/// Senders of MAVLink fill a datagram up to what a network carries whole, 1,500 octets. Each octet of a longer one could
+/// begin a frame whose checksum we were to compute.
+const MOST_AT_ONCE: usize = 2_048;
 
 /// Frames that wait for a serial port, at the most.
 const SERIAL_QUEUE: usize = 64;
@@ -311,6 +323,21 @@ const RECEIVE_BUFFER: usize = 1 << 20;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[tokio::test]
+    async fn a_datagram_that_no_vehicle_sends_is_passed_over() {
+        let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        let to = socket.local_addr().unwrap();
+        let mut reader = VehicleReader::Udp(std::rc::Rc::new(socket));
+        let sender = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        for length in [60_000, 2_049, 2_048, 1] {
+            sender.send_to(&vec![0xfd; length], to).await.unwrap();
+        }
+        let mut octets = vec![0; 65_536];
+        for length in [2_048, 1] {
+            assert_eq!(reader.receive(&mut octets).await.unwrap().0, length);
+        }
+    }
 
     #[tokio::test(start_paused = true)]
     async fn a_port_that_takes_nothing_holds_nobody_up() {
