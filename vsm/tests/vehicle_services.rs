@@ -97,12 +97,7 @@ fn all_parameters_come_once_each_over_a_bad_link() {
         Some(AckType::CarriedOut)
     );
     let told = told(&rig, 0, mark);
-    let count = rig.vehicles[0]
-        .vehicle()
-        .params()
-        .table()
-        .into_iter()
-        .count();
+    let count = rig.vehicles[0].vehicle().params().table().count();
     assert_eq!(told.len(), count);
     for (index, report) in told.iter().enumerate() {
         assert_eq!(report.parameter_index.map(usize::from), Some(index));
