@@ -123,7 +123,7 @@ pub enum VehicleWriter {
 pub struct SerialQueue(mpsc::Sender<(Instant, Zeroizing<Vec<u8>>)>);
 
 impl VehicleReader {
-    /// What came, and from where, at most [`MOST_AT_ONCE`] octets. A datagram that is longer is not the vehicle's, and is
+    /// What came, and from where, at most `MOST_AT_ONCE` octets. A datagram that is longer is not the vehicle's, and is
     /// passed over.
     ///
     /// # Errors
