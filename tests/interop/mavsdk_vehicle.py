@@ -198,7 +198,7 @@ class MavsdkVehicle:
         t, (latitude, longitude, altitude) = self._telemetry, self.home
         here = telemetry.Position(latitude, longitude, altitude + self.height, self.height)
         t.publish_position(here, telemetry.VelocityNed(0.0, 0.0, 0.0), telemetry.Heading(0.0))
-        up = self.height > 0.5
+        up = self.height > 0.0
         state = telemetry.LandedState.IN_AIR if up else telemetry.LandedState.ON_GROUND
         t.publish_extended_sys_state(telemetry.VtolState.MC, state)
         if tick % 10 == 0:

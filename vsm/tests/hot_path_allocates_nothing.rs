@@ -172,5 +172,5 @@ fn telemetry_and_sticks_pass_without_an_allocation() {
 }
 
 const MANUAL_CONTROL: u32 = 69;
-/// Name and text of a record, each growing once.
-const TEXTS: u64 = 4;
+/// Name and text of a record that is read and written, each growing once, and what was read.
+const TEXTS: u64 = 7;

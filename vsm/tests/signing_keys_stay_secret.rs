@@ -154,7 +154,10 @@ fn search(folder: &Path) {
 
 /// The frames of the recording of that flight, as they stand there.
 fn recorded(folder: &Path) -> Vec<Vec<u8>> {
-    let recording = files(&folder.join("tlog")).pop().expect("a recording");
+    let recording = files(&folder.join("tlog"))
+        .into_iter()
+        .find(|path| path.extension().is_some_and(|e| e == "tlog"))
+        .expect("a recording");
     let records = fs::read(recording).unwrap();
     let mut frames = vec![];
     let mut rest = &records[..];
