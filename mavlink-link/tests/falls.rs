@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use mavlink_link::clock::{Origin, WallState};
 use mavlink_link::dialect::{MavMessage, RADIO_STATUS_DATA, SETUP_SIGNING_DATA, STATUSTEXT_DATA};
+use mavlink_link::exchange::{Identity, PairingCode};
 use mavlink_link::frame::{FrameView, INCOMPAT_SIGNED, checksum};
 use mavlink_link::link::{Alert, Endpoint, Event, Link, LinkConfig, LinkState, Security};
 use mavlink_link::receiver::KeyState;
@@ -367,6 +368,42 @@ fn fall_16_the_key_is_not_shown_and_its_own_octets_are_wiped() {
     // Nor does a text that is refused as a key.
     let error = SigningKey::from_hex("deadbeefcafe").unwrap_err();
     assert!(!format!("{error} {error:?}").contains("dead"));
+}
+
+/// A panic tells what it is about by `Debug`: a test harness, a log and standard error have it then.
+#[test]
+fn fall_16_a_panic_about_a_secret_does_not_tell_it() {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+    let mut random = |out: &mut [u8]| {
+        out.fill(0x5a);
+        Ok(())
+    };
+    let code = PairingCode::generate(&mut random).unwrap();
+    let text = code.text().to_lowercase();
+    let (station, _) = live_pair(Endpoint::Listen);
+    fn told<T: std::fmt::Debug>(about: &'static str, secret: T) -> (&'static str, String) {
+        let refuse = |secret| Err::<(), T>(secret);
+        let panic = catch_unwind(AssertUnwindSafe(|| refuse(secret).unwrap())).unwrap_err();
+        let text = panic.downcast_ref::<String>().unwrap();
+        (about, text.to_lowercase())
+    }
+    for (about, told) in [
+        told("SigningKey", key()),
+        told("KeyState", station.keys),
+        told("Identity", Identity::new([0x5a; 32])),
+        told("PairingCode", code),
+    ] {
+        assert!(told.contains(&about.to_lowercase()), "{told}");
+        let shown = |octets: &[u8]| {
+            let hex: String = octets.iter().map(|o| format!("{o:02x}")).collect();
+            let list = format!("{octets:?}");
+            [hex, list[1..list.len() - 1].to_owned()]
+        };
+        let secrets = [shown(&key().expose()[..8]), shown(&[0x5a; 8])].concat();
+        for secret in secrets.iter().map(String::as_str).chain([&text[..8]]) {
+            assert!(!told.contains(secret), "{about}: {secret}");
+        }
+    }
 }
 
 #[test]

@@ -1,9 +1,12 @@
-//! A bridge is run from its first key to its second, and everything that it writes or says is searched for either key.
+//! A bridge is run from its first key to its second, by command and over the air, and everything that it and the air-side
+//! agent write or say is searched for the keys, and for what the keys come from.
 
 mod program_support;
 
 use std::fs;
+use std::io::Write as _;
 use std::net::UdpSocket;
+use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -135,21 +138,26 @@ fn search(folder: &Path) {
         .into_iter()
         .flat_map(|hex| forms(hex.trim()))
         .collect();
+    assert_absent(folder, &forms);
+    replay_at_ground(folder);
+}
+
+/// In none of the files below the folder, those apart that hold keys and nothing else.
+fn assert_absent(folder: &Path, forms: &[Vec<u8>]) {
     let mut searched = 0;
     for file in files(folder) {
         let name = file.file_name().unwrap().to_string_lossy().into_owned();
-        if name.starts_with("uav1.key") {
+        if name.starts_with("uav1.key") || name == "exchange-identity" {
             continue;
         }
         let content = fs::read(&file).unwrap();
         searched += content.len();
-        for form in &forms {
+        for form in forms {
             let found = content.windows(form.len()).any(|window| window == form);
-            assert!(!found, "a key is in {}", file.display());
+            assert!(!found, "a secret is in {}", file.display());
         }
     }
     assert!(searched > 10_000, "only {searched} octets were searched");
-    replay_at_ground(folder);
 }
 
 /// The frames of the recording of that flight, as they stand there.
@@ -222,6 +230,140 @@ async fn replay_at_vehicle(folder: &Path, vehicle: &Simulator) {
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     assert_eq!(format!("{:?}", vehicle.counters().vehicle), done);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn no_secret_of_an_exchange_is_in_any_log_record_status_recording_or_core_file() {
+    let port = free_port();
+    let link: LinkAddress = format!("udpout:127.0.0.1:{port}").parse().unwrap();
+    let _vehicle = Simulator::spawn(SimulatorConfig::on(link)).await.unwrap();
+    tokio::task::spawn_blocking(move || agree_and_search(port))
+        .await
+        .unwrap();
+}
+
+/// Pairs, agrees, lets a second key follow the first, and has both processes end as by a fault.
+fn agree_and_search(px4: u16) {
+    let folder = tempfile::tempdir().unwrap();
+    let (air, ground, radio) = (
+        folder.path().join("air"),
+        folder.path().join("ground"),
+        free_port(),
+    );
+    for side in [&air, &ground] {
+        fs::create_dir(side).unwrap();
+    }
+    let text = format!(
+        "[agent]\nvehicle_id = \"1b:00:01:01\"\nvsm_id = \"1b:00:00:01\"\nkey_file = \"uav1.key\"\n\
+         [radio]\nlink = \"udpin:127.0.0.1:{radio}\"\n[px4]\nlink = \"udpin:127.0.0.1:{px4}\"\nsystem_id = 1\n\
+         [store]\ndir = \"state\"\n"
+    );
+    fs::write(air.join("airside.toml"), text).unwrap();
+    let text = format!(
+        "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:{}\"\n[[vehicle]]\nid = \"1b:00:01:01\"\n\
+         link = \"udpout:127.0.0.1:{radio}\"\nsystem_id = 1\n\
+         signing = {{ key_file = \"uav1.key\", exchange = \"on\", rotate_days = 0.0001 }}\n\
+         [store]\ndir = \"state\"\n[record]\ndir = \"tlog\"\n",
+        free_port()
+    );
+    fs::write(ground.join("vsm.toml"), text).unwrap();
+
+    let mut agent = talkative(&air, &["airside"], Stdio::null());
+    await_text(&air.join("airside.log"), "ready");
+    // The window shows the code to whoever opened it: what it says is not searched.
+    let code = "ABCD-EFGH-IJKL-MNOP-QRST-UVWX-YZ23-4567";
+    let mut window = Command::new(VSM)
+        .args(["airside", "pair", "--code", "-"])
+        .current_dir(&air)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .map(Running)
+        .unwrap();
+    let typed = |to: &mut Running| writeln!(to.0.stdin.take().unwrap(), "{code}").unwrap();
+    typed(&mut window);
+    await_text(&air.join("airside.log"), "window is open");
+    let mut pair = talkative(&ground, &["pair", "--code", "-"], Stdio::piped());
+    typed(&mut pair);
+    let log = || fs::read_to_string(ground.join("pair.log")).unwrap_or_default();
+    assert!(pair.0.wait().unwrap().success(), "{}", log());
+
+    let mut bridge = talkative(&ground, &["run"], Stdio::null());
+    let mut keys: Vec<String> = vec![];
+    let end = Instant::now() + Duration::from_secs(90);
+    while keys.len() < 2 {
+        assert!(Instant::now() < end, "{} keys were in use", keys.len());
+        std::thread::sleep(Duration::from_millis(200));
+        for (side, words) in [
+            (&air, &["airside", "status"][..]),
+            (&ground, &["status", "--json"]),
+        ] {
+            let (_, text) = run(side, words);
+            let mut said = fs::OpenOptions::new();
+            let mut said = said
+                .append(true)
+                .create(true)
+                .open(side.join("said"))
+                .unwrap();
+            said.write_all(&text).unwrap();
+        }
+        let [up, down] = [&ground, &air]
+            .map(|side| fs::read_to_string(side.join("uav1.key")).unwrap_or_default());
+        if up == down && !up.is_empty() && !keys.contains(&up) {
+            keys.push(up);
+        }
+    }
+    fs::write(ground.join("listed"), run(&ground, &["key", "list"]).1).unwrap();
+    // As a fault in the program would end it, where the system writes core files.
+    for process in [&mut agent, &mut bridge] {
+        let sent = Command::new("kill")
+            .args(["-ABRT", &process.0.id().to_string()])
+            .status();
+        assert!(sent.unwrap().success());
+        let ended = process.0.wait().unwrap();
+        assert_eq!((ended.signal(), ended.core_dumped()), (Some(6), false));
+    }
+
+    let mut secrets: Vec<_> = keys.iter().flat_map(|hex| forms(hex.trim())).collect();
+    for side in [&air, &ground] {
+        let identity = fs::read_to_string(side.join("state/exchange-identity")).unwrap();
+        secrets.extend(forms(identity.trim()));
+    }
+    let letters = code.replace('-', "");
+    for part in [&code[..14], &code[25..], &letters[..12], &letters[20..]] {
+        secrets.extend([part.as_bytes().to_vec(), part.to_lowercase().into_bytes()]);
+    }
+    assert_absent(folder.path(), &secrets);
+}
+
+/// A program of this name with its configuration in that folder, at the most talkative, its words in `<name>.log`; core
+/// files are wanted of it.
+fn talkative(folder: &Path, arguments: &[&str], input: Stdio) -> Running {
+    let log = fs::File::create(folder.join(format!("{}.log", arguments[0]))).unwrap();
+    let child = Command::new("sh")
+        .args(["-c", "ulimit -c unlimited; exec \"$@\"", "sh", VSM])
+        .args(arguments)
+        .args(if arguments == ["run"] {
+            &["--config", "vsm.toml"][..]
+        } else {
+            &[]
+        })
+        .env("RUST_LOG", "trace")
+        .env("RUST_BACKTRACE", "full")
+        .current_dir(folder)
+        .stdin(input)
+        .stdout(log.try_clone().unwrap())
+        .stderr(log)
+        .spawn();
+    Running(child.unwrap())
+}
+
+fn await_text(log: &Path, text: &str) {
+    let end = Instant::now() + Duration::from_secs(20);
+    while !fs::read_to_string(log).is_ok_and(|said| said.contains(text)) {
+        assert!(Instant::now() < end, "{text} is not in {}", log.display());
+        std::thread::sleep(Duration::from_millis(50));
+    }
 }
 
 struct Nowhere;
