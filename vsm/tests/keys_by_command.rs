@@ -8,7 +8,7 @@ use std::net::{TcpStream, UdpSocket};
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage, STATUSTEXT_DATA};
 use mavlink_link::frame::{
@@ -313,6 +313,50 @@ async fn a_vehicle_that_lost_its_key_is_given_another_one_on_the_operators_word(
         .await;
     assert!(done, "{said}");
     assert!(!ground.key("uav1.key").same_as(&key(FIRST)));
+}
+
+/// A holder of the key has signed in the VSM's own name, a day ahead: the vehicle keeps that as our last stamp.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_thief_on_our_own_stream_is_told_and_shaken_off_by_a_restart_of_the_vehicle() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    let vehicle = ground.vehicle(Some(FIRST), 0).await;
+    let header = Header {
+        system_id: 245,
+        component_id: 190,
+        incompat: INCOMPAT_SIGNED,
+        ..Header::default()
+    };
+    let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+    let ahead = Stamp::from_unix(wall + Duration::from_secs(86_400));
+    let mut out = [0; MAX_FRAME];
+    let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+    let length = encode(&beat, header, &mut out);
+    let length = sign(&key(FIRST), 0, ahead, &mut out, length).unwrap();
+    let thief = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let to = vehicle.address(0).unwrap();
+    {
+        // The vehicle answers whom it has heard first.
+        let _bridge = ground.start_bridge();
+        ground
+            .link_status("a signed link", |link| is_live_under(link, &id(FIRST)))
+            .await;
+        thief.send_to(&out[..length], to).unwrap();
+        ground
+            .link_status("a dragged clock", |link| {
+                link["frames"]["future"].as_u64() > Some(10)
+            })
+            .await;
+    }
+
+    let (done, said) = ground.command(&["key", "revoke", "--wait-s", "25"]).await;
+    assert!(!done && said.contains("on our own stream"), "{said}");
+    assert!(ground.key("uav1.key").same_as(&key(FIRST)) && ground.has("uav1.key.next"));
+    vehicle.restart();
+    let (done, said) = ground.command(&["key", "revoke", "--wait-s", "60"]).await;
+    assert!(done, "{said}");
+    assert!(!ground.key("uav1.key").same_as(&key(FIRST)));
+    assert!(!ground.has("uav1.key.previous"), "{said}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

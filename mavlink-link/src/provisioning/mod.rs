@@ -206,6 +206,14 @@ impl<A: Copy + Eq> Handover<A> {
         self.seen.disbelieved
     }
 
+    /// Whether the vehicle has not taken the key and signs with stamps far ahead of what is followed, or what speaks in its
+    /// name are recordings from when it did. Whoever dragged its clock may have done it on our own stream: then it takes
+    /// nothing of ours before it has restarted.
+    #[must_use]
+    pub fn is_dragged(&self) -> bool {
+        self.clock_is_dragged()
+    }
+
     /// Whether anything of the vehicle has been believed.
     #[must_use]
     pub fn has_heard(&self) -> bool {

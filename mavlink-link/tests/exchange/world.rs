@@ -2,6 +2,7 @@
 
 use core::time::Duration;
 use std::collections::{BTreeMap, VecDeque};
+use std::time::Instant;
 
 use mavlink_link::Now;
 use mavlink_link::exchange::{
@@ -115,6 +116,8 @@ pub(crate) struct World {
     pub(crate) sent: usize,
     /// Octets of the exchange on the wire, frames unsigned.
     pub(crate) octets: usize,
+    /// Real time spent in the machine on the ground and in that in the air, on this computer.
+    pub(crate) worked: [Duration; 2],
     pub(crate) treatments: BTreeMap<usize, Treatment>,
     pub(crate) weather: Weather,
     /// Everything that went over the air, for whoever records.
@@ -180,6 +183,7 @@ impl World {
             air_events: Vec::new(),
             sent: 0,
             octets: 0,
+            worked: [Duration::ZERO; 2],
             treatments: BTreeMap::new(),
             weather: Weather::default(),
             tape: Vec::new(),
@@ -357,7 +361,9 @@ impl World {
                 mono: self.now,
                 wall: Duration::from_secs(1_800_000_000) + self.now,
             };
+            let begun = Instant::now();
             ground.handle_timeout(now, &mut self.dice.fill(), &mut self.ground_disk);
+            self.worked[0] += begun.elapsed();
         }
         self.after_ground();
         if let Some(air) = &mut self.air {
@@ -419,7 +425,9 @@ impl World {
                 verified,
                 payload,
             };
+            let begun = Instant::now();
             let _ = air.handle(self.now, inbound, &mut self.dice.fill(), &mut self.air_disk);
+            self.worked[1] += begun.elapsed();
         }
         self.after_air();
     }
@@ -427,7 +435,9 @@ impl World {
     pub(crate) fn ground_hears(&mut self, source: Node, payload: &[u8]) {
         let now = self.clock();
         if let Some(ground) = &mut self.ground {
+            let begun = Instant::now();
             let _ = ground.handle(now, source, payload, &mut self.ground_disk);
+            self.worked[0] += begun.elapsed();
         }
         self.after_ground();
     }

@@ -332,6 +332,11 @@ fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {
             "the vehicle fell silent after the key was sent: both keys are kept. `vsm run` finds out which it has, and so \
              does this command, started again"
         ),
+        Ending::Dragged => bail!(
+            "the vehicle signs with stamps far ahead and takes nothing of ours: somebody who has its key has dragged its \
+             clock, perhaps on our own stream. Both keys are kept. Restart the vehicle, disarmed, and start this command again at \
+             once"
+        ),
     }
 }
 

@@ -88,6 +88,9 @@ pub enum Ending {
     StayedArmed,
     /// The vehicle fell silent after the key was sent: both keys are kept, and `vsm run` finds out which it has.
     Unknown,
+    /// The vehicle speaks with stamps far ahead, and takes nothing of ours: somebody who has the key has dragged its clock.
+    /// Both keys are kept.
+    Dragged,
 }
 
 /// A handover on its way.
@@ -225,7 +228,7 @@ impl KeyLink {
             if self.handover.state() == State::Unknown {
                 let since = *unknown_since.get_or_insert(mono);
                 if mono.saturating_sub(since) > UNKNOWN_FOR {
-                    return Ok(Ending::Unknown);
+                    return Ok(self.unknown());
                 }
             } else {
                 unknown_since = None;
@@ -273,7 +276,15 @@ impl KeyLink {
             State::Staged if self.handover.foreign_frames() > 0 => Ending::ForeignKey,
             State::Staged if self.handover.disbelieved_frames() > 0 => Ending::Unsigned,
             State::Staged => Ending::NotHeard,
-            _ => Ending::Unknown,
+            _ => self.unknown(),
+        }
+    }
+
+    fn unknown(&self) -> Ending {
+        if self.handover.is_dragged() {
+            Ending::Dragged
+        } else {
+            Ending::Unknown
         }
     }
 }
