@@ -200,6 +200,7 @@ impl Aircraft {
         self.watch_inquiries(desk);
         self.watch_fence(desk);
         self.watch_health(desk);
+        self.clear_answers(desk);
         self.advance_download(desk);
         self.settle_authority(desk);
         self.push_due(desk);
@@ -222,6 +223,7 @@ impl Aircraft {
             self.inquiries.poll_timeout(),
             self.authority.poll_timeout(),
             self.recall.as_ref().map(Recall::poll_timeout),
+            self.alerts.poll_timeout(),
         ]
         .into_iter()
         .flatten()

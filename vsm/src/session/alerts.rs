@@ -1,5 +1,6 @@
 //! Which alerts stand, and which id each has: raised once, updated when it changes, cleared when its cause goes.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use mapping::alert::Alert;
@@ -40,6 +41,18 @@ pub(crate) struct Alerts {
     standing: Vec<(Cause, Alert)>,
     /// Texts sent lately, so that a repeated one is not sent a hundred times.
     lately: Vec<(Duration, AlertPriority, String)>,
+    /// Answers that stand, the oldest first.
+    answers: VecDeque<Answered>,
+}
+
+/// An answer to one message.
+#[derive(Debug)]
+struct Answered {
+    /// When it is over.
+    until: Duration,
+    id: i32,
+    /// The stations that were told.
+    to: Vec<usize>,
 }
 
 /// An alert to send.
@@ -57,6 +70,7 @@ impl Alerts {
             next_id: seed * IDS_A_VEHICLE + 1,
             standing: Vec::new(),
             lately: Vec::new(),
+            answers: VecDeque::new(),
         }
     }
 
@@ -114,10 +128,7 @@ impl Alerts {
         subsystem: SubsystemId,
         text: String,
     ) -> Option<Raised> {
-        self.lately
-            .retain(|(at, ..)| now.saturating_sub(*at) < QUIET);
-        let mut lately = self.lately.iter();
-        if lately.any(|(_, known, same)| *known == priority && *same == text) {
+        if self.was_said_lately(now, priority, &text) {
             return None;
         }
         if self.lately.len() >= MOST_LATELY {
@@ -142,23 +153,74 @@ impl Alerts {
         })
     }
 
-    /// The answer to one command: never held back, also where the same text went out just now.
-    pub(crate) fn answer(
-        &mut self,
-        priority: AlertPriority,
-        subsystem: SubsystemId,
-        text: String,
-    ) -> Raised {
+    /// The answer to one command: never held back, also where the same text went out just now. What it is about is
+    /// past at once: it stands for [`ANSWER_STANDS`], so that it is read, and is cleared by [`Alerts::next_over`].
+    pub(crate) fn answer(&mut self, now: Duration, to: &[usize], text: String) -> Raised {
+        let id = self.take_id();
+        self.answers.push_back(Answered {
+            until: now + ANSWER_STANDS,
+            id,
+            to: to.to_vec(),
+        });
         Raised {
             alert: Alert {
-                id: self.take_id(),
-                priority,
-                subsystem,
+                id,
+                priority: AlertPriority::Caution,
+                subsystem: SubsystemId::VsmStatus,
                 text,
                 lasting: false,
             },
             first: true,
         }
+    }
+
+    /// The same for messages that nothing keeps a station from repeating: `None` where the same text went out less
+    /// than [`QUIET`] ago.
+    pub(crate) fn answer_sometimes(
+        &mut self,
+        now: Duration,
+        to: &[usize],
+        text: String,
+    ) -> Option<Raised> {
+        if self.was_said_lately(now, AlertPriority::Caution, &text)
+            || self.lately.len() >= MOST_LATELY
+        {
+            return None;
+        }
+        self.lately
+            .push((now, AlertPriority::Caution, text.clone()));
+        Some(self.answer(now, to, text))
+    }
+
+    /// The next answer that has stood long enough, and who was told it.
+    pub(crate) fn next_over(&mut self, now: Duration) -> Option<(Vec<usize>, Raised)> {
+        let full = self.answers.len() > MOST_ANSWERS;
+        let over = self.answers.front().is_some_and(|oldest| oldest.until <= now);
+        let answered = (full || over).then(|| self.answers.pop_front()).flatten()?;
+        let alert = Alert {
+            id: answered.id,
+            priority: AlertPriority::Cleared,
+            subsystem: SubsystemId::VsmStatus,
+            text: "over".to_owned(),
+            lasting: false,
+        };
+        let raised = Raised {
+            alert,
+            first: false,
+        };
+        Some((answered.to, raised))
+    }
+
+    /// When the next answer is over.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        self.answers.front().map(|oldest| oldest.until)
+    }
+
+    fn was_said_lately(&mut self, now: Duration, priority: AlertPriority, text: &str) -> bool {
+        self.lately
+            .retain(|(at, ..)| now.saturating_sub(*at) < QUIET);
+        let mut lately = self.lately.iter();
+        lately.any(|(_, known, same)| *known == priority && same == text)
     }
 
     /// What stands, for a CUCS that starts to listen.
@@ -185,6 +247,10 @@ const IDS_A_VEHICLE: i32 = 1_000_000;
 const QUIET: Duration = Duration::from_secs(2);
 /// Most different texts within [`QUIET`].
 const MOST_LATELY: usize = 50;
+/// The answer to a command is shown for so long.
+const ANSWER_STANDS: Duration = Duration::from_secs(15);
+/// Answers that stand at once, at most: the oldest is cleared before its time.
+const MOST_ANSWERS: usize = 256;
 
 #[cfg(test)]
 mod tests {

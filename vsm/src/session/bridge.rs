@@ -16,6 +16,7 @@ use stanag_msgs::wrapper::{Frame, WrapperError};
 use stanag_msgs::{Id, Message, Profile, TimeStamp};
 
 use super::aircraft::Aircraft;
+use super::alerts::Alerts;
 use super::ceiling::Ceilings;
 use super::configuration::Configuration;
 use super::counters::{ByType, Counters};
@@ -38,6 +39,8 @@ pub struct Bridge {
     stations: Vec<Station>,
     pub(super) aircraft: Vec<Aircraft>,
     outbox: Outbox,
+    /// Of the VSM itself, not of a vehicle.
+    alerts: Alerts,
     pub(super) counters: Counters,
     pub(super) received: ByType,
     log: VecDeque<LogEntry>,
@@ -126,6 +129,7 @@ impl Bridge {
             stations: config.stations().cloned().map(Station::new).collect(),
             aircraft: Vec::new(),
             outbox: Outbox::new(config.dli.disputed.profile.clone()),
+            alerts: Alerts::new(i32::try_from(config.vehicles().count()).unwrap_or(i32::MAX / 2)),
             counters: Counters::default(),
             received: ByType::default(),
             log: VecDeque::new(),
@@ -239,21 +243,23 @@ impl Bridge {
         };
         let message = match self.profile.decode(header.message_type, frame.data) {
             Ok(message) => message,
-            Err(_) => {
+            Err(fault) => {
                 let known = table::message(header.message_type).is_some();
                 self.counters.count(if known {
                     "undecodable"
                 } else {
                     "unknown message type"
                 });
-                return self.refuse(now, &origin, header.destination, store);
+                let why = fault.to_string();
+                return self.refuse(now, &origin, header.destination, why, store);
             }
         };
         if table::message(header.message_type)
             .is_some_and(|info| info.direction == Direction::ToCucs)
         {
             self.counters.count("wrong direction");
-            return self.refuse(now, &origin, header.destination, store);
+            let why = "a VSM sends it, and takes none".to_owned();
+            return self.refuse(now, &origin, header.destination, why, store);
         }
         self.received.count(header.message_type.into());
         // From here it is a message of a station that may speak: answers go to where it sends from.
@@ -291,6 +297,10 @@ impl Bridge {
             Message::MessageAcknowledgement(_) => {}
             Message::CucsAuthorisationRequest(request) => {
                 let (mut desk, aircraft) = self.desk(now, store);
+                if destination == Id::BROADCAST && !desk.is_meant(request.vsm_id) {
+                    // Who is discovered by name is another.
+                    return desk.counters.count("another VSM's");
+                }
                 let to_all = destination == Id::BROADCAST || destination == desk.vsm;
                 let mut answer = AckType::CarriedOut;
                 for aircraft in aircraft.iter_mut() {
@@ -315,41 +325,29 @@ impl Bridge {
             Message::PositiveHandoverAuthorisationRequest(request) => {
                 let (mut desk, aircraft) = self.desk(now, store);
                 let meant = aircraft.iter_mut().find(|one| one.id() == destination);
-                let answer = match meant {
-                    Some(aircraft) => aircraft.hand_over(&mut desk, &origin, request),
-                    None => AckType::Refused,
-                };
-                let source = destination_as_source(destination, desk.vsm);
-                desk.acknowledge(source, &origin, answer);
+                match meant {
+                    Some(aircraft) => {
+                        let answer = aircraft.hand_over(&mut desk, &origin, request);
+                        desk.acknowledge(destination, &origin, answer);
+                    }
+                    None => desk.refuse(&origin, TO_ONE),
+                }
             }
             Message::VehicleDataLinkTransitionCoordination(request) => {
                 let (mut desk, aircraft) = self.desk(now, store);
                 match aircraft.iter_mut().find(|one| one.id() == destination) {
                     Some(aircraft) => aircraft.coordinate_transition(&mut desk, origin, request),
-                    None => {
-                        let vsm = desk.vsm;
-                        desk.acknowledge(vsm, &origin, AckType::Refused);
-                    }
+                    None => desk.refuse(&origin, TO_ONE),
                 }
             }
             Message::ScheduleMessageUpdateCommand(command) => {
-                let (wanted, hertz) = (command.requested_message_type, command.frequency);
-                self.inform(now, &origin, destination, store, |aircraft, desk| {
-                    match (wanted, hertz) {
-                        (Some(wanted), Some(hertz)) => {
-                            aircraft.schedule(desk, origin.station, wanted, hertz)
-                        }
-                        _ => false,
-                    }
+                self.inform(now, origin, destination, store, |aircraft, desk| {
+                    aircraft.schedule(desk, origin.station, command)
                 });
             }
             Message::GenericInformationRequestMessage(request) => {
-                let wanted = request.message_type;
-                let fields = request.requested_field_presence_vector.map(|all| all.get());
-                self.inform(now, &origin, destination, store, |aircraft, desk| {
-                    wanted.is_some_and(|wanted| {
-                        aircraft.report_once(desk, origin.station, wanted, fields)
-                    })
+                self.inform(now, origin, destination, store, |aircraft, desk| {
+                    aircraft.report_once(desk, origin.station, request)
                 });
             }
             Message::FieldConfigurationRequest(request) => {
@@ -365,28 +363,41 @@ impl Bridge {
         }
     }
 
-    /// 17001 and 17002: for those that may listen, to one vehicle or all. Messages 2 and 3 are for every station.
+    /// 17001 and 17002: for those that may listen, to one vehicle or all. To all it is carried out where any vehicle does.
     fn inform(
         &mut self,
         now: Now,
-        origin: &Origin,
+        origin: Origin,
         destination: Id,
         store: &mut dyn Store,
-        mut ask: impl FnMut(&mut Aircraft, &mut Desk<'_>) -> bool,
+        mut ask: impl FnMut(&mut Aircraft, &mut Desk<'_>) -> Result<(), String>,
     ) {
         let asker = self.stations[origin.station].id();
         let (mut desk, aircraft) = self.desk(now, store);
-        let mut answer = AckType::Refused;
-        for aircraft in aircraft.iter_mut() {
-            let meant = aircraft.id() == destination
-                || destination == Id::BROADCAST
-                || destination == desk.vsm;
-            if meant && aircraft.authority.holds(asker, LoiBitmap::LOI2) && ask(aircraft, &mut desk)
-            {
-                answer = AckType::CarriedOut;
+        if let Some(one) = aircraft.iter_mut().find(|one| one.id() == destination) {
+            if !one.authority.holds(asker, LoiBitmap::LOI2) {
+                return one.refuse_without_right(&mut desk, &origin, LoiBitmap::LOI2);
+            }
+            return match ask(one, &mut desk) {
+                Ok(()) => desk.acknowledge(destination, &origin, AckType::CarriedOut),
+                Err(why) => one.refuse(&mut desk, Some(origin), why),
+            };
+        }
+        let (mut told, mut why) = (false, "it needs LOI 2, and none is held".to_owned());
+        for one in aircraft.iter_mut() {
+            if one.authority.holds(asker, LoiBitmap::LOI2) {
+                match ask(one, &mut desk) {
+                    Ok(()) => told = true,
+                    Err(fault) => why = fault,
+                }
             }
         }
-        desk.acknowledge(destination_as_source(destination, desk.vsm), origin, answer);
+        if told {
+            let vsm = desk.vsm;
+            desk.acknowledge(vsm, &origin, AckType::CarriedOut);
+        } else {
+            desk.refuse(&origin, &why);
+        }
     }
 
     fn command(
@@ -405,24 +416,20 @@ impl Bridge {
         else {
             // A command to everybody is a command to nobody in particular: refused.
             desk.counters.count("misaddressed");
-            let vsm = desk.vsm;
-            return desk.acknowledge(vsm, &origin, AckType::Refused);
+            return desk.refuse(&origin, TO_ONE);
         };
         match aircraft.right_for(message) {
             Some(right) if aircraft.authority.holds(cucs, right) => {
                 aircraft.command(&mut desk, origin, message);
             }
-            Some(_) => {
-                desk.counters.count("without the right");
-                desk.acknowledge(aircraft.id(), &origin, AckType::Refused);
-            }
+            Some(right) => aircraft.refuse_without_right(&mut desk, &origin, right),
             None => {
                 desk.counters.count("not supported");
                 let why = format!(
                     "message {} is not supported by this VSM",
                     origin.message_type
                 );
-                aircraft.refuse(&mut desk, Some(origin), why);
+                aircraft.refuse_foreign(&mut desk, &origin, why);
             }
         }
     }
@@ -459,8 +466,23 @@ impl Bridge {
         }
     }
 
-    fn refuse(&mut self, now: Now, origin: &Origin, destination: Id, store: &mut dyn Store) {
-        self.acknowledge(now, origin, destination, AckType::Refused, store);
+    /// Refuses a message that cannot be read, or that a CUCS never sends. Where nobody waits for an answer nothing is told.
+    fn refuse(
+        &mut self,
+        now: Now,
+        origin: &Origin,
+        destination: Id,
+        why: String,
+        store: &mut dyn Store,
+    ) {
+        let (mut desk, aircraft) = self.desk(now, store);
+        if !origin.ack_requested {
+            return desk.counters.count("refused");
+        }
+        match aircraft.iter_mut().find(|one| one.id() == destination) {
+            Some(one) => one.refuse_foreign(&mut desk, origin, why),
+            None => desk.refuse(origin, &why),
+        }
     }
 
     fn acknowledge(
@@ -497,6 +519,7 @@ impl Bridge {
         for aircraft in aircraft.iter_mut() {
             aircraft.handle_timeout(&mut desk);
         }
+        desk.clear_answers();
     }
 
     /// When [`Bridge::handle_timeout`] is next needed.
@@ -548,6 +571,7 @@ impl Bridge {
             loss: self.loss,
             provisional: self.provisional,
             stations: &mut self.stations,
+            alerts: &mut self.alerts,
             outbox: &mut self.outbox,
             counters: &mut self.counters,
             log: &mut self.log,
@@ -612,3 +636,5 @@ fn drop_name(fault: &WrapperError) -> &'static str {
 }
 
 const ACKNOWLEDGEMENT: u16 = 17000;
+/// A command to everybody is a command to nobody in particular.
+const TO_ONE: &str = "it is for one vehicle, and is addressed to none";

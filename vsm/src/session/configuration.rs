@@ -85,8 +85,7 @@ impl Aircraft {
             let why = "its layout is derived from Edition 2, and dli.provisional is off".to_owned();
             return self.refuse(desk, Some(origin), why);
         }
-        let ours = [desk.vsm, Id::BROADCAST, Id::NULL, Id(0)];
-        if request.vsm_id.is_some_and(|id| !ours.contains(&id)) {
+        if !desk.is_meant(request.vsm_id) {
             return self.refuse(desk, Some(origin), "VSM ID is another VSM's".to_owned());
         }
         let request = match Request::read(request) {

@@ -1,8 +1,8 @@
 //! Who controls the aircraft: message 1, its answer, and what a decision of the authority leads to.
 
 use stanag_msgs::enums::{
-    AccessGranted, AckType, AlertPriority, FlightPathControlMode as Mode, LoiBitmap,
-    PresenceVectorSupport, RequestedAccess, SubsystemId, WaitTransition,
+    AccessGranted, AckType, FlightPathControlMode as Mode, LoiBitmap, PresenceVectorSupport,
+    RequestedAccess, WaitTransition,
 };
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, VehicleOperatingModeCommand, VsmAuthorisationResponse,
@@ -31,6 +31,14 @@ impl Aircraft {
             return AckType::Refused;
         };
         let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
+        // A release is always granted, whatever else the message says.
+        let releases = request.requested_handover_access == Some(RequestedAccess::Relinquish);
+        if let (false, Err(why)) = (releases, understood(desk, request, levels)) {
+            self.answer_authorisation(desk, origin.station, Some(request));
+            let text = format!("message 1 refused: {why}");
+            self.tell_stations(desk, &[origin.station], text);
+            return AckType::Refused;
+        }
         let stations = Stations::from_bitmaps(
             request.controlled_station_1_16,
             request.controlled_station_17_32,
@@ -84,6 +92,7 @@ impl Aircraft {
             Some(RequestedAccess::Request | RequestedAccess::Override) => {
                 "rights are asked of a vehicle, not of all"
             }
+            Some(RequestedAccess::Unknown(_)) => "Requested/Handover Access is none of 0 to 2",
             _ => {
                 self.answer_authorisation(desk, origin.station, Some(request));
                 self.convey_pending(desk, origin.station);
@@ -173,7 +182,7 @@ impl Aircraft {
             };
             let listens = self.authority.holds(asker.id, LoiBitmap::LOI2);
             if listens != before.holds(asker.id, LoiBitmap::LOI2) {
-                self.push.reset(index);
+                self.forget_schedule(desk, index);
                 if listens {
                     self.welcome(desk, index);
                 }
@@ -288,13 +297,35 @@ impl Aircraft {
         }
     }
 
-    /// 16000 with a text that concerns these stations only.
+    /// 16000 with a text that concerns these stations only: the answer to one message, which stands for a while.
     pub(super) fn tell_stations(&mut self, desk: &mut Desk<'_>, to: &[usize], text: String) {
-        let raised = self
-            .alerts
-            .answer(AlertPriority::Caution, SubsystemId::VsmStatus, text);
+        let raised = self.alerts.answer(desk.now.mono, to, text);
         desk.alert(self.id(), to, Some(raised));
     }
+}
+
+/// Whether every value of message 1 is one that is known: of what is not nothing is granted.
+fn understood(
+    desk: &Desk<'_>,
+    request: &CucsAuthorisationRequest,
+    levels: LoiBitmap,
+) -> Result<(), String> {
+    if !desk.is_meant(request.vsm_id) {
+        return Err("VSM ID is another VSM's".to_owned());
+    }
+    if let Some(RequestedAccess::Unknown(access)) = request.requested_handover_access {
+        return Err(format!(
+            "Requested/Handover Access {access}, expected 0 to 2"
+        ));
+    }
+    let unknown = levels.raw() & !LoiBitmap::LOI2.union(LoiBitmap::LOI3).union(CONTROL).raw();
+    if unknown != 0 {
+        return Err(format!(
+            "Requested/Handover LOI {:#04x}: bits {unknown:#04x} are none of LOI 2 to 5",
+            levels.raw()
+        ));
+    }
+    Ok(())
 }
 
 impl Desk<'_> {

@@ -8,7 +8,7 @@ use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::MessageAcknowledgement;
 use stanag_msgs::{Id, Message, TimeStamp};
 
-use super::alerts::Raised;
+use super::alerts::{Alerts, Raised};
 use super::authority::Authority;
 use super::bridge::{LogEntry, LogLevel};
 use super::counters::Counters;
@@ -24,6 +24,8 @@ pub(crate) struct Desk<'a> {
     pub(crate) loss: crate::config::Authority,
     pub(crate) provisional: crate::config::Provisional,
     pub(crate) stations: &'a mut [Station],
+    /// Of the VSM itself, not of a vehicle.
+    pub(crate) alerts: &'a mut Alerts,
     pub(crate) outbox: &'a mut Outbox,
     pub(crate) counters: &'a mut Counters,
     pub(crate) log: &'a mut VecDeque<LogEntry>,
@@ -56,12 +58,21 @@ impl Desk<'_> {
         }
     }
 
-    /// Sends to the group, where there is one.
-    pub(crate) fn send_to_group(&mut self, source: Id, message: &Message) {
-        if self.multicast {
+    /// Sends what nobody asked for just now to a station, and the same to the group where there is one: addressed to the
+    /// station there too, so that it can be told from what another has scheduled.
+    pub(crate) fn publish(&mut self, station: usize, source: Id, message: &Message) {
+        self.send(station, source, message);
+        if self.multicast
+            && let Some(station) = self.stations.get(station)
+        {
             self.outbox
-                .push(Destination::Multicast, source, Id::BROADCAST, message);
+                .push(Destination::Multicast, source, station.id(), message);
         }
+    }
+
+    /// Whether a message that names a VSM in a field is for this one: it, everybody or nobody in particular is named.
+    pub(crate) fn is_meant(&self, vsm: Option<Id>) -> bool {
+        vsm.is_none_or(|id| [self.vsm, Id::BROADCAST, Id::NULL, Id(0)].contains(&id))
     }
 
     /// Answers with 17000 where one was asked for, and remembers it for duplicates.
@@ -102,21 +113,43 @@ impl Desk<'_> {
             .collect()
     }
 
-    /// Sends an alert (16000) to these stations and the group, and writes it to the log.
+    /// Sends an alert (16000) to these stations, by the group too, and writes it to the log.
     pub(crate) fn alert(&mut self, vehicle: Id, to: &[usize], raised: Option<Raised>) {
         let Some(Raised { alert, first }) = raised else {
             return;
         };
         self.note(LogLevel::of(alert.priority), vehicle, alert.text.clone());
+        self.show(vehicle, to, &Raised { alert, first });
+    }
+
+    /// Sends an alert (16000) to these stations, by the group too.
+    pub(crate) fn show(&mut self, vehicle: Id, to: &[usize], raised: &Raised) {
+        let Raised { alert, first } = raised;
         let (outbox, wall) = (&mut *self.outbox, self.now.wall);
-        let messages: Vec<Message> = alert::messages(&alert, first, || outbox.stamp(wall))
+        let messages: Vec<Message> = alert::messages(alert, *first, || outbox.stamp(wall))
             .map(Message::SubsystemStatusAlert)
             .collect();
         for message in &messages {
             for station in to {
-                self.send(*station, vehicle, message);
+                self.publish(*station, vehicle, message);
             }
-            self.send_to_group(vehicle, message);
+        }
+    }
+
+    /// Refuses, in the name of the VSM, a message that is for no vehicle in particular.
+    pub(crate) fn refuse(&mut self, origin: &Origin, why: &str) {
+        let vsm = self.vsm;
+        self.acknowledge(vsm, origin, AckType::Refused);
+        let text = format!("{} refused: {why}", origin.message_type);
+        let to = [origin.station];
+        let raised = self.alerts.answer_sometimes(self.now.mono, &to, text);
+        self.alert(vsm, &to, raised);
+    }
+
+    /// Clears the VSM's own answers that have stood long enough.
+    pub(crate) fn clear_answers(&mut self) {
+        while let Some((to, raised)) = self.alerts.next_over(self.now.mono) {
+            self.show(self.vsm, &to, &raised);
         }
     }
 

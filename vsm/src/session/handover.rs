@@ -227,9 +227,8 @@ impl Aircraft {
         }
         let message = Message::HandoverStatusReport(report);
         for station in stations {
-            desk.send(station, self.id(), &message);
+            desk.publish(station, self.id(), &message);
         }
-        desk.send_to_group(self.id(), &message);
     }
 }
 

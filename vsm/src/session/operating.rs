@@ -3,12 +3,11 @@
 use mapping::mode::Px4Mode;
 use mapping::plan::route_type;
 use stanag_msgs::Message;
-use stanag_msgs::enums::{
-    AckType, AlertPriority, AltitudeType, FlightPathControlMode as Mode, LoiBitmap, SubsystemId,
-};
+use stanag_msgs::enums::{AckType, AltitudeType, FlightPathControlMode as Mode, LoiBitmap};
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
 use super::aircraft::Aircraft;
+use super::authority::{Rights, Stations};
 use super::desk::{Desk, Origin};
 use super::maneuver::{self, Maneuver, Progress};
 use super::mode_command::{self, Situation, Task};
@@ -225,11 +224,44 @@ impl Aircraft {
             format!("{} refused: ", origin.message_type)
         });
         let text = format!("{what}{why}");
-        let raised = self
-            .alerts
-            .answer(AlertPriority::Caution, SubsystemId::VsmStatus, text);
-        desk.alert(self.id(), &to, Some(raised));
+        self.tell_stations(desk, &to, text);
     }
+
+    /// Refuses a message of a CUCS that does not hold the right it needs.
+    pub(super) fn refuse_without_right(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: &Origin,
+        right: LoiBitmap,
+    ) {
+        desk.counters.count("without the right");
+        let held = desk
+            .asker(origin.station)
+            .map_or(Rights::NONE, |asker| self.authority.held(asker.id));
+        let needed = Rights::named(right, Stations::NONE);
+        self.refuse_foreign(desk, origin, format!("it needs {needed}, held is {held}"));
+    }
+
+    /// Refuses a message that any listed CUCS may send, with any right or none: of many that are alike the reason is
+    /// told now and then, since nothing keeps a station from sending them.
+    pub(super) fn refuse_foreign(&mut self, desk: &mut Desk<'_>, origin: &Origin, why: String) {
+        desk.acknowledge(self.id(), origin, AckType::Refused);
+        let Some(asker) = desk.asker(origin.station) else {
+            return;
+        };
+        let text = format!("{} of {} refused: {why}", origin.message_type, asker.id);
+        let to = [origin.station];
+        let raised = self.alerts.answer_sometimes(desk.now.mono, &to, text);
+        desk.alert(self.id(), &to, raised);
+    }
+
+    /// Clears the answers that have stood long enough.
+    pub(super) fn clear_answers(&mut self, desk: &mut Desk<'_>) {
+        while let Some((to, raised)) = self.alerts.next_over(desk.now.mono) {
+            desk.show(self.id(), &to, &raised);
+        }
+    }
+
     pub(super) fn advance_maneuver(&mut self, desk: &mut Desk<'_>) {
         let Some((origin, maneuver)) = &mut self.maneuver else {
             return;

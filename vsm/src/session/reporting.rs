@@ -4,7 +4,10 @@ use std::time::Duration;
 
 use mapping::report;
 use mavlink_link::dialect::MavType;
-use stanag_msgs::messages::{Heartbeat, VehicleId};
+use stanag_msgs::messages::{
+    GenericInformationRequestMessage, Heartbeat, ScheduleMessageUpdateCommand,
+    SoftwareVersionReport, VehicleId, VsmAuthorisationResponse,
+};
 use stanag_msgs::{Message, Text, table};
 
 use super::aircraft::Aircraft;
@@ -14,15 +17,26 @@ use super::station::Period;
 
 impl Aircraft {
     /// 17001.
+    ///
+    /// # Errors
+    /// The reason, for the operator.
     pub(super) fn schedule(
         &mut self,
         desk: &mut Desk<'_>,
         station: usize,
-        message: u16,
-        hertz: u16,
-    ) -> bool {
-        if !(REPORTS.contains(&message) || DETAILS.contains(&message)) || hertz > MOST_HERTZ {
-            return false;
+        command: &ScheduleMessageUpdateCommand,
+    ) -> Result<(), String> {
+        let message = command
+            .requested_message_type
+            .ok_or("Requested Message Type is missing")?;
+        let hertz = command.frequency.ok_or("Frequency is missing")?;
+        if !(REPORTS.contains(&message) || DETAILS.contains(&message)) {
+            return Err(format!("message {message} is no report of this VSM"));
+        }
+        if hertz > MOST_HERTZ {
+            return Err(format!(
+                "Frequency {hertz} Hz, expected 1 to {MOST_HERTZ}, or 0 for no longer"
+            ));
         }
         let period = match hertz {
             0 => Period::Never,
@@ -33,24 +47,39 @@ impl Aircraft {
             of.schedule.insert((id, message), period);
         }
         self.push.reset(station);
-        true
+        Ok(())
     }
 
-    /// 17002: a report, at once, of all its fields or those asked for. False where there is none of this type.
+    /// Forgets what a station has scheduled of this vehicle: it listens no longer, and begins anew when it does again.
+    pub(super) fn forget_schedule(&mut self, desk: &mut Desk<'_>, station: usize) {
+        self.push.reset(station);
+        if let Some(of) = desk.stations.get_mut(station) {
+            of.schedule.retain(|(vehicle, _), _| *vehicle != self.config.id);
+        }
+    }
+
+    /// 17002: a report, at once, of all its fields or those asked for.
+    ///
+    /// # Errors
+    /// The reason, for the operator.
     pub(super) fn report_once(
         &mut self,
         desk: &mut Desk<'_>,
         station: usize,
-        message: u16,
-        fields: Option<u64>,
-    ) -> bool {
-        if message == 2 {
+        request: &GenericInformationRequestMessage,
+    ) -> Result<(), String> {
+        let message = request.message_type.ok_or("Message Type is missing")?;
+        let fields = request.requested_field_presence_vector.map(|all| all.get());
+        if message == VsmAuthorisationResponse::ID {
             self.answer_authorisation(desk, station, None);
-            return true;
+            return Ok(());
         }
-        if message == SOFTWARE {
+        if message == SoftwareVersionReport::ID {
             self.request_software(desk, station, fields);
-            return true;
+            return Ok(());
+        }
+        if !(REPORTS.contains(&message) || DETAILS.contains(&message)) {
+            return Err(format!("message {message} is no report of this VSM"));
         }
         let reports = self.compose_all(desk, message);
         for report in &reports {
@@ -63,7 +92,10 @@ impl Aircraft {
                 }
             }
         }
-        !reports.is_empty()
+        if reports.is_empty() {
+            return Err(format!("of {message} the vehicle has told nothing yet"));
+        }
+        Ok(())
     }
 
     /// The messages of a report: several where each is about an engine or a subsystem.
@@ -111,10 +143,9 @@ impl Aircraft {
             };
             for station in 0..desk.stations.len() {
                 if desk.listens(&self.authority, station) {
-                    desk.send(station, self.id(), &report);
+                    desk.publish(station, self.id(), &report);
                 }
             }
-            desk.send_to_group(self.id(), &report);
         }
     }
 
@@ -129,14 +160,12 @@ impl Aircraft {
             }) {
                 if !DETAILS.contains(&message) {
                     if let Some(report) = self.compose(desk, message) {
-                        desk.send(index, self.id(), &report);
-                        desk.send_to_group(self.id(), &report);
+                        desk.publish(index, self.id(), &report);
                     }
                     continue;
                 }
                 for report in self.compose_all(desk, message) {
-                    desk.send(index, self.id(), &report);
-                    desk.send_to_group(self.id(), &report);
+                    desk.publish(index, self.id(), &report);
                 }
             }
         }
@@ -170,6 +199,5 @@ impl Aircraft {
 
 /// What 17001 and 17002 can ask for.
 const REPORTS: &[u16] = &[3, 3001, 3002, 4000, 4001, 16002];
-const MOST_HERTZ: u16 = 50;
-/// 50013 is asked of the vehicle, and told once.
-const SOFTWARE: u16 = 50013;
+/// The range that Edition 2 gives for 17001's Frequency.
+const MOST_HERTZ: u16 = 100;
