@@ -105,8 +105,8 @@ pub static TO_VEHICLE: &[ToVehicle] = &[
     to(
         2016,
         "Commanded Speed",
-        "DO_CHANGE_SPEED",
-        "its COMMAND_ACK",
+        "DO_CHANGE_SPEED; of a multicopter's circle DO_ORBIT",
+        "its COMMAND_ACK; VFR_HUD.groundspeed where a circle is flown already",
     ),
     to(
         13000,
@@ -201,6 +201,11 @@ pub static FROM_VEHICLE: &[FromVehicle] = &[
         &[3002, 4001, 14000, 50018],
     ),
     from("MISSION_ITEM_REACHED", "seq", &[]),
+    from(
+        "ORBIT_EXECUTION_STATUS",
+        "centre and radius of the circle flown",
+        &[17000],
+    ),
     from("POSITION_TARGET_GLOBAL_INT", "set point", &[17000]),
     from(
         "SYS_STATUS",

@@ -70,7 +70,7 @@ pub mod configuration;
 pub mod crossing;
 pub mod curve;
 pub mod health;
-mod loiter;
+pub mod loiter;
 mod loops;
 pub mod mode;
 pub mod parameter;

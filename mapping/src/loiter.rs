@@ -19,6 +19,10 @@ use stanag_msgs::messages::UaLoiterWaypoint;
 
 use crate::route::{Limits, Reason};
 
+/// The widest circle, m: of a multicopter MC_ORBIT_RAD_MAX (PX4 accepts a wider one, and then stops), of a fixed wing the
+/// most that NAV_LOITER_RAD takes.
+pub const WIDEST_CIRCLE_M: f64 = 1_000.0;
+
 /// A loiter as PX4 flies it: command and param1 to param4 of the item at its place, and the speed within it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Loiter {
@@ -85,6 +89,9 @@ fn pattern(asked: &UaLoiterWaypoint, hovers: bool) -> Result<(), Reason> {
 /// Metres, negative for counter-clockwise; 0 is the vehicle's own radius.
 fn radius(asked: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
     let radius_m = asked.loiter_radius.map_or(0.0, |radius| radius.si());
+    if !hovers && radius_m > WIDEST_CIRCLE_M {
+        return Err(Reason::LoiterRadius(radius_m));
+    }
     match asked.loiter_direction {
         None | Some(LoiterDirection::VehicleDependent) => Ok(radius_m),
         _ if hovers => Ok(radius_m),

@@ -4,6 +4,7 @@
 //! needs the others is told when the route is flown ([`crate::route`]), so that waypoints may come in any order.
 
 use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::{
@@ -30,7 +31,7 @@ pub enum Curve {
 }
 
 /// A message that the plan does not take.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum StoreError {
     /// The number that says which one it is, is absent.
     #[error("{message} without {field}")]
@@ -47,6 +48,16 @@ pub enum StoreError {
         field: &'static str,
         /// The number.
         number: u16,
+    },
+    /// A coordinate of 50001 that is no angle on the earth.
+    #[error("50001 {field} {value} rad, expected -{most:.4} to {most:.4}")]
+    Angle {
+        /// The field.
+        field: &'static str,
+        /// What it holds.
+        value: f64,
+        /// The greatest that it can be.
+        most: f64,
     },
     /// 50001 that names another vehicle or CUCS than its wrapper.
     #[error("50001 {field} {found} is not the wrapper's {expected}")]
@@ -107,6 +118,10 @@ impl Plan {
                 let ends = ends(50001, curve.p1_waypoint_no, curve.p4_waypoint_no)?;
                 the_wrappers("Vehicle ID", curve.vehicle_id, vehicle)?;
                 the_wrappers("CUCS ID", curve.cucs_id, cucs)?;
+                angle("P2 Latitude", curve.p2_latitude, FRAC_PI_2)?;
+                angle("P2 Longitude", curve.p2_longitude, PI)?;
+                angle("P3 Latitude", curve.p3_latitude, FRAC_PI_2)?;
+                angle("P3 Longitude", curve.p3_longitude, PI)?;
                 insert(
                     &mut self.curves,
                     ends,
@@ -247,6 +262,16 @@ fn ends(message: u16, p1: Option<u16>, p4: Option<u16>) -> Result<(u16, u16), St
         numbered(message, "P1 Waypoint No", p1)?,
         numbered(message, "P4 Waypoint No", p4)?,
     ))
+}
+
+/// A float can be no number at all: BAM cannot.
+fn angle(field: &'static str, found: Option<f64>, most: f64) -> Result<(), StoreError> {
+    match found {
+        Some(value) if !(-most..=most).contains(&value) => {
+            Err(StoreError::Angle { field, value, most })
+        }
+        _ => Ok(()),
+    }
 }
 
 fn the_wrappers(field: &'static str, found: Option<Id>, expected: Id) -> Result<(), StoreError> {

@@ -32,6 +32,8 @@ pub struct Commanded {
     pub speed_m_s: Option<f64>,
     /// Its reference.
     pub speed_type: Option<SpeedType>,
+    /// Which leg of the route was flown when it was commanded: a later one may have a speed of its own.
+    pub speed_leg: Option<usize>,
     /// Loiter position: degrees north and east.
     pub loiter_position: Option<(f64, f64)>,
 }
@@ -80,12 +82,11 @@ pub fn operating_states(
         states.commanded_altitude = Some(altitude);
         states.altitude_type = Some(altitude_type);
     }
-    if let Some(speed) = commanded
-        .speed_m_s
-        .and_then(|m_s| Scaled::from_si(m_s).ok())
+    if let Some((speed_m_s, kind)) = commanded_speed(vehicle, commanded, flight)
+        && let Ok(speed) = Scaled::from_si(speed_m_s)
     {
         states.commanded_speed = Some(speed);
-        states.speed_type = commanded.speed_type;
+        states.speed_type = Some(kind);
     }
     states.power_level = vehicle
         .throttle
@@ -235,7 +236,9 @@ fn ua_state(vehicle: &Telemetry) -> UaState {
     }
 }
 
-fn to_index(vehicle: &Telemetry, flight: &Flight) -> Option<usize> {
+/// Which leg of the route is flown, its number of legs where the route is over; `None` where the vehicle has told none.
+#[must_use]
+pub fn to_index(vehicle: &Telemetry, flight: &Flight) -> Option<usize> {
     let mission = vehicle.mission?;
     // A mission that is over flies to nothing any more; the last waypoint stays the one it came from.
     if mission.state == MissionState::MISSION_STATE_COMPLETE {
@@ -250,6 +253,49 @@ fn to_leg<'a>(vehicle: &Telemetry, flight: Option<&'a Flight>) -> Option<&'a Leg
         return None;
     }
     flight.order.get(to_index(vehicle, flight)?)
+}
+
+/// The speed that the vehicle was told last: by 2016, or by the leg that a mission flies since.
+fn commanded_speed(
+    vehicle: &Telemetry,
+    commanded: &Commanded,
+    flight: Option<&Flight>,
+) -> Option<(f64, SpeedType)> {
+    let kind = if vehicle.hovers() {
+        SpeedType::Ground
+    } else {
+        SpeedType::Indicated
+    };
+    let by_2016 = commanded
+        .speed_m_s
+        .map(|speed_m_s| (speed_m_s, commanded.speed_type.unwrap_or(kind)));
+    let in_mission = vehicle.mode == Some(Px4Mode::MISSION);
+    let Some((flight, at)) = flight
+        .filter(|_| in_mission)
+        .and_then(|flight| Some((flight, to_index(vehicle, flight)?)))
+    else {
+        return by_2016;
+    };
+    // A speed of the route stays until the next one.
+    let by_route = flight
+        .order
+        .iter()
+        .enumerate()
+        .take(at + 1)
+        .filter_map(|(index, leg)| Some((index, leg.speed_m_s?)))
+        .next_back();
+    match (by_2016, by_route) {
+        // Commanded on this leg or after the route's own speed, and the vehicle has not jumped back since.
+        (Some(own), Some((index, _)))
+            if commanded
+                .speed_leg
+                .is_some_and(|leg| (index..=at).contains(&leg)) =>
+        {
+            Some(own)
+        }
+        (_, Some((_, speed_m_s))) => Some((speed_m_s, kind)),
+        (own, None) => own,
+    }
 }
 
 fn eta_ms(vehicle: &Telemetry, to: &Leg, stamp: TimeStamp) -> Option<u64> {

@@ -20,7 +20,7 @@ use crate::altitude::{self, Agl, Altimeter, AltitudeError, Level};
 use crate::brake;
 use crate::budget;
 use crate::curve::{self, Chords, CurveError, Curved, Curving};
-use crate::loiter;
+use crate::loiter::{self, WIDEST_CIRCLE_M};
 use crate::loops;
 use crate::plan::Plan;
 use crate::telemetry::Place;
@@ -256,6 +256,9 @@ pub enum Reason {
     /// A pattern that PX4 cannot fly.
     #[error("PX4 cannot loiter in a {0}")]
     LoiterType(&'static str),
+    /// A circle that is too wide.
+    #[error("Loiter Radius {0:.0} m, at most {most:.0}", most = WIDEST_CIRCLE_M)]
+    LoiterRadius(f64),
     /// A number of turns: PX4 has no such item.
     #[error(
         "a loiter of so many turns: PX4 flies times only, and a fixed wing's turns as a time where radius and speed \

@@ -53,6 +53,15 @@ pub struct MissionProgress {
     pub fence_id: u32,
 }
 
+/// A circle that a multicopter flies (ORBIT_EXECUTION_STATUS).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Orbit {
+    /// Its centre, at the altitude that is flown.
+    pub centre: Place,
+    /// Metres; negative where it turns counter-clockwise.
+    pub radius_m: f64,
+}
+
 /// The latest values.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Telemetry {
@@ -94,6 +103,8 @@ pub struct Telemetry {
     pub mission: Option<MissionProgress>,
     /// Where it flies to (POSITION_TARGET_GLOBAL_INT): PX4's own set point, AMSL.
     pub target: Option<Place>,
+    /// The circle that it flies, or flew last (ORBIT_EXECUTION_STATUS).
+    pub orbit: Option<Orbit>,
     /// The last MISSION_ITEM_REACHED.
     pub reached: Option<u16>,
     /// What its sensors have told beyond that.
@@ -194,6 +205,17 @@ impl Telemetry {
                     latitude: f64::from(m.lat_int) / 1e7,
                     longitude: f64::from(m.lon_int) / 1e7,
                     amsl_m: m.alt.into(),
+                });
+            }
+            MavMessage::ORBIT_EXECUTION_STATUS(m) => {
+                let finite = m.z.is_finite() && m.radius.is_finite();
+                self.orbit = finite.then(|| Orbit {
+                    centre: Place {
+                        latitude: f64::from(m.x) / 1e7,
+                        longitude: f64::from(m.y) / 1e7,
+                        amsl_m: m.z.into(),
+                    },
+                    radius_m: m.radius.into(),
                 });
             }
             MavMessage::MISSION_ITEM_REACHED(m) => self.reached = Some(m.seq),

@@ -5,7 +5,7 @@ use stanag_msgs::codec::DecodeError::{self, *};
 use stanag_msgs::json::{decode_line, encode_line};
 use stanag_msgs::messages::FileTransferNotification;
 use stanag_msgs::scalar::UnsizedText;
-use stanag_msgs::table::{self, MESSAGES};
+use stanag_msgs::table::{self, MESSAGES, MessageInfo};
 use stanag_msgs::{EncodeError, Message, frames};
 
 #[test]
@@ -74,6 +74,102 @@ fn every_error_says_where_and_why() {
         assert_eq!(error.to_string(), *text);
         if let Some(info) = table::message(*message_type) {
             assert_eq!(table::walk(info, data).last().unwrap().err(), Some(*error));
+        }
+    }
+}
+
+/// Message data with every field of known length, all octets zero.
+fn full(info: &MessageInfo) -> Vec<u8> {
+    let known = info
+        .fields
+        .iter()
+        .filter(|field| field.wire.octets().is_some());
+    let (presence, length) = known.fold((0_u64, 0), |(bits, length), field| {
+        (
+            bits | 1 << field.bit,
+            length + field.wire.octets().unwrap_or(0),
+        )
+    });
+    let start = 8 - usize::from(info.presence_octets);
+    let mut data = presence.to_be_bytes()[start..].to_vec();
+    data.resize(data.len() + length, 0);
+    data
+}
+
+#[test]
+fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
+    for info in MESSAGES {
+        let id = info.id;
+        let head = usize::from(info.presence_octets);
+        let whole = full(info);
+        let error = |data: &[u8]| {
+            let error = Message::decode(id, data).err();
+            let walked = table::walk(info, data).find_map(Result::err);
+            assert_eq!(error, walked, "{id}");
+            error
+        };
+        assert_eq!(error(&whole), None, "{id} is sound");
+        // Cut within the presence vector.
+        for length in 0..head {
+            let expected = NoPresence {
+                message_type: id,
+                found: length,
+                expected: head,
+            };
+            assert_eq!(error(&whole[..length]), Some(expected));
+        }
+        // Cut within, and before, each field.
+        let mut offset = head;
+        for field in info.fields {
+            let Some(octets) = field.wire.octets() else {
+                continue;
+            };
+            for found in 0..octets {
+                let expected = Truncated {
+                    message_type: id,
+                    bit: field.bit,
+                    offset,
+                    found,
+                };
+                assert_eq!(error(&whole[..offset + found]), Some(expected));
+            }
+            offset += octets;
+        }
+        // Octets beyond the last field.
+        for more in 1..=3 {
+            let mut long = whole.clone();
+            long.resize(whole.len() + more, 0xff);
+            let expected = Trailing {
+                message_type: id,
+                offset: whole.len(),
+                found: more,
+            };
+            assert_eq!(error(&long), Some(expected));
+        }
+        // Each presence bit that no field has.
+        let known = (1_u64 << info.fields.len()) - 1;
+        for bit in info.fields.len()..8 * head {
+            let mut odd = whole.clone();
+            odd[head - 1 - bit / 8] |= 1 << (bit % 8);
+            let Some(UnknownPresence { known: of, .. }) = error(&odd) else {
+                panic!("{id} takes bit {bit}");
+            };
+            assert_eq!(of, known);
+        }
+        // A field whose length no source gives.
+        for field in info
+            .fields
+            .iter()
+            .filter(|field| field.wire.octets().is_none())
+        {
+            let mut odd = vec![0; head];
+            odd[head - 1 - usize::from(field.bit) / 8] |= 1 << (field.bit % 8);
+            let expected = UnknownLength {
+                message_type: id,
+                bit: field.bit,
+                offset: head,
+            };
+            assert_eq!(error(&odd), Some(expected));
         }
     }
 }

@@ -6,11 +6,14 @@ use std::collections::BTreeMap;
 
 use serde_json::{Map, Value, json};
 use stanag_msgs::enums::{
-    AckType, ConfigRequestType, EnumIndexEnable, FlightPathControlMode as Mode,
+    AckType, ConfigRequestType, EnumIndexEnable, FlightPathControlMode as Mode, LoiterType,
 };
 use stanag_msgs::json::encode_line;
-use stanag_msgs::messages::{FieldConfigurationRequest, MessageParameterAvailability};
-use stanag_msgs::{Message, table};
+use stanag_msgs::messages::{
+    FieldConfigurationRequest, LoiterConfiguration, MessageParameterAvailability,
+    VehicleOperatingModeCommand,
+};
+use stanag_msgs::{Message, Scaled, table};
 use support::{Rig, Setup, VSM, orders, vehicle_id};
 
 /// What the answers say of one field, in steps on the wire.
@@ -270,4 +273,82 @@ fn nothing_is_answered_where_provisional_layouts_are_off() {
     let end = rig.carry_out(ask(ConfigRequestType::Loi4));
     assert_eq!(end, Some(AckType::Refused));
     assert!(rig.station().was_told("dli.provisional is off"));
+}
+
+/// The 44000 and 44002 that a station has heard since: message, field, value.
+fn forced(rig: &Rig, station: usize, mark: usize) -> Vec<(u16, u8, i32)> {
+    let heard = rig.stations[station].heard[mark..].iter();
+    heard
+        .filter_map(|(_, _, message)| match message {
+            Message::FieldChangeIntegerCommand(m) => {
+                Some((m.requested_message?, m.requested_field?, m.commanded_value?))
+            }
+            Message::FieldChangeEnumeratedCommand(m) => Some((
+                m.requested_message?,
+                m.requested_field?,
+                m.commanded_enumeration_index_value?,
+            )),
+            _ => None,
+        })
+        .collect()
+}
+
+#[test]
+fn what_another_station_or_the_vehicle_sets_is_told_to_those_that_have_asked() {
+    let mut rig = Rig::ready_with(Setup {
+        stations: 3,
+        ..Setup::default()
+    });
+    for station in [0, 1] {
+        let ticket = rig.tell_as(station, 0, ask(ConfigRequestType::Loi4));
+        assert_eq!(rig.end_as(station, ticket), Some(AckType::CarriedOut));
+    }
+    rig.run(1.0);
+    let marks: Vec<usize> = rig.stations.iter().map(|one| one.heard.len()).collect();
+    let circle = LoiterConfiguration {
+        loiter_type: Some(LoiterType::Circular),
+        loiter_radius: Some(Scaled::saturating_from_si(60.0)),
+        ..LoiterConfiguration::default()
+    };
+    assert_eq!(rig.carry_out(circle), Some(AckType::CarriedOut));
+    let setting = VehicleOperatingModeCommand {
+        altimeter_setting: Some(Scaled::saturating_from_si(101_820.0)),
+        ..orders::mode(Mode::Loiter)
+    };
+    assert_eq!(rig.carry_out(setting), Some(AckType::CarriedOut));
+    rig.run(1.0);
+    // Of its own command the station knows; who has not asked is told nothing.
+    let values = [(2017, 2, 1), (2017, 3, 40), (2016, 16, 10_182)];
+    assert_eq!(forced(&rig, 1, marks[1]), values);
+    assert_eq!(forced(&rig, 0, marks[0]), []);
+    assert_eq!(forced(&rig, 2, marks[2]), []);
+    // The same once more is no change.
+    let mark = rig.stations[1].heard.len();
+    let setting = VehicleOperatingModeCommand {
+        altimeter_setting: Some(Scaled::saturating_from_si(101_820.0)),
+        ..orders::mode(Mode::Loiter)
+    };
+    assert_eq!(rig.carry_out(setting), Some(AckType::CarriedOut));
+    assert_eq!(forced(&rig, 1, mark), []);
+    // A mode that the vehicle enters: 21, and then 12 by itself.
+    assert_eq!(
+        rig.carry_out(orders::launch(10.0)),
+        Some(AckType::CarriedOut)
+    );
+    rig.run(20.0);
+    let modes = forced(&rig, 1, mark);
+    assert_eq!(modes, [(2016, 2, 21), (2016, 2, 12)]);
+}
+
+#[test]
+fn a_radius_is_bounded_as_it_is_taken() {
+    let (mut rig, screen) = configured();
+    let told = screen[&(2017, 3)].high.expect("a widest circle");
+    let radius = |steps: i64| LoiterConfiguration {
+        loiter_radius: Some(Scaled::from_raw(u16::try_from(steps).expect("it fits"))),
+        ..LoiterConfiguration::default()
+    };
+    assert_eq!(rig.carry_out(radius(told)), Some(AckType::CarriedOut));
+    assert_eq!(rig.carry_out(radius(told + 1)), Some(AckType::Refused));
+    assert_eq!(screen[&(13003, 4)].high, Some(told));
 }

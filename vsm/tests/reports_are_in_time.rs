@@ -4,9 +4,9 @@ mod support;
 
 use std::time::Duration;
 
-use stanag_msgs::enums::{AckType, LoiBitmap};
+use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LoiBitmap};
 use stanag_msgs::messages::{
-    GenericInformationRequestMessage, InertialStates, ScheduleMessageUpdateCommand,
+    GenericInformationRequestMessage, InertialStates, ScheduleMessageUpdateCommand, UaStickCommand,
 };
 use stanag_msgs::{Message, U40, table};
 use support::{Rig, Setup, orders, vehicle_id};
@@ -97,6 +97,75 @@ fn a_schedule_is_kept_within_the_latency_of_its_message_and_ends_when_cancelled(
     }
 }
 
+/// Every report that 17001 and 17002 can ask for.
+const REPORTS: [u16; 15] = [
+    3, 3000, 3001, 3002, 3004, 3005, 3006, 3007, 3009, 3010, 3011, 4000, 4001, 12_101, 16_001,
+];
+
+#[test]
+fn no_report_of_any_kind_is_later_than_its_limit_on_request_and_by_schedule() {
+    let mut rig = Rig::ready();
+    rig.take_off(15.0);
+    // 3011 is of sticks, 3009 and 3010 of messages that the vehicle is asked for first.
+    rig.say(UaStickCommand {
+        lateral_stick: Some(0),
+        ..UaStickCommand::default()
+    });
+    for message in [3009, 3010, 16_001] {
+        let _ = rig.carry_out(request(message, None));
+    }
+    rig.run(3.0);
+    for message in REPORTS {
+        let info = table::message(message).expect("a report of the table");
+        // Where no source gives a limit, a second.
+        let limit = Duration::from_millis(info.latency_ms.unwrap_or(1_000).into());
+        let _ = rig.carry_out(schedule(message, 0));
+        rig.run(0.5);
+        let asked = rig.clock;
+        let end = rig.carry_out(request(message, None));
+        assert_eq!(end, Some(AckType::CarriedOut), "{message}");
+        let answered = times(&rig, message, asked);
+        let took = *answered.first().expect("an answer") - asked;
+        assert!(took <= limit, "{message}: {took:?} of {limit:?}");
+        let end = rig.carry_out(schedule(message, 2));
+        assert_eq!(end, Some(AckType::CarriedOut), "{message}");
+        rig.run(1.0);
+        let from = rig.clock;
+        rig.run(6.0);
+        let times = times(&rig, message, from);
+        let gap = longest_gap(&times);
+        let most = Duration::from_millis(500) + limit;
+        assert!(gap <= most, "{message}: {gap:?} of {most:?}");
+        let _ = rig.carry_out(schedule(message, 0));
+    }
+}
+
+#[test]
+fn acknowledgements_alerts_and_changes_of_mode_are_told_within_their_limits() {
+    let mut rig = Rig::ready();
+    let limit = |message: u16| {
+        let info = table::message(message).expect("of the table");
+        Duration::from_millis(info.latency_ms.unwrap_or(1_000).into())
+    };
+    // 17000 "received", and the reason of a refusal.
+    let asked = rig.clock;
+    let ticket = rig.tell(orders::mode(Mode::SlaveToSensor));
+    assert!(rig.until(1.0, |rig| rig.station().end(ticket).is_some()));
+    assert!(rig.clock - asked <= limit(17_000));
+    let alerts = times(&rig, 16_000, asked);
+    assert!(*alerts.first().expect("a reason") - asked <= limit(16_000));
+    // 3001 on change: the vehicle's own heartbeat comes once a second, CURRENT_MODE on change.
+    assert_eq!(rig.carry_out(schedule(3001, 0)), Some(AckType::CarriedOut));
+    let ticket = rig.tell(orders::launch(10.0));
+    let launched = |rig: &Rig| rig.truth().mode == sim::px4::Mode::Takeoff;
+    assert!(rig.until(20.0, launched));
+    let entered = rig.clock;
+    assert_eq!(rig.end(ticket), Some(AckType::CarriedOut));
+    let told = times(&rig, 3001, entered);
+    let took = *told.first().expect("a change is told") - entered;
+    assert!(took <= limit(3001) + Duration::from_secs(1), "{took:?}");
+}
+
 #[test]
 fn a_request_is_answered_at_once_with_the_fields_asked_for() {
     let mut rig = Rig::ready();
@@ -148,7 +217,7 @@ fn what_is_no_report_is_refused_and_so_is_a_station_without_loi_2() {
             Some(AckType::Refused)
         );
     }
-    assert_eq!(rig.carry_out(schedule(4000, 51)), Some(AckType::Refused));
+    assert_eq!(rig.carry_out(schedule(4000, 101)), Some(AckType::Refused));
     let mut rig = Rig::new(Setup::default());
     rig.run(5.0);
     assert_eq!(rig.carry_out(schedule(4000, 1)), Some(AckType::Refused));

@@ -6,6 +6,7 @@ use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiterType, SpeedT
 
 use super::Subject;
 use crate::altitude::Agl;
+use crate::loiter::WIDEST_CIRCLE_M;
 
 /// Bounds of a field in its unit; what is not known is absent.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -91,7 +92,7 @@ pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds
                 "m/s down; MPC_Z_VEL_MAX_UP, MPC_Z_VEL_MAX_DN",
             )
         }
-        (17001, "Frequency") => Bounds::between(0.0, 50.0, "Hz; 0: no longer").starting_at(2.0),
+        (17001, "Frequency") => Bounds::between(0.0, 100.0, "Hz; 0: no longer").starting_at(2.0),
         _ => return None,
     };
     Some(found)
@@ -233,7 +234,7 @@ fn longitude(subject: &Subject<'_>) -> Bounds {
 
 fn radius(subject: &Subject<'_>) -> Bounds {
     let own = subject.parameters.above_zero("NAV_LOITER_RAD");
-    Bounds::between(SMALLEST_CIRCLE_M, None, "m; NAV_LOITER_RAD").starting_at(own)
+    Bounds::between(SMALLEST_CIRCLE_M, WIDEST_CIRCLE_M, "m; NAV_LOITER_RAD").starting_at(own)
 }
 
 fn energy(subject: &Subject<'_>) -> Bounds {

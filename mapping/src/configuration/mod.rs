@@ -8,9 +8,11 @@
 //!   said by 44003: Reported Field 0 is the whole message, and an Enumerated Index is the value itself.
 //! - Values of this VSM's own (modes, states) are described one by one by 41002.
 //! - What is not known, such as home before the vehicle has told it, is absent.
+//! - What a command of another station, or the vehicle itself, has set since is said by 44000 and 44002 ([`forced`]).
 
 mod answer;
 mod bounds;
+pub mod forced;
 pub mod modes;
 mod parameters;
 mod request;

@@ -11,7 +11,7 @@ pub static VALUES: &[(u16, &str, &[u8])] = &[
     (
         2016,
         "Select Flight Path Control Mode",
-        &[0, 2, 11, 12, 15, 19, 21, 23, 24],
+        &[0, 2, 11, 12, 15, 19, 20, 21, 23, 24],
     ),
     (2016, "Altitude Command Type", &[0, 1, 2, 3]),
     (2016, "Heading Command Type", &[0, 1, 2, 3, 5]),
@@ -37,10 +37,11 @@ pub static FIXED_WING: &[(u16, &str, &[u8])] = &[
     (
         2016,
         "Select Flight Path Control Mode",
-        &[0, 2, 11, 12, 19, 21, 23, 24],
+        &[0, 2, 11, 12, 19, 20, 21, 23, 24],
     ),
     (2016, "Altitude Command Type", &[0, 1]),
     (2016, "Heading Command Type", &[0]),
+    (2017, "Loiter Type", &[1]),
     (13003, "Waypoint Loiter Type", &[1]),
     (13003, "Loiter Direction", &[0, 1, 2]),
     (13003, "Loiter Duration Units", &[0, 1]),

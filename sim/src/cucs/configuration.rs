@@ -29,6 +29,8 @@ struct Row {
     own: Vec<(u8, String)>,
     /// Values that are refused always or now.
     refused: Vec<u8>,
+    /// What another has set since.
+    now: Option<f64>,
 }
 
 impl ConfigurationTable {
@@ -115,6 +117,14 @@ impl ConfigurationTable {
                     }
                 }
             }
+            Message::FieldChangeIntegerCommand(m) => {
+                self.take_change(m.requested_message, m.requested_field, m.commanded_value);
+            }
+            Message::FieldChangeEnumeratedCommand(m) => self.take_change(
+                m.requested_message,
+                m.requested_field,
+                m.commanded_enumeration_index_value,
+            ),
             Message::VsmServicesReportMessage(m) => {
                 let url = m.vsm_home_web_page_url.as_ref();
                 if let Some(url) = url.map(|url| url.as_str()).filter(|url| !url.is_empty()) {
@@ -184,6 +194,7 @@ impl ConfigurationTable {
                 "help": row.help,
                 "own_values": row.own.iter().map(|(value, text)| json!({"value": value, "text": text})).collect::<Vec<_>>(),
                 "refused_values": row.refused,
+                "now": row.now,
             }))
         });
         rows.collect()
@@ -195,6 +206,19 @@ impl ConfigurationTable {
         // Only what the table has: nothing received makes it grow without bound.
         place(key)?;
         Some(self.rows.entry(key).or_default())
+    }
+
+    /// What a field is now, in steps.
+    fn take_change(&mut self, message: Option<u16>, field: Option<u8>, steps: Option<i32>) {
+        let Some((key, steps)) = message.zip(field).zip(steps) else {
+            return;
+        };
+        let step = place(key)
+            .and_then(|(_, field)| field)
+            .map_or(1.0, FieldInfo::step);
+        if let Some(row) = self.row(message.map(u32::from), field) {
+            row.now = Some(f64::from(steps) * step);
+        }
     }
 
     fn take_bounds(
@@ -241,6 +265,7 @@ impl Row {
         also("own", own.collect::<Vec<_>>().join(", "));
         let refused = self.refused.iter().map(u8::to_string);
         also("not", refused.collect::<Vec<_>>().join(", "));
+        also("now", self.now.map_or_else(String::new, short));
         text
     }
 }
@@ -276,8 +301,8 @@ fn short(value: f64) -> String {
 mod tests {
     use stanag_msgs::Text;
     use stanag_msgs::messages::{
-        FieldConfigurationEnumeratedResponse, FieldConfigurationUnsignedResponse,
-        MessageParameterAvailability,
+        FieldChangeIntegerCommand, FieldConfigurationEnumeratedResponse,
+        FieldConfigurationUnsignedResponse, MessageParameterAvailability,
     };
 
     use super::*;
@@ -327,6 +352,26 @@ mod tests {
         assert!(told.lines()[1].ends_with("own 32 RTL; not 21"));
         told.take(&mode(EnumIndexEnable::Available));
         assert!(told.lines()[1].ends_with("own 32 RTL"));
+    }
+
+    #[test]
+    fn a_value_that_another_has_set_is_told_beside_its_bounds() {
+        let mut told = ConfigurationTable::default();
+        told.take(&Message::from(FieldConfigurationUnsignedResponse {
+            requested_message: Some(2017),
+            requested_field: Some(3),
+            field_supported: Some(FieldSupported::Supported),
+            help_text: Some(Text::new("m")),
+            ..Default::default()
+        }));
+        told.take(&Message::from(FieldChangeIntegerCommand {
+            requested_message: Some(2017),
+            requested_field: Some(3),
+            commanded_value: Some(40),
+            ..Default::default()
+        }));
+        assert!(told.lines()[1].ends_with("m; now 60"), "{:?}", told.lines());
+        assert_eq!(told.objects()[0]["now"], 60.0);
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use mapping::curve::{Curving, Policy, Vertices};
+use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
 use mapping::{altitude, route};
@@ -35,6 +36,7 @@ use super::recall::Recall;
 use super::stall::StallWatch;
 use super::steering::Steering;
 use super::transfer::Bounds;
+use super::unheeded;
 use super::vehicle::{Peer, VehicleEvent, VehicleLink};
 use crate::config;
 
@@ -55,6 +57,10 @@ pub(crate) struct Aircraft {
     pub(super) maneuver: Option<(Option<Origin>, Maneuver)>,
     pub(super) loiter: LoiterConfiguration,
     pub(super) commanded: Commanded,
+    /// The mode that it was commanded in.
+    pub(super) commanded_in: Option<Px4Mode>,
+    /// Fields without effect that stations were told of.
+    pub(super) unused_told: unheeded::Told,
     pub(super) sticks: Sticks,
     pub(super) steering: Steering,
     /// The last 2008.
@@ -128,6 +134,8 @@ impl Aircraft {
             maneuver: None,
             loiter: LoiterConfiguration::default(),
             commanded: Commanded::default(),
+            commanded_in: None,
+            unused_told: unheeded::Told::default(),
             sticks: Sticks::default(),
             steering: Steering::default(),
             engine_command: None,
@@ -290,7 +298,7 @@ impl Aircraft {
                 );
                 desk.alert(self.id(), &listeners, raised);
             }
-            VehicleEvent::ModeChanged => self.report_on_change(desk),
+            VehicleEvent::ModeChanged => self.mode_has_changed(desk),
             VehicleEvent::ForeignCommand(system, command) => {
                 self.say_foreign_command(desk, system, command);
             }

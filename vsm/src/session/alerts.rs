@@ -195,7 +195,10 @@ impl Alerts {
     /// The next answer that has stood long enough, and who was told it.
     pub(crate) fn next_over(&mut self, now: Duration) -> Option<(Vec<usize>, Raised)> {
         let full = self.answers.len() > MOST_ANSWERS;
-        let over = self.answers.front().is_some_and(|oldest| oldest.until <= now);
+        let over = self
+            .answers
+            .front()
+            .is_some_and(|oldest| oldest.until <= now);
         let answered = (full || over).then(|| self.answers.pop_front()).flatten()?;
         let alert = Alert {
             id: answered.id,

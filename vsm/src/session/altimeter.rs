@@ -3,11 +3,13 @@
 //! The setting stays until another is commanded, over restarts too; 1013.25 hPa until one was.
 
 use mapping::altitude::Altimeter;
+use mapping::configuration::forced;
 use serde::{Deserialize, Serialize};
+use stanag_msgs::Message;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::aircraft::Aircraft;
-use super::desk::Desk;
+use super::desk::{Desk, Origin};
 use super::store::{Durability, StoreError, record_name};
 
 #[derive(Serialize, Deserialize)]
@@ -35,13 +37,14 @@ impl Aircraft {
         Altimeter::new(pascal).map_err(|fault| fault.to_string())
     }
 
-    /// Keeps the setting of a command that is taken.
+    /// Keeps the setting of a command that is taken; the other stations are told.
     ///
     /// # Errors
     /// It cannot be stored: the setting is as before.
     pub(super) fn set_altimeter(
         &mut self,
         desk: &mut Desk<'_>,
+        by: Option<Origin>,
         altimeter: Altimeter,
     ) -> Result<(), String> {
         if altimeter == self.bounds.altimeter {
@@ -57,6 +60,8 @@ impl Aircraft {
             )
             .map_err(|fault| format!("the altimeter setting cannot be stored: {fault}"))?;
         self.bounds.altimeter = altimeter;
+        let changed: Vec<Message> = forced::altimeter(altimeter).into_iter().collect();
+        self.tell_the_configured(desk, &changed, by.map(|origin| origin.station));
         Ok(())
     }
 

@@ -5,6 +5,7 @@
 //! the buffers of a small ground station; 17000 "carried out" follows the last.
 
 use std::collections::{BTreeSet, VecDeque};
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use mapping::configuration::{
@@ -258,7 +259,7 @@ impl Aircraft {
             .filter(|(now, before)| now != before)
             .map(|(now, _)| now)
             .collect();
-        self.tell_the_configured(desk, &changed);
+        self.tell_the_configured(desk, &changed, None);
     }
 
     /// Says by 44003 which modes can be commanded now, where that has changed.
@@ -270,7 +271,7 @@ impl Aircraft {
             return;
         };
         let changed: Vec<Message> = available.changes(&before).collect();
-        self.tell_the_configured(desk, &changed);
+        self.tell_the_configured(desk, &changed, None);
     }
 
     /// Answers a station a few at a time, then carries out what it asked with `origin`.
@@ -298,7 +299,13 @@ impl Aircraft {
         self.send_configuration(desk);
     }
 
-    fn tell_the_configured(&mut self, desk: &mut Desk<'_>, messages: &[Message]) {
+    /// Tells a change to the stations that 40000 has configured, but for the one that made it.
+    pub(super) fn tell_the_configured(
+        &mut self,
+        desk: &mut Desk<'_>,
+        messages: &[Message],
+        by: Option<usize>,
+    ) {
         if messages.is_empty() {
             return;
         }
@@ -306,7 +313,7 @@ impl Aircraft {
         if machine.queue.len() > MOST_WAITING {
             return;
         }
-        for station in &machine.told {
+        for station in machine.told.iter().filter(|index| Some(**index) != by) {
             let all = messages.iter().cloned();
             machine
                 .queue
@@ -328,6 +335,13 @@ impl Aircraft {
                 configuration::answers(&subject, &Request { scope })
             })
             .collect()
+    }
+
+    /// The speeds that 2016 may command, m/s, as 41003 tells them.
+    pub(super) fn speeds(&self, vsm: Id) -> RangeInclusive<f64> {
+        let told = configuration::bounds(&self.subject(vsm), 2016, "Commanded Speed");
+        let (low, high) = told.map_or((None, None), |told| (told.low, told.high));
+        low.unwrap_or(0.0)..=high.unwrap_or(self.bounds.limits.speed_m_s)
     }
 
     fn available_modes(&self) -> modes::Available {
@@ -366,6 +380,8 @@ fn stamped(mut answer: Message, stamp: TimeStamp) -> Message {
         Message::VsmServicesReportMessage(m) => &mut m.time_stamp,
         Message::UaRouteConfiguration(m) => &mut m.time_stamp,
         Message::MessageParameterAvailability(m) => &mut m.time_stamp,
+        Message::FieldChangeIntegerCommand(m) => &mut m.time_stamp,
+        Message::FieldChangeEnumeratedCommand(m) => &mut m.time_stamp,
         Message::ParameterReport(m) => &mut m.time_stamp,
         Message::AreaVertex(m) => &mut m.time_stamp,
         Message::AreaTransferStatus(m) => &mut m.time_stamp,

@@ -183,6 +183,7 @@ impl Aircraft {
             let listens = self.authority.holds(asker.id, LoiBitmap::LOI2);
             if listens != before.holds(asker.id, LoiBitmap::LOI2) {
                 self.forget_schedule(desk, index);
+                self.unused_told.forget(index);
                 if listens {
                     self.welcome(desk, index);
                 }

@@ -43,6 +43,10 @@ pub(crate) enum Sight {
     Disarmed,
     /// Off the ground.
     OffTheGround,
+    /// It flies this circle: centre, and radius, negative counter-clockwise.
+    Orbit { centre: (f64, f64), radius_m: f64 },
+    /// It flies about as fast as this, m/s over ground.
+    Speed(f64),
     /// It flies to this place, or to this altitude only.
     Target {
         place: Option<(f64, f64)>,
@@ -296,6 +300,14 @@ fn seen(sight: &Sight, vehicle: &VehicleLink) -> bool {
         Sight::Armed => vehicle.state_is_newer_than_command() && telemetry.armed == Some(true),
         Sight::Disarmed => vehicle.state_is_newer_than_command() && telemetry.armed == Some(false),
         Sight::OffTheGround => telemetry.airborne(),
+        Sight::Orbit { centre, radius_m } => telemetry.orbit.is_some_and(|orbit| {
+            let flown = (orbit.centre.latitude, orbit.centre.longitude);
+            metres(*centre, flown) < TARGET_SLACK_M
+                && (orbit.radius_m - radius_m).abs() < RADIUS_SLACK_M
+        }),
+        Sight::Speed(wanted) => telemetry
+            .groundspeed
+            .is_some_and(|flown| (flown - wanted).abs() < speed_slack(*wanted)),
         Sight::Target { place, amsl_m } => telemetry.target.is_some_and(|target: Place| {
             let there = place.is_none_or(|place| {
                 metres(place, (target.latitude, target.longitude)) < TARGET_SLACK_M
@@ -315,6 +327,11 @@ fn awaited(sight: &Sight, vehicle: &VehicleLink) -> String {
         Sight::Armed => "armed motors".to_owned(),
         Sight::Disarmed => "disarmed motors".to_owned(),
         Sight::OffTheGround => "that it has left the ground".to_owned(),
+        Sight::Orbit { .. } => "that it flies the commanded circle".to_owned(),
+        Sight::Speed(wanted) => {
+            let flown = vehicle.telemetry.groundspeed.unwrap_or(0.0);
+            format!("{wanted:.1} m/s, it flies {flown:.1}")
+        }
         Sight::Target { .. } => "that it flies to the commanded place".to_owned(),
     }
 }
@@ -356,6 +373,13 @@ pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 2] {
             within: STATE_WITHIN,
         },
     ]
+}
+
+/// Whether steps end in a mode.
+pub(crate) fn enters(steps: &[Step], mode: Px4Mode) -> bool {
+    steps.iter().any(
+        |step| matches!(step, Step::Confirm { sight: Sight::Mode(modes), .. } if **modes == [mode]),
+    )
 }
 
 /// Arms, and takes off to an altitude above mean sea level.
@@ -461,15 +485,24 @@ pub(crate) fn reposition(
     ]
 }
 
-/// MAV_CMD_DO_ORBIT around a place. Enters ORBIT on a multicopter, AUTO.LOITER on a fixed wing.
+/// The sight of a speed on a circle.
+pub(crate) fn shows_speed(speed_m_s: f64) -> Step {
+    Step::Confirm {
+        sight: Sight::Speed(speed_m_s),
+        within: SPEED_WITHIN,
+    }
+}
+
+/// MAV_CMD_DO_ORBIT around a place; a negative radius is flown counter-clockwise. Enters ORBIT on a multicopter, whose
+/// ORBIT_EXECUTION_STATUS shows the circle, AUTO.LOITER on a fixed wing.
 pub(crate) fn orbit(
     place: (f64, f64),
     amsl_m: f64,
     radius_m: f64,
-    clockwise: bool,
     speed_m_s: Option<f64>,
-) -> [Step; 2] {
-    let radius = if clockwise { radius_m } else { -radius_m } as f32;
+    hovers: bool,
+) -> Vec<Step> {
+    let radius = radius_m as f32;
     let command = Command {
         command: MavCmd::MAV_CMD_DO_ORBIT,
         payload: Payload::Int {
@@ -486,17 +519,29 @@ pub(crate) fn orbit(
         },
         repetition: Repetition::Safe,
     };
-    [
+    const FLOWN: &[Px4Mode] = &[Px4Mode::ORBIT];
+    const WINGED: &[Px4Mode] = &[Px4Mode::LOITER];
+    let mut steps = vec![
         Step::Command {
             command,
             what: "orbit",
             patience: Duration::ZERO,
         },
         Step::Confirm {
-            sight: Sight::Mode(&[Px4Mode::ORBIT, Px4Mode::LOITER]),
+            sight: Sight::Mode(if hovers { FLOWN } else { WINGED }),
             within: STATE_WITHIN,
         },
-    ]
+    ];
+    if hovers {
+        steps.push(Step::Confirm {
+            sight: Sight::Orbit {
+                centre: place,
+                radius_m,
+            },
+            within: STATE_WITHIN,
+        });
+    }
+    steps
 }
 
 fn long(command: MavCmd, params: [f32; 7]) -> Command {
@@ -523,5 +568,14 @@ const ARM_PATIENCE: Duration = Duration::from_secs(8);
 const MODE_PATIENCE: Duration = Duration::from_secs(2);
 /// Between two tries after a temporary rejection.
 const PAUSE: Duration = Duration::from_millis(400);
+/// How far a flown speed may be from the one commanded: wind and the turn make it waver.
+fn speed_slack(speed_m_s: f64) -> f64 {
+    (0.1 * speed_m_s).max(0.5)
+}
+
+/// To another speed on a circle.
+const SPEED_WITHIN: Duration = Duration::from_secs(15);
+/// How near the radius of a circle must be to the one commanded, m.
+const RADIUS_SLACK_M: f64 = 0.5;
 /// How near a set point must be to the one commanded, m.
 const TARGET_SLACK_M: f64 = 2.0;

@@ -10,6 +10,7 @@
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
+use mapping::report::Commanded;
 use mavlink_link::dialect::{MANUAL_CONTROL_DATA, MavMessage};
 use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::{AckType, AlertPriority, SubsystemId};
@@ -192,7 +193,7 @@ impl Aircraft {
             self.sticks.engage(desk.now.mono);
         }
         let steps = maneuver::enter(&[Px4Mode::POSCTL]);
-        self.begin(desk, origin, Maneuver::new(steps, self.commanded));
+        self.begin(desk, origin, Maneuver::new(steps, Commanded::default()));
         // After `begin`: what it superseded has let go of the sticks.
         if self.maneuver.is_some() {
             self.sticks.engage(desk.now.mono);

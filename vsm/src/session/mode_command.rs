@@ -3,6 +3,8 @@
 //! A field that is absent is not commanded. So are the values that a full presence vector carries for "nothing": an
 //! altitude or heading command type 0, speed 0, waypoint 0, and a loiter position of exactly 0, 0.
 
+use std::ops::RangeInclusive;
+
 use mapping::altitude::{self, Agl, Altimeter, Level};
 use mapping::curve::Curving;
 use mapping::mode::Px4Mode;
@@ -12,10 +14,11 @@ use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MissionState;
 use stanag_msgs::enums::{
     AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType, LoiterDirection,
-    LoiterType, RouteType, SpeedType,
+    RouteType, SpeedType,
 };
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
+use super::loiter::circle;
 use super::maneuver::{self, Step};
 use super::plan_record::Aboard;
 use super::steering::{self, Vertical};
@@ -37,8 +40,21 @@ pub(crate) enum Task {
     Steer(steering::Order, Commanded),
 }
 
+impl Task {
+    /// Whether a route is flown for it.
+    pub(crate) fn flies_a_route(&self) -> bool {
+        match self {
+            Task::Load(_) | Task::Reload => true,
+            Task::Steps(steps, _) | Task::Launch(steps, _) => {
+                maneuver::enters(steps, Px4Mode::MISSION)
+            }
+            Task::Manual | Task::Steer(..) => false,
+        }
+    }
+}
+
 /// What must be known to decide.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct Situation<'a> {
     pub(crate) telemetry: &'a Telemetry,
     pub(crate) aboard: Option<&'a Aboard>,
@@ -51,6 +67,8 @@ pub(crate) struct Situation<'a> {
     pub(crate) agl: Agl,
     pub(crate) altimeter: Altimeter,
     pub(crate) limits: Limits,
+    /// What Commanded Speed may be, m/s.
+    pub(crate) speeds: RangeInclusive<f64>,
 }
 
 /// The mode that a command is about: its own, or the present one where it names none.
@@ -154,7 +172,12 @@ pub(crate) fn task(
 }
 
 fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
-    Task::Steps(maneuver::enter(modes).into(), at.commanded)
+    let commanded = if at.telemetry.mode.is_some_and(|mode| modes.contains(&mode)) {
+        at.commanded
+    } else {
+        Commanded::default()
+    };
+    Task::Steps(maneuver::enter(modes).into(), commanded)
 }
 
 fn contingency(
@@ -207,7 +230,7 @@ fn fly(
         }
         _ => return Ok(Task::Load(route)),
     };
-    let speed = speed(command, &at.limits)?;
+    let speed = speed(command, at)?;
     let mut steps = Vec::new();
     let number = command
         .commanded_waypoint_number
@@ -227,13 +250,14 @@ fn fly(
         None => (complete && names_mode(command)).then_some(0),
     };
     steps.extend(start.map(|seq| Step::SetCurrent(seq..=aboard.flight.place_from(seq))));
-    if at.telemetry.mode != Some(Px4Mode::MISSION) || start.is_some() {
+    let enters = at.telemetry.mode != Some(Px4Mode::MISSION);
+    if enters || start.is_some() {
         steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
     }
-    let mut commanded = Commanded {
-        loiter_position: None,
-        altitude_amsl_m: None,
-        ..at.commanded
+    let mut commanded = if enters {
+        Commanded::default()
+    } else {
+        at.commanded
     };
     if let Some(speed_m_s) = speed {
         // After the mode: entering one takes PX4 back to its own speed.
@@ -263,23 +287,50 @@ fn holds(vehicle: &Telemetry, aboard: &Aboard) -> bool {
 }
 
 fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
-    let speed = speed(command, &at.limits)?;
+    let speed = speed(command, at)?;
     let place = place(command, at)?;
     let level = match altitude(command) {
         Some(metres) => Some(checked_level(metres, command, at)?),
         None => None,
     };
-    let mut commanded = at.commanded;
+    if let (None, Some(kind)) = (level, command.altitude_command_type)
+        && !matches!(
+            kind,
+            AltitudeCommandType::None | AltitudeCommandType::Altitude
+        )
+    {
+        return Err(format!(
+            "mode 12: Altitude Command Type {} is not flown; a vertical speed needs mode 15",
+            kind.raw()
+        ));
+    }
+    let loiters = at.telemetry.mode.map(Px4Mode::reported) == Some(Mode::Loiter);
+    let mut commanded = if loiters {
+        at.commanded
+    } else {
+        Commanded::default()
+    };
     let mut steps = Vec::new();
+    let mut flown = speed;
     if place.is_none() && level.is_none() {
-        let loiters = at.telemetry.mode.map(Px4Mode::reported) == Some(Mode::Loiter);
-        if names_mode(command) && !(loiters && speed.is_some()) {
-            steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
-        } else if !names_mode(command) && steps_to_waypoint(command) {
+        if !names_mode(command) && steps_to_waypoint(command) {
             return Err("a commanded waypoint needs mode 11".to_owned());
         }
-        commanded.altitude_amsl_m = None;
-        commanded.loiter_position = None;
+        match speed {
+            // PX4 heeds no other speed on a circle than that of DO_ORBIT.
+            Some(speed_m_s) if at.telemetry.mode == Some(Px4Mode::ORBIT) => {
+                steps.extend(faster_or_slower(speed_m_s, at)?);
+                flown = None;
+                commanded.speed_m_s = Some(speed_m_s);
+                commanded.speed_type = Some(flown_as(at.telemetry));
+            }
+            Some(_) if loiters => {}
+            _ if names_mode(command) => {
+                steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
+                commanded = Commanded::default();
+            }
+            _ => {}
+        }
     } else {
         if !at.telemetry.airborne() {
             return Err("a loiter position or altitude needs an airborne vehicle".to_owned());
@@ -290,23 +341,57 @@ fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
             .ok_or("the vehicle has told no position yet")?;
         let home = at.telemetry.home.ok_or("home is not known yet")?;
         let amsl_m = level.map_or(present.amsl_m, |level| level.amsl(home.amsl_m));
-        match (place, orbit_radius(at.loiter)?) {
+        let hovers = at.telemetry.hovers();
+        match (place, circle(at.loiter, hovers)?) {
             (Some(place), Some(radius_m)) => {
-                let clockwise =
-                    at.loiter.loiter_direction != Some(LoiterDirection::CounterClockwise);
-                steps.extend(maneuver::orbit(place, amsl_m, radius_m, clockwise, speed));
+                let turn = match at.loiter.loiter_direction {
+                    Some(LoiterDirection::CounterClockwise) => -radius_m,
+                    _ => radius_m,
+                };
+                if hovers {
+                    within_the_circle(speed, radius_m)?;
+                    flown = None;
+                    commanded.speed_m_s = speed;
+                    commanded.speed_type = speed.map(|_| SpeedType::Ground);
+                }
+                steps.extend(maneuver::orbit(place, amsl_m, turn, speed, hovers));
             }
             _ => steps.extend(maneuver::reposition(place, amsl_m, None)),
         }
         commanded.altitude_amsl_m = Some(amsl_m);
         commanded.loiter_position = place;
     }
-    if let Some(speed_m_s) = speed {
+    if let Some(speed_m_s) = flown {
         steps.push(maneuver::change_speed(speed_m_s));
         commanded.speed_m_s = Some(speed_m_s);
         commanded.speed_type = Some(flown_as(at.telemetry));
     }
     Ok(Task::Steps(steps, commanded))
+}
+
+/// The circle that is flown, at another speed.
+fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, String> {
+    let orbit = at
+        .telemetry
+        .orbit
+        .ok_or("the vehicle has not told the circle that it flies")?;
+    within_the_circle(Some(speed_m_s), orbit.radius_m.abs())?;
+    let centre = (orbit.centre.latitude, orbit.centre.longitude);
+    let amsl_m = orbit.centre.amsl_m;
+    let mut steps = maneuver::orbit(centre, amsl_m, orbit.radius_m, Some(speed_m_s), true);
+    steps.push(maneuver::shows_speed(speed_m_s));
+    Ok(steps)
+}
+
+/// PX4 flies a circle more slowly than told where it would be drawn outward by more than it allows.
+fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String> {
+    let most_m_s = (MOST_INWARD_M_S2 * radius_m).sqrt();
+    match speed_m_s {
+        Some(speed_m_s) if speed_m_s > most_m_s => Err(format!(
+            "speed {speed_m_s:.1} m/s on a circle of {radius_m:.0} m, at most {most_m_s:.1}"
+        )),
+        _ => Ok(()),
+    }
 }
 
 fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
@@ -386,7 +471,7 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
         }
     };
     let order = steering::Order {
-        speed_m_s: speed(command, &at.limits)?,
+        speed_m_s: speed(command, at)?,
         direction: steering::direction(command)?,
         vertical,
     };
@@ -478,7 +563,12 @@ fn place(
     Ok(Some((latitude, longitude)))
 }
 
-fn speed(command: &VehicleOperatingModeCommand, limits: &Limits) -> Result<Option<f64>, String> {
+fn speed(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Option<f64>, String> {
+    if command.speed_type == Some(SpeedType::Thrust)
+        && command.thrust.is_some_and(|thrust| thrust > 0)
+    {
+        return Err("Speed Type 3 (thrust) is not flown".to_owned());
+    }
     let Some(speed_m_s) = command
         .commanded_speed
         .map(|speed| speed.si())
@@ -486,10 +576,11 @@ fn speed(command: &VehicleOperatingModeCommand, limits: &Limits) -> Result<Optio
     else {
         return Ok(None);
     };
-    if speed_m_s > limits.speed_m_s {
+    if !at.speeds.contains(&speed_m_s) {
         return Err(format!(
-            "speed {speed_m_s:.1} m/s, at most {:.0}",
-            limits.speed_m_s
+            "speed {speed_m_s:.1} m/s, expected {:.1} to {:.1}",
+            at.speeds.start(),
+            at.speeds.end()
         ));
     }
     match command.speed_type {
@@ -510,24 +601,7 @@ fn flown_as(vehicle: &Telemetry) -> SpeedType {
     }
 }
 
-/// The radius of the circle that 2017 has configured; `None` for a hover.
-fn orbit_radius(loiter: &LoiterConfiguration) -> Result<Option<f64>, String> {
-    match loiter.loiter_type {
-        Some(LoiterType::Hover) => Ok(None),
-        None | Some(LoiterType::Circular) => match loiter.loiter_radius.map(|radius| radius.si()) {
-            Some(radius_m) if radius_m > WIDEST_ORBIT_M => Err(format!(
-                "Loiter Radius {radius_m:.0} m, at most {WIDEST_ORBIT_M:.0}"
-            )),
-            radius_m => Ok(radius_m.filter(|radius_m| *radius_m > 0.0)),
-        },
-        Some(other) => Err(format!(
-            "Loiter Type {} cannot be flown by PX4",
-            other.raw()
-        )),
-    }
-}
-
-/// MC_ORBIT_RAD_MAX, m: PX4 accepts a wider orbit, and then stops.
-const WIDEST_ORBIT_M: f64 = 1_000.0;
+/// What PX4 allows toward the centre of a circle, m/s2.
+const MOST_INWARD_M_S2: f64 = 2.0;
 /// PX4 does not leave the ground for less, m.
 const LOWEST_LAUNCH_M: f64 = 1.5;

@@ -4,13 +4,14 @@ use mapping::mode::Px4Mode;
 use mapping::plan::route_type;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, AltitudeType, FlightPathControlMode as Mode, LoiBitmap};
-use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
+use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::aircraft::Aircraft;
 use super::authority::{Rights, Stations};
 use super::desk::{Desk, Origin};
 use super::maneuver::{self, Maneuver, Progress};
 use super::mode_command::{self, Situation, Task};
+use super::unheeded;
 
 impl Aircraft {
     /// The rights that a message needs; `None` where it is none that a CUCS commands with.
@@ -51,14 +52,14 @@ impl Aircraft {
 
     /// A command of a CUCS that holds the right for it.
     pub(super) fn command(&mut self, desk: &mut Desk<'_>, origin: Origin, message: &Message) {
+        self.say_unused(desk, &origin, message);
         match message {
             Message::VehicleOperatingModeCommand(command) => {
                 desk.acknowledge(self.id(), &origin, AckType::Received);
                 self.operate(desk, Some(origin), command);
             }
             Message::LoiterConfiguration(configuration) => {
-                merge(&mut self.loiter, configuration);
-                desk.acknowledge(self.id(), &origin, AckType::CarriedOut);
+                self.configure_loiter(desk, origin, configuration)
             }
             Message::UaStickCommand(sticks) => self.take_sticks(desk, origin, sticks),
             Message::EngineCommand(command) => self.command_engine(desk, origin, command),
@@ -107,15 +108,21 @@ impl Aircraft {
             agl: self.bounds.agl,
             altimeter,
             limits: self.bounds.limits,
+            speeds: self.speeds(desk.vsm),
         };
         let task = mode_command::task(command, &situation);
+        let mode = mode_command::mode_of(command, &self.mav.telemetry);
         // What is refused changes nothing: the setting is kept only now.
-        let task = task.and_then(|task| self.set_altimeter(desk, altimeter).map(|()| task));
+        let task = task.and_then(|task| self.set_altimeter(desk, origin, altimeter).map(|()| task));
         if task.is_ok()
             && command.commanded_altitude.is_some()
             && command.altitude_type == Some(AltitudeType::Agl)
         {
             self.say_agl(desk);
+        }
+        if let (Ok(task), Some(origin), Some(mode)) = (&task, origin, mode) {
+            let names = unheeded::unheeded(command, mode, task.flies_a_route());
+            self.say_unheeded(desk, &origin, &names, &format!(" in mode {}", mode.raw()));
         }
         match task {
             Err(why) => self.refuse(desk, origin, why),
@@ -123,7 +130,9 @@ impl Aircraft {
                 let needs_mission = steps
                     .iter()
                     .any(|step| matches!(step, maneuver::Step::SetCurrent(_)));
-                if self.load.is_some() && (needs_mission || enters_mission(&steps)) {
+                if self.load.is_some()
+                    && (needs_mission || maneuver::enters(&steps, Px4Mode::MISSION))
+                {
                     return self.refuse(
                         desk,
                         origin,
@@ -184,6 +193,7 @@ impl Aircraft {
             if ends(desk, origin) {
                 running.abandon(desk.now.mono, &mut self.mav);
                 self.let_go();
+                self.watch_commanded();
                 self.refuse(desk, origin, why.to_owned());
             } else {
                 self.maneuver = Some((origin, running));
@@ -272,6 +282,7 @@ impl Aircraft {
             Progress::Done => {
                 self.commanded = maneuver.commanded;
                 self.maneuver = None;
+                self.keep_commanded();
                 if let Some(origin) = origin {
                     desk.acknowledge(self.id(), &origin, AckType::CarriedOut);
                 }
@@ -290,30 +301,7 @@ impl Aircraft {
             maneuver.abandon(desk.now.mono, &mut self.mav);
         }
         self.let_go();
+        self.watch_commanded();
         self.refuse(desk, origin, why);
     }
-}
-
-/// 2017 is a configuration message: an absent field keeps its last value.
-fn merge(kept: &mut LoiterConfiguration, new: &LoiterConfiguration) {
-    let old = std::mem::take(kept);
-    *kept = LoiterConfiguration {
-        time_stamp: new.time_stamp.or(old.time_stamp),
-        loiter_type: new.loiter_type.or(old.loiter_type),
-        loiter_radius: new.loiter_radius.or(old.loiter_radius),
-        loiter_length: new.loiter_length.or(old.loiter_length),
-        loiter_length_units: new.loiter_length_units.or(old.loiter_length_units),
-        loiter_bearing: new.loiter_bearing.or(old.loiter_bearing),
-        loiter_direction: new.loiter_direction.or(old.loiter_direction),
-        flying_behaviour: new.flying_behaviour.or(old.flying_behaviour),
-        loiter_duration: new.loiter_duration.or(old.loiter_duration),
-        loiter_duration_units: new.loiter_duration_units.or(old.loiter_duration_units),
-        activity_id: new.activity_id.or(old.activity_id),
-    };
-}
-fn enters_mission(steps: &[maneuver::Step]) -> bool {
-    let mission = &[Px4Mode::MISSION][..];
-    steps.iter().any(|step| {
-        matches!(step, maneuver::Step::Confirm { sight: maneuver::Sight::Mode(modes), .. } if *modes == mission)
-    })
 }

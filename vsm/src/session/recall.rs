@@ -8,6 +8,7 @@
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
+use mapping::report::Commanded;
 use mavlink_link::dialect::MavLandedState;
 use stanag_msgs::enums::{AlertPriority, FlightPathControlMode as Mode, RouteType, SubsystemId};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
@@ -118,7 +119,7 @@ impl Aircraft {
             Way::Contingency => self.operate(desk, None, &mode(Mode::ContingencyA)),
             Way::Return => {
                 let steps = maneuver::enter(&[Px4Mode::RTL]);
-                self.begin(desk, None, Maneuver::new(steps, self.commanded));
+                self.begin(desk, None, Maneuver::new(steps, Commanded::default()));
             }
         }
     }

@@ -54,7 +54,8 @@ impl Aircraft {
     pub(super) fn forget_schedule(&mut self, desk: &mut Desk<'_>, station: usize) {
         self.push.reset(station);
         if let Some(of) = desk.stations.get_mut(station) {
-            of.schedule.retain(|(vehicle, _), _| *vehicle != self.config.id);
+            of.schedule
+                .retain(|(vehicle, _), _| *vehicle != self.config.id);
         }
     }
 

@@ -14,6 +14,7 @@
 //! that says the item is still the same: a lost one must not make a passed waypoint a missed one.
 
 use mapping::mode::Px4Mode;
+use mapping::report::Commanded;
 use mapping::route::metres;
 use mavlink_link::dialect::{MavType, MissionState};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
@@ -245,7 +246,7 @@ impl Aircraft {
         let listeners = desk.listeners(&self.authority, None);
         desk.alert(self.id(), &listeners, raised);
         let hold = maneuver::enter(&[Px4Mode::LOITER]);
-        self.begin(desk, None, Maneuver::new(hold, self.commanded));
+        self.begin(desk, None, Maneuver::new(hold, Commanded::default()));
     }
 
     /// None where no mission of ours is flown.

@@ -80,6 +80,8 @@ pub struct Rig {
     pub dli: wire::Wire,
     pub mav: wire::Wire,
     pub log: Vec<LogEntry>,
+    /// What went to the group, where the configuration has one.
+    pub group: Vec<Vec<u8>>,
     /// MAVLink messages that arrived at the vehicles, by their ids.
     pub arrived: BTreeMap<u32, u64>,
     config: Config,
@@ -117,6 +119,7 @@ impl Rig {
             dli: wire::Wire::new(setup.seed ^ 0x00d1_1d11, setup.dli),
             mav: wire::Wire::new(setup.seed ^ 0x03a7_73a0, setup.mav),
             log: Vec::new(),
+            group: Vec::new(),
             arrived: BTreeMap::new(),
             config,
             started: Duration::ZERO,
@@ -216,6 +219,12 @@ impl Rig {
     pub fn carry_out(&mut self, message: impl Into<Message>) -> Option<AckType> {
         let ticket = self.tell(message);
         self.end(ticket)
+    }
+
+    /// Lets these octets arrive from station 0.
+    pub fn hear_from_station(&mut self, octets: &[u8]) {
+        let (clock, from) = (self.clock, self.stations[0].address);
+        self.dli.send(clock, from, bridge_dli(), octets);
     }
 
     /// Sends every message of a plan, then waits until each is carried out.
@@ -335,8 +344,11 @@ impl Rig {
             bridge.handle_timeout(now, &mut self.store);
         }
         while let Some(datagram) = bridge.poll_dli() {
-            if let Destination::Unicast(to) = datagram.to {
-                self.dli.send(clock, bridge_dli(), to, datagram.octets());
+            match datagram.to {
+                Destination::Unicast(to) => {
+                    self.dli.send(clock, bridge_dli(), to, datagram.octets());
+                }
+                Destination::Multicast => self.group.push(datagram.octets().to_vec()),
             }
         }
         while let Some((index, frame)) = bridge.poll_vehicle() {

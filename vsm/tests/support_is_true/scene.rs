@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use mavlink_link::dialect::MavMissionType;
 use serde_json::{Map, Value, json};
-use stanag_msgs::enums::AckType;
+use stanag_msgs::enums::{AckType, AlertPriority};
 use stanag_msgs::json::{decode_line, encode_line};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message};
 
@@ -48,6 +48,9 @@ pub(super) fn traces(trial: &Trial, message: &Message) -> String {
         let mut counts: BTreeMap<u16, usize> = BTreeMap::new();
         let mut latest: BTreeMap<u16, String> = BTreeMap::new();
         for (_, from, message) in &station.heard[mark..] {
+            if is_of_no_effect(message) {
+                continue;
+            }
             *counts.entry(message.id()).or_default() += 1;
             let told = unstamped(message);
             if PERIODIC.contains(&message.id()) {
@@ -75,6 +78,15 @@ pub(super) fn traces(trial: &Trial, message: &Message) -> String {
         let _ = writeln!(trace, "{parameter:?}");
     }
     trace
+}
+
+/// That a field is not heeded, and that an answer has stood long enough, shows no effect of anything.
+fn is_of_no_effect(message: &Message) -> bool {
+    let Message::SubsystemStatusAlert(alert) = message else {
+        return false;
+    };
+    let text = alert.text.as_ref().map_or("", |text| text.as_str());
+    text.contains(": not heeded") || alert.priority == Some(AlertPriority::Cleared)
 }
 
 /// Sends it to the vehicle and waits for its end.

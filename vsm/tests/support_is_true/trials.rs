@@ -227,7 +227,7 @@ fn with_areas(rig: &mut Rig) {
     done(rig, circle());
 }
 
-fn corner(number: u8, at: (f64, f64)) -> AreaVertex {
+pub(super) fn corner(number: u8, at: (f64, f64)) -> AreaVertex {
     let (latitude, longitude) = orders::place(at.0, at.1);
     AreaVertex {
         area_id: Some(1),
@@ -240,7 +240,7 @@ fn corner(number: u8, at: (f64, f64)) -> AreaVertex {
     }
 }
 
-fn circle() -> AreaVertex {
+pub(super) fn circle() -> AreaVertex {
     AreaVertex {
         area_type: Some(AreaType::KeepOutCircle),
         vertex_count: Some(1),
@@ -249,7 +249,7 @@ fn circle() -> AreaVertex {
     }
 }
 
-fn areas(mode: AreaPlanMode) -> AreaTransferCommand {
+pub(super) fn areas(mode: AreaPlanMode) -> AreaTransferCommand {
     AreaTransferCommand {
         area_plan_mode: Some(mode),
         ..AreaTransferCommand::default()
@@ -290,7 +290,7 @@ fn waypoint_2() -> UaPositionWaypoint {
     }
 }
 
-fn curve() -> CurveSegment {
+pub(super) fn curve() -> CurveSegment {
     let (p2, p3) = (orders::place(120.0, 50.0), orders::place(120.0, 150.0));
     CurveSegment {
         p1_waypoint_no: Some(1),
@@ -306,7 +306,7 @@ fn curve() -> CurveSegment {
     }
 }
 
-fn paper_curve() -> CurveSegmentPaper {
+pub(super) fn paper_curve() -> CurveSegmentPaper {
     let (p2, p3) = (orders::place(120.0, 50.0), orders::place(120.0, 150.0));
     CurveSegmentPaper {
         time_stamp: Some(1.0),
@@ -351,6 +351,7 @@ fn rights() -> Vec<Trial> {
             then_5_s,
             orders::request_control(),
             [
+                "VSM ID" = "5",
                 "Requested/Handover LOI" = "1",
                 "Requested/Handover Access" = "0",
                 "Controlled Station 1-16" = "1",
@@ -434,8 +435,17 @@ fn flight() -> Vec<Trial> {
                 "Select Flight Path Control Mode" = "12",
                 "Altitude Command Type" = "2",
                 "Commanded Altitude" = "+500",
-                "Altitude Type" = "1",
             ]
+        ),
+        trial!(
+            one,
+            control,
+            then_20_s,
+            VehicleOperatingModeCommand {
+                altitude_type: Some(AltitudeType::Wgs84),
+                ..orders::launch(560.0)
+            },
+            ["Altitude Type" = "1"]
         ),
         trial!(
             one,
@@ -683,7 +693,7 @@ fn requests() -> Vec<Trial> {
             [
                 "VSM ID" = "5",
                 "Request Type" = "4",
-                "Requested Message" = "2017",
+                "Requested Message" = "13002",
                 "Requested Field" = "15",
             ]
         ),

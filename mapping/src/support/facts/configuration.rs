@@ -3,7 +3,7 @@
 use super::{HEARD_STAMP, NULL_LINK, STAMP};
 use crate::support::MessageSupport;
 
-/// Of 41000, 41001 and 41003.
+/// Of 41000.
 const BOUNDED: &[(&str, &str)] = &[
     ("Time Stamp", STAMP),
     ("VSM ID", "dli.vsm_id"),
@@ -20,8 +20,6 @@ const BOUNDED: &[(&str, &str)] = &[
         "Min Value",
         "the vehicle's parameters and the configured limits",
     ),
-    ("Low Caution Limit", "the vehicle's parameters"),
-    ("Low Warning Limit", "the vehicle's parameters"),
     ("Help Text", "the unit, and where the bounds are from"),
     ("Subsystem ID", "not assigned"),
 ];
@@ -56,9 +54,18 @@ pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
         id: 41001,
         taken: "",
-        sends: "in answer to 40000: floats",
+        sends: "in answer to 40000: floats, which nothing bounds here",
         honoured: &[],
-        sent: BOUNDED,
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("VSM ID", "dli.vsm_id"),
+            ("Data Link ID", NULL_LINK),
+            ("Requested Message", "what it is about"),
+            ("Requested Field", "what it is about, from 1"),
+            ("Field Supported", "whether the field is used"),
+            ("Help Text", "empty"),
+            ("Subsystem ID", "not assigned"),
+        ],
     },
     MessageSupport {
         id: 41002,
@@ -85,7 +92,27 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "",
         sends: "in answer to 40000, and when a parameter changes: unsigned integers, in steps on the wire",
         honoured: &[],
-        sent: BOUNDED,
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("VSM ID", "dli.vsm_id"),
+            ("Data Link ID", NULL_LINK),
+            ("Requested Message", "what it is about"),
+            ("Requested Field", "what it is about, from 1"),
+            ("Field Supported", "whether the field is used"),
+            ("Default Value", "what a command may start from"),
+            (
+                "Max Value",
+                "the vehicle's parameters and the configured limits",
+            ),
+            (
+                "Min Value",
+                "the vehicle's parameters and the configured limits",
+            ),
+            ("Low Caution Limit", "of the energy level: BAT_LOW_THR"),
+            ("Low Warning Limit", "of the energy level: BAT_CRIT_THR"),
+            ("Help Text", "the unit, and where the bounds are from"),
+            ("Subsystem ID", "not assigned"),
+        ],
     },
     MessageSupport {
         id: 41004,
@@ -140,6 +167,30 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Instances", "routes that a plan holds"),
             ("Maximum Number of Waypoints", "vehicle.curve.max_items"),
             ("Location Type Support", "0: absolute only"),
+        ],
+    },
+    MessageSupport {
+        id: 44000,
+        taken: "",
+        sends: "to those that 40000 has configured, when another has set it: Altimeter Setting of 2016, Loiter Radius of 2017",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("Requested Message", "what it is about"),
+            ("Requested Field", "what it is about, from 1"),
+            ("Commanded Value", "what it is now"),
+        ],
+    },
+    MessageSupport {
+        id: 44002,
+        taken: "",
+        sends: "to those that 40000 has configured: the mode of 2016, when the vehicle enters another; Loiter Type and Loiter Direction of 2017, when another has set them",
+        honoured: &[],
+        sent: &[
+            ("Time Stamp", STAMP),
+            ("Requested Message", "what it is about"),
+            ("Requested Field", "what it is about, from 1"),
+            ("Commanded Enumeration Index Value", "what it is now"),
         ],
     },
     MessageSupport {

@@ -40,11 +40,11 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Time Stamp", HEARD_STAMP),
             (
                 "Select Flight Path Control Mode",
-                "2, 11, 12, 15, 19, 21, 23, 24; others are refused; absent or 0: the present mode",
+                "2, 11, 12, 15, 19, 20 while it lands, 21, 23, 24; others are refused; absent or 0: the present mode",
             ),
             (
                 "Altitude Command Type",
-                "1 altitude, 0 none; 2 and 3 in 15 alone",
+                "1 altitude, 0 none: the altitude is not flown; 2 and 3 in 15, elsewhere refused",
             ),
             (
                 "Commanded Altitude",
@@ -52,7 +52,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Commanded Vertical Speed",
-                "15: flown, or the limit of the way to an altitude",
+                "15: flown, or the limit of the way to an altitude; elsewhere 16000 says that it is not heeded",
             ),
             (
                 "Heading Command Type",
@@ -64,7 +64,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Commanded Turn Rate", "15: how fast it turns"),
             (
                 "Commanded Speed",
-                "DO_CHANGE_SPEED in 11 and 12, flown in 15; 0: none",
+                "DO_CHANGE_SPEED in 11 and 12 (a multicopter's circle: DO_ORBIT), flown in 15; refused beyond the range that 41003 tells; 0: none",
             ),
             (
                 "Speed Type",
@@ -72,7 +72,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Commanded Waypoint Number",
-                "11, 23, 24: the flight starts at it; 0: none",
+                "11, and routes flown by 19, 23, 24: the flight starts at it; 0: none; elsewhere 16000 says that it is not heeded",
             ),
             (
                 "Altimeter Setting",
@@ -95,12 +95,15 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Time Stamp", HEARD_STAMP),
             (
                 "Loiter Type",
-                "4 hover, 1 circle; others are refused by 2016",
+                "4 hover (not of a fixed wing), 1 circle; others are refused",
             ),
-            ("Loiter Radius", "of the circle"),
+            (
+                "Loiter Radius",
+                "of the circle; 0: none; above 1000 m it is refused",
+            ),
             (
                 "Loiter Direction",
-                "2 counter-clockwise; others fly clockwise",
+                "2 counter-clockwise, 0 and 1 clockwise; others are refused",
             ),
         ],
         sent: &[],

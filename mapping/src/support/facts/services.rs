@@ -22,7 +22,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Time Stamp", HEARD_STAMP),
             (
                 "Subsystem State Report Reference",
-                "of the 16001 that told it",
+                "of the 16001 that told it; others are refused",
             ),
         ],
         sent: &[],
@@ -106,7 +106,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
                 "Requested Message Type",
                 "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 4000, 4001, 12101, 16001, 16002; others are refused",
             ),
-            ("Frequency", "1 to 50 Hz; 0: no longer"),
+            (
+                "Frequency",
+                "1 to 100 Hz; 0: no longer; forgotten when LOI 2 ends",
+            ),
         ],
         sent: &[],
     },

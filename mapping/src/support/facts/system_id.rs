@@ -10,10 +10,14 @@ pub(super) static ROWS: &[MessageSupport] = &[
         sends: "",
         honoured: &[
             ("Time Stamp", HEARD_STAMP),
-            ("Requested/Handover LOI", "the levels asked for or released"),
+            ("VSM ID", "refused unless this VSM's, everybody's or none"),
+            (
+                "Requested/Handover LOI",
+                "the levels asked for or released; with bits beyond LOI 2 to 5 nothing is granted",
+            ),
             (
                 "Requested/Handover Access",
-                "0 releases, 1 asks, 2 overrides where the configuration lets it; absent or without levels: a question",
+                "0 releases, 1 asks, 2 overrides where the configuration lets it; absent or without levels: a question; others are refused",
             ),
             (
                 "Controlled Station 1-16",

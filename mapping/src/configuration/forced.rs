@@ -1,0 +1,121 @@
+//! Values that are no longer what a ground station has set: 44000 and 44002 say what they are now.
+//!
+//! These are the values that this VSM keeps for all stations alike (the altimeter setting of 2016, the loiter of 2017),
+//! and the mode that the vehicle is in. 44001 would say the same of a float: this VSM keeps none.
+
+use stanag_msgs::Message;
+use stanag_msgs::enums::FlightPathControlMode;
+use stanag_msgs::messages::{
+    FieldChangeEnumeratedCommand, FieldChangeIntegerCommand, LoiterConfiguration,
+};
+use stanag_msgs::table;
+
+use crate::altitude::Altimeter;
+
+/// 44002: the mode that the vehicle is in now, in 2016. One of this VSM's own is described by 41002 of 3001.
+#[must_use]
+pub fn mode(now: FlightPathControlMode) -> Option<Message> {
+    change(2016, "Select Flight Path Control Mode", now.raw().into())
+}
+
+/// 44000: the altimeter setting of 2016, in steps on the wire.
+#[must_use]
+pub fn altimeter(now: Altimeter) -> Option<Message> {
+    let step = field(2016, "Altimeter Setting")?.step();
+    let steps = (now.pascal() / step).round();
+    change(2016, "Altimeter Setting", steps as i32)
+}
+
+/// One message for each value of 2017 that has an effect and is other than before.
+pub fn loiter(
+    now: &LoiterConfiguration,
+    before: &LoiterConfiguration,
+) -> impl Iterator<Item = Message> + use<> {
+    let values = |of: &LoiterConfiguration| {
+        [
+            ("Loiter Type", of.loiter_type.map(|kind| kind.raw().into())),
+            (
+                "Loiter Radius",
+                of.loiter_radius.map(|radius| i32::from(radius.raw())),
+            ),
+            (
+                "Loiter Direction",
+                of.loiter_direction.map(|way| way.raw().into()),
+            ),
+        ]
+    };
+    values(now)
+        .into_iter()
+        .zip(values(before))
+        .filter(|(now, before)| now != before)
+        .filter_map(|((name, now), _)| change(2017, name, now?))
+}
+
+/// 44002 of an enumerated field, 44000 of any other.
+fn change(message: u16, name: &str, value: i32) -> Option<Message> {
+    let field = field(message, name)?;
+    let number = field.bit + 1;
+    Some(if field.enumeration.is_some() {
+        Message::FieldChangeEnumeratedCommand(FieldChangeEnumeratedCommand {
+            requested_message: Some(message),
+            requested_field: Some(number),
+            commanded_enumeration_index_value: Some(value),
+            ..FieldChangeEnumeratedCommand::default()
+        })
+    } else {
+        Message::FieldChangeIntegerCommand(FieldChangeIntegerCommand {
+            requested_message: Some(message),
+            requested_field: Some(number),
+            commanded_value: Some(value),
+            ..FieldChangeIntegerCommand::default()
+        })
+    })
+}
+
+fn field(message: u16, name: &str) -> Option<&'static table::FieldInfo> {
+    table::message(message)?.field(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::Scaled;
+    use stanag_msgs::enums::{LoiterDirection, LoiterType};
+
+    use super::*;
+
+    #[test]
+    fn a_value_is_told_by_the_message_of_its_kind_in_steps() {
+        let told = altimeter(Altimeter::new(101_820.0).expect("a setting"));
+        let expected = FieldChangeIntegerCommand {
+            requested_message: Some(2016),
+            requested_field: Some(16),
+            commanded_value: Some(10_182),
+            ..FieldChangeIntegerCommand::default()
+        };
+        assert_eq!(told, Some(expected.into()));
+        let Some(Message::FieldChangeEnumeratedCommand(told)) =
+            mode(FlightPathControlMode::AutolandEngage)
+        else {
+            panic!("an enumerated field")
+        };
+        assert_eq!(told.requested_field, Some(2));
+        assert_eq!(told.commanded_enumeration_index_value, Some(19));
+    }
+
+    #[test]
+    fn of_a_loiter_only_what_is_other_is_told() {
+        let before = LoiterConfiguration {
+            loiter_type: Some(LoiterType::Circular),
+            loiter_radius: Some(Scaled::saturating_from_si(30.0)),
+            ..LoiterConfiguration::default()
+        };
+        let now = LoiterConfiguration {
+            loiter_radius: Some(Scaled::saturating_from_si(60.0)),
+            loiter_direction: Some(LoiterDirection::CounterClockwise),
+            ..before.clone()
+        };
+        let ids: Vec<u16> = loiter(&now, &before).map(|told| told.id()).collect();
+        assert_eq!(ids, [44_000, 44_002]);
+        assert_eq!(loiter(&now, &now).count(), 0);
+    }
+}
