@@ -108,7 +108,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
                 "Waypoint Loiter Type",
                 "1 circle, 4 hover (a multicopter hovers at both); others are refused",
             ),
-            ("Loiter Radius", "of the circle of a fixed wing"),
+            (
+                "Loiter Radius",
+                "of the circle of a fixed wing; above 1000 m it is refused",
+            ),
             (
                 "Loiter Direction",
                 "of a fixed wing: 1 clockwise, 2 counter-clockwise; into the wind is refused",

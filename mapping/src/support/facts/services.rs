@@ -30,7 +30,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
         id: 16000,
         taken: "",
-        sends: "when something happens, changes or is over",
+        sends: "when something happens, changes or is over; of a refusal with its reason, cleared 15 s later",
         honoured: &[],
         sent: &[
             ("Time Stamp", STAMP),
