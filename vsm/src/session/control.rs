@@ -92,7 +92,9 @@ impl Aircraft {
             Some(RequestedAccess::Request | RequestedAccess::Override) => {
                 "rights are asked of a vehicle, not of all"
             }
-            Some(RequestedAccess::Unknown(_)) => "Requested/Handover Access is none of 0 to 2",
+            Some(RequestedAccess::Unknown(_)) if named => {
+                "Requested/Handover Access is none of 0 to 2"
+            }
             _ => {
                 self.answer_authorisation(desk, origin.station, Some(request));
                 self.convey_pending(desk, origin.station);
@@ -314,7 +316,9 @@ fn understood(
     if !desk.is_meant(request.vsm_id) {
         return Err("VSM ID is another VSM's".to_owned());
     }
-    if let Some(RequestedAccess::Unknown(access)) = request.requested_handover_access {
+    if let Some(RequestedAccess::Unknown(access)) = request.requested_handover_access
+        && !levels.is_empty()
+    {
         return Err(format!(
             "Requested/Handover Access {access}, expected 0 to 2"
         ));
