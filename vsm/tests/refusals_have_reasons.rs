@@ -388,8 +388,10 @@ fn a_field_of_a_plan_that_never_has_an_effect_is_said_once() {
 fn a_message_that_a_vsm_sends_is_refused_with_the_reason() {
     let mut rig = Rig::ready();
     let wall = rig.now().wall;
-    let mut report = InertialStates::default();
-    report.time_stamp = Some(stanag_msgs::TimeStamp::from_unix_ms(wall.as_millis() as u64));
+    let report = InertialStates {
+        time_stamp: Some(stanag_msgs::TimeStamp::from_unix_ms(wall.as_millis() as u64)),
+        ..InertialStates::default()
+    };
     let envelope = stanag_msgs::Envelope::new(cucs(0), vehicle_id(0)).requesting_ack();
     let mut octets = [0; stanag_msgs::MAX_DATAGRAM];
     let length = Message::from(report)
