@@ -568,9 +568,10 @@ const ARM_PATIENCE: Duration = Duration::from_secs(8);
 const MODE_PATIENCE: Duration = Duration::from_secs(2);
 /// Between two tries after a temporary rejection.
 const PAUSE: Duration = Duration::from_millis(400);
-/// How far a flown speed may be from the one commanded: wind and the turn make it waver.
+/// How far a flown speed may be from the one commanded: on a circle PX4 lags behind its set point, by a sixth at 5 m/s on
+/// 30 m, and wind makes it waver.
 fn speed_slack(speed_m_s: f64) -> f64 {
-    (0.1 * speed_m_s).max(0.5)
+    (0.25 * speed_m_s).max(0.5)
 }
 
 /// To another speed on a circle.
