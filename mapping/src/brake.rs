@@ -1,25 +1,31 @@
 //! Waypoints that a multicopter must stop at, or it could miss them for good.
 //!
 //! PX4 flies height and distance apart from each other. It runs past a waypoint whose next one is at another height
-//! with its climb still on, and swings about the height of it; and a climb can take longer than the way. Where the
-//! acceptance radius is as small as a fly-over's, the waypoint is then left behind while the height is more than
-//! NAV_MC_ALT_RAD (0.8 m) off, PX4 does not turn back, and the vehicle flies on along the leg without end: seen on
-//! v1.18 at 3 m and 5 m/s, with a climb of 1.5 m in 25 m. A hold of any length makes PX4 brake for the waypoint, and
-//! then none is missed. With PX4's own radius (NAV_ACC_RAD, 10 m) there is time enough inside it.
+//! with its climb still on, and swings about the height of it; and a climb can take longer than the way. Where it leaves
+//! the acceptance radius behind while the height is more than NAV_MC_ALT_RAD (0.8 m) off, PX4 does not turn back, and the
+//! vehicle flies on along the leg without end, climbing: seen on v1.18 at a radius of 3 m and 5 m/s with a climb of 1.5 m
+//! in 25 m, and at PX4's own radius (NAV_ACC_RAD, 10 m) and 10 m/s with a climb of 5 m in 100 m. A hold of any length
+//! makes PX4 brake for the waypoint, and then none is missed. At 5 m/s there is time enough inside its own radius, however
+//! steep the climb.
 
 use mavlink_link::service::mission::Item;
 
-use crate::route::NAV_WAYPOINT;
+use crate::route::{CRUISE_M_S, DO_CHANGE_SPEED, NAV_WAYPOINT};
 
-/// Makes PX4 brake for each waypoint of these that has a radius of its own, and that it comes to, or goes on from, with
-/// a climb or a descent. The first one is come to from anywhere. Gives the indices of those it brakes for.
+/// Makes PX4 brake for each waypoint of these that it comes to, or goes on from, with a climb or a descent, where it has
+/// a radius of its own or is passed within less time than a swing of the height takes. `own_radius_m` is that of an item
+/// without one (NAV_ACC_RAD). The first waypoint is come to from anywhere. Gives the indices of those it brakes for.
 ///
 /// The points of a curve are not meant: they are slowed and widened instead ([`crate::curve`]).
-pub(crate) fn where_height_changes(items: &mut [Item], waypoints: &[usize]) -> Vec<usize> {
+pub(crate) fn where_height_changes(
+    items: &mut [Item],
+    waypoints: &[usize],
+    own_radius_m: f64,
+) -> Vec<usize> {
     let mut braked = Vec::new();
     for &at in waypoints {
         let Some(item) = items.get(at) else { break };
-        if item.command != NAV_WAYPOINT || item.params[1] <= 0.0 || item.params[0] > 0.0 {
+        if item.command != NAV_WAYPOINT || item.params[0] > 0.0 {
             continue;
         }
         let before = items.iter().take(at).rev().find(|item| item.is_global());
@@ -29,7 +35,9 @@ pub(crate) fn where_height_changes(items: &mut [Item], waypoints: &[usize]) -> V
         let differs = |other: &Item| {
             !other.is_global() || other.frame != item.frame || (other.z - item.z).abs() > LEVEL_M
         };
-        if before.is_none_or(differs) || next.is_some_and(differs) {
+        let own = item.params[1] <= 0.0;
+        let changes = before.map_or(!own, differs) || next.is_some_and(differs);
+        if changes && (!own || SWING_S * speed_m_s(items, at) > 2.0 * own_radius_m) {
             braked.push(at);
         }
     }
@@ -41,10 +49,23 @@ pub(crate) fn where_height_changes(items: &mut [Item], waypoints: &[usize]) -> V
     braked
 }
 
+/// The speed at which the item is come to, m/s.
+fn speed_m_s(items: &[Item], at: usize) -> f64 {
+    let before = items.iter().take(at).rev();
+    before
+        .filter(|item| item.command == DO_CHANGE_SPEED)
+        .map(|item| f64::from(item.params[1]))
+        .find(|speed| *speed > 0.0)
+        .unwrap_or(CRUISE_M_S)
+}
+
 const DO_JUMP: u16 = 177;
 /// Heights that differ by less than this are one, m: PX4 takes 1 mm for a difference, and swings by no more than this
 /// one is.
 const LEVEL_M: f32 = 0.05;
+/// How long a swing takes, s. At 6.5 m/s and a radius of 10 m, 3 s to cross it, waypoints were taken as late as 11 m
+/// behind; at 5 m/s, 4 s, as late as 7 m.
+const SWING_S: f64 = 4.0;
 /// The shortest hold that matters, s.
 const HOLD_S: f32 = 0.1;
 
@@ -76,7 +97,20 @@ mod tests {
 
     fn all(items: &mut [Item]) -> Vec<usize> {
         let every: Vec<usize> = (0..items.len()).collect();
-        where_height_changes(items, &every)
+        where_height_changes(items, &every, 10.0)
+    }
+
+    /// Items 100 m apart with PX4's own radius, come to at this speed.
+    fn far(speed_m_s: f32, heights: &[f32]) -> Vec<Item> {
+        let mut items = vec![Item {
+            params: [1.0, speed_m_s, -1.0, 0.0],
+            ..speed()
+        }];
+        items.extend((0..).zip(heights).map(|(k, z)| Item {
+            x: 473_977_434 + k * 8_993,
+            ..to(*z, 0.0)
+        }));
+        items
     }
 
     #[test]
@@ -107,9 +141,20 @@ mod tests {
     }
 
     #[test]
-    fn the_vehicles_own_radius_is_wide_enough() {
-        let mut items = [to(30.0, 0.0), to(45.0, 0.0), to(30.0, 0.0)];
-        assert!(all(&mut items).is_empty());
+    fn the_vehicles_own_radius_is_wide_enough_for_a_slow_vehicle() {
+        assert!(all(&mut [to(30.0, 0.0), to(45.0, 0.0), to(30.0, 0.0)]).is_empty());
+        assert!(all(&mut far(5.0, &[30.0, 90.0, 30.0])).is_empty());
+        assert!(
+            all(&mut far(12.0, &[30.0; 3])).is_empty(),
+            "level at any speed"
+        );
+    }
+
+    #[test]
+    fn a_fast_vehicle_brakes_even_there() {
+        assert_eq!(all(&mut far(10.0, &[30.0, 35.0, 35.0, 35.0])), [1, 2]);
+        let mut items = far(6.0, &[30.0, 35.0]);
+        assert_eq!(where_height_changes(&mut items, &[1, 2], 20.0), []);
     }
 
     #[test]

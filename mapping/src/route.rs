@@ -131,8 +131,8 @@ impl Flight {
     }
 
     /// Makes PX4 stop at those of these items that it could miss for good, and says so.
-    fn brake(&mut self, straight: &[usize]) {
-        let braked = brake::where_height_changes(&mut self.items, straight);
+    fn brake(&mut self, straight: &[usize], own_radius_m: f64) {
+        let braked = brake::where_height_changes(&mut self.items, straight, own_radius_m);
         let mut numbers: Vec<u16> = braked
             .iter()
             .skip(1)
@@ -142,8 +142,8 @@ impl Flight {
         if !numbers.is_empty() {
             let numbers: Vec<String> = numbers.iter().map(u16::to_string).collect();
             self.notes.push(format!(
-                "it climbs or descends at small radii, to or from waypoint {}: the vehicle stops at each point there, or \
-                 it could miss one and fly on",
+                "it climbs or descends fast or at small radii, to or from waypoint {}: the vehicle stops at each \
+                 point there, or it could miss one and fly on",
                 numbers.join(", ")
             ));
         }
@@ -406,7 +406,7 @@ pub(crate) fn flight_within(plan: &Plan, initial: u16, site: &Site) -> Result<Fl
     }
     if site.hovers {
         straight.retain(|at| !ends.contains(at));
-        flight.brake(&straight);
+        flight.brake(&straight, site.curving.own_radius_m);
         for end in ends {
             widen(&mut flight.items, end);
         }
@@ -755,12 +755,12 @@ fn degrees_e7(degrees: f64) -> i32 {
 }
 
 /// MPC_XY_CRUISE, m/s: what PX4 flies before any speed is commanded.
-const CRUISE_M_S: f64 = 5.0;
+pub(crate) const CRUISE_M_S: f64 = 5.0;
 const NAV_LAND: u16 = 21;
 /// Most that the end of a curve is widened to, m.
 const WIDEST_M: f32 = 20.0;
 pub(crate) const NAV_WAYPOINT: u16 = 16;
-const DO_CHANGE_SPEED: u16 = 178;
+pub(crate) const DO_CHANGE_SPEED: u16 = 178;
 /// Frame 2: an item without a place.
 pub(crate) const FRAME_MISSION: u8 = 2;
 const SPEED_TYPE_GROUND: f32 = 1.0;
