@@ -26,6 +26,7 @@ pub mod disputed;
 pub mod enums;
 pub mod id;
 pub mod json;
+pub mod pcapng;
 pub mod profile;
 pub mod scalar;
 pub mod table;

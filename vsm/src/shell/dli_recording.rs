@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use stanag_msgs::{Id, frames};
 
-use super::pcapng;
 use super::recording::RecordFile;
+use stanag_msgs::pcapng;
 
 /// An open recording.
 #[derive(Debug)]

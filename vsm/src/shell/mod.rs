@@ -17,7 +17,6 @@ pub mod key_link;
 pub mod key_store;
 pub mod pairing;
 pub mod pairing_socket;
-pub mod pcapng;
 pub mod recording;
 pub mod server;
 pub mod service;
