@@ -4,7 +4,7 @@
 //! port keeps them. Exit status: 0 done, 1 refused or no answer, 2 a wrong question or file.
 
 use std::io::{BufRead as _, Stdout, Write as _};
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs as _};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::mpsc::{self, Receiver, TryRecvError};
@@ -87,11 +87,9 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         }
         _ => None,
     };
-    let vsm = resolve(&arguments.vsm)?;
-    let local = arguments.listen.unwrap_or_else(|| any_port(vsm));
-    let station = Station::bind(arguments.id, local, vsm)
+    let station = Station::reach(arguments.id, arguments.listen, &arguments.vsm)
         .await
-        .map_err(|fault| failure(1, fault))?;
+        .map_err(|fault| failure(fault.exit_status(), fault))?;
     let style = if arguments.json {
         Style::Json
     } else {
@@ -164,26 +162,6 @@ fn prompt() {
     let mut error = std::io::stderr();
     // A closed standard error is no reason to end.
     let _ = write!(error, "cucs> ").and_then(|()| error.flush());
-}
-
-fn resolve(text: &str) -> Result<SocketAddr, Failure> {
-    let expected = "expected HOST:PORT";
-    let mut found = text
-        .to_socket_addrs()
-        .map_err(|error| failure(2, format!("--vsm {text}: {error}, {expected}")))?;
-    found
-        .next()
-        .ok_or_else(|| failure(2, format!("--vsm {text}: no address, {expected}")))
-}
-
-fn any_port(vsm: SocketAddr) -> SocketAddr {
-    let ip: IpAddr = match vsm.ip() {
-        IpAddr::V4(ip) if ip.is_loopback() => Ipv4Addr::LOCALHOST.into(),
-        IpAddr::V6(ip) if ip.is_loopback() => Ipv6Addr::LOCALHOST.into(),
-        IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
-        IpAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
-    };
-    SocketAddr::new(ip, 0)
 }
 
 fn failure(status: u8, text: impl std::fmt::Display) -> Failure {

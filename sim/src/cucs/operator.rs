@@ -69,6 +69,20 @@ impl<W: Write> Operator<W> {
     /// It was not done.
     pub async fn run(&mut self, verb: &Verb, folder: &Path) -> Done {
         let done = self.carry_out(verb, folder).await;
+        self.conclude(done)
+    }
+
+    /// Sends a route of this name and loads it aboard, and tells.
+    ///
+    /// # Errors
+    /// It was not done.
+    pub async fn load(&mut self, name: &str, route: &Route) -> Done {
+        let done = self.send_route(name, route).await;
+        self.conclude(done)
+    }
+
+    /// Tells the alerts that came with it.
+    fn conclude(&mut self, done: Done) -> Done {
         // What the error says is not told twice.
         let error = done.as_ref().err().map(ToString::to_string);
         self.tell_alerts(error.as_deref().unwrap_or_default())?;
@@ -78,6 +92,16 @@ impl<W: Write> Operator<W> {
             writeln!(self.out, "{}", json!({"error": error}))?;
         }
         done
+    }
+
+    async fn send_route(&mut self, name: &str, route: &Route) -> Done {
+        let vehicle = self.meet().await?;
+        let waypoints = route.waypoints.len();
+        self.station.send_route(vehicle, route).await?.accepted()?;
+        self.tell(
+            &format!("{vehicle}: {name} with {waypoints} waypoints is aboard"),
+            json!({"loaded": name, "waypoints": waypoints}),
+        )
     }
 
     async fn carry_out(&mut self, verb: &Verb, folder: &Path) -> Done {
@@ -112,16 +136,7 @@ impl<W: Write> Operator<W> {
                 if mission_id.is_some() {
                     route.mission_id.clone_from(mission_id);
                 }
-                let vehicle = self.meet().await?;
-                let waypoints = route.waypoints.len();
-                self.station.send_route(vehicle, &route).await?.accepted()?;
-                self.tell(
-                    &format!(
-                        "{vehicle}: {} with {waypoints} waypoints is aboard",
-                        file.display()
-                    ),
-                    json!({"loaded": file.display().to_string(), "waypoints": waypoints}),
-                )
+                self.send_route(&file.display().to_string(), &route).await
             }
             Verb::Clear => {
                 let vehicle = self.meet().await?;
@@ -254,7 +269,10 @@ impl<W: Write> Operator<W> {
     }
 
     /// The vehicle that is commanded: the one named, or the only one. The VSM hears of this station by it.
-    async fn meet(&mut self) -> Result<Id, OperatorError> {
+    ///
+    /// # Errors
+    /// Nobody answers, it is not there, or more than one are and none was named.
+    pub async fn meet(&mut self) -> Result<Id, OperatorError> {
         if let Some(met) = self.met {
             return Ok(met);
         }

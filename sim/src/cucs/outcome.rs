@@ -69,6 +69,14 @@ impl fmt::Display for Refused {
 /// Why an operation did not come to an end.
 #[derive(Debug, thiserror::Error)]
 pub enum StationError {
+    /// An address that is none.
+    #[error("{address}: {reason}, expected HOST:PORT")]
+    Address {
+        /// What was given.
+        address: String,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The socket.
     #[error("{what}: {source}")]
     Socket {
@@ -127,6 +135,17 @@ pub enum StationError {
     /// A message cannot be written.
     #[error(transparent)]
     Encode(#[from] EncodeError),
+}
+
+impl StationError {
+    /// 2 where the question was wrong, 1 where the answer is no.
+    #[must_use]
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::Address { .. } | Self::Route(_) | Self::Value(_) => 2,
+            _ => 1,
+        }
+    }
 }
 
 fn reasons_text(reasons: &[String]) -> String {

@@ -4,7 +4,7 @@
 //! instead. Nothing is spawned: the station is served while one of its methods runs, so one thread is enough, and
 //! [`Station::idle`] is how to wait. A method that is dropped half way leaves the station usable.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs as _};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use stanag_msgs::{Id, Message};
@@ -47,6 +47,29 @@ impl Station {
     /// The address is taken or cannot be used.
     pub async fn bind(id: Id, local: SocketAddr, vsm: SocketAddr) -> Result<Station, StationError> {
         Station::with_config(SessionConfig::new(id), local, vsm).await
+    }
+
+    /// A station that speaks to the VSM at `vsm`, HOST:PORT. Without `local` it listens on any port, on the loopback
+    /// where the VSM is there.
+    ///
+    /// # Errors
+    /// The VSM's address is none, or the own one is taken or cannot be used.
+    pub async fn reach(
+        id: Id,
+        local: Option<SocketAddr>,
+        vsm: &str,
+    ) -> Result<Station, StationError> {
+        let address = |reason: String| StationError::Address {
+            address: vsm.to_owned(),
+            reason,
+        };
+        let mut found = vsm
+            .to_socket_addrs()
+            .map_err(|fault| address(fault.to_string()))?;
+        let vsm = found
+            .next()
+            .ok_or_else(|| address("no such host".to_owned()))?;
+        Station::bind(id, local.unwrap_or_else(|| any_port(vsm)), vsm).await
     }
 
     /// [`Station::bind`] with a session of another kind.
@@ -307,6 +330,16 @@ impl Station {
             format!("seen: {}", lines.join(" | "))
         }
     }
+}
+
+fn any_port(vsm: SocketAddr) -> SocketAddr {
+    let ip: IpAddr = match vsm.ip() {
+        IpAddr::V4(ip) if ip.is_loopback() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(ip) if ip.is_loopback() => Ipv6Addr::LOCALHOST.into(),
+        IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+        IpAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+    };
+    SocketAddr::new(ip, 0)
 }
 
 /// More than any datagram may have: one that is too long is seen to be.

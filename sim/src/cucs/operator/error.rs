@@ -65,7 +65,7 @@ impl OperatorError {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::RouteFile(_) | Self::FenceFile(_) | Self::Ambiguous(_) | Self::Seconds(_) => 2,
-            Self::Station(StationError::Route(_) | StationError::Value(_)) => 2,
+            Self::Station(fault) => fault.exit_status(),
             _ => 1,
         }
     }

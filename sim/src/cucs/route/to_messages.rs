@@ -1,12 +1,15 @@
 //! A route into 13001, 13002, 13003, 50001 and 50002. Stamps are put in when the messages are sent.
 
-use stanag_msgs::enums::{LoiterDurationUnits, WaypointType};
+use stanag_msgs::enums::{LoiterDurationUnits, MissionPlanMode, WaypointType};
 use stanag_msgs::messages::{
-    CurveSegment, CurveSegmentPaper, UaLoiterWaypoint, UaPositionWaypoint, UaRoute,
+    CurveSegment, CurveSegmentPaper, MissionTransferCommand, UaLoiterWaypoint, UaPositionWaypoint,
+    UaRoute,
 };
 use stanag_msgs::scalar::{Integer, Scale};
-use stanag_msgs::{Bam16, Bam32, Id, Message, Scaled, Text};
+use stanag_msgs::{Bam16, Bam32, Envelope, Id, MAX_DATAGRAM, Message, Scaled, Text, TimeStamp};
 
+use super::super::outcome::StationError;
+use super::super::stamping::stamped;
 use super::{Curve, CurveForm, Loiter, LoiterSpan, Route, RouteError, Waypoint};
 
 impl Route {
@@ -36,6 +39,41 @@ impl Route {
 }
 
 impl Route {
+    /// What a station at `cucs` sends to load it, a message a datagram: [`Route::messages`] and the 13000, each stamped
+    /// a millisecond after the one before, the first at `unix_ms`, and each with an acknowledgement asked for.
+    ///
+    /// # Errors
+    /// A value that its field cannot carry.
+    pub fn datagrams(
+        &self,
+        vehicle: Id,
+        cucs: Id,
+        unix_ms: u64,
+    ) -> Result<Vec<Vec<u8>>, StationError> {
+        let mut messages = self.messages(vehicle, cucs)?;
+        messages.push(self.load_command()?.into());
+        let envelope = Envelope::new(cucs, vehicle).requesting_ack();
+        let mut octets = [0; MAX_DATAGRAM];
+        let mut stamp = TimeStamp::from_unix_ms(unix_ms).0;
+        let mut out = Vec::with_capacity(messages.len());
+        for message in messages {
+            let length = stamped(&message, TimeStamp(stamp)).encode(&envelope, &mut octets)?;
+            out.extend(octets.get(..length).map(<[u8]>::to_vec));
+            stamp += 1;
+        }
+        Ok(out)
+    }
+
+    /// The 13000 that loads it.
+    pub(crate) fn load_command(&self) -> Result<MissionTransferCommand, RouteError> {
+        Ok(MissionTransferCommand {
+            mission_id: self.mission_id()?,
+            mission_plan_mode: Some(MissionPlanMode::Load),
+            route_id: self.route_id()?,
+            ..MissionTransferCommand::default()
+        })
+    }
+
     /// The Mission ID for the 13000 that loads it.
     pub(crate) fn mission_id(&self) -> Result<Option<Text<20>>, RouteError> {
         text("Mission ID", self.mission_id.as_deref())

@@ -26,18 +26,11 @@ impl Station {
         vehicle: Id,
         route: &Route,
     ) -> Result<Outcome, StationError> {
-        let mission_id = route.mission_id()?;
-        let route_id = route.route_id()?;
+        let load = route.load_command()?;
         let messages = route.messages(vehicle, self.session.id())?;
         if let Outcome::Refused(refused) = self.store(vehicle, &messages).await? {
             return Ok(Outcome::Refused(refused));
         }
-        let load = MissionTransferCommand {
-            mission_id,
-            mission_plan_mode: Some(MissionPlanMode::Load),
-            route_id,
-            ..MissionTransferCommand::default()
-        };
         self.transfer(vehicle, load).await
     }
 
