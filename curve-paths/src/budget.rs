@@ -1,9 +1,14 @@
 //! The smallest tolerance that a number of items allows.
+//!
+//! The number of chords grows with one over the root of the tolerance, nearly, for each leg by itself. So one walk tells
+//! what tolerance to try next, and a few walks enclose the one that is sought.
 
 use thiserror::Error;
 
 use crate::densify::{Densified, DensifyError, Leg, Options, check, densify};
-use crate::walk::{Rules, count};
+use crate::leg::BezierLeg;
+use crate::local::Charges;
+use crate::walk::{Rules, length, length_guessed};
 
 /// A route densified to a number of vertices.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,57 +54,21 @@ pub fn densify_to_budget(
             least,
         });
     }
-    let inner = |vertices: usize| (vertices - legs.len()).max(1) as f64;
-    let needs = |tolerance_m: f64| {
-        let rules = Rules {
-            tolerance_m: tolerance_m - fixed_m,
-            min_chord_m: 0.0,
-            charges: options.charges,
-        };
-        let enough = 2 * max_vertices;
-        let mut total = 1;
-        for leg in legs {
-            total += match leg {
-                Leg::Straight { .. } => 1,
-                Leg::Bezier(leg) => count(leg, &rules, enough),
-            };
-            if total > enough {
-                break;
-            }
-        }
-        total
-    };
-    let mut tolerance_m = options.tolerance_m;
-    let mut needed = needs(tolerance_m);
-    if needed <= max_vertices {
+    let curves = Curves::new(legs, max_vertices, options);
+    let asked_m = options.tolerance_m - fixed_m;
+    let mut high = if curves.fit(asked_m) {
         let densified = densify(legs, options)?;
-        return Ok(Budgeted {
-            densified,
-            tolerance_m,
-        });
-    }
-    let (mut low, mut high) = (tolerance_m, f64::INFINITY);
-    // Chords grow with the root of the tolerance, so the number says how far off it is; the number moves in steps, so
-    // after a few such guesses the interval is halved.
-    let mut guesses = 0;
-    while high > low * NARROW {
-        let scale = (inner(needed) / inner(max_vertices)).powi(2);
-        let guess = fixed_m + (tolerance_m - fixed_m) * scale;
-        tolerance_m = if guesses < GUESSES && guess > low && guess < high {
-            guess
-        } else if high.is_finite() {
-            (low * high).sqrt()
-        } else {
-            2.0 * low.max(tolerance_m)
-        };
-        guesses += 1;
-        needed = needs(tolerance_m);
-        if needed <= max_vertices {
-            high = tolerance_m;
-        } else {
-            low = tolerance_m;
+        let tolerance_m = options.tolerance_m;
+        if densified.vertices.len() <= max_vertices {
+            return Ok(Budgeted {
+                densified,
+                tolerance_m,
+            });
         }
-    }
+        tolerance_m
+    } else {
+        fixed_m + curves.smallest(asked_m)
+    };
     // The least chord can ask for more than the count did: then the tolerance gives way by small steps.
     let mut last = None;
     for _ in 0..LEAST_CHORD_STEPS {
@@ -128,10 +97,121 @@ pub fn densify_to_budget(
     Err(last.map_or(too_few, BudgetError::Densify))
 }
 
+/// The curved legs of a route, and the chords that there may be of them.
+struct Curves<'a> {
+    legs: Vec<&'a BezierLeg>,
+    most: usize,
+    charges: Charges,
+}
+
+impl<'a> Curves<'a> {
+    fn new(legs: &'a [Leg], max_vertices: usize, options: &Options) -> Self {
+        let curves = legs.iter().filter_map(|leg| match leg {
+            Leg::Bezier(leg) => Some(leg),
+            Leg::Straight { .. } => None,
+        });
+        let curves: Vec<&BezierLeg> = curves.collect();
+        // One vertex begins the route, and each straight leg ends in one.
+        let others = 1 + legs.len() - curves.len();
+        Self {
+            legs: curves,
+            most: max_vertices.saturating_sub(others),
+            charges: options.charges,
+        }
+    }
+
+    fn rules(&self, tolerance_m: f64) -> Rules {
+        Rules {
+            tolerance_m,
+            min_chord_m: 0.0,
+            charges: self.charges,
+        }
+    }
+
+    /// Whether they fit at this tolerance, fixed charges taken off; it stops counting where they do not.
+    fn fit(&self, tolerance_m: f64) -> bool {
+        let rules = self.rules(tolerance_m);
+        let mut left = self.most;
+        self.legs.iter().all(|leg| {
+            let chords = length(leg, &rules, left).ceil() as usize;
+            let fits = chords <= left;
+            left = left.saturating_sub(chords);
+            fits
+        })
+    }
+
+    /// The smallest tolerance, m, that they fit at, to [`NARROW`], where they do not at `low`.
+    fn smallest(&self, mut low: f64) -> f64 {
+        let mut high = f64::INFINITY;
+        let mut at = low;
+        let guessed = |leg: &&BezierLeg| length_guessed(leg, &self.rules(at));
+        let mut lengths: Vec<f64> = self.legs.iter().map(guessed).collect();
+        let mut walks = 0;
+        while high > low * NARROW {
+            // Both sides of the tolerance that the last walk foretells, the upper first.
+            let aim = at * self.scale(&lengths);
+            let near = if high > aim * BESIDE * BESIDE {
+                aim * BESIDE
+            } else {
+                aim / BESIDE
+            };
+            at = if walks < FORETOLD && near > low && near < high {
+                near
+            } else if high.is_finite() {
+                (low * high).sqrt()
+            } else {
+                2.0 * low
+            };
+            walks += 1;
+            let rules = self.rules(at);
+            let enough = 4 * self.most;
+            let mut chords = 0;
+            for (leg, known) in self.legs.iter().zip(&mut lengths) {
+                *known = length(leg, &rules, enough);
+                chords += known.ceil() as usize;
+            }
+            if chords <= self.most {
+                high = at;
+            } else {
+                low = at;
+            }
+        }
+        high
+    }
+
+    /// By how much the tolerance that these lengths were found at must grow, so that each leg's chords, rounded up, fit.
+    fn scale(&self, lengths: &[f64]) -> f64 {
+        let chords = |shrink: f64| -> usize {
+            let whole = |length: &f64| ((length * shrink).ceil() as usize).max(1);
+            lengths.iter().map(whole).sum()
+        };
+        let (mut fits, mut over) = (0.0, 1.0);
+        while chords(over) <= self.most && over < MOST_SHRINK {
+            (fits, over) = (over, 2.0 * over);
+        }
+        for _ in 0..SHRINK_STEPS {
+            let middle = 0.5 * (fits + over);
+            if chords(middle) <= self.most {
+                fits = middle;
+            } else {
+                over = middle;
+            }
+        }
+        // Chords grow with the root of the tolerance.
+        1.0 / (fits * fits)
+    }
+}
+
 /// Relative width at which the smallest tolerance is known.
 const NARROW: f64 = 1.001;
-/// Guesses before halving.
-const GUESSES: u32 = 4;
+/// How far beside what is foretold is tried: two such steps are within the width.
+const BESIDE: f64 = 1.000_3;
+/// Walks by what the one before foretells, before halving.
+const FORETOLD: u32 = 10;
+/// Lengths are not stretched further than this.
+const MOST_SHRINK: f64 = 1e6;
+/// Halvings of the interval in which the shrinking is sought.
+const SHRINK_STEPS: u32 = 24;
 /// Steps, and their size, by which a tolerance gives way to the least chord: a thousandfold in all.
 const LEAST_CHORD_STEPS: u32 = 200;
 const LEAST_CHORD_STEP: f64 = 1.035;

@@ -99,19 +99,38 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64, last: f64) -> Chord {
 
 /// The number of chords that the greedy walk needs; it stops counting past `enough`.
 pub(crate) fn count(leg: &BezierLeg, rules: &Rules, enough: usize) -> usize {
+    length(leg, rules, enough).ceil() as usize
+}
+
+/// How many chords of full length the greedy walk needs, the last one counted by the part of it that is used: never 0,
+/// and rounded up it is the number of chords. It stops counting past `enough`.
+pub(crate) fn length(leg: &BezierLeg, rules: &Rules, enough: usize) -> f64 {
+    // A chord is about as long as the root of what it may be off.
+    let used = |last: &Chord| (last.bound_m / rules.tolerance_m).sqrt().clamp(1e-6, 1.0);
     let mut local = Local::new(leg, &rules.charges);
-    if local.chord(1.0).bound_m <= rules.tolerance_m {
-        return 1;
+    let whole = local.chord(1.0);
+    if whole.bound_m <= rules.tolerance_m {
+        return used(&whole);
     }
     let mut chords = 0;
     let mut last = 0.0;
-    while local.t() < 1.0 && chords <= enough {
+    loop {
         let chord = longest(&local, rules.tolerance_m, last);
+        if chord.b >= 1.0 || chords >= enough {
+            return chords as f64 + used(&chord);
+        }
         chords += 1;
         last = chord.b - chord.a;
         local.advance(&chord);
     }
-    chords
+}
+
+/// About what [`length`] will be, without a walk: from the curvature at a few places.
+pub(crate) fn length_guessed(leg: &BezierLeg, rules: &Rules) -> f64 {
+    let local = Local::new(leg, &rules.charges);
+    let place = |k: u32| (f64::from(k) + 0.5) / f64::from(PLACES);
+    let density = |k: u32| 1.0 / local.guess(rules.tolerance_m, 2.0 * place(k));
+    (0..PLACES).map(density).sum::<f64>() / f64::from(PLACES)
 }
 
 /// As the greedy walk, with no chord under the least length. A last chord that is too short is lengthened at the cost
@@ -222,6 +241,8 @@ fn optimum_with_least(
     Ok(())
 }
 
+/// Places at which the curvature is looked at for a guess.
+const PLACES: u32 = 8;
 /// Places tried for the last vertex but one.
 const BALANCE_STEPS: u32 = 31;
 /// Grid of the dynamic program.

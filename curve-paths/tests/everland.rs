@@ -1,9 +1,12 @@
 //! The Everland Speedway, lap 1, every second fix, closed: the figures that are published for it.
 
+mod common;
+
 use std::io::Read;
 
+use common::{fewest_chords, two_sided_deviation_m};
 use curve_paths::fit::{Continuity, FitOptions, Fitted, Start, Track, fit, straighten};
-use curve_paths::{BezierLeg, Leg, Options, Position, densify};
+use curve_paths::{BezierLeg, Charges, Leg, Options, Position, densify};
 
 fn lap_1() -> Track {
     let file = concat!(
@@ -160,6 +163,34 @@ fn cubic_legs_at_most_20_for_1_m_and_about_as_many_items_as_straight_ones() {
         panic!("no vertices")
     };
     assert_eq!(first.position, last.position);
+    for leg in &fitted.legs {
+        chords_are_proven_and_few(leg);
+    }
+}
+
+/// The oracles of random legs, on a leg that is driven.
+fn chords_are_proven_and_few(leg: &BezierLeg) {
+    let options = Options {
+        min_chord_m: 0.0,
+        ..Options::flight(1.0)
+    };
+    let flown = densify(&[Leg::from(*leg)], &options).unwrap();
+    let found = two_sided_deviation_m(leg, &flown.vertices, 24);
+    assert!(
+        found <= flown.bound_m && flown.bound_m <= 1.0,
+        "{found} {leg:?}"
+    );
+    for pair in flown.vertices.windows(2) {
+        let bound_m = leg.chord_bound_m(pair[0].t, pair[1].t, &Charges::MISSION_ITEM);
+        assert!(bound_m <= 1.0, "{bound_m} {leg:?}");
+    }
+    let plain = densify(&[Leg::from(*leg)], &Options::geometry(1.0)).unwrap();
+    let least = fewest_chords(leg, 1.0, &Charges::NONE, 200);
+    let chords = plain.vertices.len() - 1;
+    assert!(
+        chords as f64 <= 1.05 * least as f64 + 1.0,
+        "{chords} {least}"
+    );
 }
 
 #[test]
