@@ -67,7 +67,7 @@ pub(crate) struct Command {
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let loaded = Loaded::read(&self.file)?;
+        let loaded = Loaded::read(&self.file, &self.how)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
         let airframe = match self.airframe {
             Kind::Plane => Airframe::FixedWing(FixedWing {

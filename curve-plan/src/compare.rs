@@ -14,6 +14,7 @@ use serde::Serialize;
 use crate::failure::Failure;
 use crate::formats::{self, Selection};
 use crate::print;
+use crate::progress::progress;
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
@@ -89,7 +90,7 @@ fn row(track: &Track, tolerance_m: f64) -> Result<Row, Failure> {
         continuity: Continuity::G0,
         corner_deg: None,
     };
-    let fitted = fit(track, &options, &mut |_| ()).map_err(|e| answer(&e))?;
+    let fitted = fit(track, &options, &mut progress()).map_err(|e| answer(&e))?;
     let cubic = fitted.legs.len();
     let legs: Vec<Leg> = fitted.legs.iter().map(|&leg| leg.into()).collect();
     let dense = densify(&legs, &Options::geometry(tolerance_m)).map_err(|e| answer(&e))?;

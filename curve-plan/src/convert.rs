@@ -1,12 +1,12 @@
-//! `convert`: a route from one format to another.
+//! `convert`: a route from one format to another, or into the messages that a ground station sends.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
 use crate::failure::Failure;
-use crate::formats::{self, Format};
-use crate::load::{Densify, Loaded, positions};
+use crate::formats::{self, Addresses, Format};
+use crate::load::{Densify, Loaded};
 use crate::print;
 
 /// Arguments of `convert`.
@@ -14,24 +14,27 @@ use crate::print;
 pub(crate) struct Command {
     /// The route.
     input: PathBuf,
-    /// Where to write it; curves stay curves in .toml, and become their vertices elsewhere.
+    /// Where to write it; curves stay curves in .toml, .hex and .pcapng, and become their vertices elsewhere.
     output: PathBuf,
     #[command(flatten)]
     how: Densify,
+    #[command(flatten)]
+    addresses: Addresses,
 }
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let loaded = Loaded::read(&self.input)?;
-        if Format::of(&self.output)? == Format::Own {
-            formats::write_route(&self.output, &loaded.route)?;
+        let loaded = Loaded::read(&self.input, &self.how)?;
+        if Format::of(&self.output)?.keeps_curves() {
+            formats::write(&self.output, &loaded.route, &self.addresses)?;
         } else {
             let (densified, _) = loaded.densify(&self.how)?;
-            formats::write_points(&self.output, &loaded.route.name, &positions(&densified))?;
+            let flown = loaded.route.flown(&densified);
+            formats::write(&self.output, &flown, &self.addresses)?;
         }
         if loaded.route.skipped > 0 {
             print(&format!(
-                "{} items that name no place were left out\n",
+                "{} items that are no part of the path were left out\n",
                 loaded.route.skipped
             ))?;
         }

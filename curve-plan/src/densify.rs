@@ -6,8 +6,9 @@ use clap::Args;
 use serde_json::json;
 
 use crate::failure::Failure;
-use crate::load::{Densify, Loaded, positions};
-use crate::{formats, print};
+use crate::formats::{self, Addresses};
+use crate::load::{Densify, Loaded};
+use crate::print;
 
 /// Arguments of `densify`.
 #[derive(Debug, Args)]
@@ -19,6 +20,8 @@ pub(crate) struct Command {
     output: Option<PathBuf>,
     #[command(flatten)]
     how: Densify,
+    #[command(flatten)]
+    addresses: Addresses,
     /// Print JSON, vertices included.
     #[arg(long)]
     json: bool,
@@ -26,12 +29,12 @@ pub(crate) struct Command {
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let loaded = Loaded::read(&self.file)?;
+        let loaded = Loaded::read(&self.file, &self.how)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
-        let points = positions(&densified);
         if let Some(output) = &self.output {
-            formats::write_points(output, &loaded.route.name, &points)?;
+            formats::write(output, &loaded.route.flown(&densified), &self.addresses)?;
         }
+        let items = densified.vertices.len();
         // The crate's name for "no chord between vertices" is infinity, which JSON has no number for.
         let shortest = Some(densified.shortest_chord_m).filter(|s| s.is_finite());
         if self.json {
@@ -41,7 +44,7 @@ impl Command {
                 .map(|v| json!({ "lat_deg": v.position.lat_deg, "lon_deg": v.position.lon_deg, "alt_m": v.position.alt_m, "leg": v.leg, "t": v.t }))
                 .collect();
             let report = json!({
-                "legs": loaded.legs.len(), "items": points.len(), "tolerance_m": tolerance_m,
+                "legs": loaded.legs.len(), "items": items, "tolerance_m": tolerance_m,
                 "bound_m": densified.bound_m, "shortest_chord_m": shortest, "vertices": vertices,
             });
             return print(&format!("{report}\n"));
@@ -49,7 +52,7 @@ impl Command {
         print(&format!(
             "{} legs, {} items at a tolerance of {tolerance_m:.3} m; proven within {:.3} m; shortest chord {}\n",
             loaded.legs.len(),
-            points.len(),
+            items,
             densified.bound_m,
             shortest.map_or_else(|| "none".to_owned(), |s| format!("{s:.1} m")),
         ))

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
+use sim::cucs::{OperatorError, RouteFileError, StationError};
 use thiserror::Error;
 
 /// A reason to stop.
@@ -24,6 +25,15 @@ pub(crate) enum Failure {
     /// What was asked for cannot be had.
     #[error("{0}")]
     Answer(String),
+    /// A route file is none; the text names file, line and field.
+    #[error(transparent)]
+    Route(#[from] RouteFileError),
+    /// A route cannot be put into messages.
+    #[error(transparent)]
+    Messages(#[from] StationError),
+    /// An upload was not done.
+    #[error(transparent)]
+    Upload(#[from] OperatorError),
     /// The command line contradicts itself.
     #[error("{0}")]
     Usage(String),
@@ -68,7 +78,9 @@ impl Failure {
         let _ = writeln!(std::io::stderr(), "curve-plan: {self}");
         match self {
             Self::Answer(_) => ExitCode::from(1),
-            Self::Input { .. } | Self::Usage(_) => ExitCode::from(2),
+            Self::Messages(fault) => ExitCode::from(fault.exit_status()),
+            Self::Upload(fault) => ExitCode::from(fault.exit_status()),
+            Self::Input { .. } | Self::Route(_) | Self::Usage(_) => ExitCode::from(2),
         }
     }
 }

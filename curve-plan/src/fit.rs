@@ -1,6 +1,5 @@
 //! `fit`: a recorded or drawn track as the fewest cubic legs within a tolerance.
 
-use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 
 use clap::Args;
@@ -9,18 +8,21 @@ use curve_paths::fit::{Continuity, FitOptions, Track, fit};
 use serde_json::json;
 
 use crate::failure::Failure;
-use crate::formats::{self, Selection};
+use crate::formats::{self, Addresses, Selection};
 use crate::print;
-use crate::route::Route;
+use crate::progress::progress;
+use crate::route::{Datum, Route};
 
 /// Arguments of `fit`.
 #[derive(Debug, Args)]
 pub(crate) struct Command {
     /// The track.
     file: PathBuf,
-    /// Where to write the route (.toml).
+    /// Where to write the route: .toml, or .hex or .pcapng for its messages.
     #[arg(short, long)]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    addresses: Addresses,
     /// Greatest deviation both ways on the ground, m.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     tolerance: f64,
@@ -45,9 +47,12 @@ pub(crate) struct Command {
     /// A fix where the track turns by more than this is a corner, and kept, degrees.
     #[arg(long, value_name = "DEG")]
     corner: Option<f64>,
-    /// Altitude for a track that has none, m.
-    #[arg(long, value_name = "M")]
+    /// Altitude for a track that has none, m above mean sea level.
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     altitude: Option<f64>,
+    /// Height above home for a track that has no altitudes, m.
+    #[arg(long, value_name = "M", conflicts_with = "altitude")]
+    height: Option<f64>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -69,8 +74,14 @@ impl Command {
             .filter(|(k, _)| (self.from..=last).contains(k))
             .map(|(_, w)| w.position)
             .collect();
-        if let Some(altitude) = self.altitude {
-            fixes.iter_mut().for_each(|f| f.alt_m = altitude);
+        let mut datum = read.datum;
+        if let Some(level) = self.altitude.or(self.height) {
+            fixes.iter_mut().for_each(|f| f.alt_m = level);
+            datum = if self.height.is_some() {
+                Datum::Home
+            } else {
+                Datum::SeaLevel
+            };
         }
         let track = Track::new(&fixes, closed).map_err(|e| Failure::file(&self.file, e))?;
         let continuity = if self.g1 {
@@ -86,7 +97,8 @@ impl Command {
         let fitted = fit(&track, &options, &mut progress())
             .map_err(|e| Failure::Answer(format!("{}: {e}", self.file.display())))?;
         if let Some(output) = &self.output {
-            formats::write_route(output, &Route::of_fit(&read.name, &fitted, closed))?;
+            let route = Route::of_fit(&read.name, &fitted, closed, datum);
+            formats::write(output, &route, &self.addresses)?;
         }
         let (legs, deviation_m) = (fitted.legs.len(), fitted.deviation_m);
         if self.json {
@@ -113,19 +125,5 @@ impl Command {
             "{} fixes, {legs} cubic legs, {deviation_m:.3} m off at most, both ways\n",
             track.fixes().len()
         ))
-    }
-}
-
-/// Says on a terminal how far a fit is, in whole percents.
-fn progress() -> impl FnMut(f64) {
-    let terminal = std::io::stderr().is_terminal();
-    let mut said = 0;
-    move |done| {
-        let percent = (done * 100.0) as u32;
-        if terminal && percent != said {
-            said = percent;
-            let end = if percent == 100 { "\r          \r" } else { "" };
-            let _ = write!(std::io::stderr(), "\rfit {percent:>3} %{end}");
-        }
     }
 }

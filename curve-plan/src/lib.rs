@@ -1,4 +1,6 @@
-//! `curve-plan`: plans curved routes, and says what they cost.
+//! `curve-plan`: plans curved routes, says what they cost, and sends them as a ground station does.
+//!
+//! A library only so that its command line can be had by what makes completions and the manual page: [`command`].
 //!
 //! Exit status 0: done; 1: the answer is no (the route cannot be flown, or cannot be had within what was asked for);
 //! 2: the command line or a file is wrong, with the file, the line and the field on standard error.
@@ -11,20 +13,23 @@ mod densify;
 mod failure;
 mod fit;
 mod formats;
+mod json_line;
 mod load;
 mod plot;
+mod progress;
 mod route;
+mod send;
 mod tlog;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use failure::Failure;
 
 /// Plans curved routes for unmanned aircraft: cubic Bezier legs, flown as straight ones within a proven tolerance.
 #[derive(Debug, Parser)]
-#[command(version, about, propagate_version = true)]
+#[command(name = "curve-plan", version, about, propagate_version = true)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -42,11 +47,21 @@ enum Command {
     Check(check::Command),
     /// A picture of a route, what is flown of it, and how far the one is from the other.
     Plot(plot::Command),
-    /// A route from one format to another.
+    /// A route from one format to another, or into the messages that a ground station sends.
     Convert(convert::Command),
+    /// Upload a route through a VSM, as a ground station (CUCS) does.
+    Send(send::Command),
 }
 
-fn main() -> ExitCode {
+/// The command line, for completions and the manual page.
+#[must_use]
+pub fn command() -> clap::Command {
+    Arguments::command()
+}
+
+/// The program: reads the command line, does it, and says the exit status.
+#[must_use]
+pub fn run() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Compare(c) => c.run(),
         Command::Densify(c) => c.run(),
@@ -54,6 +69,7 @@ fn main() -> ExitCode {
         Command::Check(c) => c.run(),
         Command::Plot(c) => c.run(),
         Command::Convert(c) => c.run(),
+        Command::Send(c) => c.run(),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use curve_paths::{Densified, Leg, Options, Position, Vertices, densify, densify_to_budget};
+use curve_paths::{Densified, Leg, Options, Vertices, densify, densify_to_budget};
 
 use crate::failure::Failure;
 use crate::formats::{self, Selection};
@@ -24,6 +24,9 @@ pub(crate) struct Densify {
     /// Shortest chord between vertices of a curved leg, m.
     #[arg(long, value_name = "M", default_value_t = 4.0)]
     pub(crate) min_chord: f64,
+    /// Home, m above mean sea level: turns heights above home into altitudes.
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub(crate) home_alt: Option<f64>,
 }
 
 /// A route that was read, with its legs.
@@ -35,8 +38,11 @@ pub(crate) struct Loaded {
 
 impl Loaded {
     /// Reads a route and checks its legs.
-    pub(crate) fn read(file: &Path) -> Result<Self, Failure> {
-        let route = formats::read(file, Selection::default())?;
+    pub(crate) fn read(file: &Path, how: &Densify) -> Result<Self, Failure> {
+        let mut route = formats::read(file, Selection::default())?;
+        if let Some(home_m) = how.home_alt {
+            route.lift(home_m);
+        }
         let legs = route.legs(file)?;
         Ok(Self {
             file: file.to_owned(),
@@ -77,9 +83,4 @@ impl Loaded {
             )),
         }
     }
-}
-
-/// The positions of the vertices.
-pub(crate) fn positions(densified: &Densified) -> Vec<Position> {
-    densified.vertices.iter().map(|v| v.position).collect()
 }

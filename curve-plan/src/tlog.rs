@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use curve_paths::Position;
+use mavlink_link::frame::checksum;
 
 use crate::failure::Failure;
 
@@ -47,14 +48,14 @@ fn frame(bytes: &[u8]) -> Option<(usize, Option<Vec<u8>>)> {
     };
     let end = header + payload_length;
     let length = end + 2 + signature;
-    let checksum = bytes.get(end..end + 2)?;
+    let sum = bytes.get(end..end + 2)?;
     if bytes.len() < length {
         return None;
     }
     if id != GLOBAL_POSITION_INT {
         return Some((length, None));
     }
-    let good = crc(&bytes[1..end], CRC_EXTRA).to_le_bytes() == *checksum;
+    let good = checksum(&bytes[1..end], CRC_EXTRA).to_le_bytes() == *sum;
     good.then(|| {
         // MAVLink 2 cuts off trailing zeros.
         let mut payload = bytes[header..end].to_vec();
@@ -79,16 +80,6 @@ fn position(payload: Vec<u8>) -> Option<Position> {
             f64::from(lon) * 1e-7,
             f64::from(alt) * 1e-3,
         )
-    })
-}
-
-/// X.25 over the frame without its first octet, then the message's own octet.
-fn crc(bytes: &[u8], extra: u8) -> u16 {
-    bytes.iter().chain([&extra]).fold(0xffff, |crc, &b| {
-        let mut t = b ^ (crc & 0xff) as u8;
-        t ^= t << 4;
-        let t = u16::from(t);
-        (crc >> 8) ^ (t << 8) ^ (t << 3) ^ (t >> 4)
     })
 }
 
@@ -117,7 +108,7 @@ mod tests {
             vec![V1, 28, 0, 1, 1, 33]
         };
         frame.extend(&payload);
-        let crc = crc(&frame[1..], CRC_EXTRA);
+        let crc = checksum(&frame[1..], CRC_EXTRA);
         frame.extend(crc.to_le_bytes());
         [vec![0; STAMP], frame].concat()
     }

@@ -5,26 +5,38 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::Value;
+use stanag_msgs::Message;
 use tempfile::TempDir;
 
-const ROUTE: &str = r#"name = "bend & climb"
+const ROUTE: &str = r#"id = "bend & climb"
+
+[defaults]
+altitude_type = "amsl"
 
 [[waypoint]]
-lat_deg = 47.3977434
-lon_deg = 8.5455939
-alt_m = 500.0
+number = 10
+latitude = 47.3977434
+longitude = 8.5455939
+altitude = 500.0
 
 [[waypoint]]
-lat_deg = 47.3990
-lon_deg = 8.5470
-alt_m = 510.0
-p2 = { lat_deg = 47.4000, lon_deg = 8.5482, alt_m = 515.0 }
-p3 = { lat_deg = 47.3985, lon_deg = 8.5510, alt_m = 560.0 }
+number = 20
+latitude = 47.3990
+longitude = 8.5470
+altitude = 510.0
 
 [[waypoint]]
-lat_deg = 47.3975
-lon_deg = 8.5490
-alt_m = 540.0
+number = 30
+latitude = 47.3975
+longitude = 8.5490
+altitude = 540.0
+
+[[curve]]
+from = 20
+to = 30
+p2 = [47.4000, 8.5482, 515.0]
+p3 = [47.3985, 8.5510, 560.0]
+altitude_type = "amsl"
 "#;
 
 struct Files(TempDir);
@@ -169,7 +181,7 @@ fn every_format_brings_the_vertices_back() {
 }
 
 #[test]
-fn the_own_format_keeps_curves() {
+fn the_route_file_keeps_curves() {
     let files = Files::new();
     files.done(&["convert", "route.toml", "again.toml"]);
     files.done(&["convert", "again.toml", "third.toml"]);
@@ -207,23 +219,41 @@ fn errors_name_the_file_the_line_and_the_field() {
     };
     says(
         "a.toml",
-        &ROUTE.replace("lat_deg = 47.3990", "lat_deg = \"x\""),
-        "a.toml:9: ",
+        &ROUTE.replace("latitude = 47.3990", "latitude = \"x\""),
+        "a.toml:14: latitude: ",
     );
     says(
         "b.toml",
-        &ROUTE.replace("lat_deg = 47.3990", "latitude = 47.3990"),
-        "latitude",
+        &ROUTE.replace("latitude = 47.3990", "lat = 47.3990"),
+        "unknown field `lat`",
     );
     says(
         "c.toml",
-        &ROUTE.replace("lat_deg = 47.3990", "lat_deg = nan"),
-        "c.toml:8: waypoint 2: position: latitude is NaN",
+        &ROUTE.replace("latitude = 47.3990", "latitude = nan"),
+        "c.toml:14: waypoint 20: latitude: NaN, expected -90",
     );
     says(
         "d.toml",
-        &ROUTE.replace("lat_deg = 47.4000", "lat_deg = 48.4"),
-        "d.toml:8: leg from waypoint 2: P2 is 1",
+        &ROUTE.replace("p2 = [47.4000", "p2 = [48.4"),
+        "d.toml:13: leg from waypoint 20: P2 is 1",
+    );
+    says(
+        "n.toml",
+        &ROUTE.replace("to = 30", "to = 10"),
+        "n.toml:25: curve: no leg leads from 20 to 10",
+    );
+    says(
+        "o.toml",
+        &ROUTE.replacen("altitude = 510.0", "altitude = 510.0\nnext = 40", 1),
+        "o.toml:13: waypoint 20: next: 40, expected the number",
+    );
+    says(
+        "p.toml",
+        &ROUTE.replace(
+            "altitude = 510.0",
+            "altitude = 51.0\naltitude_type = \"agl\"",
+        ),
+        "p.toml:13: waypoint 20: altitude_type",
     );
     says(
         "e.csv",
@@ -248,13 +278,13 @@ fn errors_name_the_file_the_line_and_the_field() {
     );
     says(
         "j.geojson",
-        "{\"type\":\"LineString\",\"coordinates\":[[8,47],[8,\"b\"]]}",
-        "coordinates[1]",
+        "{\"type\":\"LineString\",\"coordinates\":[[8,47],\n[8,\"b\"]]}",
+        "j.geojson:2: .coordinates[1]: ",
     );
     says(
         "k.plan",
-        "{\"fileType\":\"Plan\",\"mission\":{\"items\":[{\"type\":\"ComplexItem\"}]}}",
-        "mission.items[0].type",
+        "{\"fileType\":\"Plan\",\"mission\":{\"items\":[\n{\n\"type\":\"ComplexItem\"}]}}",
+        "k.plan:3: mission.items[0].type: \"ComplexItem\", expected",
     );
     says("l.plan", "{\"fileType\":\n\"Plan\",", "l.plan:2");
     says("m.txt", "", "unknown ending");
@@ -263,7 +293,7 @@ fn errors_name_the_file_the_line_and_the_field() {
 }
 
 #[test]
-fn relative_items_get_the_home_altitude_and_items_without_a_place_are_left_out() {
+fn relative_items_among_others_get_the_home_altitude_and_items_without_a_place_are_left_out() {
     let files = Files::new();
     files.put(
         "m.waypoints",
@@ -383,7 +413,164 @@ fn pictures_are_well_formed_and_fetch_nothing() {
         assert!(found > elements, "{found}");
         assert!(!text.contains("NaN") && !text.contains("inf"), "{name}");
     }
-    assert_eq!(files.refused(&["plot", "route.toml", "-o", "a.png"]).0, 2);
+    assert_eq!(files.refused(&["plot", "route.toml", "-o", "a.bmp"]).0, 2);
+}
+
+#[test]
+fn heights_above_home_stay_so_where_the_format_can_say_it() {
+    let files = Files::new();
+    let low = ROUTE
+        .replace("amsl", "agl")
+        .replace("= 5", "= 1")
+        .replace(", 5", ", 1");
+    files.put("low.toml", &low);
+    let wanted = files.json(&["densify", "low.toml", "--json"]);
+    for ending in ["toml", "plan", "waypoints", "geojson", "kml", "csv"] {
+        let (there, back) = (format!("low.out.{ending}"), format!("{ending}.back.toml"));
+        files.done(&["densify", "low.toml", "-o", &there]);
+        files.done(&["convert", &there, &back]);
+        assert!(
+            files.get(&back).contains("altitude_type = \"agl\""),
+            "{ending}"
+        );
+        let found = files.json(&["densify", &back, "--json"]);
+        let last = |report: &Value| {
+            report["vertices"].as_array().unwrap().last().unwrap()["alt_m"].as_f64()
+        };
+        assert_eq!(last(&found), last(&wanted), "{ending}");
+    }
+    let (status, said) = files.refused(&["densify", "low.toml", "-o", "low.gpx"]);
+    assert!(status == 2 && said.contains("give --home-alt"), "{said}");
+    files.done(&["densify", "low.toml", "--home-alt", "400", "-o", "low.gpx"]);
+    let altitude = files.json(&["densify", "low.gpx", "--json"])["vertices"][0]["alt_m"].as_f64();
+    assert_eq!(altitude, Some(500.0));
+    files.put(
+        "unsaid.toml",
+        &ROUTE.replace("altitude_type = \"amsl\"", ""),
+    );
+    let (status, said) = files.refused(&["densify", "unsaid.toml", "-o", "unsaid.csv"]);
+    assert!(status == 2 && said.contains("no altitude_type"), "{said}");
+}
+
+#[test]
+fn a_closed_fit_comes_back_to_its_first_waypoint() {
+    let files = Files::new();
+    let mut track = String::from("lat,lon,height_m\n");
+    for k in 0..72 {
+        let (s, c) = (f64::from(k) * 5.0).to_radians().sin_cos();
+        track += &format!("{},{},30\n", 47.0 + 0.001 * c, 8.0 + 0.0015 * s);
+    }
+    files.put("circle.csv", &track);
+    files.done(&["fit", "circle.csv", "--closed", "-o", "circle.toml"]);
+    let report = files.json(&["densify", "circle.toml", "--json"]);
+    let vertices = report["vertices"].as_array().unwrap();
+    let (first, last) = (&vertices[0], vertices.last().unwrap());
+    assert_eq!(
+        (&first["lat_deg"], &first["lon_deg"]),
+        (&last["lat_deg"], &last["lon_deg"])
+    );
+    assert!(report["legs"].as_u64().unwrap() >= 2);
+}
+
+#[test]
+fn a_loop_leads_back_once() {
+    let files = Files::new();
+    let round = ROUTE.replace(
+        "altitude = 540.0",
+        "altitude = 540.0\nnext = 20\nloop = { limit = 3 }",
+    );
+    files.put("round.toml", &round);
+    let report = files.json(&["densify", "round.toml", "--json"]);
+    assert_eq!(report["legs"], 3);
+    let last = report["vertices"].as_array().unwrap().last().unwrap();
+    assert_eq!(last["lat_deg"], 47.399);
+}
+
+#[test]
+fn the_messages_are_those_that_a_ground_station_sends() {
+    let files = Files::new();
+    files.done(&[
+        "convert",
+        "route.toml",
+        "route.hex",
+        "--vehicle",
+        "1b:00:01:02",
+    ]);
+    let text = files.get("route.hex");
+    let mut kinds = Vec::new();
+    let mut stamp = 0;
+    for line in text.lines() {
+        let digits: Vec<u8> = line.bytes().collect();
+        let octets: Vec<u8> = digits
+            .chunks(2)
+            .map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap())
+            .collect();
+        let frame = stanag_msgs::frames(&octets).next().unwrap().unwrap();
+        let header = frame.header;
+        assert_eq!(
+            (header.source.to_string(), header.destination.to_string()),
+            ("1b:00:00:a0".into(), "1b:00:01:02".into())
+        );
+        assert!(header.ack_requested);
+        match Message::decode(header.message_type, frame.data).unwrap() {
+            Message::UaPositionWaypoint(w) => {
+                kinds.push(format!(
+                    "13002 {} to {}",
+                    w.waypoint_number.unwrap(),
+                    w.next_waypoint.unwrap()
+                ));
+                assert!(w.time_stamp.unwrap().0 > stamp);
+                stamp = w.time_stamp.unwrap().0;
+            }
+            Message::CurveSegment(c) => {
+                kinds.push(format!(
+                    "50002 {} to {}",
+                    c.p1_waypoint_no.unwrap(),
+                    c.p4_waypoint_no.unwrap()
+                ));
+                assert_eq!(c.p3_altitude.map(|m| m.si()), Some(560.0));
+                assert!((c.p2_latitude.unwrap().degrees() - 47.4).abs() < 1e-7);
+            }
+            other => kinds.push(other.id().to_string()),
+        }
+    }
+    let wanted = [
+        "13001",
+        "13002 10 to 20",
+        "13002 20 to 30",
+        "13002 30 to 0",
+        "50002 20 to 30",
+        "13000",
+    ];
+    assert_eq!(kinds, wanted);
+    files.done(&["convert", "route.toml", "route.pcapng"]);
+    let capture = std::fs::read(files.path("route.pcapng")).unwrap();
+    assert_eq!(&capture[..4], [0x0a, 0x0d, 0x0d, 0x0a]);
+    let (status, said) = files.refused(&["densify", "route.hex"]);
+    assert!(status == 2 && said.contains("written, not read"), "{said}");
+}
+
+#[test]
+fn a_png_shows_the_curve_and_its_letters() {
+    let files = Files::new();
+    files.done(&["plot", "route.toml", "-o", "a.png", "--width", "600"]);
+    let file = std::fs::File::open(files.path("a.png")).unwrap();
+    let mut reader = png::Decoder::new(std::io::BufReader::new(file))
+        .read_info()
+        .unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut pixels).unwrap();
+    assert_eq!(info.width, 600);
+    let dark = |rows: std::ops::Range<usize>| {
+        let row = info.width as usize * 4;
+        pixels[rows.start * row..rows.end * row]
+            .chunks(4)
+            .filter(|p| p[0] < 120)
+            .count()
+    };
+    // The title's letters, in the first 18 rows at this scale.
+    assert!(dark(0..18) > 100, "{}", dark(0..18));
+    assert!(dark(60..300) > 500);
 }
 
 /// A .tlog record of a MAVLink 1 GLOBAL_POSITION_INT.

@@ -1,4 +1,5 @@
-//! GeoJSON: the first line (or ring, or row of points) of a document.
+//! GeoJSON: the first line (or ring, or row of points) of a document. Altitudes are taken as above mean sea level; heights
+//! above home are marked by a property of the feature, `"altitude_type": "agl"`.
 
 use std::path::Path;
 
@@ -6,7 +7,8 @@ use curve_paths::Position;
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
-use crate::route::{Route, Waypoint};
+use crate::json_line::line_of;
+use crate::route::{Datum, Route, Waypoint};
 
 /// Reads the first LineString, Polygon ring or MultiPoint, or else all Points in order.
 pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
@@ -26,12 +28,13 @@ pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
     let mut route = Route::default();
     if let Some((path, coordinates, closed)) = line {
         let list = coordinates.as_array().ok_or_else(|| {
-            Failure::at(file, None, path.as_str(), "expected an array of positions")
+            let line = line_of(text, &path);
+            Failure::at(file, line, path.as_str(), "expected an array of positions")
         })?;
         for (k, c) in list.iter().enumerate() {
             route
                 .waypoints
-                .push(position(file, &format!("{path}[{k}]"), c)?);
+                .push(position(file, text, &format!("{path}[{k}]"), c)?);
         }
         // A ring repeats its first position.
         if closed && route.waypoints.len() > 1 {
@@ -42,6 +45,7 @@ pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
         for (path, g) in geometries.iter().filter(|(_, g)| g["type"] == "Point") {
             route.waypoints.push(position(
                 file,
+                text,
                 &format!("{path}.coordinates"),
                 &g["coordinates"],
             )?);
@@ -53,7 +57,17 @@ pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
             "no geometry, expected a LineString, Polygon, MultiPoint or Points",
         ));
     }
+    if altitude_type(&document) == Some(AGL) {
+        route.datum = Datum::Home;
+    }
     Ok(route)
+}
+
+/// The mark of the first feature that has one.
+fn altitude_type(document: &Value) -> Option<&str> {
+    let own = document["properties"]["altitude_type"].as_str();
+    let features = document["features"].as_array();
+    own.or_else(|| features?.iter().find_map(altitude_type))
 }
 
 fn collect<'a>(value: &'a Value, path: &str, out: &mut Vec<(String, &'a Value)>) {
@@ -72,7 +86,7 @@ fn list<'a>(value: &'a Value, name: &str, path: &str, out: &mut Vec<(String, &'a
     }
 }
 
-fn position(file: &Path, field: &str, c: &Value) -> Result<Waypoint, Failure> {
+fn position(file: &Path, text: &str, field: &str, c: &Value) -> Result<Waypoint, Failure> {
     match (c[1].as_f64(), c[0].as_f64()) {
         (Some(lat), Some(lon)) => Ok(Waypoint::straight(
             Position::new(lat, lon, c[2].as_f64().unwrap_or(0.0)),
@@ -80,7 +94,7 @@ fn position(file: &Path, field: &str, c: &Value) -> Result<Waypoint, Failure> {
         )),
         _ => Err(Failure::at(
             file,
-            None,
+            line_of(text, field),
             field,
             format!("{c}, expected [longitude, latitude, altitude]"),
         )),
@@ -88,18 +102,25 @@ fn position(file: &Path, field: &str, c: &Value) -> Result<Waypoint, Failure> {
 }
 
 /// Writes a LineString.
-pub(crate) fn write(name: &str, points: &[Position]) -> String {
-    let coordinates: Vec<[f64; 3]> = points
+pub(crate) fn write(route: &Route) -> String {
+    let coordinates: Vec<[f64; 3]> = route
+        .waypoints
         .iter()
-        .map(|p| [p.lon_deg, p.lat_deg, p.alt_m])
+        .map(|w| [w.position.lon_deg, w.position.lat_deg, w.position.alt_m])
         .collect();
+    let mut properties = json!({ "name": route.name });
+    if route.datum == Datum::Home {
+        properties["altitude_type"] = AGL.into();
+    }
     let document = json!({
         "type": "FeatureCollection",
         "features": [{
             "type": "Feature",
-            "properties": { "name": name },
+            "properties": properties,
             "geometry": { "type": "LineString", "coordinates": coordinates },
         }],
     });
     format!("{document:#}\n")
 }
+
+const AGL: &str = "agl";

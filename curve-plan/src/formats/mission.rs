@@ -1,7 +1,7 @@
 //! The two mission files of ground stations: QGroundControl's .plan (JSON) and Mission Planner's .waypoints (text).
 //!
-//! Altitudes are kept above mean sea level: an item relative to home gets the home altitude added. Items that name no
-//! place (speed, camera, jumps) are left out, and counted.
+//! Where all items are relative to home the route is, too; where some are, each gets the home altitude added. Items that
+//! name no place (speed, camera, jumps) are left out, and counted.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -10,7 +10,8 @@ use curve_paths::Position;
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
-use crate::route::{Route, Waypoint};
+use crate::json_line::line_of;
+use crate::route::{Datum, Route, Waypoint};
 
 /// Commands that name a place on the path: waypoint, loiters, land, takeoff, spline, VTOL takeoff and land.
 const PLACES: [i64; 9] = [16, 17, 18, 19, 21, 22, 82, 84, 85];
@@ -26,60 +27,53 @@ pub(crate) fn read_plan(file: &Path, text: &str) -> Result<Route, Failure> {
     if plan["fileType"] != "Plan" {
         return Err(Failure::at(
             file,
-            None,
+            line_of(text, "fileType"),
             "fileType",
             format!("{}, expected \"Plan\"", plan["fileType"]),
         ));
     }
+    let fault =
+        |field: String, problem: String| Failure::at(file, line_of(text, &field), field, problem);
     let home_alt = plan["mission"]["plannedHomePosition"][2]
         .as_f64()
         .unwrap_or(0.0);
-    let items = plan["mission"]["items"]
-        .as_array()
-        .ok_or_else(|| Failure::at(file, None, "mission.items", "missing, expected an array"))?;
-    let mut route = Route::default();
+    let items = plan["mission"]["items"].as_array().ok_or_else(|| {
+        fault(
+            "mission.items".to_owned(),
+            "missing, expected an array".to_owned(),
+        )
+    })?;
+    let mut found = Found::default();
     for (k, item) in items.iter().enumerate() {
         let field = |name: &str| format!("mission.items[{k}].{name}");
         if item["type"] != "SimpleItem" {
             let problem = format!("{}, expected \"SimpleItem\"", item["type"]);
-            return Err(Failure::at(file, None, field("type"), problem));
+            return Err(fault(field("type"), problem));
         }
         let command = item["command"].as_i64().ok_or_else(|| {
-            Failure::at(
-                file,
-                None,
-                field("command"),
-                "missing, expected a whole number",
-            )
+            let problem = "missing, expected a whole number";
+            fault(field("command"), problem.to_owned())
         })?;
         let param = |n: usize| {
             item["params"][n].as_f64().ok_or_else(|| {
-                Failure::at(
-                    file,
-                    None,
-                    field(&format!("params[{n}]")),
-                    format!("{}, expected a number", item["params"][n]),
-                )
+                let problem = format!("{}, expected a number", item["params"][n]);
+                fault(field(&format!("params[{n}]")), problem)
             })
         };
         if !PLACES.contains(&command) {
-            route.skipped += 1;
+            found.skipped += 1;
             continue;
         }
         let frame = item["frame"].as_i64().unwrap_or(-1);
-        let base =
-            base_m(frame, home_alt).map_err(|e| Failure::at(file, None, field("frame"), e))?;
-        let place = (param(4)?, param(5)?);
-        if place == (0.0, 0.0) {
-            route.skipped += 1;
-            continue;
-        }
-        route.waypoints.push(Waypoint::straight(
-            Position::new(place.0, place.1, base + param(6)?),
-            None,
-        ));
+        let relative = is_relative(frame).map_err(|e| fault(field("frame"), e))?;
+        let line = line_of(text, &format!("mission.items[{k}]"));
+        found.place(
+            relative,
+            Position::new(param(4)?, param(5)?, param(6)?),
+            line,
+        );
     }
-    Ok(route)
+    Ok(found.route(home_alt))
 }
 
 /// Reads a .waypoints.
@@ -94,7 +88,7 @@ pub(crate) fn read_waypoints(file: &Path, text: &str) -> Result<Route, Failure> 
             format!("{head:?}, expected \"QGC WPL 110\""),
         ));
     }
-    let mut route = Route::default();
+    let mut found = Found::default();
     let mut home_alt = 0.0;
     for (k, line) in lines.filter(|(_, l)| !l.trim().is_empty()) {
         let number = Some(k as u64 + 1);
@@ -127,25 +121,59 @@ pub(crate) fn read_waypoints(file: &Path, text: &str) -> Result<Route, Failure> 
             home_alt = alt;
             continue;
         }
-        if !PLACES.contains(&(value(3, "command")? as i64)) || (lat, lon) == (0.0, 0.0) {
-            route.skipped += 1;
+        if !PLACES.contains(&(value(3, "command")? as i64)) {
+            found.skipped += 1;
             continue;
         }
         let frame = value(2, "frame")? as i64;
-        let base = base_m(frame, home_alt).map_err(|e| Failure::at(file, number, "frame", e))?;
-        route.waypoints.push(Waypoint::straight(
-            Position::new(lat, lon, base + alt),
-            number,
-        ));
+        let relative = is_relative(frame).map_err(|e| Failure::at(file, number, "frame", e))?;
+        found.place(relative, Position::new(lat, lon, alt), number);
     }
-    Ok(route)
+    Ok(found.route(home_alt))
 }
 
-fn base_m(frame: i64, home_alt: f64) -> Result<f64, String> {
-    if ABSOLUTE.contains(&frame) {
-        Ok(0.0)
-    } else if RELATIVE.contains(&frame) {
-        Ok(home_alt)
+/// Items that name a place, as found.
+#[derive(Default)]
+struct Found {
+    places: Vec<(bool, Waypoint)>,
+    skipped: usize,
+}
+
+impl Found {
+    /// Takes an item in; one at 0, 0 is where the vehicle is, no place.
+    fn place(&mut self, relative: bool, position: Position, line: Option<u64>) {
+        if (position.lat_deg, position.lon_deg) == (0.0, 0.0) {
+            self.skipped += 1;
+        } else {
+            self.places
+                .push((relative, Waypoint::straight(position, line)));
+        }
+    }
+
+    fn route(self, home_alt: f64) -> Route {
+        let all_relative = !self.places.is_empty() && self.places.iter().all(|(r, _)| *r);
+        let absolute = |(relative, mut w): (bool, Waypoint)| {
+            if relative && !all_relative {
+                w.position.alt_m += home_alt;
+            }
+            w
+        };
+        Route {
+            waypoints: self.places.into_iter().map(absolute).collect(),
+            skipped: self.skipped,
+            datum: if all_relative {
+                Datum::Home
+            } else {
+                Datum::SeaLevel
+            },
+            ..Route::default()
+        }
+    }
+}
+
+fn is_relative(frame: i64) -> Result<bool, String> {
+    if ABSOLUTE.contains(&frame) || RELATIVE.contains(&frame) {
+        Ok(RELATIVE.contains(&frame))
     } else {
         Err(format!(
             "{frame}, expected 0, 3, 5 or 6 (terrain is not known here)"
@@ -153,27 +181,32 @@ fn base_m(frame: i64, home_alt: f64) -> Result<f64, String> {
     }
 }
 
-/// Writes a .plan of waypoints above mean sea level, home at the first.
-pub(crate) fn write_plan(points: &[Position]) -> String {
-    let items: Vec<Value> = points
+/// Writes a .plan, home at the first waypoint.
+pub(crate) fn write_plan(route: &Route) -> String {
+    // QGroundControl's altitude modes: 1 relative to home, 2 above mean sea level.
+    let (frame, mode) = if route.datum == Datum::Home {
+        (3, 1)
+    } else {
+        (0, 2)
+    };
+    let items: Vec<Value> = route
+        .positions()
         .iter()
         .enumerate()
         .map(|(k, p)| {
             json!({
-                "AMSLAltAboveTerrain": null, "Altitude": p.alt_m, "AltitudeMode": 2, "autoContinue": true,
-                "command": 16, "doJumpId": k + 1, "frame": 0,
+                "AMSLAltAboveTerrain": null, "Altitude": p.alt_m, "AltitudeMode": mode, "autoContinue": true,
+                "command": 16, "doJumpId": k + 1, "frame": frame,
                 "params": [0, 0, 0, null, p.lat_deg, p.lon_deg, p.alt_m], "type": "SimpleItem",
             })
         })
         .collect();
-    let home = points
-        .first()
-        .map(|p| json!([p.lat_deg, p.lon_deg, p.alt_m]));
+    let home = home(route).map(|p| json!([p.lat_deg, p.lon_deg, p.alt_m]));
     let plan = json!({
         "fileType": "Plan", "groundStation": "QGroundControl", "version": 1,
         "geoFence": { "circles": [], "polygons": [], "version": 2 },
         "mission": {
-            "cruiseSpeed": 15, "hoverSpeed": 5, "firmwareType": 12, "vehicleType": 2, "globalPlanAltitudeMode": 2,
+            "cruiseSpeed": 15, "hoverSpeed": 5, "firmwareType": 12, "vehicleType": 2, "globalPlanAltitudeMode": mode,
             "items": items, "plannedHomePosition": home, "version": 2,
         },
         "rallyPoints": { "points": [], "version": 2 },
@@ -181,17 +214,30 @@ pub(crate) fn write_plan(points: &[Position]) -> String {
     format!("{plan:#}\n")
 }
 
-/// Writes a .waypoints of waypoints above mean sea level, home at the first.
-pub(crate) fn write_waypoints(points: &[Position]) -> String {
+/// Writes a .waypoints, home at the first waypoint.
+pub(crate) fn write_waypoints(route: &Route) -> String {
     let mut out = String::from("QGC WPL 110\n");
-    let home = points.first().into_iter();
-    for (k, p) in home.chain(points).enumerate() {
+    let frame = if route.datum == Datum::Home { 3 } else { 0 };
+    let home = home(route).map(|p| (0, p));
+    let items = route.positions().into_iter().map(|p| (frame, p));
+    for (k, (frame, p)) in home.into_iter().chain(items).enumerate() {
         let current = u8::from(k == 1);
         let _ = writeln!(
             out,
-            "{k}\t{current}\t0\t16\t0\t0\t0\t0\t{:.7}\t{:.7}\t{:.3}\t1",
+            "{k}\t{current}\t{frame}\t16\t0\t0\t0\t0\t{:.8}\t{:.8}\t{:.3}\t1",
             p.lat_deg, p.lon_deg, p.alt_m
         );
     }
     out
+}
+
+/// Home: the first waypoint; at height 0 where heights are above it.
+fn home(route: &Route) -> Option<Position> {
+    let first = route.waypoints.first()?.position;
+    let alt_m = if route.datum == Datum::Home {
+        0.0
+    } else {
+        first.alt_m
+    };
+    Some(Position { alt_m, ..first })
 }

@@ -1,20 +1,21 @@
 //! The files that routes and tracks are kept in, told apart by their ending.
 //!
-//! Curves are kept by the program's own format alone; the others hold waypoints, so a curved route is written to them
-//! as the vertices that it is flown by.
+//! Curves are kept by the ground station's route file and by the messages; the others hold waypoints, so a curved route
+//! is written to them as the vertices that it is flown by.
 
+mod dli;
 mod geojson;
 mod mission;
-mod own;
+mod route_file;
 mod table;
 pub(crate) mod xml;
 
 use std::path::Path;
 
-use curve_paths::Position;
-
 use crate::failure::Failure;
-use crate::route::Route;
+use crate::route::{Datum, Route};
+
+pub(crate) use dli::Addresses;
 
 /// Which rows of a table of several laps to read.
 #[derive(Clone, Copy, Debug, Default)]
@@ -28,13 +29,18 @@ pub(crate) struct Selection {
 /// A kind of file.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(crate) enum Format {
-    Own,
+    /// The ground station's route file.
+    RouteFile,
     Plan,
     Waypoints,
     GeoJson,
     Kml,
     Gpx,
     Csv,
+    /// Messages, a line each; not read.
+    Hex,
+    /// Messages, as a capture; not read.
+    Pcapng,
 }
 
 impl Format {
@@ -46,21 +52,28 @@ impl Format {
             .unwrap_or("")
             .to_ascii_lowercase();
         Ok(match ending.as_str() {
-            "toml" => Self::Own,
+            "toml" => Self::RouteFile,
             "plan" => Self::Plan,
             "waypoints" => Self::Waypoints,
             "geojson" | "json" => Self::GeoJson,
             "kml" => Self::Kml,
             "gpx" => Self::Gpx,
             "csv" => Self::Csv,
+            "hex" => Self::Hex,
+            "pcapng" => Self::Pcapng,
             _ => {
-                let known = ".toml, .plan, .waypoints, .geojson, .kml, .gpx, .csv";
+                let known = ".toml, .plan, .waypoints, .geojson, .kml, .gpx, .csv, .hex, .pcapng";
                 return Err(Failure::file(
                     file,
                     format!("unknown ending {ending:?}, expected one of {known}"),
                 ));
             }
         })
+    }
+
+    /// Whether it can say a curve.
+    pub(crate) const fn keeps_curves(self) -> bool {
+        matches!(self, Self::RouteFile | Self::Hex | Self::Pcapng)
     }
 }
 
@@ -74,13 +87,17 @@ pub(crate) fn read(file: &Path, selection: Selection) -> Result<Route, Failure> 
     }
     let text = std::fs::read_to_string(file).map_err(|e| Failure::file(file, e))?;
     let mut route = match format {
-        Format::Own => own::read(file, &text),
+        Format::RouteFile => route_file::read(file, &text),
         Format::Plan => mission::read_plan(file, &text),
         Format::Waypoints => mission::read_waypoints(file, &text),
         Format::GeoJson => geojson::read(file, &text),
         Format::Kml => xml::read_kml(file, &text),
         Format::Gpx => xml::read_gpx(file, &text),
         Format::Csv => table::read(file, &text, selection.lap),
+        Format::Hex | Format::Pcapng => {
+            let problem = "messages are written, not read: cucs download gives a .toml";
+            Err(Failure::file(file, problem))
+        }
     }?;
     if selection.every > 1 {
         if route.is_curved() {
@@ -104,37 +121,48 @@ pub(crate) fn read(file: &Path, selection: Selection) -> Result<Route, Failure> 
     Ok(route)
 }
 
-/// Writes a route with its curves: the program's own format.
-pub(crate) fn write_route(file: &Path, route: &Route) -> Result<(), Failure> {
-    save(file, &own::write(route))
-}
-
-/// Writes waypoints.
-pub(crate) fn write_points(file: &Path, name: &str, points: &[Position]) -> Result<(), Failure> {
-    let text = match Format::of(file)? {
-        Format::Own => {
-            let waypoints = points
-                .iter()
-                .map(|&p| crate::route::Waypoint::straight(p, None))
-                .collect();
-            own::write(&Route {
-                name: name.to_owned(),
-                closed: false,
-                waypoints,
-                skipped: 0,
-            })
-        }
-        Format::Plan => mission::write_plan(points),
-        Format::Waypoints => mission::write_waypoints(points),
-        Format::GeoJson => geojson::write(name, points),
-        Format::Kml => xml::write_kml(name, points),
-        Format::Gpx => xml::write_gpx(name, points),
-        Format::Csv => table::write(points),
+/// Writes a route; a curved one only where the format keeps curves.
+pub(crate) fn write(file: &Path, route: &Route, addresses: &Addresses) -> Result<(), Failure> {
+    let format = Format::of(file)?;
+    if route.is_curved() && !format.keeps_curves() {
+        return Err(Failure::file(
+            file,
+            "its format has no curves, expected .toml",
+        ));
+    }
+    let refuse = |heights: &str, instead: &str| {
+        Err(Failure::file(
+            file,
+            format!("the route has {heights}, which its format cannot say: {instead}"),
+        ))
     };
-    save(file, &text)
+    match (format, route.datum) {
+        (Format::RouteFile | Format::Hex | Format::Pcapng, _) => {}
+        (_, Datum::Unsaid) => return refuse("no altitude_type", "say agl or amsl"),
+        (_, Datum::Ellipsoid) => {
+            return refuse(
+                "heights above the ellipsoid",
+                "give them above mean sea level",
+            );
+        }
+        (Format::Gpx, Datum::Home) => return refuse("heights above home", "give --home-alt"),
+        _ => {}
+    }
+    let text = match format {
+        Format::RouteFile => route.to_plan()?.to_toml(),
+        Format::Plan => mission::write_plan(route),
+        Format::Waypoints => mission::write_waypoints(route),
+        Format::GeoJson => geojson::write(route),
+        Format::Kml => xml::write_kml(route),
+        Format::Gpx => xml::write_gpx(route),
+        Format::Csv => table::write(route),
+        Format::Hex => addresses.hex(route)?,
+        Format::Pcapng => return save(file, &addresses.pcapng(route)?),
+    };
+    save(file, text.as_bytes())
 }
 
-/// Writes a text to a file.
-pub(crate) fn save(file: &Path, text: &str) -> Result<(), Failure> {
-    std::fs::write(file, text).map_err(|e| Failure::file(file, e))
+/// Writes a file.
+pub(crate) fn save(file: &Path, octets: &[u8]) -> Result<(), Failure> {
+    std::fs::write(file, octets).map_err(|e| Failure::file(file, e))
 }

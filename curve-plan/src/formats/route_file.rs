@@ -1,142 +1,173 @@
-//! The program's own format, TOML: waypoints, and the control points of the curved legs between them.
+//! The ground station's route file (TOML): waypoints with numbers, and curves between them. What `cucs send` sends.
 //!
 //! ```toml
-//! name = "bend"
-//! closed = false
+//! id = "bend"
+//!
+//! [defaults]
+//! altitude = 30.0
+//! altitude_type = "agl"                       # or amsl, wgs84
 //!
 //! [[waypoint]]
-//! lat_deg = 47.4
-//! lon_deg = 8.5
-//! alt_m = 500.0
-//! p2 = { lat_deg = 47.4002, lon_deg = 8.5005 }             # of the leg from here to the next waypoint
-//! p3 = { lat_deg = 47.4004, lon_deg = 8.5010 }             # alt_m in both or in neither
+//! number = 10
+//! latitude = 47.4
+//! longitude = 8.5
 //!
 //! [[waypoint]]
-//! lat_deg = 47.4
-//! lon_deg = 8.502
-//! alt_m = 500.0
+//! number = 20
+//! latitude = 47.4
+//! longitude = 8.502
+//!
+//! [[curve]]
+//! from = 10
+//! to = 20
+//! p2 = [47.4002, 8.5005]                      # and an altitude in both, or in neither
+//! p3 = [47.4004, 8.5010]
 //! ```
 
-use std::fmt::Write;
 use std::path::Path;
 
 use curve_paths::{Control, Position};
 use serde::Deserialize;
+use sim::cucs;
+use toml::Spanned;
 
 use crate::failure::Failure;
-use crate::route::{Route, Waypoint};
+use crate::route::{Datum, Route, Waypoint};
 
+/// Where in the text the waypoints and curves stand.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
+struct Places {
+    waypoint: Vec<WaypointPlace>,
     #[serde(default)]
-    name: String,
-    #[serde(default)]
-    closed: bool,
-    waypoint: Vec<toml::Spanned<Entry>>,
+    curve: Vec<CurvePlace>,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Entry {
-    lat_deg: f64,
-    lon_deg: f64,
-    #[serde(default)]
-    alt_m: f64,
-    p2: Option<Point>,
-    p3: Option<Point>,
+struct WaypointPlace {
+    number: Spanned<u16>,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Point {
-    lat_deg: f64,
-    lon_deg: f64,
-    alt_m: Option<f64>,
+struct CurvePlace {
+    from: Spanned<u16>,
 }
 
-impl From<Point> for Control {
-    fn from(p: Point) -> Self {
-        Self {
-            lat_deg: p.lat_deg,
-            lon_deg: p.lon_deg,
-            alt_m: p.alt_m,
+/// Reads a route: the path from its initial waypoint along Next Waypoint; the end of a loop leads back once.
+pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
+    let plan = cucs::Route::parse(file, text)?;
+    let places: Places =
+        toml::from_str(text).map_err(|e| Failure::at(file, None, "", e.message()))?;
+    let line = |offset: usize| Some(1 + text[..offset].matches('\n').count() as u64);
+    let line_of = |number: u16| {
+        let place = places
+            .waypoint
+            .iter()
+            .find(|w| *w.number.get_ref() == number);
+        place.and_then(|w| line(w.number.span().start))
+    };
+    let (order, back) = order(&plan, file, &line_of)?;
+    let datum = datum(&plan, file, &line_of)?;
+    let point = |w: &cucs::Waypoint, to: Option<u16>| {
+        let curve = plan
+            .curves
+            .iter()
+            .find(|c| c.from == w.number && Some(c.to) == to);
+        Waypoint {
+            position: Position::new(w.latitude_deg, w.longitude_deg, w.altitude_m),
+            line: line_of(w.number),
+            curve: curve.map(|c| [control(c.p2), control(c.p3)]),
+        }
+    };
+    let next = |k: usize| order.get(k + 1).map(|w| w.number).or(back);
+    let mut waypoints: Vec<Waypoint> = (0..order.len()).map(|k| point(order[k], next(k))).collect();
+    for (k, curve) in plan.curves.iter().enumerate() {
+        let flown = |i: usize| order[i].number == curve.from && next(i) == Some(curve.to);
+        if !(0..order.len()).any(flown) {
+            let at = places.curve.get(k).and_then(|c| line(c.from.span().start));
+            let problem = format!("no leg leads from {} to {}", curve.from, curve.to);
+            return Err(Failure::at(file, at, "curve", problem));
         }
     }
-}
-
-/// Reads a route.
-pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
-    let line_of =
-        |offset: usize| Some(1 + text[..offset.min(text.len())].matches('\n').count() as u64);
-    let parsed: File = toml::from_str(text).map_err(|e| {
-        Failure::at(
-            file,
-            e.span().and_then(|s| line_of(s.start)),
-            "",
-            e.message(),
-        )
-    })?;
-    let mut waypoints = Vec::with_capacity(parsed.waypoint.len());
-    for (k, entry) in parsed.waypoint.into_iter().enumerate() {
-        let line = line_of(entry.span().start);
-        let entry = entry.into_inner();
-        let curve = match (entry.p2, entry.p3) {
-            (Some(p2), Some(p3)) => Some([p2.into(), p3.into()]),
-            (None, None) => None,
-            (p2, _) => {
-                let missing = if p2.is_some() { "p3" } else { "p2" };
-                let field = format!("waypoint {}: {missing}", k + 1);
-                return Err(Failure::at(
-                    file,
-                    line,
-                    field,
-                    "missing, expected p2 and p3 or neither",
-                ));
-            }
-        };
+    let closed = back.is_some() && back == order.first().map(|w| w.number);
+    if let (false, Some(back)) = (
+        closed,
+        back.and_then(|n| order.iter().find(|w| w.number == n)),
+    ) {
         waypoints.push(Waypoint {
-            position: Position::new(entry.lat_deg, entry.lon_deg, entry.alt_m),
-            line,
-            curve,
+            curve: None,
+            ..point(back, None)
         });
     }
     Ok(Route {
-        name: parsed.name,
-        closed: parsed.closed,
+        name: plan
+            .id
+            .clone()
+            .or_else(|| plan.mission_id.clone())
+            .unwrap_or_default(),
+        closed,
+        skipped: plan.waypoints.len() - order.len(),
         waypoints,
-        skipped: 0,
+        datum,
+        plan: Some(plan),
     })
 }
 
-/// Writes a route, curves and all.
-pub(crate) fn write(route: &Route) -> String {
-    let mut out = format!("name = {:?}\nclosed = {}\n", route.name, route.closed);
-    for w in &route.waypoints {
-        let p = w.position;
-        let _ = write!(
-            out,
-            "\n[[waypoint]]\nlat_deg = {}\nlon_deg = {}\nalt_m = {}\n",
-            number(p.lat_deg),
-            number(p.lon_deg),
-            number(p.alt_m)
-        );
-        for (name, c) in ["p2", "p3"].into_iter().zip(w.curve.iter().flatten()) {
-            let alt = c
-                .alt_m
-                .map_or_else(String::new, |a| format!(", alt_m = {}", number(a)));
-            let _ = writeln!(
-                out,
-                "{name} = {{ lat_deg = {}, lon_deg = {}{alt} }}",
-                number(c.lat_deg),
-                number(c.lon_deg)
-            );
+/// The waypoints in the order that they are flown, and the one that the last leads back to.
+fn order<'a>(
+    plan: &'a cucs::Route,
+    file: &Path,
+    line_of: &dyn Fn(u16) -> Option<u64>,
+) -> Result<(Vec<&'a cucs::Waypoint>, Option<u16>), Failure> {
+    let mut order: Vec<&cucs::Waypoint> = Vec::new();
+    let first = plan.waypoints.first().map_or(0, |w| w.number);
+    let mut number = plan.initial.unwrap_or(first);
+    while number != 0 {
+        if order.iter().any(|w| w.number == number) {
+            return Ok((order, Some(number)));
         }
+        let Some(found) = plan.waypoints.iter().find(|w| w.number == number) else {
+            let from = order.last().map(|w| w.number);
+            let field = from.map_or("initial".to_owned(), |n| format!("waypoint {n}: next"));
+            let problem = format!("{number}, expected the number of a waypoint, or 0");
+            return Err(Failure::at(file, from.and_then(line_of), field, problem));
+        };
+        order.push(found);
+        number = found.next;
     }
-    out
+    Ok((order, None))
 }
 
-/// A float as TOML wants it: never without its point.
-fn number(x: f64) -> String {
-    format!("{x:?}")
+/// What all altitudes are above: a path has one.
+fn datum(
+    plan: &cucs::Route,
+    file: &Path,
+    line_of: &dyn Fn(u16) -> Option<u64>,
+) -> Result<Datum, Failure> {
+    let waypoints = plan
+        .waypoints
+        .iter()
+        .map(|w| (w.number, "waypoint", w.altitude_type));
+    let raised = plan
+        .curves
+        .iter()
+        .filter(|c| c.p2.altitude_m.or(c.p3.altitude_m).is_some());
+    let curves = raised.map(|c| (c.from, "curve from", c.altitude_type));
+    let mut found = None;
+    for (number, what, kind) in waypoints.chain(curves) {
+        let datum = Datum::of(kind);
+        if *found.get_or_insert(datum) != datum {
+            let field = format!("{what} {number}: altitude_type");
+            let problem = "another than before, expected the same throughout";
+            return Err(Failure::at(file, line_of(number), field, problem));
+        }
+    }
+    Ok(found.unwrap_or_default())
+}
+
+fn control(place: cucs::Place) -> Control {
+    Control {
+        lat_deg: place.latitude_deg,
+        lon_deg: place.longitude_deg,
+        alt_m: place.altitude_m,
+    }
 }

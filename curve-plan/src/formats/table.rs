@@ -1,11 +1,11 @@
-//! CSV with a header: one fix a row, columns found by their names.
+//! CSV with a header: one fix a row, columns found by their names. `alt_m` is above mean sea level, `height_m` above home.
 
 use std::path::Path;
 
 use curve_paths::Position;
 
 use crate::failure::Failure;
-use crate::route::{Route, Waypoint};
+use crate::route::{Datum, Route, Waypoint};
 
 /// Reads the rows of one lap, or of all.
 pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, Failure> {
@@ -32,12 +32,20 @@ pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, F
         })
     };
     let (lat, lon) = (need(LATITUDE)?, need(LONGITUDE)?);
-    let alt = find(ALTITUDE);
+    let height = find(HEIGHT);
+    let alt = height.or_else(|| find(ALTITUDE));
     let lap_column = match lap {
         Some(wanted) => Some((need(&["lap"])?, wanted)),
         None => None,
     };
-    let mut route = Route::default();
+    let mut route = Route {
+        datum: if height.is_some() {
+            Datum::Home
+        } else {
+            Datum::SeaLevel
+        },
+        ..Route::default()
+    };
     let mut last_alt = None;
     for row in reader.records() {
         let row =
@@ -91,6 +99,7 @@ pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, F
 
 const LATITUDE: &[&str] = &["lat_deg", "lat", "latitude"];
 const LONGITUDE: &[&str] = &["lon_deg", "lon", "lng", "longitude"];
+const HEIGHT: &[&str] = &["height_m"];
 const ALTITUDE: &[&str] = &[
     "alt_m",
     "alt",
@@ -100,10 +109,15 @@ const ALTITUDE: &[&str] = &[
     "ele",
 ];
 
-/// Writes positions.
-pub(crate) fn write(points: &[Position]) -> String {
-    let mut out = String::from("lat_deg,lon_deg,alt_m\n");
-    for p in points {
+/// Writes the waypoints.
+pub(crate) fn write(route: &Route) -> String {
+    let above = if route.datum == Datum::Home {
+        HEIGHT
+    } else {
+        ALTITUDE
+    };
+    let mut out = format!("lat_deg,lon_deg,{}\n", above[0]);
+    for p in route.positions() {
         out += &format!("{:.8},{:.8},{:.3}\n", p.lat_deg, p.lon_deg, p.alt_m);
     }
     out

@@ -1,4 +1,4 @@
-//! KML and GPX: the first line, or else all points in order.
+//! KML and GPX: the first line, or else all points in order. A KML says by its altitudeMode what altitudes are above.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -8,7 +8,7 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use crate::failure::Failure;
-use crate::route::{Route, Waypoint};
+use crate::route::{Datum, Route, Waypoint};
 
 /// Reads a KML: the first LineString, LinearRing or gx:Track; else all Points.
 pub(crate) fn read_kml(file: &Path, text: &str) -> Result<Route, Failure> {
@@ -35,6 +35,14 @@ pub(crate) fn read_kml(file: &Path, text: &str) -> Result<Route, Failure> {
                         tuples(file, number, &text, &mut line)?;
                     }
                     Some("coordinates") => tuples(file, number, &text, &mut points)?,
+                    Some("altitudeMode") if text.trim() == RELATIVE => {
+                        let whose = if in_line || inside("Track") {
+                            Some(&mut line).filter(|_| !taken)
+                        } else {
+                            Some(&mut points)
+                        };
+                        whose.into_iter().for_each(|r| r.datum = Datum::Home);
+                    }
                     Some("coord") if !taken => {
                         let joined = text.split_whitespace().collect::<Vec<_>>().join(",");
                         tuples(file, number, &joined, &mut line)?;
@@ -199,28 +207,33 @@ fn some<const N: usize>(file: &Path, routes: [Route; N], expected: &str) -> Resu
         .ok_or_else(|| Failure::file(file, format!("no path, expected {expected}")))
 }
 
-/// Writes a KML LineString, altitudes absolute.
-pub(crate) fn write_kml(name: &str, points: &[Position]) -> String {
+/// Writes a KML LineString.
+pub(crate) fn write_kml(route: &Route) -> String {
+    let mode = if route.datum == Datum::Home {
+        RELATIVE
+    } else {
+        "absolute"
+    };
     let mut out = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<kml xmlns=\"http://www.opengis.net/kml/2.2\"><Document>\n\
-         <Placemark><name>{}</name><LineString><altitudeMode>absolute</altitudeMode><coordinates>\n",
-        escaped(name)
+         <Placemark><name>{}</name><LineString><altitudeMode>{mode}</altitudeMode><coordinates>\n",
+        escaped(&route.name)
     );
-    for p in points {
+    for p in route.positions() {
         let _ = writeln!(out, "{:.8},{:.8},{:.3}", p.lon_deg, p.lat_deg, p.alt_m);
     }
     out + "</coordinates></LineString></Placemark>\n</Document></kml>\n"
 }
 
 /// Writes a GPX route.
-pub(crate) fn write_gpx(name: &str, points: &[Position]) -> String {
+pub(crate) fn write_gpx(route: &Route) -> String {
     let mut out = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
          <gpx version=\"1.1\" creator=\"curve-plan\" xmlns=\"http://www.topografix.com/GPX/1/1\">\n\
          <rte><name>{}</name>\n",
-        escaped(name)
+        escaped(&route.name)
     );
-    for p in points {
+    for p in route.positions() {
         let _ = writeln!(
             out,
             "<rtept lat=\"{:.8}\" lon=\"{:.8}\"><ele>{:.3}</ele></rtept>",
@@ -234,3 +247,6 @@ pub(crate) fn write_gpx(name: &str, points: &[Position]) -> String {
 pub(crate) fn escaped(text: &str) -> std::borrow::Cow<'_, str> {
     quick_xml::escape::escape(text)
 }
+
+/// KML's word for heights above ground; at home it is home's.
+const RELATIVE: &str = "relativeToGround";

@@ -1,6 +1,7 @@
 //! `plot`: a picture of a route, what is flown of it, and how far the one is from the other.
 
 mod html;
+mod png;
 mod scene;
 mod svg;
 
@@ -18,11 +19,14 @@ use scene::Scene;
 pub(crate) struct Command {
     /// The route.
     file: PathBuf,
-    /// Where to draw it: .svg, or .html for a page that can be moved and zoomed.
+    /// Where to draw it: .svg, .png, or .html for a page that can be moved and zoomed.
     #[arg(short, long)]
     output: PathBuf,
     #[command(flatten)]
     how: Densify,
+    /// Width of a .png, pixels.
+    #[arg(long, value_name = "PIXELS", default_value_t = 2_000, value_parser = clap::value_parser!(u32).range(100..=10_000))]
+    width: u32,
     /// A .tlog with the flown track.
     #[arg(long)]
     flown: Option<PathBuf>,
@@ -36,12 +40,12 @@ impl Command {
             .and_then(|e| e.to_str())
             .unwrap_or("")
             .to_ascii_lowercase();
-        if !["svg", "html"].contains(&ending.as_str()) {
+        if !["svg", "png", "html"].contains(&ending.as_str()) {
             return Err(Failure::Usage(format!(
-                "--output ends in {ending:?}, expected .svg or .html"
+                "--output ends in {ending:?}, expected .svg, .png or .html"
             )));
         }
-        let loaded = Loaded::read(&self.file)?;
+        let loaded = Loaded::read(&self.file, &self.how)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
         let flown = match &self.flown {
             Some(file) => tlog::read(file)?,
@@ -55,11 +59,12 @@ impl Command {
             tolerance_m,
             &flown,
         ));
-        let text = if ending == "html" {
-            html::page(name, &drawn)
-        } else {
-            drawn
+        let octets = match ending.as_str() {
+            "html" => html::page(name, &drawn).into_bytes(),
+            "png" => png::paint(&drawn, self.width)
+                .map_err(|e| Failure::Answer(format!("{}: {e}", self.output.display())))?,
+            _ => drawn.into_bytes(),
         };
-        formats::save(&self.output, &text)
+        formats::save(&self.output, &octets)
     }
 }
