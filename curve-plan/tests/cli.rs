@@ -569,7 +569,7 @@ fn a_png_shows_the_curve_and_its_letters() {
             .count()
     };
     // The title's letters, in the first 18 rows at this scale.
-    assert!(dark(0..18) > 100, "{}", dark(0..18));
+    assert!(dark(0..18) > 60, "{}", dark(0..18));
     assert!(dark(60..300) > 500);
 }
 
@@ -595,9 +595,7 @@ fn check_measures_a_recorded_flight() {
     let flat = ROUTE.replace("510.0", "500.0").replace("540.0", "500.0");
     files.put(
         "flat.toml",
-        &flat
-            .replace(", alt_m = 515.0", "")
-            .replace(", alt_m = 560.0", ""),
+        &flat.replace(", 515.0", "").replace(", 560.0", ""),
     );
     let fine = files.json(&[
         "densify",

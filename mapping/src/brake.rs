@@ -154,7 +154,7 @@ mod tests {
     fn a_fast_vehicle_brakes_even_there() {
         assert_eq!(all(&mut far(10.0, &[30.0, 35.0, 35.0, 35.0])), [1, 2]);
         let mut items = far(6.0, &[30.0, 35.0]);
-        assert_eq!(where_height_changes(&mut items, &[1, 2], 20.0), []);
+        assert!(where_height_changes(&mut items, &[1, 2], 20.0).is_empty());
     }
 
     #[test]

@@ -54,12 +54,11 @@ impl Route {
         messages.push(self.load_command()?.into());
         let envelope = Envelope::new(cucs, vehicle).requesting_ack();
         let mut octets = [0; MAX_DATAGRAM];
-        let mut stamp = TimeStamp::from_unix_ms(unix_ms).0;
         let mut out = Vec::with_capacity(messages.len());
-        for message in messages {
+        let stamps = TimeStamp::from_unix_ms(unix_ms).0..;
+        for (stamp, message) in stamps.zip(messages) {
             let length = stamped(&message, TimeStamp(stamp)).encode(&envelope, &mut octets)?;
             out.extend(octets.get(..length).map(<[u8]>::to_vec));
-            stamp += 1;
         }
         Ok(out)
     }
