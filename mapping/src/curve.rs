@@ -28,8 +28,6 @@ pub struct Curving {
     pub multicopter: Multicopter,
     /// What one that does not can do.
     pub fixed_wing: FixedWing,
-    /// Acceptance radius of an item that has none of its own (NAV_ACC_RAD), m.
-    pub own_radius_m: f64,
 }
 
 impl Default for Curving {
@@ -40,7 +38,6 @@ impl Default for Curving {
             vertices: Vertices::OnCurve,
             multicopter: Multicopter::default(),
             fixed_wing: FixedWing::default(),
-            own_radius_m: 10.0,
         }
     }
 }
@@ -55,7 +52,6 @@ impl Curving {
             (&mut quad.climb_mps, "MPC_Z_V_AUTO_UP"),
             (&mut quad.descent_mps, "MPC_Z_V_AUTO_DN"),
             (&mut plane.slowest_mps, "FW_AIRSPD_MIN"),
-            (&mut self.own_radius_m, "NAV_ACC_RAD"),
         ] {
             *known = parameters.above_zero(name).unwrap_or(*known);
         }

@@ -131,8 +131,8 @@ impl Flight {
     }
 
     /// Makes PX4 stop at those of these items that it could miss for good, and says so.
-    fn brake(&mut self, straight: &[usize], own_radius_m: f64) {
-        let braked = brake::where_height_changes(&mut self.items, straight, own_radius_m);
+    fn brake(&mut self, straight: &[usize]) {
+        let braked = brake::where_height_changes(&mut self.items, straight);
         let mut numbers: Vec<u16> = braked
             .iter()
             .skip(1)
@@ -406,7 +406,7 @@ pub(crate) fn flight_within(plan: &Plan, initial: u16, site: &Site) -> Result<Fl
     }
     if site.hovers {
         straight.retain(|at| !ends.contains(at));
-        flight.brake(&straight, site.curving.own_radius_m);
+        flight.brake(&straight);
         for end in ends {
             widen(&mut flight.items, end);
         }
