@@ -217,11 +217,10 @@ fn a_curve_that_cannot_be_flown_is_refused_with_its_waypoint() {
         p3_longitude: None,
         ..curve(9, 4)
     };
-    for bad in [
-        Message::CurveSegment(far),
-        Message::CurveSegmentPaper(nan),
-        Message::CurveSegment(without),
-    ] {
+    // What is no angle is not even stored.
+    let stored = Plan::default().store(&Message::CurveSegmentPaper(nan), CUCS, VEHICLE);
+    assert!(stored.is_err(), "{stored:?}");
+    for bad in [Message::CurveSegment(far), Message::CurveSegment(without)] {
         let fault = refused(&[bad]);
         assert_eq!(fault.waypoint, 9);
         assert!(
