@@ -2,7 +2,8 @@
 //! takes before one is lost. Prints a Markdown table; `cargo bench -p vsm --bench sockets`.
 //!
 //! Vehicle to CUCS: a signed HEARTBEAT that changes the mode, until the 3001 that tells it. CUCS to vehicle nothing
-//! passes by itself: an order waits for what the vehicle shows. Measured is a 17002 until its answer.
+//! passes by itself: an order waits for what the vehicle shows. Measured is a 17002 until its answer. Then the whole
+//! program under telemetry at PX4's rate and far above it, with signing on and off: its share of a core and its memory.
 
 #![allow(missing_docs)]
 #![allow(clippy::print_stdout, reason = "figures are printed")]
@@ -14,7 +15,9 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use mavlink_link::dialect::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType};
+use mavlink_link::dialect::{
+    ATTITUDE_DATA, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType,
+};
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::signing::{SigningKey, Stamp, sign};
 use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
@@ -26,36 +29,50 @@ fn main() {
     if !std::env::args().any(|argument| argument == "--bench") {
         return;
     }
-    let world = World::start();
+    let world = World::start(true);
     println!("| through `vsm run` on loopback | p50 | p99 | CPU a message | lost |");
     println!("|---|---|---|---|---|");
     world.measure("mode change to 3001, 100/s", 100, World::mode_change);
     world.measure("mode change to 3001, 1000/s", 1_000, World::mode_change);
     world.measure("17002 to its answer, 1000/s", 1_000, World::question);
     world.flood();
+    drop(world);
+    println!("| `vsm run` under telemetry, one vehicle | of a core | CPU a frame | memory |");
+    println!("|---|---|---|---|");
+    for (rate, seconds) in [(PX4_RATE, 30), (5_000, 10)] {
+        for signed in [false, true] {
+            World::start(signed).load(rate, seconds);
+        }
+    }
 }
 
 struct World {
+    signed: bool,
     vsm: Child,
     vehicle: UdpSocket,
     station: UdpSocket,
     mavlink: SocketAddr,
     dli: SocketAddr,
     sent: Cell<u64>,
+    stamped: Cell<u64>,
     folder: tempfile::TempDir,
 }
 
 impl World {
-    fn start() -> World {
+    fn start(signed: bool) -> World {
         let folder = tempfile::tempdir().expect("a folder");
         let (dli, mavlink) = (free(), free());
         let key = folder.path().join("uav.key");
         fs::write(&key, "5a".repeat(32)).expect("the key");
         fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).expect("its mode");
         let config = folder.path().join("vsm.toml");
+        let signing = match signed {
+            true => "{ key_file = \"uav.key\" }",
+            false => "\"off\"",
+        };
         let text = format!(
             "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"{dli}\"\n[[cucs]]\nid = \"{CUCS}\"\nloi = [2]\n[[vehicle]]\n\
-             id = \"{VEHICLE}\"\nlink = \"udpin:{mavlink}\"\nsystem_id = 1\nsigning = {{ key_file = \"uav.key\" }}\n\
+             id = \"{VEHICLE}\"\nlink = \"udpin:{mavlink}\"\nsystem_id = 1\nsigning = {signing}\n\
              [store]\ndir = \"state\"\n"
         );
         fs::write(&config, text).expect("the configuration");
@@ -67,12 +84,14 @@ impl World {
             .spawn()
             .expect("vsm run");
         let world = World {
+            signed,
             vsm,
             vehicle: socket(),
             station: socket(),
             mavlink,
             dli,
             sent: Cell::new(0),
+            stamped: Cell::new(0),
             folder,
         };
         std::thread::sleep(Duration::from_millis(500));
@@ -92,27 +111,51 @@ impl World {
 
     /// A HEARTBEAT in the other of two modes; a 3001 tells it.
     fn mode_change(&self) {
-        let count = self.sent.get() + 1;
-        self.sent.set(count);
-        let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: [0x0304_0000, 0x0404_0000][usize::from(count.is_multiple_of(2))],
+        let even = self.sent.get().is_multiple_of(2);
+        self.tell(&MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: [0x0304_0000, 0x0404_0000][usize::from(even)],
             mavtype: MavType::MAV_TYPE_QUADROTOR,
             autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
             base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
             mavlink_version: 3,
             ..HEARTBEAT_DATA::default()
-        });
+        }));
+    }
+
+    /// The most frequent of PX4's messages.
+    fn attitude(&self) {
+        let part = (self.sent.get() % 100) as f32 / 100.0;
+        self.tell(&MavMessage::ATTITUDE(ATTITUDE_DATA {
+            time_boot_ms: self.sent.get() as u32,
+            roll: part,
+            pitch: -part,
+            yaw: part * 3.0,
+            rollspeed: 0.1,
+            pitchspeed: 0.2,
+            yawspeed: 0.3,
+        }));
+    }
+
+    /// As the vehicle's autopilot says it.
+    fn tell(&self, message: &MavMessage) {
+        let count = self.sent.get() + 1;
+        self.sent.set(count);
         let mut out = [0; MAX_FRAME];
         let header = Header {
             system_id: 1,
             component_id: 1,
             seq: count as u8,
-            incompat: INCOMPAT_SIGNED,
+            incompat: if self.signed { INCOMPAT_SIGNED } else { 0 },
             ..Header::default()
         };
-        let length = encode(&message, header, &mut out);
-        let key = SigningKey::new([0x5a; 32]).expect("a key");
-        let length = sign(&key, 0, Stamp::from_unix(wall()), &mut out, length).expect("it fits");
+        let mut length = encode(message, header, &mut out);
+        if self.signed {
+            let key = SigningKey::new([0x5a; 32]).expect("a key");
+            // As every signer must: two frames within 10 us do not share a stamp.
+            let stamp = Stamp::from_unix(wall()).get().max(self.stamped.get() + 1);
+            self.stamped.set(stamp);
+            length = sign(&key, 0, Stamp::new(stamp), &mut out, length).expect("it fits");
+        }
         let sent = self.vehicle.send_to(&out[..length], self.mavlink);
         sent.expect("it is sent");
     }
@@ -169,6 +212,33 @@ impl World {
         );
     }
 
+    /// Telemetry at this rate, and what it costs: processor time, and memory at the end.
+    fn load(&self, rate: u32, seconds: u32) {
+        let (cpu, before) = (cpu_time(self.vsm.id()), self.taken(ATTITUDE));
+        let begun = Instant::now();
+        for number in 0..rate * seconds {
+            let due = begun + Duration::from_secs(1) * number / rate;
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+            self.attitude();
+            if number.is_multiple_of(16) {
+                self.discard();
+            }
+        }
+        let took = begun.elapsed();
+        std::thread::sleep(Duration::from_millis(300));
+        self.discard();
+        let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu);
+        let taken = self.taken(ATTITUDE) - before;
+        println!(
+            "| {rate} frames/s, signing {}, {taken} of {} taken | {:.1} % | {:.1} us | {:.1} MB |",
+            if self.signed { "on" } else { "off" },
+            rate * seconds,
+            cpu.as_secs_f64() / took.as_secs_f64() * 100.0,
+            cpu.as_secs_f64() * 1e6 / f64::from(rate * seconds),
+            memory_kb(self.vsm.id()) / 1_000.0,
+        );
+    }
+
     fn await_report(&self, begun: Instant) -> Option<Duration> {
         let mut octets = [0; 2_048];
         loop {
@@ -194,7 +264,7 @@ impl World {
     fn flood(&self) {
         let mut best = "under 2000".to_owned();
         for rate in [2_000_u32, 5_000, 10_000, 20_000, 40_000, 80_000] {
-            let before = self.taken();
+            let before = self.taken(HEARTBEAT);
             let begun = Instant::now();
             for number in 0..rate {
                 while begun.elapsed() < Duration::from_secs(1) * number / rate {
@@ -208,7 +278,7 @@ impl World {
             let late = begun.elapsed() > Duration::from_millis(1_050);
             std::thread::sleep(Duration::from_millis(300));
             self.discard();
-            if late || self.taken() - before < u64::from(rate) {
+            if late || self.taken(HEARTBEAT) - before < u64::from(rate) {
                 break;
             }
             best = rate.to_string();
@@ -216,16 +286,18 @@ impl World {
         println!("| signed frames a second before one is lost: {best} | | | | |");
     }
 
-    /// How many HEARTBEATs of the vehicle the bridge has believed.
-    fn taken(&self) -> u64 {
+    /// How many messages of this id the bridge has believed of the vehicle.
+    fn taken(&self, id: &str) -> u64 {
         let status = Command::new(VSM)
             .args(["status", "--json", "--config"])
             .arg(self.folder.path().join("vsm.toml"))
             .output()
             .expect("vsm status");
         let status: serde_json::Value = serde_json::from_slice(&status.stdout).expect("JSON");
-        let taken = &status["vehicles"][0]["received"]["0"];
-        taken.as_u64().expect("a count of HEARTBEAT")
+        let link = &status["vehicles"][0]["link"];
+        assert!(link["received"].is_object(), "no counts in {status:#}");
+        // None is counted before the first.
+        link["received"][id].as_u64().unwrap_or(0)
     }
 }
 
@@ -266,6 +338,19 @@ fn cpu_time(process: u32) -> Duration {
     Duration::from_millis(ticks * 10)
 }
 
+/// Resident memory of a process, from /proc, in kB.
+fn memory_kb(process: u32) -> f64 {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let number = resident.and_then(|rest| rest.split_whitespace().next());
+    number.and_then(|kb| kb.parse().ok()).unwrap_or(f64::NAN)
+}
+
+/// Message ids, as the status has them.
+const HEARTBEAT: &str = "0";
+const ATTITUDE: &str = "30";
+/// What PX4 v1.18 sends a second on a link of a ground station.
+const PX4_RATE: u32 = 370;
 const VSM: &str = env!("CARGO_BIN_EXE_vsm");
 const CUCS: Id = Id(0x1b00_00a0);
 const VEHICLE: Id = Id(0x1b00_0101);
