@@ -10,6 +10,7 @@
 
 use mavlink_link::service::mission::Item;
 
+use crate::loops::DO_JUMP;
 use crate::route::{CRUISE_M_S, DO_CHANGE_SPEED, NAV_WAYPOINT};
 
 /// Makes PX4 brake for each waypoint of these that it comes to, or goes on from, with a climb or a descent, where it has
@@ -55,7 +56,6 @@ fn speed_m_s(items: &[Item], at: usize) -> f64 {
         .unwrap_or(CRUISE_M_S)
 }
 
-const DO_JUMP: u16 = 177;
 /// Heights that differ by less than this are one, m: PX4 takes 1 mm for a difference, and swings by no more than this
 /// one is.
 const LEVEL_M: f32 = 0.05;

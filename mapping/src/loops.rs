@@ -57,5 +57,6 @@ pub(crate) fn jump(
     }))
 }
 
-const DO_JUMP: u16 = 177;
+/// MAV_CMD_DO_JUMP.
+pub(crate) const DO_JUMP: u16 = 177;
 const MOST_JUMPS: u16 = u16::MAX;

@@ -30,6 +30,15 @@ pub enum Curve {
     Native(CurveSegment),
 }
 
+impl Curve {
+    fn message(&self) -> Message {
+        match self {
+            Curve::Paper(curve) => Message::CurveSegmentPaper(curve.clone()),
+            Curve::Native(curve) => Message::CurveSegment(curve.clone()),
+        }
+    }
+}
+
 /// A message that the plan does not take.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum StoreError {
@@ -94,7 +103,13 @@ impl Plan {
             Message::UaRoute(route) => self.store_route(route),
             Message::UaPositionWaypoint(waypoint) => {
                 let number = numbered(13002, "Waypoint Number", waypoint.waypoint_number)?;
-                insert(&mut self.waypoints, number, waypoint.clone(), "waypoints")
+                let before = self.waypoints.get(&number).map(next);
+                insert(&mut self.waypoints, number, waypoint.clone(), "waypoints")?;
+                // The leg that a curve described is gone with the Next Waypoint that made it.
+                if let Some(before) = before.filter(|before| *before != next(waypoint)) {
+                    self.curves.remove(&(number, before));
+                }
+                Ok(())
             }
             Message::UaLoiterWaypoint(loiter) => {
                 let number = numbered(13003, "Waypoint Number", loiter.waypoint_number)?;
@@ -220,6 +235,73 @@ impl Plan {
         })
     }
 
+    /// A route by itself: its definition, the waypoints that it leads to, their loiters and curves.
+    #[must_use]
+    pub fn part(&self, route: &UaRoute) -> Plan {
+        let mut part = Plan {
+            routes: vec![route.clone()],
+            ..Plan::default()
+        };
+        let mut number = route.initial_waypoint_number.unwrap_or(0);
+        while let Some(waypoint) = self.waypoints.get(&number)
+            && part.waypoints.insert(number, waypoint.clone()).is_none()
+        {
+            if let Some(loiter) = self.loiters.get(&number) {
+                part.loiters.insert(number, loiter.clone());
+            }
+            for (to, curve) in self.curves_from(number) {
+                part.curves.insert((number, to), curve.clone());
+            }
+            number = next(waypoint);
+        }
+        part
+    }
+
+    /// What is known beside a route that went aboard: that route as it was then, and the other routes as they were
+    /// sent since. Waypoints that no route leads to any more are left out.
+    #[must_use]
+    pub fn beside(&self, aboard: &Plan) -> Plan {
+        let is_aboard = |route: &UaRoute| {
+            let mut known = aboard.routes.iter();
+            known.any(|known| known.route_id == route.route_id)
+        };
+        let mut whole = Plan::default();
+        for route in self.routes.iter().filter(|route| !is_aboard(route)) {
+            whole.lay(self.part(route));
+        }
+        whole.lay(aboard.clone());
+        whole
+    }
+
+    /// Puts another plan in the place of what it describes too.
+    fn lay(&mut self, upper: Plan) {
+        let Plan {
+            routes,
+            waypoints,
+            loiters,
+            curves,
+        } = upper;
+        let covers = |number: &u16| waypoints.contains_key(number);
+        self.loiters.retain(|number, _| !covers(number));
+        self.curves.retain(|(p1, _), _| !covers(p1));
+        self.routes.extend(routes);
+        self.waypoints.extend(waypoints);
+        self.loiters.extend(loiters);
+        self.curves.extend(curves);
+    }
+
+    /// The messages that are about one waypoint: it, its loiter, the curves that start at it.
+    pub fn messages_about(&self, number: u16) -> impl Iterator<Item = Message> + '_ {
+        let waypoint = self.waypoint(number).cloned();
+        let loiter = self.loiter(number).cloned();
+        let curves = self.curves_from(number).map(|(_, curve)| curve.message());
+        waypoint
+            .map(Message::UaPositionWaypoint)
+            .into_iter()
+            .chain(loiter.map(Message::UaLoiterWaypoint))
+            .chain(curves)
+    }
+
     /// Everything, as messages, in the order of an upload: routes, waypoints with their loiters, curves.
     pub fn messages(&self) -> impl Iterator<Item = Message> + '_ {
         let routes = self.routes.iter().cloned().map(Message::UaRoute);
@@ -236,10 +318,7 @@ impl Plan {
             .iter()
             .filter(|(number, _)| !self.waypoints.contains_key(number));
         let stray = stray.map(|(_, loiter)| Message::UaLoiterWaypoint(loiter.clone()));
-        let curves = self.curves.values().map(|curve| match curve {
-            Curve::Paper(curve) => Message::CurveSegmentPaper(curve.clone()),
-            Curve::Native(curve) => Message::CurveSegment(curve.clone()),
-        });
+        let curves = self.curves.values().map(Curve::message);
         routes.chain(waypoints).chain(stray).chain(curves)
     }
 }
@@ -248,6 +327,11 @@ impl Plan {
 #[must_use]
 pub fn route_type(route: &UaRoute) -> RouteType {
     route.route_type.unwrap_or(RouteType::Flight)
+}
+
+/// Next Waypoint; 0 and 65535 end a route.
+fn next(waypoint: &UaPositionWaypoint) -> u16 {
+    waypoint.next_waypoint.unwrap_or(0)
 }
 
 fn numbered(message: u16, field: &'static str, number: Option<u16>) -> Result<u16, StoreError> {
@@ -301,4 +385,113 @@ fn insert<K: Ord, V>(
     }
     map.insert(key, value);
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CUCS: Id = Id(0x1b00_00a0);
+    const VEHICLE: Id = Id(0x1b00_0101);
+
+    fn waypoint(number: u16, next: u16) -> Message {
+        UaPositionWaypoint {
+            waypoint_number: Some(number),
+            next_waypoint: Some(next),
+            ..UaPositionWaypoint::default()
+        }
+        .into()
+    }
+
+    fn curve(p1: u16, p4: u16) -> Message {
+        CurveSegment {
+            p1_waypoint_no: Some(p1),
+            p4_waypoint_no: Some(p4),
+            ..CurveSegment::default()
+        }
+        .into()
+    }
+
+    fn route(name: &str, initial: u16) -> Message {
+        UaRoute {
+            initial_waypoint_number: Some(initial),
+            route_id: Some(stanag_msgs::Text::new(name)),
+            ..UaRoute::default()
+        }
+        .into()
+    }
+
+    fn plan(messages: &[Message]) -> Plan {
+        let mut plan = Plan::default();
+        for message in messages {
+            plan.store(message, CUCS, VEHICLE).expect("it is stored");
+        }
+        plan
+    }
+
+    fn ends(plan: &Plan, p1: u16) -> Vec<u16> {
+        plan.curves_from(p1).map(|(p4, _)| p4).collect()
+    }
+
+    #[test]
+    fn a_waypoint_that_leads_elsewhere_takes_the_curve_of_its_old_leg_away_whichever_comes_first() {
+        let before = [waypoint(1, 2), waypoint(2, 3), waypoint(3, 0), curve(1, 2)];
+        let mut curve_first = plan(&before);
+        for message in [curve(1, 3), waypoint(1, 3)] {
+            curve_first.store(&message, CUCS, VEHICLE).expect("stored");
+        }
+        let mut waypoint_first = plan(&before);
+        for message in [waypoint(1, 3), curve(1, 3)] {
+            waypoint_first
+                .store(&message, CUCS, VEHICLE)
+                .expect("stored");
+        }
+        assert_eq!(
+            (ends(&curve_first, 1), ends(&waypoint_first, 1)),
+            (vec![3], vec![3])
+        );
+        // The same leg, sent again, keeps its curve.
+        let mut same = plan(&before);
+        same.store(&waypoint(1, 2), CUCS, VEHICLE).expect("stored");
+        assert_eq!(ends(&same, 1), [2]);
+    }
+
+    #[test]
+    fn beside_a_route_aboard_stand_the_other_routes_and_nothing_of_earlier_plans() {
+        let mut plan = plan(&[
+            route("M", 1),
+            waypoint(1, 2),
+            waypoint(2, 0),
+            curve(1, 2),
+            route("C", 7),
+            waypoint(7, 0),
+            waypoint(90, 0),
+        ]);
+        let main = plan.route_named("M").cloned().expect("it is there");
+        let aboard = plan.part(&main);
+        plan.store(&waypoint(2, 90), CUCS, VEHICLE).expect("stored");
+        let whole = plan.beside(&aboard);
+        assert_eq!(whole.waypoint(2).and_then(|one| one.next_waypoint), Some(0));
+        assert!(whole.waypoint(7).is_some() && whole.waypoint(90).is_none());
+        assert_eq!(whole.messages_about(1).count(), 2);
+        let names: Vec<_> = whole
+            .routes()
+            .iter()
+            .map(|one| one.route_id.clone())
+            .collect();
+        assert_eq!(
+            names,
+            [
+                Some(stanag_msgs::Text::new("C")),
+                Some(stanag_msgs::Text::new("M"))
+            ]
+        );
+    }
+
+    #[test]
+    fn a_loop_is_a_part_of_its_route_once() {
+        let plan = plan(&[route("M", 1), waypoint(1, 2), waypoint(2, 1)]);
+        let part = plan.part(&plan.routes()[0]);
+        assert_eq!(part.messages().count(), 3);
+    }
 }

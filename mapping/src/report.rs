@@ -139,13 +139,23 @@ pub fn inertial_states(vehicle: &Telemetry, stamp: TimeStamp) -> Option<Inertial
     Some(states)
 }
 
+/// Where a vehicle is along its route, as indices of [`Flight::order`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Along {
+    /// The waypoint that it has been at last; `None` before the first, and after it was sent elsewhere.
+    pub from: Option<usize>,
+    /// The waypoint that it flies to, or will first.
+    pub to: Option<usize>,
+    /// The one after that.
+    pub next: Option<usize>,
+}
+
 /// 4001, in the CUCS's own waypoint numbers; 0 where there is no such waypoint.
-///
-/// `unix_ms` is the time of `stamp` for the estimates of arrival.
 #[must_use]
 pub fn waypoint_states(
     vehicle: &Telemetry,
     flight: Option<&Flight>,
+    along: Along,
     stamp: TimeStamp,
 ) -> FromToNextWaypointStates {
     let mut states = FromToNextWaypointStates {
@@ -156,9 +166,7 @@ pub fn waypoint_states(
         ..FromToNextWaypointStates::default()
     };
     let Some(flight) = flight else { return states };
-    let Some(at) = to_index(vehicle, flight) else {
-        return states;
-    };
+    let leg = |index: Option<usize>| flight.order.get(index?);
     let geoid_m = vehicle.geoid_m;
     let altitude_type = reference(vehicle).0;
     let home_m = vehicle.home.map(|home| home.amsl_m);
@@ -171,17 +179,14 @@ pub fn waypoint_states(
     };
     states.altitude_type = Some(altitude_type);
     states.speed_type = Some(SpeedType::Ground);
-    if let Some(from) = at
-        .checked_sub(1)
-        .and_then(|before| flight.order.get(before))
-    {
+    if let Some(from) = leg(along.from) {
         states.from_waypoint_latitude = Some(Bam32::from_degrees(from.latitude));
         states.from_waypoint_longitude = Some(Bam32::from_degrees(from.longitude));
         states.from_waypoint_altitude = altitude(from);
         states.from_waypoint_number = Some(from.number);
     }
     let mut arrival_ms = None;
-    if let Some(to) = flight.order.get(at) {
+    if let Some(to) = leg(along.to) {
         arrival_ms = eta_ms(vehicle, to, stamp);
         states.to_waypoint_latitude = Some(Bam32::from_degrees(to.latitude));
         states.to_waypoint_longitude = Some(Bam32::from_degrees(to.longitude));
@@ -190,7 +195,7 @@ pub fn waypoint_states(
         states.to_waypoint_time = arrival_ms.map(TimeStamp);
         states.to_waypoint_number = Some(to.number);
     }
-    if let (Some(to), Some(next)) = (flight.order.get(at), flight.order.get(at + 1)) {
+    if let (Some(to), Some(next)) = (leg(along.to), leg(along.next)) {
         states.next_waypoint_latitude = Some(Bam32::from_degrees(next.latitude));
         states.next_waypoint_longitude = Some(Bam32::from_degrees(next.longitude));
         states.next_waypoint_altitude = altitude(next);

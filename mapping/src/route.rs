@@ -21,7 +21,7 @@ use crate::brake;
 use crate::budget;
 use crate::curve::{self, Chords, CurveError, Curved, Curving};
 use crate::loiter::{self, WIDEST_CIRCLE_M};
-use crate::loops;
+use crate::loops::{self, DO_JUMP};
 use crate::plan::Plan;
 use crate::telemetry::Place;
 
@@ -155,6 +155,26 @@ impl Flight {
         let on = self.items.iter().skip(usize::from(seq));
         let steps = on.take_while(|item| !item.is_global()).count();
         seq.saturating_add(u16::try_from(steps).unwrap_or(0))
+    }
+
+    /// The leg that has been flown to its end where this item is reached, as an index of `order`: `None` for the
+    /// chords of a curve on the way to its end, and for items without a place.
+    #[must_use]
+    pub fn leg_ended_by(&self, seq: u16) -> Option<usize> {
+        let at = usize::from(seq);
+        let number = self.waypoint_of.get(at)?;
+        let mut after = self.items.iter().zip(&self.waypoint_of).skip(at + 1);
+        let more = after.any(|(item, of)| of == number && item.is_global());
+        (self.items.get(at)?.is_global() && !more).then(|| self.leg_of_item(seq))?
+    }
+
+    /// The loop of the route: (its last leg, its first leg, how often it leads back), legs as indices of `order`.
+    #[must_use]
+    pub fn circuit(&self) -> Option<(usize, usize, u16)> {
+        let at = self.items.iter().position(|item| item.command == DO_JUMP)?;
+        let [first, times, ..] = self.items.get(at)?.params;
+        let end = self.leg_of_item(u16::try_from(at).ok()?)?;
+        Some((end, self.leg_of_item(first as u16)?, times as u16))
     }
 
     /// The leg that an item belongs to, as an index of `order`.

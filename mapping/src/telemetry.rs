@@ -105,7 +105,7 @@ pub struct Telemetry {
     pub target: Option<Place>,
     /// The circle that it flies, or flew last (ORBIT_EXECUTION_STATUS).
     pub orbit: Option<Orbit>,
-    /// The last MISSION_ITEM_REACHED.
+    /// The last MISSION_ITEM_REACHED; PX4 says it ten times over.
     pub reached: Option<u16>,
     /// What its sensors have told beyond that.
     pub sensed: Sensed,

@@ -108,6 +108,72 @@ fn a_vehicle_that_is_silent_at_the_loss_is_brought_home_when_it_is_heard() {
 }
 
 #[test]
+fn what_is_said_of_a_loss_is_what_is_flown() {
+    let mut rig = abandoned("[authority]\non_loss = \"contingency\"\n", Vec::new());
+    assert!(
+        rig.until(30.0, |rig| rig.truth().mode == Px4::Rtl),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
+    assert!(
+        rig.stations[1].was_told("no contingency A is known, the vehicle is to return"),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
+    for wrong in ["contingency A is flown", "control has passed on"] {
+        assert!(!rig.stations[1].was_told(wrong), "{wrong}");
+    }
+}
+
+#[test]
+fn of_a_vehicle_that_stands_it_is_said_that_nothing_is_flown() {
+    let mut rig = Rig::ready_with(Setup {
+        tables: "[authority]\non_loss = \"contingency\"\n",
+        ..Setup::default()
+    });
+    rig.stations[0].heartbeats = true;
+    rig.run(2.0);
+    rig.stations[0].heartbeats = false;
+    assert!(
+        rig.until(20.0, |rig| rig.station().was_told(
+            "is lost, nobody controls the vehicle: the vehicle stands"
+        )),
+        "{:?}",
+        rig.station().alerts()
+    );
+    rig.run(5.0);
+    assert!(rig.truth().landed && !rig.truth().armed);
+}
+
+#[test]
+fn the_main_route_is_flown_again_after_the_contingency() {
+    let mut plan = orders::square();
+    plan.extend(contingency(60.0));
+    plan.push(orders::load().into());
+    let mut rig = abandoned("[authority]\non_loss = \"contingency\"\n", plan);
+    assert!(rig.until(30.0, |rig| rig.truth().mode == Px4::Mission));
+    assert!(rig.stations[1].was_told("the vehicle is to fly contingency A"));
+    assert_eq!(
+        rig.carry_out(orders::request_control()),
+        Some(AckType::CarriedOut)
+    );
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Waypoint)),
+        Some(AckType::CarriedOut),
+        "{:?}",
+        rig.station().alerts()
+    );
+    let to = |rig: &Rig| {
+        rig.station()
+            .last(support::vehicle_id(0), 4001, |m| match m {
+                Message::FromToNextWaypointStates(states) => states.to_waypoint_number,
+                _ => None,
+            })
+    };
+    assert!(rig.until(5.0, |rig| to(rig) == Some(101)));
+}
+
+#[test]
 fn who_takes_control_ends_what_was_flown_for_nobody() {
     let mut rig = abandoned(
         "[authority]\non_loss = \"contingency\"\n",

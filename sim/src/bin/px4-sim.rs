@@ -49,6 +49,9 @@ struct Arguments {
     /// Signing stamp of the first packet, in units of 10 us since 2015.
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..1 << 48))]
     initial_timestamp: u64,
+    /// Speak operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS): PX4 v1.18 does not.
+    #[arg(long)]
+    operator_control: bool,
     /// Steady wind, metres a second toward north and east.
     #[arg(long, value_name = "NORTH,EAST", default_value = "0,0", value_parser = wind, allow_hyphen_values = true)]
     wind: (f64, f64),
@@ -77,6 +80,7 @@ fn main() -> ExitCode {
             seed: arguments.seed,
             wind_ne_ms: [arguments.wind.0, arguments.wind.1],
             unix_time_us: unix_time_us(),
+            operator_control: arguments.operator_control,
             ..Config::default()
         },
         links: arguments.link,

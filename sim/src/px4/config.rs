@@ -38,6 +38,8 @@ pub struct Config {
     pub unix_time_us: u64,
     /// Parameters that differ from the defaults at boot.
     pub params: Vec<(Param, f64)>,
+    /// Speaks operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS), as PX4 v1.18 does not.
+    pub operator_control: bool,
 }
 
 impl Default for Config {
@@ -57,6 +59,7 @@ impl Default for Config {
             declination_rad: 3.41_f64.to_radians(),
             unix_time_us: 0,
             params: Vec::new(),
+            operator_control: false,
         }
     }
 }

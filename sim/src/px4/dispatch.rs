@@ -7,6 +7,7 @@ use mavlink_link::service::mission::{Airframe as ParamUse, first_unused_param_se
 use super::command::Command;
 use super::config::Airframe;
 use super::mode::{Mode, UnknownMode};
+use super::operator::REQUEST;
 use super::streams::id;
 use super::vehicle::{Outgoing, Vehicle};
 
@@ -18,6 +19,7 @@ pub(super) enum Answer {
     Denied = 2,
     Unsupported = 3,
     Failed = 4,
+    NotInControl = 10,
 }
 
 impl Vehicle {
@@ -41,6 +43,8 @@ impl Vehicle {
     pub(super) fn execute(&mut self, command: &Command) {
         let answer = if command.garbled || self.sets_unused(command) {
             Some(Answer::Denied)
+        } else if let Some(refused) = self.refuse_stranger(command) {
+            Some(refused)
         } else {
             self.carry_out(command)
         };
@@ -129,6 +133,7 @@ impl Vehicle {
                 }
             }
             512 => self.request_message((c.param(1).round()).clamp(0.0, 1e7) as u32, c),
+            REQUEST => self.request_operator_control(c),
             // Nobody is there to answer: no gimbal, no camera.
             203 | 205 | 1000 | 1001 => return None,
             _ => Answer::Unsupported,

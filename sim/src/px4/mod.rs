@@ -28,6 +28,7 @@ mod mission_course;
 mod mode;
 mod motion_reports;
 mod navigator;
+mod operator;
 mod params;
 mod plane;
 mod quad;

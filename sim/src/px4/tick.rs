@@ -235,6 +235,7 @@ impl Vehicle {
     }
 
     fn report_due(&mut self, now: f64) {
+        self.tell_operator(now);
         let mut due = Vec::new();
         self.streams.poll(now, |id| due.push(id));
         let seq = self.navigator.mission.index();

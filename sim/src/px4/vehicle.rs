@@ -19,6 +19,7 @@ use super::geo::{Geodetic, LocalFrame, Ned};
 use super::guidance::{Guidance, Heading};
 use super::mode::Mode;
 use super::navigator::Navigator;
+use super::operator::Operator;
 use super::params::{Param, Params};
 use super::steering::{Setpoint, Sticks};
 use super::streams::Streams;
@@ -139,6 +140,7 @@ pub struct Vehicle {
     pub(super) reached: Option<(u16, u8)>,
     pub(super) last_seq: usize,
     pub(super) ailments: Ailments,
+    pub(super) operator: Operator,
 }
 
 impl Vehicle {
@@ -194,6 +196,7 @@ impl Vehicle {
             reached: None,
             last_seq: 0,
             ailments: Ailments::default(),
+            operator: Operator::default(),
             config,
         }
     }

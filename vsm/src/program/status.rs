@@ -55,6 +55,11 @@ fn readable(json: &str) -> anyhow::Result<String> {
             ", controlled by {}\n",
             vehicle["controller"].as_str().unwrap_or("nobody")
         );
+        match vehicle["operator_control"].as_u64() {
+            None => {}
+            Some(0) => text += "  operator control of MAVLink: nobody\n",
+            Some(system) => text += &format!("  operator control of MAVLink: system {system}\n"),
+        }
         for holder in list(&vehicle["holders"]) {
             text += &holding(holder);
         }

@@ -28,7 +28,9 @@ use super::inquiry::Inquiries;
 use super::maneuver::{Maneuver, Progress};
 use super::manual::Sticks;
 use super::mission_transfer::{Download, Load};
+use super::operator_control::OperatorControl;
 use super::parameters::ParameterDesk;
+use super::passage::Passage;
 use super::plan_record::Aboard;
 use super::plan_return::PlanCheck;
 use super::push::Push;
@@ -80,6 +82,10 @@ pub(crate) struct Aircraft {
     /// What the VSM flies since the controlling CUCS is lost.
     pub(super) recall: Option<Recall>,
     pub(super) plan_check: PlanCheck,
+    pub(super) passage: Passage,
+    pub(super) operator_control: OperatorControl,
+    /// A restart of the VSM cut off a launch, and what became of it is not known yet.
+    pub(super) launch_cut_off: bool,
 }
 
 impl Aircraft {
@@ -151,6 +157,9 @@ impl Aircraft {
             kept_link_id: None,
             recall: None,
             plan_check: PlanCheck::default(),
+            passage: Passage::default(),
+            operator_control: OperatorControl::default(),
+            launch_cut_off: false,
         }
     }
 
@@ -193,6 +202,9 @@ impl Aircraft {
         self.mav
             .handle_datagram(desk.now, from, octets, &mut Ceilings(desk.store), tap);
         self.go_on(desk);
+        if let Some(aboard) = &self.aboard {
+            self.passage.look(&aboard.flight, &self.mav.telemetry);
+        }
         self.watch_progress(desk);
         self.settle_authority(desk);
     }
@@ -204,6 +216,8 @@ impl Aircraft {
         self.go_on(desk);
         self.watch_modes(desk);
         self.compare_plan(desk);
+        self.end_launch_cut_off(desk);
+        self.tend_operator_control(desk);
         self.send_configuration(desk);
         self.watch_inquiries(desk);
         self.watch_fence(desk);
@@ -302,6 +316,8 @@ impl Aircraft {
             VehicleEvent::ForeignCommand(system, command) => {
                 self.say_foreign_command(desk, system, command);
             }
+            VehicleEvent::ControlStatus(status) => self.take_control_status(desk, &status),
+            VehicleEvent::ControlAsked(system) => self.say_control_asked(desk, system),
             VehicleEvent::Parameter(event) => self.take_parameter(desk, event),
             VehicleEvent::ParameterTold(name, value) => self.parameter_told(desk, name, value),
             VehicleEvent::PingReturned(seq) => self.ping_returned(desk, seq),
@@ -313,6 +329,7 @@ impl Aircraft {
                 desk.alert(self.id(), &listeners, raised);
             }
             VehicleEvent::Command(event) => {
+                self.operator_control.answered(&event);
                 if let Some((origin, maneuver)) = &mut self.maneuver
                     && let Progress::Refused(why) =
                         maneuver.handle_command(desk.now.mono, &event, &self.mav)
@@ -323,6 +340,9 @@ impl Aircraft {
                 self.load_sees_command(desk, &event);
             }
             VehicleEvent::Mission(event) => {
+                if let mission::Event::CurrentSet { seq } = &event {
+                    self.passage.sent_to(*seq, &self.mav.telemetry);
+                }
                 if let Some((origin, maneuver)) = &mut self.maneuver
                     && let Progress::Refused(why) = maneuver.handle_mission(&event)
                 {

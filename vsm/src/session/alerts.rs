@@ -20,8 +20,12 @@ pub(crate) enum Cause {
     LossAction,
     /// A record could not be written.
     Store,
+    /// Commands cannot be written down.
+    Journal,
     /// What the vehicle does by itself when it hears no ground station.
     OwnFailsafe,
+    /// Another MAVLink system has operator control of the vehicle.
+    OperatorControl,
     /// Its mission does not get on, and it was told to hold.
     Stalled,
     /// The audit log does not follow from itself.

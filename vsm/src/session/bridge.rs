@@ -21,6 +21,7 @@ use super::ceiling::Ceilings;
 use super::configuration::Configuration;
 use super::counters::{ByType, Counters};
 use super::desk::{Desk, Origin};
+use super::duplicate::Seen;
 use super::link_id;
 use super::outbox::{Datagram, Destination, Outbox};
 use super::station::Station;
@@ -175,6 +176,7 @@ impl Bridge {
             aircraft.announce(&mut desk);
             bridge.aircraft.push(aircraft);
         }
+        bridge.restore_commands(now, store)?;
         Ok(bridge)
     }
 
@@ -267,11 +269,20 @@ impl Bridge {
         station.peer = Some(from);
         station.heard = Some(now.mono);
         if let Some(stamp) = origin.stamp {
-            if let Some(answer) = self.stations[index].recent.find(frame, stamp) {
+            let seen = Seen::new(frame, &message, stamp, origin.ack_requested);
+            if let Some(answer) = self.stations[index].recent.find(&seen) {
                 self.counters.count("duplicate");
                 return self.answer_again(now, &origin, frame, &message, answer, store);
             }
-            self.stations[index].recent.remember(frame, stamp);
+            self.stations[index].recent.remember(seen);
+            let (mut desk, aircraft) = self.desk(now, store);
+            let noted = desk.note_command(index, &seen);
+            if let Some(aircraft) = aircraft
+                .iter_mut()
+                .find(|aircraft| aircraft.id() == header.destination)
+            {
+                aircraft.say_not_noted(&mut desk, noted);
+            }
         }
         self.dispatch(now, origin, header.destination, &message, store);
     }

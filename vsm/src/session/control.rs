@@ -14,7 +14,8 @@ use mapping::mode::Px4Mode;
 use super::aircraft::Aircraft;
 use super::alerts::{Cause, Raised};
 use super::authority::{
-    Access, Answer, Asker, Authority, CONTROL, Circumstances, Decision, Rights, Stations,
+    Access, Answer, Asker, Authority, CONTROL, Change, Circumstances, Decision, Reason, Rights,
+    Stations,
 };
 use super::bridge::LogLevel;
 use super::desk::{Desk, Origin};
@@ -176,7 +177,10 @@ impl Aircraft {
                 }
             }
         }
-        self.say_change_of_control(desk, &before);
+        let lost =
+            |change: &Change| change.from == before.controller() && change.why == Reason::Lost;
+        let lost = decision.changes.iter().any(lost);
+        self.say_change_of_control(desk, &before, lost);
         self.begin_and_end(desk, &decision);
         for index in 0..desk.stations.len() {
             let Some(asker) = desk.asker(index) else {
@@ -214,7 +218,8 @@ impl Aircraft {
             && matches!(telemetry.mode, Some(Px4Mode::TAKEOFF | Px4Mode::LAND))
     }
 
-    fn say_change_of_control(&mut self, desk: &mut Desk<'_>, before: &Authority) {
+    /// `lost`: the controller has lost it by silence, which is said apart.
+    fn say_change_of_control(&mut self, desk: &mut Desk<'_>, before: &Authority, lost: bool) {
         let (from, to) = (before.controller(), self.authority.controller());
         if from == to {
             return;
@@ -222,12 +227,18 @@ impl Aircraft {
         let name = |id: Option<Id>| id.map_or_else(|| "nobody".to_owned(), |id| id.to_string());
         let text = format!("control passes from {} to {}", name(from), name(to));
         desk.note(LogLevel::Info, self.id(), text);
-        let raised = self
-            .alerts
-            .clear(Cause::CucsSilent, "control has passed on");
-        let listeners = desk.listeners(&self.authority, None);
-        desk.alert(self.id(), &listeners, raised);
+        if to.is_some() || !lost {
+            let text = match to {
+                Some(to) => format!("{to} controls the vehicle"),
+                None => "control was given up, nobody controls the vehicle".to_owned(),
+            };
+            let raised = self.alerts.clear(Cause::CucsSilent, &text);
+            let listeners = desk.listeners(&self.authority, None);
+            desk.alert(self.id(), &listeners, raised);
+        }
         self.end_commands_without_right(desk);
+        self.operator_control.soon();
+        self.tend_operator_control(desk);
         self.sticks.forget();
         if to.is_none() && self.steering.engaged() && self.mav.telemetry.airborne() {
             // Steered by nobody it would fly straight on for ever.

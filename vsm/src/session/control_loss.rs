@@ -1,7 +1,8 @@
 //! The silence of holders: warned of, offered to others, acted on. Each step goes out by 16000 and 35000.
 
+use mavlink_link::dialect::MavLandedState;
 use stanag_msgs::Id;
-use stanag_msgs::enums::{AlertPriority, HandoverStatus, SubsystemId};
+use stanag_msgs::enums::{AlertPriority, HandoverStatus, RouteType, SubsystemId};
 
 use super::aircraft::Aircraft;
 use super::alerts::Cause;
@@ -61,8 +62,8 @@ impl Aircraft {
             Silence::Lost => (
                 AlertPriority::Emergency,
                 format!(
-                    "the controlling CUCS {id} is lost: {}",
-                    loss_text(desk.loss.on_loss)
+                    "the controlling CUCS {id} is lost, nobody controls the vehicle: {}",
+                    self.what_follows(desk.loss.on_loss)
                 ),
                 HandoverStatus::Failed,
             ),
@@ -85,13 +86,32 @@ impl Aircraft {
             self.begin_recall(desk);
         }
     }
-}
 
-fn loss_text(on_loss: OnLoss) -> &'static str {
-    match on_loss {
-        OnLoss::Continue => "the vehicle goes on",
-        OnLoss::Hold => "the vehicle holds",
-        OnLoss::Contingency => "contingency A is flown",
-        OnLoss::Rtl => "the vehicle returns",
+    /// What is flown now that nobody controls the vehicle, as far as it is known before the vehicle shows it.
+    fn what_follows(&self, on_loss: OnLoss) -> &'static str {
+        let telemetry = &self.mav.telemetry;
+        if !self.mav.live() {
+            return match on_loss {
+                OnLoss::Continue => "the vehicle is silent too",
+                _ => "the vehicle is silent too, it is commanded once it is heard",
+            };
+        }
+        if telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND) {
+            return "the vehicle stands, nothing is flown";
+        }
+        let loaded = self.plan.route_of_type(RouteType::ContingencyA).is_some();
+        match on_loss {
+            OnLoss::Continue if self.steering.engaged() => {
+                "the vehicle is steered no more, it is to hold"
+            }
+            OnLoss::Continue => "the vehicle goes on",
+            OnLoss::Hold => "the vehicle is to hold",
+            OnLoss::Contingency if loaded && self.may_change_mission().is_err() => {
+                "another transfer is under way, the vehicle is to return"
+            }
+            OnLoss::Contingency if loaded => "the vehicle is to fly contingency A",
+            OnLoss::Contingency => "no contingency A is known, the vehicle is to return",
+            OnLoss::Rtl => "the vehicle is to return",
+        }
     }
 }

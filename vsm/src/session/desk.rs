@@ -82,7 +82,10 @@ impl Desk<'_> {
         }
         if let (Some(station), Some(stamp)) = (self.stations.get_mut(origin.station), origin.stamp)
         {
-            station.recent.answered(origin.message_type, stamp, answer);
+            let seen = station.recent.answered(origin.message_type, stamp, answer);
+            if let Some(seen) = seen {
+                self.note_answer(origin.station, &seen);
+            }
         }
         if !origin.ack_requested {
             return;

@@ -28,6 +28,8 @@ pub(crate) enum Step {
     },
     /// Makes the first of these mission items the current one; the vehicle may go on to the last of them at once.
     SetCurrent(RangeInclusive<u16>),
+    /// Lets the vehicle take notice of what is sent beside.
+    Pause(Duration),
     /// Waits until the vehicle shows it.
     Confirm { sight: Sight, within: Duration },
 }
@@ -87,6 +89,9 @@ enum Waiting {
         patient_until: Duration,
     },
     Current,
+    Pause {
+        until: Duration,
+    },
     Sight {
         deadline: Duration,
     },
@@ -235,6 +240,10 @@ impl Maneuver {
                         }
                     }
                 }
+                (Waiting::Nothing, Step::Pause(span)) => {
+                    self.waiting = Waiting::Pause { until: now + *span };
+                }
+                (Waiting::Pause { until }, Step::Pause(_)) if *until <= now => self.next(),
                 (Waiting::Nothing, Step::Confirm { within, .. }) => {
                     self.waiting = Waiting::Sight {
                         deadline: now + *within,
@@ -262,6 +271,7 @@ impl Maneuver {
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         match self.waiting {
             Waiting::Again { at, .. } => Some(at),
+            Waiting::Pause { until } => Some(until),
             Waiting::Sight { deadline } => Some(deadline),
             Waiting::Nothing => Some(Duration::ZERO),
             Waiting::Answer { .. } | Waiting::Current => None,
@@ -345,6 +355,7 @@ fn name(result: MavResult) -> &'static str {
         MavResult::MAV_RESULT_FAILED => "failed",
         MavResult::MAV_RESULT_IN_PROGRESS => "in progress",
         MavResult::MAV_RESULT_CANCELLED => "cancelled",
+        MavResult::MAV_RESULT_NOT_IN_CONTROL => "that this VSM has no operator control",
         _ => "no",
     }
 }
@@ -414,6 +425,21 @@ pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
         },
     ]);
     steps
+}
+
+/// Disarms, and waits until that is seen.
+pub(crate) fn disarm() -> [Step; 2] {
+    [
+        Step::Command {
+            command: arm(false),
+            what: "disarming",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            sight: Sight::Disarmed,
+            within: STATE_WITHIN,
+        },
+    ]
 }
 
 /// MAV_CMD_COMPONENT_ARM_DISARM, never forced.

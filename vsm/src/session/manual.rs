@@ -189,10 +189,14 @@ impl Aircraft {
             let why = "mode 2: no sticks (2010) come; send them first, 10 a second or more";
             return self.refuse(desk, origin, why.to_owned());
         }
+        let mut steps = Vec::new();
         if self.mav.telemetry.mode == Some(Px4Mode::POSCTL) {
             self.sticks.engage(desk.now.mono);
+        } else {
+            // PX4 refuses the mode, aloud, until it has seen sticks.
+            steps.push(maneuver::Step::Pause(SEEN_WITHIN));
         }
-        let steps = maneuver::enter(&[Px4Mode::POSCTL]);
+        steps.extend(maneuver::enter(&[Px4Mode::POSCTL]));
         self.begin(desk, origin, Maneuver::new(steps, Commanded::default()));
         // After `begin`: what it superseded has let go of the sticks.
         if self.maneuver.is_some() {
@@ -224,6 +228,8 @@ impl Aircraft {
 
 /// Sticks count for so long. A link that loses every other of 10 a second still flies.
 const FRESH: Duration = Duration::from_millis(300);
+/// So long PX4 takes to believe that there are sticks.
+const SEEN_WITHIN: Duration = Duration::from_millis(500);
 /// Of MANUAL_CONTROL.
 const PERIOD: Duration = Duration::from_millis(40);
 const HALF_THROTTLE: i16 = 500;

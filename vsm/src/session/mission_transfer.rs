@@ -58,7 +58,7 @@ impl Load {
     /// Of a plan that was aboard: nobody has asked for it.
     pub(super) fn again(aboard: &Aboard) -> Load {
         Load {
-            work: Work::Transfer(Transfer::again(aboard.flight.clone(), aboard.route_type)),
+            work: Work::Transfer(Transfer::again(aboard)),
             origin: None,
             mission_name: aboard.mission_name.clone(),
             then: None,
@@ -83,6 +83,11 @@ impl Load {
     pub(crate) fn owner(&self) -> Option<usize> {
         let then = self.then.as_ref().and_then(|(origin, _)| origin.as_ref());
         self.origin.as_ref().or(then).map(|origin| origin.station)
+    }
+
+    /// Whether the vehicle was taken out of its mission for it.
+    fn held(&self) -> bool {
+        matches!(&self.work, Work::Transfer(transfer) if transfer.held)
     }
 
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
@@ -177,6 +182,18 @@ impl Aircraft {
             Ok(found) => found,
             Err(why) => return self.reject(desk, origin, &name, Mode::Load, None, why),
         };
+        let flights = self
+            .plan
+            .routes()
+            .iter()
+            .filter(|route| mapping::plan::route_type(route) == RouteType::Flight);
+        if route_id.is_none() && flights.count() > 1 {
+            let named = route.route_id.as_ref().map_or("", |id| id.as_str());
+            let text = format!(
+                "13000 names no Route ID: of several flight routes the latest, {named:?}, is loaded"
+            );
+            self.advise(desk, text);
+        }
         self.report(
             desk,
             origin.station,
@@ -227,7 +244,7 @@ impl Aircraft {
                 .plan
                 .route_of_type(route_type)
                 .map(|route| Transfer::new(desk.now.mono, route, route_type)),
-            (None, Some(chosen)) => Some(Transfer::again(chosen.flight.clone(), chosen.route_type)),
+            (None, Some(chosen)) => Some(Transfer::again(chosen)),
             (None, None) => None,
         };
         let Some(transfer) = transfer else {
@@ -296,28 +313,26 @@ impl Aircraft {
         );
     }
 
-    /// The plan as the CUCS sent it, in its own numbers; one waypoint where a number is given.
+    /// The plan as the CUCS sent it, in its own numbers; one waypoint where a number is given. Of the route that 13000
+    /// has loaded it is what went aboard, not what has been sent since; of the others what they would be loaded as.
     fn download(&mut self, desk: &mut Desk<'_>, origin: Origin, name: &str, waypoint: Option<u16>) {
         let mode = if waypoint.is_some() {
             Mode::DownloadWaypoint
         } else {
             Mode::Download
         };
+        let chosen = self.chosen.as_ref().map(|chosen| &chosen.plan);
+        let beside = chosen
+            .filter(|chosen| !chosen.is_empty())
+            .map(|chosen| self.plan.beside(chosen));
+        let plan = beside.as_ref().unwrap_or(&self.plan);
         let wanted: VecDeque<Message> = match waypoint {
-            None => self.plan.messages().collect(),
-            Some(number) => {
-                let position = self
-                    .plan
-                    .waypoint(number)
-                    .cloned()
-                    .map(Message::UaPositionWaypoint);
-                let loiter = self
-                    .plan
-                    .loiter(number)
-                    .cloned()
-                    .map(Message::UaLoiterWaypoint);
-                position.into_iter().chain(loiter).collect()
+            None => plan.messages().collect(),
+            Some(number) if plan.waypoint(number).is_some() => {
+                plan.messages_about(number).collect()
             }
+            // Received, and no route leads to it yet.
+            Some(number) => self.plan.messages_about(number).collect(),
         };
         if wanted.is_empty() {
             let why = match waypoint {
@@ -402,7 +417,12 @@ impl Aircraft {
         if self.maneuver.is_some() && transfer.has_not_begun() {
             return;
         }
+        let held = transfer.held;
         let course = transfer.advance(desk.now.mono, &self.plan, &self.bounds, &mut self.mav);
+        if transfer.held && !held {
+            let text = "the vehicle flies its mission: it is put on hold (mode 12) while another plan goes aboard";
+            self.advise(desk, text.to_owned());
+        }
         self.follow(desk, course);
     }
 
@@ -475,11 +495,12 @@ impl Aircraft {
             }
             Course::Done { flight, mission_id } => {
                 let Some(load) = self.load.take() else { return };
-                let route_type = match &load.work {
-                    Work::Transfer(transfer) => transfer.route_type,
-                    Work::Clear => RouteType::Flight,
+                let Work::Transfer(transfer) = &load.work else {
+                    return;
                 };
+                let route_type = transfer.route_type;
                 let mission_name = load.mission_name.clone();
+                let plan = transfer.plan.clone();
                 if flight
                     .order
                     .iter()
@@ -490,11 +511,19 @@ impl Aircraft {
                 for note in &flight.notes {
                     self.advise(desk, note.clone());
                 }
+                let same = self
+                    .aboard
+                    .as_ref()
+                    .is_some_and(|aboard| aboard.flight.items == flight.items);
+                if !same {
+                    self.passage.begin(&self.mav.telemetry);
+                }
                 self.aboard = Some(Aboard {
                     flight,
                     mission_id,
                     route_type,
                     mission_name,
+                    plan,
                 });
                 // Only 13000 chooses; a route that a mode needed, or that was chosen before, is aboard for that.
                 if load.origin.is_some() || again(&self.chosen, &self.aboard) {
@@ -527,6 +556,10 @@ impl Aircraft {
     }
 
     fn loaded(&mut self, desk: &mut Desk<'_>, load: Load) {
+        if load.then.is_none() && load.held() {
+            let text = "another plan is aboard, and the vehicle holds (mode 12): mode 11 flies it";
+            self.advise(desk, text.to_owned());
+        }
         if load.is_unasked() {
             self.advise(desk, "the loaded plan is aboard again".to_owned());
         }
@@ -580,6 +613,11 @@ impl Aircraft {
     }
 
     fn end_load(&mut self, desk: &mut Desk<'_>, load: Load, waypoint: Option<u16>, why: String) {
+        let why = if load.held() {
+            format!("{why}; the vehicle was put on hold (mode 12) for it")
+        } else {
+            why
+        };
         let mode = match load.work {
             Work::Transfer(_) => Mode::Load,
             Work::Clear => Mode::Clear,
@@ -669,9 +707,9 @@ impl Aircraft {
 
     fn save_aboard(&self, desk: &mut Desk<'_>) -> Result<(), StoreError> {
         for (kind, route) in [("chosen", &self.chosen), ("aboard", &self.aboard)] {
-            let octets = route
-                .as_ref()
-                .map_or_else(Vec::new, plan_record::encode_aboard);
+            let octets = route.as_ref().map_or_else(Vec::new, |route| {
+                plan_record::encode_aboard(route, self.id())
+            });
             desk.store
                 .save(&record_name(kind, self.id()), &octets, Durability::Power)?;
         }
@@ -700,7 +738,7 @@ impl Aircraft {
         for (kind, route) in [("aboard", &mut self.aboard), ("chosen", &mut self.chosen)] {
             let octets = desk.store.load(&record_name(kind, id))?;
             if let Some(octets) = octets.filter(|octets| !octets.is_empty()) {
-                let read = plan_record::decode_aboard(&octets)
+                let read = plan_record::decode_aboard(&octets, id)
                     .map_err(|cause| unreadable(kind, cause.to_string()))?;
                 *route = Some(read);
             }

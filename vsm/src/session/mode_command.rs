@@ -235,10 +235,6 @@ fn fly(
     let number = command
         .commanded_waypoint_number
         .filter(|number| *number != 0);
-    let complete = at
-        .telemetry
-        .mission
-        .is_some_and(|mission| mission.state == MissionState::MISSION_STATE_COMPLETE);
     let start = match number {
         Some(number) => Some(
             aboard
@@ -246,8 +242,7 @@ fn fly(
                 .first_item_of(number)
                 .ok_or_else(|| format!("waypoint {number} is not in the route aboard"))?,
         ),
-        // A route that has been flown to its end is flown again from its start, where that is commanded.
-        None => (complete && names_mode(command)).then_some(0),
+        None => flies_anew(command, at.telemetry).then_some(0),
     };
     steps.extend(start.map(|seq| Step::SetCurrent(seq..=aboard.flight.place_from(seq))));
     let enters = at.telemetry.mode != Some(Px4Mode::MISSION);
@@ -266,6 +261,15 @@ fn fly(
         commanded.speed_type = Some(flown_as(at.telemetry));
     }
     Ok(Task::Steps(steps, commanded))
+}
+
+/// Whether a route that has been flown to its end is flown again from its start: where the mode is commanded, and no
+/// waypoint.
+pub(crate) fn flies_anew(command: &VehicleOperatingModeCommand, vehicle: &Telemetry) -> bool {
+    let complete = vehicle
+        .mission
+        .is_some_and(|mission| mission.state == MissionState::MISSION_STATE_COMPLETE);
+    complete && names_mode(command) && !steps_to_waypoint(command)
 }
 
 /// Whether a route aboard is the one that is to be flown: mode 11 flies what 13000 has loaded, but for contingency routes.

@@ -124,6 +124,8 @@ impl Aircraft {
             let names = unheeded::unheeded(command, mode, task.flies_a_route());
             self.say_unheeded(desk, &origin, &names, &format!(" in mode {}", mode.raw()));
         }
+        let anew = mode_command::flies_anew(command, &self.mav.telemetry)
+            && command.select_flight_path_control_mode == Some(Mode::Waypoint);
         match task {
             Err(why) => self.refuse(desk, origin, why),
             Ok(Task::Steps(steps, commanded)) => {
@@ -142,6 +144,10 @@ impl Aircraft {
                 if self.fence.busy() && needs_mission {
                     let why = "a fence is on its way aboard: wait for 50018".to_owned();
                     return self.refuse(desk, origin, why);
+                }
+                if anew && self.passage.was_flown() {
+                    let text = "mode 11: the route has been flown to its end, it is flown again from its start";
+                    self.advise(desk, text.to_owned());
                 }
                 self.begin(desk, origin, Maneuver::new(steps, commanded));
             }
@@ -176,7 +182,11 @@ impl Aircraft {
     /// command now.
     pub(super) fn end_commands_without_right(&mut self, desk: &mut Desk<'_>) {
         let controller = self.authority.controller();
-        self.end_running(desk, "control has passed on", |desk, origin| {
+        let why = match controller {
+            Some(id) => format!("{id} controls the vehicle now"),
+            None => "its sender does not control the vehicle any more, nobody does".to_owned(),
+        };
+        self.end_running(desk, &why, |desk, origin| {
             origin.is_some_and(|origin| {
                 desk.asker(origin.station).map(|asker| asker.id) != controller
             })

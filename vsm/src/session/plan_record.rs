@@ -18,6 +18,8 @@ pub(crate) struct Aboard {
     pub(crate) route_type: RouteType,
     /// 13000's Mission ID, for 14000 and 3.
     pub(crate) mission_name: String,
+    /// The messages that it was made of; none in a record of an earlier version.
+    pub(crate) plan: Plan,
 }
 
 /// A record that does not read back.
@@ -74,12 +76,21 @@ pub(crate) fn decode_plan(octets: &[u8], vehicle: Id) -> Result<Plan, RecordErro
     let record: PlanRecord =
         serde_json::from_slice(octets).map_err(|cause| RecordError(cause.to_string()))?;
     let mut plan = Plan::default();
-    for (cucs, message) in decode_messages(&record.messages)? {
-        // 50001 names its CUCS: the one it was stored for.
+    store_all(&mut plan, &record.messages, vehicle)?;
+    Ok(plan)
+}
+
+fn store_all(plan: &mut Plan, lines: &[String], vehicle: Id) -> Result<(), RecordError> {
+    for (source, message) in decode_messages(lines)? {
+        // 50001 names the CUCS that sent it; the record may have been written for another since.
+        let cucs = match &message {
+            Message::CurveSegmentPaper(curve) => curve.cucs_id.unwrap_or(source),
+            _ => source,
+        };
         plan.store(&message, cucs, vehicle)
             .map_err(|cause| RecordError(cause.to_string()))?;
     }
-    Ok(plan)
+    Ok(())
 }
 
 #[derive(Serialize, Deserialize)]
@@ -92,6 +103,9 @@ struct AboardRecord {
     legs: Vec<LegRecord>,
     #[serde(default)]
     curved: Option<CurvedRecord>,
+    /// As in the record of a plan.
+    #[serde(default)]
+    messages: Vec<String>,
 }
 
 /// What was made of the curved legs.
@@ -171,12 +185,13 @@ struct LegRecord {
 }
 
 /// The octets of the record of what is aboard.
-pub(crate) fn encode_aboard(aboard: &Aboard) -> Vec<u8> {
+pub(crate) fn encode_aboard(aboard: &Aboard, vehicle: Id) -> Vec<u8> {
     let Aboard {
         flight,
         mission_id,
         route_type,
         mission_name,
+        plan,
     } = aboard;
     let items = flight.items.iter().map(|item| ItemRecord {
         frame: item.frame,
@@ -217,12 +232,13 @@ pub(crate) fn encode_aboard(aboard: &Aboard) -> Vec<u8> {
         waypoint_of: flight.waypoint_of.clone(),
         legs: legs.collect(),
         curved: flight.curved.map(CurvedRecord::from),
+        messages: encode_messages(plan.messages(), Id::NULL, vehicle),
     };
     serde_json::to_vec(&record).unwrap_or_default()
 }
 
 /// What a record says is aboard.
-pub(crate) fn decode_aboard(octets: &[u8]) -> Result<Aboard, RecordError> {
+pub(crate) fn decode_aboard(octets: &[u8], vehicle: Id) -> Result<Aboard, RecordError> {
     let record: AboardRecord =
         serde_json::from_slice(octets).map_err(|cause| RecordError(cause.to_string()))?;
     let items = record.items.iter().map(|item| Item {
@@ -263,7 +279,10 @@ pub(crate) fn decode_aboard(octets: &[u8]) -> Result<Aboard, RecordError> {
     if record.items.len() != record.waypoint_of.len() {
         return Err(RecordError("items and waypoints do not match".to_owned()));
     }
+    let mut plan = Plan::default();
+    store_all(&mut plan, &record.messages, vehicle)?;
     Ok(Aboard {
+        plan,
         flight: Flight {
             items: items.collect(),
             waypoint_of: record.waypoint_of,

@@ -127,9 +127,13 @@ impl Aircraft {
             }
             // What a silent vehicle said last is no state of now: it is not repeated.
             4000 if live => report::inertial_states(vehicle, stamp).map(Message::InertialStates),
-            4001 if live => Some(Message::FromToNextWaypointStates(report::waypoint_states(
-                vehicle, flight, stamp,
-            ))),
+            4001 if live => {
+                let along = flight.map(|flight| self.passage.along(flight, vehicle));
+                let along = along.unwrap_or_default();
+                Some(Message::FromToNextWaypointStates(report::waypoint_states(
+                    vehicle, flight, along, stamp,
+                )))
+            }
             16002 => Some(Message::Heartbeat(Heartbeat {
                 time_stamp: Some(stamp),
             })),

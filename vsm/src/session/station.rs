@@ -21,6 +21,8 @@ pub(crate) struct Station {
     /// It has sent 16002: only then can silence cost it control.
     pub(crate) sends_heartbeats: bool,
     pub(crate) recent: Recent,
+    /// Lines of its journal since that was last written anew.
+    pub(crate) journal_lines: usize,
     /// Messages that it has scheduled by 17001: (vehicle, message type) to period.
     pub(crate) schedule: BTreeMap<(Id, u16), Period>,
 }
@@ -42,6 +44,7 @@ impl Station {
             heard: None,
             sends_heartbeats: false,
             recent: Recent::default(),
+            journal_lines: 0,
             schedule: BTreeMap::new(),
         }
     }

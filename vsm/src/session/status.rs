@@ -59,6 +59,8 @@ pub struct VehicleStatus {
     pub position: Option<[f64; 3]>,
     /// The CUCS that holds LOI 4 or 5.
     pub controller: Option<String>,
+    /// The MAVLink system that may command it, 0 for nobody; none where the vehicle does not tell.
+    pub operator_control: Option<u8>,
     /// LOI bits by CUCS.
     pub rights: BTreeMap<String, u8>,
     /// Who holds what, and since when.
@@ -167,6 +169,7 @@ impl Bridge {
                     .position
                     .map(|at| [at.latitude, at.longitude, at.amsl_m]),
                 controller: aircraft.authority.controller().map(|id| id.to_string()),
+                operator_control: aircraft.operator_control.owner(now),
                 rights: aircraft
                     .authority
                     .holders()

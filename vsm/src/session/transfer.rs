@@ -19,6 +19,7 @@ use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::UaRoute;
 
 use super::maneuver::{self, Maneuver, Progress};
+use super::plan_record::Aboard;
 use super::vehicle::VehicleLink;
 
 /// The machine.
@@ -26,7 +27,11 @@ use super::vehicle::VehicleLink;
 pub(crate) struct Transfer {
     phase: Phase,
     pub(crate) route_type: RouteType,
-    initial: u16,
+    /// The messages of the route that is sent, as they were when it was.
+    pub(crate) plan: Plan,
+    /// The vehicle was taken out of AUTO.MISSION for it.
+    pub(crate) held: bool,
+    route: Option<UaRoute>,
     percent: u8,
     /// Something of this plan may be aboard.
     touched: bool,
@@ -95,18 +100,24 @@ impl Transfer {
                 deadline: now + SITE_WITHIN,
             },
             route_type,
-            initial: route.initial_waypoint_number.unwrap_or(0),
+            plan: Plan::default(),
+            held: false,
+            route: Some(route.clone()),
             percent: 0,
             touched: false,
         }
     }
 
     /// A route that was aboard already, and is no more.
-    pub(crate) fn again(flight: Flight, route_type: RouteType) -> Transfer {
+    pub(crate) fn again(aboard: &Aboard) -> Transfer {
         Transfer {
-            phase: Phase::Again { flight },
-            route_type,
-            initial: 0,
+            phase: Phase::Again {
+                flight: aboard.flight.clone(),
+            },
+            route_type: aboard.route_type,
+            plan: aboard.plan.clone(),
+            held: false,
+            route: None,
             percent: 0,
             touched: false,
         }
@@ -162,27 +173,34 @@ impl Transfer {
         vehicle: &mut VehicleLink,
     ) -> Course {
         let wait = now < deadline;
-        let flight =
-            match site(bounds, vehicle).map(|site| route::flight(plan, self.initial, &site)) {
-                Some(Ok(flight)) => flight,
-                Some(Err(RouteError {
-                    reason: Reason::Altitude(mapping::altitude::AltitudeError::NoGeoid),
-                    ..
-                }))
-                | None
-                    if wait =>
-                {
-                    self.phase = Phase::Site { deadline };
-                    return Course::Going;
-                }
-                Some(Err(fault)) => return self.refused(Some(fault.waypoint), fault.to_string()),
-                None => {
-                    return self.refused(
-                        None,
-                        "the vehicle has not told its home position".to_owned(),
-                    );
-                }
-            };
+        let initial = self
+            .route
+            .as_ref()
+            .and_then(|route| route.initial_waypoint_number);
+        let initial = initial.unwrap_or(0);
+        let flight = match site(bounds, vehicle).map(|site| route::flight(plan, initial, &site)) {
+            Some(Ok(flight)) => flight,
+            Some(Err(RouteError {
+                reason: Reason::Altitude(mapping::altitude::AltitudeError::NoGeoid),
+                ..
+            }))
+            | None
+                if wait =>
+            {
+                self.phase = Phase::Site { deadline };
+                return Course::Going;
+            }
+            Some(Err(fault)) => return self.refused(Some(fault.waypoint), fault.to_string()),
+            None => {
+                return self.refused(
+                    None,
+                    "the vehicle has not told its home position".to_owned(),
+                );
+            }
+        };
+        if let Some(route) = &self.route {
+            self.plan = plan.part(route);
+        }
         let mut flight = flight;
         if self.route_type == RouteType::Approach {
             flight.land_at_the_end();
@@ -203,6 +221,7 @@ impl Transfer {
         if telemetry.mode == Some(Px4Mode::MISSION) && telemetry.airborne() {
             let maneuver = Maneuver::new(maneuver::enter(&[Px4Mode::LOITER]), Commanded::default());
             self.phase = Phase::Hold { maneuver, flight };
+            self.held = true;
             return Course::Percent(0);
         }
         self.send(now, flight, vehicle)

@@ -11,7 +11,9 @@ use mapping::telemetry::Telemetry;
 use mavlink::Message as _;
 use mavlink_link::Now;
 use mavlink_link::clock::CeilingStore;
-use mavlink_link::dialect::{MavMessage, MavSeverity};
+use mavlink_link::dialect::{
+    COMMAND_ACK_DATA, CONTROL_STATUS_DATA, MavCmd, MavMessage, MavResult, MavSeverity,
+};
 use mavlink_link::frame::{FrameView, Header, MAX_FRAME};
 use mavlink_link::link::{Auth, Link, LinkStats};
 use mavlink_link::receiver::KeyState;
@@ -90,6 +92,10 @@ pub(crate) enum VehicleEvent {
     PingReturned(u32),
     /// It has answered a command of another system: (system, command).
     ForeignCommand(u8, u32),
+    /// It has told which systems may command it.
+    ControlStatus(CONTROL_STATUS_DATA),
+    /// It passes on that this system asks for operator control.
+    ControlAsked(u8),
     /// A text of its own.
     Text(Text),
     /// Something about the link.
@@ -226,6 +232,11 @@ impl VehicleLink {
         (now.saturating_sub(*at) < COMPLAINT_LIFE).then(|| format!(" ({text})"))
     }
 
+    /// The system id that this VSM speaks as.
+    pub(crate) fn own_system(&self) -> u8 {
+        self.link.config().own_system
+    }
+
     pub(crate) fn peer(&self) -> Option<Peer> {
         self.link.peer()
     }
@@ -296,6 +307,28 @@ impl VehicleLink {
         {
             let event = VehicleEvent::ForeignCommand(ack.target_system, ack.command as u32);
             self.events.push_back(event);
+        }
+        match message {
+            MavMessage::CONTROL_STATUS(status) => {
+                self.events
+                    .push_back(VehicleEvent::ControlStatus(status.clone()));
+            }
+            MavMessage::COMMAND_LONG(asked)
+                if asked.command == MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL
+                    && asked.target_system == self.link.config().own_system =>
+            {
+                self.events
+                    .push_back(VehicleEvent::ControlAsked(asked.param4 as u8));
+                // That it has been heard, no more.
+                self.post(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+                    command: asked.command,
+                    result: MavResult::MAV_RESULT_ACCEPTED,
+                    target_system: node.system,
+                    target_component: node.component,
+                    ..COMMAND_ACK_DATA::default()
+                }));
+            }
+            _ => {}
         }
         #[allow(deprecated, reason = "what PX4 answers")]
         if let MavMessage::PING(ping) = message

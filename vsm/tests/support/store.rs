@@ -16,13 +16,8 @@ pub struct MemoryStore {
     pub synced: u64,
 }
 
-impl Store for MemoryStore {
-    fn save(
-        &mut self,
-        name: &str,
-        octets: &[u8],
-        durability: Durability,
-    ) -> Result<(), StoreError> {
+impl MemoryStore {
+    fn admit(&mut self, name: &str, durability: Durability) -> Result<(), StoreError> {
         if self.full.is_some_and(|prefix| name.starts_with(prefix)) {
             self.refused += 1;
             return Err(StoreError {
@@ -31,6 +26,18 @@ impl Store for MemoryStore {
             });
         }
         self.synced += u64::from(durability == Durability::Power);
+        Ok(())
+    }
+}
+
+impl Store for MemoryStore {
+    fn save(
+        &mut self,
+        name: &str,
+        octets: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError> {
+        self.admit(name, durability)?;
         self.records.insert(name.to_owned(), octets.to_vec());
         Ok(())
     }
@@ -41,9 +48,17 @@ impl Store for MemoryStore {
         octets: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        let mut whole = self.records.get(name).cloned().unwrap_or_default();
+        let mut whole = self.records.remove(name).unwrap_or_default();
+        let before = whole.len();
         whole.extend_from_slice(octets);
-        self.save(name, &whole, durability)
+        let written = self.admit(name, durability);
+        if written.is_err() {
+            whole.truncate(before);
+        }
+        if before > 0 || written.is_ok() {
+            self.records.insert(name.to_owned(), whole);
+        }
+        written
     }
 
     fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
