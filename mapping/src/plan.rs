@@ -474,11 +474,7 @@ mod tests {
         assert_eq!(whole.waypoint(2).and_then(|one| one.next_waypoint), Some(0));
         assert!(whole.waypoint(7).is_some() && whole.waypoint(90).is_none());
         assert_eq!(whole.messages_about(1).count(), 2);
-        let names: Vec<_> = whole
-            .routes()
-            .iter()
-            .map(|one| one.route_id.clone())
-            .collect();
+        let names: Vec<_> = whole.routes().iter().map(|one| one.route_id).collect();
         assert_eq!(
             names,
             [

@@ -127,7 +127,10 @@ fn what_another_station_owns_is_said_and_a_command_is_refused_with_the_reason() 
     assert!(rig.station().was_told("no operator control"));
     // Its heartbeats have never come: the vehicle lets go of it, and the VSM has it.
     assert!(rig.until(15.0, |rig| owner(rig) == Some(245)));
-    assert!(rig.station().was_told("no MAVLink system has operator control"));
+    assert!(
+        rig.station()
+            .was_told("no MAVLink system has operator control")
+    );
     assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
 }
 

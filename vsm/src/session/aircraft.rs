@@ -340,8 +340,8 @@ impl Aircraft {
                 self.load_sees_command(desk, &event);
             }
             VehicleEvent::Mission(event) => {
-                if let mission::Event::CurrentSet { seq } = &event {
-                    self.passage.sent_to(*seq, &self.mav.telemetry);
+                if let mission::Event::CurrentSet { .. } = &event {
+                    self.passage.sent_on(&self.mav.telemetry);
                 }
                 if let Some((origin, maneuver)) = &mut self.maneuver
                     && let Progress::Refused(why) = maneuver.handle_mission(&event)

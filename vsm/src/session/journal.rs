@@ -152,8 +152,11 @@ impl Aircraft {
                 return self.warn(desk, Cause::Journal, text);
             }
         };
-        let listeners = desk.listeners(&self.authority, None);
-        desk.alert(self.id(), &listeners, raised);
+        // Nothing is made for a message where nothing stood: this is the way of every one.
+        if raised.is_some() {
+            let listeners = desk.listeners(&self.authority, None);
+            desk.alert(self.id(), &listeners, raised);
+        }
     }
 
     /// A launch that a restart cut off leaves no running motors behind, as one that fails leaves none: a vehicle that

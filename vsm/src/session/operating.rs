@@ -11,6 +11,7 @@ use super::authority::{Rights, Stations};
 use super::desk::{Desk, Origin};
 use super::maneuver::{self, Maneuver, Progress};
 use super::mode_command::{self, Situation, Task};
+use super::plan_record::Aboard;
 use super::unheeded;
 
 impl Aircraft {
@@ -146,8 +147,16 @@ impl Aircraft {
                     return self.refuse(desk, origin, why);
                 }
                 if anew && self.passage.was_flown() {
-                    let text = "mode 11: the route has been flown to its end, it is flown again from its start";
-                    self.advise(desk, text.to_owned());
+                    let loops = |aboard: &Aboard| aboard.flight.circuit().is_some();
+                    let once = if self.aboard.as_ref().is_some_and(loops) {
+                        ", its loop only once: PX4 has counted it; clear and load the route for more"
+                    } else {
+                        ""
+                    };
+                    let text = format!(
+                        "mode 11: the route has been flown to its end, it is flown again from its start{once}"
+                    );
+                    self.advise(desk, text);
                 }
                 self.begin(desk, origin, Maneuver::new(steps, commanded));
             }

@@ -38,9 +38,10 @@ impl Passage {
         };
     }
 
-    /// The vehicle is sent to this item of the route, wherever it was.
-    pub(super) fn sent_to(&mut self, seq: u16, vehicle: &Telemetry) {
-        let laps = if seq == 0 { 0 } else { self.laps };
+    /// The vehicle is sent to an item of the route, wherever it was. PX4 v1.18 goes on counting the laps of a loop, also
+    /// where the route is flown again from its start: seen in its own simulation.
+    pub(super) fn sent_on(&mut self, vehicle: &Telemetry) {
+        let laps = self.laps;
         self.begin(vehicle);
         self.laps = laps;
     }
