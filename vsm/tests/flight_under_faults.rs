@@ -3,21 +3,10 @@
 mod support;
 
 use stanag_msgs::Message;
-use stanag_msgs::enums::{
-    AckType, AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, MissionPlanMode,
-};
-use stanag_msgs::messages::VehicleOperatingModeCommand;
-use stanag_msgs::{Scaled, messages::UaPositionWaypoint};
+use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, MissionPlanMode};
+use stanag_msgs::messages::UaPositionWaypoint;
+use support::flight::hold_at;
 use support::{Rig, orders, vehicle_id};
-
-fn hold_at(height_m: f64) -> VehicleOperatingModeCommand {
-    VehicleOperatingModeCommand {
-        altitude_command_type: Some(AltitudeCommandType::Altitude),
-        commanded_altitude: Some(Scaled::saturating_from_si(height_m)),
-        altitude_type: Some(AltitudeType::Agl),
-        ..orders::mode(Mode::Loiter)
-    }
-}
 
 /// The waypoints that a download of the plan brings.
 fn downloaded(rig: &mut Rig) -> Vec<UaPositionWaypoint> {

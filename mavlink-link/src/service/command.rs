@@ -25,6 +25,8 @@ pub struct Timing {
     pub answer: Duration,
     /// How often a command that may be repeated is sent in all.
     pub tries: u8,
+    /// Wait for COMMAND_ACK after the last of them: a link may take 2 s each way.
+    pub last_answer: Duration,
     /// Wait for COMMAND_ACK of a command that may not be repeated.
     pub answer_once: Duration,
     /// Wait after each MAV_RESULT_IN_PROGRESS for the next word.
@@ -38,6 +40,7 @@ impl Default for Timing {
         Self {
             answer: Duration::from_millis(500),
             tries: 6,
+            last_answer: Duration::from_secs(3),
             answer_once: Duration::from_secs(2),
             progress: Duration::from_secs(5),
             progress_total: Duration::from_secs(120),
@@ -251,7 +254,12 @@ impl Client {
             if may_repeat {
                 self.send(&active.command, active.tries);
                 active.tries += 1;
-                active.deadline = now + self.timing.answer;
+                let wait = if active.tries < self.timing.tries {
+                    self.timing.answer
+                } else {
+                    self.timing.last_answer
+                };
+                active.deadline = now + wait;
                 self.active = Some(active);
             } else {
                 let tries = active.tries;

@@ -10,7 +10,7 @@ use stanag_msgs::enums::{AlertPriority, SubsystemId};
 /// A cause that lasts. One alert stands for each at a time, per vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Cause {
-    /// No verified heartbeat of the vehicle.
+    /// No verified word of the vehicle about its state.
     VehicleSilent,
     /// Signing is off by configuration.
     SigningOff,

@@ -301,7 +301,7 @@ impl Aircraft {
     pub(super) fn stream_set_points(&mut self, desk: &mut Desk<'_>) {
         let heard = self
             .mav
-            .heartbeat_at()
+            .heard_at()
             .map_or(Duration::MAX, |at| desk.now.mono.saturating_sub(at));
         if heard > LONGEST_BLIND {
             // A vehicle that is not heard for long cannot be steered: PX4 sees the set points end, and returns.
@@ -318,7 +318,7 @@ impl Aircraft {
     }
 }
 
-/// Set points go on for so long without a heartbeat, level: a bad link is no reason to turn back.
+/// Set points go on for so long without a word of the vehicle, level: a bad link is no reason to turn back.
 const LONGEST_BLIND: Duration = Duration::from_secs(10);
 /// Of set points: PX4 needs 2 a second.
 const PERIOD: Duration = Duration::from_millis(50);

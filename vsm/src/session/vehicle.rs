@@ -12,7 +12,8 @@ use mavlink::Message as _;
 use mavlink_link::Now;
 use mavlink_link::clock::CeilingStore;
 use mavlink_link::dialect::{
-    COMMAND_ACK_DATA, CONTROL_STATUS_DATA, MavCmd, MavMessage, MavResult, MavSeverity,
+    COMMAND_ACK_DATA, COMMAND_LONG_DATA, CONTROL_STATUS_DATA, MavCmd, MavMessage, MavResult,
+    MavSeverity,
 };
 use mavlink_link::frame::{FrameView, Header, MAX_FRAME};
 use mavlink_link::link::{Auth, Link, LinkStats};
@@ -74,7 +75,7 @@ impl OutFrame {
 pub(crate) enum VehicleEvent {
     /// A heartbeat after silence, or the first.
     Heard,
-    /// No heartbeat for [`SILENCE`].
+    /// No word of its state for [`SILENCE`].
     Silent,
     /// The vehicle has started anew: its clock since boot went back.
     Restarted,
@@ -118,12 +119,15 @@ pub(crate) struct VehicleLink {
     pub(crate) parameters: param::Client,
     intervals: Intervals,
     texts: Texts,
+    /// When its last heartbeat came.
     heartbeat_at: Option<Duration>,
+    /// When it last told its mode.
+    heard_at: Option<Duration>,
     silent: bool,
     boot_ms: Option<u32>,
     progress_told_ms: Option<u32>,
     asked: Asked,
-    /// A mode was told after the last command was sent.
+    /// A mode was told after the last command was sent that may change it.
     state_is_newer: bool,
     complaint: Option<(Duration, String)>,
     posts: VecDeque<MavMessage>,
@@ -143,7 +147,7 @@ struct Asked {
     command: Option<Stamp>,
     /// First of the parameters that are asked for.
     parameter: Option<Stamp>,
-    /// The last command of all.
+    /// The last command that may change its state.
     last: Option<Stamp>,
 }
 
@@ -156,8 +160,14 @@ struct Fresh {
     state: bool,
 }
 
-/// A vehicle without a heartbeat for so long has fallen silent, and what it last said is stale.
+/// A vehicle that has not told its mode for so long, by HEARTBEAT or CURRENT_MODE, has fallen silent, and what it last
+/// said is stale.
+///
+/// Heartbeats alone would not do: they come once a second, and where four packets of ten are lost three in a row are
+/// missing every few seconds, while all else goes on.
 pub(crate) const SILENCE: Duration = Duration::from_millis(3_500);
+/// And so has one without a heartbeat for so long, since nothing else says whether it is armed.
+const NO_HEARTBEAT: Duration = Duration::from_secs(10);
 
 impl VehicleLink {
     pub(crate) fn new(own: Node, link: Link<Peer>, key: Option<KeyState>) -> VehicleLink {
@@ -176,6 +186,7 @@ impl VehicleLink {
             intervals: Intervals::new(RATES.iter().copied()),
             texts: Texts::new(vehicle.system),
             heartbeat_at: None,
+            heard_at: None,
             silent: true,
             boot_ms: None,
             progress_told_ms: None,
@@ -196,9 +207,15 @@ impl VehicleLink {
         !self.silent
     }
 
-    /// When its last heartbeat came.
-    pub(crate) fn heartbeat_at(&self) -> Option<Duration> {
-        self.heartbeat_at
+    /// When it last told its mode.
+    pub(crate) fn heard_at(&self) -> Option<Duration> {
+        self.heard_at
+    }
+
+    /// When it falls silent, if nothing more comes.
+    fn silent_at(&self) -> Option<Duration> {
+        let (heard, beat) = self.heard_at.zip(self.heartbeat_at)?;
+        Some((heard + SILENCE).min(beat + NO_HEARTBEAT))
     }
 
     /// Sends a message that nothing answers, with the next flush.
@@ -221,7 +238,7 @@ impl VehicleLink {
         self.progress_told_ms
     }
 
-    /// Whether a mode was told by a message made after the last command was sent.
+    /// Whether a mode was told by a message made after the last command was sent that may change it.
     pub(crate) fn state_is_newer_than_command(&self) -> bool {
         self.state_is_newer
     }
@@ -343,6 +360,7 @@ impl VehicleLink {
             MavMessage::HEARTBEAT(_) | MavMessage::CURRENT_MODE(_)
         ) {
             self.state_is_newer |= fresh.state;
+            self.heard_at = Some(now.mono);
         }
         if let MavMessage::HEARTBEAT(_) = message {
             self.heartbeat_at = Some(now.mono);
@@ -409,9 +427,7 @@ impl VehicleLink {
         self.commands.handle_timeout(now.mono);
         self.parameters.handle_timeout(now.mono);
         self.texts.handle_timeout(now.mono);
-        let silent = self
-            .heartbeat_at
-            .is_none_or(|at| now.mono.saturating_sub(at) >= SILENCE);
+        let silent = self.silent_at().is_none_or(|at| at <= now.mono);
         if silent && !self.silent {
             self.silent = true;
             self.events.push_back(VehicleEvent::Silent);
@@ -425,10 +441,7 @@ impl VehicleLink {
 
     /// When [`VehicleLink::handle_timeout`] is next needed.
     pub(crate) fn poll_timeout(&self) -> Duration {
-        let silence = self
-            .heartbeat_at
-            .filter(|_| !self.silent)
-            .map(|at| at + SILENCE);
+        let silence = self.silent_at().filter(|_| !self.silent);
         let intervals = self.intervals.poll_timeout().filter(|_| self.live());
         [
             self.missions.poll_timeout(),
@@ -525,8 +538,10 @@ impl VehicleLink {
             };
             let stamp = self.send(now, &message, store);
             self.asked.command = self.asked.command.or(stamp);
-            self.asked.last = stamp.or(self.asked.last);
-            self.state_is_newer = false;
+            if may_change_state(&message) {
+                self.asked.last = stamp.or(self.asked.last);
+                self.state_is_newer = false;
+            }
         }
     }
 
@@ -552,6 +567,17 @@ impl VehicleLink {
     }
 }
 
+/// Rates and messages are asked for all the time: what is told meanwhile is no older for it.
+fn may_change_state(command: &MavMessage) -> bool {
+    !matches!(
+        command,
+        MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL | MavCmd::MAV_CMD_REQUEST_MESSAGE,
+            ..
+        })
+    )
+}
+
 pub(super) fn auth<'a>(key: Option<&'a mut KeyState>, store: &'a mut dyn CeilingStore) -> Auth<'a> {
     match key {
         Some(key) => Auth::Signed { key, store },
@@ -568,10 +594,11 @@ const BOOT_SLACK_MS: u32 = 1_000;
 /// What the DLI needs of the vehicle, and what PX4 sends unasked that it does not: its 50 Hz streams are not for a
 /// radio.
 const RATES: &[(u32, Rate)] = &[
+    // First: with it a bad link is not taken for a silent vehicle.
+    (436, Rate::Hz(5.0)), // CURRENT_MODE
     (30, Rate::Hz(5.0)),  // ATTITUDE
     (33, Rate::Hz(5.0)),  // GLOBAL_POSITION_INT
     (32, Rate::Hz(5.0)),  // LOCAL_POSITION_NED
-    (436, Rate::Hz(5.0)), // CURRENT_MODE
     (245, Rate::Hz(2.0)), // EXTENDED_SYS_STATE
     (242, Rate::Hz(1.0)), // HOME_POSITION
     (24, Rate::Hz(1.0)),  // GPS_RAW_INT

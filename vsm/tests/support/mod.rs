@@ -8,8 +8,10 @@
     reason = "each test file uses its own part"
 )]
 
+pub mod flight;
 pub mod heap;
 pub mod orders;
+pub mod processes;
 pub mod station;
 pub mod store;
 pub mod wire;
@@ -84,8 +86,25 @@ pub struct Rig {
     pub group: Vec<Vec<u8>>,
     /// MAVLink messages that arrived at the vehicles, by their ids.
     pub arrived: BTreeMap<u32, u64>,
+    /// What the flight has come to.
+    pub phase: &'static str,
+    /// Something is restarted once, at this time.
+    pub restart_at: Option<(Duration, Restart)>,
+    /// In which phase that was.
+    pub restarted_in: Option<&'static str>,
+    /// When a bridge that was killed comes back.
+    back_at: Option<Duration>,
     config: Config,
     started: Duration,
+}
+
+/// What is restarted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Restart {
+    /// The bridge is killed, and comes back from its store a second later.
+    Bridge,
+    /// The vehicle starts anew: a simulated one on the ground at home.
+    Vehicle,
 }
 
 impl Rig {
@@ -121,6 +140,10 @@ impl Rig {
             log: Vec::new(),
             group: Vec::new(),
             arrived: BTreeMap::new(),
+            phase: "",
+            restart_at: None,
+            restarted_in: None,
+            back_at: None,
             config,
             started: Duration::ZERO,
         };
@@ -287,6 +310,7 @@ impl Rig {
 
     fn step(&mut self) {
         self.clock += STEP;
+        self.restart_what_is_due();
         let (clock, now) = (self.clock, self.now());
         let mut frame = [0; MAX_FRAME];
         for (index, vehicle) in self.vehicles.iter_mut().enumerate() {
@@ -362,6 +386,24 @@ impl Rig {
     }
 }
 
+impl Rig {
+    fn restart_what_is_due(&mut self) {
+        if let Some((_, what)) = self.restart_at.take_if(|(at, _)| *at <= self.clock) {
+            self.restarted_in = Some(self.phase);
+            match what {
+                Restart::Vehicle => self.vehicles[0].restart(),
+                Restart::Bridge => {
+                    self.stop_bridge();
+                    self.back_at = Some(self.clock + Duration::from_secs(1));
+                }
+            }
+        }
+        if self.back_at.take_if(|at| *at <= self.clock).is_some() {
+            self.restart_bridge();
+        }
+    }
+}
+
 /// The id of a vehicle.
 pub fn vehicle_id(index: usize) -> Id {
     Id(0x1b00_0101 + index as u32)
@@ -375,7 +417,7 @@ pub fn cucs(index: usize) -> Id {
 /// The id of the VSM.
 pub const VSM: Id = Id(0x1b00_0001);
 
-fn key(index: usize) -> SigningKey {
+pub fn key(index: usize) -> SigningKey {
     SigningKey::new([0x41 + index as u8; 32]).expect("not all zero")
 }
 

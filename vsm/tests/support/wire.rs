@@ -43,6 +43,14 @@ impl Faults {
             delay: (Duration::from_millis(2), Duration::from_millis(60)),
         }
     }
+
+    /// A link that loses a tenth of its packets and delivers the others up to `most_s` seconds late.
+    pub fn late(most_s: f64) -> Faults {
+        Faults {
+            delay: (Duration::from_millis(2), Duration::from_secs_f64(most_s)),
+            ..Faults::lossy(0.1)
+        }
+    }
 }
 
 /// A packet on its way.
