@@ -11,7 +11,7 @@
 use mavlink_link::service::mission::Item;
 
 use crate::loops::DO_JUMP;
-use crate::route::{CRUISE_M_S, DO_CHANGE_SPEED, NAV_WAYPOINT};
+use crate::route::item::{CRUISE_M_S, DO_CHANGE_SPEED, NAV_WAYPOINT};
 
 /// Makes PX4 brake for each waypoint of these that it comes to, or goes on from, with a climb or a descent, where it has
 /// a radius of its own or is passed within less time than a swing of the height takes. The first waypoint is come to from

@@ -3,11 +3,11 @@
 //! PX4 counts jumps (DO_JUMP param2), the DLI counts how often the loop is flown: one more. Endless is the most that
 //! PX4 counts. After the last pass the route ends at the loop's last waypoint. PX4 does not time loops.
 
-use mavlink_link::service::mission::Item;
+use mavlink_link::service::mission::{FRAME_MISSION, Item};
 use stanag_msgs::enums::{LimitType, WaypointType};
 use stanag_msgs::messages::UaPositionWaypoint;
 
-use crate::route::{FRAME_MISSION, Flight, Reason};
+use crate::route::{Flight, Reason};
 
 /// Whether a waypoint ends a loop.
 pub(crate) fn ends(waypoint: &UaPositionWaypoint) -> Result<bool, Reason> {

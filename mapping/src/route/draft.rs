@@ -1,0 +1,175 @@
+//! A flight while it is put together, waypoint by waypoint in the order that they are flown.
+
+use stanag_msgs::enums::LoiterType;
+use stanag_msgs::messages::UaPositionWaypoint;
+
+use super::item::change_speed;
+use super::{Flight, Leg, Reason, RouteError, Site, bounds, curved_leg, waypoint};
+use crate::curve::Chords;
+use crate::plan::Plan;
+use crate::{brake, loops};
+
+/// What has been made so far.
+#[derive(Debug)]
+pub(super) struct Draft<'a> {
+    plan: &'a Plan,
+    site: &'a Site,
+    flight: Flight,
+    /// The items at the ends of curves.
+    ends: Vec<usize>,
+    /// The items of waypoints that end no curve.
+    straight: Vec<usize>,
+}
+
+impl<'a> Draft<'a> {
+    pub(super) fn new(plan: &'a Plan, site: &'a Site) -> Draft<'a> {
+        Draft {
+            plan,
+            site,
+            flight: Flight {
+                items: Vec::new(),
+                waypoint_of: Vec::new(),
+                order: Vec::new(),
+                curved: None,
+                notes: Vec::new(),
+            },
+            ends: Vec::new(),
+            straight: Vec::new(),
+        }
+    }
+
+    /// Adds the leg to a waypoint, and gives the number of the one that follows; 0 after the last.
+    ///
+    /// # Errors
+    /// It, or the curved leg to it, cannot be flown.
+    pub(super) fn add(&mut self, number: u16) -> Result<u16, RouteError> {
+        let at = |reason| RouteError {
+            waypoint: number,
+            reason,
+        };
+        let (plan, site) = (self.plan, self.site);
+        let waypoint = plan.waypoint(number).ok_or_else(|| at(Reason::Unknown))?;
+        if self.flight.order.iter().any(|leg| leg.number == number) {
+            return Err(at(Reason::Loop));
+        }
+        let leg = waypoint::leg(number, waypoint, site).map_err(at)?;
+        let before = self.flight.order.last().copied();
+        bounds::distance(&leg, before.as_ref(), site).map_err(at)?;
+        curved_leg::check(plan, number, waypoint).map_err(at)?;
+        let begun_at = self.flight.items.len();
+        if let Some(speed_m_s) = leg.speed_m_s {
+            self.flight.push(number, change_speed(speed_m_s));
+        }
+        let curve = match before {
+            Some(p1) => curved_leg::fly(plan, &p1, &leg, &mut self.flight, site)?,
+            None => None,
+        };
+        self.arrive(&leg, waypoint, curve.as_ref()).map_err(at)?;
+        if let Some(chords) = &curve {
+            self.end_curve(&leg, chords, begun_at);
+        }
+        self.flight.order.push(leg);
+        let next = self.lead_on(&leg, waypoint).map_err(at)?;
+        if self.flight.items.len() > site.limits.items {
+            return Err(at(Reason::TooManyItems(site.limits.items)));
+        }
+        Ok(next)
+    }
+
+    /// The items at the waypoint itself.
+    fn arrive(
+        &mut self,
+        leg: &Leg,
+        waypoint: &UaPositionWaypoint,
+        curve: Option<&Chords>,
+    ) -> Result<(), Reason> {
+        let number = leg.number;
+        let loiter = self.plan.loiter(number);
+        let circles = |kind| kind == Some(LoiterType::Circular);
+        if self.site.hovers && loiter.is_some_and(|loiter| circles(loiter.waypoint_loiter_type)) {
+            self.flight.notes.push(format!(
+                "waypoint {number}: a multicopter flies no circle in a route, it hovers there (13003)"
+            ));
+        }
+        for mut item in waypoint::items(leg, waypoint, loiter, self.site)? {
+            let here = self.flight.items.len();
+            if let Some(chords) = curve {
+                curved_leg::accept(&mut item, chords);
+                self.ends.push(here);
+            } else {
+                self.straight.push(here);
+            }
+            self.flight.push(number, item);
+        }
+        Ok(())
+    }
+
+    /// Ends a curve whose items start at `begun_at`.
+    fn end_curve(&mut self, leg: &Leg, chords: &Chords, begun_at: usize) {
+        let flight = &mut self.flight;
+        // P1 is a vertex of the curve too.
+        let before = flight.items.iter_mut().take(begun_at).enumerate();
+        if let Some((p1, item)) = before.filter(|(_, item)| item.is_global()).last() {
+            curved_leg::accept(item, chords);
+            self.ends.push(p1);
+        }
+        if chords.slowed {
+            let wished_m_s = leg.speed_m_s.unwrap_or_else(|| flight.speed_m_s());
+            flight.push(leg.number, change_speed(wished_m_s));
+        }
+    }
+
+    /// The number of the waypoint that follows; 0 after the last, and after the end of a loop, which jumps back.
+    fn lead_on(&mut self, leg: &Leg, waypoint: &UaPositionWaypoint) -> Result<u16, Reason> {
+        let next = waypoint.next_waypoint.unwrap_or(0);
+        if !loops::ends(waypoint)? {
+            return Ok(next);
+        }
+        if let Some(jump) = loops::jump(leg.number, waypoint, &self.flight)? {
+            self.flight.push(leg.number, jump);
+        }
+        if let Some(start) = self.flight.order.iter().find(|leg| leg.number == next) {
+            bounds::distance(start, Some(leg), self.site)?;
+        }
+        Ok(0)
+    }
+
+    /// The whole of it; none where nothing has been added.
+    pub(super) fn finish(self) -> Option<Flight> {
+        let Draft {
+            site,
+            mut flight,
+            ends,
+            mut straight,
+            ..
+        } = self;
+        if site.hovers {
+            straight.retain(|at| !ends.contains(at));
+            stop_where_missed(&mut flight, &straight);
+            for end in ends {
+                curved_leg::widen(&mut flight.items, end);
+            }
+        }
+        flight.items.first_mut()?.current = true;
+        Some(flight)
+    }
+}
+
+/// Makes PX4 stop at those of these items that it could miss for good, and says so.
+fn stop_where_missed(flight: &mut Flight, straight: &[usize]) {
+    let braked = brake::where_height_changes(&mut flight.items, straight);
+    let mut numbers: Vec<u16> = braked
+        .iter()
+        .skip(1)
+        .filter_map(|at| flight.waypoint_of.get(*at).copied())
+        .collect();
+    numbers.dedup();
+    if !numbers.is_empty() {
+        let numbers: Vec<String> = numbers.iter().map(u16::to_string).collect();
+        flight.notes.push(format!(
+            "it climbs or descends fast or at small radii, to or from waypoint {}: the vehicle stops at each point \
+             there, or it could miss one and fly on",
+            numbers.join(", ")
+        ));
+    }
+}

@@ -1,0 +1,132 @@
+//! Why a route is refused: at which waypoint, which value, and what was expected of it.
+
+use crate::altitude::AltitudeError;
+use crate::curve::CurveError;
+use crate::loiter::WIDEST_CIRCLE_M;
+
+/// Why a route cannot be flown, and at which waypoint.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("waypoint {waypoint}: {reason}")]
+pub struct RouteError {
+    /// The offending waypoint, as the CUCS numbers it.
+    pub waypoint: u16,
+    /// Why.
+    pub reason: Reason,
+}
+
+/// Why a waypoint cannot be flown.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Reason {
+    /// A Next Waypoint or an Initial Waypoint Number that no 13002 has described.
+    #[error("not received")]
+    Unknown,
+    /// A Next Waypoint leads back, and not from the end of a loop.
+    #[error("the route comes back to it: only Waypoint Type 1 (end of a loop) may lead back")]
+    Loop,
+    /// The end of a loop leads nowhere, to itself, or on.
+    #[error("the end of a loop leads to {0}, expected a waypoint flown before it")]
+    LoopStart(u16),
+    /// A loop that is never flown.
+    #[error("Loop Limit 0, expected 1 to 65535")]
+    LoopLimit,
+    /// A loop limited by time.
+    #[error("Limit Type 2 (time): PX4 counts loops, it does not time them")]
+    LoopTime,
+    /// A field that cannot be done without.
+    #[error("{0} is missing")]
+    Missing(&'static str),
+    /// Latitude beyond the poles.
+    #[error("latitude {0:.4} deg, expected -90 to 90")]
+    Latitude(f64),
+    /// Coordinates relative to the route's reference.
+    #[error("relative coordinates (Location Type {0}) are not flown")]
+    Relative(u8),
+    /// The altitude has no usable reference.
+    #[error(transparent)]
+    Altitude(#[from] AltitudeError),
+    /// Too low or too high.
+    #[error("{height_m:.0} m above home, expected {lowest_m:.0} to {highest_m:.0}")]
+    Height {
+        /// Metres above home.
+        height_m: f64,
+        /// Lowest allowed.
+        lowest_m: f64,
+        /// Highest allowed.
+        highest_m: f64,
+    },
+    /// AGL at or below the ground.
+    #[error("{0:.1} m above ground, expected more than 0")]
+    InTheGround(f64),
+    /// The first waypoint is too far from home.
+    #[error("{distance_m:.0} m from home, at most {most_m:.0}")]
+    FarFromHome {
+        /// Metres.
+        distance_m: f64,
+        /// Metres.
+        most_m: f64,
+    },
+    /// A leg is too long.
+    #[error("{distance_m:.0} m from the waypoint before, at most {most_m:.0}")]
+    LongLeg {
+        /// Metres.
+        distance_m: f64,
+        /// Metres.
+        most_m: f64,
+    },
+    /// A speed that cannot be flown.
+    #[error("speed {speed_m_s:.1} m/s, expected above 0, at most {most_m_s:.0}")]
+    Speed {
+        /// m/s
+        speed_m_s: f64,
+        /// m/s
+        most_m_s: f64,
+    },
+    /// An arrival time: PX4 flies speeds only.
+    #[error("Waypoint Speed Type 3 (arrival time): PX4 flies speeds only")]
+    ArrivalTime,
+    /// A value that no source names.
+    #[error("{field} {value} is not known")]
+    UnknownValue {
+        /// The field.
+        field: &'static str,
+        /// Its value.
+        value: u8,
+    },
+    /// A pattern that PX4 cannot fly.
+    #[error("PX4 cannot loiter in a {0}")]
+    LoiterType(&'static str),
+    /// A circle that is too wide.
+    #[error("Loiter Radius {0:.0} m, at most {most:.0}", most = WIDEST_CIRCLE_M)]
+    LoiterRadius(f64),
+    /// A number of turns: PX4 has no such item.
+    #[error(
+        "a loiter of so many turns: PX4 flies times only, and a fixed wing's turns as a time where radius and speed \
+         are given"
+    )]
+    LoiterTurns,
+    /// A curved leg that cannot be flown.
+    #[error("its curved leg to {to}: {fault}")]
+    Curve {
+        /// P4, as the CUCS numbers it.
+        to: u16,
+        /// Why.
+        fault: CurveError,
+    },
+    /// A curved leg to another waypoint than the next.
+    #[error("its curved leg leads to {to}, its Next Waypoint is {next}")]
+    CurveEnd {
+        /// P4.
+        to: u16,
+        /// The waypoint that follows.
+        next: u16,
+    },
+    /// A curved leg names it, and no 13002 has described it.
+    #[error("not received, and a curved leg joins it to {0}")]
+    CurveWithoutEnd(u16),
+    /// Two curved legs from one waypoint.
+    #[error("two curved legs start at it, to {0} and to {1}")]
+    TwoCurves(u16, u16),
+    /// More items than the vehicle takes.
+    #[error("the route needs more than {0} items")]
+    TooManyItems(usize),
+}

@@ -1,0 +1,126 @@
+//! A route as it goes to PX4: its items, whose waypoint each is, and where in the route the vehicle is by them.
+
+use mavlink_link::service::mission::Item;
+
+use super::item::{self, CRUISE_M_S, DO_CHANGE_SPEED, NAV_LAND, degrees_e7};
+use crate::altitude::Level;
+use crate::curve::Curved;
+use crate::loops::DO_JUMP;
+
+/// A route as it goes to PX4, and whose waypoint each item is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flight {
+    /// The items, the first with `current` set.
+    pub items: Vec<Item>,
+    /// The CUCS's waypoint number of each item.
+    pub waypoint_of: Vec<u16>,
+    /// The waypoints in the order that they are flown.
+    pub order: Vec<Leg>,
+    /// What became of its curved legs, where it has any.
+    pub curved: Option<Curved>,
+    /// What the operator should know of it.
+    pub notes: Vec<String>,
+}
+
+/// A waypoint of a route with what 4001 reports of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leg {
+    /// The CUCS's number.
+    pub number: u16,
+    /// Degrees north.
+    pub latitude: f64,
+    /// Degrees east.
+    pub longitude: f64,
+    /// Its altitude.
+    pub level: Level,
+    /// Commanded speed of the leg to it, m/s.
+    pub speed_m_s: Option<f64>,
+}
+
+impl Flight {
+    /// The first item made for a waypoint: where a flight to it starts.
+    #[must_use]
+    pub fn first_item_of(&self, waypoint: u16) -> Option<u16> {
+        let leg = self.order.iter().find(|leg| leg.number == waypoint)?;
+        let (x, y) = (degrees_e7(leg.latitude), degrees_e7(leg.longitude));
+        // The chords of a curve that leads to it are passed over: a flight to the waypoint goes straight there.
+        let mut at = self
+            .items
+            .iter()
+            .zip(&self.waypoint_of)
+            .position(|(item, number)| {
+                *number == waypoint && item.is_global() && (item.x, item.y) == (x, y)
+            })?;
+        while let Some(before) = at.checked_sub(1)
+            && self.waypoint_of.get(before) == Some(&waypoint)
+            && self
+                .items
+                .get(before)
+                .is_some_and(|item| item.command == DO_CHANGE_SPEED)
+        {
+            at = before;
+        }
+        u16::try_from(at).ok()
+    }
+
+    /// The first item with a place at or after this one: PX4 does the ones before it at once.
+    #[must_use]
+    pub fn place_from(&self, seq: u16) -> u16 {
+        let on = self.items.iter().skip(usize::from(seq));
+        let steps = on.take_while(|item| !item.is_global()).count();
+        seq.saturating_add(u16::try_from(steps).unwrap_or(0))
+    }
+
+    /// The leg that has been flown to its end where this item is reached, as an index of `order`: `None` for the
+    /// chords of a curve on the way to its end, and for items without a place.
+    #[must_use]
+    pub fn leg_ended_by(&self, seq: u16) -> Option<usize> {
+        let at = usize::from(seq);
+        let number = self.waypoint_of.get(at)?;
+        let mut after = self.items.iter().zip(&self.waypoint_of).skip(at + 1);
+        let more = after.any(|(item, of)| of == number && item.is_global());
+        (self.items.get(at)?.is_global() && !more).then(|| self.leg_of_item(seq))?
+    }
+
+    /// The loop of the route: (its last leg, its first leg, how often it leads back), legs as indices of `order`.
+    #[must_use]
+    pub fn circuit(&self) -> Option<(usize, usize, u16)> {
+        let at = self.items.iter().position(|item| item.command == DO_JUMP)?;
+        let [first, times, ..] = self.items.get(at)?.params;
+        let end = self.leg_of_item(u16::try_from(at).ok()?)?;
+        Some((end, self.leg_of_item(first as u16)?, times as u16))
+    }
+
+    /// The leg that an item belongs to, as an index of `order`.
+    #[must_use]
+    pub fn leg_of_item(&self, seq: u16) -> Option<usize> {
+        let number = self.waypoint_of.get(usize::from(seq))?;
+        self.order.iter().position(|leg| leg.number == *number)
+    }
+
+    /// Ends the route by landing at its last waypoint: an approach.
+    pub fn land_at_the_end(&mut self) {
+        let Some(last) = self.order.last().copied() else {
+            return;
+        };
+        let place = (last.latitude, last.longitude);
+        let params = [0.0, 0.0, 0.0, f32::NAN];
+        let item = item::placed(place, Level::AboveHome(0.0), NAV_LAND, params);
+        self.push(last.number, item);
+    }
+
+    /// The speed commanded last, m/s; PX4's own cruise speed before any.
+    pub(super) fn speed_m_s(&self) -> f64 {
+        self.order
+            .iter()
+            .rev()
+            .find_map(|leg| leg.speed_m_s)
+            .unwrap_or(CRUISE_M_S)
+    }
+
+    /// Adds an item of a waypoint.
+    pub(super) fn push(&mut self, waypoint: u16, item: Item) {
+        self.items.push(item);
+        self.waypoint_of.push(waypoint);
+    }
+}

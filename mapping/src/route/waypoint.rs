@@ -1,0 +1,121 @@
+//! One waypoint (13002) of a route, with its loiter (13003): what it asks, checked, and the items that fly it.
+
+use mavlink_link::service::mission::Item;
+use stanag_msgs::enums::{LocationType, TurnType, WaypointSpeedType};
+use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
+
+use super::bounds::height;
+use super::item::{NAV_WAYPOINT, change_speed, placed};
+use super::{Leg, Limits, Reason, Site};
+use crate::{altitude, loiter};
+
+/// The leg to it: where it is, how high, how fast.
+///
+/// # Errors
+/// The first field that is missing, or that PX4 cannot fly, or that is out of the limits.
+pub(super) fn leg(number: u16, waypoint: &UaPositionWaypoint, site: &Site) -> Result<Leg, Reason> {
+    match waypoint.location_type {
+        None | Some(LocationType::Absolute) => {}
+        Some(other) => return Err(Reason::Relative(other.raw())),
+    }
+    let latitude = waypoint
+        .waypoint_to_latitude_or_relative_y
+        .ok_or(Reason::Missing("Waypoint to Latitude"))?
+        .degrees();
+    let longitude = waypoint
+        .waypoint_to_longitude_or_relative_x
+        .ok_or(Reason::Missing("Waypoint to Longitude"))?
+        .degrees();
+    if !(-90.0..=90.0).contains(&latitude) {
+        return Err(Reason::Latitude(latitude));
+    }
+    let altitude_m = waypoint
+        .waypoint_to_altitude
+        .ok_or(Reason::Missing("Waypoint to Altitude"))?
+        .si();
+    let level = altitude::level(
+        altitude_m,
+        waypoint.waypoint_altitude_type,
+        site.geoid_m,
+        site.agl,
+        site.altimeter,
+    )?;
+    height(level, site)?;
+    Ok(Leg {
+        number,
+        latitude,
+        longitude,
+        level,
+        speed_m_s: speed(waypoint, &site.limits)?,
+    })
+}
+
+fn speed(waypoint: &UaPositionWaypoint, limits: &Limits) -> Result<Option<f64>, Reason> {
+    match waypoint.waypoint_speed_type {
+        Some(WaypointSpeedType::ArrivalTime) => return Err(Reason::ArrivalTime),
+        Some(WaypointSpeedType::Unknown(value)) if waypoint.waypoint_to_speed.is_some() => {
+            return Err(Reason::UnknownValue {
+                field: "Waypoint Speed Type",
+                value,
+            });
+        }
+        _ => {}
+    }
+    let Some(speed_m_s) = waypoint.waypoint_to_speed.map(|speed| speed.si()) else {
+        return Ok(None);
+    };
+    if speed_m_s > 0.0 && speed_m_s <= limits.speed_m_s {
+        return Ok(Some(speed_m_s));
+    }
+    Err(Reason::Speed {
+        speed_m_s,
+        most_m_s: limits.speed_m_s,
+    })
+}
+
+/// The items at its place: it is flown to, or stayed at as its loiter asks.
+///
+/// # Errors
+/// A turn or a loiter that PX4 cannot fly.
+pub(super) fn items(
+    leg: &Leg,
+    waypoint: &UaPositionWaypoint,
+    asked: Option<&UaLoiterWaypoint>,
+    site: &Site,
+) -> Result<Vec<Item>, Reason> {
+    let there = |command, params| placed((leg.latitude, leg.longitude), leg.level, command, params);
+    let fly_to = there(NAV_WAYPOINT, [0.0, acceptance(waypoint)?, 0.0, f32::NAN]);
+    let Some(asked) = asked else {
+        return Ok(vec![fly_to]);
+    };
+    let loiter = loiter::loiter(asked, leg.speed_m_s, site.hovers, &site.limits)?;
+    let stay = there(loiter.command, loiter.params);
+    match loiter
+        .speed_m_s
+        .filter(|speed| Some(*speed) != leg.speed_m_s)
+    {
+        None => Ok(vec![stay]),
+        // The loiter's speed is not the speed of the leg to it, nor of the next one.
+        Some(speed_m_s) => {
+            let back = leg.speed_m_s.map(change_speed);
+            Ok([fly_to, change_speed(speed_m_s), stay]
+                .into_iter()
+                .chain(back)
+                .collect())
+        }
+    }
+}
+
+fn acceptance(waypoint: &UaPositionWaypoint) -> Result<f32, Reason> {
+    match waypoint.turn_type {
+        None | Some(TurnType::ShortTurn) => Ok(0.0),
+        Some(TurnType::FlyOver) => Ok(FLY_OVER_M),
+        Some(TurnType::Unknown(value)) => Err(Reason::UnknownValue {
+            field: "Turn Type",
+            value,
+        }),
+    }
+}
+
+/// Acceptance radius of a fly-over, m: under 2 m a multicopter at 5 m/s can miss the waypoint and fly on for good.
+const FLY_OVER_M: f32 = 3.0;
