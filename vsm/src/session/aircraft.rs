@@ -8,9 +8,8 @@ use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
 use mapping::{altitude, route};
-use mavlink_link::Now;
 use mavlink_link::frame::FrameView;
-use mavlink_link::service::mission::{self, MavMissionType};
+use mavlink_link::service::mission;
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AlertPriority, CommandedEngineState, SubsystemId};
 use stanag_msgs::messages::LoiterConfiguration;
@@ -392,6 +391,7 @@ impl Aircraft {
             E::KeyExchange(_) => desk.counters.count("key exchange ignored"),
         }
     }
+
     /// Says once that altitude type 2 is flown as height above home.
     pub(super) fn say_agl(&mut self, desk: &mut Desk<'_>) {
         if !self.said_agl {
@@ -421,13 +421,6 @@ impl Aircraft {
             .alerts
             .raise(cause, AlertPriority::Warning, SubsystemId::VsmStatus, text);
         desk.alert(self.id(), &listeners, raised);
-    }
-
-    /// Clears the mission aboard; used by 13000 mode 1.
-    pub(super) fn begin_clearing(&mut self, now: Now) -> Result<(), mission::StartError> {
-        self.mav
-            .missions
-            .clear(now.mono, MavMissionType::MAV_MISSION_TYPE_MISSION)
     }
 }
 

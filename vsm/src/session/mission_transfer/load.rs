@@ -1,0 +1,259 @@
+//! Loading (13000 mode 2): which route, how it goes on, and what follows from its end.
+
+use mapping::altitude::Level;
+use mapping::route::Flight;
+use mavlink_link::service::command;
+use stanag_msgs::enums::{MissionPlanMode as Mode, MissionTransferStatus, RouteType};
+use stanag_msgs::messages::{MissionTransferCommand, UaRoute, VehicleOperatingModeCommand};
+
+use super::{Load, Work};
+use crate::session::aircraft::Aircraft;
+use crate::session::desk::{Desk, Origin};
+use crate::session::plan_record::Aboard;
+use crate::session::transfer::{Course, Transfer};
+
+impl Aircraft {
+    pub(super) fn load(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: Origin,
+        name: String,
+        command: &MissionTransferCommand,
+    ) {
+        if let Err(why) = self.may_change_mission() {
+            return self.reject(desk, origin, &name, Mode::Load, None, why);
+        }
+        let route_id = command
+            .route_id
+            .as_ref()
+            .map(|id| id.as_str())
+            .filter(|id| !id.is_empty());
+        let (route, route_type) = match self.route_to_load(route_id) {
+            Ok(found) => found,
+            Err(why) => return self.reject(desk, origin, &name, Mode::Load, None, why),
+        };
+        let flights = self
+            .plan
+            .routes()
+            .iter()
+            .filter(|route| mapping::plan::route_type(route) == RouteType::Flight);
+        if route_id.is_none() && flights.count() > 1 {
+            let named = route.route_id.as_ref().map_or("", |id| id.as_str());
+            let text = format!(
+                "13000 names no Route ID: of several flight routes the latest, {named:?}, is loaded"
+            );
+            self.advise(desk, text);
+        }
+        self.report(
+            desk,
+            origin.station,
+            &name,
+            Mode::Load,
+            MissionTransferStatus::InProgress,
+            0,
+            None,
+        );
+        self.load = Some(Load {
+            work: Work::Transfer(Transfer::new(desk.now.mono, &route, route_type)),
+            origin: Some(origin),
+            mission_name: name,
+            then: None,
+        });
+        self.go_on(desk);
+    }
+
+    /// The route that a load means: the one named, else the latest flight route, else the latest of all.
+    fn route_to_load(&self, route_id: Option<&str>) -> Result<(UaRoute, RouteType), String> {
+        let route = match route_id {
+            Some(id) => self
+                .plan
+                .route_named(id)
+                .ok_or_else(|| format!("route {id:?} has not been received (13001)"))?,
+            None => self
+                .plan
+                .route_of_type(RouteType::Flight)
+                .or_else(|| self.plan.routes().last())
+                .ok_or("no route has been received (13001)")?,
+        };
+        Ok((route.clone(), mapping::plan::route_type(route)))
+    }
+
+    /// A mode command that needs another route aboard first: the latest of a type, or what 13000 has loaded.
+    pub(crate) fn load_and_fly(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: Option<Origin>,
+        route_type: Option<RouteType>,
+        command: &VehicleOperatingModeCommand,
+    ) {
+        if let Err(why) = self.may_change_mission() {
+            return self.refuse(desk, origin, why);
+        }
+        let transfer = match (route_type, &self.chosen) {
+            (Some(route_type), _) => self
+                .plan
+                .route_of_type(route_type)
+                .map(|route| Transfer::new(desk.now.mono, route, route_type)),
+            (None, Some(chosen)) => Some(Transfer::again(chosen)),
+            (None, None) => None,
+        };
+        let Some(transfer) = transfer else {
+            let why = "no such route has been received (13001)".to_owned();
+            return self.refuse(desk, origin, why);
+        };
+        self.load = Some(Load {
+            work: Work::Transfer(transfer),
+            origin: None,
+            mission_name: self
+                .chosen
+                .as_ref()
+                .map_or_else(String::new, |chosen| chosen.mission_name.clone()),
+            then: Some((origin, command.clone())),
+        });
+        self.go_on(desk);
+    }
+
+    /// Lets a load take its next step.
+    pub(crate) fn advance_load(&mut self, desk: &mut Desk<'_>) {
+        let Some(Load {
+            work: Work::Transfer(transfer),
+            ..
+        }) = &mut self.load
+        else {
+            return;
+        };
+        // A mode on its way in must be seen before another plan goes up: it could be flown at once.
+        if self.maneuver.is_some() && transfer.has_not_begun() {
+            return;
+        }
+        let held = transfer.held;
+        let course = transfer.advance(desk.now.mono, &self.plan, &self.bounds, &mut self.mav);
+        if transfer.held && !held {
+            let text = "the vehicle flies its mission: it is put on hold (mode 12) while another plan goes aboard";
+            self.advise(desk, text.to_owned());
+        }
+        self.follow(desk, course);
+    }
+
+    /// The end of a command, while the vehicle is put on hold for a load.
+    pub(crate) fn load_sees_command(&mut self, desk: &mut Desk<'_>, event: &command::Event) {
+        let Some(Load {
+            work: Work::Transfer(transfer),
+            ..
+        }) = &mut self.load
+        else {
+            return;
+        };
+        let course = transfer.handle_command(desk.now.mono, event, &self.mav);
+        self.follow(desk, course);
+    }
+
+    /// What a load has come to.
+    pub(super) fn follow(&mut self, desk: &mut Desk<'_>, course: Course) {
+        match course {
+            Course::Going => {}
+            Course::Percent(percent) => {
+                let Some(Load {
+                    origin: Some(origin),
+                    mission_name,
+                    ..
+                }) = &self.load
+                else {
+                    return;
+                };
+                let (station, name) = (origin.station, mission_name.clone());
+                let status = MissionTransferStatus::InProgress;
+                self.report(desk, station, &name, Mode::Load, status, percent, None);
+            }
+            Course::Done { flight, mission_id } => self.is_aboard(desk, flight, mission_id),
+            Course::Refused {
+                waypoint,
+                why,
+                touched,
+            } => {
+                let Some(load) = self.load.take() else { return };
+                if touched {
+                    if load.origin.is_some() {
+                        self.chosen = None;
+                    }
+                    self.forget_aboard(desk);
+                }
+                self.end_load(desk, load, waypoint, why);
+            }
+        }
+    }
+
+    /// A route is aboard, as the vehicle itself says.
+    fn is_aboard(&mut self, desk: &mut Desk<'_>, flight: Flight, mission_id: u32) {
+        let Some(load) = self.load.take() else { return };
+        let Work::Transfer(transfer) = &load.work else {
+            return;
+        };
+        let route_type = transfer.route_type;
+        let mission_name = load.mission_name.clone();
+        let plan = transfer.plan.clone();
+        if flight
+            .order
+            .iter()
+            .any(|leg| matches!(leg.level, Level::AboveHome(_)))
+        {
+            self.say_agl(desk);
+        }
+        for note in &flight.notes {
+            self.advise(desk, note.clone());
+        }
+        let same = self
+            .aboard
+            .as_ref()
+            .is_some_and(|aboard| aboard.flight.items == flight.items);
+        if !same {
+            self.passage.begin(&self.mav.telemetry);
+        }
+        self.aboard = Some(Aboard {
+            flight,
+            mission_id,
+            route_type,
+            mission_name,
+            plan,
+        });
+        // Only 13000 chooses; a route that a mode needed, or that was chosen before, is aboard for that.
+        if load.origin.is_some() || again(&self.chosen, &self.aboard) {
+            self.chosen.clone_from(&self.aboard);
+        }
+        // What is answered as loaded must still be known after a crash.
+        match self.save_aboard(desk) {
+            Ok(()) => self.loaded(desk, load),
+            Err(fault) => {
+                let why = format!("the route is aboard, but cannot be stored: {fault}");
+                self.end_load(desk, load, None, why);
+            }
+        }
+    }
+
+    /// Answers whoever asked, and flies it where that was meant.
+    fn loaded(&mut self, desk: &mut Desk<'_>, load: Load) {
+        if load.then.is_none() && load.held() {
+            let text = "another plan is aboard, and the vehicle holds (mode 12): mode 11 flies it";
+            self.advise(desk, text.to_owned());
+        }
+        if load.is_unasked() {
+            self.advise(desk, "the loaded plan is aboard again".to_owned());
+        }
+        if let Some(origin) = load.origin {
+            self.complete(desk, &origin, &load.mission_name, Mode::Load);
+        }
+        if let Some((origin, command)) = load.then {
+            self.operate(desk, origin, &command);
+        }
+    }
+}
+
+/// Whether what is aboard now is what was chosen before, as it was.
+fn again(chosen: &Option<Aboard>, aboard: &Option<Aboard>) -> bool {
+    match (chosen, aboard) {
+        (Some(chosen), Some(aboard)) => {
+            chosen.route_type == aboard.route_type && chosen.flight.items == aboard.flight.items
+        }
+        _ => false,
+    }
+}
