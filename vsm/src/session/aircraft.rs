@@ -16,7 +16,6 @@ use stanag_msgs::messages::LoiterConfiguration;
 
 use super::alerts::{Alerts, Cause};
 use super::authority::Authority;
-use super::bridge::LogLevel;
 use super::ceiling::Ceilings;
 use super::configuration::Configuration;
 use super::custody::Custody;
@@ -24,6 +23,7 @@ use super::desk::{Desk, Origin};
 use super::fence::Fence;
 use super::health::HealthWatch;
 use super::inquiry::Inquiries;
+use super::log::LogLevel;
 use super::maneuver::{Maneuver, Progress};
 use super::manual::Sticks;
 use super::mission_transfer::{Download, Load};

@@ -18,8 +18,8 @@ use stanag_msgs::messages::FieldConfigurationRequest;
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::aircraft::Aircraft;
-use super::bridge::LogLevel;
 use super::desk::{Desk, Origin};
+use super::log::LogLevel;
 use crate::config::{Config, Provisional};
 
 /// The machine.

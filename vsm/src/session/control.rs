@@ -17,8 +17,8 @@ use super::authority::{
     Access, Answer, Asker, Authority, CONTROL, Change, Circumstances, Decision, Reason, Rights,
     Stations,
 };
-use super::bridge::LogLevel;
 use super::desk::{Desk, Origin};
+use super::log::LogLevel;
 
 impl Aircraft {
     /// Message 1 to this vehicle: a request, a release, or a question where it names no access.

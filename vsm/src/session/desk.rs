@@ -10,8 +10,8 @@ use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::alerts::{Alerts, Raised};
 use super::authority::Authority;
-use super::bridge::{LogEntry, LogLevel};
 use super::counters::Counters;
+use super::log::{LogEntry, LogLevel};
 use super::outbox::{Destination, Outbox};
 use super::station::Station;
 use super::store::Store;

@@ -17,9 +17,10 @@ use stanag_msgs::{Id, TimeStamp};
 
 use super::aircraft::Aircraft;
 use super::alerts::Cause;
-use super::bridge::{Bridge, LogLevel};
+use super::bridge::Bridge;
 use super::desk::{Desk, Origin};
 use super::duplicate::{DEPTH, Digest, Recent, Seen};
+use super::log::LogLevel;
 use super::store::{Durability, Store, StoreError};
 use mavlink_link::Now;
 

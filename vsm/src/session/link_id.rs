@@ -4,8 +4,8 @@
 use stanag_msgs::Id;
 
 use super::aircraft::Aircraft;
-use super::bridge::LogLevel;
 use super::desk::Desk;
+use super::log::LogLevel;
 use super::store::{Durability, Store, StoreError, record_name};
 
 /// What was learned in an earlier run. A record that cannot be understood is none: it is learned again.

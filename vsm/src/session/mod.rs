@@ -102,6 +102,7 @@ mod inquiry;
 mod journal;
 mod key_agreement;
 mod link_id;
+mod log;
 mod loiter;
 mod maneuver;
 mod manual;
@@ -133,10 +134,11 @@ pub use authority::{
     Access, Answer, Asker, Authority, CONSENT_WITHIN, CONTROL, Change, Circumstances, Decision,
     Ended, Handover, Outcome, Reason, Record, Refusal, Rights, Silence, Stage, Stations,
 };
-pub use bridge::{Bridge, BridgeError, LinkEnd, LogEntry, LogLevel, Tap};
+pub use bridge::{Bridge, BridgeError, LinkEnd, Tap};
 pub(crate) use ceiling::Ceilings;
 pub use counters::{ByType, Counters};
 pub use key_agreement::{ExchangeNotice, ExchangeStatus};
+pub use log::{LogEntry, LogLevel};
 pub use outbox::{Datagram, Destination};
 pub use settling::KeyChange;
 pub use status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
