@@ -13,7 +13,8 @@ use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::SigningKey;
 
 use super::phase::{Cause, HandingOver, Phase, Relaying};
-use super::{Agent, Keys, Passage};
+use super::relay::Passage;
+use super::{Agent, Keys};
 use crate::session::{LogLevel, Peer};
 
 impl Agent {

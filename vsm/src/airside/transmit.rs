@@ -1,0 +1,122 @@
+//! What goes out next, and on which link: first what passes through, then what the agent itself has to say.
+
+use mavlink_link::Now;
+use mavlink_link::clock::CeilingStore;
+use mavlink_link::dialect::{MavMessage, STATUSTEXT_DATA};
+use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::link::Auth;
+use mavlink_link::receiver::AUTOPILOT;
+use zeroize::Zeroizing;
+
+use super::phase::Phase;
+use super::{Agent, Keys, SETUP_SIGNING, Side, Transmit};
+use crate::session::LogLevel;
+
+impl Agent {
+    /// Writes the next frame that is due into `out`. Call it until it gives `None`, after each of the others.
+    pub fn poll_transmit(
+        &mut self,
+        now: Now,
+        keys: &mut dyn Keys,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<Transmit> {
+        if let Some(relayed) = self.queue.pop_front() {
+            *out = relayed.octets;
+            return Some(Transmit {
+                side: relayed.side,
+                to: relayed.to,
+                len: relayed.len,
+                secret: false,
+            });
+        }
+        self.fallback_transmit(now, keys, out)
+            .or_else(|| self.px4_transmit(now, keys, out))
+            .or_else(|| self.exchange_transmit(now, keys, out))
+            .or_else(|| self.radio_transmit(now, keys, out))
+    }
+
+    fn px4_transmit(
+        &mut self,
+        now: Now,
+        keys: &mut dyn Keys,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<Transmit> {
+        let (to, len, secret) = match &mut self.phase {
+            Phase::Keyless | Phase::CannotSign { .. } => return None,
+            Phase::HandingOver(on) => {
+                let sent = on.handover.poll_transmit(now, keys, out)?;
+                (sent.to, sent.len, sent.secret)
+            }
+            Phase::Relaying(relaying)
+                if self.settings.restamp && self.watch.restamp_is_due(now.mono) =>
+            {
+                self.watch.restamped();
+                let key = &mut relaying.key;
+                // The same key with a stamp above all: what was recorded before PX4's start dies with it.
+                let initial = key
+                    .take_stamp(now, &mut *keys as &mut dyn CeilingStore)
+                    .ok()?;
+                let mut payload = Zeroizing::new([0; 42]);
+                payload[..8].copy_from_slice(&initial.get().to_le_bytes());
+                payload[8] = self.settings.vehicle_system;
+                payload[9] = AUTOPILOT;
+                payload[10..].copy_from_slice(key.key().expose());
+                let auth = Auth::Signed { key, store: keys };
+                let sent = self
+                    .px4
+                    .send_raw(now, auth, SETUP_SIGNING, &*payload, None, out)
+                    .ok()?;
+                self.note(
+                    LogLevel::Info,
+                    "PX4 has started, disarmed: its key is given a new stamp; do not cut its power for 5 s",
+                );
+                (sent.to, sent.len, true)
+            }
+            Phase::Relaying(relaying) => {
+                let auth = Auth::Signed {
+                    key: &mut relaying.key,
+                    store: keys,
+                };
+                let sent = self.px4.poll_transmit(now, auth, out)?;
+                (sent.to, sent.len, false)
+            }
+        };
+        Some(Transmit {
+            side: Side::Px4,
+            to,
+            len,
+            secret,
+        })
+    }
+
+    fn radio_transmit(
+        &mut self,
+        now: Now,
+        keys: &mut dyn Keys,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<Transmit> {
+        let heard = self.radio.peer().is_some();
+        let auth = self.phase.ground_auth(keys);
+        if matches!(auth, Auth::Off) {
+            return None;
+        }
+        let text = if heard { self.texts.pop_front() } else { None };
+        let sent = match text {
+            Some((severity, text)) => {
+                let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+                    severity,
+                    text: text.into(),
+                    ..STATUSTEXT_DATA::default()
+                });
+                self.radio.send(now, auth, &text, out).ok()?
+            }
+            None => self.radio.poll_transmit(now, auth, out)?,
+        };
+        Some(Transmit {
+            side: Side::Radio,
+            to: sent.to,
+            len: sent.len,
+            secret: false,
+        })
+    }
+}
