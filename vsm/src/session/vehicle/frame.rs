@@ -1,0 +1,44 @@
+//! Frames for the wire, and where they come from and go to.
+
+use std::net::SocketAddr;
+
+use mavlink_link::frame::MAX_FRAME;
+
+/// Where a frame came from or goes to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Peer {
+    /// A UDP address.
+    Udp(SocketAddr),
+    /// The other end of a serial line.
+    Serial,
+}
+
+impl std::fmt::Display for Peer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Peer::Udp(address) => address.fmt(f),
+            Peer::Serial => f.write_str("serial"),
+        }
+    }
+}
+
+/// One frame for the wire.
+#[derive(Debug, Clone)]
+pub struct OutFrame {
+    /// Where it goes.
+    pub to: Peer,
+    len: usize,
+    octets: [u8; MAX_FRAME],
+}
+
+impl OutFrame {
+    pub(in crate::session) fn new(to: Peer, len: usize, octets: [u8; MAX_FRAME]) -> OutFrame {
+        OutFrame { to, len, octets }
+    }
+
+    /// Its octets.
+    #[must_use]
+    pub fn octets(&self) -> &[u8] {
+        self.octets.get(..self.len).unwrap_or_default()
+    }
+}
