@@ -1,0 +1,290 @@
+//! A mode command (2016) while it is carried out: steps, each confirmed by what the vehicle shows.
+//!
+//! An accepted COMMAND_ACK proves nothing: PX4 accepts modes that it does not enter. A maneuver is done when the
+//! vehicle's own messages, made after the command was sent, show it; else it is refused with the vehicle's reason.
+
+mod sight;
+mod step;
+
+pub(crate) use sight::Sight;
+pub(crate) use step::{
+    Step, arm, change_speed, disarm, enter, enters, launch, orbit, reposition, shows_speed,
+};
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use mapping::report::Commanded;
+use mavlink_link::dialect::{MavCmd, MavLandedState, MavResult};
+use mavlink_link::service::command::{self, Command, Outcome, Ticket};
+use mavlink_link::service::mission;
+
+use super::vehicle::VehicleLink;
+
+/// What became of a maneuver.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Progress {
+    Going,
+    Done,
+    Refused(String),
+}
+
+/// The machine.
+#[derive(Debug)]
+pub(crate) struct Maneuver {
+    steps: VecDeque<Step>,
+    waiting: Waiting,
+    /// What 3002 reports as commanded, once it is done.
+    pub(crate) commanded: Commanded,
+    /// Sent when the maneuver fails: a launch that fails leaves no running motors.
+    undo: Option<Command>,
+    armed_by_us: bool,
+}
+
+#[derive(Debug)]
+enum Waiting {
+    /// The next step has not begun.
+    Nothing,
+    Answer {
+        ticket: Ticket,
+        patient_until: Duration,
+    },
+    Again {
+        at: Duration,
+        patient_until: Duration,
+    },
+    Current,
+    Pause {
+        until: Duration,
+    },
+    Sight {
+        deadline: Duration,
+    },
+}
+
+impl Maneuver {
+    pub(crate) fn new(steps: impl IntoIterator<Item = Step>, commanded: Commanded) -> Maneuver {
+        Maneuver {
+            steps: steps.into_iter().collect(),
+            waiting: Waiting::Nothing,
+            commanded,
+            undo: None,
+            armed_by_us: false,
+        }
+    }
+
+    /// A command sent when the maneuver fails after its arming step.
+    pub(crate) fn undone_by(mut self, command: Command) -> Maneuver {
+        self.undo = Some(command);
+        self
+    }
+
+    /// The end of a command of this maneuver, or of another.
+    pub(crate) fn handle_command(
+        &mut self,
+        now: Duration,
+        event: &command::Event,
+        vehicle: &VehicleLink,
+    ) -> Progress {
+        let command::Event::Done {
+            ticket, outcome, ..
+        } = event
+        else {
+            return Progress::Going;
+        };
+        let Waiting::Answer {
+            ticket: ours,
+            patient_until,
+        } = self.waiting
+        else {
+            return Progress::Going;
+        };
+        if *ticket != ours {
+            return Progress::Going;
+        }
+        let Some(Step::Command { what, command, .. }) = self.steps.front() else {
+            return Progress::Going;
+        };
+        match *outcome {
+            Outcome::Answered {
+                result: MavResult::MAV_RESULT_ACCEPTED,
+                ..
+            } => {
+                self.armed_by_us |= command.command == MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
+                self.next();
+                Progress::Going
+            }
+            Outcome::Answered {
+                result: MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
+                ..
+            } if now < patient_until => {
+                self.waiting = Waiting::Again {
+                    at: now + PAUSE,
+                    patient_until,
+                };
+                Progress::Going
+            }
+            Outcome::Answered { result, .. } => {
+                let why = vehicle.latest_complaint(now).unwrap_or_default();
+                Progress::Refused(format!("{what}: the vehicle says {}{why}", name(result)))
+            }
+            Outcome::NoAnswer { tries } => {
+                Progress::Refused(format!("{what}: no answer of the vehicle to {tries} tries"))
+            }
+            Outcome::Withdrawn => Progress::Refused(format!("{what}: withdrawn")),
+        }
+    }
+
+    /// The end of a mission operation.
+    pub(crate) fn handle_mission(&mut self, event: &mission::Event) -> Progress {
+        let (Waiting::Current, Some(Step::SetCurrent(items))) = (&self.waiting, self.steps.front())
+        else {
+            return Progress::Going;
+        };
+        match event {
+            mission::Event::CurrentSet { seq } if seq == items.start() => {
+                self.next();
+                Progress::Going
+            }
+            mission::Event::Failed {
+                operation: mission::Operation::SetCurrent,
+                ..
+            } => Progress::Refused(format!(
+                "the vehicle does not go to mission item {}",
+                items.end()
+            )),
+            _ => Progress::Going,
+        }
+    }
+
+    /// Begins what can begin, looks at what is awaited.
+    pub(crate) fn advance(&mut self, now: Duration, vehicle: &mut VehicleLink) -> Progress {
+        loop {
+            let Some(step) = self.steps.front() else {
+                return Progress::Done;
+            };
+            match (&self.waiting, step) {
+                (
+                    Waiting::Nothing,
+                    Step::Command {
+                        command,
+                        what,
+                        patience,
+                    },
+                ) => {
+                    let patient_until = now + *patience;
+                    match submit(vehicle, now, *command, what, patient_until) {
+                        Ok(waiting) => self.waiting = waiting,
+                        Err(refused) => return refused,
+                    }
+                }
+                (Waiting::Again { at, patient_until }, Step::Command { command, what, .. })
+                    if *at <= now =>
+                {
+                    let patient_until = *patient_until;
+                    match submit(vehicle, now, *command, what, patient_until) {
+                        Ok(waiting) => self.waiting = waiting,
+                        Err(refused) => return refused,
+                    }
+                }
+                (Waiting::Nothing, Step::SetCurrent(items)) => {
+                    match vehicle.missions.set_current(now, items.clone()) {
+                        Ok(()) => self.waiting = Waiting::Current,
+                        Err(busy) => {
+                            return Progress::Refused(format!("the mission service is {busy}"));
+                        }
+                    }
+                }
+                (Waiting::Nothing, Step::Pause(span)) => {
+                    self.waiting = Waiting::Pause { until: now + *span };
+                }
+                (Waiting::Pause { until }, Step::Pause(_)) if *until <= now => self.next(),
+                (Waiting::Nothing, Step::Confirm { within, .. }) => {
+                    self.waiting = Waiting::Sight {
+                        deadline: now + *within,
+                    };
+                }
+                (Waiting::Sight { deadline }, Step::Confirm { sight, .. }) => {
+                    if sight.is_seen(vehicle) {
+                        self.next();
+                    } else if *deadline <= now {
+                        let why = vehicle.latest_complaint(now).unwrap_or_default();
+                        return Progress::Refused(format!(
+                            "the vehicle does not show {}{why}",
+                            sight.awaited(vehicle)
+                        ));
+                    } else {
+                        return Progress::Going;
+                    }
+                }
+                _ => return Progress::Going,
+            }
+        }
+    }
+
+    /// When [`Maneuver::advance`] is next needed.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        match self.waiting {
+            Waiting::Again { at, .. } => Some(at),
+            Waiting::Pause { until } => Some(until),
+            Waiting::Sight { deadline } => Some(deadline),
+            Waiting::Nothing => Some(Duration::ZERO),
+            Waiting::Answer { .. } | Waiting::Current => None,
+        }
+    }
+
+    /// Ends it before its end: withdraws what waits, and undoes what must not stay.
+    pub(crate) fn abandon(&mut self, now: Duration, vehicle: &mut VehicleLink) {
+        if let Waiting::Answer { ticket, .. } = self.waiting {
+            vehicle.commands.withdraw(now, ticket);
+        }
+        if matches!(self.waiting, Waiting::Current) {
+            vehicle.missions.cancel();
+        }
+        let on_ground =
+            vehicle.telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+        if let (true, true, Some(undo)) = (self.armed_by_us, on_ground, self.undo) {
+            // Full means that the vehicle does not answer; it disarms by itself on the ground.
+            let _ = vehicle.commands.submit(now, undo);
+        }
+    }
+
+    fn next(&mut self) {
+        self.steps.pop_front();
+        self.waiting = Waiting::Nothing;
+    }
+}
+
+/// Sends a command; until then it is tried again where it is rejected for now.
+fn submit(
+    vehicle: &mut VehicleLink,
+    now: Duration,
+    command: Command,
+    what: &str,
+    patient_until: Duration,
+) -> Result<Waiting, Progress> {
+    match vehicle.commands.submit(now, command) {
+        Ok(ticket) => Ok(Waiting::Answer {
+            ticket,
+            patient_until,
+        }),
+        Err(full) => Err(Progress::Refused(format!("{what}: {full}"))),
+    }
+}
+
+fn name(result: MavResult) -> &'static str {
+    match result {
+        MavResult::MAV_RESULT_ACCEPTED => "accepted",
+        MavResult::MAV_RESULT_TEMPORARILY_REJECTED => "temporarily rejected",
+        MavResult::MAV_RESULT_DENIED => "denied",
+        MavResult::MAV_RESULT_UNSUPPORTED => "unsupported",
+        MavResult::MAV_RESULT_FAILED => "failed",
+        MavResult::MAV_RESULT_IN_PROGRESS => "in progress",
+        MavResult::MAV_RESULT_CANCELLED => "cancelled",
+        MavResult::MAV_RESULT_NOT_IN_CONTROL => "that this VSM has no operator control",
+        _ => "no",
+    }
+}
+
+/// Between two tries after a temporary rejection.
+const PAUSE: Duration = Duration::from_millis(400);

@@ -1,0 +1,262 @@
+//! The steps that make up what is asked of PX4: a mode, a launch, a place, a circle, a speed.
+
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+use mapping::mode::Px4Mode;
+use mavlink_link::dialect::{MavCmd, MavFrame};
+use mavlink_link::service::command::{Command, Payload, Repetition};
+
+use super::Sight;
+
+/// One step of a maneuver.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Step {
+    /// Sends a command; a temporary rejection is tried again for so long.
+    Command {
+        command: Command,
+        what: &'static str,
+        patience: Duration,
+    },
+    /// Makes the first of these mission items the current one; the vehicle may go on to the last of them at once.
+    SetCurrent(RangeInclusive<u16>),
+    /// Lets the vehicle take notice of what is sent beside.
+    Pause(Duration),
+    /// Waits until the vehicle shows it.
+    Confirm { sight: Sight, within: Duration },
+}
+
+/// MAV_CMD_DO_SET_MODE to a mode of PX4, and the sight of it.
+pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 2] {
+    let mode = modes.first().copied().unwrap_or(Px4Mode::LOITER);
+    let params = [
+        CUSTOM_MODE_ENABLED,
+        f32::from(mode.main()),
+        f32::from(mode.sub()),
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    ];
+    let command = long(MavCmd::MAV_CMD_DO_SET_MODE, params);
+    [
+        Step::Command {
+            command,
+            what: mode.name(),
+            patience: MODE_PATIENCE,
+        },
+        Step::Confirm {
+            sight: Sight::Mode(modes),
+            within: STATE_WITHIN,
+        },
+    ]
+}
+
+/// Whether steps end in a mode.
+pub(crate) fn enters(steps: &[Step], mode: Px4Mode) -> bool {
+    steps.iter().any(
+        |step| matches!(step, Step::Confirm { sight: Sight::Mode(modes), .. } if **modes == [mode]),
+    )
+}
+
+/// Arms, and takes off to an altitude above mean sea level.
+pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
+    const TAKEN_OFF: &[Px4Mode] = &[Px4Mode::TAKEOFF, Px4Mode::LOITER];
+    let mut steps: Vec<Step> = enter(&[Px4Mode::LOITER]).into();
+    // PX4 takes plain AUTO.TAKEOFF to MIS_TAKEOFF_ALT: the altitude must be in the command. Unused parameters that
+    // are neither 0 nor NaN are denied.
+    let take_off = [0.0, 0.0, 0.0, f32::NAN, f32::NAN, f32::NAN, amsl_m as f32];
+    steps.extend([
+        Step::Command {
+            command: arm(true),
+            what: "arming",
+            patience: ARM_PATIENCE,
+        },
+        Step::Confirm {
+            sight: Sight::Armed,
+            within: STATE_WITHIN,
+        },
+        Step::Command {
+            command: long(MavCmd::MAV_CMD_NAV_TAKEOFF, take_off),
+            what: "take-off",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            sight: Sight::Mode(TAKEN_OFF),
+            within: STATE_WITHIN,
+        },
+        Step::Confirm {
+            sight: Sight::OffTheGround,
+            within: LIFT_OFF_WITHIN,
+        },
+    ]);
+    steps
+}
+
+/// Disarms, and waits until that is seen.
+pub(crate) fn disarm() -> [Step; 2] {
+    [
+        Step::Command {
+            command: arm(false),
+            what: "disarming",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            sight: Sight::Disarmed,
+            within: STATE_WITHIN,
+        },
+    ]
+}
+
+/// MAV_CMD_COMPONENT_ARM_DISARM, never forced.
+pub(crate) fn arm(armed: bool) -> Command {
+    long(
+        MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+        [f32::from(u8::from(armed)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    )
+}
+
+/// MAV_CMD_DO_CHANGE_SPEED. No message of PX4 shows the commanded speed: the acknowledgement must do.
+///
+/// PX4 applies a speed to the present leg only when it is called a ground speed.
+pub(crate) fn change_speed(speed_m_s: f64) -> Step {
+    let kind = 1.0;
+    Step::Command {
+        command: long(
+            MavCmd::MAV_CMD_DO_CHANGE_SPEED,
+            [kind, speed_m_s as f32, -1.0, 0.0, 0.0, 0.0, 0.0],
+        ),
+        what: "speed",
+        patience: Duration::ZERO,
+    }
+}
+
+/// MAV_CMD_DO_REPOSITION: to a place, or to another altitude where it is. Enters AUTO.LOITER.
+pub(crate) fn reposition(
+    place: Option<(f64, f64)>,
+    amsl_m: f64,
+    speed_m_s: Option<f64>,
+) -> [Step; 3] {
+    const CHANGE_MODE: f32 = 1.0;
+    let (x, y) = place.map_or((i32::MAX, i32::MAX), |(latitude, longitude)| {
+        (e7(latitude), e7(longitude))
+    });
+    let command = Command {
+        command: MavCmd::MAV_CMD_DO_REPOSITION,
+        payload: Payload::Int {
+            frame: MavFrame::MAV_FRAME_GLOBAL,
+            params: [
+                speed_m_s.map_or(-1.0, |speed| speed as f32),
+                CHANGE_MODE,
+                0.0,
+                f32::NAN,
+            ],
+            x,
+            y,
+            z: amsl_m as f32,
+        },
+        repetition: Repetition::Safe,
+    };
+    [
+        Step::Command {
+            command,
+            what: "reposition",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            sight: Sight::Mode(&[Px4Mode::LOITER]),
+            within: STATE_WITHIN,
+        },
+        Step::Confirm {
+            sight: Sight::Target {
+                place,
+                amsl_m: Some(amsl_m),
+            },
+            within: STATE_WITHIN,
+        },
+    ]
+}
+
+/// The sight of a speed on a circle.
+pub(crate) fn shows_speed(speed_m_s: f64) -> Step {
+    Step::Confirm {
+        sight: Sight::Speed(speed_m_s),
+        within: SPEED_WITHIN,
+    }
+}
+
+/// MAV_CMD_DO_ORBIT around a place; a negative radius is flown counter-clockwise. Enters ORBIT on a multicopter, whose
+/// ORBIT_EXECUTION_STATUS shows the circle, AUTO.LOITER on a fixed wing.
+pub(crate) fn orbit(
+    place: (f64, f64),
+    amsl_m: f64,
+    radius_m: f64,
+    speed_m_s: Option<f64>,
+    hovers: bool,
+) -> Vec<Step> {
+    let radius = radius_m as f32;
+    let command = Command {
+        command: MavCmd::MAV_CMD_DO_ORBIT,
+        payload: Payload::Int {
+            frame: MavFrame::MAV_FRAME_GLOBAL,
+            params: [
+                radius,
+                speed_m_s.map_or(f32::NAN, |speed| speed as f32),
+                0.0,
+                f32::NAN,
+            ],
+            x: e7(place.0),
+            y: e7(place.1),
+            z: amsl_m as f32,
+        },
+        repetition: Repetition::Safe,
+    };
+    const FLOWN: &[Px4Mode] = &[Px4Mode::ORBIT];
+    const WINGED: &[Px4Mode] = &[Px4Mode::LOITER];
+    let mut steps = vec![
+        Step::Command {
+            command,
+            what: "orbit",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            sight: Sight::Mode(if hovers { FLOWN } else { WINGED }),
+            within: STATE_WITHIN,
+        },
+    ];
+    if hovers {
+        steps.push(Step::Confirm {
+            sight: Sight::Orbit {
+                centre: place,
+                radius_m,
+            },
+            within: STATE_WITHIN,
+        });
+    }
+    steps
+}
+
+fn long(command: MavCmd, params: [f32; 7]) -> Command {
+    Command {
+        command,
+        payload: Payload::Long(params),
+        repetition: Repetition::Safe,
+    }
+}
+
+fn e7(degrees: f64) -> i32 {
+    (degrees * 1e7).round() as i32
+}
+
+/// DO_SET_MODE param1: MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.
+const CUSTOM_MODE_ENABLED: f32 = 1.0;
+/// HEARTBEAT comes at 1 Hz, and some of them are lost.
+const STATE_WITHIN: Duration = Duration::from_secs(6);
+/// PX4 spins its motors up before it lifts.
+const LIFT_OFF_WITHIN: Duration = Duration::from_secs(12);
+/// After its start PX4 refuses to arm for some seconds.
+const ARM_PATIENCE: Duration = Duration::from_secs(8);
+/// For some tenths of a second after an upload PX4 refuses to fly it.
+const MODE_PATIENCE: Duration = Duration::from_secs(2);
+/// To another speed on a circle.
+const SPEED_WITHIN: Duration = Duration::from_secs(15);
