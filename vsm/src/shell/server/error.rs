@@ -1,0 +1,90 @@
+//! Why a bridge does not start.
+
+use std::io;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use mavlink_link::provisioning::StartError as HandoverError;
+use mavlink_link::signing::KeyId;
+use stanag_msgs::Id;
+
+use crate::session::BridgeError;
+use crate::shell::file_store::OpenError;
+use crate::shell::key_file::KeyFileError;
+use crate::shell::key_store::KeyStoreError;
+use crate::shell::sockets::SocketError;
+
+/// A bridge that cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] OpenError),
+    /// A key.
+    #[error(transparent)]
+    Key(#[from] KeyFileError),
+    /// The keys of a vehicle.
+    #[error(transparent)]
+    Keys(#[from] KeyStoreError),
+    /// Two vehicles' files hold one key: both would count its stamps, each for itself.
+    #[error(
+        "vehicles {one} and {other} have the same key {key}: each vehicle needs a key of its own, see `vsm keygen`"
+    )]
+    SameKey {
+        /// A vehicle.
+        one: Id,
+        /// Another.
+        other: Id,
+        /// The key's name.
+        key: KeyId,
+    },
+    /// A handover that is not finished.
+    #[error(transparent)]
+    Handover(#[from] HandoverError),
+    /// A socket.
+    #[error(transparent)]
+    Socket(#[from] SocketError),
+    /// What was stored.
+    #[error(transparent)]
+    Bridge(#[from] BridgeError),
+    /// The recording.
+    #[error("[record] dir {folder}: {cause}", folder = folder.display())]
+    Recording {
+        /// The folder.
+        folder: PathBuf,
+        /// The system's reason.
+        cause: io::Error,
+    },
+    /// The status page.
+    #[error("cannot listen on http.listen = \"{address}\": {cause}")]
+    Http {
+        /// The address.
+        address: SocketAddr,
+        /// The system's reason.
+        cause: io::Error,
+    },
+    /// There is no key yet, and the exchange that would bring one needs a pairing.
+    #[error("there is no key {path} yet: pair with the air-side agent by `vsm pair` first", path = path.display())]
+    NotPaired {
+        /// The key file.
+        path: PathBuf,
+    },
+    /// A first key was made for the vehicle and never sent to it.
+    #[error("the vehicle has never been sent its first key {path}.next: go on with `vsm key provision`", path = path.display())]
+    NeverSent {
+        /// The key file.
+        path: PathBuf,
+    },
+    /// The clock of a key.
+    #[error(transparent)]
+    Clock(#[from] mavlink_link::clock::StoreError),
+    /// A record of the key exchange.
+    #[error(transparent)]
+    Record(#[from] crate::session::StoreError),
+    /// No key can be made.
+    #[error("the system has no random octets: {0}")]
+    Random(io::Error),
+    /// The status socket.
+    #[error("the status socket in the [store] dir: {0}")]
+    Status(io::Error),
+}

@@ -1,0 +1,121 @@
+//! What all tasks of a server share: the machine with its store, recordings and keys, and what wakes the others.
+
+use std::cell::RefCell;
+use std::time::Duration;
+
+use mavlink_link::Now;
+use tokio::sync::Notify;
+
+use crate::session::{Bridge, KeyChange, LogLevel, Status};
+use crate::shell::clock::Clock;
+use crate::shell::dli_recording::DliRecording;
+use crate::shell::file_store::FileStore;
+use crate::shell::key_exchange::{KeyExchange, Surroundings};
+use crate::shell::key_store::KeyStore;
+use crate::shell::recording::Recording;
+
+/// Shared by the tasks of one thread.
+#[derive(Debug)]
+pub(super) struct Shared {
+    pub(super) clock: Clock,
+    /// Of this VSM, as the status tells it.
+    pub(super) vsm: String,
+    pub(super) core: RefCell<Core>,
+    /// Something waits to be sent.
+    pub(super) outgoing: Notify,
+    /// The next time-out may have moved.
+    pub(super) timing: Notify,
+}
+
+/// The machine, and what it works with.
+#[derive(Debug)]
+pub(super) struct Core {
+    pub(super) bridge: Bridge,
+    pub(super) store: FileStore,
+    /// One a vehicle, where recordings are made.
+    pub(super) recordings: Vec<Option<Recording>>,
+    pub(super) dli_recording: Option<DliRecording>,
+    /// Locked as long as the bridge runs.
+    pub(super) key_stores: Vec<Option<KeyStore>>,
+    /// Of the vehicles that agree about keys over the air, by their index.
+    pub(super) exchanges: Vec<(usize, KeyExchange)>,
+}
+
+impl Core {
+    /// The key exchanges take what has come in for them, and do what is due.
+    fn step_exchanges(&mut self, now: Now, in_use: Option<usize>) {
+        for (index, exchange) in &mut self.exchanges {
+            let Some(Some(keys)) = self.key_stores.get(*index) else {
+                continue;
+            };
+            let mut with = Surroundings {
+                bridge: &mut self.bridge,
+                store: &mut self.store,
+                keys,
+            };
+            if in_use == Some(*index) {
+                exchange.key_in_use(now, &mut with);
+            }
+            exchange.step(now, &mut with);
+        }
+    }
+
+    /// When anything is next needed.
+    pub(super) fn poll_timeout(&self, now: Duration) -> Duration {
+        let exchanges = self.exchanges.iter().map(|(_, one)| one.poll_timeout());
+        exchanges.fold(self.bridge.poll_timeout(now), Duration::min)
+    }
+
+    /// Writes what the recordings hold back.
+    pub(super) fn flush(&mut self) {
+        self.recordings
+            .iter_mut()
+            .flatten()
+            .for_each(Recording::flush);
+        self.dli_recording.iter_mut().for_each(DliRecording::flush);
+    }
+}
+
+impl Shared {
+    /// Lets the bridge do something, then sees to what follows from it.
+    pub(super) fn with<T>(&self, act: impl FnOnce(&mut Core, Now) -> T) -> T {
+        let mut core = self.core.borrow_mut();
+        let now = self.clock.now();
+        let done = act(&mut core, now);
+        core.step_exchanges(now, None);
+        while let Some(entry) = core.bridge.poll_log() {
+            match entry.level {
+                LogLevel::Info => tracing::info!("{}: {}", entry.about, entry.text),
+                LogLevel::Warning => tracing::warn!("{}: {}", entry.about, entry.text),
+                LogLevel::Error => tracing::error!("{}: {}", entry.about, entry.text),
+            }
+        }
+        while let Some((index, change)) = core.bridge.poll_key_change() {
+            let Some(Some(keys)) = core.key_stores.get(index) else {
+                continue;
+            };
+            let (done, what) = match change {
+                KeyChange::Commit => (keys.commit(), "the vehicle has the new key"),
+                KeyChange::DropNext => (keys.drop_next(), "the vehicle keeps its key"),
+            };
+            match done {
+                Ok(()) => {
+                    tracing::info!("{what}");
+                    let in_use = (change == KeyChange::Commit).then_some(index);
+                    core.step_exchanges(now, in_use);
+                }
+                // Found out again at the next start.
+                Err(fault) => tracing::error!("{what}, but {fault}"),
+            }
+        }
+        self.outgoing.notify_one();
+        self.timing.notify_one();
+        done
+    }
+
+    /// How everything stands.
+    pub(super) fn status(&self) -> Status {
+        let core = self.core.borrow();
+        core.bridge.status(self.vsm.clone(), self.clock.mono())
+    }
+}

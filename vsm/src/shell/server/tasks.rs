@@ -1,0 +1,162 @@
+//! The tasks around the machine: each moves octets to or from it, or wakes it when it is due.
+
+use std::io;
+use std::net::SocketAddr;
+use std::rc::Rc;
+use std::time::Duration;
+
+use mavlink_link::frame::FrameView;
+use tokio::io::AsyncWriteExt;
+use tokio::net::{UdpSocket, UnixListener};
+
+use super::shared::{Core, Shared};
+use crate::session::Destination;
+use crate::shell::recording::Recording;
+use crate::shell::sockets::{VehicleReader, VehicleWriter};
+
+pub(super) async fn receive_dli(shared: Rc<Shared>, socket: Rc<UdpSocket>) {
+    let mut octets = vec![0; LARGEST_DATAGRAM];
+    let here = socket.local_addr();
+    loop {
+        match socket.recv_from(&mut octets).await {
+            Ok((length, from)) => shared.with(|core, now| {
+                let octets = octets.get(..length).unwrap_or_default();
+                if let (Some(recording), Ok(here)) = (&mut core.dli_recording, &here) {
+                    recording.received(now.wall, from, *here, octets);
+                }
+                core.bridge.handle_dli(now, from, octets, &mut core.store);
+            }),
+            Err(cause) => pause_after("the DLI socket", &cause).await,
+        }
+    }
+}
+
+pub(super) async fn receive_vehicle(shared: Rc<Shared>, index: usize, mut reader: VehicleReader) {
+    let mut octets = vec![0; LARGEST_DATAGRAM];
+    loop {
+        match reader.receive(&mut octets).await {
+            Ok((length, from)) => shared.with(
+                |Core {
+                     bridge,
+                     store,
+                     recordings,
+                     ..
+                 },
+                 now| {
+                    let octets = octets.get(..length).unwrap_or_default();
+                    let recording = recordings.get_mut(index).and_then(Option::as_mut);
+                    let mut tap = recorder(recording, now.wall);
+                    bridge.handle_vehicle(now, index, from, octets, store, &mut tap);
+                },
+            ),
+            Err(cause) => pause_after("a vehicle's link", &cause).await,
+        }
+    }
+}
+
+fn recorder(mut recording: Option<&mut Recording>, wall: Duration) -> impl FnMut(&FrameView<'_>) {
+    move |frame| {
+        if let Some(recording) = &mut recording {
+            recording.write(wall, frame);
+        }
+    }
+}
+
+pub(super) async fn send(
+    shared: Rc<Shared>,
+    unicast: Rc<UdpSocket>,
+    group: Option<(Rc<UdpSocket>, SocketAddr)>,
+    mut writers: Vec<VehicleWriter>,
+) {
+    loop {
+        shared.outgoing.notified().await;
+        // Taken one by one: the machine is not held while the system takes its time.
+        loop {
+            let frame = shared.core.borrow_mut().bridge.poll_vehicle();
+            let Some((index, frame)) = frame else { break };
+            {
+                let mut core = shared.core.borrow_mut();
+                if let (Some(recording), Ok(view)) = (
+                    core.recordings.get_mut(index).and_then(Option::as_mut),
+                    FrameView::parse(frame.octets()),
+                ) {
+                    recording.write(shared.clock.now().wall, &view);
+                }
+            }
+            if let Some(writer) = writers.get_mut(index)
+                && let Err(cause) = writer.send(frame.octets(), frame.to).await
+            {
+                tracing::debug!("a frame to the vehicle was not sent: {cause}");
+            }
+        }
+        loop {
+            let datagram = shared.core.borrow_mut().bridge.poll_dli();
+            let Some(datagram) = datagram else { break };
+            let (socket, to) = match (datagram.to, &group) {
+                (Destination::Unicast(to), _) => (&unicast, to),
+                (Destination::Multicast, Some((socket, group))) => (socket, *group),
+                (Destination::Multicast, None) => continue,
+            };
+            if let (Some(recording), Ok(here)) = (
+                &mut shared.core.borrow_mut().dli_recording,
+                socket.local_addr(),
+            ) {
+                recording.sent(shared.clock.now().wall, here, to, datagram.octets());
+            }
+            if let Err(cause) = socket.send_to(datagram.octets(), to).await {
+                tracing::debug!("a datagram to a CUCS was not sent: {cause}");
+            }
+        }
+    }
+}
+
+pub(super) async fn keep_time(shared: Rc<Shared>) {
+    let mut flush_at = Duration::ZERO;
+    loop {
+        let due = {
+            let core = shared.core.borrow();
+            core.poll_timeout(shared.clock.mono())
+        };
+        if due <= shared.clock.mono() {
+            shared.with(|Core { bridge, store, .. }, now| bridge.handle_timeout(now, store));
+            if flush_at <= shared.clock.mono() {
+                flush_at = shared.clock.mono() + FLUSH_EVERY;
+                shared.core.borrow_mut().flush();
+            }
+            // A machine that is due at once, always, must not starve the sockets.
+            tokio::time::sleep(SHORTEST_WAIT).await;
+            continue;
+        }
+        tokio::select! {
+            () = tokio::time::sleep_until(shared.clock.instant(due).into()) => {}
+            () = shared.timing.notified() => {}
+        }
+    }
+}
+
+pub(super) async fn tell_status(shared: Rc<Shared>, listener: UnixListener) {
+    loop {
+        match listener.accept().await {
+            Ok((mut stream, _)) => {
+                let status = shared.status();
+                let text = serde_json::to_string(&status).unwrap_or_default();
+                // Whoever asks and does not read must not hold up the next.
+                let _ =
+                    tokio::time::timeout(STATUS_WITHIN, stream.write_all(text.as_bytes())).await;
+            }
+            Err(cause) => pause_after("the status socket", &cause).await,
+        }
+    }
+}
+
+/// A socket that fails again and again is said once in a while, and takes no whole core.
+async fn pause_after(what: &str, cause: &io::Error) {
+    tracing::warn!("{what}: {cause}");
+    tokio::time::sleep(Duration::from_millis(500)).await;
+}
+
+/// Longest datagram that UDP can carry: one that is too long is counted, not cut.
+const LARGEST_DATAGRAM: usize = 65_536;
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
+const SHORTEST_WAIT: Duration = Duration::from_millis(1);
+const STATUS_WITHIN: Duration = Duration::from_secs(1);
