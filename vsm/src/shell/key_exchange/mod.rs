@@ -4,23 +4,27 @@
 //! The bridge goes on under its current key whatever happens here; a key that is agreed waits as `next` until the
 //! vehicle signs with it.
 
+mod disk;
+mod telling;
+
+pub(super) use disk::{Disk, memory};
+
 use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::exchange::{
-    Agreed, Identity, Initiator, InitiatorConfig, InitiatorEvent, InitiatorMemory, InitiatorStore,
-    Legacy, Node, Parties, PublicKey, Status, StoreError, Trust, Wanted,
+    Identity, Initiator, InitiatorConfig, Legacy, Node, Parties, Trust, Wanted,
 };
 use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 use stanag_msgs::enums::AlertPriority;
 
-use super::exchange_record::{self, ExchangeRecord, Pending, system_random};
+use super::exchange_record::{self, ExchangeRecord, system_random};
 use super::file_store::FileStore;
 use super::key_store::KeyStore;
 use super::server::NOT_BEFORE;
 use crate::config::{Config, Exchange, ExchangeMode, Vehicle};
-use crate::session::{Bridge, ExchangeNotice, ExchangeStatus, Peer};
+use crate::session::{Bridge, ExchangeNotice, Peer};
 
 /// The exchange of one vehicle.
 #[derive(Debug)]
@@ -126,23 +130,6 @@ impl KeyExchange {
         }
         self.machine = Machine::Paired(Box::new(initiator));
         Ok(())
-    }
-
-    fn announce(&mut self, now: Now, with: &mut Surroundings<'_>) {
-        let text = match &self.machine {
-            Machine::Unpaired => {
-                "no air-side agent is paired: no key can be agreed about; run `vsm pair`"
-            }
-            Machine::Legacy(_) => {
-                "the legacy key exchange is on: anyone in the middle can have the signing key"
-            }
-            Machine::Paired(_) => return,
-        };
-        self.tell(
-            now,
-            ExchangeNotice::Stands(AlertPriority::Warning, text.to_owned()),
-            with,
-        );
     }
 
     /// Does what is due, and what has come in. Called after everything that the bridge does.
@@ -327,118 +314,6 @@ impl KeyExchange {
         }
     }
 
-    fn report(&mut self, now: Now, with: &mut Surroundings<'_>) {
-        while let Machine::Paired(initiator) = &mut self.machine
-            && let Some(event) = initiator.poll_event()
-        {
-            self.tell_of(now, event, with);
-        }
-        let (mode, stats) = match &self.machine {
-            Machine::Unpaired => ("on", None),
-            Machine::Paired(initiator) => ("on", Some(initiator.stats())),
-            Machine::Legacy(legacy) => ("legacy", Some(legacy.stats())),
-        };
-        let next = match &self.machine {
-            Machine::Paired(initiator) => initiator.memory().next,
-            _ => None,
-        };
-        let status = ExchangeStatus {
-            mode,
-            peer: self
-                .record
-                .peer()
-                .map(|peer| peer.fingerprint().to_string()),
-            state: self.state.clone(),
-            next_key_id: next.map(|key| key.to_string()),
-            taken: stats.map_or(0, |stats| stats.taken),
-            ignored: stats.map_or(0, |stats| stats.by_reason().map(|(_, count)| count).sum()),
-        };
-        with.bridge.set_exchange_status(self.index, status);
-    }
-
-    fn tell_of(&mut self, now: Now, event: InitiatorEvent, with: &mut Surroundings<'_>) {
-        use InitiatorEvent as E;
-        match event {
-            E::Begun { session } => {
-                tracing::debug!("key exchange {session:08x} with the air-side agent begins");
-                "agreeing about a key".clone_into(&mut self.state);
-            }
-            E::NextStored { key } => {
-                self.offer(now, with);
-                self.state = format!("key {key} is stored, waiting for the agent's confirmation");
-            }
-            E::Agreed { key, peer, epoch } => {
-                self.state = format!("key {key} is agreed");
-                let peer = peer.fingerprint();
-                let text = format!("key {key} is agreed with agent {peer} (epoch {epoch})");
-                self.once(now, AlertPriority::Nominal, text, with);
-            }
-            E::Status { status, reason } => self.tell_status(now, status, reason, with),
-            E::Dropped { status } => {
-                with.bridge.withdraw_next_key(self.index);
-                self.again_at = now.mono.saturating_add(AGAIN_AFTER);
-                self.state = format!("the new key was given up: {status}");
-                let text = format!("the new key is given up, the old one stays in use: {status}");
-                self.tell(now, ExchangeNotice::Over("no key waits"), with);
-                self.once(now, AlertPriority::Caution, text, with);
-            }
-            E::Promoted => {
-                with.bridge.adopt_next_key(self.index, now, with.store);
-                let text = "the vehicle has had the new key in use already";
-                self.once(now, AlertPriority::Nominal, text.to_owned(), with);
-            }
-            E::GaveUp { unanswered } => {
-                tracing::info!("the air-side agent does not answer ({unanswered:?})");
-                "the agent does not answer".clone_into(&mut self.state);
-            }
-            E::Rejected { status } => {
-                // Anyone can send these, and as many as they like.
-                tracing::debug!("somebody answers for the air-side agent, unproven: {status}");
-            }
-            E::NotStored(cause) => {
-                let text = format!("the key exchange cannot be stored: {cause}");
-                self.once(now, AlertPriority::Warning, text, with);
-            }
-            E::NoRandom => tracing::error!("the system has no random octets"),
-        }
-    }
-
-    fn tell_status(&mut self, now: Now, status: Status, reason: u8, with: &mut Surroundings<'_>) {
-        self.state = format!("the agent says: {status}");
-        if reason != 0 {
-            self.state += &format!(" ({reason})");
-        }
-        let (priority, text) = match status {
-            Status::WaitDisarm => (
-                AlertPriority::Nominal,
-                "a new signing key waits until the vehicle is disarmed",
-            ),
-            Status::Sent => (
-                AlertPriority::Nominal,
-                "a new signing key is being given to the vehicle: do not cut its power for 5 s",
-            ),
-            Status::Silent => (
-                AlertPriority::Caution,
-                "the vehicle is silent after a new key was sent: both keys are kept",
-            ),
-            Status::CannotSign => (
-                AlertPriority::Warning,
-                "the vehicle cannot sign: PX4 1.17 or older",
-            ),
-            _ => return,
-        };
-        self.tell(now, ExchangeNotice::Stands(priority, text.to_owned()), with);
-    }
-
-    fn once(&self, now: Now, priority: AlertPriority, text: String, with: &mut Surroundings<'_>) {
-        self.tell(now, ExchangeNotice::Once(priority, text), with);
-    }
-
-    fn tell(&self, now: Now, notice: ExchangeNotice, with: &mut Surroundings<'_>) {
-        with.bridge
-            .tell_of_exchange(self.index, now, notice, with.store);
-    }
-
     /// When [`KeyExchange::step`] is next needed.
     #[must_use]
     pub fn poll_timeout(&self) -> Duration {
@@ -470,77 +345,11 @@ pub fn parties(config: &Config, vehicle: &Vehicle, settings: Exchange) -> Partie
     Parties::new(ground, air, config.dli.vsm_id.0, vehicle.id.0)
 }
 
-/// What the machine must know of the stored keys.
-pub(super) fn memory(record: &ExchangeRecord, keys: &KeyStore) -> InitiatorMemory {
-    let id = |key: mavlink_link::signing::SigningKey| key.id();
-    InitiatorMemory {
-        counter: record.counter,
-        epoch: record.epoch,
-        current: keys.current().ok().flatten().map(id),
-        next: keys.next().ok().flatten().map(id),
-    }
-}
-
 fn fresh_identity() -> Result<Identity, crate::session::StoreError> {
     Identity::generate(&mut system_random).map_err(|fault| crate::session::StoreError {
         name: "legacy".to_owned(),
         cause: fault.to_string(),
     })
-}
-
-/// The files that an exchange writes.
-pub(super) struct Disk<'a> {
-    pub(super) store: &'a mut FileStore,
-    pub(super) keys: &'a KeyStore,
-    pub(super) record: &'a mut ExchangeRecord,
-    pub(super) vehicle: Id,
-}
-
-impl Disk<'_> {
-    /// Changes the record on disk, and then here.
-    fn change(&mut self, change: impl FnOnce(&mut ExchangeRecord)) -> Result<(), StoreError> {
-        let mut record = self.record.clone();
-        change(&mut record);
-        record.save(self.store, self.vehicle).map_err(reason)?;
-        *self.record = record;
-        Ok(())
-    }
-}
-
-impl InitiatorStore for Disk<'_> {
-    fn store_counter(&mut self, counter: u64) -> Result<(), StoreError> {
-        self.change(|record| record.counter = counter)
-    }
-
-    fn promote_next(&mut self) -> Result<(), StoreError> {
-        self.keys.commit().map_err(reason)
-    }
-
-    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
-        let (peer, key) = (*agreed.peer.octets(), *agreed.key.id().octets());
-        self.change(|record| {
-            record.epoch = agreed.epoch;
-            record.pending = (record.peer != Some(peer)).then_some(Pending {
-                peer: Some(peer),
-                key: Some(key),
-            });
-        })?;
-        self.keys.restage(&agreed.key).map_err(reason)
-    }
-
-    fn drop_next(&mut self) -> Result<(), StoreError> {
-        self.keys.drop_next().map_err(reason)
-    }
-
-    fn pin(&mut self, peer: &PublicKey) -> Result<(), StoreError> {
-        self.change(|record| (record.peer, record.pending) = (Some(*peer.octets()), None))
-    }
-}
-
-fn reason(fault: impl std::fmt::Display) -> StoreError {
-    StoreError {
-        reason: fault.to_string(),
-    }
 }
 
 /// What keys are agreed for.
@@ -549,5 +358,3 @@ pub(super) const WANTED: Wanted = Wanted {
     confidential: false,
 };
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// After a key that the vehicle did not take.
-const AGAIN_AFTER: Duration = Duration::from_secs(600);
