@@ -8,7 +8,7 @@ use stanag_msgs::Id;
 use toml::Spanned;
 
 use super::Store;
-use super::error::{ConfigError, Fault};
+use super::error::{ConfigError, Fault, fault};
 use super::value::{LinkAddress, id};
 
 /// The whole of an `airside.toml`.
@@ -138,14 +138,6 @@ impl AirsideConfig {
             self.radio.get_ref(),
             self.px4.get_ref(),
         );
-        let fault = |at: usize, key: &str, found: String, expected: &str| {
-            Err(Fault {
-                at,
-                key: key.to_owned(),
-                found,
-                expected: expected.to_owned(),
-            })
-        };
         let (agent_at, radio_at, px4_at) = (
             self.agent.span().start,
             self.radio.span().start,

@@ -59,6 +59,21 @@ pub(super) struct Fault {
     pub(super) expected: String,
 }
 
+/// The fault of a key, in the table that begins at an octet of the text.
+pub(super) fn fault(
+    at: usize,
+    key: &str,
+    found: impl std::fmt::Display,
+    expected: &str,
+) -> Result<(), Fault> {
+    Err(Fault {
+        at,
+        key: key.to_owned(),
+        found: found.to_string(),
+        expected: expected.to_owned(),
+    })
+}
+
 impl Fault {
     pub(super) fn located(self, text: &str) -> ConfigError {
         let line = 1 + text
