@@ -214,14 +214,14 @@ fn an_overtaken_stick_command_changes_nothing() {
         let mut rig = Rig::ready();
         rig.take_off(20.0);
         for round in 0..40 {
-            rig.say(trials::sticks());
+            rig.say(trials::messages::sticks());
             if round == 2 {
                 let _ = rig.tell(orders::mode(
                     stanag_msgs::enums::FlightPathControlMode::FlightDirector,
                 ));
             }
             if late && round > 10 {
-                let hard = altered(&trials::sticks().into(), "Lateral Stick", "-100");
+                let hard = altered(&trials::messages::sticks().into(), "Lateral Stick", "-100");
                 send_stamped(&mut rig, &hard, TimeStamp(1));
             }
             rig.run(0.1);

@@ -24,7 +24,8 @@ use stanag_msgs::{Bam32, Message, Scaled, TimeStamp, table};
 
 use super::scene::{altered, done, raw_fields};
 use super::support::{Rig, Setup, VSM, cucs, orders};
-use super::trials::{areas, circle, corner, curve, paper_curve, sticks, trials};
+use super::trials::messages::{areas, circle, corner, curve, paper_curve, sticks};
+use super::trials::trials;
 
 #[test]
 fn sent_fields_are_sent_and_no_others() {

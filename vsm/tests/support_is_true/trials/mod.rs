@@ -1,0 +1,40 @@
+//! The trials, in the order of the messages. Places are metres north and east of home; 11930 steps of an angle are
+//! about 110 m of latitude.
+
+macro_rules! trial {
+    ($setup:ident, $before:ident, $act:ident, $base:expr, [$($field:literal = $change:literal),* $(,)?]) => {
+        Trial {
+            setup: $setup,
+            before: $before,
+            base: || $base.into(),
+            act: $act,
+            changes: &[$(($field, $change)),*],
+        }
+    };
+}
+
+mod flight;
+pub(super) mod messages;
+mod private;
+mod requests;
+mod routes;
+mod scenes;
+
+use super::scene::Trial;
+
+/// All of them.
+pub(super) fn trials() -> Vec<Trial> {
+    let mut all = requests::rights();
+    all.extend(flight::flight());
+    all.extend(routes::routes());
+    all.extend(requests::requests());
+    all.extend(private::private());
+    all
+}
+
+/// All trials of a message.
+pub(super) fn trials_of(id: u16) -> impl Iterator<Item = Trial> {
+    trials()
+        .into_iter()
+        .filter(move |trial| (trial.base)().id() == id)
+}
