@@ -1,5 +1,5 @@
 //! Falls of signing with pymavlink at the other end: what it sends as an adversary who holds the wire, and sometimes the
-//! key, and what it makes of ours. The falls are numbered as in `mavlink-link/tests/falls.rs`, which has them all.
+//! key, and what it makes of ours. The falls are numbered as in `mavlink-link/tests/falls/`, which has them all.
 
 mod interop_support;
 
