@@ -6,7 +6,8 @@
 use core::time::Duration;
 
 use crate::frame::{
-    CRC_LEN, FrameView, HEADER_LEN, INCOMPAT_SIGNED, MAX_FRAME, MAX_PAYLOAD, checksum, crc_extra,
+    CRC_LEN, FrameView, HEADER_LEN, INCOMPAT_SIGNED, MAX_FRAME, MAX_PAYLOAD, SETUP_SIGNING_ID,
+    checksum, crc_extra,
 };
 
 /// Octets of the longest record.
@@ -44,5 +45,4 @@ fn extra_of(frame: &FrameView<'_>) -> u8 {
 }
 
 const STAMP_LEN: usize = 8;
-const SETUP_SIGNING_ID: u32 = 256;
 const _: () = assert!(MAX_RECORD > STAMP_LEN + HEADER_LEN + MAX_PAYLOAD + CRC_LEN);

@@ -336,6 +336,8 @@ pub const MAX_PAYLOAD: usize = 255;
 pub const MAX_FRAME: usize = HEADER_LEN + MAX_PAYLOAD + CRC_LEN + SIGNATURE_LEN;
 /// Incompatibility flag of a signed frame.
 pub const INCOMPAT_SIGNED: u8 = 0x01;
+/// SETUP_SIGNING, which gives a vehicle its key.
+pub const SETUP_SIGNING_ID: u32 = 256;
 /// KEY_EXCHANGE, private, not in the dialect.
 pub const KEY_EXCHANGE_ID: u32 = 229;
 /// CRC_EXTRA of KEY_EXCHANGE.

@@ -8,7 +8,7 @@ use super::{ASK_FAST_FOR, Handover, NewKey, State, Under};
 use crate::Now;
 use crate::clock::{CeilingStore, ClockError, Origin};
 use crate::dialect::MavMessage;
-use crate::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode, encode_raw};
+use crate::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, SETUP_SIGNING_ID, encode, encode_raw};
 use crate::receiver::{AUTOPILOT, KeyState};
 use crate::signing::{Stamp, sign};
 
@@ -225,7 +225,6 @@ impl<A: Copy + Eq> Handover<A> {
     }
 }
 
-const SETUP_SIGNING_ID: u32 = 256;
 const BEAT: Duration = Duration::from_secs(1);
 /// Heartbeats under both keys in turn, 5 Hz.
 const ASKING: Duration = Duration::from_millis(200);

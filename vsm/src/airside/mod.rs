@@ -196,7 +196,5 @@ impl Agent {
     }
 }
 
-/// Gives PX4 a key: it goes out by the agent alone, and never passes.
-const SETUP_SIGNING: u32 = 256;
 const MOST_NOTES: usize = 256;
 const MOST_TEXTS: usize = 8;

@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::exchange::Random;
-use mavlink_link::frame::{FrameView, MAX_FRAME};
+use mavlink_link::frame::{FrameView, MAX_FRAME, SETUP_SIGNING_ID};
 use mavlink_link::link::{Alert, Auth, Event};
 
 use super::phase::Phase;
 use super::watch::Watch;
-use super::{Agent, Keys, SETUP_SIGNING, Side};
+use super::{Agent, Keys, Side};
 use crate::session::{Counters, LogLevel, Peer};
 
 /// A frame on its way through, as it came.
@@ -46,7 +46,9 @@ impl Agent {
         radio.handle_datagram(now, from, octets, auth, &mut |delivery| {
             let why = match to {
                 _ if !delivery.verified => "unsigned",
-                _ if delivery.header.message_id == SETUP_SIGNING => "SETUP_SIGNING from the ground",
+                _ if delivery.header.message_id == SETUP_SIGNING_ID => {
+                    "SETUP_SIGNING from the ground"
+                }
                 _ if closed => "PX4 is not heard, signed",
                 None => "PX4 has not been heard",
                 Some(to) => match enqueue(queue, Side::Px4, to, &delivery.frame) {
@@ -160,7 +162,7 @@ impl Passage<'_> {
         self.watch.take(self.mono, frame);
         let header = frame.header();
         let why = match self.ground {
-            _ if header.message_id == SETUP_SIGNING => "SETUP_SIGNING from PX4",
+            _ if header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from PX4",
             _ if header.component_id == self.own_component => "our own frame, reflected",
             None => "the ground has not been heard",
             Some(to) => match enqueue(self.queue, Side::Radio, to, frame) {

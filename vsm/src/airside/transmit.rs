@@ -3,13 +3,13 @@
 use mavlink_link::Now;
 use mavlink_link::clock::CeilingStore;
 use mavlink_link::dialect::{MavMessage, STATUSTEXT_DATA};
-use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::frame::{MAX_FRAME, SETUP_SIGNING_ID};
 use mavlink_link::link::Auth;
 use mavlink_link::receiver::AUTOPILOT;
 use zeroize::Zeroizing;
 
 use super::phase::Phase;
-use super::{Agent, Keys, SETUP_SIGNING, Side, Transmit};
+use super::{Agent, Keys, Side, Transmit};
 use crate::session::LogLevel;
 
 impl Agent {
@@ -64,7 +64,7 @@ impl Agent {
                 let auth = Auth::Signed { key, store: keys };
                 let sent = self
                     .px4
-                    .send_raw(now, auth, SETUP_SIGNING, &*payload, None, out)
+                    .send_raw(now, auth, SETUP_SIGNING_ID, &*payload, None, out)
                     .ok()?;
                 self.note(
                     LogLevel::Info,
