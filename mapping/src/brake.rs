@@ -11,30 +11,27 @@
 use mavlink_link::service::mission::Item;
 
 use crate::loops::DO_JUMP;
-use crate::route::item::{CRUISE_M_S, DO_CHANGE_SPEED, NAV_WAYPOINT};
+use crate::route::item::{DO_CHANGE_SPEED, NAV_WAYPOINT};
 
 /// Makes PX4 brake for each waypoint of these that it comes to, or goes on from, with a climb or a descent, where it has
 /// a radius of its own or is passed within less time than a swing of the height takes. The first waypoint is come to from
-/// anywhere. Gives the indices of those it brakes for.
+/// anywhere; PX4 climbs to its height before it flies there, on the spot. Before any speed of the route it flies at `cruise_m_s`. Gives the indices of those it brakes for.
 ///
 /// The points of a curve are not meant: they are slowed and widened instead ([`crate::curve`]).
-pub(crate) fn where_height_changes(items: &mut [Item], waypoints: &[usize]) -> Vec<usize> {
+pub(crate) fn where_height_changes(
+    items: &mut [Item],
+    waypoints: &[usize],
+    cruise_m_s: f64,
+) -> Vec<usize> {
     let mut braked = Vec::new();
     for &at in waypoints {
         let Some(item) = items.get(at) else { break };
-        if item.command != NAV_WAYPOINT || item.params[0] > 0.0 {
+        if !is_passed(item) {
             continue;
         }
-        let before = items.iter().take(at).rev().find(|item| item.is_global());
-        let mut after = items.iter().skip(at + 1);
-        // After the last one, and after a loop, comes something that is not known here.
-        let next = after.find(|item| item.is_global() || item.command == DO_JUMP);
-        let differs = |other: &Item| {
-            !other.is_global() || other.frame != item.frame || (other.z - item.z).abs() > LEVEL_M
-        };
         let own = item.params[1] <= 0.0;
-        let changes = before.map_or(!own, differs) || next.is_some_and(differs);
-        if changes && (!own || SWING_S * speed_m_s(items, at) > 2.0 * OWN_RADIUS_M) {
+        let speed_m_s = speed_m_s(items, at).unwrap_or(cruise_m_s);
+        if changes_height(items, at, own) && (!own || is_fast(speed_m_s)) {
             braked.push(at);
         }
     }
@@ -46,14 +43,84 @@ pub(crate) fn where_height_changes(items: &mut [Item], waypoints: &[usize]) -> V
     braked
 }
 
-/// The speed at which the item is come to, m/s.
-fn speed_m_s(items: &[Item], at: usize) -> f64 {
+/// The first item from `start` on that a multicopter could miss for good where it is told to fly at this speed, until the
+/// route says another: one that is passed with a climb or a descent faster than it was made for. `level` says of the first
+/// place whether it is come to without one, where the vehicle comes from elsewhere than the route does.
+pub(crate) fn missed_at(
+    items: &[Item],
+    start: usize,
+    level: Option<bool>,
+    speed_m_s: f64,
+) -> Option<usize> {
+    let mut places = items.iter().enumerate().skip(start);
+    let first = places.find_map(|(at, item)| item.is_global().then_some(at));
+    let changes = |at: usize| match level.filter(|_| first == Some(at)) {
+        Some(level) => !level || next_differs(items, at),
+        None => changes_height(items, at, false),
+    };
+    let too_fast = |at: usize| {
+        items.get(at).is_some_and(|item| {
+            let radius_m = f64::from(item.params[1]);
+            let fast = if radius_m <= 0.0 {
+                is_fast(speed_m_s)
+            } else {
+                // A point of a climbing curve is as wide as half a swing at the speed that was planned.
+                0.5 * SWING_S_OF_CURVES * speed_m_s > radius_m + 0.01
+            };
+            is_passed(item) && fast && changes(at)
+        })
+    };
+    let until_told = |from: usize| {
+        let on = items.iter().enumerate().skip(from);
+        on.take_while(|(_, item)| item.command != DO_CHANGE_SPEED)
+    };
+    // What a loop leads back to comes after what follows: it is passed at the same speed.
+    let back = until_told(start)
+        .filter(|(_, item)| item.command == DO_JUMP)
+        .map(|(_, item)| item.params[0] as usize);
+    let again = back.flat_map(until_told);
+    until_told(start)
+        .chain(again)
+        .map(|(at, _)| at)
+        .find(|at| too_fast(*at))
+}
+
+/// Whether PX4 goes on from it without a stop.
+fn is_passed(item: &Item) -> bool {
+    item.command == NAV_WAYPOINT && item.params[0] <= 0.0
+}
+
+/// Whether it is come to, or left, by a climb or a descent. `first_is_level` says what holds of one that nothing is before.
+fn changes_height(items: &[Item], at: usize, first_is_level: bool) -> bool {
+    let before = items.iter().take(at).rev().find(|item| item.is_global());
+    before.map_or(!first_is_level, |before| differs(items, at, before)) || next_differs(items, at)
+}
+
+/// Whether it is left by one. After the last one, and after a loop, comes something that is not known here.
+fn next_differs(items: &[Item], at: usize) -> bool {
+    let mut after = items.iter().skip(at + 1);
+    let next = after.find(|item| item.is_global() || item.command == DO_JUMP);
+    next.is_some_and(|next| differs(items, at, next))
+}
+
+fn differs(items: &[Item], at: usize, other: &Item) -> bool {
+    items.get(at).is_some_and(|item| {
+        !other.is_global() || other.frame != item.frame || (other.z - item.z).abs() > LEVEL_M
+    })
+}
+
+/// Whether PX4's own radius is crossed in less time than a swing of the height takes.
+fn is_fast(speed_m_s: f64) -> bool {
+    SWING_S * speed_m_s > 2.0 * OWN_RADIUS_M
+}
+
+/// The speed at which the item is come to, m/s; none before the route has told one.
+fn speed_m_s(items: &[Item], at: usize) -> Option<f64> {
     let before = items.iter().take(at).rev();
     before
         .filter(|item| item.command == DO_CHANGE_SPEED)
         .map(|item| f64::from(item.params[1]))
         .find(|speed| *speed > 0.0)
-        .unwrap_or(CRUISE_M_S)
 }
 
 /// Heights that differ by less than this are one, m: PX4 takes 1 mm for a difference, and swings by no more than this
@@ -64,6 +131,8 @@ const OWN_RADIUS_M: f64 = 10.0;
 /// How long a swing takes, s. At 6.5 m/s and a radius of 10 m, 3 s to cross it, waypoints were taken as late as 11 m
 /// behind; at 5 m/s, 4 s, as late as 7 m.
 const SWING_S: f64 = 4.0;
+/// The same for the points of a climbing curve, which are flown slowly.
+const SWING_S_OF_CURVES: f64 = crate::curve::SWING_S;
 /// The shortest hold that matters, s.
 const HOLD_S: f32 = 0.1;
 
@@ -95,7 +164,7 @@ mod tests {
 
     fn all(items: &mut [Item]) -> Vec<usize> {
         let every: Vec<usize> = (0..items.len()).collect();
-        where_height_changes(items, &every)
+        where_height_changes(items, &every, 5.0)
     }
 
     /// Items 100 m apart with PX4's own radius, come to at this speed.
@@ -146,6 +215,54 @@ mod tests {
             all(&mut far(12.0, &[30.0; 3])).is_empty(),
             "level at any speed"
         );
+    }
+
+    #[test]
+    fn what_the_vehicle_flies_unasked_counts_where_the_route_has_no_speed() {
+        let climb = [to(30.0, 0.0), to(45.0, 0.0)];
+        let braked = |cruise_m_s| where_height_changes(&mut climb.clone(), &[0, 1], cruise_m_s);
+        assert!(braked(5.0).is_empty());
+        assert_eq!(braked(12.0), [0, 1]);
+    }
+
+    #[test]
+    fn a_speed_that_is_commanded_in_flight_is_judged_until_the_route_says_another() {
+        let route = [
+            to(30.0, 0.0),
+            to(30.0, 0.0),
+            to(40.0, 0.0),
+            speed(),
+            to(50.0, 0.0),
+        ];
+        assert_eq!(missed_at(&route, 0, None, 5.0), None);
+        assert_eq!(missed_at(&route, 0, Some(false), 10.0), Some(0));
+        assert_eq!(missed_at(&route, 0, Some(true), 10.0), Some(1));
+        assert_eq!(missed_at(&route, 1, None, 10.0), Some(1));
+        assert_eq!(
+            missed_at(&route, 3, None, 10.0),
+            None,
+            "the route is slower"
+        );
+        let level = [to(30.0, 0.0), to(30.0, 0.0), to(30.0, 0.0)];
+        assert_eq!(missed_at(&level, 1, None, 10.0), None);
+        // Points of a climbing curve, made for 4 m/s.
+        let curve = [to(30.0, 6.0), to(31.0, 6.0), to(32.0, 6.0)];
+        assert_eq!(missed_at(&curve, 1, None, 4.0), None);
+        assert_eq!(missed_at(&curve, 1, None, 5.0), Some(1));
+        // A loop leads back to a climb.
+        let jump = Item {
+            frame: 2,
+            command: DO_JUMP,
+            params: [1.0, 3.0, 0.0, 0.0],
+            ..to(0.0, 0.0)
+        };
+        let end = to(40.0, 0.0);
+        let held = Item {
+            params: [1.0, 0.0, 0.0, f32::NAN],
+            ..end
+        };
+        let lap = [to(40.0, 0.0), to(40.0, 0.0), to(50.0, 0.0), held, jump];
+        assert_eq!(missed_at(&lap, 3, None, 10.0), Some(1));
     }
 
     #[test]

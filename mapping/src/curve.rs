@@ -13,6 +13,7 @@ use stanag_msgs::enums::AltitudeType;
 use crate::altitude::{self, Level};
 use crate::configuration::Parameters;
 use crate::plan::Curve;
+use crate::route::item::CRUISE_M_S;
 use crate::route::{Leg, Site};
 
 /// How curved legs are flown: `vehicle.curve`.
@@ -24,6 +25,8 @@ pub struct Curving {
     pub policy: Policy,
     /// Whether vertices may leave the curve by up to the tolerance.
     pub vertices: Vertices,
+    /// What it flies before any speed is commanded, m/s.
+    pub cruise_m_s: f64,
     /// What a vehicle that hovers can do.
     pub multicopter: Multicopter,
     /// What one that does not can do.
@@ -36,6 +39,7 @@ impl Default for Curving {
             tolerance_m: 1.0,
             policy: Policy::Slow,
             vertices: Vertices::OnCurve,
+            cruise_m_s: CRUISE_M_S,
             multicopter: Multicopter::default(),
             fixed_wing: FixedWing::default(),
         }
@@ -55,6 +59,8 @@ impl Curving {
         ] {
             *known = parameters.above_zero(name).unwrap_or(*known);
         }
+        let cruise_m_s = parameters.above_zero("MPC_XY_CRUISE");
+        self.cruise_m_s = cruise_m_s.unwrap_or(self.cruise_m_s);
     }
 }
 

@@ -68,6 +68,9 @@ pub enum StoreError {
         /// The greatest that it can be.
         most: f64,
     },
+    /// A Time Stamp of 50001 that is no number.
+    #[error("50001 Time Stamp {0} ms, expected a number")]
+    Stamp(f64),
     /// 50001 that names another vehicle or CUCS than its wrapper.
     #[error("50001 {field} {found} is not the wrapper's {expected}")]
     NotTheWrappers {
@@ -133,6 +136,9 @@ impl Plan {
                 let ends = ends(50001, curve.p1_waypoint_no, curve.p4_waypoint_no)?;
                 the_wrappers("Vehicle ID", curve.vehicle_id, vehicle)?;
                 the_wrappers("CUCS ID", curve.cucs_id, cucs)?;
+                if let Some(value) = curve.time_stamp.filter(|stamp| !stamp.is_finite()) {
+                    return Err(StoreError::Stamp(value));
+                }
                 angle("P2 Latitude", curve.p2_latitude, FRAC_PI_2)?;
                 angle("P2 Longitude", curve.p2_longitude, PI)?;
                 angle("P3 Latitude", curve.p3_latitude, FRAC_PI_2)?;
@@ -154,15 +160,11 @@ impl Plan {
             field: "Initial Waypoint Number",
         })?;
         // The latest definition stands last: it is the one that a load without a Route ID means.
-        let kept = self
-            .routes
-            .iter()
-            .filter(|known| known.route_id != route.route_id)
-            .count();
-        if initial != 0 && kept == MOST_ROUTES {
+        let kept = self.routes.iter().filter(|known| !is_same(known, route));
+        if initial != 0 && kept.count() == MOST_ROUTES {
             return Err(StoreError::Full(MOST_ROUTES, "routes"));
         }
-        self.routes.retain(|known| known.route_id != route.route_id);
+        self.routes.retain(|known| !is_same(known, route));
         if initial != 0 {
             self.routes.push(route.clone());
         }
@@ -172,6 +174,26 @@ impl Plan {
     /// Forgets everything (13000 mode 1).
     pub fn clear(&mut self) {
         *self = Plan::default();
+    }
+
+    /// Forgets one route, with the waypoints, loiters and curves that no other leads to (13000 mode 1 with a Route ID).
+    pub fn clear_route(&mut self, name: &str) {
+        let Some(route) = self.route_named(name).cloned() else {
+            return;
+        };
+        let gone = self.part(&route);
+        self.routes.retain(|known| !is_same(known, &route));
+        let others: Vec<Plan> = self.routes.iter().map(|other| self.part(other)).collect();
+        let still_led_to = |number: &u16| {
+            others
+                .iter()
+                .any(|other| other.waypoints.contains_key(number))
+        };
+        for number in gone.waypoints.keys().filter(|number| !still_led_to(number)) {
+            self.waypoints.remove(number);
+            self.loiters.remove(number);
+            self.curves.retain(|(p1, _), _| p1 != number);
+        }
     }
 
     /// Whether nothing is stored.
@@ -192,12 +214,8 @@ impl Plan {
     /// The route with this Route ID.
     #[must_use]
     pub fn route_named(&self, name: &str) -> Option<&UaRoute> {
-        self.routes.iter().find(|route| {
-            route
-                .route_id
-                .as_ref()
-                .is_some_and(|id| id.as_str() == name)
-        })
+        let mut routes = self.routes.iter();
+        routes.find(|route| route_name(route) == Some(name))
     }
 
     /// All routes, the latest last.
@@ -263,7 +281,7 @@ impl Plan {
     pub fn beside(&self, aboard: &Plan) -> Plan {
         let is_aboard = |route: &UaRoute| {
             let mut known = aboard.routes.iter();
-            known.any(|known| known.route_id == route.route_id)
+            known.any(|known| is_same(known, route))
         };
         let mut whole = Plan::default();
         for route in self.routes.iter().filter(|route| !is_aboard(route)) {
@@ -320,6 +338,22 @@ impl Plan {
         let stray = stray.map(|(_, loiter)| Message::UaLoiterWaypoint(loiter.clone()));
         let curves = self.curves.values().map(Curve::message);
         routes.chain(waypoints).chain(stray).chain(curves)
+    }
+}
+
+/// The name of a route; an empty Route ID is none.
+#[must_use]
+pub fn route_name(route: &UaRoute) -> Option<&str> {
+    let name = route.route_id.as_ref().map(|id| id.as_str());
+    name.filter(|name| !name.is_empty())
+}
+
+/// Whether a 13001 defines the route that another has defined: of the same name, or, where neither has one, of the same
+/// type.
+fn is_same(known: &UaRoute, new: &UaRoute) -> bool {
+    match (route_name(known), route_name(new)) {
+        (None, None) => route_type(known) == route_type(new),
+        (known, new) => known == new,
     }
 }
 
@@ -482,6 +516,73 @@ mod tests {
                 Some(stanag_msgs::Text::new("M"))
             ]
         );
+    }
+
+    #[test]
+    fn routes_without_a_name_are_kept_apart_by_their_type() {
+        let unnamed = |initial, kind, id: Option<&str>| -> Message {
+            UaRoute {
+                initial_waypoint_number: Some(initial),
+                route_type: Some(kind),
+                route_id: id.map(stanag_msgs::Text::new),
+                ..UaRoute::default()
+            }
+            .into()
+        };
+        let mut plan = plan(&[
+            unnamed(1, RouteType::Flight, None),
+            unnamed(7, RouteType::ContingencyA, Some("")),
+        ]);
+        let initial = |plan: &Plan, kind| {
+            let route = plan.route_of_type(kind);
+            route.and_then(|route| route.initial_waypoint_number)
+        };
+        assert_eq!(initial(&plan, RouteType::Flight), Some(1));
+        assert_eq!(initial(&plan, RouteType::ContingencyA), Some(7));
+        // The same once more, and its end.
+        for (number, left) in [(9, Some(9)), (0, None)] {
+            let message = unnamed(number, RouteType::ContingencyA, None);
+            plan.store(&message, CUCS, VEHICLE).expect("stored");
+            assert_eq!(initial(&plan, RouteType::ContingencyA), left);
+            assert_eq!(initial(&plan, RouteType::Flight), Some(1));
+        }
+    }
+
+    #[test]
+    fn a_route_that_is_cleared_takes_only_its_own_waypoints_with_it() {
+        let mut plan = plan(&[
+            route("M", 1),
+            waypoint(1, 2),
+            waypoint(2, 5),
+            curve(1, 2),
+            route("C", 7),
+            waypoint(7, 5),
+            waypoint(5, 0),
+        ]);
+        plan.clear_route("nobody's");
+        assert_eq!(plan.messages().count(), 7);
+        plan.clear_route("M");
+        let left: Vec<_> = [1, 2, 5, 7]
+            .into_iter()
+            .filter(|number| plan.waypoint(*number).is_some())
+            .collect();
+        assert_eq!(left, [5, 7]);
+        assert_eq!(plan.messages().count(), 3);
+    }
+
+    #[test]
+    fn a_curve_whose_stamp_is_no_number_is_not_stored() {
+        // It would never be the same as itself, and mode 11 would load its route for ever.
+        let curve = CurveSegmentPaper {
+            time_stamp: Some(f64::NAN),
+            vehicle_id: Some(VEHICLE),
+            cucs_id: Some(CUCS),
+            p1_waypoint_no: Some(1),
+            p4_waypoint_no: Some(2),
+            ..CurveSegmentPaper::default()
+        };
+        let stored = Plan::default().store(&curve.into(), CUCS, VEHICLE);
+        assert!(matches!(stored, Err(StoreError::Stamp(_))), "{stored:?}");
     }
 
     #[test]

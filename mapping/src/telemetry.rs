@@ -239,6 +239,27 @@ impl Telemetry {
         )
     }
 
+    /// Whether it stands on the ground, as it has said itself.
+    #[must_use]
+    pub fn stands(&self) -> bool {
+        self.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND)
+    }
+
+    /// Forgets where it was and what it flew: it has started anew, perhaps somewhere else. What it is stays, and what
+    /// its sensors tell is told again.
+    pub fn start_anew(&mut self) {
+        self.landed = None;
+        self.position = None;
+        self.above_home_m = None;
+        self.velocity_ned = None;
+        self.home = None;
+        self.geoid_m = None;
+        self.mission = None;
+        self.target = None;
+        self.orbit = None;
+        self.reached = None;
+    }
+
     /// Whether it can stand still in the air: every type but a fixed wing, as long as it has not said.
     #[must_use]
     pub fn hovers(&self) -> bool {

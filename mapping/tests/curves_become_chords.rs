@@ -7,7 +7,7 @@ use mapping::curve::{Curving, Vertices};
 use mapping::plan::Plan;
 use mapping::route::{Flight, Limits, Reason, RouteError, Site, flight, metres};
 use mapping::telemetry::Place;
-use stanag_msgs::enums::AltitudeType;
+use stanag_msgs::enums::{AltitudeType, LimitType, WaypointType};
 use stanag_msgs::messages::{CurveSegment, CurveSegmentPaper, UaPositionWaypoint, UaRoute};
 use stanag_msgs::{Bam32, Id, Message, Scaled};
 
@@ -254,6 +254,37 @@ fn a_curve_that_cannot_be_flown_is_refused_with_its_waypoint() {
         (fault.waypoint, fault.reason),
         (77, Reason::CurveWithoutEnd(9))
     );
+}
+
+#[test]
+fn a_loop_is_not_closed_by_a_curve() {
+    let lap = |limit: u16| {
+        let mut plan = Plan::default();
+        let Message::UaPositionWaypoint(end) = waypoint(4, P4, 9) else {
+            unreachable!()
+        };
+        let end = UaPositionWaypoint {
+            waypoint_type: Some(WaypointType::EndOfLoop),
+            limit_type: Some(LimitType::Count),
+            loop_limit: Some(limit),
+            ..end
+        };
+        let back = CurveSegment {
+            p1_waypoint_no: Some(4),
+            p4_waypoint_no: Some(9),
+            ..curve(4, 9)
+        };
+        for message in [waypoint(9, P1, 4), end.into(), back.into()] {
+            plan.store(&message, CUCS, VEHICLE).expect("stored");
+        }
+        flight(&plan, 9, &site())
+    };
+    // Flown straight it would be another leg than the one that was sent.
+    let fault = lap(3).expect_err("the way back is curved");
+    let (waypoint, reason) = (fault.waypoint, fault.reason);
+    assert_eq!((waypoint, reason), (4, Reason::CurveClosesLoop(9)));
+    // A loop that is flown once does not lead back.
+    assert!(lap(1).is_ok());
 }
 
 #[test]

@@ -72,3 +72,22 @@ fn a_question_brings_what_is_pending_again() {
         .contains_key(&(support::vehicle_id(0), 4));
     assert!(asked, "A may never have heard of the wish");
 }
+
+#[test]
+fn who_comes_back_without_heartbeats_loses_nothing_by_silence() {
+    let mut scene = Scene::controlled();
+    scene.rig.stations[A].heartbeats = true;
+    scene.rig.run(3.0);
+    scene.rig.stations[A].heartbeats = false;
+    let vehicle = support::vehicle_id(0);
+    let release = tell(&mut scene, A, vehicle, 0, RequestedAccess::Relinquish);
+    assert_eq!(scene.end(A, release), Some(AckType::CarriedOut));
+    let request = tell(&mut scene, A, vehicle, CONTROL, RequestedAccess::Request);
+    assert_eq!(scene.end(A, request), Some(AckType::CarriedOut));
+    scene.rig.run(30.0);
+    assert_eq!(scene.controller(), Some(A));
+    // A restart has not remembered the heartbeats of before either.
+    scene.rig.restart_bridge();
+    scene.rig.run(30.0);
+    assert_eq!(scene.controller(), Some(A));
+}

@@ -2,9 +2,9 @@
 
 mod support;
 
-use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, TurnType};
-use stanag_msgs::messages::CurveSegmentPaper;
+use stanag_msgs::messages::{CurveSegmentPaper, VehicleOperatingModeCommand};
+use stanag_msgs::{Message, Scaled};
 use support::{Rig, cucs, orders, vehicle_id};
 
 /// Waypoints to the north, 25 m apart, each to be flown over at 5 m/s, `climb_m` above the one before.
@@ -21,7 +21,7 @@ fn stairs(climb_m: f64) -> Vec<Message> {
             20.0 + climb_m * steps,
         );
         waypoint.turn_type = Some(TurnType::FlyOver);
-        waypoint.waypoint_to_speed = stanag_msgs::Scaled::from_si(5.0).ok();
+        waypoint.waypoint_to_speed = Scaled::from_si(5.0).ok();
         plan.push(waypoint.into());
     }
     plan
@@ -62,6 +62,51 @@ fn fly_over_points_are_flown_over_in_climb_descent_and_level() {
             rig.station().alerts()
         );
     }
+}
+
+/// Five waypoints 100 m apart to the north, without a speed of their own, `climb_m` above the one before.
+fn slope(climb_m: f64) -> Vec<Message> {
+    let waypoints = (1..=5_u16).map(|number| {
+        let steps = f64::from(number);
+        let next = if number == 5 { 0 } else { number + 1 };
+        let up = 20.0 + climb_m * (steps - 1.0);
+        orders::waypoint(number, next, 100.0 * steps, 0.0, up).into()
+    });
+    std::iter::once(orders::route(1).into())
+        .chain(waypoints)
+        .collect()
+}
+
+fn fly_at(speed_m_s: f64) -> VehicleOperatingModeCommand {
+    VehicleOperatingModeCommand {
+        commanded_speed: Scaled::from_si(speed_m_s).ok(),
+        ..orders::mode(Mode::Waypoint)
+    }
+}
+
+#[test]
+fn a_speed_at_which_a_waypoint_of_the_climb_would_be_missed_is_refused() {
+    let mut rig = Rig::ready();
+    rig.send_plan(slope(5.0));
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.take_off(20.0);
+    assert_eq!(rig.carry_out(fly_at(10.0)), Some(AckType::Refused));
+    assert!(rig.station().was_told("could miss waypoint 1"));
+    assert_eq!(rig.carry_out(fly_at(5.0)), Some(AckType::CarriedOut));
+    // In flight too.
+    rig.run(5.0);
+    assert_eq!(rig.carry_out(fly_at(10.0)), Some(AckType::Refused));
+    assert!(rig.until(200.0, |rig| rig.truth().position.n > 495.0));
+}
+
+#[test]
+fn a_level_route_is_flown_as_fast_as_is_commanded() {
+    let mut rig = Rig::ready();
+    rig.send_plan(slope(0.0));
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.take_off(12.0);
+    assert_eq!(rig.carry_out(fly_at(10.0)), Some(AckType::CarriedOut));
+    assert!(rig.until(90.0, |rig| rig.truth().position.n > 495.0));
 }
 
 #[test]

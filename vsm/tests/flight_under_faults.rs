@@ -103,6 +103,40 @@ fn a_vehicle_that_restarts_is_reported_and_commanded_again() {
 }
 
 #[test]
+fn a_vehicle_that_restarts_elsewhere_is_not_launched_by_its_old_home() {
+    let mut rig = Rig::ready();
+    let mut elsewhere = sim::px4::Config::default();
+    elsewhere.home.altitude_m -= 300.0;
+    let vehicle = sim::px4::Config {
+        seed: 31,
+        ..elsewhere
+    };
+    *rig.vehicles[0].vehicle_mut() = sim::px4::Vehicle::new(vehicle);
+    rig.vehicles[0].restart();
+    assert!(rig.until(20.0, |rig| rig.station().was_told("has restarted")));
+    let mut end = None;
+    for _ in 0..30 {
+        end = rig.carry_out(orders::launch(20.0));
+        if end == Some(AckType::CarriedOut) {
+            break;
+        }
+        rig.run(1.0);
+    }
+    assert_eq!(
+        end,
+        Some(AckType::CarriedOut),
+        "{:?}",
+        rig.station().alerts()
+    );
+    rig.run(40.0);
+    let height_m = -rig.truth().position.d;
+    assert!(
+        (15.0..25.0).contains(&height_m),
+        "{height_m} m above the ground"
+    );
+}
+
+#[test]
 fn a_full_disk_accepts_nothing_and_loses_nothing() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());

@@ -5,7 +5,7 @@ use mavlink_link::service::mission::Item;
 use stanag_msgs::messages::UaPositionWaypoint;
 
 use super::bounds::height;
-use super::item::{self, CRUISE_M_S, DO_CHANGE_SPEED, NAV_WAYPOINT, change_speed};
+use super::item::{self, DO_CHANGE_SPEED, NAV_WAYPOINT, change_speed};
 use super::{Flight, Leg, Reason, RouteError, Site};
 use crate::curve::{self, Chords, Curved};
 use crate::plan::Plan;
@@ -38,7 +38,7 @@ pub(super) fn fly(
     let Some((_, curve)) = plan.curves_from(p1.number).find(|(to, _)| *to == p4.number) else {
         return Ok(None);
     };
-    let speed_m_s = p4.speed_m_s.unwrap_or_else(|| flight.speed_m_s());
+    let speed_m_s = p4.speed_m_s.unwrap_or_else(|| flight.speed_m_s(site));
     let chords = curve::chords(p1, p4, curve, speed_m_s, site).map_err(|fault| RouteError {
         waypoint: p1.number,
         reason: Reason::Curve {
@@ -87,14 +87,14 @@ pub(super) fn accept(item: &mut Item, chords: &Chords) {
 
 /// The end of a curve before an item at another altitude: a multicopter swings about its altitude on the way to it, and
 /// must stay within its radius for as long as that takes (`curve::SWING_S`).
-pub(super) fn widen(items: &mut [Item], end: usize) {
+pub(super) fn widen(items: &mut [Item], end: usize, cruise_m_s: f64) {
     let z = |item: &Item| (item.frame, item.z);
     let speed_m_s = items
         .iter()
         .take(end)
         .rev()
         .find(|item| item.command == DO_CHANGE_SPEED)
-        .map_or(CRUISE_M_S as f32, |item| item.params[1]);
+        .map_or(cruise_m_s as f32, |item| item.params[1]);
     let next = items.iter().skip(end + 1).find(|item| item.is_global());
     let differs = items
         .get(end)

@@ -1,5 +1,6 @@
 //! A flight while it is put together, waypoint by waypoint in the order that they are flown.
 
+use mavlink_link::service::mission::Item;
 use stanag_msgs::enums::LoiterType;
 use stanag_msgs::messages::UaPositionWaypoint;
 
@@ -114,7 +115,7 @@ impl<'a> Draft<'a> {
             self.ends.push(p1);
         }
         if chords.slowed {
-            let wished_m_s = leg.speed_m_s.unwrap_or_else(|| flight.speed_m_s());
+            let wished_m_s = leg.speed_m_s.unwrap_or_else(|| flight.speed_m_s(self.site));
             flight.push(leg.number, change_speed(wished_m_s));
         }
     }
@@ -126,6 +127,9 @@ impl<'a> Draft<'a> {
             return Ok(next);
         }
         if let Some(jump) = loops::jump(leg.number, waypoint, &self.flight)? {
+            if let Some((to, _)) = self.plan.curves_from(leg.number).next() {
+                return Err(Reason::CurveClosesLoop(to));
+            }
             self.flight.push(leg.number, jump);
         }
         if let Some(start) = self.flight.order.iter().find(|leg| leg.number == next) {
@@ -145,9 +149,10 @@ impl<'a> Draft<'a> {
         } = self;
         if site.hovers {
             straight.retain(|at| !ends.contains(at));
-            stop_where_missed(&mut flight, &straight);
+            let cruise_m_s = site.curving.cruise_m_s;
+            stop_where_missed(&mut flight, &straight, cruise_m_s);
             for end in ends {
-                curved_leg::widen(&mut flight.items, end);
+                curved_leg::widen(&mut flight.items, end, cruise_m_s);
             }
         }
         flight.items.first_mut()?.current = true;
@@ -156,12 +161,14 @@ impl<'a> Draft<'a> {
 }
 
 /// Makes PX4 stop at those of these items that it could miss for good, and says so.
-fn stop_where_missed(flight: &mut Flight, straight: &[usize]) {
-    let braked = brake::where_height_changes(&mut flight.items, straight);
+fn stop_where_missed(flight: &mut Flight, straight: &[usize], cruise_m_s: f64) {
+    let braked = brake::where_height_changes(&mut flight.items, straight, cruise_m_s);
+    // The first waypoint is not braked for because of what the route does there.
+    let leads_there = |at: usize| flight.items.iter().take(at).any(Item::is_global);
     let mut numbers: Vec<u16> = braked
-        .iter()
-        .skip(1)
-        .filter_map(|at| flight.waypoint_of.get(*at).copied())
+        .into_iter()
+        .filter(|at| leads_there(*at))
+        .filter_map(|at| flight.waypoint_of.get(at).copied())
         .collect();
     numbers.dedup();
     if !numbers.is_empty() {

@@ -123,6 +123,12 @@ pub enum Reason {
     /// A curved leg names it, and no 13002 has described it.
     #[error("not received, and a curved leg joins it to {0}")]
     CurveWithoutEnd(u16),
+    /// The leg that closes a loop is curved.
+    #[error(
+        "its curved leg leads back to {0}: a loop is closed by a straight leg, since PX4 would fly the curve after the \
+         last pass too"
+    )]
+    CurveClosesLoop(u16),
     /// Two curved legs from one waypoint.
     #[error("two curved legs start at it, to {0} and to {1}")]
     TwoCurves(u16, u16),

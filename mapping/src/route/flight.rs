@@ -2,8 +2,10 @@
 
 use mavlink_link::service::mission::Item;
 
-use super::item::{self, CRUISE_M_S, DO_CHANGE_SPEED, NAV_LAND, degrees_e7};
+use super::Site;
+use super::item::{self, DO_CHANGE_SPEED, NAV_LAND, degrees_e7};
 use crate::altitude::Level;
+use crate::brake;
 use crate::curve::Curved;
 use crate::loops::DO_JUMP;
 
@@ -63,6 +65,15 @@ impl Flight {
         u16::try_from(at).ok()
     }
 
+    /// The first waypoint from this item on that a multicopter could miss for good at this speed, where it is commanded
+    /// beside the route: it climbs or descends there. `level` says whether a vehicle that does not come from the waypoint
+    /// before comes to the first one without that.
+    #[must_use]
+    pub fn missed_at(&self, seq: u16, level: Option<bool>, speed_m_s: f64) -> Option<u16> {
+        let at = brake::missed_at(&self.items, seq.into(), level, speed_m_s)?;
+        self.waypoint_of.get(at).copied()
+    }
+
     /// The first item with a place at or after this one: PX4 does the ones before it at once.
     #[must_use]
     pub fn place_from(&self, seq: u16) -> u16 {
@@ -110,12 +121,12 @@ impl Flight {
     }
 
     /// The speed commanded last, m/s; PX4's own cruise speed before any.
-    pub(super) fn speed_m_s(&self) -> f64 {
+    pub(super) fn speed_m_s(&self, site: &Site) -> f64 {
         self.order
             .iter()
             .rev()
             .find_map(|leg| leg.speed_m_s)
-            .unwrap_or(CRUISE_M_S)
+            .unwrap_or(site.curving.cruise_m_s)
     }
 
     /// Adds an item of a waypoint.

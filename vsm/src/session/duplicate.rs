@@ -3,11 +3,15 @@
 //! Each message is known by the digest of its octets. Those that command are remembered apart from questions and
 //! streams, so that neither sticks nor heartbeats push them out, and are written down ([`super::journal`]): they are
 //! known after a restart too.
+//!
+//! An order can also be overtaken: its first datagram is lost, and what repeats it comes after a later order about the
+//! same thing ([`about`]). Carried out then, it would undo the later one.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
-use stanag_msgs::enums::AckType;
+use stanag_msgs::enums::{AckType, AreaPlanMode, MissionPlanMode};
 use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Id, Message, TimeStamp};
 
@@ -44,6 +48,8 @@ pub(crate) struct Seen {
     pub(crate) mode: u8,
     /// What it was answered last.
     pub(crate) answer: Option<AckType>,
+    /// When it came, and what it is about; none of what was read back after a restart.
+    pub(crate) came: Option<(Duration, Option<u64>)>,
 }
 
 impl Seen {
@@ -52,6 +58,7 @@ impl Seen {
         message: &Message,
         stamp: TimeStamp,
         ack_requested: bool,
+        now: Duration,
     ) -> Seen {
         let mode = match message {
             Message::VehicleOperatingModeCommand(command) => command
@@ -67,6 +74,7 @@ impl Seen {
             ack_requested,
             mode,
             answer: None,
+            came: Some((now, about(message))),
         }
     }
 
@@ -97,6 +105,26 @@ impl Recent {
             .rev()
             .find(|seen| seen.stamp == new.stamp && seen.digest == new.digest)
             .map(|seen| seen.answer)
+    }
+
+    /// Whether a later order about the same thing was taken shortly before this one came. One whose stamp is further
+    /// back has not been on its way for so long: its sender's clock was set.
+    pub(crate) fn is_overtaken(&self, new: &Seen) -> bool {
+        let Some((now, Some(about))) = new.came else {
+            return false;
+        };
+        self.commands.iter().rev().any(|seen| {
+            let Some((at, Some(known))) = seen.came else {
+                return false;
+            };
+            seen.message_type == new.message_type
+                && known == about
+                && seen.destination == new.destination
+                && seen.answer != Some(AckType::Refused)
+                && seen.stamp > new.stamp
+                && seen.stamp.0 - new.stamp.0 < LONGEST_WAY_MS
+                && now.saturating_sub(at).as_millis() < u128::from(LONGEST_WAY_MS)
+        })
     }
 
     /// Remembers a message. One without a stamp cannot be told from a new one, and is not remembered.
@@ -139,6 +167,49 @@ impl Recent {
         }
     }
 }
+
+/// What a message orders about: of two orders about the same thing, which the message type tells beside this, the later
+/// one counts. None of those whose order says nothing.
+fn about(message: &Message) -> Option<u64> {
+    let named = |name: &str| {
+        let octets = name.bytes();
+        octets.fold(0_u64, |sum, octet| {
+            sum.wrapping_mul(31).wrapping_add(octet.into())
+        })
+    };
+    let pair = |high: Option<u16>, low: Option<u16>| Some(u64::from(high?) << 16 | u64::from(low?));
+    match message {
+        Message::VehicleOperatingModeCommand(_)
+        | Message::LoiterConfiguration(_)
+        | Message::EngineCommand(_) => Some(0),
+        Message::MissionTransferCommand(command) => {
+            use MissionPlanMode as Mode;
+            let changes = [Mode::Clear, Mode::Load, Mode::Cancel];
+            let mode = command.mission_plan_mode?;
+            changes.contains(&mode).then_some(0)
+        }
+        Message::AreaTransferCommand(command) => {
+            let changes = [AreaPlanMode::Clear, AreaPlanMode::Load];
+            changes.contains(&command.area_plan_mode?).then_some(0)
+        }
+        Message::UaRoute(route) => Some(match mapping::plan::route_name(route) {
+            Some(name) => u64::MAX - named(name),
+            None => mapping::plan::route_type(route).raw().into(),
+        }),
+        Message::UaPositionWaypoint(waypoint) => waypoint.waypoint_number.map(u64::from),
+        Message::UaLoiterWaypoint(loiter) => loiter.waypoint_number.map(u64::from),
+        Message::CurveSegment(curve) => pair(curve.p1_waypoint_no, curve.p4_waypoint_no),
+        Message::CurveSegmentPaper(curve) => pair(curve.p1_waypoint_no, curve.p4_waypoint_no),
+        Message::AreaVertex(vertex) => pair(vertex.area_id, vertex.vertex_number.map(u16::from)),
+        Message::ParameterSetCommand(command) => {
+            command.parameter_name.map(|name| named(name.as_str()))
+        }
+        _ => None,
+    }
+}
+
+/// A datagram is not longer on its way, ms, repetitions included.
+const LONGEST_WAY_MS: u64 = 10_000;
 
 /// Sticks, subsystem status requests, heartbeat, acknowledgement, schedule and request of reports, configuration
 /// request; parameter request and ping of ours.

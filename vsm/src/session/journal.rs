@@ -257,6 +257,7 @@ fn parse(line: &str) -> Option<Seen> {
             "-" => None,
             number => Some(AckType::from_raw(number.parse().ok()?)),
         },
+        came: None,
     };
     words.next().is_none().then_some(seen)
 }
@@ -281,6 +282,7 @@ mod tests {
             ack_requested: number % 2 == 1,
             mode: 21,
             answer,
+            came: None,
         }
     }
 

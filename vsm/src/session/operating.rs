@@ -1,7 +1,6 @@
 //! Commands of the CUCS that has the right to give them: 2016, 2017, and where plans go.
 
 use mapping::mode::Px4Mode;
-use mapping::plan::route_type;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, AltitudeType, FlightPathControlMode as Mode, LoiBitmap};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
@@ -10,6 +9,7 @@ use super::aircraft::Aircraft;
 use super::authority::{Rights, Stations};
 use super::desk::{Desk, Origin};
 use super::maneuver::{self, Maneuver, Progress};
+use super::mission_transfer::Load;
 use super::mode_command::{self, Situation, Task};
 use super::plan_record::Aboard;
 use super::unheeded;
@@ -90,6 +90,17 @@ impl Aircraft {
         origin: Option<Origin>,
         command: &VehicleOperatingModeCommand,
     ) {
+        self.operate_with(desk, origin, command, false);
+    }
+
+    /// The same, where `just_loaded` says that the route aboard was put there for it.
+    pub(super) fn operate_with(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: Option<Origin>,
+        command: &VehicleOperatingModeCommand,
+        just_loaded: bool,
+    ) {
         if !self.mav.live() {
             let text = "the vehicle is silent: no command can be confirmed".to_owned();
             return self.refuse(desk, origin, text);
@@ -98,12 +109,16 @@ impl Aircraft {
             Ok(altimeter) => altimeter,
             Err(why) => return self.refuse(desk, origin, why),
         };
-        let routes: Vec<_> = self.plan.routes().iter().map(route_type).collect();
+        let waits = |load: &Load| load.waiting_command().is_some();
+        let enters = |(_, maneuver): &(_, Maneuver)| maneuver.enters_a_mode();
         let situation = Situation {
             telemetry: &self.mav.telemetry,
             aboard: self.aboard.as_ref(),
             chosen: self.chosen.as_ref(),
-            routes: &routes,
+            plan: &self.plan,
+            just_loaded,
+            entering: self.load.as_ref().is_some_and(waits)
+                || self.maneuver.as_ref().is_some_and(enters),
             loiter: &self.loiter,
             commanded: self.commanded,
             agl: self.bounds.agl,
@@ -129,6 +144,11 @@ impl Aircraft {
             && command.select_flight_path_control_mode == Some(Mode::Waypoint);
         match task {
             Err(why) => self.refuse(desk, origin, why),
+            Ok(Task::Nothing) => {
+                if let Some(origin) = origin {
+                    desk.acknowledge(self.id(), &origin, AckType::CarriedOut);
+                }
+            }
             Ok(Task::Steps(steps, commanded)) => {
                 let needs_mission = steps
                     .iter()

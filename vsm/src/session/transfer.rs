@@ -218,7 +218,7 @@ impl Transfer {
         if same {
             return self.read_back(now, flight, vehicle);
         }
-        if telemetry.mode == Some(Px4Mode::MISSION) && telemetry.airborne() {
+        if telemetry.mode == Some(Px4Mode::MISSION) && !telemetry.stands() {
             let maneuver = Maneuver::new(maneuver::enter(&[Px4Mode::LOITER]), Commanded::default());
             self.phase = Phase::Hold { maneuver, flight };
             self.held = true;

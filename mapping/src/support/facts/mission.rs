@@ -15,7 +15,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Waypoint Number", "mode 4: the waypoint to download"),
             (
                 "Route ID",
-                "mode 2: the route to load; absent: the latest flight route",
+                "mode 1: the route to forget, absent: all; mode 2: the route to load, absent: the latest flight route; mode 3: the route to download, absent: all",
             ),
         ],
         sent: &[],
@@ -30,7 +30,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
                 "Initial Waypoint Number",
                 "where the route starts; 0 deletes its definition",
             ),
-            ("Route ID", "names it for 13000"),
+            (
+                "Route ID",
+                "names it for 13000; routes without are told apart by their type",
+            ),
             (
                 "Route Type",
                 "flown by 2016: 0 launch by 21, 1 approach by 19, 2 flight by 11, 3, 4 contingency A, B by 23, 24",

@@ -71,11 +71,12 @@ impl Bridge {
         station.peer = Some(from);
         station.heard = Some(now.mono);
         if let Some(stamp) = origin.stamp {
-            let seen = Seen::new(frame, &message, stamp, origin.ack_requested);
+            let seen = Seen::new(frame, &message, stamp, origin.ack_requested, now.mono);
             if let Some(answer) = self.stations[index].recent.find(&seen) {
                 self.counters.count("duplicate");
                 return self.answer_again(now, &origin, frame, &message, answer, store);
             }
+            let overtaken = self.stations[index].recent.is_overtaken(&seen);
             self.stations[index].recent.remember(seen);
             let (mut desk, aircraft) = self.desk(now, store);
             let noted = desk.note_command(index, &seen);
@@ -85,8 +86,13 @@ impl Bridge {
             {
                 aircraft.say_not_noted(&mut desk, noted);
             }
+            if overtaken {
+                self.counters.count("overtaken");
+                return self.refuse(now, &origin, header.destination, OVERTAKEN.into(), store);
+            }
         }
         self.dispatch(now, origin, header.destination, &message, store);
+        self.forget_heartbeats();
     }
 
     /// The index of the station that a frame is from, where it may speak and speaks to us; else the name of the drop.
@@ -203,4 +209,6 @@ fn drop_name(fault: &WrapperError) -> &'static str {
     }
 }
 
+/// Its sender has ordered something else since.
+const OVERTAKEN: &str = "a later one has been taken, this one was overtaken on its way";
 const ACKNOWLEDGEMENT: u16 = 17000;

@@ -172,6 +172,17 @@ impl Bridge {
             aircraft.handle_timeout(&mut desk);
         }
         desk.clear_answers();
+        self.forget_heartbeats();
+    }
+
+    /// Silence counts of a CUCS that has sent heartbeats while it holds something: who has given all up, or lost it, may
+    /// come back without.
+    fn forget_heartbeats(&mut self) {
+        for station in self.stations.iter_mut().filter(|one| one.sends_heartbeats) {
+            let id = station.id();
+            let holds = |aircraft: &Aircraft| !aircraft.authority.held(id).is_empty();
+            station.sends_heartbeats = self.aircraft.iter().any(holds);
+        }
     }
 
     /// When [`Bridge::handle_timeout`] is next needed.

@@ -73,6 +73,20 @@ impl Maneuver {
         }
     }
 
+    /// Whether a mode is still to be entered by it, or the ground to be left.
+    pub(crate) fn enters_a_mode(&self) -> bool {
+        let mut left = self.steps.iter();
+        left.any(|step| {
+            matches!(
+                step,
+                Step::Confirm {
+                    sight: Sight::Mode(_) | Sight::OffTheGround,
+                    ..
+                }
+            )
+        })
+    }
+
     /// A command sent when the maneuver fails after its arming step.
     pub(crate) fn undone_by(mut self, command: Command) -> Maneuver {
         self.undo = Some(command);

@@ -7,6 +7,7 @@ use stanag_msgs::enums::MissionPlanMode as Mode;
 use stanag_msgs::messages::CurveSegmentPaper;
 use stanag_msgs::{Id, Message};
 
+use super::not_received;
 use crate::session::aircraft::Aircraft;
 use crate::session::desk::{Desk, Origin};
 
@@ -20,38 +21,61 @@ pub(crate) struct Download {
     pub(in crate::session) next_at: Duration,
 }
 
+/// What of a plan is downloaded.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Part<'a> {
+    All,
+    /// The route of this name.
+    Route(&'a str),
+    /// The waypoint of this number.
+    Waypoint(u16),
+}
+
+impl<'a> Part<'a> {
+    pub(super) fn of_route(id: Option<&'a str>) -> Part<'a> {
+        id.map_or(Part::All, Part::Route)
+    }
+}
+
 impl Aircraft {
-    /// The plan as the CUCS sent it, in its own numbers; one waypoint where a number is given. Of the route that 13000
-    /// has loaded it is what went aboard, not what has been sent since; of the others what they would be loaded as.
+    /// The plan as the CUCS sent it, in its own numbers, or a part of it. Of the route that 13000 has loaded it is what
+    /// went aboard, not what has been sent since; of the others what they would be loaded as.
     pub(super) fn download(
         &mut self,
         desk: &mut Desk<'_>,
         origin: Origin,
         name: &str,
-        waypoint: Option<u16>,
+        part: Part<'_>,
     ) {
-        let mode = if waypoint.is_some() {
-            Mode::DownloadWaypoint
-        } else {
-            Mode::Download
+        let (mode, waypoint) = match part {
+            Part::Waypoint(number) => (Mode::DownloadWaypoint, Some(number)),
+            Part::All | Part::Route(_) => (Mode::Download, None),
         };
         let chosen = self.chosen.as_ref().map(|chosen| &chosen.plan);
         let beside = chosen
             .filter(|chosen| !chosen.is_empty())
             .map(|chosen| self.plan.beside(chosen));
         let plan = beside.as_ref().unwrap_or(&self.plan);
-        let wanted: VecDeque<Message> = match waypoint {
-            None => plan.messages().collect(),
-            Some(number) if plan.waypoint(number).is_some() => {
+        let wanted: VecDeque<Message> = match part {
+            Part::All => plan.messages().collect(),
+            Part::Route(id) => {
+                let route = plan.route_named(id).map(|route| plan.part(route));
+                route
+                    .iter()
+                    .flat_map(mapping::plan::Plan::messages)
+                    .collect()
+            }
+            Part::Waypoint(number) if plan.waypoint(number).is_some() => {
                 plan.messages_about(number).collect()
             }
             // Received, and no route leads to it yet.
-            Some(number) => self.plan.messages_about(number).collect(),
+            Part::Waypoint(number) => self.plan.messages_about(number).collect(),
         };
         if wanted.is_empty() {
-            let why = match waypoint {
-                Some(number) => format!("waypoint {number} has not been received"),
-                None => "there is no plan".to_owned(),
+            let why = match part {
+                Part::Waypoint(number) => format!("waypoint {number} has not been received"),
+                Part::Route(id) => not_received(id),
+                Part::All => "there is no plan".to_owned(),
             };
             return self.reject(desk, origin, name, mode, waypoint, why);
         }

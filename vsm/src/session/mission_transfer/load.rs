@@ -1,12 +1,14 @@
 //! Loading (13000 mode 2): which route, how it goes on, and what follows from its end.
 
 use mapping::altitude::Level;
+use mapping::mode::Px4Mode;
 use mapping::route::Flight;
+use mavlink_link::dialect::MissionState;
 use mavlink_link::service::command;
 use stanag_msgs::enums::{MissionPlanMode as Mode, MissionTransferStatus, RouteType};
-use stanag_msgs::messages::{MissionTransferCommand, UaRoute, VehicleOperatingModeCommand};
+use stanag_msgs::messages::{UaRoute, VehicleOperatingModeCommand};
 
-use super::{Load, Work};
+use super::{Load, Work, not_received};
 use crate::session::aircraft::Aircraft;
 use crate::session::desk::{Desk, Origin};
 use crate::session::plan_record::Aboard;
@@ -18,16 +20,11 @@ impl Aircraft {
         desk: &mut Desk<'_>,
         origin: Origin,
         name: String,
-        command: &MissionTransferCommand,
+        route_id: Option<&str>,
     ) {
         if let Err(why) = self.may_change_mission() {
             return self.reject(desk, origin, &name, Mode::Load, None, why);
         }
-        let route_id = command
-            .route_id
-            .as_ref()
-            .map(|id| id.as_str())
-            .filter(|id| !id.is_empty());
         let (route, route_type) = match self.route_to_load(route_id) {
             Ok(found) => found,
             Err(why) => return self.reject(desk, origin, &name, Mode::Load, None, why),
@@ -65,10 +62,7 @@ impl Aircraft {
     /// The route that a load means: the one named, else the latest flight route, else the latest of all.
     fn route_to_load(&self, route_id: Option<&str>) -> Result<(UaRoute, RouteType), String> {
         let route = match route_id {
-            Some(id) => self
-                .plan
-                .route_named(id)
-                .ok_or_else(|| format!("route {id:?} has not been received (13001)"))?,
+            Some(id) => self.plan.route_named(id).ok_or_else(|| not_received(id))?,
             None => self
                 .plan
                 .route_of_type(RouteType::Flight)
@@ -208,6 +202,8 @@ impl Aircraft {
             .is_some_and(|aboard| aboard.flight.items == flight.items);
         if !same {
             self.passage.begin(&self.mav.telemetry);
+        } else if load.origin.is_some() {
+            self.say_where_it_goes_on(desk, &flight);
         }
         self.aboard = Some(Aboard {
             flight,
@@ -230,6 +226,24 @@ impl Aircraft {
         }
     }
 
+    /// PX4 applies nothing of a plan that it holds already: what has been flown of it is not flown again.
+    fn say_where_it_goes_on(&mut self, desk: &mut Desk<'_>, flight: &Flight) {
+        let telemetry = &self.mav.telemetry;
+        let begun = |state| state != MissionState::MISSION_STATE_COMPLETE;
+        let mission = telemetry.mission.filter(|mission| {
+            telemetry.mode != Some(Px4Mode::MISSION)
+                && mission.seq > flight.place_from(0)
+                && begun(mission.state)
+        });
+        let Some(mission) = mission else { return };
+        if let Some(number) = flight.waypoint_of.get(usize::from(mission.seq)) {
+            let text = format!(
+                "the vehicle holds this plan already: mode 11 goes on to waypoint {number}, unless another is commanded"
+            );
+            self.advise(desk, text);
+        }
+    }
+
     /// Answers whoever asked, and flies it where that was meant.
     fn loaded(&mut self, desk: &mut Desk<'_>, load: Load) {
         if load.then.is_none() && load.held() {
@@ -243,7 +257,7 @@ impl Aircraft {
             self.complete(desk, &origin, &load.mission_name, Mode::Load);
         }
         if let Some((origin, command)) = load.then {
-            self.operate(desk, origin, &command);
+            self.operate_with(desk, origin, &command, true);
         }
     }
 }

@@ -18,6 +18,7 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::{Message, Text};
 
+use self::download::Part;
 use super::aircraft::Aircraft;
 use super::desk::{Desk, Origin};
 use super::plan_record::Aboard;
@@ -38,7 +39,8 @@ pub(crate) struct Load {
 #[derive(Debug)]
 enum Work {
     Transfer(Transfer),
-    Clear,
+    /// Of everything, or of the route of this name, which is what is aboard.
+    Clear(Option<String>),
 }
 
 impl Load {
@@ -80,7 +82,7 @@ impl Load {
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         match &self.work {
             Work::Transfer(transfer) => transfer.poll_timeout(),
-            Work::Clear => None,
+            Work::Clear(_) => None,
         }
     }
 }
@@ -98,13 +100,19 @@ impl Aircraft {
             .mission_id
             .as_ref()
             .map_or_else(String::new, |id| id.as_str().to_owned());
+        let route_id = command.route_id.as_ref().map(|id| id.as_str());
+        let route_id = route_id.filter(|id| !id.is_empty());
         match command.mission_plan_mode {
-            Some(Mode::Load) => self.load(desk, origin, name, command),
-            Some(Mode::Clear) => self.clear(desk, origin, name),
-            Some(Mode::Download) => self.download(desk, origin, &name, None),
-            Some(Mode::DownloadWaypoint) => {
-                self.download(desk, origin, &name, command.waypoint_number)
-            }
+            Some(Mode::Load) => self.load(desk, origin, name, route_id),
+            Some(Mode::Clear) => self.clear(desk, origin, name, route_id),
+            Some(Mode::Download) => self.download(desk, origin, &name, Part::of_route(route_id)),
+            Some(mode @ Mode::DownloadWaypoint) => match command.waypoint_number {
+                Some(number) => self.download(desk, origin, &name, Part::Waypoint(number)),
+                None => {
+                    let why = "Waypoint Number is missing".to_owned();
+                    self.reject(desk, origin, &name, mode, None, why);
+                }
+            },
             Some(Mode::Cancel) => self.cancel(desk, origin, &name),
             Some(Mode::Unknown(value)) => {
                 let why = format!("Mission Plan Mode {value}, expected 1 to 5");
@@ -136,7 +144,7 @@ impl Aircraft {
                         self.forget_aboard(desk);
                     }
                 }
-                Work::Clear => self.mav.missions.cancel(),
+                Work::Clear(_) => self.mav.missions.cancel(),
             }
             self.end_load(desk, load, None, "cancelled".to_owned());
         }
@@ -158,13 +166,15 @@ impl Aircraft {
             }
             (
                 Some(Load {
-                    work: Work::Clear, ..
+                    work: Work::Clear(_),
+                    ..
                 }),
                 mission::Event::Cleared { .. },
             ) => self.cleared(desk),
             (
                 Some(Load {
-                    work: Work::Clear, ..
+                    work: Work::Clear(_),
+                    ..
                 }),
                 mission::Event::Failed {
                     operation: Operation::Clear,
@@ -191,7 +201,7 @@ impl Aircraft {
         };
         let mode = match load.work {
             Work::Transfer(_) => Mode::Load,
-            Work::Clear => Mode::Clear,
+            Work::Clear(_) => Mode::Clear,
         };
         if load.is_unasked() {
             let text = format!("the loaded plan is not aboard any more: {why}");
@@ -259,4 +269,8 @@ impl Aircraft {
             &Message::MissionUploadDownloadStatus(message),
         );
     }
+}
+
+fn not_received(route_id: &str) -> String {
+    format!("route {route_id:?} has not been received (13001)")
 }

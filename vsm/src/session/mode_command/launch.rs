@@ -5,7 +5,7 @@ use mapping::report::Commanded;
 use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
-use super::route::holds;
+use super::route::{holds, is_current};
 use super::values::{altitude, checked_level};
 use super::{Situation, Task, has};
 use crate::session::maneuver::{self, Step};
@@ -16,6 +16,9 @@ pub(super) fn launch(
 ) -> Result<Task, String> {
     if at.telemetry.airborne() {
         return Err("mode 21: the vehicle is in the air already".to_owned());
+    }
+    if at.telemetry.landed.is_none() {
+        return Err("mode 21: the vehicle has not told yet whether it stands".to_owned());
     }
     let route = has(RouteType::Launch, at);
     if route && !at.telemetry.hovers() {
@@ -39,7 +42,9 @@ pub(super) fn launch(
     if route {
         match at.aboard {
             Some(aboard)
-                if aboard.route_type == RouteType::Launch && holds(at.telemetry, aboard) =>
+                if aboard.route_type == RouteType::Launch
+                    && holds(at.telemetry, aboard)
+                    && is_current(aboard, RouteType::Launch, at) =>
             {
                 steps.push(Step::SetCurrent(0..=aboard.flight.place_from(0)));
                 steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
@@ -52,3 +57,59 @@ pub(super) fn launch(
 
 /// PX4 does not leave the ground for less, m.
 const LOWEST_LAUNCH_M: f64 = 1.5;
+
+#[cfg(test)]
+mod tests {
+    use mapping::altitude::{Agl, Altimeter};
+    use mapping::plan::Plan;
+    use mapping::route::Limits;
+    use mapping::telemetry::{Place, Telemetry};
+    use mavlink_link::dialect::MavLandedState;
+    use stanag_msgs::Scaled;
+    use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
+    use stanag_msgs::messages::LoiterConfiguration;
+
+    use super::super::task;
+    use super::*;
+
+    #[test]
+    fn a_launch_waits_for_the_vehicles_word_that_it_stands() {
+        let home = Place {
+            latitude: 47.0,
+            longitude: 8.0,
+            amsl_m: 488.0,
+        };
+        let command = VehicleOperatingModeCommand {
+            select_flight_path_control_mode: Some(Mode::Launch),
+            commanded_altitude: Scaled::from_si(20.0).ok(),
+            altitude_type: Some(AltitudeType::Agl),
+            ..VehicleOperatingModeCommand::default()
+        };
+        let judged = |landed| {
+            let telemetry = Telemetry {
+                home: Some(home),
+                landed,
+                ..Telemetry::default()
+            };
+            let at = Situation {
+                telemetry: &telemetry,
+                aboard: None,
+                chosen: None,
+                plan: &Plan::default(),
+                just_loaded: false,
+                entering: false,
+                loiter: &LoiterConfiguration::default(),
+                commanded: Commanded::default(),
+                agl: Agl::AboveHome,
+                altimeter: Altimeter::STANDARD,
+                limits: Limits::default(),
+                speeds: 0.5..=12.0,
+            };
+            task(&command, &at).map(|task| matches!(task, Task::Launch(..)))
+        };
+        let stands = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
+        assert_eq!(judged(Some(stands)), Ok(true));
+        // A VSM that was started anew while the vehicle flies.
+        assert!(judged(None).is_err_and(|why| why.contains("not told yet")));
+    }
+}

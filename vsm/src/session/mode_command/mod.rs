@@ -15,6 +15,7 @@ use std::ops::RangeInclusive;
 
 use mapping::altitude::{Agl, Altimeter};
 use mapping::mode::Px4Mode;
+use mapping::plan::Plan;
 use mapping::report::Commanded;
 use mapping::route::Limits;
 use mapping::telemetry::Telemetry;
@@ -33,6 +34,8 @@ use super::steering;
 /// What is to be done.
 #[derive(Debug)]
 pub(crate) enum Task {
+    /// Nothing is asked of the vehicle, and what it is about goes on.
+    Nothing,
     /// These steps; then this is what 3002 reports as commanded.
     Steps(Vec<Step>, Commanded),
     /// A launch: its steps, undone by disarming when it fails on the ground.
@@ -55,7 +58,7 @@ impl Task {
             Task::Steps(steps, _) | Task::Launch(steps, _) => {
                 maneuver::enters(steps, Px4Mode::MISSION)
             }
-            Task::Manual | Task::Steer(..) => false,
+            Task::Nothing | Task::Manual | Task::Steer(..) => false,
         }
     }
 }
@@ -67,8 +70,12 @@ pub(crate) struct Situation<'a> {
     pub(crate) aboard: Option<&'a Aboard>,
     /// What 13000 has loaded last.
     pub(crate) chosen: Option<&'a Aboard>,
-    /// The types of the routes that the plan holds.
-    pub(crate) routes: &'a [RouteType],
+    /// What has been sent.
+    pub(crate) plan: &'a Plan,
+    /// The route aboard has just been loaded for this command.
+    pub(crate) just_loaded: bool,
+    /// A command that enters a mode is being carried out.
+    pub(crate) entering: bool,
     pub(crate) loiter: &'a LoiterConfiguration,
     pub(crate) commanded: Commanded,
     pub(crate) agl: Agl,
@@ -136,7 +143,13 @@ pub(crate) fn task(
     if !names_mode(command) {
         if names_nothing(command) {
             // A setting that is kept, such as the altimeter's.
-            return Ok(Task::Steps(Vec::new(), at.commanded));
+            return Ok(Task::Nothing);
+        }
+        if at.entering {
+            return Err(
+                "no mode is commanded, and another is being entered: name the mode that it is for"
+                    .to_owned(),
+            );
         }
         if !matches!(mode, Mode::Waypoint | Mode::Loiter | Mode::Autopilot) {
             return Err(format!(
@@ -202,5 +215,5 @@ fn contingency(
 
 /// Whether the plan holds a route of this type.
 fn has(route: RouteType, at: &Situation<'_>) -> bool {
-    at.routes.contains(&route)
+    at.plan.route_of_type(route).is_some()
 }

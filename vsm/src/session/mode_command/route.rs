@@ -34,11 +34,30 @@ pub(super) fn fly(
     route: RouteType,
     at: &Situation<'_>,
 ) -> Result<Task, String> {
+    // What makes it impossible is found out before another route goes aboard for it.
+    let speed = speed(command, at)?;
+    let number = command
+        .commanded_waypoint_number
+        .filter(|number| *number != 0);
+    let absent = |number: u16| format!("waypoint {number} is not in the route");
     let aboard = match at.aboard {
-        Some(aboard) if serves(aboard, route, at) && holds(at.telemetry, aboard) => aboard,
+        Some(aboard)
+            if serves(aboard, route, at)
+                && holds(at.telemetry, aboard)
+                && (route == RouteType::Flight || is_current(aboard, route, at)) =>
+        {
+            aboard
+        }
         // Another route went aboard for another mode: what 13000 has loaded comes back.
         _ if route == RouteType::Flight && at.chosen.is_some() && at.chosen != at.aboard => {
-            return Ok(Task::Reload);
+            let knows = |number| {
+                at.chosen
+                    .and_then(|chosen| chosen.flight.first_item_of(number))
+            };
+            return match number.filter(|number| knows(*number).is_none()) {
+                Some(number) => Err(absent(number)),
+                None => Ok(Task::Reload),
+            };
         }
         // Mode 11 flies what 13000 has loaded, never what has been stored since.
         _ if route == RouteType::Flight => {
@@ -47,24 +66,38 @@ pub(super) fn fly(
                     .to_owned(),
             );
         }
-        _ => return Ok(Task::Load(route)),
+        _ => {
+            let sent = at.plan.route_of_type(route).map(|sent| at.plan.part(sent));
+            let knows = |number| sent.as_ref().and_then(|sent| sent.waypoint(number));
+            return match number.filter(|number| knows(*number).is_none()) {
+                Some(number) => Err(absent(number)),
+                None => Ok(Task::Load(route)),
+            };
+        }
     };
-    let speed = speed(command, at)?;
     let mut steps = Vec::new();
-    let number = command
-        .commanded_waypoint_number
-        .filter(|number| *number != 0);
+    let enters = at.telemetry.mode != Some(Px4Mode::MISSION);
     let start = match number {
         Some(number) => Some(
             aboard
                 .flight
                 .first_item_of(number)
-                .ok_or_else(|| format!("waypoint {number} is not in the route aboard"))?,
+                .ok_or_else(|| format!("{} aboard", absent(number)))?,
         ),
         None => flies_anew(command, at.telemetry).then_some(0),
     };
+    if let Some(speed_m_s) = speed.filter(|_| at.telemetry.hovers()) {
+        let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
+        let seq = seq.unwrap_or(0);
+        let level = (start.is_some() || enters).then(|| comes_level(aboard, seq, enters, at));
+        if let Some(number) = aboard.flight.missed_at(seq, level, speed_m_s) {
+            return Err(format!(
+                "at {speed_m_s:.1} m/s the vehicle could miss waypoint {number}, to or from which it climbs or \
+                 descends, and fly on: give the route this speed (13002), so that it stops there"
+            ));
+        }
+    }
     steps.extend(start.map(|seq| Step::SetCurrent(seq..=aboard.flight.place_from(seq))));
-    let enters = at.telemetry.mode != Some(Px4Mode::MISSION);
     if enters || start.is_some() {
         steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
     }
@@ -80,6 +113,20 @@ pub(super) fn fly(
         commanded.speed_type = Some(flown_as(at.telemetry));
     }
     Ok(Task::Steps(steps, commanded))
+}
+
+/// Whether the vehicle comes to the place that a flight from this item leads to first without a climb or a descent on the
+/// way: on entering AUTO.MISSION PX4 climbs before, on the spot.
+fn comes_level(aboard: &Aboard, seq: u16, enters: bool, at: &Situation<'_>) -> bool {
+    let flight = &aboard.flight;
+    let leg = flight.leg_of_item(flight.place_from(seq));
+    let leg = leg.and_then(|index| flight.order.get(index));
+    let (Some(leg), Some(here), Some(home)) = (leg, at.telemetry.position, at.telemetry.home)
+    else {
+        return false;
+    };
+    let above_m = here.amsl_m - leg.level.amsl(home.amsl_m);
+    above_m.abs() < NEAR_M || (enters && above_m < 0.0)
 }
 
 /// Whether a route that has been flown to its end is flown again from its start: where the mode is commanded, and no
@@ -108,3 +155,17 @@ pub(super) fn holds(vehicle: &Telemetry, aboard: &Aboard) -> bool {
             .mission
             .is_some_and(|mission| mission.mission_id == aboard.mission_id)
 }
+
+/// Whether a route that a mode has put aboard is still what has been sent. What 13000 has loaded stays until the next
+/// 13000.
+pub(super) fn is_current(aboard: &Aboard, route: RouteType, at: &Situation<'_>) -> bool {
+    at.just_loaded
+        || at.chosen == Some(aboard)
+        || at
+            .plan
+            .route_of_type(route)
+            .is_none_or(|sent| at.plan.part(sent) == aboard.plan)
+}
+
+/// So near an altitude it is flown to without a swing, m.
+const NEAR_M: f64 = 1.0;

@@ -156,7 +156,7 @@ impl VehicleLink {
             .boot_ms
             .is_some_and(|before| boot_ms.saturating_add(BOOT_SLACK_MS) < before)
         {
-            self.telemetry.mission = None;
+            self.telemetry.start_anew();
             self.intervals.ask_again();
             self.events.push_back(VehicleEvent::Restarted);
         }
