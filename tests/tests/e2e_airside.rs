@@ -10,6 +10,7 @@ use std::process::Command;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use interop_support::line::Line;
 use interop_support::{Running, free_udp_port, program, write_key};
 use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode, encode_raw};
@@ -23,22 +24,60 @@ struct Field {
     dli: u16,
     radio: u16,
     px4: u16,
+    links: Links,
+    /// Where links are serial lines.
+    _lines: Vec<Line>,
+}
+
+/// What the configurations say of the links.
+struct Links {
+    /// `vehicle.link` of the ground.
+    ground: String,
+    /// `radio.link` of the agent.
+    radio: String,
+    /// `px4.link` of the agent.
+    px4: String,
 }
 
 impl Field {
     /// `signing` is what the ground's configuration says beside the key file.
     fn new(signing: &str) -> Field {
+        let (radio, px4) = (free_udp_port(), free_udp_port());
+        let links = Links {
+            ground: format!("udpout:127.0.0.1:{radio}"),
+            radio: format!("udpin:127.0.0.1:{radio}"),
+            px4: format!("udpin:127.0.0.1:{px4}"),
+        };
+        Field::linked(signing, radio, px4, links, Vec::new())
+    }
+
+    /// The same with a serial line between ground and agent, and one between agent and PX4.
+    fn on_serial_lines(signing: &str) -> Field {
+        let px4 = free_udp_port();
+        let (radio, [ground, air]) = Line::of_two_devices();
+        let (cable, device) = Line::to_udp(px4);
+        let links = Links {
+            ground: format!("serial:{ground}:57600"),
+            radio: format!("serial:{air}:57600"),
+            px4: format!("serial:{device}:921600"),
+        };
+        Field::linked(signing, 0, px4, links, vec![radio, cable])
+    }
+
+    fn linked(signing: &str, radio: u16, px4: u16, links: Links, lines: Vec<Line>) -> Field {
         let folder = tempfile::tempdir().expect("a folder");
         let field = Field {
             folder,
             dli: free_udp_port(),
-            radio: free_udp_port(),
-            px4: free_udp_port(),
+            radio,
+            px4,
+            links,
+            _lines: lines,
         };
         fs::create_dir(field.path("ground")).expect("a folder");
         fs::create_dir(field.path("air")).expect("a folder");
         field.write_ground(signing);
-        let Field { radio, px4, .. } = field;
+        let Links { radio, px4, .. } = &field.links;
         let air = format!(
             r#"
 [agent]
@@ -46,9 +85,9 @@ vehicle_id = "1b:00:01:01"
 vsm_id = "1b:00:00:01"
 key_file = "uav1.key"
 [radio]
-link = "udpin:127.0.0.1:{radio}"
+link = "{radio}"
 [px4]
-link = "udpin:127.0.0.1:{px4}"
+link = "{px4}"
 system_id = 1
 [store]
 dir = "state"
@@ -59,7 +98,8 @@ dir = "state"
     }
 
     fn write_ground(&self, signing: &str) {
-        let Field { dli, radio, .. } = self;
+        let Field { dli, links, .. } = self;
+        let link = &links.ground;
         let ground = format!(
             r#"
 [dli]
@@ -70,7 +110,7 @@ id = "1b:00:00:a0"
 loi = [2, 3, 4, 5]
 [[vehicle]]
 id = "1b:00:01:01"
-link = "udpout:127.0.0.1:{radio}"
+link = "{link}"
 system_id = 1
 signing = {{ key_file = "uav1.key"{signing} }}
 [store]
@@ -78,6 +118,39 @@ dir = "state"
 "#
         );
         fs::write(self.path("ground/vsm.toml"), ground).expect("the configuration");
+    }
+
+    /// A person on either side pairs them.
+    fn pair(&self) {
+        let mut window = self.vsm(&["airside", "pair"]);
+        window.wait_for("pairing code", START);
+        let said = window.output();
+        let code = said
+            .lines()
+            .find_map(|line| line.strip_prefix("pairing code"))
+            .expect("a code")
+            .trim()
+            .to_owned();
+        let mut pair = self.vsm(&["pair", "--code", &code]);
+        let status = pair.wait(Duration::from_secs(30));
+        assert!(status.is_some_and(|s| s.success()), "{}", pair.output());
+        let status = window.wait(Duration::from_secs(5));
+        assert!(status.is_some_and(|s| s.success()), "{}", window.output());
+        // Each side shows the other's fingerprint as its own side does.
+        let air = self.air();
+        let identity = air["identity"].as_str().expect("a fingerprint");
+        let ground = air["ground"].as_str().expect("a fingerprint");
+        assert!(pair.output().contains(identity) && pair.output().contains(ground));
+    }
+
+    /// Until PX4 signs with what was agreed, and the bridge flies by it.
+    fn wait_until_signed(&self) {
+        self.wait("PX4 signs", Duration::from_secs(30), |field| {
+            field.is_live() && field.air()["state"] == "relaying"
+        });
+        let vehicle = self.vehicle();
+        assert_eq!(vehicle["link"]["key_id"], self.air()["key_id"]);
+        assert_eq!(vehicle["link"]["signed"], true, "{vehicle:#}");
     }
 
     /// One key on both sides, copied by hand.
@@ -339,32 +412,11 @@ fn both_sides_pair_agree_fly_rotate_and_survive_each_restart() {
     let field = Field::new(r#", exchange = "on""#);
     let aircraft = field.aircraft("4");
     let agent = field.agent();
-    let mut window = field.vsm(&["airside", "pair"]);
-    window.wait_for("pairing code", START);
-    let said = window.output();
-    let code = said
-        .lines()
-        .find_map(|line| line.strip_prefix("pairing code"))
-        .expect("a code")
-        .trim()
-        .to_owned();
-    let mut pair = field.vsm(&["pair", "--code", &code]);
-    let status = pair.wait(Duration::from_secs(30));
-    assert!(status.is_some_and(|s| s.success()), "{}", pair.output());
-    let status = window.wait(Duration::from_secs(5));
-    assert!(status.is_some_and(|s| s.success()), "{}", window.output());
-    // Each side shows the other's fingerprint as its own side does.
-    let air = field.air();
-    let identity = air["identity"].as_str().expect("a fingerprint").to_owned();
-    let ground = air["ground"].as_str().expect("a fingerprint").to_owned();
-    assert!(pair.output().contains(&identity) && pair.output().contains(&ground));
+    field.pair();
 
     let bridge = field.bridge();
-    field.wait("PX4 signs", Duration::from_secs(30), |field| {
-        field.is_live() && field.air()["state"] == "relaying"
-    });
+    field.wait_until_signed();
     let first = field.air()["key_id"].clone();
-    assert_eq!(field.vehicle()["link"]["key_id"], first);
 
     field.launch();
     field.cucs(&["land"]);
@@ -397,6 +449,24 @@ fn both_sides_pair_agree_fly_rotate_and_survive_each_restart() {
     field.wait("live", Duration::from_secs(20), Field::is_live);
     let _parts = field.restart_each(parts);
     assert_ne!(field.air()["key_id"], first, "the second key is in force");
+    field.launch();
+}
+
+#[test]
+fn over_serial_lines_both_sides_pair_fly_signed_and_come_back() {
+    let field = Field::on_serial_lines(r#", exchange = "on""#);
+    let parts = Parts {
+        aircraft: Some(field.aircraft("1")),
+        agent: Some(field.agent()),
+        bridge: None,
+    };
+    field.pair();
+    let parts = Parts {
+        bridge: Some(field.bridge()),
+        ..parts
+    };
+    field.wait_until_signed();
+    let _parts = field.restart_each(parts);
     field.launch();
 }
 

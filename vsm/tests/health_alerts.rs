@@ -73,6 +73,37 @@ fn comes_and_goes(ailments: Ailments, subsystem: SubsystemId, priority: AlertPri
     assert_eq!(alert.alert_warning_id, Some(-id));
 }
 
+/// What the vehicle says in words has happened: nothing of it stands, and nothing is there to be cleared.
+#[test]
+fn a_text_of_the_vehicle_is_an_event_and_is_never_cleared() {
+    let mut rig = Rig::ready();
+    let mark = rig.station().heard.len();
+    rig.take_off(15.0);
+    rig.run(60.0);
+    let heard = alerts(&rig, mark);
+    let of_the_vehicle = |alert: &&SubsystemStatusAlert| {
+        alert.subsystem_id == Some(SubsystemId::from_raw(AUTOPILOT))
+    };
+    let texts: Vec<_> = heard.iter().filter(of_the_vehicle).collect();
+    let says = |text: &str| {
+        let mut told = texts.iter().filter_map(|alert| alert.text);
+        told.any(|told| told.as_str().contains(text))
+    };
+    assert!(says("Takeoff detected"), "{texts:#?}");
+    for text in &texts {
+        let id = text.alert_warning_id.expect("an id");
+        assert!(id < 0, "its first and only instance: {text:?}");
+        assert_eq!(text.alert_type, Some(AlertType::Clearable), "{text:?}");
+        let later = heard
+            .iter()
+            .filter(|alert| alert.alert_warning_id == Some(-id));
+        assert_eq!(later.count(), 0, "{text:?}");
+    }
+}
+
+/// Subsystem ID of the autopilot's own words.
+const AUTOPILOT: u8 = 20;
+
 fn unhealthy(bits: u32) -> Ailments {
     Ailments {
         unhealthy: bits,

@@ -1,8 +1,8 @@
 //! `vsm run` with its store on a real file system that is full, then read-only: what was accepted is kept, what cannot be
 //! kept is refused with the reason, the vehicle is flown all the same.
 //!
-//! The file system is a small one in memory in a mount namespace of the test's own; where the system gives none, that is
-//! said and nothing is tried.
+//! The file system is a small one in memory in a mount namespace of the test's own; where the system gives none, nothing
+//! is tried. That is said here, and by `cargo xtask test`, since nobody hears a test that passes.
 #![allow(clippy::print_stderr, reason = "what is left out is said aloud")]
 
 mod support;

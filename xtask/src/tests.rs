@@ -10,8 +10,8 @@ use crate::steps::{Steps, cargo, is_there};
 /// Installs the peers, builds the programs that tests start, and runs all tests.
 pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     peers::install(steps)?;
-    if !is_there(Command::new("tshark").arg("--version")) {
-        steps.leave_out("tshark is not installed: the Wireshark dissector is not tested");
+    for what in cannot_be_tried(is_there) {
+        steps.leave_out(what);
     }
     // The tests start the programs of the workspace as processes: cargo builds them for no test.
     steps.run(&mut cargo(["build", "--workspace", "--bins", "--locked"]))?;
@@ -29,4 +29,40 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         ]))?;
     }
     steps.run(&mut cargo(["test", "--workspace", "--locked", "--doc"]))
+}
+
+/// What tests pass over here for want of something. A test that passes is not heard, so it is said in its place.
+fn cannot_be_tried(there: impl Fn(&mut Command) -> bool) -> Vec<String> {
+    let programs = [
+        ("tshark", "the Wireshark dissector is not tested"),
+        ("dpkg-deb", "the package is not unpacked and run"),
+        ("systemd-analyze", "the units are not verified"),
+    ];
+    let missing = programs
+        .into_iter()
+        .filter(|(name, _)| !there(Command::new(name).arg("--version")))
+        .map(|(name, so)| format!("{name} is not installed: {so}"));
+    let disk = "mount -t tmpfs tmpfs /mnt && command -v nsenter";
+    let small = !there(Command::new("unshare").args(["-rm", "sh", "-c", disk]));
+    let no_disk = "no mount namespace is to be had (unshare -rm): `vsm run` is not tried on a full and on a read-only disk";
+    missing.chain(small.then(|| no_disk.to_owned())).collect()
+}
+
+#[cfg(test)]
+mod of_what_is_missing {
+    use super::*;
+
+    #[test]
+    fn whatever_is_missing_is_named_with_what_is_not_tested() {
+        assert!(cannot_be_tried(|_| true).is_empty());
+        let only = |name: &str| {
+            let all = cannot_be_tried(|command| command.get_program() != name);
+            let [what] = &all[..] else { panic!("{all:?}") };
+            what.clone()
+        };
+        assert!(only("tshark").contains("dissector"));
+        assert!(only("dpkg-deb").contains("package"));
+        assert!(only("systemd-analyze").contains("units"));
+        assert!(only("unshare").contains("read-only disk"));
+    }
 }

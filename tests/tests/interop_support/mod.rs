@@ -8,6 +8,7 @@
 )]
 
 pub(crate) mod bridge;
+pub(crate) mod line;
 pub(crate) mod relay;
 pub(crate) mod signing;
 
