@@ -48,6 +48,16 @@ fn the_package_unpacks_and_its_programs_run() {
             "{name}: {said}"
         );
     }
+    for place in [
+        "usr/share/man/man1/vsm-run.1",
+        "usr/share/man/man1/curve-plan-send.1",
+        "usr/share/bash-completion/completions/cucs",
+        "usr/share/zsh/vendor-completions/_px4-sim",
+        "usr/share/fish/vendor_completions.d/curve-plan.fish",
+    ] {
+        let text = fs::read_to_string(root.join(place)).expect(place);
+        assert!(text.len() > 200, "{place}: {text}");
+    }
     let mode = |path: &str| {
         fs::metadata(root.join(path))
             .expect(path)

@@ -2,6 +2,7 @@
 //!
 //! - [`airside`]: the agent beside PX4, sans-I/O too.
 //! - [`config`]: the configuration file.
+//! - [`program`]: the command line.
 //! - [`session`]: sans-I/O machines that know time.
 //! - [`shell`]: sockets, files, clocks, the log.
 
@@ -9,6 +10,7 @@
 
 pub mod airside;
 pub mod config;
+pub mod program;
 pub mod session;
 pub mod shell;
 

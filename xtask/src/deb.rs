@@ -7,7 +7,8 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
 
-use crate::steps::{Steps, cargo, is_there, root};
+use crate::man;
+use crate::steps::{Steps, cargo, is_there, option, root};
 
 /// Builds release programs and packs them into `target/deb`; `--bins DIR` packs those of a folder, uncompressed, and
 /// `--out DIR` puts the package elsewhere.
@@ -67,7 +68,8 @@ fn lay_out(tree: &Path, programs: &Path) -> Result<()> {
     for (from, to) in FILES {
         copy(&root().join(from), tree, to, PLAIN)?;
     }
-    Ok(())
+    man::write(tree)?;
+    open_to_all(&tree.join("usr/share"))
 }
 
 fn copy(from: &Path, tree: &Path, to: &str, mode: u32) -> Result<()> {
@@ -95,6 +97,20 @@ fn target(tree: &Path, to: &str) -> Result<PathBuf> {
     Ok(target)
 }
 
+/// What is below `folder` can be read by everyone, whatever the umask of who builds it.
+fn open_to_all(folder: &Path) -> Result<()> {
+    set_mode(folder, PROGRAM)?;
+    for entry in fs::read_dir(folder).with_context(|| folder.display().to_string())? {
+        let path = entry?.path();
+        if path.is_dir() {
+            open_to_all(&path)?;
+        } else {
+            set_mode(&path, PLAIN)?;
+        }
+    }
+    Ok(())
+}
+
 fn set_mode(path: &Path, mode: u32) -> Result<()> {
     fs::set_permissions(path, fs::Permissions::from_mode(mode))
         .with_context(|| path.display().to_string())
@@ -108,11 +124,6 @@ fn control(version: &str, architecture: &str) -> String {
          A Vehicle Specific Module: ground stations speak the Data Link Interface (Edition 4) to it, and it flies a\n \
          stock PX4. With a simulated PX4, a ground station and a planner of curved routes.\n"
     )
-}
-
-fn option(name: &str) -> Option<PathBuf> {
-    let mut arguments = std::env::args().skip_while(|argument| argument != name);
-    arguments.nth(1).map(PathBuf::from)
 }
 
 const PROGRAMS: [&str; 4] = ["vsm", "cucs", "px4-sim", "curve-plan"];

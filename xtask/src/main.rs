@@ -9,6 +9,7 @@ mod ci;
 mod deb;
 mod r#gen;
 mod licences;
+mod man;
 mod peers;
 mod steps;
 mod tests;
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
         "gen" => generate(&mut steps),
         "bench" => bench::run(&mut steps),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
+        "man" => man::run().map(|tree| eprintln!("{}", tree.display())),
         "peers" => peers::install(&mut steps).map(drop),
         _ => {
             eprintln!("{USAGE}");
@@ -56,4 +58,5 @@ usage: cargo xtask TASK
   gen     write the dissector, the support table and the reference; --check: only say what is stale
   bench   run every bench, the C library and pymavlink beside, and print the figures as Markdown
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: of programs that are built; --out DIR
+  man     write manual pages and completions of bash, zsh and fish to target/man; --out DIR: elsewhere
   peers   only install the Python peers into tests/interop/.venv";

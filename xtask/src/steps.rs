@@ -80,6 +80,12 @@ pub(crate) fn is_there(command: &mut Command) -> bool {
         .is_ok_and(|status| status.success())
 }
 
+/// What follows `name` on the command line.
+pub(crate) fn option(name: &str) -> Option<PathBuf> {
+    let mut arguments = std::env::args().skip_while(|argument| argument != name);
+    arguments.nth(1).map(PathBuf::from)
+}
+
 /// The root of the workspace.
 pub(crate) fn root() -> PathBuf {
     let own = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -13,6 +13,7 @@ mod download;
 pub mod fence;
 mod operator;
 mod outcome;
+pub mod program;
 mod report;
 mod route;
 mod script;

@@ -31,6 +31,7 @@ mod navigator;
 mod operator;
 mod params;
 mod plane;
+pub mod program;
 mod quad;
 mod reports;
 mod rng;

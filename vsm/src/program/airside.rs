@@ -3,13 +3,13 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use crate::config::airside::AirsideConfig;
+use crate::shell::airside::{AirsideError, AirsideServer};
+use crate::shell::{pairing_socket, status_socket};
 use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use serde_json::Value;
 use tokio::signal::unix::{SignalKind, signal};
-use vsm::config::airside::AirsideConfig;
-use vsm::shell::airside::{AirsideError, AirsideServer};
-use vsm::shell::{pairing_socket, status_socket};
 
 use super::{Failure, run, status};
 

@@ -3,13 +3,13 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use crate::config::airside::AirsideConfig;
+use crate::config::{Config, ExchangeMode, Signing};
+use crate::shell::key_file;
+use crate::shell::server::StartError;
 use anyhow::anyhow;
 use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
-use vsm::config::airside::AirsideConfig;
-use vsm::config::{Config, ExchangeMode, Signing};
-use vsm::shell::key_file;
-use vsm::shell::server::StartError;
 
 use super::Failure;
 

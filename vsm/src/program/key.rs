@@ -4,16 +4,16 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use crate::config::{Config, Exchange, Signing, Vehicle};
+use crate::shell::exchange_record::{ExchangeRecord, peek_identity};
+use crate::shell::file_store::FileStore;
+use crate::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust, What};
+use crate::shell::key_store::{KeyStore, real_path};
+use crate::shell::{key_clock, key_file, sitl_key_file};
 use anyhow::{Context as _, anyhow, bail};
 use clap::{Args, Subcommand};
 use mavlink_link::provisioning::{Event, Outcome, State};
 use mavlink_link::signing::{SigningKey, Stamp};
-use vsm::config::{Config, Exchange, Signing, Vehicle};
-use vsm::shell::exchange_record::{ExchangeRecord, peek_identity};
-use vsm::shell::file_store::FileStore;
-use vsm::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust, What};
-use vsm::shell::key_store::{KeyStore, real_path};
-use vsm::shell::{key_clock, key_file, sitl_key_file};
 
 use super::Failure;
 

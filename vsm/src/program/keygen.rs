@@ -3,8 +3,8 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use crate::shell::key_file;
 use anyhow::anyhow;
-use vsm::shell::key_file;
 
 use super::Failure;
 

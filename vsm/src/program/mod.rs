@@ -14,8 +14,8 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
-use vsm::shell::key_guard;
+use crate::shell::key_guard;
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 /// A bridge from STANAG 4586 (AEP-84) to PX4 over signed MAVLink 2.
 #[derive(Debug, Parser)]
@@ -108,7 +108,15 @@ pub(crate) enum Failure {
     Bad(anyhow::Error),
 }
 
-pub(crate) fn main() -> ExitCode {
+/// The command line, for completions and the manual page.
+#[must_use]
+pub fn command() -> clap::Command {
+    Arguments::command()
+}
+
+/// The program: reads the command line, does it, and says the exit status.
+#[must_use]
+pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     if arguments.command.reads_keys() {
         key_guard::no_core_files();

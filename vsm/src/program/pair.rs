@@ -3,12 +3,12 @@
 use std::io::Read as _;
 use std::time::Duration;
 
+use crate::shell::exchange_record::system_random;
+use crate::shell::key_store::KeyStore;
+use crate::shell::pairing::{Ending, Pairing};
 use anyhow::{Context as _, anyhow};
 use clap::Args;
 use mavlink_link::exchange::{InitiatorEvent, PairingCode};
-use vsm::shell::exchange_record::system_random;
-use vsm::shell::key_store::KeyStore;
-use vsm::shell::pairing::{Ending, Pairing};
 use zeroize::Zeroizing;
 
 use super::Failure;

@@ -3,12 +3,12 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use crate::config::{Config, Signing};
+use crate::shell::server::{Server, StartError};
+use crate::shell::service;
 use anyhow::{Context as _, anyhow};
 use tokio::signal::unix::{SignalKind, signal};
 use tracing_subscriber::EnvFilter;
-use vsm::config::{Config, Signing};
-use vsm::shell::server::{Server, StartError};
-use vsm::shell::service;
 
 use super::Failure;
 

@@ -4,10 +4,10 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use crate::config::Config;
+use crate::shell::status_socket;
 use anyhow::{Context as _, anyhow};
 use serde_json::Value;
-use vsm::config::Config;
-use vsm::shell::status_socket;
 
 use super::Failure;
 

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use crate::session::{CurvesStatus, Status};
 use anyhow::{Context as _, bail};
 use curve_paths::flight::{Flown, measure};
 use curve_paths::{BezierLeg, Control, Densified, Leg, Options, Position, densify};
@@ -10,7 +11,6 @@ use sim::cucs::{Route, Session, Station};
 use sim::px4::{Geodetic, LocalFrame, Truth};
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message};
-use vsm::session::{CurvesStatus, Status};
 
 use super::picture::Planned;
 use super::track::Point;

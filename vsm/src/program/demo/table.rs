@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use crate::session::Status;
 use sim::cucs::Traffic;
 use sim::px4::Counters;
 use stanag_msgs::table;
-use vsm::session::Status;
 
 /// What is told.
 pub(crate) struct Summary<'a> {
@@ -49,7 +49,7 @@ impl Summary<'_> {
                 types.entry(kind).or_default().1 = count;
             }
             for (kind, (up, down)) in &types {
-                let name = vsm::message_name(*kind);
+                let name = crate::message_name(*kind);
                 text += &format!(
                     "  {kind:5} {name:<42} {:>10} {:>14}\n",
                     blank(*up),

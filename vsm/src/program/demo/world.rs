@@ -6,15 +6,15 @@ use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use crate::config::Config;
+use crate::session::Status;
+use crate::shell::key_file;
+use crate::shell::server::Server;
 use anyhow::{Context as _, anyhow};
 use sim::px4::{Counters, Geodetic, LinkAddress, Simulator, SimulatorConfig, Truth};
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
-use vsm::config::Config;
-use vsm::session::Status;
-use vsm::shell::key_file;
-use vsm::shell::server::Server;
 
 /// What stands between an attacker and the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

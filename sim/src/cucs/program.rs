@@ -1,0 +1,188 @@
+//! The command line of `cucs`.
+//!
+//! Each subcommand may be a process of its own: rights belong to the CUCS ID, and a CUCS that comes back on another
+//! port keeps them. Exit status: 0 done, 1 refused or no answer, 2 a wrong question or file.
+
+use std::io::{BufRead as _, Stdout, Write as _};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::mpsc::{self, Receiver, TryRecvError};
+use std::time::Duration;
+
+use clap::{CommandFactory as _, Parser, Subcommand};
+use stanag_msgs::Id;
+
+use super::{Line, Operator, Station, Style, Verb, parse_line};
+
+/// A scriptable STANAG 4586 ground station (CUCS).
+#[derive(Debug, Parser)]
+#[command(name = "cucs", version)]
+struct Arguments {
+    /// Where the VSM listens.
+    #[arg(
+        long,
+        value_name = "HOST:PORT",
+        default_value = "127.0.0.1:4586",
+        global = true
+    )]
+    vsm: String,
+    /// The id of this CUCS, which the VSM's configuration must list.
+    #[arg(long, default_value = "1b:00:00:a0", global = true)]
+    id: Id,
+    /// Own address; without it any port, on the loopback where the VSM is there.
+    #[arg(long, value_name = "HOST:PORT", global = true)]
+    listen: Option<SocketAddr>,
+    /// The vehicle; without it the only one that is there.
+    #[arg(long, value_name = "ID", global = true)]
+    vehicle: Option<Id>,
+    /// A JSON object a line, for programs.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    #[command(flatten)]
+    Verb(Verb),
+    /// Do the lines of a file, each a subcommand; stop at the first that is not done.
+    Script {
+        /// The file; routes that it names are relative to it.
+        file: PathBuf,
+    },
+    /// Do lines as they are typed, and tell alerts as they come.
+    Shell,
+}
+
+/// What is told on standard error, and the exit status.
+struct Failure {
+    text: String,
+    status: u8,
+}
+
+/// The command line, for completions and the manual page.
+#[must_use]
+pub fn command() -> clap::Command {
+    Arguments::command()
+}
+
+/// The program: reads the command line, does it, and says the exit status.
+#[must_use]
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
+    let outcome = match runtime {
+        Ok(runtime) => runtime.block_on(run(arguments)),
+        Err(error) => Err(failure(1, error)),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure { text, status }) => {
+            say(&format!("cucs: {text}"));
+            ExitCode::from(status)
+        }
+    }
+}
+
+async fn run(arguments: Arguments) -> Result<(), Failure> {
+    // What is wrong with a script is told before anything is sent.
+    let script = match &arguments.command {
+        Command::Script { file } => {
+            Some((file, Line::load(file).map_err(|fault| failure(2, fault))?))
+        }
+        _ => None,
+    };
+    let station = Station::reach(arguments.id, arguments.listen, &arguments.vsm)
+        .await
+        .map_err(|fault| failure(fault.exit_status(), fault))?;
+    let style = if arguments.json {
+        Style::Json
+    } else {
+        Style::People
+    };
+    let mut operator = Operator::new(station, arguments.vehicle, style, std::io::stdout());
+    match (&arguments.command, script) {
+        (Command::Verb(verb), _) => operator
+            .run(verb, Path::new(""))
+            .await
+            .map_err(|fault| failure(fault.exit_status(), fault)),
+        (Command::Shell, _) => shell(&mut operator).await,
+        (Command::Script { .. }, None) => Ok(()),
+        (Command::Script { .. }, Some((file, lines))) => {
+            let folder = file.parent().unwrap_or(Path::new(""));
+            for line in lines {
+                if let Err(fault) = operator.run(&line.verb, folder).await {
+                    let at = format!("{}:{}: {}", file.display(), line.number, line.text);
+                    return Err(failure(fault.exit_status(), format!("{at}: {fault}")));
+                }
+            }
+            Ok(())
+        }
+    }
+}
+
+/// Lines from standard input; the station is served between them.
+async fn shell(operator: &mut Operator<Stdout>) -> Result<(), Failure> {
+    let lines = typed_lines();
+    prompt();
+    loop {
+        match lines.try_recv() {
+            Err(TryRecvError::Disconnected) => return Ok(()),
+            Err(TryRecvError::Empty) => operator
+                .idle(LOOK)
+                .await
+                .map_err(|fault| failure(1, fault))?,
+            Ok(line) if matches!(line.trim(), "exit" | "quit") => return Ok(()),
+            Ok(line) => {
+                match parse_line(&line) {
+                    Err(message) => say(&message),
+                    Ok(None) => {}
+                    Ok(Some(verb)) => {
+                        if let Err(fault) = operator.run(&verb, Path::new("")).await {
+                            say(&fault.to_string());
+                        }
+                    }
+                }
+                prompt();
+            }
+        }
+    }
+}
+
+/// Standard input can only be waited for by a thread of its own.
+fn typed_lines() -> Receiver<String> {
+    let (sender, receiver) = mpsc::channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines() {
+            let Ok(line) = line else { return };
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+fn prompt() {
+    let mut error = std::io::stderr();
+    // A closed standard error is no reason to end.
+    let _ = write!(error, "cucs> ").and_then(|()| error.flush());
+}
+
+fn failure(status: u8, text: impl std::fmt::Display) -> Failure {
+    Failure {
+        text: text.to_string(),
+        status,
+    }
+}
+
+fn say(line: &str) {
+    // A closed standard error is no reason to end otherwise.
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+const LOOK: Duration = Duration::from_millis(50);
