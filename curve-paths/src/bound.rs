@@ -35,19 +35,19 @@ impl ChordBound {
                 lag_m: 0.0,
             };
         }
+        // |w1 + w2| and |w2 - w1| by cross products with the chord: no cancellation, and nothing waits for the division.
         let inverse = 1.0 / l2;
-        let (s1, s2) = (v1.dot(v3) * inverse, v2.dot(v3) * inverse);
-        let (w1, w2) = (v1 - v3 * s1, v2 - v3 * s2);
-        let w = 0.5 * (w1 + w2).norm();
-        let m2 = 0.25 * (w2 - w1).norm2();
-        let m = m2.sqrt();
-        let below = w + (w * w + 3.0 * m2).sqrt();
+        let w_squared = 0.25 * (v1 + v2).cross(v3).norm2() * inverse;
+        let m_squared = 0.25 * (v2 - v1).cross(v3).norm2() * inverse;
+        let (w, m) = (w_squared.sqrt(), m_squared.sqrt());
+        let below = w + (w_squared + 3.0 * m_squared).sqrt();
         let u = if below > 0.0 { m / below } else { 0.0 };
         let offset_m = 0.75 * (1.0 - u * u) * (w + u * m);
-        let lag_m = if 0.0 <= s1 && s1 <= s2 && s2 <= 1.0 {
+        let (along1, along2) = (v1.dot(v3), v2.dot(v3));
+        let lag_m = if 0.0 <= along1 && along1 <= along2 && along2 <= l2 {
             0.0
         } else {
-            lag(s1, s2) * l2.sqrt()
+            lag(along1 * inverse, along2 * inverse) * l2.sqrt()
         };
         Self { offset_m, lag_m }
     }

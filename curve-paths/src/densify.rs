@@ -12,7 +12,7 @@ use crate::leg::{BezierLeg, LegError, Reach, check_altitude, check_ground, check
 use crate::local::Charges;
 use crate::vector::Vec3;
 use crate::walk::{Rules, count, walk};
-use crate::wgs84::{Ground, Position};
+use crate::wgs84::{Near, Position};
 
 /// One leg of a route.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -196,14 +196,15 @@ pub fn densify(legs: &[Leg], options: &Options) -> Result<Densified, DensifyErro
         charges: options.charges,
     };
     let mut out = Densified {
-        vertices: vec![Vertex {
-            position: first,
-            leg: 0,
-            t: 0.0,
-        }],
+        vertices: Vec::with_capacity(1 + legs.len() * VERTICES_A_LEG),
         bound_m: fixed_m,
         shortest_chord_m: f64::INFINITY,
     };
+    out.vertices.push(Vertex {
+        position: first,
+        leg: 0,
+        t: 0.0,
+    });
     for (index, leg) in legs.iter().enumerate() {
         match leg {
             Leg::Straight { from, to } => {
@@ -283,13 +284,14 @@ fn densify_leg(
     out: &mut Densified,
 ) -> Result<(), f64> {
     let mut altitude = AltitudeAlong::new(leg);
+    let near = Near::new(leg.origin());
     walk(leg, rules, |chord| {
         out.bound_m = out.bound_m.max(fixed_m + chord.bound_m);
         out.shortest_chord_m = out.shortest_chord_m.min(chord.ground_m);
         let position = if chord.b >= 1.0 {
             leg.p4()
         } else {
-            let ground = Ground::from_ecef(leg.origin() + leg.offsets().at(chord.b));
+            let ground = near.ground(leg.origin() + leg.offsets().at(chord.b));
             Position::new(
                 ground.lat_deg,
                 ground.lon_deg,
@@ -372,6 +374,8 @@ fn apart_m(a: Position, b: Position) -> f64 {
 
 /// Two positions no further apart than this are one: far under what any message can carry, m.
 const SAME_M: f64 = 1e-6;
+/// Room for these is made at once; a route that needs more makes more.
+const VERTICES_A_LEG: usize = 16;
 /// What the charges must leave for the geometry, m.
 const LEAST_GEOMETRY_M: f64 = 1e-3;
 /// A tolerance over this is a mistake, m.

@@ -97,6 +97,8 @@ pub(crate) struct Local<'a> {
     depth: f64,
     t: f64,
     here: Sample,
+    /// How much of the parameter the chord before took; 0 where there is none.
+    last: f64,
 }
 
 impl<'a> Local<'a> {
@@ -136,13 +138,19 @@ impl<'a> Local<'a> {
             depth,
             t: 0.0,
             here: still,
+            last: 0.0,
         };
         local.reframe(0.0);
         local
     }
 
-    /// Stands at the parameter `t`, in a frame of its own there.
+    /// Stands at the parameter `t`, in a frame of its own there; no chord is before it.
     pub(crate) fn reframe(&mut self, t: f64) {
+        self.last = 0.0;
+        self.move_frame(t);
+    }
+
+    fn move_frame(&mut self, t: f64) {
         let offsets = self.leg.offsets();
         let origin = offsets.at(t);
         let u = up(self.leg.origin() + origin);
@@ -168,8 +176,9 @@ impl<'a> Local<'a> {
 
     /// Moves to the end of a chord; the frame follows once its origin is a kilometre behind.
     pub(crate) fn advance(&mut self, chord: &Chord) {
+        self.last = chord.b - chord.a;
         if flat_norm2(chord.end.at) > FRAME_REACH_M * FRAME_REACH_M {
-            self.reframe(chord.b);
+            self.move_frame(chord.b);
         } else {
             self.t = chord.b;
             self.here = chord.end;
@@ -179,6 +188,11 @@ impl<'a> Local<'a> {
     /// The parameter of the vertex that it stands at.
     pub(crate) const fn t(&self) -> f64 {
         self.t
+    }
+
+    /// How much of the parameter the chord before took; 0 where there is none.
+    pub(crate) const fn last(&self) -> f64 {
+        self.last
     }
 
     /// The chord from here to parameter `b`.
@@ -270,18 +284,20 @@ impl<'a> Local<'a> {
     }
 
     /// The length of parameter over which the offset from a chord should reach `tolerance_m`, judged from the
-    /// curvature half a chord ahead.
+    /// curvature half of `chord` ahead.
     #[inline]
-    pub(crate) fn guess(&self, tolerance_m: f64, last: f64) -> f64 {
-        let m = self.t + 0.5 * last;
+    pub(crate) fn guess(&self, tolerance_m: f64, chord: f64) -> f64 {
+        let m = self.t + 0.5 * chord;
         let [_, k1, k2, k3] = self.k;
         let bend = k2 * 2.0 + k3 * (6.0 * m);
         let speed = k1 + (k2 * 2.0 + k3 * (3.0 * m)) * m;
-        let along = bend.dot(speed);
-        let across2 = bend.norm2() - along * along / speed.norm2().max(1e-12);
-        // across^2 under the rounding of the difference is a straight line.
-        if across2 > 1e-12 * bend.norm2() {
-            (64.0 * tolerance_m * tolerance_m / across2).sqrt().sqrt()
+        // What the curve bends across its course, times its speed, squared; under the rounding of the product it is straight.
+        let across = bend.cross(speed).norm2();
+        let speed2 = speed.norm2();
+        if across > 1e-12 * bend.norm2() * speed2 {
+            (64.0 * tolerance_m * tolerance_m * speed2 / across)
+                .sqrt()
+                .sqrt()
         } else {
             1.0
         }

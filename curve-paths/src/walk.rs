@@ -40,23 +40,22 @@ pub(crate) fn walk(
         visit(&whole);
         return Ok(());
     }
-    let mut last = 0.0;
     while local.t() < 1.0 {
-        let chord = longest(&local, rules.tolerance_m, last);
+        let chord = longest(&local, rules.tolerance_m);
         debug_assert!(chord.bound_m <= rules.tolerance_m, "{chord:?} {rules:?}");
         visit(&chord);
-        last = chord.b - chord.a;
         local.advance(&chord);
     }
     Ok(())
 }
 
-/// The longest chord from here whose bound is within the tolerance, to half a percent of its length.
+/// The longest chord from here whose bound is within the tolerance, to a percent of its length.
 #[inline]
-pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64, last: f64) -> Chord {
+pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64) -> Chord {
     let rest = 1.0 - local.t();
     let to = |h: f64| local.chord(if h >= rest { 1.0 } else { local.t() + h });
-    let mut h = local.guess(tolerance_m, last);
+    let per_tolerance = 1.0 / tolerance_m;
+    let mut h = local.guess(tolerance_m, local.last());
     // Near the end, the end itself is worth the first try.
     if h > 0.8 * rest {
         h = rest;
@@ -68,8 +67,8 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64, last: f64) -> Chord {
     let mut step = 0;
     loop {
         let chord = to(h);
-        let f = chord.bound_m / tolerance_m;
-        if f <= 1.0 {
+        let f = chord.bound_m * per_tolerance;
+        if chord.bound_m <= tolerance_m {
             low = h;
             if f >= CLOSE_ENOUGH || h >= rest {
                 return chord;
@@ -113,14 +112,12 @@ pub(crate) fn length(leg: &BezierLeg, rules: &Rules, enough: usize) -> f64 {
         return used(&whole);
     }
     let mut chords = 0;
-    let mut last = 0.0;
     loop {
-        let chord = longest(&local, rules.tolerance_m, last);
+        let chord = longest(&local, rules.tolerance_m);
         if chord.b >= 1.0 || chords >= enough {
             return chords as f64 + used(&chord);
         }
         chords += 1;
-        last = chord.b - chord.a;
         local.advance(&chord);
     }
 }
@@ -148,11 +145,10 @@ fn walk_with_least(
         return Ok(());
     }
     // First without telling anyone: whether the greedy walk gets through, and whether its end needs balance.
-    let mut last = 0.0;
     let mut balance = None;
     let mut before: Option<Chord> = None;
     while local.t() < 1.0 {
-        let chord = longest(local, rules.tolerance_m, last);
+        let chord = longest(local, rules.tolerance_m);
         if chord.ground_m < rules.min_chord_m {
             balance = match before {
                 Some(before) if chord.b >= 1.0 => rebalanced(leg, &before, rules),
@@ -163,12 +159,10 @@ fn walk_with_least(
             }
             break;
         }
-        last = chord.b - chord.a;
         before = Some(chord);
         local.advance(&chord);
     }
     local.reframe(0.0);
-    last = 0.0;
     while local.t() < 1.0 {
         if let Some((first, second)) = &balance
             && first.a == local.t()
@@ -177,9 +171,8 @@ fn walk_with_least(
             visit(second);
             return Ok(());
         }
-        let chord = longest(local, rules.tolerance_m, last);
+        let chord = longest(local, rules.tolerance_m);
         visit(&chord);
-        last = chord.b - chord.a;
         local.advance(&chord);
     }
     Ok(())
@@ -247,10 +240,10 @@ const PLACES: u32 = 8;
 const BALANCE_STEPS: u32 = 31;
 /// Grid of the dynamic program.
 const GRID: usize = 384;
-/// Fraction of the tolerance that ends a search: the chord is within half a percent of the longest.
-const CLOSE_ENOUGH: f64 = 0.99;
+/// Fraction of the tolerance that ends a search: the chord is within a percent of the longest.
+const CLOSE_ENOUGH: f64 = 0.98;
 /// What the secant aims at: a root between that of the above and 1.
-const AIM: f64 = 0.9975;
+const AIM: f64 = 0.995;
 /// Relative width of the interval that ends a search.
 const NARROW: f64 = 1e-3;
 /// Steps by secant; then bisection.

@@ -56,15 +56,8 @@ impl Ground {
     #[inline]
     #[must_use]
     pub fn from_ecef(q: Vec3) -> Self {
-        let p = (q.x * q.x + q.y * q.y).sqrt();
-        // Bowring's formula once, the parametric latitude taken without trigonometry.
-        let (u, v) = (q.z * SEMI_MINOR_M, p * SEMI_MAJOR_M);
-        let r = (p * p + q.z * q.z).sqrt();
-        let u = u * (1.0 + EP2 * SEMI_MINOR_M / r);
-        let k = 1.0 / (u * u + v * v).sqrt();
-        let (s, c) = (u * k, v * k);
-        let lat = (q.z + EP2 * SEMI_MINOR_M * s * s * s).atan2(p - E2 * SEMI_MAJOR_M * c * c * c);
-        Self::new(lat.to_degrees(), q.y.atan2(q.x).to_degrees())
+        let (up, out) = meridian(q);
+        Self::new(up.atan2(out).to_degrees(), q.y.atan2(q.x).to_degrees())
     }
 
     /// The straight distance to another place, m (8 cm short of the geodesic at 50 km).
@@ -111,6 +104,73 @@ impl Position {
     pub const fn ground(self) -> Ground {
         Ground::new(self.lat_deg, self.lon_deg)
     }
+}
+
+/// The direction of the latitude of an earth-centred point: towards the pole, and away from the axis.
+#[inline]
+fn meridian(q: Vec3) -> (f64, f64) {
+    let p = (q.x * q.x + q.y * q.y).sqrt();
+    // Bowring's formula once, the parametric latitude taken without trigonometry.
+    let (u, v) = (q.z * SEMI_MINOR_M, p * SEMI_MAJOR_M);
+    let r = (p * p + q.z * q.z).sqrt();
+    let u = u * (1.0 + EP2 * SEMI_MINOR_M / r);
+    let k = 1.0 / (u * u + v * v).sqrt();
+    let (s, c) = (u * k, v * k);
+    (
+        q.z + EP2 * SEMI_MINOR_M * s * s * s,
+        p - E2 * SEMI_MAJOR_M * c * c * c,
+    )
+}
+
+/// Latitudes and longitudes of many earth-centred points near one: the small angles from it cost no arc tangent.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Near {
+    ground: Ground,
+    lat: (f64, f64),
+    lon: (f64, f64),
+}
+
+impl Near {
+    pub(crate) fn new(q: Vec3) -> Self {
+        let ground = Ground::from_ecef(q);
+        Self {
+            ground,
+            lat: ground.lat_deg.to_radians().sin_cos(),
+            lon: ground.lon_deg.to_radians().sin_cos(),
+        }
+    }
+
+    /// As [`Ground::from_ecef`], to the rounding.
+    #[inline]
+    pub(crate) fn ground(&self, q: Vec3) -> Ground {
+        let (up, out) = meridian(q);
+        let north = small_angle(up, out, self.lat);
+        let east = small_angle(q.y, q.x, self.lon);
+        let (Some(north), Some(east)) = (north, east) else {
+            return Ground::from_ecef(q);
+        };
+        let lon_deg = self.ground.lon_deg + east.to_degrees();
+        let lon_deg = if lon_deg > 180.0 {
+            lon_deg - 360.0
+        } else if lon_deg < -180.0 {
+            lon_deg + 360.0
+        } else {
+            lon_deg
+        };
+        Ground::new(self.ground.lat_deg + north.to_degrees(), lon_deg)
+    }
+}
+
+/// The angle, radians, from a direction of known sine and cosine to that of (`y`, `x`), where its tangent is under 0.02:
+/// the terms left out are under the rounding.
+#[inline]
+fn small_angle(y: f64, x: f64, (sin, cos): (f64, f64)) -> Option<f64> {
+    let across = y * cos - x * sin;
+    let along = x * cos + y * sin;
+    let tan = across / along;
+    let t2 = tan * tan;
+    let series = 1.0 - t2 * (1.0 / 3.0 - t2 * (1.0 / 5.0 - t2 * (1.0 / 7.0 - t2 * (1.0 / 9.0))));
+    (along > 0.0 && t2 < 4e-4).then_some(tan * series)
 }
 
 /// The outward normal of the ellipsoid under or over a point, length 1.
@@ -175,6 +235,30 @@ mod tests {
                         back.distance_m(ground) < 2e-6,
                         "{ground:?} {height} {back:?}"
                     );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn near_a_point_it_is_the_same_also_at_the_pole_and_across_the_date_line() {
+        for lat in [-89.99, -45.3, 0.0, 37.29, 89.5, 89.999_999, 90.0] {
+            for lon in [-180.0, -127.2, 0.0, 8.5, 179.999_9] {
+                let centre = Ground::new(lat, lon).to_ecef();
+                let near = Near::new(centre);
+                let (east, north) = east_north(up(centre));
+                for (e, n) in [
+                    (0.0, 0.0),
+                    (3.0, -4.0),
+                    (-900.0, 20.0),
+                    (30_000.0, 40_000.0),
+                    (-9e4, 2e5),
+                ] {
+                    let q = centre + east * e + north * n;
+                    let (exact, found) = (Ground::from_ecef(q), near.ground(q));
+                    assert!(found.distance_m(exact) < 1e-8, "{exact:?} {found:?}");
+                    assert!((-180.0..=180.0).contains(&found.lon_deg), "{found:?}");
+                    assert!((-90.0..=90.0).contains(&found.lat_deg), "{found:?}");
                 }
             }
         }

@@ -85,6 +85,51 @@ async fn a_waiting_link_keeps_silent_until_it_is_spoken_to() {
 }
 
 #[tokio::test]
+async fn at_every_speed_time_passes_so_fast_and_only_the_first_sender_is_answered() {
+    let mut before = 0.0;
+    for speed in [1.0, 10.0, 50.0] {
+        let link: LinkAddress = "udpin:127.0.0.1:0".parse().unwrap();
+        let simulator = Simulator::spawn(SimulatorConfig {
+            speed,
+            ..SimulatorConfig::on(link)
+        })
+        .await
+        .unwrap();
+        let address = simulator.address(0).unwrap();
+        let (begun, at) = (Instant::now(), simulator.truth().time);
+        let heard = tokio::task::spawn_blocking(move || {
+            let (first, second) = (socket(), socket());
+            first.send_to(&ours(), address).unwrap();
+            std::thread::sleep(Duration::from_millis(50));
+            let mut heard = (0, 0);
+            for _ in 0..20 {
+                second.send_to(&ours(), address).unwrap();
+                std::thread::sleep(Duration::from_millis(100));
+                for (socket, heard) in [(&first, &mut heard.0), (&second, &mut heard.1)] {
+                    socket.set_nonblocking(true).unwrap();
+                    while socket.recv(&mut [0; 512]).is_ok() {
+                        *heard += 1;
+                    }
+                }
+            }
+            heard
+        });
+        let heard = heard.await.unwrap();
+        let passed = (simulator.truth().time - at).as_secs_f64();
+        let ratio = passed / begun.elapsed().as_secs_f64();
+        // A busy machine loses time; it never gains any, and more is asked for is more.
+        assert!(ratio < speed * 1.1, "{ratio} times, at {speed}");
+        assert!(
+            ratio > before * 1.5 && ratio > 0.5,
+            "{ratio} times, at {speed}"
+        );
+        before = ratio;
+        assert!(heard.0 > 0 && heard.1 == 0, "{heard:?} at {speed}");
+        simulator.stop().await;
+    }
+}
+
+#[tokio::test]
 async fn a_taken_port_is_named() {
     let taken = socket();
     let link: LinkAddress = format!("udpin:{}", taken.local_addr().unwrap())

@@ -2,14 +2,17 @@
 //! takes before one is lost. Prints a Markdown table; `cargo bench -p vsm --bench sockets`.
 //!
 //! Vehicle to CUCS: a signed HEARTBEAT that changes the mode, until the 3001 that tells it. CUCS to vehicle nothing
-//! passes by itself: an order waits for what the vehicle shows. Measured is a 17002 until its answer. Then the whole
-//! program under telemetry at PX4's rate and far above it, with signing on and off: its share of a core and its memory.
+//! passes by itself: an order waits for what the vehicle shows. Measured is a 17002 until its answer. By turns with each
+//! message one goes to a process that does nothing but send it back: what the bridge adds is the difference, the rest is
+//! the system's. Then the whole program under telemetry at PX4's rate and far above it, with signing on and off: its
+//! share of a core and its memory.
 
 #![allow(missing_docs)]
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
 use std::cell::Cell;
 use std::fs;
+use std::io::{BufRead as _, BufReader};
 use std::net::{SocketAddr, UdpSocket};
 use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Child, Command, Stdio};
@@ -27,11 +30,16 @@ use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 fn main() {
     // `cargo test --benches` asks for nothing to be measured.
     if !std::env::args().any(|argument| argument == "--bench") {
+        if std::env::args().any(|argument| argument == ECHO) {
+            echo();
+        }
         return;
     }
     let world = World::start(true);
-    println!("| through `vsm run` on loopback | p50 | p99 | CPU a message | lost |");
-    println!("|---|---|---|---|---|");
+    println!(
+        "| through `vsm run` on loopback | p50 | p99 | bare echo p50 | p99 | added p50 | p99 | CPU a message | lost |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
     world.measure("mode change to 3001, 100/s", 100, World::mode_change);
     world.measure("mode change to 3001, 1000/s", 1_000, World::mode_change);
     world.measure("17002 to its answer, 1000/s", 1_000, World::question);
@@ -55,7 +63,57 @@ struct World {
     dli: SocketAddr,
     sent: Cell<u64>,
     stamped: Cell<u64>,
+    asked: Cell<u64>,
+    echo: Echo,
     folder: tempfile::TempDir,
+}
+
+/// A process that sends back what it gets.
+struct Echo {
+    process: Child,
+    socket: UdpSocket,
+}
+
+impl Echo {
+    fn start() -> Echo {
+        let own = std::env::current_exe().expect("this program");
+        let mut process = Command::new(own)
+            .arg(ECHO)
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the echo");
+        let mut line = String::new();
+        let said = process.stdout.take().expect("a pipe");
+        BufReader::new(said).read_line(&mut line).expect("its port");
+        let socket = socket();
+        socket.connect(line.trim()).expect("its address");
+        Echo { process, socket }
+    }
+
+    /// How long a datagram of the size of a signed HEARTBEAT is under way there and back.
+    fn measure(&self) -> Duration {
+        let begun = Instant::now();
+        self.socket.send(&[0; 34]).expect("it is sent");
+        self.socket.recv(&mut [0; 64]).expect("it comes back");
+        begun.elapsed()
+    }
+}
+
+impl Drop for Echo {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// Tells its address, then sends back what comes until it is killed.
+fn echo() {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    println!("{}", socket.local_addr().expect("its address"));
+    let mut octets = [0; 2_048];
+    while let Ok((length, from)) = socket.recv_from(&mut octets) {
+        let _ = socket.send_to(&octets[..length], from);
+    }
 }
 
 impl World {
@@ -92,6 +150,8 @@ impl World {
             dli,
             sent: Cell::new(0),
             stamped: Cell::new(0),
+            asked: Cell::new(0),
+            echo: Echo::start(),
             folder,
         };
         std::thread::sleep(Duration::from_millis(500));
@@ -162,8 +222,11 @@ impl World {
 
     /// A 17002 for 3001; a 3001 answers it.
     fn question(&self) {
+        // A second one of the same stamp would be the first one come again.
+        let unix_ms = stamp().unix_ms().max(self.asked.get() + 1);
+        self.asked.set(unix_ms);
         self.say(&Message::from(GenericInformationRequestMessage {
-            time_stamp: Some(stamp()),
+            time_stamp: Some(TimeStamp::from_unix_ms(unix_ms)),
             message_type: Some(3001),
             ..GenericInformationRequestMessage::default()
         }));
@@ -180,7 +243,7 @@ impl World {
     /// Sends at this rate for three seconds, one at a time, and awaits each.
     fn measure(&self, what: &str, rate: u32, send: impl Fn(&World)) {
         let count = rate * 3;
-        let (mut times, mut lost) = (Vec::new(), 0);
+        let (mut times, mut bare, mut lost) = (Vec::new(), Vec::new(), 0);
         let cpu = cpu_time(self.vsm.id());
         let mut due = Instant::now();
         for _ in 0..count {
@@ -195,19 +258,18 @@ impl World {
                 Some(took) => times.push(took),
                 None => lost += 1,
             }
+            bare.push(self.echo.measure());
         }
         let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu);
-        times.sort();
-        let micros = |part: f64| {
-            let at = (times.len() as f64 * part) as usize;
-            times
-                .get(at)
-                .map_or(f64::NAN, |took| took.as_secs_f64() * 1e6)
-        };
+        let [whole, bare] = [times, bare].map(Percentiles::of);
         println!(
-            "| {what} | {:.0} us | {:.0} us | {:.0} us | {lost} of {count} |",
-            micros(0.5),
-            micros(0.99),
+            "| {what} | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {lost} of {count} |",
+            whole.p50,
+            whole.p99,
+            bare.p50,
+            bare.p99,
+            whole.p50 - bare.p50,
+            whole.p99 - bare.p99,
             cpu.as_secs_f64() * 1e6 / f64::from(count),
         );
     }
@@ -283,7 +345,7 @@ impl World {
             }
             best = rate.to_string();
         }
-        println!("| signed frames a second before one is lost: {best} | | | | |");
+        println!("| signed frames a second before one is lost: {best} | | | | | | | | |");
     }
 
     /// How many messages of this id the bridge has believed of the vehicle.
@@ -305,6 +367,28 @@ impl Drop for World {
     fn drop(&mut self) {
         let _ = self.vsm.kill();
         let _ = self.vsm.wait();
+    }
+}
+
+/// Of durations, in us.
+struct Percentiles {
+    p50: f64,
+    p99: f64,
+}
+
+impl Percentiles {
+    fn of(mut times: Vec<Duration>) -> Percentiles {
+        times.sort();
+        let micros = |part: f64| {
+            let at = (times.len() as f64 * part) as usize;
+            times
+                .get(at)
+                .map_or(f64::NAN, |took| took.as_secs_f64() * 1e6)
+        };
+        Percentiles {
+            p50: micros(0.5),
+            p99: micros(0.99),
+        }
     }
 }
 
@@ -351,6 +435,8 @@ const HEARTBEAT: &str = "0";
 const ATTITUDE: &str = "30";
 /// What PX4 v1.18 sends a second on a link of a ground station.
 const PX4_RATE: u32 = 370;
+/// The argument that makes this program the echo.
+const ECHO: &str = "--send-back";
 const VSM: &str = env!("CARGO_BIN_EXE_vsm");
 const CUCS: Id = Id(0x1b00_00a0);
 const VEHICLE: Id = Id(0x1b00_0101);

@@ -15,6 +15,9 @@ use support::processes::Processes;
 fn flight(name: &str, seed: u64, faults: Faults) -> String {
     let mut outcome = Outcome::default();
     let mut processes = Processes::start(seed, faults, SPEED);
+    if faults.delay.1.as_secs() >= 1 {
+        processes.longest *= 3;
+    }
     let flown = fly(&mut processes, &mut outcome);
     outcome.count(flown);
     assert_eq!((outcome.lost, outcome.twice), (0, 0), "{name}: {outcome:?}");

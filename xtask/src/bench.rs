@@ -25,10 +25,12 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         rows.extend(criterion(&said));
     }
     println!("| what | time |\n|---|---|");
-    for (what, time) in rows {
+    for (what, time) in &rows {
         println!("| {what} | {time} |");
     }
     println!("\n{tables}");
+    println!("{}", receive_path(&rows));
+    println!("{}", added(&tables));
     println!("`cargo xtask bench`, {}", machine());
     Ok(())
 }
@@ -85,6 +87,51 @@ fn peer(line: &str) -> Option<Vec<(String, String)>> {
     Some(figures.map(row).collect())
 }
 
+/// What the receive path takes of the C library's time in the same run; the goal is a third.
+fn receive_path(rows: &[(String, String)]) -> String {
+    let time = |name: String| {
+        let (_, time) = rows.iter().find(|(what, _)| *what == name)?;
+        nanoseconds(time)
+    };
+    let parts = [40, 266].map(|octets| {
+        let ours = time(format!("ours receive {octets}"));
+        let theirs = time(format!("C library receive {octets}"));
+        match ours.zip(theirs) {
+            Some((ours, theirs)) => format!("{:.2} at {octets} octets", ours / theirs),
+            None => format!("not measured at {octets} octets"),
+        }
+    });
+    format!(
+        "Receive path, as a part of the C library's time (the goal: at most 0.33): {}",
+        parts.join(", ")
+    )
+}
+
+/// What the bridge adds to a bare echo at 1,000 messages a second; the goal is under 150 us at the 99th percentile.
+fn added(tables: &str) -> String {
+    let row = tables
+        .lines()
+        .find(|line| line.contains("1000/s") && line.contains("3001"));
+    let p99 = row.and_then(|line| line.split('|').nth(7));
+    format!(
+        "Added by the bridge at 1,000 messages/s, p99 (the goal: under 150 us):{}",
+        p99.unwrap_or(" not measured")
+    )
+}
+
+/// `1.5 us` as 1500.
+fn nanoseconds(time: &str) -> Option<f64> {
+    let (figure, unit) = time.split_once(' ')?;
+    let factor = match unit {
+        "ps" => 1e-3,
+        "ns" => 1.0,
+        "us" | "µs" | "μs" => 1e3,
+        "ms" => 1e6,
+        _ => return None,
+    };
+    Some(figure.parse::<f64>().ok()? * factor)
+}
+
 /// Processor, cores, compiler and how busy the machine is.
 fn machine() -> String {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
@@ -128,5 +175,21 @@ mod tests {
         ];
         assert_eq!(peer(line), Some(expected));
         assert_eq!(peer("other"), None);
+    }
+
+    #[test]
+    fn the_goals_are_told() {
+        let row = |what: &str, time: &str| (what.to_owned(), time.to_owned());
+        let rows = [
+            row("ours receive 40", "0.3 µs"),
+            row("C library receive 40", "1000 ns"),
+        ];
+        let said = receive_path(&rows);
+        assert!(
+            said.ends_with("0.30 at 40 octets, not measured at 266 octets"),
+            "{said}"
+        );
+        let table = "| mode change to 3001, 1000/s | 60 us | 120 us | 20 us | 21 us | 40 us | 99 us | 30 us | 0 of 3000 |\n";
+        assert!(added(table).ends_with(": 99 us "), "{}", added(table));
     }
 }

@@ -2,12 +2,13 @@
 
 use anyhow::Result;
 
+use crate::fuzz;
 use crate::r#gen;
 use crate::licences;
 use crate::steps::{Steps, cargo, is_there, root};
 use crate::tests;
 
-/// Formatting, lints, documentation, dependencies, tests; the first that fails ends it.
+/// Formatting, lints, documentation, dependencies, tests, a minute of fuzzing; the first that fails ends it.
 pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     steps.run(&mut cargo(["fmt", "--all", "--check"]))?;
     let clippy = [
@@ -32,5 +33,6 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         );
         steps.step("licences and sources of all dependencies", licences::check)?;
     }
-    tests::run(steps)
+    tests::run(steps)?;
+    fuzz::run(steps, fuzz::A_MINUTE)
 }

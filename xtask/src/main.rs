@@ -7,6 +7,7 @@
 mod bench;
 mod ci;
 mod deb;
+mod fuzz;
 mod r#gen;
 mod licences;
 mod man;
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
         "ci" => ci::run(&mut steps),
         "gen" => generate(&mut steps),
         "bench" => bench::run(&mut steps),
+        "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
         "man" => man::run().map(|tree| eprintln!("{}", tree.display())),
         "peers" => peers::install(&mut steps).map(drop),
@@ -57,6 +59,7 @@ usage: cargo xtask TASK
   ci      formatting, lints, documentation, generated files, licences and advisories, then `test`
   gen     write the dissector, the support table and the reference; --check: only say what is stale
   bench   run every bench, the C library and pymavlink beside, and print the figures as Markdown
+  fuzz    build every fuzz target and run all of them for a minute together; --seconds N: for so long
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: of programs that are built; --out DIR
   man     write manual pages and completions of bash, zsh and fish to target/man; --out DIR: elsewhere
   peers   only install the Python peers into tests/interop/.venv";

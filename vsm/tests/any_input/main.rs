@@ -1,7 +1,8 @@
 //! Any octets at all, from golden vectors, recordings and examples bent by a seed: whole sessions with the bridge,
 //! MAVLink links, configurations. Nothing panics, and what is promised of what goes out is kept.
 //!
-//! `VSM_MUTATIONS=1000000 cargo test --release -p vsm --test any_input` runs it for longer.
+//! `VSM_MUTATIONS=1000000 cargo test --release -p vsm --test any_input` runs it for longer. The same targets are fuzzed
+//! with coverage as a guide (`cargo xtask fuzz`), from the seeds that `VSM_CORPUS=DIR` writes.
 
 mod config;
 mod frame;
@@ -12,7 +13,7 @@ mod session;
 type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
 
 const TARGETS: [Target; 3] = [
-    ("frame", frame::run, seeds::frames),
+    ("mavlink_frame", frame::run, seeds::frames),
     ("session", session::run, seeds::sessions),
     ("config", config::run, seeds::configurations),
 ];
@@ -36,6 +37,27 @@ fn every_target_holds_on_its_seeds_and_their_mutations() {
                 mutate(&mut octets, &seeds, &mut random);
             }
             run(&octets);
+        }
+    }
+}
+
+#[test]
+fn seeds_are_there_to_fuzz_from() {
+    let datagrams: fn() -> Vec<Vec<u8>> = seeds::datagrams;
+    let made = TARGETS.map(|(name, _, seeds)| (name, seeds));
+    for (name, seeds) in made
+        .into_iter()
+        .chain([("dli_datagram", datagrams), ("dli_wrapper", datagrams)])
+    {
+        let seeds = seeds();
+        assert!(!seeds.is_empty(), "{name} has no seeds");
+        let Some(folder) = std::env::var_os("VSM_CORPUS") else {
+            continue;
+        };
+        let folder = std::path::Path::new(&folder).join(name);
+        std::fs::create_dir_all(&folder).expect("the corpus' folder");
+        for (number, seed) in seeds.iter().enumerate() {
+            std::fs::write(folder.join(format!("seed-{number:05}")), seed).expect("a seed");
         }
     }
 }

@@ -30,6 +30,11 @@ pub trait World {
     /// What the flight has come to, for who restarts something in between.
     fn enter(&mut self, _phase: &'static str) {}
 
+    /// Whether there is no time left for anything: no wait has any effect then.
+    fn is_over(&self) -> bool {
+        false
+    }
+
     /// Lets seconds pass.
     fn pass(&mut self, seconds: f64) {
         self.wait(seconds, &|_| false);
@@ -231,7 +236,11 @@ pub fn fly<W: World>(world: &mut W, outcome: &mut Outcome) -> Result<(), String>
         world.flown().mission_seq >= 2
     })?;
     for number in 101..=104 {
-        outcome.lost += u32::from(!is_known(world, number));
+        let known = is_known(world, number);
+        if world.is_over() {
+            return Err(format!("waypoint {number} was not told in time"));
+        }
+        outcome.lost += u32::from(!known);
     }
 
     world.enter(PHASES[4]);

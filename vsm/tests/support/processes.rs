@@ -9,6 +9,7 @@ use std::net::{SocketAddr, UdpSocket};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use mavlink_link::frame::MAX_FRAME;
@@ -26,6 +27,8 @@ pub struct Processes {
     pub vehicle: Autopilot<SocketAddr>,
     /// What the bridge is started with in place of `vsm`: a shell that ends in it.
     pub shell: Option<String>,
+    /// A flight that takes longer has failed, and says where.
+    pub longest: Duration,
     bridge: Option<Child>,
     folder: TempDir,
     began: Instant,
@@ -190,6 +193,7 @@ impl Processes {
                 vec![Some(mav.bridge)],
             ),
             shell: None,
+            longest: LONGEST,
             bridge: None,
             folder,
             began: Instant::now(),
@@ -230,20 +234,28 @@ impl Processes {
             .stdout(Stdio::null())
             .spawn()
             .expect("the bridge");
-        let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+        let lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+        // Its log is read to the end, so that it never waits for who reads it.
+        let (sender, log) = mpsc::channel();
+        std::thread::spawn(move || {
+            for line in lines.map_while(Result::ok) {
+                let _ = sender.send(line);
+            }
+        });
         let mut said = String::new();
         loop {
-            match lines.next() {
-                Some(Ok(line)) if line.contains("ready") => break,
-                Some(Ok(line)) => said += &(line + "\n"),
-                _ => {
+            match log.recv_timeout(READY) {
+                Ok(line) if line.contains("ready") => break,
+                Ok(line) => said += &(line + "\n"),
+                Err(why) => {
+                    if why == RecvTimeoutError::Timeout {
+                        child.kill().expect("it was there");
+                    }
                     let status = child.wait().expect("its end");
                     return Err(format!("{status}: {said}"));
                 }
             }
         }
-        // It must not wait for who reads its log.
-        std::thread::spawn(move || lines.map_while(Result::ok).for_each(drop));
         self.bridge = Some(child);
         Ok(())
     }
@@ -296,6 +308,7 @@ impl World for Processes {
 
     fn wait(&mut self, limit: f64, so: &dyn Fn(&Processes) -> bool) -> bool {
         let end = Instant::now() + Duration::from_secs_f64(limit);
+        let end = end.min(self.began + self.longest);
         while Instant::now() < end {
             if so(self) {
                 return true;
@@ -322,6 +335,10 @@ impl World for Processes {
         self.vehicle.vehicle().truth()
     }
 
+    fn is_over(&self) -> bool {
+        self.clock() >= self.longest
+    }
+
     fn kill_bridge(&mut self) {
         self.stop_bridge();
         self.start_bridge();
@@ -342,6 +359,9 @@ fn wall() -> Duration {
     wall.expect("after 1970")
 }
 
+/// Within which a bridge serves.
+const READY: Duration = Duration::from_secs(20);
+const LONGEST: Duration = Duration::from_secs(280);
 const BEAT: Duration = Duration::from_millis(2);
 const PIECE: Duration = Duration::from_millis(10);
 const CATCH_UP: Duration = Duration::from_millis(500);

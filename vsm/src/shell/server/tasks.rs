@@ -97,10 +97,9 @@ pub(super) async fn send(
                 (Destination::Multicast, Some((socket, group))) => (socket, *group),
                 (Destination::Multicast, None) => continue,
             };
-            if let (Some(recording), Ok(here)) = (
-                &mut shared.core.borrow_mut().dli_recording,
-                socket.local_addr(),
-            ) {
+            if let Some(recording) = &mut shared.core.borrow_mut().dli_recording
+                && let Ok(here) = socket.local_addr()
+            {
                 recording.sent(shared.clock.now().wall, here, to, datagram.octets());
             }
             if let Err(cause) = socket.send_to(datagram.octets(), to).await {
