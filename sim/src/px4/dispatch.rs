@@ -198,6 +198,7 @@ impl Vehicle {
                 UnknownMode::Auto => "Unsupported auto mode",
             })
         };
+        let mode = mode.map(|mode| self.ailments.instead.take().unwrap_or(mode));
         match mode {
             Ok(mode) if self.request(mode, mode == Mode::Land) => Answer::Accepted,
             Ok(mode) => {

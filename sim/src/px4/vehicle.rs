@@ -87,6 +87,9 @@ pub struct Ailments {
     pub estimator: u16,
     /// Per cent that the battery tells.
     pub battery: Option<u8>,
+    /// The mode entered, once, in place of the next one that DO_SET_MODE names and that is accepted: a take-off that ends
+    /// in that moment puts PX4 into AUTO.LOITER.
+    pub instead: Option<Mode>,
 }
 
 /// What the vehicle has done with what it was told.

@@ -14,6 +14,7 @@ pub(crate) use step::{
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mavlink_link::dialect::{MavCmd, MavLandedState, MavResult};
 use mavlink_link::service::command::{self, Command, Outcome, Ticket};
@@ -213,10 +214,38 @@ impl Maneuver {
                     self.waiting = Waiting::Pause { until: now + *span };
                 }
                 (Waiting::Pause { until }, Step::Pause(_)) if *until <= now => self.next(),
-                (Waiting::Nothing, Step::Confirm { within, .. }) => {
+                (
+                    Waiting::Nothing,
+                    Step::Insist { after: within, .. } | Step::Confirm { within, .. },
+                ) => {
                     self.waiting = Waiting::Sight {
                         deadline: now + *within,
                     };
+                }
+                (
+                    Waiting::Sight { deadline },
+                    Step::Insist {
+                        sight,
+                        command,
+                        what,
+                        ..
+                    },
+                ) => {
+                    if sight.is_seen(vehicle) {
+                        self.next();
+                    } else if *deadline > now {
+                        return Progress::Going;
+                    } else {
+                        let again = Step::Command {
+                            command: *command,
+                            what,
+                            patience: Duration::ZERO,
+                        };
+                        self.next();
+                        if vehicle.telemetry.mode == Some(Px4Mode::LOITER) {
+                            self.steps.push_front(again);
+                        }
+                    }
                 }
                 (Waiting::Sight { deadline }, Step::Confirm { sight, .. }) => {
                     if sight.is_seen(vehicle) {

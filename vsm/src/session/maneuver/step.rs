@@ -22,12 +22,22 @@ pub(crate) enum Step {
     SetCurrent(RangeInclusive<u16>),
     /// Lets the vehicle take notice of what is sent beside.
     Pause(Duration),
+    /// Looks for it so long; a vehicle that holds instead is sent the command once more.
+    Insist {
+        sight: Sight,
+        command: Command,
+        what: &'static str,
+        after: Duration,
+    },
     /// Waits until the vehicle shows it.
     Confirm { sight: Sight, within: Duration },
 }
 
 /// MAV_CMD_DO_SET_MODE to a mode of PX4, and the sight of it.
-pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 2] {
+///
+/// A take-off that ends in that very moment puts PX4 into AUTO.LOITER, whatever it has just accepted: then, and in no
+/// other mode, which might be a pilot's, it is told again.
+pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
     let mode = modes.first().copied().unwrap_or(Px4Mode::LOITER);
     let params = [
         CUSTOM_MODE_ENABLED,
@@ -45,9 +55,15 @@ pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 2] {
             what: mode.name(),
             patience: MODE_PATIENCE,
         },
+        Step::Insist {
+            sight: Sight::Mode(modes),
+            command,
+            what: mode.name(),
+            after: INSIST_AFTER,
+        },
         Step::Confirm {
             sight: Sight::Mode(modes),
-            within: STATE_WITHIN,
+            within: STATE_WITHIN.saturating_sub(INSIST_AFTER),
         },
     ]
 }
@@ -252,6 +268,8 @@ fn e7(degrees: f64) -> i32 {
 const CUSTOM_MODE_ENABLED: f32 = 1.0;
 /// HEARTBEAT comes at 1 Hz, and some of them are lost.
 const STATE_WITHIN: Duration = Duration::from_secs(6);
+/// A vehicle that shows another mode after this long is told again, if it holds.
+const INSIST_AFTER: Duration = Duration::from_millis(2_500);
 /// PX4 spins its motors up before it lifts.
 const LIFT_OFF_WITHIN: Duration = Duration::from_secs(12);
 /// After its start PX4 refuses to arm for some seconds.
