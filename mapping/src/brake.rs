@@ -5,24 +5,27 @@
 //! the acceptance radius behind while the height is more than NAV_MC_ALT_RAD (0.8 m) off, PX4 does not turn back, and the
 //! vehicle flies on along the leg without end, climbing: seen on v1.18 at a radius of 3 m and 5 m/s with a climb of 1.5 m
 //! in 25 m, and at PX4's own radius (NAV_ACC_RAD, 10 m) and 10 m/s with a climb of 5 m in 100 m. A hold of any length
-//! makes PX4 brake for the waypoint, and then none is missed. At 5 m/s there is time enough inside its own radius, however
-//! steep the climb.
+//! makes PX4 brake for the waypoint, and then none is missed. At 5 m/s there is time enough inside a radius of 10 m,
+//! however steep the climb. The radius and the cruise speed are those that the vehicle has told ([`Performance`]).
 
 use mavlink_link::service::mission::Item;
 
 use crate::loops::DO_JUMP;
+use crate::performance::{ACCEPTANCE_M, Performance};
 use crate::route::item::{DO_CHANGE_SPEED, NAV_WAYPOINT};
 
 /// Makes PX4 brake for each waypoint of these that it comes to, or goes on from, with a climb or a descent, where it has
 /// a radius of its own or is passed within less time than a swing of the height takes. The first waypoint is come to from
-/// anywhere; PX4 climbs to its height before it flies there, on the spot. Before any speed of the route it flies at `cruise_m_s`. Gives the indices of those it brakes for.
+/// anywhere; PX4 climbs to its height before it flies there, on the spot. Gives the indices of those it brakes for.
 ///
 /// The points of a curve are not meant: they are slowed and widened instead ([`crate::curve`]).
 pub(crate) fn where_height_changes(
     items: &mut [Item],
     waypoints: &[usize],
-    cruise_m_s: f64,
+    performance: &Performance,
 ) -> Vec<usize> {
+    // A vehicle whose own radius is smaller than PX4's is like one that is given such a radius.
+    let narrow = performance.acceptance_m < ACCEPTANCE_M;
     let mut braked = Vec::new();
     for &at in waypoints {
         let Some(item) = items.get(at) else { break };
@@ -30,8 +33,9 @@ pub(crate) fn where_height_changes(
             continue;
         }
         let own = item.params[1] <= 0.0;
-        let speed_m_s = speed_m_s(items, at).unwrap_or(cruise_m_s);
-        if changes_height(items, at, own) && (!own || is_fast(speed_m_s)) {
+        let speed_m_s = speed_m_s(items, at).unwrap_or(performance.cruise_m_s);
+        let fast = !own || is_fast(speed_m_s, performance);
+        if fast && changes_height(items, at, own && !narrow) {
             braked.push(at);
         }
     }
@@ -51,6 +55,7 @@ pub(crate) fn missed_at(
     start: usize,
     level: Option<bool>,
     speed_m_s: f64,
+    performance: &Performance,
 ) -> Option<usize> {
     let mut places = items.iter().enumerate().skip(start);
     let first = places.find_map(|(at, item)| item.is_global().then_some(at));
@@ -62,7 +67,7 @@ pub(crate) fn missed_at(
         items.get(at).is_some_and(|item| {
             let radius_m = f64::from(item.params[1]);
             let fast = if radius_m <= 0.0 {
-                is_fast(speed_m_s)
+                is_fast(speed_m_s, performance)
             } else {
                 // A point of a climbing curve is as wide as half a swing at the speed that was planned.
                 0.5 * SWING_S_OF_CURVES * speed_m_s > radius_m + 0.01
@@ -110,8 +115,8 @@ fn differs(items: &[Item], at: usize, other: &Item) -> bool {
 }
 
 /// Whether PX4's own radius is crossed in less time than a swing of the height takes.
-fn is_fast(speed_m_s: f64) -> bool {
-    SWING_S * speed_m_s > 2.0 * OWN_RADIUS_M
+fn is_fast(speed_m_s: f64, performance: &Performance) -> bool {
+    SWING_S * speed_m_s > 2.0 * performance.acceptance_m
 }
 
 /// The speed at which the item is come to, m/s; none before the route has told one.
@@ -126,8 +131,6 @@ fn speed_m_s(items: &[Item], at: usize) -> Option<f64> {
 /// Heights that differ by less than this are one, m: PX4 takes 1 mm for a difference, and swings by no more than this
 /// one is.
 const LEVEL_M: f32 = 0.05;
-/// NAV_ACC_RAD as PX4 comes, m.
-const OWN_RADIUS_M: f64 = 10.0;
 /// How long a swing takes, s. At 6.5 m/s and a radius of 10 m, 3 s to cross it, waypoints were taken as late as 11 m
 /// behind; at 5 m/s, 4 s, as late as 7 m.
 const SWING_S: f64 = 4.0;
@@ -163,8 +166,12 @@ mod tests {
     }
 
     fn all(items: &mut [Item]) -> Vec<usize> {
+        by(items, &Performance::default())
+    }
+
+    fn by(items: &mut [Item], performance: &Performance) -> Vec<usize> {
         let every: Vec<usize> = (0..items.len()).collect();
-        where_height_changes(items, &every, 5.0)
+        where_height_changes(items, &every, performance)
     }
 
     /// Items 100 m apart with PX4's own radius, come to at this speed.
@@ -220,9 +227,19 @@ mod tests {
     #[test]
     fn what_the_vehicle_flies_unasked_counts_where_the_route_has_no_speed() {
         let climb = [to(30.0, 0.0), to(45.0, 0.0)];
-        let braked = |cruise_m_s| where_height_changes(&mut climb.clone(), &[0, 1], cruise_m_s);
+        let braked = |cruise_m_s| {
+            let performance = Performance {
+                cruise_m_s,
+                ..Performance::default()
+            };
+            where_height_changes(&mut climb.clone(), &[0, 1], &performance)
+        };
         assert!(braked(5.0).is_empty());
         assert_eq!(braked(12.0), [0, 1]);
+    }
+
+    fn missed(items: &[Item], start: usize, level: Option<bool>, speed_m_s: f64) -> Option<usize> {
+        missed_at(items, start, level, speed_m_s, &Performance::default())
     }
 
     #[test]
@@ -234,21 +251,17 @@ mod tests {
             speed(),
             to(50.0, 0.0),
         ];
-        assert_eq!(missed_at(&route, 0, None, 5.0), None);
-        assert_eq!(missed_at(&route, 0, Some(false), 10.0), Some(0));
-        assert_eq!(missed_at(&route, 0, Some(true), 10.0), Some(1));
-        assert_eq!(missed_at(&route, 1, None, 10.0), Some(1));
-        assert_eq!(
-            missed_at(&route, 3, None, 10.0),
-            None,
-            "the route is slower"
-        );
+        assert_eq!(missed(&route, 0, None, 5.0), None);
+        assert_eq!(missed(&route, 0, Some(false), 10.0), Some(0));
+        assert_eq!(missed(&route, 0, Some(true), 10.0), Some(1));
+        assert_eq!(missed(&route, 1, None, 10.0), Some(1));
+        assert_eq!(missed(&route, 3, None, 10.0), None, "the route is slower");
         let level = [to(30.0, 0.0), to(30.0, 0.0), to(30.0, 0.0)];
-        assert_eq!(missed_at(&level, 1, None, 10.0), None);
+        assert_eq!(missed(&level, 1, None, 10.0), None);
         // Points of a climbing curve, made for 4 m/s.
         let curve = [to(30.0, 6.0), to(31.0, 6.0), to(32.0, 6.0)];
-        assert_eq!(missed_at(&curve, 1, None, 4.0), None);
-        assert_eq!(missed_at(&curve, 1, None, 5.0), Some(1));
+        assert_eq!(missed(&curve, 1, None, 4.0), None);
+        assert_eq!(missed(&curve, 1, None, 5.0), Some(1));
         // A loop leads back to a climb.
         let jump = Item {
             frame: 2,
@@ -262,13 +275,31 @@ mod tests {
             ..end
         };
         let lap = [to(40.0, 0.0), to(40.0, 0.0), to(50.0, 0.0), held, jump];
-        assert_eq!(missed_at(&lap, 3, None, 10.0), Some(1));
+        assert_eq!(missed(&lap, 3, None, 10.0), Some(1));
     }
 
     #[test]
     fn a_fast_vehicle_brakes_even_there() {
         assert_eq!(all(&mut far(10.0, &[30.0, 35.0, 35.0, 35.0])), [1, 2]);
         assert_eq!(all(&mut far(5.5, &[30.0, 35.0])), [1, 2]);
+    }
+
+    #[test]
+    fn the_vehicles_own_radius_and_cruise_speed_count() {
+        let of = |acceptance_m, cruise_m_s| Performance {
+            acceptance_m,
+            cruise_m_s,
+            ..Performance::default()
+        };
+        let climb = [30.0, 35.0, 35.0, 35.0];
+        // 4 s at 10 m/s are 40 m.
+        assert!(by(&mut far(10.0, &climb), &of(20.0, 5.0)).is_empty());
+        assert_eq!(by(&mut far(5.0, &climb), &of(9.9, 5.0)), [1, 2]);
+        assert_eq!(by(&mut far(5.0, &[30.0; 3]), &of(4.0, 5.0)), [1]);
+        let mut cruising = far(5.0, &climb);
+        cruising.remove(0);
+        assert!(by(&mut cruising, &of(10.0, 5.0)).is_empty());
+        assert_eq!(by(&mut cruising, &of(10.0, 8.0)), [0, 1]);
     }
 
     #[test]

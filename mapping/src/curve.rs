@@ -13,7 +13,6 @@ use stanag_msgs::enums::AltitudeType;
 use crate::altitude::{self, Level};
 use crate::configuration::Parameters;
 use crate::plan::Curve;
-use crate::route::item::CRUISE_M_S;
 use crate::route::{Leg, Site};
 
 /// How curved legs are flown: `vehicle.curve`.
@@ -25,8 +24,6 @@ pub struct Curving {
     pub policy: Policy,
     /// Whether vertices may leave the curve by up to the tolerance.
     pub vertices: Vertices,
-    /// What it flies before any speed is commanded, m/s.
-    pub cruise_m_s: f64,
     /// What a vehicle that hovers can do.
     pub multicopter: Multicopter,
     /// What one that does not can do.
@@ -39,7 +36,6 @@ impl Default for Curving {
             tolerance_m: 1.0,
             policy: Policy::Slow,
             vertices: Vertices::OnCurve,
-            cruise_m_s: CRUISE_M_S,
             multicopter: Multicopter::default(),
             fixed_wing: FixedWing::default(),
         }
@@ -59,8 +55,6 @@ impl Curving {
         ] {
             *known = parameters.above_zero(name).unwrap_or(*known);
         }
-        let cruise_m_s = parameters.above_zero("MPC_XY_CRUISE");
-        self.cruise_m_s = cruise_m_s.unwrap_or(self.cruise_m_s);
     }
 }
 
@@ -395,7 +389,7 @@ fn controls(
 }
 
 /// Acceptance radii, m.
-const LEAST_ACCEPTANCE_M: f64 = 2.0;
+pub(crate) const LEAST_ACCEPTANCE_M: f64 = 2.0;
 const MOST_ACCEPTANCE_M: f64 = 3.0;
 /// PX4 v1.18 swings about the altitude of an item where the next one's is another: up to 2.7 s of each swing it is
 /// further off than NAV_MC_ALT_RAD (0.8 m), and takes no waypoint that it passes meanwhile, for good.

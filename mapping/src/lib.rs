@@ -13,6 +13,7 @@
 //! - [`configuration`]: the answers of the configuration phase, from what the vehicle is.
 //! - [`crossing`]: what becomes of each message on the other side, for the documents.
 //! - [`health`]: what is wrong with a vehicle, by its own messages.
+//! - [`performance`]: how fast the vehicle can be commanded to fly, and what it flies by itself.
 //! - [`parameter`]: the vehicle's parameters, what may be written to each, and message 50012.
 //! - [`software`]: message 50013.
 //! - [`support`]: what is done with each field of each message.
@@ -23,7 +24,7 @@
 //! use mapping::altitude::{Agl, Altimeter};
 //! use mapping::curve::Curving;
 //! use mapping::route::{Limits, Reason, Site, flight};
-//! use mapping::{plan::Plan, telemetry::Place};
+//! use mapping::{performance::Performance, plan::Plan, telemetry::Place};
 //! use stanag_msgs::enums::AltitudeType;
 //! use stanag_msgs::messages::{UaPositionWaypoint, UaRoute};
 //! use stanag_msgs::{Bam32, Id, Scaled};
@@ -49,6 +50,7 @@
 //!     altimeter: Altimeter::STANDARD,
 //!     hovers: true,
 //!     limits: Limits::default(),
+//!     performance: Performance::default(),
 //!     curving: Curving::default(),
 //! };
 //! let mission = flight(&plan, 7, &site)?;
@@ -74,6 +76,7 @@ pub mod loiter;
 mod loops;
 pub mod mode;
 pub mod parameter;
+pub mod performance;
 pub mod plan;
 pub mod report;
 pub mod route;

@@ -17,7 +17,8 @@ use std::f64::consts::TAU;
 use stanag_msgs::enums::{LoiterDirection, LoiterDurationUnits, LoiterType, SpeedType};
 use stanag_msgs::messages::UaLoiterWaypoint;
 
-use crate::route::{Limits, Reason};
+use crate::performance::Performance;
+use crate::route::Reason;
 
 /// The widest circle, m: of a multicopter MC_ORBIT_RAD_MAX (PX4 accepts a wider one, and then stops), of a fixed wing the
 /// most that NAV_LOITER_RAD takes.
@@ -37,11 +38,15 @@ pub(crate) fn loiter(
     asked: &UaLoiterWaypoint,
     leg_speed_m_s: Option<f64>,
     hovers: bool,
-    limits: &Limits,
+    performance: &Performance,
 ) -> Result<Loiter, Reason> {
     pattern(asked, hovers)?;
     let radius_m = radius(asked, hovers)?;
-    let speed_m_s = if hovers { None } else { speed(asked, limits)? };
+    let speed_m_s = if hovers {
+        None
+    } else {
+        speed(asked, performance)?
+    };
     let seconds = match asked.loiter_duration.filter(|duration| *duration > 0) {
         None => None,
         Some(duration) => match asked.loiter_duration_units {
@@ -109,7 +114,7 @@ fn radius(asked: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
     }
 }
 
-fn speed(asked: &UaLoiterWaypoint, limits: &Limits) -> Result<Option<f64>, Reason> {
+fn speed(asked: &UaLoiterWaypoint, performance: &Performance) -> Result<Option<f64>, Reason> {
     let Some(speed_m_s) = asked.loiter_speed.map(|speed| speed.si()) else {
         return Ok(None);
     };
@@ -122,13 +127,7 @@ fn speed(asked: &UaLoiterWaypoint, limits: &Limits) -> Result<Option<f64>, Reaso
             });
         }
     }
-    if speed_m_s > 0.0 && speed_m_s <= limits.speed_m_s {
-        return Ok(Some(speed_m_s));
-    }
-    Err(Reason::Speed {
-        speed_m_s,
-        most_m_s: limits.speed_m_s,
-    })
+    Ok(Some(performance.check(speed_m_s)?))
 }
 
 pub(crate) const NAV_LOITER_UNLIM: u16 = 17;
@@ -148,7 +147,7 @@ mod tests {
     }
 
     fn made(asked: &UaLoiterWaypoint, leg: Option<f64>, hovers: bool) -> Result<Loiter, Reason> {
-        loiter(asked, leg, hovers, &Limits::default())
+        loiter(asked, leg, hovers, &Performance::default())
     }
 
     #[test]

@@ -243,14 +243,12 @@ impl Plan {
             .map(|((_, p4), curve)| (*p4, curve))
     }
 
-    /// An end of a curved leg that no 13002 has described, and the leg's other end.
+    /// A curved leg, P1 and P4, that has an end which no 13002 has described.
     #[must_use]
     pub fn curve_without_end(&self) -> Option<(u16, u16)> {
-        self.curves.keys().find_map(|(p1, p4)| {
-            let ends = [(*p1, *p4), (*p4, *p1)];
-            ends.into_iter()
-                .find(|(end, _)| !self.waypoints.contains_key(end))
-        })
+        let known = |end: u16| self.waypoints.contains_key(&end);
+        let mut curves = self.curves.keys().copied();
+        curves.find(|(p1, p4)| !known(*p1) || !known(*p4))
     }
 
     /// A route by itself: its definition, the waypoints that it leads to, their loiters and curves.

@@ -4,6 +4,7 @@ use curve_paths::{BezierLeg, Control, Position};
 use mapping::altitude::{Agl, Altimeter};
 use mapping::configuration::Parameters;
 use mapping::curve::{Curving, Vertices};
+use mapping::performance::Performance;
 use mapping::plan::Plan;
 use mapping::route::{Flight, Limits, Reason, RouteError, Site, flight, metres};
 use mapping::telemetry::Place;
@@ -30,6 +31,7 @@ fn site() -> Site {
         altimeter: Altimeter::STANDARD,
         hovers: true,
         limits: Limits::default(),
+        performance: Performance::default(),
         curving: Curving::default(),
     }
 }
@@ -285,6 +287,36 @@ fn a_loop_is_not_closed_by_a_curve() {
     assert_eq!((waypoint, reason), (4, Reason::CurveClosesLoop(9)));
     // A loop that is flown once does not lead back.
     assert!(lap(1).is_ok());
+}
+
+#[test]
+fn a_curve_without_its_end_is_refused_with_what_mends_it() {
+    let stray = |curve: CurveSegment| refused(&[Message::CurveSegment(curve)]).to_string();
+    assert_eq!(
+        stray(curve(9, 77)),
+        "waypoint 77: not received, and a curved leg joins it to 9: send it (13002), or clear the plan (13000 mode 1)"
+    );
+    assert!(stray(curve(77, 9)).starts_with("waypoint 77: not received"));
+    // Where the waypoint that leads to the missing one is led elsewhere, the curve goes with the leg.
+    let led = |next| [Message::CurveSegment(curve(2, 77)), waypoint(2, P1, next)];
+    let why = refused(&led(77)).to_string();
+    let way = "send it (13002), or 2 with another Next Waypoint, or clear";
+    assert!(why.contains(way), "{why}");
+    let [stray, to_77] = led(77);
+    assert!(planned(&[stray, to_77, waypoint(2, P1, 0)]).is_ok());
+}
+
+#[test]
+fn a_curve_stays_where_its_waypoint_is_sent_again_for_the_same_leg() {
+    let whole = [
+        Message::CurveSegment(curve(9, 4)),
+        waypoint(9, P1, 4),
+        waypoint(4, P4, 2),
+    ];
+    let legs = |messages: &[Message]| planned(messages).expect("flown").curved.map(|c| c.legs);
+    assert_eq!(legs(&whole), Some(1));
+    let away_and_back = [&whole[..], &[waypoint(9, P1, 2), waypoint(9, P1, 4)]].concat();
+    assert_eq!(legs(&away_and_back), None);
 }
 
 #[test]

@@ -178,13 +178,11 @@ fn the_ends_of_all_ranges_are_flown_and_a_step_beyond_is_refused() {
             continue;
         }
         let beyond = [(name, told.high.expect("bounded") + 1)];
-        let speed = name.contains("Speed");
         let route = build(&screen, 13002, |told| told.default, &beyond);
-        let end = load(route);
-        // Faster than the vehicle is not beyond what a route may hold: PX4 flies what it can.
-        assert!(
-            speed || end == Some(AckType::Refused),
-            "{name} beyond {told:?}: {end:?}"
+        assert_eq!(
+            load(route),
+            Some(AckType::Refused),
+            "{name} beyond {told:?}"
         );
     }
 }

@@ -2,10 +2,11 @@
 
 mod support;
 
+use sim::px4::{Config, Param};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, TurnType};
 use stanag_msgs::messages::{CurveSegmentPaper, VehicleOperatingModeCommand};
 use stanag_msgs::{Message, Scaled};
-use support::{Rig, cucs, orders, vehicle_id};
+use support::{Rig, Setup, cucs, orders, vehicle_id};
 
 /// Waypoints to the north, 25 m apart, each to be flown over at 5 m/s, `climb_m` above the one before.
 fn stairs(climb_m: f64) -> Vec<Message> {
@@ -107,6 +108,49 @@ fn a_level_route_is_flown_as_fast_as_is_commanded() {
     rig.take_off(12.0);
     assert_eq!(rig.carry_out(fly_at(10.0)), Some(AckType::CarriedOut));
     assert!(rig.until(90.0, |rig| rig.truth().position.n > 495.0));
+}
+
+/// Whoever sets NAV_ACC_RAD lower has waypoints that a climb can miss: they are braked for, as fly-over points are.
+#[test]
+fn the_vehicles_own_radius_is_read_and_braked_for_where_it_is_small() {
+    for (radius_m, stops, warns) in [(10.0, false, false), (3.0, true, false), (1.0, true, true)] {
+        let vehicle = Config {
+            params: vec![(Param::NAV_ACC_RAD, radius_m)],
+            ..Config::default()
+        };
+        let mut rig = Rig::ready_with(Setup {
+            vehicles: vec![vehicle],
+            ..Setup::default()
+        });
+        let mut plan = vec![orders::route(1).into()];
+        for number in 1..=4_u16 {
+            let next = (number + 1) % 5;
+            let (north, up) = (100.0 * f64::from(number), 20.0 + 5.0 * f64::from(number));
+            plan.push(orders::waypoint(number, next, north, 0.0, up).into());
+        }
+        rig.send_plan(plan);
+        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        let said = |text| rig.station().was_told(text);
+        assert_eq!(
+            (
+                said("the vehicle stops at each point"),
+                said("NAV_ACC_RAD is")
+            ),
+            (stops, warns),
+            "{radius_m} m: {:?}",
+            rig.station().alerts()
+        );
+        rig.take_off(20.0);
+        assert_eq!(
+            rig.carry_out(orders::mode(Mode::Waypoint)),
+            Some(AckType::CarriedOut)
+        );
+        let arrived = rig.until(200.0, |rig| {
+            let at = rig.truth().position;
+            (at.n - 400.0).abs() < radius_m && (at.d + 40.0).abs() < 1.0
+        });
+        assert!(arrived, "{radius_m} m: {:?}", rig.truth().position);
+    }
 }
 
 #[test]

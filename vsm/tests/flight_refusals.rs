@@ -3,6 +3,7 @@
 
 mod support;
 
+use sim::px4::{Airframe, Config, Param};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
     AckType, AltitudeType, LimitType, LocationType, LoiterDurationUnits, MissionTransferStatus,
@@ -10,7 +11,7 @@ use stanag_msgs::enums::{
 };
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 use stanag_msgs::{Bam32, Scaled};
-use support::{Rig, orders, vehicle_id};
+use support::{Faults, Rig, Setup, orders, vehicle_id};
 
 /// Loads a plan that must be refused; the number in 14000, and what 16000 says.
 fn refused(rig: &mut Rig, plan: Vec<Message>) -> (Option<u16>, String) {
@@ -131,6 +132,77 @@ fn every_fault_is_named_with_its_waypoint_and_the_vehicle_keeps_its_mission() {
         assert!(said.contains(why), "{why}: {said}");
     }
     assert_eq!(rig.vehicles[0].vehicle().counters().plans_stored, stored);
+}
+
+/// A plan whose second waypoint is come to at this speed.
+fn at_speed(speed_m_s: f64) -> Vec<Message> {
+    let mut plan = first(|w| w.next_waypoint = Some(9));
+    let mut fast = orders::waypoint(9, 0, 50.0, 50.0, 20.0);
+    fast.waypoint_to_speed = Some(Scaled::saturating_from_si(speed_m_s));
+    plan.push(fast.into());
+    plan
+}
+
+fn with(airframe: Airframe, params: &[(Param, f64)]) -> Setup {
+    let vehicle = Config {
+        airframe,
+        params: params.to_vec(),
+        ..Config::default()
+    };
+    Setup {
+        vehicles: vec![vehicle],
+        ..Setup::default()
+    }
+}
+
+#[test]
+fn a_speed_that_the_vehicle_does_not_fly_is_refused_with_waypoint_value_and_range() {
+    use Airframe::{Plane, Quad};
+    let faster = [(Param::MPC_XY_VEL_MAX, 15.0)];
+    for (airframe, params, beyond_m_s, fine_m_s, range) in [
+        (Quad, &[][..], 12.5, 12.0, "0.5 to 12.0"),
+        (Quad, &faster[..], 15.5, 15.0, "0.5 to 15.0"),
+        (Plane, &[][..], 20.5, 20.0, "10.0 to 20.0"),
+        (Plane, &[][..], 9.5, 10.0, "10.0 to 20.0"),
+    ] {
+        let mut rig = Rig::ready_with(with(airframe, params));
+        let (named, said) = refused(&mut rig, at_speed(beyond_m_s));
+        assert_eq!(named, Some(9), "{said}");
+        let why = format!("waypoint 9: speed {beyond_m_s:.1} m/s, expected {range}");
+        assert!(said.contains(&why), "{why}: {said}");
+        rig.send_plan(at_speed(fine_m_s));
+        let end = rig.carry_out(orders::load());
+        assert_eq!(end, Some(AckType::CarriedOut), "{airframe:?} {fine_m_s}");
+    }
+}
+
+#[test]
+fn a_load_waits_for_the_parameters_that_bound_it() {
+    // Home and parameters are asked for at once: where packets are lost either may come first.
+    let mut too_fast = 0;
+    for seed in 1..=20 {
+        let mut rig = Rig::new(Setup {
+            seed,
+            mav: Faults {
+                loss: 0.25,
+                ..Faults::NONE
+            },
+            ..Setup::default()
+        });
+        let end = rig.carry_out(orders::request_control());
+        assert_eq!(end, Some(AckType::CarriedOut));
+        let live = |rig: &Rig| {
+            let bridge = rig.bridge.as_ref().expect("it runs");
+            bridge.status(String::new(), rig.now().mono).vehicles[0].live
+        };
+        assert!(rig.until(20.0, live), "the vehicle is heard");
+        let (_, said) = refused(&mut rig, at_speed(20.0));
+        let why = "waypoint 9: speed 20.0 m/s, expected 0.5 to 12.0";
+        too_fast += u32::from(said.contains(why));
+        let homeless = said.contains("has not told its home position");
+        assert!(said.contains(why) || homeless, "{seed}: {said}");
+    }
+    assert!(too_fast > 10, "{too_fast} of 20");
 }
 
 fn lap(limit: LimitType, times: Option<u16>) -> Vec<Message> {

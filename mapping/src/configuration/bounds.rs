@@ -7,6 +7,7 @@ use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiterType, SpeedT
 use super::Subject;
 use crate::altitude::Agl;
 use crate::loiter::WIDEST_CIRCLE_M;
+use crate::performance::Performance;
 
 /// Bounds of a field in its unit; what is not known is absent.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -80,7 +81,7 @@ pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds
         },
         (3002, "Power Level") => Bounds::between(0.0, 100.0, "%; VFR_HUD.throttle"),
         (4000, "U_Speed" | "V_Speed") => {
-            let most = fastest(subject);
+            let most = performance(subject).fastest_m_s;
             Bounds::between(-most, most, "m/s; fastest level flight")
         }
         (4000, "W_Speed") => {
@@ -160,33 +161,26 @@ fn altitude(subject: &Subject<'_>) -> Bounds {
     .starting_at(start + home.amsl_m)
 }
 
-fn fastest(subject: &Subject<'_>) -> f64 {
-    let name = if subject.hovers {
-        "MPC_XY_VEL_MAX"
-    } else {
-        "FW_AIRSPD_MAX"
-    };
-    let own = subject.parameters.above_zero(name);
-    own.map_or(subject.limits.speed_m_s, |own| {
-        own.min(subject.limits.speed_m_s)
-    })
+fn performance(subject: &Subject<'_>) -> Performance {
+    Performance::of(subject.hovers, subject.parameters, &subject.limits)
 }
 
 fn speed(subject: &Subject<'_>) -> Bounds {
-    let high = fastest(subject);
-    let of = |name| subject.parameters.above_zero(name).map(|own| own.min(high));
-    if subject.hovers {
-        Bounds::between(
-            SLOWEST_M_S.min(high),
-            high,
-            "m/s; MPC_XY_VEL_MAX, MPC_XY_CRUISE, vehicle.limits",
-        )
-        .starting_at(of("MPC_XY_CRUISE"))
+    let Performance {
+        slowest_m_s: low,
+        fastest_m_s: high,
+        ..
+    } = performance(subject);
+    let (cruise, help) = if subject.hovers {
+        let help = "m/s; MPC_XY_VEL_MAX, MPC_XY_CRUISE, vehicle.limits";
+        ("MPC_XY_CRUISE", help)
     } else {
-        let low = of("FW_AIRSPD_MIN").unwrap_or(SLOWEST_M_S.min(high));
-        Bounds::between(low, high, "m/s; FW_AIRSPD_MIN, _TRIM, _MAX, vehicle.limits")
-            .starting_at(of("FW_AIRSPD_TRIM"))
-    }
+        let help = "m/s; FW_AIRSPD_MIN, _TRIM, _MAX, vehicle.limits";
+        ("FW_AIRSPD_TRIM", help)
+    };
+    // What the vehicle has not told is not made up.
+    let cruise = subject.parameters.above_zero(cruise);
+    Bounds::between(low, high, help).starting_at(cruise.map(|own| own.clamp(low, high)))
 }
 
 /// How far from home a first waypoint may lie: the sides of a square within the circle.
@@ -253,8 +247,6 @@ fn energy(subject: &Subject<'_>) -> Bounds {
 
 /// PX4 does not leave the ground for less, m.
 const LOWEST_M: f64 = 1.5;
-/// One step of the field.
-const SLOWEST_M_S: f64 = 0.5;
 /// One step of the field.
 const SMALLEST_CIRCLE_M: f64 = 1.5;
 const LAST_WAYPOINT: f64 = 65_534.0;

@@ -23,6 +23,7 @@ pub const NAMES: &[&str] = &[
     "MPC_Z_VEL_MAX_UP",
     "MPC_Z_V_AUTO_DN",
     "MPC_Z_V_AUTO_UP",
+    "NAV_ACC_RAD",
     "NAV_DLL_ACT",
     "NAV_LOITER_RAD",
 ];

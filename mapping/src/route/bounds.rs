@@ -4,6 +4,7 @@ use geo::{Distance, Haversine, Point};
 
 use super::{Leg, Reason, Site};
 use crate::altitude::Level;
+use crate::telemetry::Place;
 
 /// What a route must stay within.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,7 +17,8 @@ pub struct Limits {
     pub lowest_m: f64,
     /// Highest waypoint, m above home.
     pub highest_m: f64,
-    /// Fastest commanded speed, m/s.
+    /// Fastest commanded speed, m/s; the vehicle's own counts where it is lower
+    /// ([`Performance`](crate::performance::Performance)).
     pub speed_m_s: f64,
     /// Most mission items.
     pub items: usize,
@@ -39,7 +41,7 @@ impl Default for Limits {
 ///
 /// # Errors
 /// Too low, too high, or in the ground.
-pub fn height(level: Level, site: &Site) -> Result<(), Reason> {
+pub fn height(level: Level, home: &Place, limits: &Limits) -> Result<(), Reason> {
     if let Level::AboveHome(m) = level
         && m <= 0.0
     {
@@ -49,8 +51,8 @@ pub fn height(level: Level, site: &Site) -> Result<(), Reason> {
         lowest_m,
         highest_m,
         ..
-    } = site.limits;
-    let height_m = level.amsl(site.home.amsl_m) - site.home.amsl_m;
+    } = *limits;
+    let height_m = level.amsl(home.amsl_m) - home.amsl_m;
     if (lowest_m..=highest_m).contains(&height_m) {
         return Ok(());
     }

@@ -8,6 +8,7 @@ use super::bounds::height;
 use super::item::{self, DO_CHANGE_SPEED, NAV_WAYPOINT, change_speed};
 use super::{Flight, Leg, Reason, RouteError, Site};
 use crate::curve::{self, Chords, Curved};
+use crate::performance::Performance;
 use crate::plan::Plan;
 
 /// The curves that start at a waypoint: at most one, and to its Next Waypoint.
@@ -47,7 +48,7 @@ pub(super) fn fly(
         },
     })?;
     for chord in &chords.vertices {
-        height(chord.level, site).map_err(|reason| RouteError {
+        height(chord.level, &site.home, &site.limits).map_err(|reason| RouteError {
             waypoint: p1.number,
             reason,
         })?;
@@ -87,14 +88,14 @@ pub(super) fn accept(item: &mut Item, chords: &Chords) {
 
 /// The end of a curve before an item at another altitude: a multicopter swings about its altitude on the way to it, and
 /// must stay within its radius for as long as that takes (`curve::SWING_S`).
-pub(super) fn widen(items: &mut [Item], end: usize, cruise_m_s: f64) {
+pub(super) fn widen(items: &mut [Item], end: usize, performance: &Performance) {
     let z = |item: &Item| (item.frame, item.z);
     let speed_m_s = items
         .iter()
         .take(end)
         .rev()
         .find(|item| item.command == DO_CHANGE_SPEED)
-        .map_or(cruise_m_s as f32, |item| item.params[1]);
+        .map_or(performance.cruise_m_s as f32, |item| item.params[1]);
     let next = items.iter().skip(end + 1).find(|item| item.is_global());
     let differs = items
         .get(end)

@@ -4,9 +4,10 @@ use mavlink_link::service::mission::Item;
 use stanag_msgs::enums::LoiterType;
 use stanag_msgs::messages::UaPositionWaypoint;
 
-use super::item::change_speed;
+use super::item::{NAV_WAYPOINT, change_speed};
 use super::{Flight, Leg, Reason, RouteError, Site, bounds, curved_leg, waypoint};
-use crate::curve::Chords;
+use crate::curve::{Chords, LEAST_ACCEPTANCE_M};
+use crate::performance::Performance;
 use crate::plan::Plan;
 use crate::{brake, loops};
 
@@ -149,11 +150,11 @@ impl<'a> Draft<'a> {
         } = self;
         if site.hovers {
             straight.retain(|at| !ends.contains(at));
-            let cruise_m_s = site.curving.cruise_m_s;
-            stop_where_missed(&mut flight, &straight, cruise_m_s);
+            stop_where_missed(&mut flight, &straight, &site.performance);
             for end in ends {
-                curved_leg::widen(&mut flight.items, end, cruise_m_s);
+                curved_leg::widen(&mut flight.items, end, &site.performance);
             }
+            say_own_radius(&mut flight, &straight, &site.performance);
         }
         flight.items.first_mut()?.current = true;
         Some(flight)
@@ -161,8 +162,8 @@ impl<'a> Draft<'a> {
 }
 
 /// Makes PX4 stop at those of these items that it could miss for good, and says so.
-fn stop_where_missed(flight: &mut Flight, straight: &[usize], cruise_m_s: f64) {
-    let braked = brake::where_height_changes(&mut flight.items, straight, cruise_m_s);
+fn stop_where_missed(flight: &mut Flight, straight: &[usize], performance: &Performance) {
+    let braked = brake::where_height_changes(&mut flight.items, straight, performance);
     // The first waypoint is not braked for because of what the route does there.
     let leads_there = |at: usize| flight.items.iter().take(at).any(Item::is_global);
     let mut numbers: Vec<u16> = braked
@@ -177,6 +178,18 @@ fn stop_where_missed(flight: &mut Flight, straight: &[usize], cruise_m_s: f64) {
             "it climbs or descends fast or at small radii, to or from waypoint {}: the vehicle stops at each point \
              there, or it could miss one and fly on",
             numbers.join(", ")
+        ));
+    }
+}
+
+/// Says where waypoints are taken within the vehicle's own radius, and that is too small for it.
+fn say_own_radius(flight: &mut Flight, straight: &[usize], performance: &Performance) {
+    let own_m = performance.acceptance_m;
+    let mut items = straight.iter().filter_map(|at| flight.items.get(*at));
+    let own = items.any(|item| item.command == NAV_WAYPOINT && item.params[1] <= 0.0);
+    if own && own_m < LEAST_ACCEPTANCE_M {
+        flight.notes.push(format!(
+            "NAV_ACC_RAD is {own_m:.1} m: under {LEAST_ACCEPTANCE_M} m the vehicle can miss a waypoint and fly on"
         ));
     }
 }

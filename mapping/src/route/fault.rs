@@ -3,6 +3,7 @@
 use crate::altitude::AltitudeError;
 use crate::curve::CurveError;
 use crate::loiter::WIDEST_CIRCLE_M;
+use crate::performance::SpeedError;
 
 /// Why a route cannot be flown, and at which waypoint.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -73,14 +74,9 @@ pub enum Reason {
         /// Metres.
         most_m: f64,
     },
-    /// A speed that cannot be flown.
-    #[error("speed {speed_m_s:.1} m/s, expected above 0, at most {most_m_s:.0}")]
-    Speed {
-        /// m/s
-        speed_m_s: f64,
-        /// m/s
-        most_m_s: f64,
-    },
+    /// A speed that the vehicle does not fly.
+    #[error(transparent)]
+    Speed(#[from] SpeedError),
     /// An arrival time: PX4 flies speeds only.
     #[error("Waypoint Speed Type 3 (arrival time): PX4 flies speeds only")]
     ArrivalTime,
@@ -113,7 +109,7 @@ pub enum Reason {
         fault: CurveError,
     },
     /// A curved leg to another waypoint than the next.
-    #[error("its curved leg leads to {to}, its Next Waypoint is {next}")]
+    #[error("its curved leg leads to {to}, its Next Waypoint is {next}; {dropped}", dropped = DROPPED)]
     CurveEnd {
         /// P4.
         to: u16,
@@ -121,8 +117,16 @@ pub enum Reason {
         next: u16,
     },
     /// A curved leg names it, and no 13002 has described it.
-    #[error("not received, and a curved leg joins it to {0}")]
+    #[error(
+        "not received, and a curved leg joins it to {0}: send it (13002), or clear the plan (13000 mode 1)"
+    )]
     CurveWithoutEnd(u16),
+    /// The same, and the curved leg's P1 is known and leads to it: led elsewhere, that drops the curve.
+    #[error(
+        "not received, and a curved leg joins it to {0}: send it (13002), or {0} with another Next Waypoint, or clear \
+         the plan (13000 mode 1)"
+    )]
+    CurveWithoutP4(u16),
     /// The leg that closes a loop is curved.
     #[error(
         "its curved leg leads back to {0}: a loop is closed by a straight leg, since PX4 would fly the curve after the \
@@ -130,9 +134,12 @@ pub enum Reason {
     )]
     CurveClosesLoop(u16),
     /// Two curved legs from one waypoint.
-    #[error("two curved legs start at it, to {0} and to {1}")]
+    #[error("two curved legs start at it, to {0} and to {1}; {dropped}", dropped = DROPPED)]
     TwoCurves(u16, u16),
     /// More items than the vehicle takes.
     #[error("the route needs more than {0} items")]
     TooManyItems(usize),
 }
+
+/// How a curve is got rid of.
+const DROPPED: &str = "a 13002 that changes its Next Waypoint drops the curve to the one before";

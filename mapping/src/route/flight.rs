@@ -8,6 +8,7 @@ use crate::altitude::Level;
 use crate::brake;
 use crate::curve::Curved;
 use crate::loops::DO_JUMP;
+use crate::performance::Performance;
 
 /// A route as it goes to PX4, and whose waypoint each item is.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,8 +70,14 @@ impl Flight {
     /// beside the route: it climbs or descends there. `level` says whether a vehicle that does not come from the waypoint
     /// before comes to the first one without that.
     #[must_use]
-    pub fn missed_at(&self, seq: u16, level: Option<bool>, speed_m_s: f64) -> Option<u16> {
-        let at = brake::missed_at(&self.items, seq.into(), level, speed_m_s)?;
+    pub fn missed_at(
+        &self,
+        seq: u16,
+        level: Option<bool>,
+        speed_m_s: f64,
+        performance: &Performance,
+    ) -> Option<u16> {
+        let at = brake::missed_at(&self.items, seq.into(), level, speed_m_s, performance)?;
         self.waypoint_of.get(at).copied()
     }
 
@@ -126,7 +133,7 @@ impl Flight {
             .iter()
             .rev()
             .find_map(|leg| leg.speed_m_s)
-            .unwrap_or(site.curving.cruise_m_s)
+            .unwrap_or(site.performance.cruise_m_s)
     }
 
     /// Adds an item of a waypoint.

@@ -41,7 +41,5 @@ pub(crate) const NAV_WAYPOINT: u16 = 16;
 pub(super) const NAV_LAND: u16 = 21;
 /// MAV_CMD_DO_CHANGE_SPEED.
 pub(crate) const DO_CHANGE_SPEED: u16 = 178;
-/// MPC_XY_CRUISE, m/s: what PX4 flies before any speed is commanded.
-pub(crate) const CRUISE_M_S: f64 = 5.0;
 const SPEED_TYPE_GROUND: f32 = 1.0;
 const THROTTLE_UNCHANGED: f32 = -1.0;

@@ -27,6 +27,7 @@ use self::draft::Draft;
 use crate::altitude::{Agl, Altimeter};
 use crate::budget;
 use crate::curve::Curving;
+use crate::performance::Performance;
 use crate::plan::Plan;
 use crate::telemetry::Place;
 
@@ -45,6 +46,8 @@ pub struct Site {
     pub hovers: bool,
     /// Bounds.
     pub limits: Limits,
+    /// What it can, and does by itself.
+    pub performance: Performance,
     /// How curved legs are flown.
     pub curving: Curving,
 }
@@ -74,11 +77,13 @@ pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteErr
 
 /// The mission, its curves within the tolerance of the site.
 pub(crate) fn flight_within(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteError> {
-    if let Some((missing, to)) = plan.curve_without_end() {
-        return Err(RouteError {
-            waypoint: missing,
-            reason: Reason::CurveWithoutEnd(to),
-        });
+    if let Some((p1, p4)) = plan.curve_without_end() {
+        let (waypoint, reason) = match plan.waypoint(p1) {
+            None => (p1, Reason::CurveWithoutEnd(p4)),
+            Some(start) if start.next_waypoint == Some(p4) => (p4, Reason::CurveWithoutP4(p1)),
+            Some(_) => (p4, Reason::CurveWithoutEnd(p1)),
+        };
+        return Err(RouteError { waypoint, reason });
     }
     let mut draft = Draft::new(plan, site);
     let mut next = initial;

@@ -6,7 +6,8 @@ use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 
 use super::bounds::height;
 use super::item::{NAV_WAYPOINT, change_speed, placed};
-use super::{Leg, Limits, Reason, Site};
+use super::{Leg, Reason, Site};
+use crate::performance::Performance;
 use crate::{altitude, loiter};
 
 /// The leg to it: where it is, how high, how fast.
@@ -40,17 +41,17 @@ pub(super) fn leg(number: u16, waypoint: &UaPositionWaypoint, site: &Site) -> Re
         site.agl,
         site.altimeter,
     )?;
-    height(level, site)?;
+    height(level, &site.home, &site.limits)?;
     Ok(Leg {
         number,
         latitude,
         longitude,
         level,
-        speed_m_s: speed(waypoint, &site.limits)?,
+        speed_m_s: speed(waypoint, &site.performance)?,
     })
 }
 
-fn speed(waypoint: &UaPositionWaypoint, limits: &Limits) -> Result<Option<f64>, Reason> {
+fn speed(waypoint: &UaPositionWaypoint, performance: &Performance) -> Result<Option<f64>, Reason> {
     match waypoint.waypoint_speed_type {
         Some(WaypointSpeedType::ArrivalTime) => return Err(Reason::ArrivalTime),
         Some(WaypointSpeedType::Unknown(value)) if waypoint.waypoint_to_speed.is_some() => {
@@ -64,13 +65,7 @@ fn speed(waypoint: &UaPositionWaypoint, limits: &Limits) -> Result<Option<f64>, 
     let Some(speed_m_s) = waypoint.waypoint_to_speed.map(|speed| speed.si()) else {
         return Ok(None);
     };
-    if speed_m_s > 0.0 && speed_m_s <= limits.speed_m_s {
-        return Ok(Some(speed_m_s));
-    }
-    Err(Reason::Speed {
-        speed_m_s,
-        most_m_s: limits.speed_m_s,
-    })
+    Ok(Some(performance.check(speed_m_s)?))
 }
 
 /// The items at its place: it is flown to, or stayed at as its loiter asks.
@@ -88,7 +83,7 @@ pub(super) fn items(
     let Some(asked) = asked else {
         return Ok(vec![fly_to]);
     };
-    let loiter = loiter::loiter(asked, leg.speed_m_s, site.hovers, &site.limits)?;
+    let loiter = loiter::loiter(asked, leg.speed_m_s, site.hovers, &site.performance)?;
     let stay = there(loiter.command, loiter.params);
     match loiter
         .speed_m_s

@@ -184,7 +184,7 @@ pub static KEYS: &[Key] = &[
     Key {
         name: "vehicle.limits.speed_m_s",
         default: Value("100.0"),
-        meaning: "fastest commanded speed, m/s",
+        meaning: "fastest commanded speed, m/s; the vehicle's own (MPC_XY_VEL_MAX, FW_AIRSPD_MAX) counts where it is lower",
     },
     Key {
         name: "vehicle.area.keep",

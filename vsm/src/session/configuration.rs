@@ -5,12 +5,12 @@
 //! the buffers of a small ground station; 17000 "carried out" follows the last.
 
 use std::collections::{BTreeSet, VecDeque};
-use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use mapping::configuration::{
     self, Level, NAMES, Parameters, Request, RequestError, Scope, Subject, modes,
 };
+use mapping::performance::Performance;
 use mavlink_link::dialect::MavType;
 use mavlink_link::service::param::{Name, Value};
 use stanag_msgs::enums::AckType;
@@ -186,7 +186,12 @@ impl Aircraft {
         if matches!(self.configuration.reading, Reading::Left(_)) {
             return;
         }
-        let names = NAMES.iter().filter_map(|name| Name::new(name).ok());
+        // What bounds routes first: a load waits for it.
+        let others = NAMES
+            .iter()
+            .filter(|name| !Performance::NAMES.contains(name));
+        let names = Performance::NAMES.iter().chain(others);
+        let names = names.filter_map(|name| Name::new(name).ok());
         let mut asked = 0;
         for name in names {
             asked += usize::from(self.read_for_configuration(desk, name));
@@ -337,11 +342,17 @@ impl Aircraft {
             .collect()
     }
 
-    /// The speeds that 2016 may command, m/s, as 41003 tells them.
-    pub(super) fn speeds(&self, vsm: Id) -> RangeInclusive<f64> {
-        let told = configuration::bounds(&self.subject(vsm), 2016, "Commanded Speed");
-        let (low, high) = told.map_or((None, None), |told| (told.low, told.high));
-        low.unwrap_or(0.0)..=high.unwrap_or(self.bounds.limits.speed_m_s)
+    /// How fast it may be commanded to fly, as 41003 tells it, and what it does by itself.
+    pub(super) fn performance(&self) -> Performance {
+        let hovers = self.mav.telemetry.hovers();
+        Performance::of(hovers, &self.configuration.parameters, &self.bounds.limits)
+    }
+
+    /// Whether what that is made of is on its way.
+    pub(super) fn learns_performance(&self) -> bool {
+        let mut names = Performance::NAMES.iter();
+        matches!(self.configuration.reading, Reading::Left(_))
+            && names.any(|name| self.parameter(name).is_none())
     }
 
     fn available_modes(&self) -> modes::Available {

@@ -124,7 +124,7 @@ impl Aircraft {
             agl: self.bounds.agl,
             altimeter,
             limits: self.bounds.limits,
-            speeds: self.speeds(desk.vsm),
+            performance: self.performance(),
         };
         let task = mode_command::task(command, &situation);
         let mode = mode_command::mode_of(command, &self.mav.telemetry);

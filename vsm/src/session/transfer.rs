@@ -43,7 +43,7 @@ enum Phase {
     Again {
         flight: Flight,
     },
-    /// Waits for home, and for the geoid separation where an altitude needs it.
+    /// Waits for home, for the parameters that are being read, and for the geoid separation where an altitude needs it.
     Site {
         deadline: Duration,
     },
@@ -123,6 +123,11 @@ impl Transfer {
         }
     }
 
+    /// Whether it may wait for what the vehicle has not told yet.
+    pub(crate) fn may_wait(&self, now: Duration) -> bool {
+        matches!(self.phase, Phase::Site { deadline } if now < deadline)
+    }
+
     /// Whether nothing has been asked of the vehicle yet.
     pub(crate) fn has_not_begun(&self) -> bool {
         matches!(self.phase, Phase::Site { .. } | Phase::Again { .. })
@@ -133,11 +138,11 @@ impl Transfer {
         &mut self,
         now: Duration,
         plan: &Plan,
-        bounds: &Bounds,
+        site: Option<&Site>,
         vehicle: &mut VehicleLink,
     ) -> Course {
         match std::mem::replace(&mut self.phase, Phase::Ended) {
-            Phase::Site { deadline } => self.start(now, deadline, plan, bounds, vehicle),
+            Phase::Site { deadline } => self.start(now, deadline, plan, site, vehicle),
             Phase::Again { flight } => self.begin(now, flight, vehicle),
             Phase::Hold {
                 mut maneuver,
@@ -169,7 +174,7 @@ impl Transfer {
         now: Duration,
         deadline: Duration,
         plan: &Plan,
-        bounds: &Bounds,
+        site: Option<&Site>,
         vehicle: &mut VehicleLink,
     ) -> Course {
         let wait = now < deadline;
@@ -178,7 +183,7 @@ impl Transfer {
             .as_ref()
             .and_then(|route| route.initial_waypoint_number);
         let initial = initial.unwrap_or(0);
-        let flight = match site(bounds, vehicle).map(|site| route::flight(plan, initial, &site)) {
+        let flight = match site.map(|site| route::flight(plan, initial, site)) {
             Some(Ok(flight)) => flight,
             Some(Err(RouteError {
                 reason: Reason::Altitude(mapping::altitude::AltitudeError::NoGeoid),
@@ -444,20 +449,6 @@ impl Transfer {
             touched: self.touched,
         }
     }
-}
-
-/// What the vehicle has told of where it is; `None` before it has told its home.
-fn site(bounds: &Bounds, vehicle: &VehicleLink) -> Option<Site> {
-    let telemetry = &vehicle.telemetry;
-    Some(Site {
-        home: telemetry.home?,
-        geoid_m: telemetry.geoid_m,
-        agl: bounds.agl,
-        altimeter: bounds.altimeter,
-        hovers: telemetry.hovers(),
-        limits: bounds.limits,
-        curving: bounds.curving,
-    })
 }
 
 pub(crate) fn explain(reason: &Failure) -> String {

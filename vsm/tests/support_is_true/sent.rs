@@ -127,6 +127,7 @@ fn everything(airframe: Airframe) -> Rig {
         waypoint_loiter_type: Some(LoiterType::Circular),
         loiter_duration: Some(5),
         speed_type: Some(SpeedType::Ground),
+        loiter_speed: Some(Scaled::saturating_from_si(12.0)),
         loiter_radius: Some(Scaled::saturating_from_si(60.0)),
         ..UaLoiterWaypoint::default()
     };

@@ -2,7 +2,7 @@
 
 use mapping::altitude::Level;
 use mapping::mode::Px4Mode;
-use mapping::route::Flight;
+use mapping::route::{Flight, Site};
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::command;
 use stanag_msgs::enums::{MissionPlanMode as Mode, MissionTransferStatus, RouteType};
@@ -107,8 +107,27 @@ impl Aircraft {
         self.go_on(desk);
     }
 
+    /// What the vehicle has told of where it is and what it can; `None` before it has told its home.
+    fn site(&self) -> Option<Site> {
+        let telemetry = &self.mav.telemetry;
+        Some(Site {
+            home: telemetry.home?,
+            geoid_m: telemetry.geoid_m,
+            agl: self.bounds.agl,
+            altimeter: self.bounds.altimeter,
+            hovers: telemetry.hovers(),
+            limits: self.bounds.limits,
+            performance: self.performance(),
+            curving: self.bounds.curving,
+        })
+    }
+
     /// Lets a load take its next step.
     pub(crate) fn advance_load(&mut self, desk: &mut Desk<'_>) {
+        if self.load.is_none() {
+            return;
+        }
+        let (site, learning) = (self.site(), self.learns_performance());
         let Some(Load {
             work: Work::Transfer(transfer),
             ..
@@ -116,12 +135,16 @@ impl Aircraft {
         else {
             return;
         };
+        // It bounds the route.
+        if learning && transfer.may_wait(desk.now.mono) {
+            return;
+        }
         // A mode on its way in must be seen before another plan goes up: it could be flown at once.
         if self.maneuver.is_some() && transfer.has_not_begun() {
             return;
         }
         let held = transfer.held;
-        let course = transfer.advance(desk.now.mono, &self.plan, &self.bounds, &mut self.mav);
+        let course = transfer.advance(desk.now.mono, &self.plan, site.as_ref(), &mut self.mav);
         if transfer.held && !held {
             let text = "the vehicle flies its mission: it is put on hold (mode 12) while another plan goes aboard";
             self.advise(desk, text.to_owned());

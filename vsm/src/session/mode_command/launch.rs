@@ -61,6 +61,7 @@ const LOWEST_LAUNCH_M: f64 = 1.5;
 #[cfg(test)]
 mod tests {
     use mapping::altitude::{Agl, Altimeter};
+    use mapping::performance::Performance;
     use mapping::plan::Plan;
     use mapping::route::Limits;
     use mapping::telemetry::{Place, Telemetry};
@@ -103,7 +104,7 @@ mod tests {
                 agl: Agl::AboveHome,
                 altimeter: Altimeter::STANDARD,
                 limits: Limits::default(),
-                speeds: 0.5..=12.0,
+                performance: Performance::default(),
             };
             task(&command, &at).map(|task| matches!(task, Task::Launch(..)))
         };

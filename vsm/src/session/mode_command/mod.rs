@@ -11,10 +11,9 @@ mod values;
 
 pub(crate) use route::flies_anew;
 
-use std::ops::RangeInclusive;
-
 use mapping::altitude::{Agl, Altimeter};
 use mapping::mode::Px4Mode;
+use mapping::performance::Performance;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
 use mapping::route::Limits;
@@ -81,8 +80,7 @@ pub(crate) struct Situation<'a> {
     pub(crate) agl: Agl,
     pub(crate) altimeter: Altimeter,
     pub(crate) limits: Limits,
-    /// What Commanded Speed may be, m/s.
-    pub(crate) speeds: RangeInclusive<f64>,
+    pub(crate) performance: Performance,
 }
 
 /// The mode that a command is about: its own, or the present one where it names none.

@@ -90,7 +90,10 @@ pub(super) fn fly(
         let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
         let seq = seq.unwrap_or(0);
         let level = (start.is_some() || enters).then(|| comes_level(aboard, seq, enters, at));
-        if let Some(number) = aboard.flight.missed_at(seq, level, speed_m_s) {
+        if let Some(number) = aboard
+            .flight
+            .missed_at(seq, level, speed_m_s, &at.performance)
+        {
             return Err(format!(
                 "at {speed_m_s:.1} m/s the vehicle could miss waypoint {number}, to or from which it climbs or \
                  descends, and fly on: give the route this speed (13002), so that it stops there"

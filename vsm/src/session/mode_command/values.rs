@@ -1,8 +1,7 @@
 //! The values that a 2016 commands, checked: altitude and speed.
 
 use mapping::altitude::{self, Level};
-use mapping::curve::Curving;
-use mapping::route::{self, Site};
+use mapping::route;
 use mapping::telemetry::Telemetry;
 use stanag_msgs::enums::{AltitudeCommandType, SpeedType};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
@@ -47,16 +46,8 @@ pub(super) fn level(
     let (geoid_m, agl, altimeter) = (at.telemetry.geoid_m, at.agl, at.altimeter);
     let level = altitude::level(metres, command.altitude_type, geoid_m, agl, altimeter)
         .map_err(|fault| fault.to_string())?;
-    let site = Site {
-        home: at.telemetry.home.ok_or("home is not known yet")?,
-        geoid_m,
-        agl,
-        altimeter,
-        hovers: at.telemetry.hovers(),
-        limits: at.limits,
-        curving: Curving::default(),
-    };
-    route::height(level, &site).map_err(|fault| fault.to_string())?;
+    let home = at.telemetry.home.ok_or("home is not known yet")?;
+    route::height(level, &home, &at.limits).map_err(|fault| fault.to_string())?;
     Ok(level)
 }
 
@@ -80,13 +71,8 @@ pub(super) fn speed(
     else {
         return Ok(None);
     };
-    if !at.speeds.contains(&speed_m_s) {
-        return Err(format!(
-            "speed {speed_m_s:.1} m/s, expected {:.1} to {:.1}",
-            at.speeds.start(),
-            at.speeds.end()
-        ));
-    }
+    let checked = at.performance.check(speed_m_s);
+    let speed_m_s = checked.map_err(|fault| fault.to_string())?;
     match command.speed_type {
         None | Some(SpeedType::Ground | SpeedType::Indicated | SpeedType::True) => {
             Ok(Some(speed_m_s))

@@ -1,0 +1,182 @@
+//! How fast a vehicle can be commanded to fly, and what it flies by where nothing is commanded: by its own parameters,
+//! and as PX4 comes where it has not told them.
+//!
+//! The same bounds are told in the configuration phase (41003), and refuse a 2016, a 13002 and a 13003 beyond them.
+
+use crate::configuration::Parameters;
+use crate::route::Limits;
+
+/// What it can, and what it does by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Performance {
+    /// The slowest speed that can be commanded, m/s: FW_AIRSPD_MIN; of a multicopter one step of the field.
+    pub slowest_m_s: f64,
+    /// The fastest, m/s: MPC_XY_VEL_MAX or FW_AIRSPD_MAX, at most `vehicle.limits.speed_m_s`.
+    pub fastest_m_s: f64,
+    /// Flown before any speed is commanded, m/s: MPC_XY_CRUISE or FW_AIRSPD_TRIM.
+    pub cruise_m_s: f64,
+    /// Within it a waypoint without a radius of its own is taken, m: NAV_ACC_RAD.
+    pub acceptance_m: f64,
+}
+
+/// A speed that the vehicle cannot be commanded to fly.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("speed {speed_m_s:.1} m/s, expected {slowest_m_s:.1} to {fastest_m_s:.1}")]
+pub struct SpeedError {
+    /// m/s
+    pub speed_m_s: f64,
+    /// m/s
+    pub slowest_m_s: f64,
+    /// m/s
+    pub fastest_m_s: f64,
+}
+
+impl Performance {
+    /// The parameters that it is made of.
+    pub const NAMES: [&str; 6] = [
+        "MPC_XY_VEL_MAX",
+        "MPC_XY_CRUISE",
+        "NAV_ACC_RAD",
+        "FW_AIRSPD_MAX",
+        "FW_AIRSPD_MIN",
+        "FW_AIRSPD_TRIM",
+    ];
+
+    /// Of a vehicle that can stand still, or cannot, with these parameters, within the configured limits.
+    #[must_use]
+    pub fn of(hovers: bool, parameters: &Parameters, limits: &Limits) -> Self {
+        let [slowest, fastest, cruise] = if hovers {
+            [None, Some("MPC_XY_VEL_MAX"), Some("MPC_XY_CRUISE")]
+        } else {
+            ["FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM"].map(Some)
+        };
+        let known = |name: Option<&str>| name.and_then(|name| parameters.above_zero(name));
+        let fastest_m_s = known(fastest).map_or(limits.speed_m_s, |own| own.min(limits.speed_m_s));
+        let px4s = if hovers {
+            QUAD_CRUISE_M_S
+        } else {
+            WING_CRUISE_M_S
+        };
+        Self {
+            slowest_m_s: known(slowest).unwrap_or(STEP_M_S).min(fastest_m_s),
+            fastest_m_s,
+            cruise_m_s: known(cruise).unwrap_or(px4s),
+            acceptance_m: known(Some("NAV_ACC_RAD")).unwrap_or(ACCEPTANCE_M),
+        }
+    }
+
+    /// The speed, where it can be commanded.
+    ///
+    /// # Errors
+    /// It is too slow, too fast, or no number.
+    pub fn check(&self, speed_m_s: f64) -> Result<f64, SpeedError> {
+        let Self {
+            slowest_m_s,
+            fastest_m_s,
+            ..
+        } = *self;
+        if (slowest_m_s..=fastest_m_s).contains(&speed_m_s) {
+            return Ok(speed_m_s);
+        }
+        Err(SpeedError {
+            speed_m_s,
+            slowest_m_s,
+            fastest_m_s,
+        })
+    }
+}
+
+impl Default for Performance {
+    /// Of a multicopter that has told nothing.
+    fn default() -> Self {
+        Self::of(true, &Parameters::default(), &Limits::default())
+    }
+}
+
+/// One step of a speed on the wire.
+const STEP_M_S: f64 = 0.5;
+/// MPC_XY_CRUISE as PX4 comes.
+const QUAD_CRUISE_M_S: f64 = 5.0;
+/// FW_AIRSPD_TRIM as PX4 comes.
+const WING_CRUISE_M_S: f64 = 15.0;
+/// NAV_ACC_RAD as PX4 comes.
+pub(crate) const ACCEPTANCE_M: f64 = 10.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::configuration::NAMES;
+
+    fn parameters(values: &[(&str, f64)]) -> Parameters {
+        let mut parameters = Parameters::default();
+        for (name, value) in values {
+            assert!(parameters.set(name, *value), "{name}");
+        }
+        parameters
+    }
+
+    #[test]
+    fn it_is_what_the_vehicle_has_told_within_the_configured_limits() {
+        let told = parameters(&[
+            ("MPC_XY_VEL_MAX", 12.0),
+            ("MPC_XY_CRUISE", 7.0),
+            ("NAV_ACC_RAD", 4.0),
+            ("FW_AIRSPD_MIN", 11.0),
+            ("FW_AIRSPD_MAX", 22.0),
+            ("FW_AIRSPD_TRIM", 16.0),
+        ]);
+        let of = |hovers, speed_m_s| {
+            let limits = Limits {
+                speed_m_s,
+                ..Limits::default()
+            };
+            let Performance {
+                slowest_m_s,
+                fastest_m_s,
+                cruise_m_s,
+                acceptance_m,
+            } = Performance::of(hovers, &told, &limits);
+            [slowest_m_s, fastest_m_s, cruise_m_s, acceptance_m]
+        };
+        assert_eq!(of(true, 100.0), [0.5, 12.0, 7.0, 4.0]);
+        assert_eq!(of(false, 100.0), [11.0, 22.0, 16.0, 4.0]);
+        assert_eq!(of(true, 10.0), [0.5, 10.0, 7.0, 4.0]);
+        assert_eq!(of(false, 10.0), [10.0, 10.0, 16.0, 4.0]);
+    }
+
+    #[test]
+    fn what_is_not_told_is_as_px4_comes_and_as_the_limits_allow() {
+        let Performance {
+            slowest_m_s,
+            fastest_m_s,
+            cruise_m_s,
+            acceptance_m,
+        } = Performance::default();
+        assert_eq!(
+            [slowest_m_s, fastest_m_s, cruise_m_s, acceptance_m],
+            [0.5, 100.0, 5.0, 10.0]
+        );
+        let wing = Performance::of(false, &Parameters::default(), &Limits::default());
+        assert_eq!(wing.cruise_m_s, 15.0);
+    }
+
+    #[test]
+    fn its_parameters_are_among_those_that_are_read() {
+        assert!(Performance::NAMES.iter().all(|name| NAMES.contains(name)));
+    }
+
+    #[test]
+    fn a_speed_beyond_it_is_refused_with_the_range() {
+        let told = parameters(&[("MPC_XY_VEL_MAX", 12.0)]);
+        let performance = Performance::of(true, &told, &Limits::default());
+        for fine in [0.5, 12.0] {
+            assert_eq!(performance.check(fine), Ok(fine));
+        }
+        for beyond in [0.0, 12.5, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(performance.check(beyond).is_err(), "{beyond}");
+        }
+        let said = performance.check(20.0).map_err(|fault| fault.to_string());
+        let expected = "speed 20.0 m/s, expected 0.5 to 12.0".to_owned();
+        assert_eq!(said, Err(expected));
+    }
+}
