@@ -49,7 +49,7 @@ pub(crate) fn walk(
     Ok(())
 }
 
-/// The longest chord from here whose bound is within the tolerance, to a percent of its length.
+/// The longest chord from here whose bound is within the tolerance, to half a percent of its length.
 #[inline]
 pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64) -> Chord {
     let rest = 1.0 - local.t();
@@ -240,10 +240,10 @@ const PLACES: u32 = 8;
 const BALANCE_STEPS: u32 = 31;
 /// Grid of the dynamic program.
 const GRID: usize = 384;
-/// Fraction of the tolerance that ends a search: the chord is within a percent of the longest.
-const CLOSE_ENOUGH: f64 = 0.98;
+/// Fraction of the tolerance that ends a search: the chord is within half a percent of the longest.
+const CLOSE_ENOUGH: f64 = 0.99;
 /// What the secant aims at: a root between that of the above and 1.
-const AIM: f64 = 0.995;
+const AIM: f64 = 0.9975;
 /// Relative width of the interval that ends a search.
 const NARROW: f64 = 1e-3;
 /// Steps by secant; then bisection.
