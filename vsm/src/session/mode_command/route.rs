@@ -86,10 +86,13 @@ pub(super) fn fly(
         ),
         None => flies_anew(command, at.telemetry).then_some(0),
     };
-    if let Some(speed_m_s) = speed.filter(|_| at.telemetry.hovers()) {
+    // A speed for the leg that is flown is the operator's word: it is heeded, and the watch on the sequence holds a vehicle
+    // that flies past its waypoint.
+    let begins = enters || start.is_some();
+    if let Some(speed_m_s) = speed.filter(|_| begins && at.telemetry.hovers()) {
         let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
         let seq = seq.unwrap_or(0);
-        let level = (start.is_some() || enters).then(|| comes_level(aboard, seq, enters, at));
+        let level = Some(comes_level(aboard, seq, enters, at));
         if let Some(number) = aboard
             .flight
             .missed_at(seq, level, speed_m_s, &at.performance)
@@ -101,7 +104,7 @@ pub(super) fn fly(
         }
     }
     steps.extend(start.map(|seq| Step::SetCurrent(seq..=aboard.flight.place_from(seq))));
-    if enters || start.is_some() {
+    if begins {
         steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
     }
     let mut commanded = if enters {
