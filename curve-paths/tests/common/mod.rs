@@ -1,5 +1,9 @@
 //! Random legs of every kind, and the oracles that judge what became of them.
-#![allow(dead_code, unreachable_pub)]
+#![allow(
+    dead_code,
+    unreachable_pub,
+    reason = "each test file and the bench use their part"
+)]
 
 use curve_paths::{BezierLeg, Charges, Control, Ground, Position, Vertex};
 use geographiclib_rs::{DirectGeodesic, Geodesic, InverseGeodesic};

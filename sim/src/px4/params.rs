@@ -7,7 +7,11 @@ macro_rules! parameters {
     ($($name:ident = $kind:ident($value:expr);)*) => {
         /// A parameter by its name.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        #[allow(non_camel_case_types, missing_docs)]
+        #[allow(
+            non_camel_case_types,
+            missing_docs,
+            reason = "the names are PX4's own, and say all"
+        )]
         #[repr(usize)]
         pub enum Param { $($name,)* }
 

@@ -32,12 +32,6 @@ impl Datagram {
     pub fn octets(&self) -> &[u8] {
         self.octets.get(..self.length).unwrap_or_default()
     }
-
-    /// Whether it goes to the group.
-    #[must_use]
-    pub fn is_multicast(&self) -> bool {
-        self.to == Destination::Multicast
-    }
 }
 
 /// The queue of one bridge.

@@ -14,7 +14,19 @@ use super::durable;
 /// A key file that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum KeyFileError {
-    /// It is not there or cannot be opened or written.
+    /// It is not there.
+    #[error("there is no key file {path}: `vsm keygen {path}` makes one", path = path.display())]
+    Absent {
+        /// The file.
+        path: PathBuf,
+    },
+    /// It is there already.
+    #[error("key file {path} is there already, and a key is never overwritten", path = path.display())]
+    Present {
+        /// The file.
+        path: PathBuf,
+    },
+    /// It cannot be opened or written.
     #[error("key file {path}: {cause}", path = path.display())]
     Io {
         /// The file.
@@ -31,7 +43,7 @@ pub enum KeyFileError {
         mode: u32,
     },
     /// It does not hold a key.
-    #[error("key file {path}: {cause}, expected 64 hex digits (32 random octets, as `vsm keygen` writes them)", path = path.display())]
+    #[error("key file {path}: {cause}: a key is 64 hex digits (32 random octets), as `vsm keygen` writes them", path = path.display())]
     Content {
         /// The file.
         path: PathBuf,
@@ -45,11 +57,13 @@ pub enum KeyFileError {
 /// # Errors
 /// The file is missing, readable by others, or holds something else.
 pub fn read(path: &Path) -> Result<SigningKey, KeyFileError> {
-    let io = |cause| KeyFileError::Io {
-        path: path.to_owned(),
-        cause,
-    };
-    let file = fs::File::open(path).map_err(io)?;
+    let io = |cause| io_fault(path, cause);
+    let file = fs::File::open(path).map_err(|cause| match cause.kind() {
+        io::ErrorKind::NotFound => KeyFileError::Absent {
+            path: path.to_owned(),
+        },
+        _ => io(cause),
+    })?;
     let mode = file.metadata().map_err(io)?.permissions().mode() & 0o777;
     if mode & 0o077 != 0 {
         return Err(KeyFileError::Permissions {
@@ -61,6 +75,13 @@ pub fn read(path: &Path) -> Result<SigningKey, KeyFileError> {
     let mut text = Zeroizing::new(Vec::with_capacity(MOST_OCTETS as usize + 1));
     file.take(MOST_OCTETS).read_to_end(&mut text).map_err(io)?;
     parse(path, &text)
+}
+
+fn io_fault(path: &Path, cause: io::Error) -> KeyFileError {
+    KeyFileError::Io {
+        path: path.to_owned(),
+        cause,
+    }
 }
 
 /// Reads the content of a key file.
@@ -115,12 +136,14 @@ pub(super) fn hex(key: &SigningKey) -> Zeroizing<String> {
 /// # Errors
 /// The file exists or cannot be written, or the system has no random octets.
 pub fn generate(path: &Path) -> Result<(), KeyFileError> {
-    let io = |cause| KeyFileError::Io {
-        path: path.to_owned(),
-        cause,
-    };
+    let io = |cause| io_fault(path, cause);
     let hex = hex(&random().map_err(io)?);
-    durable::create(path, hex.as_bytes()).map_err(io)
+    durable::create(path, hex.as_bytes()).map_err(|cause| match cause.kind() {
+        io::ErrorKind::AlreadyExists => KeyFileError::Present {
+            path: path.to_owned(),
+        },
+        _ => io(cause),
+    })
 }
 
 /// A key file is 65 octets; more than this is never read.
