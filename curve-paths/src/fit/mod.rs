@@ -107,12 +107,21 @@ pub fn fit(
     };
     let mut inner_m = options.tolerance_m * (1.0 - SAMPLING_RESERVE);
     let mut deviation_m = f64::INFINITY;
-    for _ in 0..ATTEMPTS {
-        let fitted = attempt(track, &sampled, &shape, options, inner_m, progress)?;
+    let spacing_m = VERIFY * options.tolerance_m;
+    for confirm_m in [None, None, Some(spacing_m)] {
+        let mut cubics = Cubics {
+            sampled: &sampled,
+            tolerance_m: inner_m,
+            confirm_m,
+            scratch: Scratch::default(),
+        };
+        let links = search(&mut cubics, &shape, options.continuity, progress);
+        let fitted = measured(track, &sampled, links, spacing_m)?;
         if fitted.deviation_m <= options.tolerance_m {
             return Ok(fitted);
         }
-        // Something lay between the samples of the search: once more with as much in reserve.
+        // Something lay between the samples of the search: once more with as much in reserve, and where that moves
+        // it elsewhere only, with no leg taken that the dense measure refuses.
         deviation_m = fitted.deviation_m;
         inner_m *= 0.999 * options.tolerance_m / deviation_m;
     }
@@ -122,32 +131,25 @@ pub fn fit(
     })
 }
 
-/// One search with the tolerance `inner_m`, measured densely afterwards.
-fn attempt(
-    track: &Track,
-    sampled: &Sampled,
+/// The legs of one search, not yet measured densely.
+fn search(
+    cubics: &mut Cubics<'_>,
     shape: &Shape<'_>,
-    options: &FitOptions,
-    inner_m: f64,
+    continuity: Continuity,
     progress: &mut dyn FnMut(f64),
-) -> Result<Fitted, FitError> {
-    let mut cubics = Cubics {
-        sampled,
-        tolerance_m: inner_m,
-        scratch: Scratch::default(),
-    };
-    let share = if options.continuity == Continuity::G0 {
+) -> Vec<smooth::Link> {
+    let share = if continuity == Continuity::G0 {
         1.0
     } else {
         0.5
     };
-    let reaches = chain::reaches(shape, &mut cubics, &mut |done| progress(share * done));
-    let links: Vec<smooth::Link> = match options.continuity {
-        Continuity::G0 => chain::fewest(shape, &reaches, &mut cubics)
+    let reaches = chain::reaches(shape, cubics, &mut |done| progress(share * done));
+    match continuity {
+        Continuity::G0 => chain::fewest(shape, &reaches, cubics)
             .windows(2)
             .map(|pair| {
-                let lap = if sampled.closed {
-                    pair[0] / sampled.count * sampled.count
+                let lap = if shape.closed {
+                    pair[0] / shape.count * shape.count
                 } else {
                     0
                 };
@@ -155,22 +157,26 @@ fn attempt(
                 (i, j, cubics.fit(i, j, Tangents::FREE).cubic)
             })
             .collect(),
-        Continuity::G1 => smooth::fewest(shape, &reaches, &mut cubics, &mut |done| {
+        Continuity::G1 => smooth::fewest(shape, &reaches, cubics, &mut |done| {
             progress(share + share * done)
         }),
-    };
+    }
+}
+
+/// The route of `links` and how far it strays, by samples `spacing_m` apart.
+fn measured(
+    track: &Track,
+    sampled: &Sampled,
+    links: Vec<smooth::Link>,
+    spacing_m: f64,
+) -> Result<Fitted, FitError> {
     let end = |k: usize| track.fixes()[k % sampled.count];
     let mut legs = Vec::with_capacity(links.len());
     let mut joints: Vec<usize> = links.iter().map(|link| link.0 % sampled.count).collect();
     joints.extend(links.last().map(|link| link.1 % sampled.count));
     let mut deviation_m: f64 = 0.0;
     for (i, j, cubic) in links {
-        let part: Vec<_> = (i..=j).map(|k| sampled.at_fix(k)).collect();
-        deviation_m = deviation_m.max(deviation::two_sided_m(
-            &cubic,
-            &part,
-            VERIFY * options.tolerance_m,
-        ));
+        deviation_m = deviation_m.max(sampled.deviation_m(&cubic, (i, j), spacing_m));
         let control = |k: usize| {
             let g = sampled
                 .plane
@@ -194,6 +200,8 @@ fn attempt(
 struct Cubics<'a> {
     sampled: &'a Sampled,
     tolerance_m: f64,
+    /// The spacing that each leg is measured with again before it is taken, m; none, the search's samples do.
+    confirm_m: Option<f64>,
     scratch: Scratch,
 }
 
@@ -201,7 +209,10 @@ impl Cubics<'_> {
     /// The best leg found between two fixes.
     fn fit(&mut self, i: usize, j: usize, tangents: Tangents) -> PairFit {
         let (points, arc_m) = self.sampled.part(i, j);
-        let found = PairFit::run(points, arc_m, tangents, self.tolerance_m, &mut self.scratch);
+        let mut found = PairFit::run(points, arc_m, tangents, self.tolerance_m, &mut self.scratch);
+        if let (Some(spacing_m), true) = (self.confirm_m, found.deviation_m <= self.tolerance_m) {
+            found.deviation_m = self.sampled.deviation_m(&found.cubic, (i, j), spacing_m);
+        }
         if j == i + 1 && found.deviation_m > self.tolerance_m {
             // Between neighbours the track is a chord, and arms that are short enough keep to it.
             return PairFit::chord(
@@ -243,8 +254,6 @@ pub(crate) fn check_tolerance(tolerance_m: f64) -> Result<(), FitError> {
 
 /// Kept back from the tolerance while searching, for what lies between the samples.
 const SAMPLING_RESERVE: f64 = 2e-3;
-/// Searches before giving up on what the dense measure says.
-const ATTEMPTS: u32 = 4;
 /// Spacing of the samples that a found leg is measured with, as a part of the tolerance.
 const VERIFY: f64 = 0.25;
 /// How far to either side a corner is looked at, as a multiple of the tolerance.

@@ -2,7 +2,8 @@
 
 use thiserror::Error;
 
-use super::plane::{Plane, Vec2};
+use super::deviation::two_sided_m;
+use super::plane::{Cubic2, Plane, Vec2};
 use crate::leg::{LegError, check_altitude, check_ground};
 use crate::wgs84::{Ground, Position};
 
@@ -194,6 +195,13 @@ impl Sampled {
     /// The place of a fix of either round.
     pub(crate) fn at_fix(&self, i: usize) -> Vec2 {
         self.points[self.fix[i]]
+    }
+
+    /// The deviation both ways between a leg and its part of the track, fix `i` to fix `j`, by samples `spacing_m`
+    /// apart at most, m.
+    pub(crate) fn deviation_m(&self, leg: &Cubic2, (i, j): (usize, usize), spacing_m: f64) -> f64 {
+        let fixes: Vec<Vec2> = (i..=j).map(|k| self.at_fix(k)).collect();
+        two_sided_m(leg, &fixes, spacing_m)
     }
 }
 
