@@ -71,19 +71,23 @@ impl Cubic {
     }
 
     /// The length of the curve, m. Each piece is integrated with five Gauss points once its polygon is within 0.1 %
-    /// of its chord, so cusps cost splits and no accuracy.
+    /// of its chord and its speed changes little, so cusps cost splits and no accuracy.
     #[must_use]
     pub fn length(&self) -> f64 {
         self.length_to_depth(0)
     }
 
     fn length_to_depth(&self, depth: u32) -> f64 {
-        let polygon = self.polygon_length();
-        let chord = (self.0[3] - self.0[0]).norm();
-        if polygon <= 1e-9 || depth >= DEEPEST {
+        let [p0, p1, p2, p3] = self.0;
+        let sides = [(p1 - p0).norm(), (p2 - p1).norm(), (p3 - p2).norm()];
+        let polygon = sides[0] + sides[1] + sides[2];
+        let chord = (p3 - p0).norm();
+        // The length is between the two.
+        if polygon - chord <= 1e-9 || depth >= DEEPEST {
             return 0.5 * (polygon + chord);
         }
-        if polygon <= 1.001 * chord {
+        let least = sides[0].min(sides[1]).min(sides[2]);
+        if polygon <= 1.001 * chord && polygon <= EVEN * least {
             return GAUSS_5
                 .iter()
                 .map(|&(t, w)| w * self.derivative(t).norm())
@@ -96,6 +100,9 @@ impl Cubic {
 
 /// Halvings after which a piece of a legal leg is shorter than a tenth of a millimetre.
 const DEEPEST: u32 = 30;
+
+/// How many times its shortest side a piece's polygon may be for its speed to be smooth enough: 3 when it is even.
+const EVEN: f64 = 8.0;
 
 /// Nodes on 0 to 1 and weights of the five-point Gauss-Legendre rule.
 const GAUSS_5: [(f64, f64); 5] = [

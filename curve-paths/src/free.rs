@@ -95,7 +95,7 @@ fn longest(local: &Local<'_>, from: Vec3, rules: &Rules, last: f64) -> Option<Fr
     }
     let (mut low, mut high) = (0.0, rest);
     let mut best = None;
-    let mut h = (1.4 * local.guess(rules.tolerance_m, last)).min(0.7 * rest);
+    let mut h = (1.4 * local.guess(rules.tolerance_m, last).h).min(0.7 * rest);
     for _ in 0..MOST_STEPS {
         match try_to(h) {
             Some(chord) => {

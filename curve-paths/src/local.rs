@@ -74,6 +74,15 @@ pub(crate) struct Chord {
     end: Sample,
 }
 
+/// Where a search begins.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Guess {
+    /// How much of the parameter the chord takes, were it as long as the one it was judged for.
+    pub(crate) h: f64,
+    /// How the root of the bound grows with h beside in proportion: about as exp(slope h).
+    pub(crate) slope: f64,
+}
+
 /// A point of the local curve, and its derivative by t.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
@@ -283,23 +292,28 @@ impl<'a> Local<'a> {
         Vec3::new(v.dot(self.east), v.dot(self.north), alt_m)
     }
 
-    /// The length of parameter over which the offset from a chord should reach `tolerance_m`, judged from the
-    /// curvature half of `chord` ahead.
+    /// A chord from here whose offset should reach `tolerance_m`, judged from the curvature half of `chord` ahead.
     #[inline]
-    pub(crate) fn guess(&self, tolerance_m: f64, chord: f64) -> f64 {
+    pub(crate) fn guess(&self, tolerance_m: f64, chord: f64) -> Guess {
         let m = self.t + 0.5 * chord;
         let [_, k1, k2, k3] = self.k;
         let bend = k2 * 2.0 + k3 * (6.0 * m);
         let speed = k1 + (k2 * 2.0 + k3 * (3.0 * m)) * m;
-        // What the curve bends across its course, times its speed, squared; under the rounding of the product it is straight.
-        let across = bend.cross(speed).norm2();
-        let speed2 = speed.norm2();
-        if across > 1e-12 * bend.norm2() * speed2 {
-            (64.0 * tolerance_m * tolerance_m * speed2 / across)
-                .sqrt()
-                .sqrt()
-        } else {
-            1.0
+        // What the curve bends across its course, times its speed; under the rounding of the product it is straight.
+        let product = bend.cross(speed);
+        let (across2, speed2) = (product.norm2(), speed.norm2());
+        if across2 <= 1e-12 * bend.norm2() * speed2 {
+            return Guess { h: 1.0, slope: 0.0 };
+        }
+        let h = (64.0 * tolerance_m * tolerance_m * speed2 / across2)
+            .sqrt()
+            .sqrt();
+        // The offset is h^2/8 of what bends across, whose logarithm changes by this over t.
+        let per_t = (k3 * 6.0).cross(speed).dot(product) / across2 - speed.dot(bend) / speed2;
+        // The middle moves by half of what h does, and the root of the offset changes by half of that.
+        Guess {
+            h,
+            slope: 0.25 * per_t,
         }
     }
 

@@ -1,8 +1,8 @@
 //! Along one leg by the longest chords that the tolerance allows.
 //!
-//! From each vertex the end of the next chord is searched with the proven bound: first guess from the curvature, then
-//! a secant in the root of the bound (which grows nearly like the chord), bisection after six steps, as the secant stalls
-//! near a cusp. A chord is only ever accepted with its bound within the tolerance.
+//! From each vertex the end of the next chord is searched with the proven bound: first guess from the curvature and how
+//! it changes, then a secant in the root of the bound (which grows nearly like the chord), bisection after six steps, as
+//! the secant stalls near a cusp. A chord is only ever accepted with its bound within the tolerance.
 
 use crate::leg::BezierLeg;
 use crate::local::{Charges, Chord, Local};
@@ -55,14 +55,15 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64) -> Chord {
     let rest = 1.0 - local.t();
     let to = |h: f64| local.chord(if h >= rest { 1.0 } else { local.t() + h });
     let per_tolerance = 1.0 / tolerance_m;
-    let mut h = local.guess(tolerance_m, local.last());
+    let guess = local.guess(tolerance_m, local.last());
+    let moved = (guess.slope * (guess.h - local.last())).clamp(-0.5, 0.5);
+    let mut h = AIM * guess.h * (1.0 - moved);
     // Near the end, the end itself is worth the first try.
     if h > 0.8 * rest {
         h = rest;
     }
     let mut best: Option<Chord> = None;
     let (mut low, mut high) = (0.0, rest * (1.0 + 1e-9));
-    // The root of the bound grows with the chord nearly in proportion, from nothing.
     let (mut before_h, mut before_g) = (0.0, 0.0);
     let mut step = 0;
     loop {
@@ -83,7 +84,13 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64) -> Chord {
             return best;
         }
         let g = f.sqrt();
-        let secant = h + (AIM - g) * (h - before_h) / (g - before_g);
+        let per_g = if step == 0 {
+            // Nothing is measured before it: as the root of the bound should grow here.
+            h / (g * (1.0 + (guess.slope * h).clamp(-0.5, 1.0)))
+        } else {
+            (h - before_h) / (g - before_g)
+        };
+        let secant = h + (AIM - g) * per_g;
         (before_h, before_g) = (h, g);
         h = if step < SECANT_STEPS && secant > low && secant < high {
             secant
@@ -126,7 +133,7 @@ pub(crate) fn length(leg: &BezierLeg, rules: &Rules, enough: usize) -> f64 {
 pub(crate) fn length_guessed(leg: &BezierLeg, rules: &Rules) -> f64 {
     let local = Local::new(leg, &rules.charges);
     let place = |k: u32| (f64::from(k) + 0.5) / f64::from(PLACES);
-    let density = |k: u32| 1.0 / local.guess(rules.tolerance_m, 2.0 * place(k));
+    let density = |k: u32| 1.0 / local.guess(rules.tolerance_m, 2.0 * place(k)).h;
     (0..PLACES).map(density).sum::<f64>() / f64::from(PLACES)
 }
 
