@@ -137,7 +137,8 @@ impl Aircraft {
             self.say_agl(desk);
         }
         if let (Ok(task), Some(origin), Some(mode)) = (&task, origin, mode) {
-            let names = unheeded::unheeded(command, mode, task.flies_a_route());
+            let names =
+                unheeded::unheeded(command, mode, task.flies_a_route(self.mav.telemetry.mode));
             self.say_unheeded(desk, &origin, &names, &format!(" in mode {}", mode.raw()));
         }
         let anew = mode_command::flies_anew(command, &self.mav.telemetry)

@@ -75,6 +75,22 @@ pub(crate) fn enters(steps: &[Step], mode: Px4Mode) -> bool {
     )
 }
 
+/// The mode of PX4 that the steps leave a vehicle in that is in the mode `now`; none where it may be one of several.
+pub(crate) fn mode_after(steps: &[Step], now: Option<Px4Mode>) -> Option<Px4Mode> {
+    let mut modes = steps.iter().rev().filter_map(|step| match step {
+        Step::Confirm {
+            sight: Sight::Mode(modes),
+            ..
+        } => Some(*modes),
+        _ => None,
+    });
+    match modes.next() {
+        None => now,
+        Some([mode]) => Some(*mode),
+        Some(_) => None,
+    }
+}
+
 /// Arms, and takes off to an altitude above mean sea level.
 pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
     const TAKEN_OFF: &[Px4Mode] = &[Px4Mode::TAKEOFF, Px4Mode::LOITER];

@@ -50,12 +50,12 @@ pub(crate) enum Task {
 }
 
 impl Task {
-    /// Whether a route is flown for it.
-    pub(crate) fn flies_a_route(&self) -> bool {
+    /// Whether a route is flown for it, by a vehicle that is in the mode `now`.
+    pub(crate) fn flies_a_route(&self, now: Option<Px4Mode>) -> bool {
         match self {
             Task::Load(_) | Task::Reload => true,
             Task::Steps(steps, _) | Task::Launch(steps, _) => {
-                maneuver::enters(steps, Px4Mode::MISSION)
+                maneuver::mode_after(steps, now) == Some(Px4Mode::MISSION)
             }
             Task::Nothing | Task::Manual | Task::Steer(..) => false,
         }
