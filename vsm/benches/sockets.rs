@@ -242,7 +242,7 @@ impl World {
 
     /// Sends at this rate for three seconds, one at a time, and awaits each.
     fn measure(&self, what: &str, rate: u32, send: impl Fn(&World)) {
-        let count = rate * 3;
+        let count = rate * 10;
         let (mut times, mut bare, mut lost) = (Vec::new(), Vec::new(), 0);
         let cpu = cpu_time(self.vsm.id());
         let mut due = Instant::now();
