@@ -365,7 +365,10 @@ impl Aircraft {
         use mavlink_link::link::Event as E;
         match event {
             E::PeerChanged { from, to } => {
-                let text = format!("the vehicle's address is {to:?}, it was {from:?}");
+                let text = match from {
+                    None => format!("the vehicle's address is {to}"),
+                    Some(from) => format!("the vehicle's address is {to}, it was {from}"),
+                };
                 desk.note(LogLevel::Info, self.id(), text);
             }
             E::Behind => desk.note(
