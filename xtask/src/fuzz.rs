@@ -33,11 +33,11 @@ pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
     }
     let fuzz = root().join("fuzz");
     let corpus = fuzz.join("corpus");
+    // Of the workspace: of one package alone it would be built anew, with that package's features.
     let seeds = [
         "test",
         "--locked",
-        "-p",
-        "vsm",
+        "--workspace",
         "--test",
         "any_input",
         "seeds",
