@@ -63,13 +63,6 @@ impl Cubic {
         Self([p3, p2, p1, p0])
     }
 
-    /// The length of the control polygon, m: never shorter than the curve.
-    #[must_use]
-    pub fn polygon_length(&self) -> f64 {
-        let [p0, p1, p2, p3] = self.0;
-        (p1 - p0).norm() + (p2 - p1).norm() + (p3 - p2).norm()
-    }
-
     /// The length of the curve, m. Each piece is integrated with five Gauss points once its polygon is within 0.1 %
     /// of its chord and its speed changes little, so cusps cost splits and no accuracy.
     #[must_use]

@@ -68,7 +68,7 @@ fn unknown_modes_are_rejected_with_a_text() {
 #[test]
 fn set_mode_is_answered_for_do_set_mode() {
     let mut flight = Flight::ready();
-    #[allow(deprecated)]
+    #[allow(deprecated, reason = "PX4 takes what MAVLink has replaced")]
     flight.send(&MavMessage::SET_MODE(mav::SET_MODE_DATA {
         custom_mode: Mode::Rtl.custom_mode(),
         target_system: 1,

@@ -1,6 +1,6 @@
 //! How long it takes to read and to write a message, wrapper apart and wrapper with it.
 
-#![allow(missing_docs)]
+#![allow(missing_docs, reason = "a bench has no callers")]
 
 use std::hint::black_box;
 use std::time::Duration;

@@ -1,7 +1,7 @@
 //! One message through the whole bridge, both ways, without sockets: a signed frame of the vehicle in and a stick
 //! command in, each with what it sets off going out.
 
-#![allow(missing_docs)]
+#![allow(missing_docs, reason = "a bench has no callers")]
 
 #[path = "../tests/support/mod.rs"]
 mod support;

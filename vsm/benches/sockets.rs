@@ -7,7 +7,7 @@
 //! the system's. Then the whole program under telemetry at PX4's rate and far above it, with signing on and off: its
 //! share of a core and its memory.
 
-#![allow(missing_docs)]
+#![allow(missing_docs, reason = "a bench has no callers")]
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
 use std::cell::Cell;

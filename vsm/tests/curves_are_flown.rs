@@ -447,7 +447,7 @@ fn an_edited_curve_is_one_message_and_an_unedited_plan_is_not_sent_again() {
     assert_eq!(uploaded(&rig), (counts, items));
     // Another for the same ends replaces it: one message, and the bridge makes the whole route of it.
     let mut edited = two_bends();
-    edited[1].p[1].1 += 30.0;
+    edited[1].p[1].1 -= 30.0;
     rig.send_plan(vec![segment(&edited[1], 1).into()]);
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
     assert_eq!(uploaded(&rig).0, counts + 1);
@@ -456,8 +456,7 @@ fn an_edited_curve_is_one_message_and_an_unedited_plan_is_not_sent_again() {
     let legs = legs(&edited);
     let dense = densify(&legs, &Options::flight(1.0)).expect("flyable");
     let flown = measure(&legs, &dense, &track, ACCEPTANCE_M).expect("from end to end");
-    // As predicted, about: it is this route that is flown, and not the one before, 13 m away.
-    assert!(flown.deviation_m <= 1.1 * predicted_m, "{flown:?}");
+    assert!(flown.deviation_m <= predicted_m, "{flown:?}");
     assert_eq!(flown.passed, flown.points, "{flown:?}");
 }
 

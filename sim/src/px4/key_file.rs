@@ -1,5 +1,6 @@
 //! Reading a key file: 32 octets in hex, a trailing newline is fine, for its owner alone.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use mavlink_link::signing::{KeyError, SigningKey};
@@ -8,13 +9,19 @@ use thiserror::Error;
 /// Why a key file is not used.
 #[derive(Debug, Error)]
 pub enum KeyFileError {
-    /// Not there, or not readable.
+    /// Not there.
+    #[error("there is no key file {}: `vsm keygen {}` makes one", path.display(), path.display())]
+    Absent {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Not readable.
     #[error("key file {}: {source}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
         /// What the system says.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// Others may read or write it.
     #[error("key file {}: mode {mode:04o} lets others in, expected 0600", path.display())]
@@ -39,9 +46,14 @@ pub enum KeyFileError {
 /// # Errors
 /// The file cannot be read, others can read it, or it holds no key.
 pub fn read_key_file(path: &Path) -> Result<SigningKey, KeyFileError> {
-    let read = |source| KeyFileError::Read {
-        path: path.to_owned(),
-        source,
+    let read = |source: io::Error| match source.kind() {
+        io::ErrorKind::NotFound => KeyFileError::Absent {
+            path: path.to_owned(),
+        },
+        _ => KeyFileError::Read {
+            path: path.to_owned(),
+            source,
+        },
     };
     #[cfg(unix)]
     {

@@ -15,7 +15,7 @@ pub(super) struct Streams(Vec<Stream>);
 
 /// Message ids of the streams.
 pub(super) mod id {
-    #![allow(missing_docs)]
+    #![allow(missing_docs, reason = "each has the name of its message")]
     pub(crate) const HEARTBEAT: u32 = 0;
     pub(crate) const SYS_STATUS: u32 = 1;
     pub(crate) const SYSTEM_TIME: u32 = 2;

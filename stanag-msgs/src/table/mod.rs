@@ -72,8 +72,10 @@ macro_rules! gather {
 
         /// Any message of the table.
         #[derive(Clone, Debug, PartialEq)]
-        // Boxing the long ones would allocate in the hot path; a message lives on the stack.
-        #[allow(clippy::large_enum_variant)]
+        #[allow(
+            clippy::large_enum_variant,
+            reason = "boxing the long ones would allocate in the hot path; a message lives on the stack"
+        )]
         pub enum Message {
             $($(#[doc = concat!("See [`", stringify!($Name), "`].")] $Name($Name),)*)*
         }

@@ -6,7 +6,10 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
-    #[error("cannot read the configuration {path}: {cause}", path = path.display())]
+    #[error(
+        "cannot read the configuration {path}: {cause}; examples/vsm.toml is one to begin with",
+        path = path.display()
+    )]
     Unreadable {
         /// The file.
         path: PathBuf,

@@ -155,7 +155,8 @@ impl Aircraft {
                     .iter()
                     .any(|step| matches!(step, maneuver::Step::SetCurrent(_)));
                 if self.load.is_some()
-                    && (needs_mission || maneuver::enters(&steps, Px4Mode::MISSION))
+                    && (needs_mission
+                        || maneuver::mode_after(&steps, None) == Some(Px4Mode::MISSION))
                 {
                     return self.refuse(
                         desk,

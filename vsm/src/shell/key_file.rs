@@ -21,7 +21,7 @@ pub enum KeyFileError {
         path: PathBuf,
     },
     /// It is there already.
-    #[error("key file {path} is there already, and a key is never overwritten", path = path.display())]
+    #[error("key file {path} is there already, and a key is never overwritten: name another file, or move this one away", path = path.display())]
     Present {
         /// The file.
         path: PathBuf,

@@ -8,8 +8,7 @@ mod step;
 
 pub(crate) use sight::Sight;
 pub(crate) use step::{
-    Step, arm, change_speed, disarm, enter, enters, launch, mode_after, orbit, reposition,
-    shows_speed,
+    Step, arm, change_speed, disarm, enter, launch, mode_after, orbit, reposition, shows_speed,
 };
 
 use std::collections::VecDeque;

@@ -68,13 +68,6 @@ pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
     ]
 }
 
-/// Whether steps end in a mode.
-pub(crate) fn enters(steps: &[Step], mode: Px4Mode) -> bool {
-    steps.iter().any(
-        |step| matches!(step, Step::Confirm { sight: Sight::Mode(modes), .. } if **modes == [mode]),
-    )
-}
-
 /// The mode of PX4 that the steps leave a vehicle in that is in the mode `now`; none where it may be one of several.
 pub(crate) fn mode_after(steps: &[Step], now: Option<Px4Mode>) -> Option<Px4Mode> {
     let mut modes = steps.iter().rev().filter_map(|step| match step {
