@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::densify::{Densified, DensifyError, Leg, Options, check, densify};
 use crate::leg::BezierLeg;
-use crate::local::Charges;
+use crate::local::ErrorAllowance;
 use crate::walk::{Rules, length, length_guessed};
 
 /// A route densified to a number of vertices.
@@ -71,7 +71,7 @@ pub fn densify_to_budget(
     };
     // The least chord can ask for more than the count did: then the tolerance gives way by small steps.
     let mut last = None;
-    for _ in 0..LEAST_CHORD_STEPS {
+    for _ in 0..MIN_CHORD_STEPS {
         match densify(
             legs,
             &Options {
@@ -88,7 +88,7 @@ pub fn densify_to_budget(
             Ok(_) => {}
             Err(error) => last = Some(error),
         }
-        high *= LEAST_CHORD_STEP;
+        high *= MIN_CHORD_STEP;
     }
     let too_few = BudgetError::TooFew {
         max_vertices,
@@ -101,7 +101,7 @@ pub fn densify_to_budget(
 struct Curves<'a> {
     legs: Vec<&'a BezierLeg>,
     most: usize,
-    charges: Charges,
+    allowance: ErrorAllowance,
 }
 
 impl<'a> Curves<'a> {
@@ -116,7 +116,7 @@ impl<'a> Curves<'a> {
         Self {
             legs: curves,
             most: max_vertices.saturating_sub(others),
-            charges: options.charges,
+            allowance: options.allowance,
         }
     }
 
@@ -124,11 +124,11 @@ impl<'a> Curves<'a> {
         Rules {
             tolerance_m,
             min_chord_m: 0.0,
-            charges: self.charges,
+            allowance: self.allowance,
         }
     }
 
-    /// Whether they fit at this tolerance, fixed charges taken off; it stops counting where they do not.
+    /// Whether they fit at this tolerance, fixed allowance taken off; it stops counting where they do not.
     fn fit(&self, tolerance_m: f64) -> bool {
         let rules = self.rules(tolerance_m);
         let mut left = self.most;
@@ -186,7 +186,7 @@ impl<'a> Curves<'a> {
             lengths.iter().map(whole).sum()
         };
         let (mut fits, mut over) = (0.0, 1.0);
-        while chords(over) <= self.most && over < MOST_SHRINK {
+        while chords(over) <= self.most && over < MAX_SHRINK {
             (fits, over) = (over, 2.0 * over);
         }
         for _ in 0..SHRINK_STEPS {
@@ -209,9 +209,9 @@ const BESIDE: f64 = 1.000_3;
 /// Walks by what the one before foretells, before halving.
 const FORETOLD: u32 = 10;
 /// Lengths are not stretched further than this.
-const MOST_SHRINK: f64 = 1e6;
+const MAX_SHRINK: f64 = 1e6;
 /// Halvings of the interval in which the shrinking is sought.
 const SHRINK_STEPS: u32 = 24;
 /// Steps, and their size, by which a tolerance gives way to the least chord: a thousandfold in all.
-const LEAST_CHORD_STEPS: u32 = 200;
-const LEAST_CHORD_STEP: f64 = 1.035;
+const MIN_CHORD_STEPS: u32 = 200;
+const MIN_CHORD_STEP: f64 = 1.035;

@@ -1,7 +1,7 @@
 //! From curved legs to the vertices of straight ones, within a tolerance that is proven.
 //!
 //! Promised: the polyline through the vertices and the curve are nowhere further apart than `bound_m`, both ways, in
-//! three dimensions, all charges included; `bound_m` is at most the tolerance asked for; every leg's own ends are
+//! three dimensions, all allowance included; `bound_m` is at most the tolerance asked for; every leg's own ends are
 //! vertices, each joint once; a route that ends where it began ends in the very same numbers. Nothing is allocated
 //! but the output.
 
@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::free::walk_free;
 use crate::leg::{BezierLeg, LegError, Reach, check_altitude, check_ground, check_reach};
-use crate::local::Charges;
+use crate::local::ErrorAllowance;
 use crate::vector::Vec3;
 use crate::walk::{Rules, count, walk};
 use crate::wgs84::{Near, Position};
@@ -84,7 +84,7 @@ pub struct Options {
     /// Shortest chord between two vertices of a curved leg, m on the ground; 4 for flight, 0 for no rule.
     pub min_chord_m: f64,
     /// What is charged to the bound beside the geometry.
-    pub charges: Charges,
+    pub allowance: ErrorAllowance,
     /// Whether vertices may leave the curve.
     pub vertices: Vertices,
 }
@@ -100,24 +100,24 @@ pub enum Vertices {
 }
 
 impl Options {
-    /// For a mission that PX4 flies: its charges, and chords of at least 4 m.
+    /// For a mission that PX4 flies: its allowance, and chords of at least 4 m.
     #[must_use]
     pub const fn flight(tolerance_m: f64) -> Self {
         Self {
             tolerance_m,
             min_chord_m: 4.0,
-            charges: Charges::MISSION_ITEM,
+            allowance: ErrorAllowance::MISSION_ITEM,
             vertices: Vertices::OnCurve,
         }
     }
 
-    /// Geometry only: no charges, no least chord.
+    /// Geometry only: no allowance, no least chord.
     #[must_use]
     pub const fn geometry(tolerance_m: f64) -> Self {
         Self {
             tolerance_m,
             min_chord_m: 0.0,
-            charges: Charges::NONE,
+            allowance: ErrorAllowance::NONE,
             vertices: Vertices::OnCurve,
         }
     }
@@ -139,7 +139,7 @@ pub struct Vertex {
 pub struct Densified {
     /// The vertices in order; the last equals the first in every bit of its position when the route is closed.
     pub vertices: Vec<Vertex>,
-    /// Proven deviation both ways, charges included, m; never over the tolerance.
+    /// Proven deviation both ways, allowance included, m; never over the tolerance.
     pub bound_m: f64,
     /// The shortest chord on the ground between two vertices, m; infinite when there is none.
     pub shortest_chord_m: f64,
@@ -161,7 +161,7 @@ pub enum DensifyError {
         /// The distance, m.
         gap_m: f64,
     },
-    /// The tolerance is no number, or smaller than what the charges take of it.
+    /// The tolerance is no number, or smaller than what the allowance take of it.
     #[error("tolerance is {tolerance_m} m, expected {least_m:.4} to 10000 m")]
     Tolerance {
         /// What was asked for, m.
@@ -193,7 +193,7 @@ pub fn densify(legs: &[Leg], options: &Options) -> Result<Densified, DensifyErro
     let rules = Rules {
         tolerance_m: options.tolerance_m - fixed_m,
         min_chord_m: options.min_chord_m,
-        charges: options.charges,
+        allowance: options.allowance,
     };
     let mut out = Densified {
         vertices: Vec::with_capacity(1 + legs.len() * VERTICES_A_LEG),
@@ -252,7 +252,7 @@ pub fn vertices_needed(legs: &[Leg], options: &Options) -> Result<usize, Densify
     let rules = Rules {
         tolerance_m,
         min_chord_m: 0.0,
-        charges: options.charges,
+        allowance: options.allowance,
     };
     let chords = |leg: &Leg| match leg {
         Leg::Straight { .. } => 1,
@@ -345,9 +345,9 @@ pub(crate) fn check(legs: &[Leg], options: &Options) -> Result<f64, DensifyError
         }
     }
     let highest_m = legs.iter().map(highest).fold(0.0, f64::max);
-    let fixed_m = options.charges.fixed_m(highest_m);
-    let least_m = fixed_m + LEAST_GEOMETRY_M;
-    if !(least_m..=MOST_TOLERANCE_M).contains(&options.tolerance_m) {
+    let fixed_m = options.allowance.fixed_m(highest_m);
+    let least_m = fixed_m + MIN_GEOMETRY_M;
+    if !(least_m..=MAX_TOLERANCE_M).contains(&options.tolerance_m) {
         return Err(DensifyError::Tolerance {
             tolerance_m: options.tolerance_m,
             least_m,
@@ -376,7 +376,7 @@ fn apart_m(a: Position, b: Position) -> f64 {
 const SAME_M: f64 = 1e-6;
 /// Room for these is made at once; a route that needs more makes more.
 const VERTICES_A_LEG: usize = 16;
-/// What the charges must leave for the geometry, m.
-const LEAST_GEOMETRY_M: f64 = 1e-3;
+/// What the allowance must leave for the geometry, m.
+const MIN_GEOMETRY_M: f64 = 1e-3;
 /// A tolerance over this is a mistake, m.
-const MOST_TOLERANCE_M: f64 = 10_000.0;
+const MAX_TOLERANCE_M: f64 = 10_000.0;

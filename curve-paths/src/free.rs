@@ -21,7 +21,7 @@ pub(crate) fn walk_free(
     out: &mut Densified,
 ) -> bool {
     let before = (out.vertices.len(), out.bound_m, out.shortest_chord_m);
-    let mut local = Local::new(leg, &rules.charges);
+    let mut local = Local::new(leg, &rules.allowance);
     let mut altitude = AltitudeAlong::new(leg);
     // The offset of the vertex that we stand at, earth-centred and in altitude.
     let mut offset = (Vec3::ZERO, 0.0);
@@ -96,7 +96,7 @@ fn longest(local: &Local<'_>, from: Vec3, rules: &Rules, last: f64) -> Option<Fr
     let (mut low, mut high) = (0.0, rest);
     let mut best = None;
     let mut h = (1.4 * local.guess(rules.tolerance_m, last).h).min(0.7 * rest);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         match try_to(h) {
             Some(chord) => {
                 low = h;
@@ -124,4 +124,4 @@ const OUTWARD: f64 = 0.97;
 const STRAIGHT: f64 = 0.1;
 /// Relative width that ends a search.
 const NARROW: f64 = 2e-3;
-const MOST_STEPS: u32 = 40;
+const MAX_STEPS: u32 = 40;

@@ -9,7 +9,7 @@
 use thiserror::Error;
 
 use crate::cubic::Cubic;
-use crate::local::{Charges, Local};
+use crate::local::{ErrorAllowance, Local};
 use crate::vector::Vec3;
 use crate::wgs84::{Ground, Position};
 
@@ -293,10 +293,10 @@ impl BezierLeg {
     }
 
     /// Proven deviation, m, both ways and in three dimensions, between the part from `a` to `b` and its chord, with
-    /// what the chord's length is charged; fixed charges not included.
+    /// what the chord's length is charged; fixed allowance not included.
     #[must_use]
-    pub fn chord_bound_m(&self, a: f64, b: f64, charges: &Charges) -> f64 {
-        let mut local = Local::new(self, charges);
+    pub fn chord_bound_m(&self, a: f64, b: f64, allowance: &ErrorAllowance) -> f64 {
+        let mut local = Local::new(self, allowance);
         local.reframe(a);
         local.chord(b).bound_m
     }

@@ -37,5 +37,5 @@ pub use densify::{
     Densified, DensifyError, Leg, Options, Vertex, Vertices, densify, vertices_needed,
 };
 pub use leg::{BezierLeg, Control, LegError, Reach};
-pub use local::Charges;
+pub use local::ErrorAllowance;
 pub use wgs84::{Ground, Position};

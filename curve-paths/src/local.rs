@@ -19,7 +19,7 @@ use crate::wgs84::{SMALLEST_RADIUS_M, east_north, up};
 
 /// What is charged to a chord beside the geometry, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Charges {
+pub struct ErrorAllowance {
     /// For the rounding of each vertex, latitude and longitude together, m.
     pub rounding_m: f64,
     /// Whether the altitude goes out as an IEEE single: half a unit in its last place is charged.
@@ -28,7 +28,7 @@ pub struct Charges {
     pub line_per_m2: f64,
 }
 
-impl Charges {
+impl ErrorAllowance {
     /// `MISSION_ITEM_INT` flown by PX4: 1e-7 degree (7.9 mm), altitude in single precision (0.25 mm below 8 km),
     /// its own straight line 0.17 mm off for a chord of 1 km and 17 mm for 10 km.
     pub const MISSION_ITEM: Self = Self {
@@ -69,7 +69,7 @@ pub(crate) struct Chord {
     pub(crate) b: f64,
     /// Its length on the ground, m.
     pub(crate) ground_m: f64,
-    /// Proven deviation both ways, fixed charges not included, m.
+    /// Proven deviation both ways, fixed allowance not included, m.
     pub(crate) bound_m: f64,
     end: Sample,
 }
@@ -111,7 +111,7 @@ pub(crate) struct Local<'a> {
 }
 
 impl<'a> Local<'a> {
-    pub(crate) fn new(leg: &'a BezierLeg, charges: &Charges) -> Self {
+    pub(crate) fn new(leg: &'a BezierLeg, allowance: &ErrorAllowance) -> Self {
         let [p0, p1, p2, p3] = leg.offsets().0;
         let middle = up(leg.origin() + (p0 + p1 + p2 + p3) * 0.25);
         let hull_m = [p0, p1, p2, p3]
@@ -135,7 +135,7 @@ impl<'a> Local<'a> {
             at: Vec3::ZERO,
             speed: Vec3::ZERO,
         };
-        let line_per_m2 = charges.line_per_m2;
+        let line_per_m2 = allowance.line_per_m2;
         let mut local = Self {
             leg,
             line_per_m2,

@@ -5,17 +5,17 @@
 //! the secant stalls near a cusp. A chord is only ever accepted with its bound within the tolerance.
 
 use crate::leg::BezierLeg;
-use crate::local::{Charges, Chord, Local};
+use crate::local::{Chord, ErrorAllowance, Local};
 
 /// What a walk must keep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// Greatest bound of a chord, fixed charges already taken off, m.
+    /// Greatest bound of a chord, fixed allowance already taken off, m.
     pub(crate) tolerance_m: f64,
     /// Shortest chord on the ground between two vertices of a leg, m; 0 for no rule.
     pub(crate) min_chord_m: f64,
     /// What each chord is charged.
-    pub(crate) charges: Charges,
+    pub(crate) allowance: ErrorAllowance,
 }
 
 /// No chord of the least length keeps the tolerance here.
@@ -31,7 +31,7 @@ pub(crate) fn walk(
     rules: &Rules,
     mut visit: impl FnMut(&Chord),
 ) -> Result<(), Stuck> {
-    let mut local = Local::new(leg, &rules.charges);
+    let mut local = Local::new(leg, &rules.allowance);
     if rules.min_chord_m > 0.0 {
         return walk_with_least(leg, &mut local, rules, visit);
     }
@@ -79,7 +79,7 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64) -> Chord {
             high = h;
         }
         if let Some(best) = best
-            && (high - low <= NARROW * high || step >= MOST_STEPS)
+            && (high - low <= NARROW * high || step >= MAX_STEPS)
         {
             return best;
         }
@@ -113,7 +113,7 @@ pub(crate) fn count(leg: &BezierLeg, rules: &Rules, enough: usize) -> usize {
 pub(crate) fn length(leg: &BezierLeg, rules: &Rules, enough: usize) -> f64 {
     // A chord is about as long as the root of what it may be off.
     let used = |last: &Chord| (last.bound_m / rules.tolerance_m).sqrt().clamp(1e-6, 1.0);
-    let mut local = Local::new(leg, &rules.charges);
+    let mut local = Local::new(leg, &rules.allowance);
     let whole = local.chord(1.0);
     if whole.bound_m <= rules.tolerance_m {
         return used(&whole);
@@ -131,7 +131,7 @@ pub(crate) fn length(leg: &BezierLeg, rules: &Rules, enough: usize) -> f64 {
 
 /// About what [`length`] will be, without a walk: from the curvature at a few places.
 pub(crate) fn length_guessed(leg: &BezierLeg, rules: &Rules) -> f64 {
-    let local = Local::new(leg, &rules.charges);
+    let local = Local::new(leg, &rules.allowance);
     let place = |k: u32| (f64::from(k) + 0.5) / f64::from(PLACES);
     let density = |k: u32| 1.0 / local.guess(rules.tolerance_m, 2.0 * place(k)).h;
     (0..PLACES).map(density).sum::<f64>() / f64::from(PLACES)
@@ -188,7 +188,7 @@ fn walk_with_least(
 /// Two chords from the start of `chord` to the end of the leg, both long enough and within the tolerance, if there
 /// are such: the vertex between them is moved back from where `chord` put it.
 fn rebalanced(leg: &BezierLeg, chord: &Chord, rules: &Rules) -> Option<(Chord, Chord)> {
-    let mut local = Local::new(leg, &rules.charges);
+    let mut local = Local::new(leg, &rules.allowance);
     (1..=BALANCE_STEPS).find_map(|k| {
         let t = chord.b - (chord.b - chord.a) * f64::from(k) / f64::from(BALANCE_STEPS + 1);
         local.reframe(chord.a);
@@ -208,7 +208,7 @@ fn optimum_with_least(
     mut visit: impl FnMut(&Chord),
 ) -> Result<(), Stuck> {
     let t = |k: usize| k as f64 / GRID as f64;
-    let mut local = Local::new(leg, &rules.charges);
+    let mut local = Local::new(leg, &rules.allowance);
     // For each grid point: chords from the start, and the point before.
     let mut best: Vec<Option<(u32, usize)>> = vec![None; GRID + 1];
     best[0] = Some((0, 0));
@@ -256,4 +256,4 @@ const NARROW: f64 = 1e-3;
 /// Steps by secant; then bisection.
 const SECANT_STEPS: u32 = 6;
 /// Steps after which a chord that is good is taken as it is.
-const MOST_STEPS: u32 = 40;
+const MAX_STEPS: u32 = 40;

@@ -6,7 +6,7 @@ use std::io::Read;
 
 use common::{fewest_chords, two_sided_deviation_m};
 use curve_paths::fit::{Continuity, FitOptions, Fitted, Start, Track, fit, straighten};
-use curve_paths::{BezierLeg, Charges, Leg, Options, Position, densify};
+use curve_paths::{BezierLeg, ErrorAllowance, Leg, Options, Position, densify};
 
 fn lap_1() -> Track {
     let file = concat!(
@@ -181,11 +181,11 @@ fn chords_are_proven_and_few(leg: &BezierLeg) {
         "{found} {leg:?}"
     );
     for pair in flown.vertices.windows(2) {
-        let bound_m = leg.chord_bound_m(pair[0].t, pair[1].t, &Charges::MISSION_ITEM);
+        let bound_m = leg.chord_bound_m(pair[0].t, pair[1].t, &ErrorAllowance::MISSION_ITEM);
         assert!(bound_m <= 1.0, "{bound_m} {leg:?}");
     }
     let plain = densify(&[Leg::from(*leg)], &Options::geometry(1.0)).unwrap();
-    let least = fewest_chords(leg, 1.0, &Charges::NONE, 200);
+    let least = fewest_chords(leg, 1.0, &ErrorAllowance::NONE, 200);
     let chords = plain.vertices.len() - 1;
     assert!(
         chords as f64 <= 1.05 * least as f64 + 1.0,

@@ -130,7 +130,7 @@ fn each_error_names_the_place_the_value_and_what_was_expected() {
     ));
 }
 
-/// The table for implementers in docs/curves.md, computed by an independent program.
+/// The table for implementers in docs/guide/curves.md, computed by an independent program.
 #[test]
 fn the_published_check_values() {
     let leg = BezierLeg::new(
@@ -140,7 +140,7 @@ fn the_published_check_values() {
         Position::new(37.29, 127.24, 200.0),
     )
     .unwrap();
-    let page = include_str!("../../docs/curves.md");
+    let page = include_str!("../../docs/guide/curves.md");
     let rows = page.lines().filter_map(|line| {
         let cells: Result<Vec<f64>, _> = line
             .trim_matches('|')

@@ -4,7 +4,9 @@
 mod common;
 
 use common::{Kind, random_leg, two_sided_deviation_m};
-use curve_paths::{Charges, DensifyError, Leg, Options, Vertices, densify, densify_to_budget};
+use curve_paths::{
+    DensifyError, ErrorAllowance, Leg, Options, Vertices, densify, densify_to_budget,
+};
 
 /// Legs tried; the debug build tries fewer.
 const LEGS: u64 = if cfg!(debug_assertions) {
@@ -36,7 +38,7 @@ fn no_curve_is_further_from_its_polyline_than_promised_nor_the_polyline_from_it(
         worst = worst.max(found / route.bound_m);
         for pair in route.vertices.windows(2) {
             let a = if pair[0].t == 1.0 { 0.0 } else { pair[0].t };
-            let bound_m = leg.chord_bound_m(a, pair[1].t, &Charges::MISSION_ITEM);
+            let bound_m = leg.chord_bound_m(a, pair[1].t, &ErrorAllowance::MISSION_ITEM);
             assert!(
                 bound_m <= tolerance_m,
                 "{kind:?} {seed}: {a}..{} {bound_m}",
@@ -80,7 +82,7 @@ fn judged(seeds: impl Iterator<Item = u64>) -> [usize; 3] {
         if n > 60 {
             continue;
         }
-        let least = common::fewest_chords(&leg, tolerance_m, &Charges::NONE, GRID);
+        let least = common::fewest_chords(&leg, tolerance_m, &ErrorAllowance::NONE, GRID);
         assert!(
             n as f64 <= 1.05 * least as f64 + 1.0,
             "{kind:?} {seed}: {n} chords, {least} would do"

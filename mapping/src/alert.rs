@@ -20,7 +20,7 @@ pub struct Alert {
     pub lasting: bool,
 }
 
-/// Longest text of one 16000 (field Text: 80 octets with the closing NUL).
+/// Longest text of one 16000 (field Text: 80 bytes with the closing NUL).
 pub const TEXT: usize = 79;
 
 /// The priority of a STATUSTEXT severity.

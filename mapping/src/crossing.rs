@@ -1,4 +1,4 @@
-//! What becomes of each message on the other side, as data: the source of `docs/mapping-tables.md`.
+//! What becomes of each message on the other side, as data: the source of `docs/reference/mapping-tables.md`.
 
 /// A DLI message that leads to MAVLink.
 #[derive(Debug, Clone, Copy)]

@@ -262,7 +262,7 @@ pub fn chords(
         });
     let half_m = 0.5 * densified.shortest_chord_m;
     // Under 2 m a multicopter can miss a vertex for good; over half a chord it would skip one.
-    let mut acceptance_m = half_m.clamp(LEAST_ACCEPTANCE_M, MOST_ACCEPTANCE_M);
+    let mut acceptance_m = half_m.clamp(MIN_ACCEPTANCE_M, MAX_ACCEPTANCE_M);
     let mut predicted_m = flown.predicted_deviation_m;
     if climbs {
         let wider_m = (0.5 * SWING_S * speed_m_s).clamp(acceptance_m, half_m.max(acceptance_m));
@@ -389,8 +389,8 @@ fn controls(
 }
 
 /// Acceptance radii, m.
-pub(crate) const LEAST_ACCEPTANCE_M: f64 = 2.0;
-const MOST_ACCEPTANCE_M: f64 = 3.0;
+pub(crate) const MIN_ACCEPTANCE_M: f64 = 2.0;
+const MAX_ACCEPTANCE_M: f64 = 3.0;
 /// PX4 v1.18 swings about the altitude of an item where the next one's is another: up to 2.7 s of each swing it is
 /// further off than NAV_MC_ALT_RAD (0.8 m), and takes no waypoint that it passes meanwhile, for good.
 pub(crate) const SWING_S: f64 = 3.0;

@@ -9,7 +9,7 @@ use crate::telemetry::Telemetry;
 
 /// What can be wrong. One alert stands for each at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Ailment {
+pub enum HealthFault {
     /// SYS_STATUS: motor outputs.
     Motors,
     /// SYS_STATUS: gyroscopes or accelerometers.
@@ -34,7 +34,7 @@ pub enum Ailment {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
     /// What it is about.
-    pub ailment: Ailment,
+    pub ailment: HealthFault,
     /// How urgent.
     pub priority: AlertPriority,
     /// What of the aircraft.
@@ -43,33 +43,33 @@ pub struct Finding {
     pub text: String,
 }
 
-impl Ailment {
+impl HealthFault {
     /// All of them.
-    pub const ALL: [Ailment; 9] = [
-        Ailment::Motors,
-        Ailment::InertialSensors,
-        Ailment::Compass,
-        Ailment::Barometer,
-        Ailment::Gps,
-        Ailment::Estimator,
-        Ailment::BatterySensor,
-        Ailment::Charge,
-        Ailment::Failsafe,
+    pub const ALL: [HealthFault; 9] = [
+        HealthFault::Motors,
+        HealthFault::InertialSensors,
+        HealthFault::Compass,
+        HealthFault::Barometer,
+        HealthFault::Gps,
+        HealthFault::Estimator,
+        HealthFault::BatterySensor,
+        HealthFault::Charge,
+        HealthFault::Failsafe,
     ];
 
     /// What is said when it is over.
     #[must_use]
     pub fn over(self) -> &'static str {
         match self {
-            Ailment::Motors => "the motor outputs are well again",
-            Ailment::InertialSensors => "gyroscopes and accelerometers are well again",
-            Ailment::Compass => "the compass is well again",
-            Ailment::Barometer => "the barometer is well again",
-            Ailment::Gps => "the GPS is well again",
-            Ailment::Estimator => "the position is to be trusted again",
-            Ailment::BatterySensor => "the battery is measured again",
-            Ailment::Charge => "the battery is no longer low",
-            Ailment::Failsafe => "no failsafe flies the vehicle any more",
+            HealthFault::Motors => "the motor outputs are well again",
+            HealthFault::InertialSensors => "gyroscopes and accelerometers are well again",
+            HealthFault::Compass => "the compass is well again",
+            HealthFault::Barometer => "the barometer is well again",
+            HealthFault::Gps => "the GPS is well again",
+            HealthFault::Estimator => "the position is to be trusted again",
+            HealthFault::BatterySensor => "the battery is measured again",
+            HealthFault::Charge => "the battery is no longer low",
+            HealthFault::Failsafe => "no failsafe flies the vehicle any more",
         }
     }
 }
@@ -92,7 +92,7 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
     };
     if fails(MOTOR_OUTPUTS) {
         found(
-            Ailment::Motors,
+            HealthFault::Motors,
             P::Failed,
             S::Engine,
             "motor outputs fail: land at once",
@@ -100,45 +100,55 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
     }
     if fails(GYRO | ACCELEROMETER) {
         let text = "gyroscopes or accelerometers fail: land as soon as possible";
-        found(Ailment::InertialSensors, P::Warning, S::Navigation, text);
+        found(
+            HealthFault::InertialSensors,
+            P::Warning,
+            S::Navigation,
+            text,
+        );
     }
     if fails(MAGNETOMETER) {
         let text = "the compass fails: the heading drifts, come home by route or land";
-        found(Ailment::Compass, P::Warning, S::Navigation, text);
+        found(HealthFault::Compass, P::Warning, S::Navigation, text);
     }
     if fails(BAROMETER) {
         let text = "the barometer fails: heights are by GPS alone, keep clear of the ground";
-        found(Ailment::Barometer, P::Warning, S::Navigation, text);
+        found(HealthFault::Barometer, P::Warning, S::Navigation, text);
     }
     if fails(GPS) {
         let text = "the GPS fails: no mode that needs a position will be taken, land by hand";
-        found(Ailment::Gps, P::Warning, S::Navigation, text);
+        found(HealthFault::Gps, P::Warning, S::Navigation, text);
     } else if vehicle.gps_fix == Some(false) {
         let text = "no GPS position: no mode that needs a position will be taken";
-        found(Ailment::Gps, P::Warning, S::Navigation, text);
+        found(HealthFault::Gps, P::Warning, S::Navigation, text);
     }
     match vehicle.sensed.estimator {
         Some(flags) if flags & POSITION != POSITION => {
             let text = "the vehicle does not know its position: routes and loiters are not flown";
-            found(Ailment::Estimator, P::Warning, S::Navigation, text);
+            found(HealthFault::Estimator, P::Warning, S::Navigation, text);
         }
         Some(flags) if flags & GLITCHES != 0 => {
             let text = "GPS or accelerometer glitches: watch the position";
-            found(Ailment::Estimator, P::Caution, S::Navigation, text);
+            found(HealthFault::Estimator, P::Caution, S::Navigation, text);
         }
         _ => {}
     }
     if fails(BATTERY) {
         let text = "the battery is not measured: come home, its charge is not known";
-        found(Ailment::BatterySensor, P::Failed, S::PropulsionEnergy, text);
+        found(
+            HealthFault::BatterySensor,
+            P::Failed,
+            S::PropulsionEnergy,
+            text,
+        );
     }
     if let Some((priority, text)) = charge(vehicle, parameters) {
-        found(Ailment::Charge, priority, S::PropulsionEnergy, &text);
+        found(HealthFault::Charge, priority, S::PropulsionEnergy, &text);
     }
     match vehicle.system_status {
         Some(MavState::MAV_STATE_EMERGENCY) => {
             found(
-                Ailment::Failsafe,
+                HealthFault::Failsafe,
                 P::Emergency,
                 S::Engine,
                 "the autopilot tells an emergency",
@@ -146,7 +156,7 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
         }
         Some(MavState::MAV_STATE_CRITICAL) => {
             let text = "a failsafe flies the vehicle: command a mode to take it back";
-            found(Ailment::Failsafe, P::Warning, S::Engine, text);
+            found(HealthFault::Failsafe, P::Warning, S::Engine, text);
         }
         _ => {}
     }
@@ -210,7 +220,7 @@ mod tests {
     use super::*;
     use crate::sensed::Health;
 
-    fn found(vehicle: &Telemetry) -> Vec<(Ailment, AlertPriority)> {
+    fn found(vehicle: &Telemetry) -> Vec<(HealthFault, AlertPriority)> {
         let findings = findings(vehicle, &Parameters::default());
         let all = findings.iter();
         all.map(|finding| (finding.ailment, finding.priority))
@@ -220,13 +230,13 @@ mod tests {
     #[test]
     fn each_sensor_of_sys_status_has_an_ailment_of_its_own() {
         for (bit, ailment) in [
-            (GYRO, Ailment::InertialSensors),
-            (ACCELEROMETER, Ailment::InertialSensors),
-            (MAGNETOMETER, Ailment::Compass),
-            (BAROMETER, Ailment::Barometer),
-            (GPS, Ailment::Gps),
-            (MOTOR_OUTPUTS, Ailment::Motors),
-            (BATTERY, Ailment::BatterySensor),
+            (GYRO, HealthFault::InertialSensors),
+            (ACCELEROMETER, HealthFault::InertialSensors),
+            (MAGNETOMETER, HealthFault::Compass),
+            (BAROMETER, HealthFault::Barometer),
+            (GPS, HealthFault::Gps),
+            (MOTOR_OUTPUTS, HealthFault::Motors),
+            (BATTERY, HealthFault::BatterySensor),
         ] {
             let mut vehicle = Telemetry::default();
             vehicle.sensed.health = Some(Health {

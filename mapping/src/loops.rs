@@ -34,7 +34,7 @@ pub(crate) fn jump(
         .filter(|_| start != number)
         .ok_or(Reason::LoopStart(start))?;
     let jumps = match waypoint.limit_type {
-        None | Some(LimitType::None) => MOST_JUMPS,
+        None | Some(LimitType::None) => MAX_JUMPS,
         Some(LimitType::Count) => match waypoint.loop_limit {
             None => return Err(Reason::Missing("Loop Limit")),
             Some(0) => return Err(Reason::LoopLimit),
@@ -59,4 +59,4 @@ pub(crate) fn jump(
 
 /// MAV_CMD_DO_JUMP.
 pub(crate) const DO_JUMP: u16 = 177;
-const MOST_JUMPS: u16 = u16::MAX;
+const MAX_JUMPS: u16 = u16::MAX;

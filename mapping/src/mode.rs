@@ -2,7 +2,7 @@
 
 use stanag_msgs::enums::FlightPathControlMode;
 
-/// A mode of PX4 as HEARTBEAT.custom_mode carries it: main mode in octet 2, sub mode in octet 3.
+/// A mode of PX4 as HEARTBEAT.custom_mode carries it: main mode in byte 2, sub mode in byte 3.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Px4Mode(pub u32);
 

@@ -90,9 +90,9 @@ pub enum StoreError {
 }
 
 /// Most waypoints, curves and loiters that a plan stores (each): PX4's own bound in simulation.
-pub const MOST_WAYPOINTS: usize = 10_000;
+pub const MAX_WAYPOINTS: usize = 10_000;
 /// Most routes that a plan stores.
-pub const MOST_ROUTES: usize = 64;
+pub const MAX_ROUTES: usize = 64;
 
 impl Plan {
     /// Stores one message; a later one for the same route or waypoint replaces the earlier.
@@ -161,8 +161,8 @@ impl Plan {
         })?;
         // The latest definition stands last: it is the one that a load without a Route ID means.
         let kept = self.routes.iter().filter(|known| !is_same(known, route));
-        if initial != 0 && kept.count() == MOST_ROUTES {
-            return Err(StoreError::Full(MOST_ROUTES, "routes"));
+        if initial != 0 && kept.count() == MAX_ROUTES {
+            return Err(StoreError::Full(MAX_ROUTES, "routes"));
         }
         self.routes.retain(|known| !is_same(known, route));
         if initial != 0 {
@@ -412,8 +412,8 @@ fn insert<K: Ord, V>(
     value: V,
     what: &'static str,
 ) -> Result<(), StoreError> {
-    if map.len() >= MOST_WAYPOINTS && !map.contains_key(&key) {
-        return Err(StoreError::Full(MOST_WAYPOINTS, what));
+    if map.len() >= MAX_WAYPOINTS && !map.contains_key(&key) {
+        return Err(StoreError::Full(MAX_WAYPOINTS, what));
     }
     map.insert(key, value);
     Ok(())

@@ -9,7 +9,7 @@ use stanag_msgs::{Text, TimeStamp};
 pub struct Software {
     /// Such as `1.18.0-beta`.
     pub version: String,
-    /// flight_custom_version: the first octets of the hash of its source, as PX4 sends them.
+    /// flight_custom_version: the first bytes of the hash of its source, as PX4 sends them.
     pub source: u64,
     /// board_version.
     pub board: u32,
@@ -32,7 +32,7 @@ impl Software {
         };
         Software {
             version: format!("{major}.{minor}.{patch}{kind}"),
-            // Lowest octet first on the wire.
+            // Lowest byte first on the wire.
             source: u64::from_le_bytes(message.flight_custom_version),
             board: message.board_version,
             hardware: message.uid,

@@ -1,5 +1,5 @@
-//! What a signed frame costs, for frames of 40 and 266 octets (ATTITUDE and FILE_TRANSFER_PROTOCOL without
-//! their trailers): ours, the C library and pymavlink in one run, and other signatures on the same octets.
+//! What a signed frame costs, for frames of 40 and 266 bytes (ATTITUDE and FILE_TRANSFER_PROTOCOL without
+//! their trailers): ours, the C library and pymavlink in one run, and other signatures on the same bytes.
 //!
 //! The C library and pymavlink are measured where `cc` and pymavlink are at hand; what is left out is said.
 
@@ -64,7 +64,7 @@ fn messages() -> [(usize, MavMessage); 2] {
         target_component: 190,
         ..Default::default()
     };
-    file.payload.iter_mut().for_each(|octet| *octet = 0x5a);
+    file.payload.iter_mut().for_each(|byte| *byte = 0x5a);
     [
         (40, MavMessage::ATTITUDE(attitude)),
         (266, MavMessage::FILE_TRANSFER_PROTOCOL(file)),
@@ -85,8 +85,8 @@ fn frame(message: &MavMessage, stamp: Stamp) -> ([u8; MAX_FRAME], usize) {
 }
 
 fn ours(c: &mut Criterion) {
-    for (octets, message) in messages() {
-        c.bench_function(&format!("ours receive {octets}"), |b| {
+    for (bytes, message) in messages() {
+        c.bench_function(&format!("ours receive {bytes}"), |b| {
             b.iter_custom(|iterations| {
                 let mut store = Nowhere;
                 let mut keys =
@@ -128,7 +128,7 @@ fn ours(c: &mut Criterion) {
                 spent
             });
         });
-        c.bench_function(&format!("ours send {octets}"), |b| {
+        c.bench_function(&format!("ours send {bytes}"), |b| {
             let mut store = Nowhere;
             let mut keys =
                 KeyState::start(key(), Origin::KeyFile, Stamp::ZERO, now(), &mut store).unwrap();
@@ -146,12 +146,12 @@ fn ours(c: &mut Criterion) {
     }
 }
 
-/// Other ways to sign the same octets; for those with two keys, verifying is what a receiver pays.
+/// Other ways to sign the same bytes; for those with two keys, verifying is what a receiver pays.
 fn others(c: &mut Criterion) {
-    for (octets, message) in messages() {
+    for (bytes, message) in messages() {
         let (frame, len) = frame(&message, Stamp::new(1));
         let signed = &frame[..len - 6];
-        c.bench_function(&format!("SHA-256 {octets}"), |b| {
+        c.bench_function(&format!("SHA-256 {bytes}"), |b| {
             b.iter(|| {
                 Sha256::new()
                     .chain_update(key().expose())
@@ -159,7 +159,7 @@ fn others(c: &mut Criterion) {
                     .finalize()
             });
         });
-        c.bench_function(&format!("BLAKE2s {octets}"), |b| {
+        c.bench_function(&format!("BLAKE2s {bytes}"), |b| {
             b.iter(|| {
                 let mut mac = <blake2::Blake2sMac256 as blake2::digest::KeyInit>::new_from_slice(
                     key().expose(),
@@ -169,17 +169,17 @@ fn others(c: &mut Criterion) {
                 mac.finalize()
             });
         });
-        c.bench_function(&format!("Poly1305 {octets}"), |b| {
+        c.bench_function(&format!("Poly1305 {bytes}"), |b| {
             b.iter(|| {
                 poly1305::Poly1305::new(key().expose().into()).compute_unpadded(black_box(signed))
             });
         });
         let ed = ed25519_dalek::SigningKey::from_bytes(key().expose());
         let signature = ed.sign(signed);
-        c.bench_function(&format!("Ed25519 sign {octets}"), |b| {
+        c.bench_function(&format!("Ed25519 sign {bytes}"), |b| {
             b.iter(|| ed.sign(black_box(signed)))
         });
-        c.bench_function(&format!("Ed25519 verify {octets}"), |b| {
+        c.bench_function(&format!("Ed25519 verify {bytes}"), |b| {
             b.iter(|| {
                 ed.verifying_key()
                     .verify_strict(black_box(signed), &signature)
@@ -189,10 +189,10 @@ fn others(c: &mut Criterion) {
         let p256 = p256::ecdsa::SigningKey::from_slice(key().expose()).unwrap();
         let signature: p256::ecdsa::Signature = p256.sign(signed);
         let public = *p256.verifying_key();
-        c.bench_function(&format!("ECDSA P-256 sign {octets}"), |b| {
+        c.bench_function(&format!("ECDSA P-256 sign {bytes}"), |b| {
             b.iter(|| -> p256::ecdsa::Signature { p256.sign(black_box(signed)) });
         });
-        c.bench_function(&format!("ECDSA P-256 verify {octets}"), |b| {
+        c.bench_function(&format!("ECDSA P-256 verify {bytes}"), |b| {
             use p256::ecdsa::signature::Verifier as _;
             b.iter(|| public.verify(black_box(signed), &signature).unwrap());
         });
@@ -205,7 +205,7 @@ fn other_programs(_: &mut Criterion) {
     match c_library::harness(&folder) {
         Ok(program) => {
             for line in c_library::ask(&program, &["bench"], "").lines() {
-                println!("C library {line} (octets, ns a frame, median)");
+                println!("C library {line} (bytes, ns a frame, median)");
             }
         }
         Err(missing) => println!("C library LEFT OUT: {missing}"),
@@ -213,7 +213,7 @@ fn other_programs(_: &mut Criterion) {
     match c_library::python() {
         Ok(python) => {
             for line in c_library::ask(&python, &["-c", PYMAVLINK], "").lines() {
-                println!("pymavlink {line} (octets, ns a frame, median)");
+                println!("pymavlink {line} (bytes, ns a frame, median)");
             }
         }
         Err(missing) => println!("pymavlink LEFT OUT: {missing}"),
@@ -231,7 +231,7 @@ def end():
     return mav
 kinds = {40: lambda: m.MAVLink_attitude_message(77, .1, .2, .3, .4, .5, .6),
          266: lambda: m.MAVLink_file_transfer_protocol_message(0, 245, 190, bytes([0x5a] * 251))}
-for octets, make in kinds.items():
+for size, make in kinds.items():
     send, receive = [], []
     for _ in range(7):
         a, b = end(), end()
@@ -243,7 +243,7 @@ for octets, make in kinds.items():
         for f in frames:
             b.decode(f)
         receive.append((time.perf_counter_ns() - t) / 300)
-    print(octets, 'receive', round(statistics.median(receive)), 'send', round(statistics.median(send)))
+    print(size, 'receive', round(statistics.median(receive)), 'send', round(statistics.median(send)))
 ";
 
 criterion_group! {

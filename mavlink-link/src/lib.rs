@@ -1,6 +1,6 @@
 //! MAVLink 2 frames, signing, the peer lock and the PX4 services, without sockets or clock.
 //!
-//! From the octets up: [`frame`] finds and makes frames, [`signing`] signs and verifies them, [`clock`]
+//! From the bytes up: [`frame`] finds and makes frames, [`signing`] signs and verifies them, [`clock`]
 //! says which stamps may be used and [`receiver`] which frames are believed; [`link`] joins them into
 //! one machine a physical link, and [`service`] speaks PX4's mission, command and parameter protocols
 //! over it. [`provisioning`] gives a vehicle a key, [`exchange`] agrees about one over the air. [`frame`] and [`signing`] are usable alone.

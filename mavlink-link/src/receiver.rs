@@ -169,18 +169,18 @@ pub struct Expected {
     /// The link id of the vehicle's component 1 on this link, once it is known.
     pub autopilot_link: Option<u8>,
     /// The streams that are taken, where they are listed.
-    pub only: Talkers,
+    pub only: AllowedStreams,
 }
 
-/// A list of the streams that are taken, at most [`Talkers::MOST`]. Where it is empty, every stream of the
+/// A list of the streams that are taken, at most [`AllowedStreams::MOST`]. Where it is empty, every stream of the
 /// expected system is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Talkers {
+pub struct AllowedStreams {
     list: [Stream; Self::MOST],
     len: usize,
 }
 
-impl Talkers {
+impl AllowedStreams {
     /// The longest list.
     pub const MOST: usize = 8;
 
@@ -194,7 +194,7 @@ impl Talkers {
         len: 0,
     };
 
-    /// The streams of a list; `None` where there are more than [`Talkers::MOST`].
+    /// The streams of a list; `None` where there are more than [`AllowedStreams::MOST`].
     #[must_use]
     pub fn listed(streams: &[Stream]) -> Option<Self> {
         let mut talkers = Self::ANY;

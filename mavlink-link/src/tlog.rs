@@ -10,7 +10,7 @@ use crate::frame::{
     checksum, crc_extra,
 };
 
-/// Octets of the longest record.
+/// Bytes of the longest record.
 pub const MAX_RECORD: usize = STAMP_LEN + MAX_FRAME;
 
 /// Writes one record: microseconds since 1970 as u64 big-endian, then the frame, and returns its length.
@@ -36,7 +36,7 @@ pub fn record(wall: Duration, frame: &FrameView<'_>, out: &mut [u8; MAX_RECORD])
     STAMP_LEN + len + CRC_LEN
 }
 
-/// CRC_EXTRA of a frame, of an unknown message too: its checksum was right, so one octet fits.
+/// CRC_EXTRA of a frame, of an unknown message too: its checksum was right, so one byte fits.
 fn extra_of(frame: &FrameView<'_>) -> u8 {
     let covered = &frame.as_bytes()[1..HEADER_LEN + frame.payload().len()];
     crc_extra(frame.header().message_id)

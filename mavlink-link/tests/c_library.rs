@@ -24,14 +24,14 @@ fn harness(test: &str) -> PathBuf {
     c_library::harness(&folder).unwrap_or_else(|missing| panic!("{missing}"))
 }
 
-fn hex(octets: &[u8]) -> String {
-    octets.iter().fold(String::new(), |mut hex, octet| {
-        let _ = write!(hex, "{octet:02x}");
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut hex, byte| {
+        let _ = write!(hex, "{byte:02x}");
         hex
     })
 }
 
-fn octets(hex: &str) -> Vec<u8> {
+fn bytes(hex: &str) -> Vec<u8> {
     (0..hex.len() / 2)
         .map(|at| u8::from_str_radix(&hex[2 * at..2 * at + 2], 16).unwrap())
         .collect()
@@ -42,7 +42,7 @@ fn signed_by_c(program: &std::path::Path, stamp: Stamp, count: usize) -> Vec<Vec
     let (stamp, count) = (stamp.get().to_string(), count.to_string());
     c_library::ask(program, &["sign", &key, &stamp, &count], "")
         .lines()
-        .map(octets)
+        .map(bytes)
         .collect()
 }
 

@@ -61,9 +61,9 @@ fn census(name: &str, from_autopilot: bool) -> Census {
     }
     assert_eq!(parser.pending(), 0, "{name} ends inside a frame");
     assert_eq!(
-        parser.counts().garbage_octets,
+        parser.counts().garbage_bytes,
         0,
-        "{name} holds octets outside frames"
+        "{name} holds bytes outside frames"
     );
     census
 }

@@ -1,4 +1,4 @@
-//! The stream parser finds every good frame, however the octets arrive.
+//! The stream parser finds every good frame, however the bytes arrive.
 
 mod support;
 
@@ -213,7 +213,7 @@ fn the_private_key_exchange_is_checked_with_its_own_extra() {
 }
 
 #[test]
-fn trailing_zeros_are_trimmed_but_one_octet_stays() {
+fn trailing_zeros_are_trimmed_but_one_byte_stays() {
     assert_eq!(raw(0, &[1, 0, 0, 0, 5, 0, 0, 0, 0])[1], 5);
     assert_eq!(raw(0, &[0; 9])[1], 1);
     assert_eq!(raw(0, &[])[1], 0);
@@ -227,7 +227,7 @@ proptest! {
         cuts in prop::collection::vec(1usize..300, 1..60),
     ) {
         let frames = frames(12);
-        // Noise that starts a frame by chance may only delay, so it is kept free of start octets here;
+        // Noise that starts a frame by chance may only delay, so it is kept free of start bytes here;
         // the tests above and below meet it with them.
         let quiet = |o: &u8| *o != 0xfd && *o != 0xfe;
         let stream: Vec<u8> = frames
@@ -249,7 +249,7 @@ proptest! {
         prop_assert_eq!(found, frames);
     }
 
-    /// Noise of any kind before frames never loses the ones whose octets are whole.
+    /// Noise of any kind before frames never loses the ones whose bytes are whole.
     #[test]
     fn a_frame_behind_any_noise_comes_out_of_one_read(
         noise in prop::collection::vec(prop_oneof![any::<u8>(), Just(0xfd), Just(0xfe), Just(0), Just(1)], 0..600),
@@ -263,9 +263,9 @@ proptest! {
         prop_assert!(good.ends_with(&frames), "{} of {:?}", good.len(), parser.counts());
     }
 
-    /// Any octets at all: no panic, bounded memory, and every octet is accounted for.
+    /// Any bytes at all: no panic, bounded memory, and every byte is accounted for.
     #[test]
-    fn any_octets_are_taken_without_harm(
+    fn any_bytes_are_taken_without_harm(
         reads in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..700), 0..8),
     ) {
         let mut parser = Parser::new();

@@ -35,10 +35,10 @@ enum Step {
 }
 
 fn step() -> impl Strategy<Value = Step> {
-    let octet = prop_oneof![2 => 0u8..4, 1 => any::<u8>()];
+    let byte = prop_oneof![2 => 0u8..4, 1 => any::<u8>()];
     let hear = (
         proptest::sample::select(&IDS[..]),
-        proptest::collection::vec(octet, 0..60),
+        proptest::collection::vec(byte, 0..60),
         any::<bool>(),
         proptest::bool::weighted(0.9),
     )

@@ -213,12 +213,12 @@ fn read(name: &str) -> Vec<Heard> {
         .join("../tests/data/captures")
         .join(format!("{name}.mvr.gz"));
     let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let mut octets = Vec::new();
-    GzDecoder::new(file).read_to_end(&mut octets).unwrap();
+    let mut bytes = Vec::new();
+    GzDecoder::new(file).read_to_end(&mut bytes).unwrap();
 
     let mut heard = Vec::new();
     let mut parsers = [Parser::new(), Parser::new()];
-    let mut rest = &octets[..];
+    let mut rest = &bytes[..];
     while let [direction, header @ ..] = rest {
         let (time, body) = header.split_at(8);
         let (len, body) = body.split_at(2);

@@ -1,4 +1,4 @@
-//! pymavlink's signed frames verify here, and ours of the same message are the same octets.
+//! pymavlink's signed frames verify here, and ours of the same message are the same bytes.
 
 mod support;
 
@@ -71,7 +71,7 @@ fn pymavlinks_frames_verify_under_their_key_and_no_other() {
 }
 
 #[test]
-fn our_frames_of_the_same_messages_are_the_same_octets() {
+fn our_frames_of_the_same_messages_are_the_same_bytes() {
     for vector in vectors() {
         let theirs = FrameView::parse(&vector.frame).unwrap();
         let message: MavMessage = theirs.message().unwrap();

@@ -12,10 +12,10 @@ use stanag_msgs::{ChecksumStyle, Envelope, Id, Message, frames};
 /// A message with every field present.
 fn full(id: u16) -> Message {
     let info = message(id).unwrap();
-    let mut data: Vec<u8> = (0..info.full_octets()).map(|index| index as u8).collect();
+    let mut data: Vec<u8> = (0..info.full_bytes()).map(|index| index as u8).collect();
     let presence = (1u64 << info.fields.len()) - 1;
-    let start = 8 - usize::from(info.presence_octets);
-    data[..info.presence_octets.into()].copy_from_slice(&presence.to_be_bytes()[start..]);
+    let start = 8 - usize::from(info.presence_bytes);
+    data[..info.presence_bytes.into()].copy_from_slice(&presence.to_be_bytes()[start..]);
     Message::decode(id, &data).unwrap()
 }
 
@@ -26,7 +26,7 @@ fn codec(criterion: &mut Criterion) {
         let length = message.encode_data(&mut out).unwrap();
         let data = out[..length].to_vec();
         criterion.bench_function(&format!("decode {id}"), |bench| {
-            // Looked at where it is: to hand the value over would time a copy of 520 octets.
+            // Looked at where it is: to hand the value over would time a copy of 520 bytes.
             bench.iter(|| {
                 black_box(&Message::decode(black_box(id), black_box(&data)));
             });

@@ -1,7 +1,7 @@
 //! Reading and writing message data: the presence vector, then the present fields in order.
 //!
-//! Decoding is strict and total: any octets give a value or a [`DecodeError`], never a panic.
-//! Octets left over and presence bits that no field has are errors, since both mean that sender
+//! Decoding is strict and total: any bytes give a value or a [`DecodeError`], never a panic.
+//! Bytes left over and presence bits that no field has are errors, since both mean that sender
 //! and receiver do not speak of the same layout.
 
 use crate::scalar::Field;
@@ -10,13 +10,13 @@ use crate::table;
 /// What a field alone can say is wrong; the message adds where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// The octets, or the space for them, end before the field does.
+    /// The bytes, or the space for them, end before the field does.
     Short,
     /// No source gives the field's length.
     UnknownLength,
 }
 
-/// Why octets are not the data of a message.
+/// Why bytes are not the data of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
     /// The table has no such message.
@@ -26,13 +26,13 @@ pub enum DecodeError {
         message_type: u16,
     },
     /// The data ends within the presence vector.
-    #[error("message {message_type}: {found} octets, expected a presence vector of {expected}")]
+    #[error("message {message_type}: {found} bytes, expected a presence vector of {expected}")]
     NoPresence {
         /// The Message Type.
         message_type: u16,
-        /// Octets there are.
+        /// Bytes there are.
         found: usize,
-        /// Octets of the presence vector.
+        /// Bytes of the presence vector.
         expected: usize,
     },
     /// Presence bits are set that no field has.
@@ -46,16 +46,16 @@ pub enum DecodeError {
         known: u64,
     },
     /// The data ends within a field.
-    #[error("message {message_type} field {} at offset {offset}: {found} octets, expected {}",
-            describe(*message_type, *bit), octets(*message_type, *bit))]
+    #[error("message {message_type} field {} at offset {offset}: {found} bytes, expected {}",
+            describe(*message_type, *bit), bytes(*message_type, *bit))]
     Truncated {
         /// The Message Type.
         message_type: u16,
         /// The field's presence bit.
         bit: u8,
-        /// Where the field starts, in octets of message data.
+        /// Where the field starts, in bytes of message data.
         offset: usize,
-        /// Octets that are left there.
+        /// Bytes that are left there.
         found: usize,
     },
     /// A field is present whose length no source gives.
@@ -66,17 +66,17 @@ pub enum DecodeError {
         message_type: u16,
         /// The field's presence bit.
         bit: u8,
-        /// Where the field starts, in octets of message data.
+        /// Where the field starts, in bytes of message data.
         offset: usize,
     },
-    /// Octets are left over behind the last present field.
-    #[error("message {message_type}: {found} octets left over at offset {offset}, expected none")]
+    /// Bytes are left over behind the last present field.
+    #[error("message {message_type}: {found} bytes left over at offset {offset}, expected none")]
     Trailing {
         /// The Message Type.
         message_type: u16,
-        /// Where the fields end, in octets of message data.
+        /// Where the fields end, in bytes of message data.
         offset: usize,
-        /// How many octets are left over.
+        /// How many bytes are left over.
         found: usize,
     },
 }
@@ -110,9 +110,9 @@ impl DecodeError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EncodeError {
     /// The caller's buffer is too small.
-    #[error("the buffer of {available} octets is too small")]
+    #[error("the buffer of {available} bytes is too small")]
     BufferTooSmall {
-        /// Octets that the buffer has.
+        /// Bytes that the buffer has.
         available: usize,
     },
     /// A field is set whose length no source gives.
@@ -124,11 +124,11 @@ pub enum EncodeError {
         bit: u8,
     },
     /// The data is longer than a datagram takes.
-    #[error("message {message_type}: {found} octets of data, expected at most {expected}")]
+    #[error("message {message_type}: {found} bytes of data, expected at most {expected}")]
     TooLong {
         /// The Message Type.
         message_type: u16,
-        /// Octets of data.
+        /// Bytes of data.
         found: usize,
         /// The most there may be.
         expected: usize,
@@ -147,20 +147,20 @@ pub enum EncodeError {
     },
 }
 
-/// Octets not read yet.
+/// Bytes not read yet.
 #[derive(Debug)]
 pub struct Reader<'a> {
     rest: &'a [u8],
 }
 
 impl<'a> Reader<'a> {
-    /// A reader at the start of `octets`.
+    /// A reader at the start of `bytes`.
     #[inline]
-    pub fn new(octets: &'a [u8]) -> Self {
-        Self { rest: octets }
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self { rest: bytes }
     }
 
-    /// Takes the next `N` octets.
+    /// Takes the next `N` bytes.
     #[inline]
     pub fn chunk<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
         let (chunk, rest) = self.rest.split_first_chunk().ok_or(Fault::Short)?;
@@ -173,13 +173,13 @@ impl<'a> Reader<'a> {
 #[derive(Debug)]
 pub(crate) struct DataReader<'a> {
     message_type: u16,
-    octets: usize,
+    bytes: usize,
     presence: u64,
     reader: Reader<'a>,
 }
 
 impl<'a> DataReader<'a> {
-    /// Reads the presence vector of `N` octets, of which only the bits of `known` may be set.
+    /// Reads the presence vector of `N` bytes, of which only the bits of `known` may be set.
     #[inline]
     pub(crate) fn new<const N: usize>(
         message_type: u16,
@@ -196,7 +196,7 @@ impl<'a> DataReader<'a> {
         };
         let presence = vector
             .iter()
-            .fold(0, |bits, &octet| bits << 8 | u64::from(octet));
+            .fold(0, |bits, &byte| bits << 8 | u64::from(byte));
         if presence & !known != 0 {
             return Err(DecodeError::UnknownPresence {
                 message_type,
@@ -206,7 +206,7 @@ impl<'a> DataReader<'a> {
         }
         Ok(Self {
             message_type,
-            octets: data.len(),
+            bytes: data.len(),
             presence,
             reader,
         })
@@ -231,7 +231,7 @@ impl<'a> DataReader<'a> {
             0 => Ok(()),
             found => Err(DecodeError::Trailing {
                 message_type: self.message_type,
-                offset: self.octets - found,
+                offset: self.bytes - found,
                 found,
             }),
         }
@@ -240,7 +240,7 @@ impl<'a> DataReader<'a> {
     #[cold]
     fn error(&self, bit: u8, fault: Fault) -> DecodeError {
         let (message_type, found) = (self.message_type, self.reader.rest.len());
-        let offset = self.octets - found;
+        let offset = self.bytes - found;
         match fault {
             Fault::Short => DecodeError::Truncated {
                 message_type,
@@ -271,19 +271,19 @@ impl<'a> Writer<'a> {
         Self { out, at: 0 }
     }
 
-    /// Appends `N` octets.
+    /// Appends `N` bytes.
     #[inline]
-    pub fn put<const N: usize>(&mut self, octets: [u8; N]) -> Result<(), Fault> {
+    pub fn put<const N: usize>(&mut self, bytes: [u8; N]) -> Result<(), Fault> {
         let end = self.at + N;
         self.out
             .get_mut(self.at..end)
             .ok_or(Fault::Short)?
-            .copy_from_slice(&octets);
+            .copy_from_slice(&bytes);
         self.at = end;
         Ok(())
     }
 
-    /// How many octets are written.
+    /// How many bytes are written.
     #[inline]
     pub fn position(&self) -> usize {
         self.at
@@ -299,7 +299,7 @@ pub(crate) struct DataWriter<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> DataWriter<'a, N> {
-    /// Leaves room for a presence vector of `N` octets.
+    /// Leaves room for a presence vector of `N` bytes.
     #[inline]
     pub(crate) fn new(message_type: u16, out: &'a mut [u8]) -> Result<Self, EncodeError> {
         let mut writer = Writer::new(out);
@@ -325,7 +325,7 @@ impl<'a, const N: usize> DataWriter<'a, N> {
             .map_err(|fault| self.error(bit, fault))
     }
 
-    /// Writes the presence vector, and says how many octets there are in all.
+    /// Writes the presence vector, and says how many bytes there are in all.
     #[inline]
     pub(crate) fn finish(self) -> usize {
         let bits = self.presence.to_be_bytes();
@@ -355,9 +355,9 @@ fn describe(message_type: u16, bit: u8) -> String {
     format!("{} ({name})", bit + 1)
 }
 
-fn octets(message_type: u16, bit: u8) -> usize {
+fn bytes(message_type: u16, bit: u8) -> usize {
     table::message(message_type)
         .and_then(|message| message.fields.get(usize::from(bit)))
-        .and_then(|field| field.wire.octets())
+        .and_then(|field| field.wire.bytes())
         .unwrap_or_default()
 }

@@ -59,7 +59,7 @@ pub static DISPUTED: &[Disputed] = &[
         question: "what checksum code 1 means",
         default: "sum",
         choices: Choices::OneOf(&["sum", "crc16"]),
-        sources: "E3, KP and M: octets added, 2 octets; T: CRC-16-CCITT (taken with initial value 0xFFFF)",
+        sources: "E3, KP and M: bytes added, 2 bytes; T: CRC-16-CCITT (taken with initial value 0xFFFF)",
         confidence: B,
     },
     Disputed {
@@ -71,8 +71,8 @@ pub static DISPUTED: &[Disputed] = &[
         confidence: C,
     },
     Disputed {
-        name: "message_5_presence_octets",
-        question: "octets of message 5's presence vector",
+        name: "message_5_presence_bytes",
+        question: "bytes of message 5's presence vector",
         default: "2",
         choices: Choices::OneOf(&["2", "3"]),
         sources: "the rule of one bit a field for 16 fields: 2; T: 3",

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// A station's number: four octets, the owning nation's first, written `1b:00:00:01`.
+/// A station's number: four bytes, the owning nation's first, written `1b:00:00:01`.
 ///
 /// In Edition 4 the numbers of sender and receiver stand in the wrapper; a few messages carry
 /// further ones as `Integer 4` fields, which hold the same 32 bits.
@@ -16,7 +16,7 @@ impl Id {
     /// Nobody in particular (`ff:00:00:00`), such as the VSM ID of a vehicle directly on the net.
     pub const NULL: Id = Id(0xFF00_0000);
 
-    /// The owning nation or organisation, the first octet.
+    /// The owning nation or organisation, the first byte.
     pub const fn owner(self) -> u8 {
         self.0.to_be_bytes()[0]
     }
@@ -33,20 +33,20 @@ impl FromStr for Id {
     type Err = ParseIdError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let mut octets = [0; 4];
+        let mut bytes = [0; 4];
         let mut parts = text.split(':');
-        for (index, octet) in octets.iter_mut().enumerate() {
-            let part = parts.next().ok_or(ParseIdError::Octets { found: index })?;
+        for (index, byte) in bytes.iter_mut().enumerate() {
+            let part = parts.next().ok_or(ParseIdError::Bytes { found: index })?;
             // from_str_radix alone would let "+1" and "001" pass.
             let hex = (1..=2).contains(&part.len()) && part.bytes().all(|b| b.is_ascii_hexdigit());
-            *octet = match u8::from_str_radix(part, 16) {
+            *byte = match u8::from_str_radix(part, 16) {
                 Ok(value) if hex => value,
-                _ => return Err(ParseIdError::Octet { index }),
+                _ => return Err(ParseIdError::Byte { index }),
             };
         }
         match parts.count() {
-            0 => Ok(Id(u32::from_be_bytes(octets))),
-            more => Err(ParseIdError::Octets { found: 4 + more }),
+            0 => Ok(Id(u32::from_be_bytes(bytes))),
+            more => Err(ParseIdError::Bytes { found: 4 + more }),
         }
     }
 }
@@ -54,15 +54,15 @@ impl FromStr for Id {
 /// Why a text is not an [`Id`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParseIdError {
-    /// Not four octets.
-    #[error("{found} octets, expected 4 as in 1b:00:00:01")]
-    Octets {
+    /// Not four bytes.
+    #[error("{found} bytes, expected 4 as in 1b:00:00:01")]
+    Bytes {
         /// How many there are.
         found: usize,
     },
-    /// One of them is not a hexadecimal octet.
-    #[error("octet {index} (counted from 0) is not hexadecimal, expected 00 to ff")]
-    Octet {
+    /// One of them is not a hexadecimal byte.
+    #[error("byte {index} (counted from 0) is not hexadecimal, expected 00 to ff")]
+    Byte {
         /// Which one, counted from 0.
         index: usize,
     },
@@ -87,11 +87,11 @@ mod tests {
     fn other_texts_are_refused() {
         assert_eq!(
             "1b:00:00".parse::<Id>(),
-            Err(ParseIdError::Octets { found: 3 })
+            Err(ParseIdError::Bytes { found: 3 })
         );
         assert_eq!(
             "1b:00:00:00:00".parse::<Id>(),
-            Err(ParseIdError::Octets { found: 5 })
+            Err(ParseIdError::Bytes { found: 5 })
         );
         for (text, index) in [
             ("", 0),
@@ -101,7 +101,7 @@ mod tests {
         ] {
             assert_eq!(
                 text.parse::<Id>(),
-                Err(ParseIdError::Octet { index }),
+                Err(ParseIdError::Byte { index }),
                 "{text}"
             );
         }

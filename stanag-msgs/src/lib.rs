@@ -1,7 +1,7 @@
 //! STANAG 4586 Edition 4 (AEP-84 Vol II) DLI messages: wrapper, scalars, one message table, codec.
 //!
-//! Everything here is a pure function of octets: no clock, no I/O, no allocation in the codec.
-//! Decoding is total: any octets give a value or an error that says where and why.
+//! Everything here is a pure function of bytes: no clock, no I/O, no allocation in the codec.
+//! Decoding is total: any bytes give a value or an error that says where and why.
 //!
 //! ```
 //! use stanag_msgs::{Bam32, Envelope, Id, Message, frames, messages::InertialStates};

@@ -26,14 +26,8 @@ pub fn header() -> Vec<u8> {
 }
 
 /// Enhanced Packet Block of a datagram, added to `out`. `wall` is the time since 1970.
-pub fn datagram(
-    out: &mut Vec<u8>,
-    wall: Duration,
-    from: SocketAddr,
-    to: SocketAddr,
-    octets: &[u8],
-) {
-    let packet = packet(from, to, octets);
+pub fn datagram(out: &mut Vec<u8>, wall: Duration, from: SocketAddr, to: SocketAddr, bytes: &[u8]) {
+    let packet = packet(from, to, bytes);
     let micros = u64::try_from(wall.as_micros()).unwrap_or(u64::MAX);
     let length = u32::try_from(packet.len()).unwrap_or(u32::MAX);
     let mut body = Vec::with_capacity(packet.len() + 20);
@@ -57,14 +51,14 @@ fn block(out: &mut Vec<u8>, kind: u32, body: &[u8]) {
     out.extend(length.to_le_bytes());
 }
 
-fn packet(from: SocketAddr, to: SocketAddr, octets: &[u8]) -> Vec<u8> {
-    let length = u16::try_from(octets.len() + UDP_HEADER).unwrap_or(u16::MAX);
-    let mut udp = Vec::with_capacity(octets.len() + UDP_HEADER);
+fn packet(from: SocketAddr, to: SocketAddr, bytes: &[u8]) -> Vec<u8> {
+    let length = u16::try_from(bytes.len() + UDP_HEADER).unwrap_or(u16::MAX);
+    let mut udp = Vec::with_capacity(bytes.len() + UDP_HEADER);
     udp.extend(from.port().to_be_bytes());
     udp.extend(to.port().to_be_bytes());
     udp.extend(length.to_be_bytes());
     udp.extend([0; 2]);
-    udp.extend(octets);
+    udp.extend(bytes);
     match (from.ip(), to.ip()) {
         (IpAddr::V4(from), IpAddr::V4(to)) => {
             let mut ip = vec![0x45, 0];

@@ -38,15 +38,15 @@ pub fn check(vector: &str) -> Result<(), Mismatch> {
         &Value::from(vec![expected]),
     )?;
 
-    let octets: Vec<u8> = (0..wire.len() / 2)
+    let bytes: Vec<u8> = (0..wire.len() / 2)
         .map_while(|index| u8::from_str_radix(wire.get(2 * index..2 * index + 2)?, 16).ok())
         .collect();
-    for frame in frames(&octets) {
+    for frame in frames(&bytes) {
         let frame = frame?;
         let message = Message::decode(frame.header.message_type, frame.data)?;
         let mut out = [0; MAX_DATAGRAM];
         let length = message.encode(&frame.header.envelope(), &mut out)?;
-        differ("struct to wire", &out[..length], frame.octets)?;
+        differ("struct to wire", &out[..length], frame.bytes)?;
     }
     Ok(())
 }

@@ -45,14 +45,14 @@ fn no_message_allocates() {
     let envelope = Envelope::new(Id(1), Id(2)).summed(ChecksumStyle::Crc32);
     let mut messages = Vec::new();
     for info in MESSAGES {
-        let mut data = vec![0; info.full_octets()];
-        let start = 8 - usize::from(info.presence_octets);
+        let mut data = vec![0; info.full_bytes()];
+        let start = 8 - usize::from(info.presence_bytes);
         let known = info
             .fields
             .iter()
-            .filter(|field| field.wire.octets().is_some());
+            .filter(|field| field.wire.bytes().is_some());
         let presence = known.fold(0u64, |bits, field| bits | 1 << field.bit);
-        data[..info.presence_octets.into()].copy_from_slice(&presence.to_be_bytes()[start..]);
+        data[..info.presence_bytes.into()].copy_from_slice(&presence.to_be_bytes()[start..]);
         messages.push(Message::decode(info.id, &data).unwrap());
     }
     let profile = Profile::default();

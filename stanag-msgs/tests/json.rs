@@ -101,7 +101,7 @@ fn values_without_a_name_are_integers_and_bitmaps_are_lists() {
 }
 
 #[test]
-fn raw_texts_keep_every_octet_before_the_first_nul() {
+fn raw_texts_keep_every_byte_before_the_first_nul() {
     let text = |raw: bool, text: &str| {
         encode_line(
             &message(3, json!({ "Vehicle ID Update": 1, "Tail Number": text })).to_string(),
@@ -168,7 +168,7 @@ fn several_messages_and_errors_share_a_line() {
     assert_eq!(values[2]["offset"], 44 + 16);
     assert_eq!(
         values[4],
-        json!({ "error": "offset 88: 5 octets, expected a header of 16", "offset": 88 })
+        json!({ "error": "offset 88: 5 bytes, expected a header of 16", "offset": 88 })
     );
 }
 
@@ -202,7 +202,7 @@ fn encode_says_what_it_expected() {
     );
     assert_eq!(
         with("source", json!("1b")),
-        "source: \"1b\", expected 1 octets, expected 4 as in 1b:00:00:01"
+        "source: \"1b\", expected 1 bytes, expected 4 as in 1b:00:00:01"
     );
     assert_eq!(with("idd", json!(29)), "idd: 29, expected 30 to 32");
     assert_eq!(with("checksum", json!(4)), "checksum: 4, expected 0 to 3");

@@ -25,7 +25,7 @@ fn every_error_says_where_and_why() {
                 found: 2,
                 expected: 3,
             },
-            "message 4000: 2 octets, expected a presence vector of 3",
+            "message 4000: 2 bytes, expected a presence vector of 3",
         ),
         (
             16002,
@@ -46,7 +46,7 @@ fn every_error_says_where_and_why() {
                 offset: 7,
                 found: 2,
             },
-            "message 4000 field 4 (Altitude) at offset 7: 2 octets, expected 3",
+            "message 4000 field 4 (Altitude) at offset 7: 2 bytes, expected 3",
         ),
         (
             17003,
@@ -66,7 +66,7 @@ fn every_error_says_where_and_why() {
                 offset: 6,
                 found: 2,
             },
-            "message 16002: 2 octets left over at offset 6, expected none",
+            "message 16002: 2 bytes left over at offset 6, expected none",
         ),
     ];
     for (message_type, data, error, text) in cases {
@@ -78,19 +78,19 @@ fn every_error_says_where_and_why() {
     }
 }
 
-/// Message data with every field of known length, all octets zero.
+/// Message data with every field of known length, all bytes zero.
 fn full(info: &MessageInfo) -> Vec<u8> {
     let known = info
         .fields
         .iter()
-        .filter(|field| field.wire.octets().is_some());
+        .filter(|field| field.wire.bytes().is_some());
     let (presence, length) = known.fold((0_u64, 0), |(bits, length), field| {
         (
             bits | 1 << field.bit,
-            length + field.wire.octets().unwrap_or(0),
+            length + field.wire.bytes().unwrap_or(0),
         )
     });
-    let start = 8 - usize::from(info.presence_octets);
+    let start = 8 - usize::from(info.presence_bytes);
     let mut data = presence.to_be_bytes()[start..].to_vec();
     data.resize(data.len() + length, 0);
     data
@@ -100,7 +100,7 @@ fn full(info: &MessageInfo) -> Vec<u8> {
 fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
     for info in MESSAGES {
         let id = info.id;
-        let head = usize::from(info.presence_octets);
+        let head = usize::from(info.presence_bytes);
         let whole = full(info);
         let error = |data: &[u8]| {
             let error = Message::decode(id, data).err();
@@ -121,10 +121,10 @@ fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
         // Cut within, and before, each field.
         let mut offset = head;
         for field in info.fields {
-            let Some(octets) = field.wire.octets() else {
+            let Some(bytes) = field.wire.bytes() else {
                 continue;
             };
-            for found in 0..octets {
+            for found in 0..bytes {
                 let expected = Truncated {
                     message_type: id,
                     bit: field.bit,
@@ -133,9 +133,9 @@ fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
                 };
                 assert_eq!(error(&whole[..offset + found]), Some(expected));
             }
-            offset += octets;
+            offset += bytes;
         }
-        // Octets beyond the last field.
+        // Bytes beyond the last field.
         for more in 1..=3 {
             let mut long = whole.clone();
             long.resize(whole.len() + more, 0xff);
@@ -160,7 +160,7 @@ fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
         for field in info
             .fields
             .iter()
-            .filter(|field| field.wire.octets().is_none())
+            .filter(|field| field.wire.bytes().is_none())
         {
             let mut odd = vec![0; head];
             odd[head - 1 - usize::from(field.bit) / 8] |= 1 << (field.bit % 8);
@@ -197,7 +197,7 @@ fn a_field_of_unknown_length_only_bars_messages_that_carry_it() {
 #[test]
 fn an_empty_presence_vector_is_an_empty_message() {
     for info in MESSAGES {
-        let data = vec![0; info.presence_octets.into()];
+        let data = vec![0; info.presence_bytes.into()];
         assert_eq!(
             Message::decode(info.id, &data).ok(),
             Message::empty(info.id),
@@ -211,7 +211,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(4000))]
 
     #[test]
-    fn any_octets_give_an_answer(datagram in proptest::collection::vec(any::<u8>(), 0..80)) {
+    fn any_bytes_give_an_answer(datagram in proptest::collection::vec(any::<u8>(), 0..80)) {
         for frame in frames(&datagram).flatten() {
             let _ = Message::decode(frame.header.message_type, frame.data);
         }
@@ -220,7 +220,7 @@ proptest! {
             let by_table = table::walk(info, &datagram).find_map(Result::err);
             prop_assert_eq!(by_struct, by_table);
         }
-        let hex: String = datagram.iter().map(|octet| format!("{octet:02x}")).collect();
+        let hex: String = datagram.iter().map(|byte| format!("{byte:02x}")).collect();
         prop_assert_eq!(decode_line(&hex, true).is_empty(), hex.is_empty());
     }
 

@@ -1,4 +1,4 @@
-//! Whatever is decoded is encoded to the same octets, by the structs and through JSON.
+//! Whatever is decoded is encoded to the same bytes, by the structs and through JSON.
 
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -12,9 +12,9 @@ use stanag_msgs::{Envelope, Id, Message};
 const EXHAUSTIVE: usize = 12;
 const RANDOM_CASES: u32 = 300;
 
-/// Message data with these fields present, their octets taken from `pool`.
+/// Message data with these fields present, their bytes taken from `pool`.
 fn data(info: &MessageInfo, presence: u64, pool: &[u8]) -> Vec<u8> {
-    let start = 8 - usize::from(info.presence_octets);
+    let start = 8 - usize::from(info.presence_bytes);
     let mut data = presence.to_be_bytes()[start..].to_vec();
     let mut pool = pool.iter().copied().cycle();
     for field in info
@@ -22,18 +22,18 @@ fn data(info: &MessageInfo, presence: u64, pool: &[u8]) -> Vec<u8> {
         .iter()
         .filter(|field| presence >> field.bit & 1 == 1)
     {
-        let octets = field
+        let bytes = field
             .wire
-            .octets()
+            .bytes()
             .expect("only fields of known length are present");
         let place = data.len();
-        data.extend(pool.by_ref().take(octets));
+        data.extend(pool.by_ref().take(bytes));
         if let Wire::Char(_) = field.wire {
             // A text is 7-bit characters, then NULs.
-            let length = usize::from(data[place]) % octets;
+            let length = usize::from(data[place]) % bytes;
             data[place..place + length]
                 .iter_mut()
-                .for_each(|octet| *octet = (*octet & 0x7F).max(1));
+                .for_each(|byte| *byte = (*byte & 0x7F).max(1));
             data[place + length..].fill(0);
         }
     }
@@ -44,7 +44,7 @@ fn known_presence(info: &MessageInfo) -> u64 {
     let known = info
         .fields
         .iter()
-        .filter(|field| field.wire.octets().is_some());
+        .filter(|field| field.wire.bytes().is_some());
     known.fold(0, |bits, field| bits | 1 << field.bit)
 }
 
@@ -69,7 +69,7 @@ fn returns_through_json(info: &MessageInfo, data: &[u8]) {
     );
     let wire: String = out[..length.unwrap()]
         .iter()
-        .map(|octet| format!("{octet:02x}"))
+        .map(|byte| format!("{byte:02x}"))
         .collect();
     let [raw] = &decode_line(&wire, true)[..] else {
         panic!("one message")
@@ -85,7 +85,7 @@ fn returns_through_json(info: &MessageInfo, data: &[u8]) {
     };
     match encode_line(&value.to_string(), false) {
         Ok(back) => assert_eq!(back, wire, "{value}"),
-        // Random octets need not be in the ranges that sources give.
+        // Random bytes need not be in the ranges that sources give.
         Err(error) => assert!(
             info.fields
                 .iter()

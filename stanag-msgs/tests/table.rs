@@ -60,7 +60,7 @@ fn same_message(info: &MessageInfo, fact: &Value) {
         "{id}"
     );
     assert_eq!(
-        Some(i64::from(info.presence_octets)),
+        Some(i64::from(info.presence_bytes)),
         integer(fact, "pv_octets"),
         "{id}"
     );
@@ -210,8 +210,8 @@ fn no_two_values_of_an_enumeration_share_value_or_text() {
 #[test]
 fn every_message_fits_a_datagram() {
     for info in MESSAGES {
-        assert!(info.full_octets() <= 528, "{}", info.name);
-        let bits = usize::from(info.presence_octets) * 8;
+        assert!(info.full_bytes() <= 528, "{}", info.name);
+        let bits = usize::from(info.presence_bytes) * 8;
         assert!(
             info.fields.len() <= bits && info.fields.len() > bits - 8,
             "{}",

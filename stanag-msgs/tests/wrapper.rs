@@ -1,4 +1,4 @@
-//! Datagrams: known octets, several messages, and every way a wrapper can be wrong.
+//! Datagrams: known bytes, several messages, and every way a wrapper can be wrong.
 
 use stanag_msgs::messages::Heartbeat;
 use stanag_msgs::wrapper::{Frame, MAX_DATAGRAM};
@@ -23,7 +23,7 @@ fn outcomes(datagram: &[u8]) -> Vec<Result<Frame<'_>, WrapperError>> {
 }
 
 #[test]
-fn a_heartbeat_has_known_octets() {
+fn a_heartbeat_has_known_bytes() {
     let known = [
         0, 0, 0, 6, 0x1b, 0, 0, 0xa0, 0x1b, 0, 0, 1, 0x3E, 0x82, 0x20, 0, // header
         1, 1, 2, 3, 4, 5, // presence vector, time stamp
@@ -40,7 +40,7 @@ fn a_heartbeat_has_known_octets() {
 
 #[test]
 fn property_words_are_the_known_ones() {
-    for (envelope, word, octets) in [
+    for (envelope, word, bytes) in [
         (ENVELOPE, [0x20, 0x00], 22),
         (ENVELOPE.requesting_ack(), [0xA0, 0x00], 22),
         (ENVELOPE.summed(ChecksumStyle::Sum16), [0x20, 0x40], 24),
@@ -57,7 +57,7 @@ fn property_words_are_the_known_ones() {
     ] {
         let wire = encode(&envelope);
         assert_eq!(wire[14..16], word);
-        assert_eq!(wire.len(), octets);
+        assert_eq!(wire.len(), bytes);
         assert_eq!(outcomes(&wire)[0].unwrap().header.envelope(), envelope);
     }
 }
@@ -78,9 +78,9 @@ fn edition_3_fills_the_first_word_and_nobody_reads_it() {
 #[test]
 fn a_bad_message_does_not_hide_the_next() {
     let summed = encode(&ENVELOPE.summed(ChecksumStyle::Crc32));
-    for (octet, reason, offset) in [(20, "checksum", 26 + 22), (14, "idd", 26 + 14)] {
+    for (byte, reason, offset) in [(20, "checksum", 26 + 22), (14, "idd", 26 + 14)] {
         let mut datagram = [&summed[..], &summed[..], &summed[..]].concat();
-        datagram[26 + octet] ^= 0x40;
+        datagram[26 + byte] ^= 0x40;
         let outcomes = outcomes(&datagram);
         assert_eq!(outcomes.len(), 3);
         assert!(outcomes[0].is_ok() && outcomes[2].is_ok());
@@ -92,9 +92,9 @@ fn a_bad_message_does_not_hide_the_next() {
 #[test]
 fn a_message_of_unknown_end_ends_the_datagram() {
     let beat = encode(&ENVELOPE);
-    let with = |offset: usize, octets: &[u8]| {
+    let with = |offset: usize, bytes: &[u8]| {
         let mut datagram = [&beat[..], &beat[..], &beat[..]].concat();
-        datagram[22 + offset..][..octets.len()].copy_from_slice(octets);
+        datagram[22 + offset..][..bytes.len()].copy_from_slice(bytes);
         datagram
     };
     let long = vec![0; MAX_DATAGRAM + 1];

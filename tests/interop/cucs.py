@@ -96,11 +96,11 @@ class Cucs:
                 datagrams.append(b"")
             datagrams[-1] += wire
         for datagram in datagrams:
-            self.transmit_octets(datagram)
+            self.transmit_bytes(datagram)
         return datagrams
 
-    def transmit_octets(self, octets):
-        self._socket.sendto(octets, self.vsm)
+    def transmit_bytes(self, bytes):
+        self._socket.sendto(bytes, self.vsm)
 
     def send(self, id, fields, ack=False, to=None):
         value = self.make(id, fields, ack, to)
@@ -121,19 +121,19 @@ class Cucs:
             readable, _, _ = select.select([self._socket], [], [], max(0.0, min(rest, 0.2)))
             while readable:
                 try:
-                    octets, address = self._socket.recvfrom(65536)
+                    bytes, address = self._socket.recvfrom(65536)
                 except BlockingIOError:
                     break
                 except ConnectionRefusedError:
                     continue
-                self._take(octets, address)
+                self._take(bytes, address)
             if rest <= 0:
                 return
 
-    def _take(self, octets, address):
-        at, rest = time.monotonic(), octets
-        if len(octets) > MAX_DATAGRAM:
-            self.unreadable.append(f"a datagram of {len(octets)} octets")
+    def _take(self, bytes, address):
+        at, rest = time.monotonic(), bytes
+        if len(bytes) > MAX_DATAGRAM:
+            self.unreadable.append(f"a datagram of {len(bytes)} bytes")
         while rest:
             try:
                 length, properties = int.from_bytes(rest[2:4], "big"), int.from_bytes(rest[14:16], "big")
@@ -141,10 +141,10 @@ class Cucs:
                 wire, rest = rest[:end], rest[end:]
                 value = reference.decode(wire)
                 if reference.encode(value) != wire:
-                    raise ValueError("encodes to other octets")
+                    raise ValueError("encodes to other bytes")
                 self.inbox.append(Received(at, address, value, wire))
             except Exception as error:
-                self.unreadable.append(f"{type(error).__name__}: {error}: {octets.hex()}")
+                self.unreadable.append(f"{type(error).__name__}: {error}: {bytes.hex()}")
                 return
 
     def mark(self):
@@ -246,4 +246,4 @@ def rad_to_bam(rad, bits):
 
 
 def text(id):
-    return ":".join(f"{octet:02x}" for octet in id.to_bytes(4, "big"))
+    return ":".join(f"{byte:02x}" for byte in id.to_bytes(4, "big"))

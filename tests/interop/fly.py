@@ -125,9 +125,9 @@ class Flight:
         other_sum = whole[:-1] + bytes([whole[-1] ^ 1])
         plain = reference.encode(c.make(2016, fields, ack=True, style=(32, 0)))
         unknown = plain[:12] + (60000).to_bytes(2, "big") + plain[14:]
-        for octets in (whole[:-1], whole[:15], other_sum, unknown, whole[:2] + b"\xff\xff" + whole[4:], b"\0" * 1400, b"",
+        for bytes in (whole[:-1], whole[:15], other_sum, unknown, whole[:2] + b"\xff\xff" + whole[4:], b"\0" * 1400, b"",
                        reference.encode(c.make(2016, fields, ack=True, to=c.vehicle ^ 0x55, style=(32, 0)))):
-            c.transmit_octets(octets)
+            c.transmit_bytes(bytes)
         self.check_stays("nothing that is broken or meant for others is carried out", lambda mode: mode != dli.LAUNCH, 1.0)
         # A type that nobody knows may be refused aloud.
         answers = [m.value for m in c.inbox[since:] if m.id == 17000 and (
@@ -311,7 +311,7 @@ class Flight:
 
     def whole(self):
         c = self.cucs
-        self.check("everything received can be decoded, and encodes to the same octets", not c.unreadable, c.unreadable[:3])
+        self.check("everything received can be decoded, and encodes to the same bytes", not c.unreadable, c.unreadable[:3])
         stamps = {}
         for m in c.inbox:
             stamps.setdefault(m.value["source"], []).append((m.fields.get("Time Stamp"), m.id))
@@ -389,7 +389,7 @@ class Flight:
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--vsm", required=True, type=address, metavar="HOST:PORT")
-    parser.add_argument("--id", type=identity, default="1b:00:00:a0", help="our id, four octets in hex")
+    parser.add_argument("--id", type=identity, default="1b:00:00:a0", help="our id, four bytes in hex")
     parser.add_argument("--bind", default="0.0.0.0", help="our address")
     parser.add_argument("--home", type=position, metavar="LAT,LON,ALT", help="where the vehicle stands, if that is known")
     parser.add_argument("--slow", type=float, default=1.0, metavar="FACTOR", help="more time for each step; 10 for a real aircraft")

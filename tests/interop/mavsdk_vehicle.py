@@ -1,6 +1,6 @@
 """A vehicle whose autopilot is MAVSDK's servers: missions, actions, parameters and telemetry are its code.
 
-MAVSDK does not sign. Its octets go through pymavlink on their way: sent ones are signed there, received ones are
+MAVSDK does not sign. Its bytes go through pymavlink on their way: sent ones are signed there, received ones are
 verified there, and only what verifies is passed on. The body is a few lines: it climbs when told to take off, and
 sinks when told to land.
 """
@@ -155,9 +155,9 @@ class MavsdkVehicle:
 
     # The wire
 
-    def _send(self, octets):
+    def _send(self, bytes):
         with self._wire:
-            for message in m.MAVLink(None).parse_buffer(octets) or []:
+            for message in m.MAVLink(None).parse_buffer(bytes) or []:
                 self.told[message.get_type()] = self.told.get(message.get_type(), 0) + 1
                 self._transmit(message)
 
@@ -172,12 +172,12 @@ class MavsdkVehicle:
                 continue
             with self._wire:
                 verified = list(self._signer.verify(datagram))
-            for message, octets in verified:
+            for message, bytes in verified:
                 self.heard.setdefault(message.get_type(), []).append(message)
                 if self.holds_itself and is_hold(message):
                     self._hold(message)
                     continue
-                self._mavsdk.pass_received_raw_bytes(octets)
+                self._mavsdk.pass_received_raw_bytes(bytes)
 
     # The body
 

@@ -36,10 +36,10 @@ fn telemetry(iterations: u64) -> Duration {
         rig.vehicles[0].step(STEP);
         while let Some(sent) = rig.vehicles[0].poll_transmit(&mut frame) {
             let peer = Peer::Udp(support::vehicle_address(0));
-            let octets = &frame[..sent.len];
+            let bytes = &frame[..sent.len];
             let begun = Instant::now();
             let bridge = rig.bridge.as_mut().expect("it runs");
-            bridge.handle_vehicle(now, 0, peer, octets, &mut rig.store, &mut |_| {});
+            bridge.handle_vehicle(now, 0, peer, bytes, &mut rig.store, &mut |_| {});
             settle(&mut rig);
             spent += begun.elapsed();
             left = left.saturating_sub(1);
@@ -60,13 +60,13 @@ fn sticks(iterations: u64) -> Duration {
             throttle_stick_engine_1: Some(50),
             ..UaStickCommand::default()
         });
-        let mut octets = [0; MAX_DATAGRAM];
+        let mut bytes = [0; MAX_DATAGRAM];
         let envelope = Envelope::new(cucs(0), vehicle_id(0));
-        let length = message.encode(&envelope, &mut octets).expect("it fits");
+        let length = message.encode(&envelope, &mut bytes).expect("it fits");
         let from = support::station_address(0);
         let begun = Instant::now();
         let bridge = rig.bridge.as_mut().expect("it runs");
-        bridge.handle_dli(now, from, &octets[..length], &mut rig.store);
+        bridge.handle_dli(now, from, &bytes[..length], &mut rig.store);
         settle(&mut rig);
         spent += begun.elapsed();
     }

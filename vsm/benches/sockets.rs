@@ -110,9 +110,9 @@ impl Drop for Echo {
 fn echo() {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
     println!("{}", socket.local_addr().expect("its address"));
-    let mut octets = [0; 2_048];
-    while let Ok((length, from)) = socket.recv_from(&mut octets) {
-        let _ = socket.send_to(&octets[..length], from);
+    let mut bytes = [0; 2_048];
+    while let Ok((length, from)) = socket.recv_from(&mut bytes) {
+        let _ = socket.send_to(&bytes[..length], from);
     }
 }
 
@@ -302,11 +302,11 @@ impl World {
     }
 
     fn await_report(&self, begun: Instant) -> Option<Duration> {
-        let mut octets = [0; 2_048];
+        let mut bytes = [0; 2_048];
         loop {
-            let (length, _) = self.station.recv_from(&mut octets).ok()?;
+            let (length, _) = self.station.recv_from(&mut bytes).ok()?;
             let took = begun.elapsed();
-            let mut found = frames(&octets[..length]).flatten();
+            let mut found = frames(&bytes[..length]).flatten();
             if found.any(|frame| frame.header.message_type == 3001) {
                 return Some(took);
             }

@@ -21,8 +21,8 @@ fn at(ms: u64) -> Now {
     }
 }
 
-fn key(octet: u8) -> SigningKey {
-    SigningKey::new([octet; 32]).unwrap()
+fn key(byte: u8) -> SigningKey {
+    SigningKey::new([byte; 32]).unwrap()
 }
 
 fn peer(port: u16) -> Peer {
@@ -36,7 +36,7 @@ struct Ground {
 }
 
 impl Ground {
-    /// Under key 1, with key 2 agreed; of key 2 everything up to `seen` has been in use before.
+    /// KeySlot key 1, with key 2 agreed; of key 2 everything up to `seen` has been in use before.
     fn new(seen: Option<Stamp>) -> Ground {
         let folder = tempfile::tempdir().unwrap();
         let text = "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:0\"\n[[vehicle]]\nid = \"1b:00:01:01\"\n\
@@ -92,7 +92,7 @@ impl Ground {
     fn lifted(&mut self, port: u16) -> Vec<Stamp> {
         let mut stamps = vec![];
         while let Some((_, frame)) = self.bridge.poll_vehicle() {
-            let view = FrameView::parse(frame.octets()).unwrap();
+            let view = FrameView::parse(frame.bytes()).unwrap();
             if frame.to == peer(port) && verify(&key(2), &view).is_ok() {
                 stamps.push(view.signature().unwrap().stamp);
             }

@@ -11,7 +11,7 @@ use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use mavlink_link::frame::FrameView;
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
-use sim::px4::Signing;
+use px4_sim::Signing;
 use vsm::airside::Settings;
 
 fn arm() -> MavMessage {
@@ -69,8 +69,8 @@ fn the_link_goes_on_under_the_old_key_until_px4_has_the_new_one() {
     let heard = world.heard().len();
     assert!(heard > 0);
     let now = world.now;
-    let octets = world.ground.as_mut().unwrap().frame(now, &arm());
-    assert!(world.passes(GROUND, &octets));
+    let bytes = world.ground.as_mut().unwrap().frame(now, &arm());
+    assert!(world.passes(GROUND, &bytes));
     world.run(1.0);
     assert!(world.heard().len() > heard);
 }
@@ -92,14 +92,14 @@ fn an_armed_px4_is_not_sent_a_key_and_flies_on_under_the_old_one() {
     let mut world = rotation();
     world.run(6.0);
     let now = world.now;
-    let octets = world.ground.as_mut().unwrap().frame(now, &arm());
-    world.radio(GROUND, &octets);
+    let bytes = world.ground.as_mut().unwrap().frame(now, &arm());
+    world.radio(GROUND, &bytes);
     world.run(6.0);
     assert!(world.px4.vehicle().truth().armed);
     assert_eq!((world.state(), world.secrets), ("waits for disarmed", 0));
     let now = world.now;
-    let octets = world.ground.as_mut().unwrap().frame(now, &arm());
-    assert!(world.passes(GROUND, &octets));
+    let bytes = world.ground.as_mut().unwrap().frame(now, &arm());
+    assert!(world.passes(GROUND, &bytes));
     // It disarms by itself on the ground after a while.
     world.run(15.0);
     assert!(has(&world, 6), "{:?}", world.log);
@@ -112,8 +112,8 @@ fn an_unsigned_px4_after_a_power_cut_gets_its_key_again_and_no_command_before() 
     world.px4_connected = false;
     world.run(2.0);
     world.px4_connected = true;
-    world.px4 = sim::px4::Autopilot::new(
-        sim::px4::Config::default(),
+    world.px4 = px4_sim::Autopilot::new(
+        px4_sim::Config::default(),
         Signing::off(),
         vec![Some(airside_support::at(9))],
     );
@@ -122,10 +122,10 @@ fn an_unsigned_px4_after_a_power_cut_gets_its_key_again_and_no_command_before() 
     for _ in 0..200 {
         world.tick();
         let now = world.now;
-        let octets = world.ground.as_mut().unwrap().frame(now, &arm());
+        let bytes = world.ground.as_mut().unwrap().frame(now, &arm());
         let open = world.px4.signing().key().is_none();
         asked += 1;
-        if world.passes(GROUND, &octets) && open {
+        if world.passes(GROUND, &bytes) && open {
             passed_while_open += 1;
         }
         if world.state() == "relaying" && !open {
@@ -152,8 +152,8 @@ fn a_px4_that_falls_back_to_the_key_before_is_not_delivered_and_gets_the_new_one
     world.run(25.0);
     assert!(has(&world, 6));
     let above = Stamp::from_unix(world.now.after(Duration::from_secs(60)).wall);
-    world.px4 = sim::px4::Autopilot::new(
-        sim::px4::Config::default(),
+    world.px4 = px4_sim::Autopilot::new(
+        px4_sim::Config::default(),
         Signing::with_key(key(5), above.get()),
         vec![Some(airside_support::at(9))],
     );
@@ -336,8 +336,8 @@ fn a_key_that_was_replaced_never_comes_into_force_again() {
     assert!(has(&world, 6));
     // A power cut brings PX4's old file back, and the way to PX4 loses every SETUP_SIGNING.
     let stamp = Stamp::from_unix(world.now.after(Duration::from_secs(60)).wall);
-    world.px4 = sim::px4::Autopilot::new(
-        sim::px4::Config::default(),
+    world.px4 = px4_sim::Autopilot::new(
+        px4_sim::Config::default(),
         Signing::with_key(key(5), stamp.get()),
         vec![Some(airside_support::at(9))],
     );
@@ -346,8 +346,8 @@ fn a_key_that_was_replaced_never_comes_into_force_again() {
     // Whoever holds the old key, which was replaced for that reason, speaks in the VSM's name.
     let mut thief = Ground::new(key(5), world.now.after(Duration::from_secs(5)));
     world.now = world.now.after(Duration::from_secs(10));
-    let octets = thief.frame(world.now, &arm());
-    assert!(!world.passes(GROUND, &octets), "{}", world.state());
+    let bytes = thief.frame(world.now, &arm());
+    assert!(!world.passes(GROUND, &bytes), "{}", world.state());
     // The way is open again: PX4 gets the key in force, and its ground is heard.
     world.cannot_sign = false;
     world.run(60.0);
@@ -396,8 +396,8 @@ fn a_px4_whose_old_key_file_came_back_is_given_the_key_again_however_old_its_sta
         "{:?}",
         world.log
     );
-    world.px4 = sim::px4::Autopilot::new(
-        sim::px4::Config::default(),
+    world.px4 = px4_sim::Autopilot::new(
+        px4_sim::Config::default(),
         Signing::with_key(key(5), 1),
         vec![Some(at(9))],
     );

@@ -1,4 +1,4 @@
-//! The air-side agent as a relay: what passes, octet by octet, and each thing that does not.
+//! The air-side agent as a relay: what passes, byte by byte, and each thing that does not.
 
 mod airside_support;
 
@@ -6,7 +6,7 @@ use airside_support::{GROUND, STRANGER, VSM, World, at, encoded, frame, key};
 use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
-use sim::px4::Signing;
+use px4_sim::Signing;
 
 const COMMAND_LONG: u32 = 76;
 const SETUP_SIGNING: u32 = 256;
@@ -38,8 +38,8 @@ fn forged(world: &mut World, stream: Stream, id: u32) -> Vec<u8> {
 fn a_signed_command_of_the_listed_talker_passes_unaltered() {
     let mut world = World::live();
     let now = world.now;
-    let octets = world.ground.as_mut().unwrap().frame(now, &command());
-    assert!(world.passes(GROUND, &octets));
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    assert!(world.passes(GROUND, &bytes));
     world.run(0.2);
     assert_eq!(commands(&world), 1);
 }
@@ -54,13 +54,13 @@ fn frames_of_the_autopilot_pass_to_the_ground_and_lift_its_clock() {
 #[test]
 fn an_unsigned_frame_is_dropped() {
     let mut world = World::live();
-    let octets = encoded(VSM, &command());
-    assert!(!world.passes(GROUND, &octets));
+    let bytes = encoded(VSM, &command());
+    assert!(!world.passes(GROUND, &bytes));
     assert_eq!(world.refused("unsigned_vehicle"), 1);
     // Not even the four that PX4 takes unsigned.
     for id in [0, 109, 246, 247] {
-        let octets = frame(VSM, id, &[3; 9], None);
-        assert!(!world.passes(GROUND, &octets), "{id}");
+        let bytes = frame(VSM, id, &[3; 9], None);
+        assert!(!world.passes(GROUND, &bytes), "{id}");
     }
 }
 
@@ -69,8 +69,8 @@ fn a_frame_under_another_key_is_dropped() {
     let mut world = World::live();
     let now = world.now;
     let stamp = world.ground.as_mut().unwrap().stamp(now);
-    let octets = frame(VSM, COMMAND_LONG, &[1; 33], Some((&key(6), stamp)));
-    assert!(!world.passes(GROUND, &octets));
+    let bytes = frame(VSM, COMMAND_LONG, &[1; 33], Some((&key(6), stamp)));
+    assert!(!world.passes(GROUND, &bytes));
     assert_eq!(world.refused("bad_signature"), 1);
 }
 
@@ -78,30 +78,30 @@ fn a_frame_under_another_key_is_dropped() {
 fn a_bent_frame_is_dropped_wherever_it_is_bent() {
     let mut world = World::live();
     let now = world.now;
-    let octets = world.ground.as_mut().unwrap().frame(now, &command());
-    for at in 0..octets.len() {
-        let mut bent = octets.clone();
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    for at in 0..bytes.len() {
+        let mut bent = bytes.clone();
         bent[at] ^= 0x10;
-        assert!(!world.passes(GROUND, &bent), "octet {at}");
+        assert!(!world.passes(GROUND, &bent), "byte {at}");
     }
-    assert!(world.passes(GROUND, &octets), "and unbent it passes");
+    assert!(world.passes(GROUND, &bytes), "and unbent it passes");
 }
 
 #[test]
 fn mavlink_1_is_dropped() {
     let mut world = World::live();
-    let mut octets = vec![0xfe, 9, 0, 245, 190, 0, 0, 0, 0, 0, 6, 8, 0, 4, 3];
-    let crc = mavlink_link::frame::checksum(&octets[1..], 50);
-    octets.extend(crc.to_le_bytes());
-    assert!(!world.passes(GROUND, &octets));
+    let mut bytes = vec![0xfe, 9, 0, 245, 190, 0, 0, 0, 0, 0, 6, 8, 0, 4, 3];
+    let crc = mavlink_link::frame::checksum(&bytes[1..], 50);
+    bytes.extend(crc.to_le_bytes());
+    assert!(!world.passes(GROUND, &bytes));
     assert_eq!(world.refused("mavlink1"), 1);
 }
 
 #[test]
 fn setup_signing_never_passes_however_well_signed() {
     let mut world = World::live();
-    let octets = forged(&mut world, VSM, SETUP_SIGNING);
-    assert!(!world.passes(GROUND, &octets));
+    let bytes = forged(&mut world, VSM, SETUP_SIGNING);
+    assert!(!world.passes(GROUND, &bytes));
     assert_eq!(world.held_back("SETUP_SIGNING from the ground"), 1);
     assert!(world.px4_has(&key(5)));
 }
@@ -109,10 +109,10 @@ fn setup_signing_never_passes_however_well_signed() {
 #[test]
 fn key_exchange_never_passes() {
     let mut world = World::live();
-    let octets = forged(&mut world, VSM, KEY_EXCHANGE);
-    assert!(!world.passes(GROUND, &octets));
-    let octets = frame(VSM, KEY_EXCHANGE, &[1; 50], None);
-    assert!(!world.passes(GROUND, &octets));
+    let bytes = forged(&mut world, VSM, KEY_EXCHANGE);
+    assert!(!world.passes(GROUND, &bytes));
+    let bytes = frame(VSM, KEY_EXCHANGE, &[1; 50], None);
+    assert!(!world.passes(GROUND, &bytes));
     assert_eq!(world.refused("key_exchange"), 2);
 }
 
@@ -125,8 +125,8 @@ fn the_vehicles_own_system_id_is_dropped_whatever_its_signature() {
             component,
             link: 0,
         };
-        let octets = forged(&mut world, own, COMMAND_LONG);
-        assert!(!world.passes(GROUND, &octets));
+        let bytes = forged(&mut world, own, COMMAND_LONG);
+        assert!(!world.passes(GROUND, &bytes));
     }
     assert_eq!(world.refused("reflected"), 3);
 }
@@ -140,8 +140,8 @@ fn a_talker_that_is_not_listed_is_dropped() {
             component,
             link,
         };
-        let octets = forged(&mut world, stranger, COMMAND_LONG);
-        assert!(!world.passes(GROUND, &octets), "{stranger:?}");
+        let bytes = forged(&mut world, stranger, COMMAND_LONG);
+        assert!(!world.passes(GROUND, &bytes), "{stranger:?}");
     }
     assert_eq!(world.refused("unexpected_system"), 1);
     assert_eq!(world.refused("not_listed"), 2);
@@ -151,10 +151,10 @@ fn a_talker_that_is_not_listed_is_dropped() {
 fn a_frame_passes_once() {
     let mut world = World::live();
     let now = world.now;
-    let octets = world.ground.as_mut().unwrap().frame(now, &command());
-    assert!(world.passes(GROUND, &octets));
-    assert!(!world.passes(GROUND, &octets));
-    assert!(!world.passes(STRANGER, &octets));
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    assert!(world.passes(GROUND, &bytes));
+    assert!(!world.passes(GROUND, &bytes));
+    assert!(!world.passes(STRANGER, &bytes));
     assert_eq!(world.refused("stale"), 2);
 }
 
@@ -177,20 +177,20 @@ fn a_recording_passes_neither_after_a_restart_of_the_agent_nor_of_px4_nor_of_bot
 fn a_stamp_a_year_ahead_is_dropped_and_moves_nothing() {
     let mut world = World::live();
     let ahead = Stamp::new(37_517_586_000_000 + 366 * 86_400 * 100_000);
-    let octets = frame(VSM, COMMAND_LONG, &[1; 33], Some((&key(5), ahead)));
-    assert!(!world.passes(GROUND, &octets));
+    let bytes = frame(VSM, COMMAND_LONG, &[1; 33], Some((&key(5), ahead)));
+    assert!(!world.passes(GROUND, &bytes));
     assert_eq!(world.refused("future"), 1);
     let now = world.now;
-    let octets = world.ground.as_mut().unwrap().frame(now, &command());
-    assert!(world.passes(GROUND, &octets));
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    assert!(world.passes(GROUND, &bytes));
 }
 
 #[test]
 fn a_stranger_moves_neither_peer_nor_state() {
     let mut world = World::live();
-    let octets = frame(VSM, COMMAND_LONG, &[1; 33], None);
+    let bytes = frame(VSM, COMMAND_LONG, &[1; 33], None);
     for _ in 0..50 {
-        world.radio(STRANGER, &octets);
+        world.radio(STRANGER, &bytes);
     }
     let status = world.agent.status(String::new(), world.now.mono);
     assert_eq!(status.radio.peer, Some(at(GROUND).to_string()));
@@ -225,9 +225,9 @@ fn without_a_key_nothing_passes_either_way() {
     let mut world = World::new(None, Signing::off());
     let now = world.now;
     let mut ground = airside_support::Ground::new(key(5), now);
-    let octets = ground.frame(now, &command());
+    let bytes = ground.frame(now, &command());
     world.run(3.0);
-    assert!(!world.passes(GROUND, &octets));
+    assert!(!world.passes(GROUND, &bytes));
     assert!(!world.passes(GROUND, &encoded(VSM, &command())));
     assert_eq!(world.state(), "no key");
     world.run(0.2);
@@ -252,11 +252,11 @@ fn a_disk_that_is_full_lets_nothing_pass_beyond_the_stored_ceiling() {
     world.disk.full = true;
     world.run(15.0);
     let now = world.now;
-    let octets = world.ground.as_mut().unwrap().frame(now, &command());
-    assert!(!world.passes(GROUND, &octets));
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    assert!(!world.passes(GROUND, &bytes));
     world.disk.full = false;
     world.run(2.0);
     let now = world.now;
-    let octets = world.ground.as_mut().unwrap().frame(now, &command());
-    assert!(world.passes(GROUND, &octets));
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    assert!(world.passes(GROUND, &bytes));
 }

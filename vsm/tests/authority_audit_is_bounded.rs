@@ -50,16 +50,16 @@ fn the_chain_goes_on_over_files_and_the_oldest_goes() {
     let mut scene = Scene::controlled();
     // As if it had been written for months: the length alone counts.
     let grown = |scene: &mut Scene| {
-        let mut octets = scene.rig.store.records[LOG].clone();
-        let mut chain = Chain::verify(&octets).chain;
+        let mut bytes = scene.rig.store.records[LOG].clone();
+        let mut chain = Chain::verify(&bytes).chain;
         let vehicle = support::vehicle_id(0);
-        while octets.len() < 1 << 20 {
+        while bytes.len() < 1 << 20 {
             let entry = vsm::session::Entry::NotKept;
             let (next, line) = chain.extended(scene.rig.now().wall, vehicle, &entry);
             chain = next;
-            octets.extend_from_slice(line.as_bytes());
+            bytes.extend_from_slice(line.as_bytes());
         }
-        scene.rig.store.records.insert(LOG.to_owned(), octets);
+        scene.rig.store.records.insert(LOG.to_owned(), bytes);
         scene.rig.restart_bridge();
         scene.rig.run(0.5);
     };

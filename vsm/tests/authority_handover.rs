@@ -1,4 +1,4 @@
-//! The table of handover cases: each a test by its name, its sequence drawn in docs/authority.md from its own trace.
+//! The table of handover cases: each a test by its name, its sequence drawn in docs/guide/authority.md from its own trace.
 
 #[path = "authority_support/scene.rs"]
 mod scene;
@@ -455,7 +455,7 @@ fn a_transition_hands_over() {
 /// The page draws what is tested here, and tells of no case that is not.
 #[test]
 fn every_case_of_the_page_is_a_test_that_draws_it() {
-    let page = include_str!("../../docs/authority.md");
+    let page = include_str!("../../docs/guide/authority.md");
     let tests = include_str!("authority_handover.rs");
     let cases: Vec<&str> = page
         .lines()

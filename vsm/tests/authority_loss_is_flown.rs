@@ -2,7 +2,7 @@
 
 mod support;
 
-use sim::px4::Mode as Px4;
+use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, RouteType};
 use stanag_msgs::messages::UaRoute;
 use stanag_msgs::{Message, Text};

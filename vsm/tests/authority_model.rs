@@ -1,5 +1,5 @@
 //! The promises of the authority machine, checked over every state of smaller scopes; the whole scope is run by
-//! `cargo run --release -p vsm --example authority_model`, its figures are in docs/authority.md.
+//! `cargo run --release -p vsm --example authority_model`, its figures are in docs/guide/authority.md.
 
 #[path = "authority_support/model.rs"]
 mod model;

@@ -80,7 +80,7 @@ fn handovers_are_quick_at_a_fifth_of_loss() {
         .collect();
     took.sort();
     let (p50, p99) = (took[took.len() / 2], took[took.len() * 99 / 100]);
-    // Shown by `--nocapture`, quoted in docs/authority.md.
+    // Shown by `--nocapture`, quoted in docs/guide/authority.md.
     let _ = std::io::Write::write_fmt(
         &mut std::io::stderr(),
         format_args!(
@@ -106,24 +106,24 @@ impl Random {
 
     /// A message of this type with random fields of random values, whatever they mean, and this stamp.
     fn message(&mut self, info: &MessageInfo, stamp: u64) -> Option<Message> {
-        let mut present = vec![0_u8; usize::from(info.presence_octets)];
+        let mut present = vec![0_u8; usize::from(info.presence_bytes)];
         let mut values = Vec::new();
         let often = [1, 2, 8][self.below(3) as usize];
         for (index, field) in info.fields.iter().enumerate() {
             if index > 0 && self.below(often) != 0 {
                 continue;
             }
-            let octets = field.wire.octets()?;
+            let bytes = field.wire.bytes()?;
             // The first bit is the last of the vector.
             let at = present.len().checked_sub(1 + index / 8)?;
             present[at] |= 1 << (index % 8);
-            if index == 0 && octets == 5 {
+            if index == 0 && bytes == 5 {
                 values.extend_from_slice(&stamp.to_be_bytes()[3..]);
             } else {
                 // Small values are those that mean something.
                 let small = self.below(2) == 0;
-                values.extend((1..=octets).map(|n| match small {
-                    true if n < octets => 0,
+                values.extend((1..=bytes).map(|n| match small {
+                    true if n < bytes => 0,
                     true => self.below(40) as u8,
                     false => self.below(256) as u8,
                 }));

@@ -106,26 +106,26 @@ impl Play {
         while clock < last + Duration::from_secs(5) {
             clock += Duration::from_millis(10);
             let at = now(clock);
-            for octets in station.advance(clock, at.wall) {
-                bridge.handle_dli(at, station.address, &octets, &mut store);
+            for bytes in station.advance(clock, at.wall) {
+                bridge.handle_dli(at, station.address, &bytes, &mut store);
             }
-            while let Some((_, octets)) =
+            while let Some((_, bytes)) =
                 played.next_if(|(time, _)| Duration::from_micros(time - begun) <= clock)
             {
-                bridge.handle_vehicle(at, 0, vehicle, octets, &mut store, &mut |_| {});
+                bridge.handle_vehicle(at, 0, vehicle, bytes, &mut store, &mut |_| {});
             }
             if bridge.poll_timeout(clock) <= clock {
                 bridge.handle_timeout(at, &mut store);
             }
             while let Some((_, frame)) = bridge.poll_vehicle() {
                 // A recording hears nothing; what the bridge says to it is well formed all the same.
-                assert!(FrameView::parse(frame.octets()).is_ok());
+                assert!(FrameView::parse(frame.bytes()).is_ok());
             }
             while bridge.poll_log().is_some() {}
             while let Some(datagram) = bridge.poll_dli() {
                 assert_eq!(datagram.to, Destination::Unicast(station.address));
-                station.receive(clock, datagram.octets());
-                for frame in frames(datagram.octets()) {
+                station.receive(clock, datagram.bytes());
+                for frame in frames(datagram.bytes()) {
                     let frame = frame.expect("a frame of the bridge");
                     let mut value = json::frame(&frame, false).expect("a message of the bridge");
                     if let Some(message) = value.as_object_mut() {
@@ -186,18 +186,18 @@ fn datagrams(names: &[&str]) -> Vec<(u64, Vec<u8>)> {
     for name in names {
         let path = data(&format!("captures/{name}.mvr.gz"));
         let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        let mut octets = Vec::new();
+        let mut bytes = Vec::new();
         flate2::read::GzDecoder::new(file)
-            .read_to_end(&mut octets)
+            .read_to_end(&mut bytes)
             .expect("a recording");
-        let mut rest = &octets[..];
+        let mut rest = &bytes[..];
         while let [direction, header @ ..] = rest {
             let (at, body) = header.split_at(8);
             let (length, body) = body.split_at(2);
-            let length = u16::from_be_bytes(length.try_into().expect("two octets"));
+            let length = u16::from_be_bytes(length.try_into().expect("two bytes"));
             let (datagram, next) = body.split_at(length.into());
             if *direction == b'<' {
-                let at = u64::from_be_bytes(at.try_into().expect("eight octets"));
+                let at = u64::from_be_bytes(at.try_into().expect("eight bytes"));
                 found.push((at, datagram.to_vec()));
             }
             rest = next;

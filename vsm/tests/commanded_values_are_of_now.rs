@@ -73,7 +73,7 @@ fn a_speed_ends_with_the_mode_that_it_was_commanded_in() {
     done(&mut rig, at_speed(Mode::Waypoint, 4.0));
     assert_eq!(speed(&mut rig), Some(4.0));
     // The route is over: the vehicle holds by itself.
-    assert!(rig.until(200.0, |rig| rig.truth().mode == sim::px4::Mode::Loiter));
+    assert!(rig.until(200.0, |rig| rig.truth().mode == px4_sim::Mode::Loiter));
     rig.run(1.5);
     assert_eq!(speed(&mut rig), None);
     done(&mut rig, at_speed(Mode::Loiter, 3.0));
@@ -129,7 +129,7 @@ fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
         ..there(40.0, 0.0)
     };
     done(&mut rig, circle);
-    assert_eq!(rig.truth().mode, sim::px4::Mode::Orbit);
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit);
     rig.run(40.0);
     let flown = |rig: &Rig| {
         let velocity = rig.truth().velocity;
@@ -150,7 +150,7 @@ fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
             before.commanded_loiter_position_latitude
         );
         assert_eq!(after.commanded_altitude, before.commanded_altitude);
-        assert_eq!(rig.truth().mode, sim::px4::Mode::Orbit);
+        assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit);
     }
     // PX4 would fly no faster than the circle allows.
     let end = rig.carry_out(at_speed(Mode::Loiter, 8.0));

@@ -12,7 +12,7 @@ use support::{Rig, orders};
 
 const DONE: Option<AckType> = Some(AckType::CarriedOut);
 
-/// The answers to the very octets of a message, sent once more.
+/// The answers to the very bytes of a message, sent once more.
 fn answers_again(rig: &mut Rig, ticket: support::Ticket) -> Vec<AckType> {
     let before = rig.station().answers(ticket).len();
     rig.stations[0].repeat(ticket);
@@ -32,7 +32,7 @@ fn a_mode_replayed_after_a_restart_is_answered_and_not_flown() {
     rig.restart_bridge();
     rig.run(2.0);
     assert_eq!(answers_again(&mut rig, hold), [AckType::CarriedOut]);
-    assert_eq!(rig.truth().mode, sim::px4::Mode::Mission, "it flies on");
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Mission, "it flies on");
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn a_refused_command_and_a_clear_replayed_after_a_restart_do_nothing() {
     let plans = rig.vehicles[0].vehicle().counters().plans_stored;
     assert_eq!(answers_again(&mut rig, early), [AckType::Refused]);
     assert_eq!(answers_again(&mut rig, clear), [AckType::CarriedOut]);
-    assert_ne!(rig.truth().mode, sim::px4::Mode::Mission);
+    assert_ne!(rig.truth().mode, px4_sim::Mode::Mission);
     assert_eq!(rig.vehicles[0].vehicle().counters().plans_stored, plans);
     assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
 }
@@ -163,8 +163,8 @@ fn the_record_of_commands_is_bounded_and_sticks_take_no_room_in_it() {
         }
         rig.run(0.01);
     }
-    let journal = &rig.store.records["commands-1b0000a0.log"];
-    assert!(journal.len() < 4_096 * 90, "{}", journal.len());
+    let command_log = &rig.store.records["commands-1b0000a0.log"];
+    assert!(command_log.len() < 4_096 * 90, "{}", command_log.len());
     rig.restart_bridge();
     rig.run(2.0);
     assert_eq!(answers_again(&mut rig, hold), [AckType::Refused]);

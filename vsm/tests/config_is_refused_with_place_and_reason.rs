@@ -74,7 +74,7 @@ fn what_is_wrong_is_said_with_its_place() {
         (
             "vsm_id = \"1b:00:00:01\"",
             "vsm_id = \"1b:00:00\"",
-            &["line 3", "vsm_id", "four octets"],
+            &["line 3", "vsm_id", "four bytes"],
         ),
         (
             "vsm_id = \"1b:00:00:01\"",
@@ -230,7 +230,7 @@ fn the_examples_are_good() {
 
 #[test]
 fn the_reference_names_every_key() {
-    let reference = include_str!("../../docs/configuration.md");
+    let reference = include_str!("../../docs/reference/configuration.md");
     let keys = "dli.vsm_id dli.listen dli.multicast dli.interface dli.provisional cucs.id cucs.loi cucs.address \
                 cucs.override vehicle.id vehicle.link vehicle.system_id vehicle.tail_number vehicle.signing vehicle.signing.exchange vehicle.signing.agent vehicle.signing.rotate_days \
                 vehicle.link_id vehicle.agl vehicle.curve.tolerance_m vehicle.curve.max_items vehicle.curve.policy \
@@ -240,7 +240,7 @@ fn the_reference_names_every_key() {
     for key in keys.split_whitespace() {
         assert!(
             reference.contains(&format!("`{key}`")),
-            "{key} is not in docs/configuration.md"
+            "{key} is not in docs/reference/configuration.md"
         );
     }
 }

@@ -91,11 +91,11 @@ fn build(
     }
     let line = json!({ "id": message, "source": 0, "destination": 0, "fields": fields });
     let hex = encode_line(&line.to_string(), true).expect("values within their fields");
-    let octets: Vec<u8> = (0..hex.len())
+    let bytes: Vec<u8> = (0..hex.len())
         .step_by(2)
         .map(|at| u8::from_str_radix(&hex[at..at + 2], 16).expect("hexadecimal"))
         .collect();
-    let frame = stanag_msgs::frames(&octets).next().expect("a message");
+    let frame = stanag_msgs::frames(&bytes).next().expect("a message");
     Message::decode(message, frame.expect("a sound one").data).expect("of the table")
 }
 

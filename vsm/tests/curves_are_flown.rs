@@ -2,14 +2,14 @@
 //! own numbers all along.
 #![expect(
     clippy::print_stdout,
-    reason = "the figures of docs/curves.md are printed"
+    reason = "the figures of docs/guide/curves.md are printed"
 )]
 
 mod support;
 
 use curve_paths::flight::measure;
 use curve_paths::{BezierLeg, Control, Leg, Options, Position, densify};
-use sim::px4::{Config, Mode as Px4};
+use px4_sim::{Config, Mode as Px4};
 use stanag_msgs::enums::{
     AckType, AltitudeType, FlightPathControlMode as Mode, MissionPlanMode, MissionTransferStatus,
 };

@@ -49,7 +49,7 @@ fn the_section_is_flown_within_the_prediction_and_drawn() {
 fn the_section_is_nine_curves_within_a_metre_of_the_recorded_fixes() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
     let path = format!("{root}/examples/everland.route.toml");
-    let route = sim::cucs::Route::load(path.as_ref()).expect("a route");
+    let route = cucs::Route::load(path.as_ref()).expect("a route");
     assert_eq!(route.curves.len(), 9);
     let file = std::fs::File::open(format!("{root}/tests/data/curves/everland-laps.csv.gz"));
     let mut text = String::new();

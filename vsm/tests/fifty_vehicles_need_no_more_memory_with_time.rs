@@ -22,7 +22,7 @@ fn the_memory_of_fifty_vehicles_is_flat() {
         .and_then(|text| text.parse().ok())
         .unwrap_or(1);
     let mut rig = Rig::new(Setup {
-        vehicles: vec![sim::px4::Config::default(); VEHICLES],
+        vehicles: vec![px4_sim::Config::default(); VEHICLES],
         stations: 4,
         ..Setup::default()
     });
@@ -72,8 +72,8 @@ fn forget(rig: &mut Rig) -> u64 {
         .sum()
 }
 
-fn mib(octets: i64) -> f64 {
-    octets as f64 / f64::from(1 << 20)
+fn mib(bytes: i64) -> f64 {
+    bytes as f64 / f64::from(1 << 20)
 }
 
 const VEHICLES: usize = 50;

@@ -8,7 +8,7 @@ use mavlink_link::dialect::{
 };
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::signing::{self, SigningKey, Stamp};
-use sim::px4::Mode as Px4;
+use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
 use support::{Rig, orders};
 

@@ -3,7 +3,7 @@
 
 mod support;
 
-use sim::px4::Mode as Px4;
+use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{
     AckType, AltitudeCommandType, AltitudeType, CommandedEngineState,
     FlightPathControlMode as Mode, HeadingCommandType, LightsBitmap,

@@ -2,7 +2,7 @@
 
 mod support;
 
-use sim::px4::{Config, Param};
+use px4_sim::{Config, Param};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, TurnType};
 use stanag_msgs::messages::{CurveSegmentPaper, VehicleOperatingModeCommand};
 use stanag_msgs::{Message, Scaled};

@@ -57,7 +57,7 @@ fn a_command_that_waits_for_its_route_gives_way_to_a_later_one() {
         "{:?}",
         rig.station().alerts()
     );
-    assert_eq!(rig.truth().mode, sim::px4::Mode::Loiter);
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Loiter);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 mod support;
 
-use sim::px4::{Ailments, Mode as Px4};
+use px4_sim::{HealthFaults, Mode as Px4};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
 use support::{Rig, orders};
 
@@ -13,9 +13,9 @@ fn entering_instead(mode: Px4) -> (Rig, Option<AckType>) {
     rig.send_plan(orders::square());
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
     rig.take_off(20.0);
-    rig.vehicles[0].vehicle_mut().ail(Ailments {
+    rig.vehicles[0].vehicle_mut().ail(HealthFaults {
         instead: Some(mode),
-        ..Ailments::default()
+        ..HealthFaults::default()
     });
     let end = rig.carry_out(orders::mode(Mode::Waypoint));
     (rig, end)

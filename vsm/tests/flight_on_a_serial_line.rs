@@ -1,5 +1,5 @@
 //! `vsm run` with its vehicle on a serial line, a pseudo terminal: a whole flight, the process killed in the middle, over
-//! a line that is good and one that loses, bends and cuts octets.
+//! a line that is good and one that loses, bends and cuts bytes.
 
 mod support;
 

@@ -1,5 +1,5 @@
 //! Whole flights of `vsm run` between real sockets whose datagrams are lost, doubled, overtaken, late, bent and cut, the
-//! process killed in the middle; `docs/reliability.md` holds the table.
+//! process killed in the middle; `docs/guide/reliability.md` holds the table.
 //!
 //! `VSM_BLESS=1 cargo nextest run -p vsm --test flight_over_bad_sockets` writes the table anew;
 //! `VSM_LATE_S=2 cargo test -p vsm --test flight_over_bad_sockets` has the late one up to 2 s late, and takes six minutes.

@@ -3,7 +3,7 @@
 
 mod support;
 
-use sim::px4::{Airframe, Config, Param};
+use px4_sim::{Airframe, Config, Param};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
     AckType, AltitudeType, LimitType, LocationType, LoiterDurationUnits, MissionTransferStatus,

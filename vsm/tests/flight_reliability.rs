@@ -1,5 +1,5 @@
 //! Whole flights over links that lose up to 40 % of their packets both ways, or deliver them up to 2 s late;
-//! `docs/reliability.md` holds the table.
+//! `docs/guide/reliability.md` holds the table.
 //!
 //! `VSM_BLESS=1 cargo nextest run -p vsm --test flight_reliability` writes the table anew.
 

@@ -1,4 +1,4 @@
-//! The bridge is killed, or the vehicle starts anew, at any moment of a flight; `docs/reliability.md` holds the tables.
+//! The bridge is killed, or the vehicle starts anew, at any moment of a flight; `docs/guide/reliability.md` holds the tables.
 //!
 //! `VSM_BLESS=1 cargo nextest run -p vsm --test flight_restarted_anywhere` writes them anew;
 //! `VSM_EVERY_MS=700 cargo test -p vsm --test flight_restarted_anywhere` takes more moments.

@@ -99,7 +99,7 @@ fn inertial_states_are_true_and_above_the_ellipsoid() {
         3e-5,
     );
     assert_eq!(told.altitude_type, Some(AltitudeType::Wgs84));
-    let geoid_m = sim::px4::Config::default().geoid_separation_m;
+    let geoid_m = px4_sim::Config::default().geoid_separation_m;
     near(
         "altitude",
         told.altitude.map(|a| a.si()),
@@ -177,10 +177,10 @@ fn air_and_ground_states_keep_datums_and_signs_apart() {
 #[test]
 fn a_fixed_wing_tells_the_wind_by_where_the_air_goes() {
     let mut rig = Rig::ready_with(Setup {
-        vehicles: vec![sim::px4::Config {
-            airframe: sim::px4::Airframe::Plane,
+        vehicles: vec![px4_sim::Config {
+            airframe: px4_sim::Airframe::Plane,
             wind_ne_ms: [3.0, -5.0],
-            ..sim::px4::Config::default()
+            ..px4_sim::Config::default()
         }],
         ..Setup::default()
     });

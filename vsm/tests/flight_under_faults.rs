@@ -105,13 +105,13 @@ fn a_vehicle_that_restarts_is_reported_and_commanded_again() {
 #[test]
 fn a_vehicle_that_restarts_elsewhere_is_not_launched_by_its_old_home() {
     let mut rig = Rig::ready();
-    let mut elsewhere = sim::px4::Config::default();
+    let mut elsewhere = px4_sim::Config::default();
     elsewhere.home.altitude_m -= 300.0;
-    let vehicle = sim::px4::Config {
+    let vehicle = px4_sim::Config {
         seed: 31,
         ..elsewhere
     };
-    *rig.vehicles[0].vehicle_mut() = sim::px4::Vehicle::new(vehicle);
+    *rig.vehicles[0].vehicle_mut() = px4_sim::Vehicle::new(vehicle);
     rig.vehicles[0].restart();
     assert!(rig.until(20.0, |rig| rig.station().was_told("has restarted")));
     let mut end = None;

@@ -2,7 +2,7 @@
 
 mod support;
 
-use sim::px4::Mode as Px4;
+use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LoiterType, SpeedType};
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 use stanag_msgs::{Bam32, Scaled};

@@ -3,7 +3,7 @@
 
 mod support;
 
-use sim::px4::Ailments;
+use px4_sim::HealthFaults;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, AlertPriority, AlertType, SubsystemBitmap, SubsystemId};
 use stanag_msgs::messages::{
@@ -32,12 +32,17 @@ fn reports(rig: &Rig, mark: usize) -> Vec<SubsystemStatusReport> {
         .collect()
 }
 
-fn ail(rig: &mut Rig, ailments: Ailments) {
-    rig.vehicles[0].vehicle_mut().ail(ailments);
+fn ail(rig: &mut Rig, health_faults: HealthFaults) {
+    rig.vehicles[0].vehicle_mut().ail(health_faults);
 }
 
 /// An ailment makes one alert of this subsystem and priority, and its end clears that alert.
-fn comes_and_goes(ailments: Ailments, subsystem: SubsystemId, priority: AlertPriority, text: &str) {
+fn comes_and_goes(
+    health_faults: HealthFaults,
+    subsystem: SubsystemId,
+    priority: AlertPriority,
+    text: &str,
+) {
     let mut rig = Rig::ready();
     // Estimator flags come only where somebody asks for the status.
     assert_eq!(
@@ -46,7 +51,7 @@ fn comes_and_goes(ailments: Ailments, subsystem: SubsystemId, priority: AlertPri
     );
     rig.run(3.0);
     let mark = rig.station().heard.len();
-    ail(&mut rig, ailments);
+    ail(&mut rig, health_faults);
     rig.run(8.0);
     let raised = alerts(&rig, mark);
     let [alert] = &raised[..] else {
@@ -62,7 +67,7 @@ fn comes_and_goes(ailments: Ailments, subsystem: SubsystemId, priority: AlertPri
     let id = alert.alert_warning_id.expect("an id");
     assert!(id < 0, "the first instance is negative");
     let mark = rig.station().heard.len();
-    ail(&mut rig, Ailments::default());
+    ail(&mut rig, HealthFaults::default());
     rig.run(8.0);
     let cleared = alerts(&rig, mark);
     let [alert] = &cleared[..] else {
@@ -104,18 +109,18 @@ fn a_text_of_the_vehicle_is_an_event_and_is_never_cleared() {
 /// Subsystem ID of the autopilot's own words.
 const AUTOPILOT: u8 = 20;
 
-fn unhealthy(bits: u32) -> Ailments {
-    Ailments {
+fn unhealthy(bits: u32) -> HealthFaults {
+    HealthFaults {
         unhealthy: bits,
-        ..Ailments::default()
+        ..HealthFaults::default()
     }
 }
 
 #[test]
 fn a_failing_compass_is_a_warning_of_navigation() {
-    let ailments = unhealthy(0x4);
+    let health_faults = unhealthy(0x4);
     comes_and_goes(
-        ailments,
+        health_faults,
         SubsystemId::Navigation,
         AlertPriority::Warning,
         "compass",
@@ -124,9 +129,9 @@ fn a_failing_compass_is_a_warning_of_navigation() {
 
 #[test]
 fn a_failing_gps_is_a_warning_of_navigation() {
-    let ailments = unhealthy(0x20);
+    let health_faults = unhealthy(0x20);
     comes_and_goes(
-        ailments,
+        health_faults,
         SubsystemId::Navigation,
         AlertPriority::Warning,
         "GPS",
@@ -135,9 +140,9 @@ fn a_failing_gps_is_a_warning_of_navigation() {
 
 #[test]
 fn failing_motors_are_a_failure_of_the_engine() {
-    let ailments = unhealthy(0x8000);
+    let health_faults = unhealthy(0x8000);
     comes_and_goes(
-        ailments,
+        health_faults,
         SubsystemId::Engine,
         AlertPriority::Failed,
         "land at once",
@@ -146,12 +151,12 @@ fn failing_motors_are_a_failure_of_the_engine() {
 
 #[test]
 fn a_lost_position_is_a_warning_of_navigation() {
-    let ailments = Ailments {
+    let health_faults = HealthFaults {
         estimator: 0x10,
-        ..Ailments::default()
+        ..HealthFaults::default()
     };
     comes_and_goes(
-        ailments,
+        health_faults,
         SubsystemId::Navigation,
         AlertPriority::Warning,
         "position",
@@ -160,12 +165,12 @@ fn a_lost_position_is_a_warning_of_navigation() {
 
 #[test]
 fn a_low_battery_is_a_caution_of_energy() {
-    let ailments = Ailments {
+    let health_faults = HealthFaults {
         battery: Some(14),
-        ..Ailments::default()
+        ..HealthFaults::default()
     };
     comes_and_goes(
-        ailments,
+        health_faults,
         SubsystemId::PropulsionEnergy,
         AlertPriority::Caution,
         "BAT_LOW_THR",
@@ -179,9 +184,9 @@ fn a_battery_that_drains_is_told_once_a_level_under_one_id() {
     for percent in (1..=20).rev() {
         ail(
             &mut rig,
-            Ailments {
+            HealthFaults {
                 battery: Some(percent),
-                ..Ailments::default()
+                ..HealthFaults::default()
             },
         );
         rig.run(2.5);
@@ -239,7 +244,7 @@ fn a_silent_vehicle_is_neither_well_nor_worse() {
     rig.run(5.0);
     rig.mav.faults.loss = 1.0;
     rig.run(5.0);
-    ail(&mut rig, Ailments::default());
+    ail(&mut rig, HealthFaults::default());
     let mark = rig.station().heard.len();
     rig.run(20.0);
     assert!(

@@ -45,8 +45,8 @@ struct Apart<'a> {
 }
 
 impl Store for Apart<'_> {
-    fn save(&mut self, name: &str, octets: &[u8], kept: Durability) -> Result<(), StoreError> {
-        let (count, done) = allocations(|| self.store.save(name, octets, kept));
+    fn save(&mut self, name: &str, bytes: &[u8], kept: Durability) -> Result<(), StoreError> {
+        let (count, done) = allocations(|| self.store.save(name, bytes, kept));
         self.allocations += count;
         self.written += 1;
         done
@@ -78,15 +78,15 @@ fn pass(rig: &mut Rig, seconds: f64, sticks: bool) -> Passed {
         while let Some(sent) = rig.vehicles[0].poll_transmit(&mut frame) {
             let peer = Peer::Udp(support::vehicle_address(0));
             let (count, ()) = allocations(|| {
-                let octets = &frame[..sent.len];
-                bridge.handle_vehicle(now, 0, peer, octets, &mut store, &mut |_| {});
+                let bytes = &frame[..sent.len];
+                bridge.handle_vehicle(now, 0, peer, bytes, &mut store, &mut |_| {});
             });
             passed.frames_in += 1;
             passed.allocations += count;
         }
         let (count, datagrams) = allocations(|| {
-            if let Some((octets, length)) = &datagram {
-                bridge.handle_dli(now, from, &octets[..*length], &mut store);
+            if let Some((bytes, length)) = &datagram {
+                bridge.handle_dli(now, from, &bytes[..*length], &mut store);
             }
             if bridge.poll_timeout(now.mono) <= now.mono {
                 bridge.handle_timeout(now, &mut store);
@@ -101,11 +101,11 @@ fn pass(rig: &mut Rig, seconds: f64, sticks: bool) -> Passed {
             let (count, frame) = allocations(|| bridge.poll_vehicle());
             passed.allocations += count;
             let Some((_, frame)) = frame else { break };
-            let view = FrameView::parse(frame.octets()).expect("a frame");
+            let view = FrameView::parse(frame.bytes()).expect("a frame");
             passed.frames_out += 1;
             passed.sticks_out += u64::from(view.header().message_id == MANUAL_CONTROL);
             // The vehicle must go on hearing them.
-            rig.vehicles[0].handle_datagram(0, support::bridge_mav(0), frame.octets());
+            rig.vehicles[0].handle_datagram(0, support::bridge_mav(0), frame.bytes());
         }
         passed.datagrams_in += u64::from(datagram.is_some());
         passed.datagrams_out += datagrams;
@@ -126,11 +126,11 @@ fn centred(wall: Duration) -> ([u8; MAX_DATAGRAM], usize) {
         throttle_stick_engine_1: Some(50),
         ..UaStickCommand::default()
     });
-    let mut octets = [0; MAX_DATAGRAM];
+    let mut bytes = [0; MAX_DATAGRAM];
     let length = message
-        .encode(&Envelope::new(cucs(0), vehicle_id(0)), &mut octets)
+        .encode(&Envelope::new(cucs(0), vehicle_id(0)), &mut bytes)
         .expect("it fits");
-    (octets, length)
+    (bytes, length)
 }
 
 #[test]
@@ -147,11 +147,11 @@ fn telemetry_and_sticks_pass_without_an_allocation() {
 
     let stick = |rig: &mut Rig| {
         let wall = rig.now().wall;
-        let (octets, length) = centred(wall);
+        let (bytes, length) = centred(wall);
         let from = support::station_address(0);
         let now = rig.now();
         let bridge = rig.bridge.as_mut().expect("it runs");
-        bridge.handle_dli(now, from, &octets[..length], &mut rig.store);
+        bridge.handle_dli(now, from, &bytes[..length], &mut rig.store);
     };
     // The mode is entered while sticks come.
     let ticket = rig.tell(orders::mode(Mode::FlightDirector));

@@ -17,7 +17,7 @@ use zeroize::Zeroizing;
 /// How a step fails.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
-    /// Half of the octets are written, then the disk is full.
+    /// Half of the bytes are written, then the disk is full.
     Full,
     /// Nothing can be written.
     ReadOnly,
@@ -53,12 +53,12 @@ impl Failing {
 }
 
 impl Disk for Failing {
-    fn write(&self, path: &Path, octets: &[u8]) -> io::Result<()> {
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         if !self.fails() {
-            return SystemDisk.write(path, octets);
+            return SystemDisk.write(path, bytes);
         }
         if self.fault == Fault::Full {
-            SystemDisk.write(path, &octets[..octets.len() / 2])?;
+            SystemDisk.write(path, &bytes[..bytes.len() / 2])?;
         }
         Err(self.error())
     }
@@ -94,12 +94,12 @@ impl Disk for Failing {
 
 const FAULTS: [Fault; 3] = [Fault::Full, Fault::ReadOnly, Fault::Io];
 
-fn key(octet: u8) -> SigningKey {
-    SigningKey::new([octet; 32]).unwrap()
+fn key(byte: u8) -> SigningKey {
+    SigningKey::new([byte; 32]).unwrap()
 }
 
-fn holds(found: Option<SigningKey>, octet: u8) -> bool {
-    found.is_some_and(|found| found.same_as(&key(octet)))
+fn holds(found: Option<SigningKey>, byte: u8) -> bool {
+    found.is_some_and(|found| found.same_as(&key(byte)))
 }
 
 /// A folder with a key in force and one being handed over.

@@ -99,11 +99,11 @@ impl Vehicle {
 
     /// The payload of a KEY_EXCHANGE frame of the ground, and whether it was signed; gives up after a while.
     async fn hear(&mut self) -> Option<(Vec<u8>, bool)> {
-        let mut octets = [0; 512];
+        let mut bytes = [0; 512];
         let received =
-            tokio::time::timeout(Duration::from_millis(50), self.socket.recv(&mut octets));
+            tokio::time::timeout(Duration::from_millis(50), self.socket.recv(&mut bytes));
         let len = received.await.ok()?.ok()?;
-        let frame = FrameView::parse(&octets[..len]).ok()?;
+        let frame = FrameView::parse(&bytes[..len]).ok()?;
         let header = frame.header();
         assert_eq!(header.system_id, GROUND.system);
         (header.message_id == KEY_EXCHANGE_ID)
@@ -154,7 +154,7 @@ async fn a_key_that_is_too_old_is_replaced_in_flight() {
     let ground = {
         let mut store = FileStore::open(&config.store.dir).unwrap();
         let mut record = ExchangeRecord {
-            peer: Some(*air.public().octets()),
+            peer: Some(*air.public().bytes()),
             ..ExchangeRecord::default()
         };
         // In use since 1970.

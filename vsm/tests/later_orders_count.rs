@@ -5,7 +5,7 @@ mod support;
 
 use std::time::Duration;
 
-use sim::px4::Mode as Px4;
+use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{
     AckType, FlightPathControlMode as Mode, MissionPlanMode, RouteType, SpeedType,
 };

@@ -18,9 +18,9 @@ const GROUND: Node = Node {
 
 fn speaking() -> Setup {
     Setup {
-        vehicles: vec![sim::px4::Config {
+        vehicles: vec![px4_sim::Config {
             operator_control: true,
-            ..sim::px4::Config::default()
+            ..px4_sim::Config::default()
         }],
         ..Setup::default()
     }

@@ -393,16 +393,16 @@ fn a_message_that_a_vsm_sends_is_refused_with_the_reason() {
         ..InertialStates::default()
     };
     let envelope = stanag_msgs::Envelope::new(cucs(0), vehicle_id(0)).requesting_ack();
-    let mut octets = [0; stanag_msgs::MAX_DATAGRAM];
+    let mut bytes = [0; stanag_msgs::MAX_DATAGRAM];
     let length = Message::from(report)
-        .encode(&envelope, &mut octets)
+        .encode(&envelope, &mut bytes)
         .expect("it fits");
-    rig.hear_from_station(&octets[..length]);
+    rig.hear_from_station(&bytes[..length]);
     rig.run(0.1);
     assert!(rig.station().was_told("a VSM sends it"));
     // A vector with a bit that no field has.
-    octets[16] |= 0x80;
-    rig.hear_from_station(&octets[..length]);
+    bytes[16] |= 0x80;
+    rig.hear_from_station(&bytes[..length]);
     rig.run(0.1);
     assert!(rig.station().was_told("has bits beyond"));
 }
@@ -428,8 +428,8 @@ fn copies_to_the_group_are_addressed_to_the_station_that_they_are_for() {
     rig.group.clear();
     rig.run(5.0);
     let mut counts = [0; 2];
-    for octets in &rig.group {
-        for frame in frames(octets) {
+    for bytes in &rig.group {
+        for frame in frames(bytes) {
             let header = frame.expect("a sound one").header;
             assert_eq!(header.source, vehicle_id(0));
             let to = (0..2).find(|index| cucs(*index) == header.destination);

@@ -22,7 +22,7 @@ fn schedule(message: u16, hertz: u16) -> ScheduleMessageUpdateCommand {
 fn request(message: u16, fields: Option<u64>) -> GenericInformationRequestMessage {
     GenericInformationRequestMessage {
         message_type: Some(message),
-        requested_field_presence_vector: fields.map(|all| U40::new(all).expect("five octets")),
+        requested_field_presence_vector: fields.map(|all| U40::new(all).expect("five bytes")),
         ..GenericInformationRequestMessage::default()
     }
 }
@@ -157,7 +157,7 @@ fn acknowledgements_alerts_and_changes_of_mode_are_told_within_their_limits() {
     // 3001 on change: the vehicle's own heartbeat comes once a second, CURRENT_MODE on change.
     assert_eq!(rig.carry_out(schedule(3001, 0)), Some(AckType::CarriedOut));
     let ticket = rig.tell(orders::launch(10.0));
-    let launched = |rig: &Rig| rig.truth().mode == sim::px4::Mode::Takeoff;
+    let launched = |rig: &Rig| rig.truth().mode == px4_sim::Mode::Takeoff;
     assert!(rig.until(20.0, launched));
     let entered = rig.clock;
     assert_eq!(rig.end(ticket), Some(AckType::CarriedOut));

@@ -161,7 +161,7 @@ fn a_changed_plan_loaded_in_flight_holds_the_vehicle_and_says_so() {
     assert_eq!(rig.carry_out(changed), DONE);
     assert_eq!(rig.carry_out(orders::load()), DONE);
     rig.run(1.0);
-    assert_eq!(rig.truth().mode, sim::px4::Mode::Loiter);
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Loiter);
     for text in [
         "it is put on hold (mode 12) while another plan goes aboard",
         "the vehicle holds (mode 12): mode 11 flies it",

@@ -3,7 +3,7 @@
 mod support;
 
 use mavlink_link::dialect::MavMissionType;
-use sim::px4::Mode as Px4;
+use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, MissionPlanMode, RouteType};
 use stanag_msgs::messages::{MissionTransferCommand, UaRoute, VehicleOperatingModeCommand};
 use stanag_msgs::{Message, Scaled, Text};

@@ -17,20 +17,20 @@ use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use program_support::{Running, VSM, free_port, run};
-use sim::px4::{LinkAddress, Simulator, SimulatorConfig};
+use px4_sim::{LinkAddress, Simulator, SimulatorConfig};
 
 /// The forms in which a key could show up.
 fn forms(hex: &str) -> Vec<Vec<u8>> {
-    let octets: Vec<u8> = (0..32)
+    let bytes: Vec<u8> = (0..32)
         .map(|at| u8::from_str_radix(&hex[2 * at..2 * at + 2], 16).unwrap())
         .collect();
-    let list = format!("{octets:?}");
+    let list = format!("{bytes:?}");
     vec![
         hex.as_bytes()[..24].to_vec(),
         hex.as_bytes()[40..].to_vec(),
         hex[..24].to_uppercase().into_bytes(),
-        octets[..8].to_vec(),
-        octets[24..].to_vec(),
+        bytes[..8].to_vec(),
+        bytes[24..].to_vec(),
         list.as_bytes()[1..30].to_vec(),
     ]
 }
@@ -157,7 +157,7 @@ fn assert_absent(folder: &Path, forms: &[Vec<u8>]) {
             assert!(!found, "a secret is in {}", file.display());
         }
     }
-    assert!(searched > 10_000, "only {searched} octets were searched");
+    assert!(searched > 10_000, "only {searched} bytes were searched");
 }
 
 /// The frames of the recording of that flight, as they stand there.

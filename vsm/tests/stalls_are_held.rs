@@ -2,7 +2,7 @@
 
 mod support;
 
-use sim::px4::{Airframe, Config, Mode as Px4, Param};
+use px4_sim::{Airframe, Config, Mode as Px4, Param};
 use stanag_msgs::enums::{
     AckType, FlightPathControlMode as Mode, LimitType, LoiterDurationUnits, LoiterType, TurnType,
     WaypointType,

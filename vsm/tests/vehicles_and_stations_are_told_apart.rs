@@ -10,7 +10,7 @@ use support::{Rig, Setup, orders, vehicle_id};
 /// Who holds what: station 0 vehicle 0, station 1 vehicle 1, station 2 listens to both, station 3 to vehicle 1.
 fn rig() -> Rig {
     let mut rig = Rig::new(Setup {
-        vehicles: vec![sim::px4::Config::default(); 2],
+        vehicles: vec![px4_sim::Config::default(); 2],
         stations: 4,
         ..Setup::default()
     });

@@ -37,7 +37,7 @@ fn nearest2(x: Vec2, points: &[Vec2], segment: &mut usize) -> f64 {
 pub(crate) fn two_sided_m(cubic: &Cubic2, points: &[Vec2], spacing_m: f64) -> f64 {
     let [p0, p1, p2, p3] = cubic.0;
     let polygon_m = (p1 - p0).norm() + (p2 - p1).norm() + (p3 - p2).norm();
-    let n = ((3.0 * polygon_m / spacing_m).ceil() as usize).clamp(8, MOST_SAMPLES);
+    let n = ((3.0 * polygon_m / spacing_m).ceil() as usize).clamp(8, MAX_SAMPLES);
     let curve: Vec<Vec2> = (0..=n).map(|k| cubic.at(k as f64 / n as f64)).collect();
     one_sided2(&curve, points)
         .max(one_sided2(&resampled(points, spacing_m), &curve))
@@ -48,7 +48,7 @@ fn resampled(points: &[Vec2], spacing_m: f64) -> Vec<Vec2> {
     let mut out = Vec::new();
     for pair in points.windows(2) {
         let steps =
-            (((pair[1] - pair[0]).norm() / spacing_m).ceil() as usize).clamp(1, MOST_SAMPLES);
+            (((pair[1] - pair[0]).norm() / spacing_m).ceil() as usize).clamp(1, MAX_SAMPLES);
         out.extend((0..steps).map(|k| pair[0].lerp(pair[1], k as f64 / steps as f64)));
     }
     out.extend(points.last());
@@ -69,4 +69,4 @@ fn one_sided2(from: &[Vec2], to: &[Vec2]) -> f64 {
 const BACK: usize = 4;
 const AHEAD: usize = 8;
 /// Samples of one leg at most.
-const MOST_SAMPLES: usize = 20_000;
+const MAX_SAMPLES: usize = 20_000;

@@ -239,15 +239,15 @@ impl Parts for Cubics<'_> {
 }
 
 pub(crate) fn check_tolerance(tolerance_m: f64) -> Result<(), FitError> {
-    const LEAST_M: f64 = 0.01;
-    const MOST_M: f64 = 10_000.0;
-    if (LEAST_M..=MOST_M).contains(&tolerance_m) {
+    const MIN_M: f64 = 0.01;
+    const MAX_M: f64 = 10_000.0;
+    if (MIN_M..=MAX_M).contains(&tolerance_m) {
         Ok(())
     } else {
         Err(FitError::Tolerance {
             tolerance_m,
-            least_m: LEAST_M,
-            most_m: MOST_M,
+            least_m: MIN_M,
+            most_m: MAX_M,
         })
     }
 }

@@ -55,7 +55,7 @@ impl PairFit {
             deviation_m: f64::INFINITY,
         };
         let mut stale = 0;
-        for round in 0..MOST_ROUNDS {
+        for round in 0..MAX_ROUNDS {
             search.solve();
             let one_sided2 = search.project();
             if one_sided2 < best.deviation_m * best.deviation_m {
@@ -90,7 +90,7 @@ impl PairFit {
 impl PairFit {
     /// The leg that keeps to the chord from `a` to `b`, whatever its tangents, by arms shorter than the tolerance.
     pub(crate) fn chord(a: Vec2, b: Vec2, tangents: Tangents, tolerance_m: f64) -> Self {
-        let arm = (LEAST_ARM * (b - a).norm()).min(0.9 * tolerance_m);
+        let arm = (MIN_ARM * (b - a).norm()).min(0.9 * tolerance_m);
         let q1 = tangents.start.map_or(a.lerp(b, 1.0 / 3.0), |d| a + d * arm);
         let q2 = tangents.end.map_or(a.lerp(b, 2.0 / 3.0), |d| b - d * arm);
         Self {
@@ -177,7 +177,7 @@ impl<'a> Search<'a> {
         let mut q1 = p1 + Vec2::new(step[0], step[1]);
         let mut q2 = p2 + Vec2::new(step[2], step[3]);
         // A tangent that is given points forward.
-        let least = LEAST_ARM * (p3 - p0).norm();
+        let least = MIN_ARM * (p3 - p0).norm();
         if let Some(d) = self.tangents.start {
             q1 = p0 + d * (q1 - p0).dot(d).max(least);
         }
@@ -303,7 +303,7 @@ fn solve_along(a: [[f64; 4]; 4], b: [f64; 4], start: Option<Vec2>, end: Option<V
 }
 
 /// Rounds after which a fit is what it is.
-const MOST_ROUNDS: u32 = 40;
+const MAX_ROUNDS: u32 = 40;
 /// Rounds without 2 % of progress that end a fit.
 const PATIENCE: u32 = 6;
 /// Weight of a distance along the curve against one across.
@@ -311,4 +311,4 @@ const ALONG: f64 = 0.01;
 /// Damping of the normal equations, as a part of their trace.
 const DAMPING: f64 = 1e-9;
 /// Shortest arm of a tangent that counts, as a part of the chord: a shorter one would be a corner in disguise.
-pub(crate) const LEAST_ARM: f64 = 0.15;
+pub(crate) const MIN_ARM: f64 = 0.15;

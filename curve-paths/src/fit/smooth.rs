@@ -6,7 +6,7 @@
 
 use super::Cubics;
 use super::chain::Shape;
-use super::pair::{LEAST_ARM, Tangents};
+use super::pair::{MIN_ARM, Tangents};
 use super::plane::{Cubic2, Vec2};
 
 /// A leg of a chain: from fix, to fix (of the second round where it must), and the curve.
@@ -99,7 +99,7 @@ fn chain_from(
 
 /// Whether both ends have a direction worth the name.
 fn has_arms(c: &Cubic2) -> bool {
-    let least = 0.99 * LEAST_ARM * (c.0[3] - c.0[0]).norm();
+    let least = 0.99 * MIN_ARM * (c.0[3] - c.0[0]).norm();
     (c.0[1] - c.0[0]).norm() >= least && (c.0[3] - c.0[2]).norm() >= least
 }
 

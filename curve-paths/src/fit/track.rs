@@ -85,11 +85,11 @@ impl Track {
         let middle = track.middle();
         for (index, fix) in track.fixes.iter().enumerate() {
             let distance_m = middle.distance_m(fix.ground());
-            if distance_m > MOST_REACH_M {
+            if distance_m > MAX_REACH_M {
                 return Err(TrackError::TooWide {
                     index,
                     distance_m,
-                    most_m: MOST_REACH_M,
+                    most_m: MAX_REACH_M,
                 });
             }
         }
@@ -208,6 +208,6 @@ impl Sampled {
 /// Fixes closer than this are one, m.
 const SAME_PLACE_M: f64 = 1e-4;
 /// Greatest distance of a fix from the middle of its track, m: beyond, the projection would show.
-const MOST_REACH_M: f64 = 100_000.0;
+const MAX_REACH_M: f64 = 100_000.0;
 /// Spacing of samples on a long gap, m for a tolerance of 1 m: a polyline's gaps are straight, the curve's are not.
 const SPACING: f64 = 6.0;

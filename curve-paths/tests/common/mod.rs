@@ -5,7 +5,7 @@
     reason = "each test file and the bench use their part"
 )]
 
-use curve_paths::{BezierLeg, Charges, Control, Ground, Position, Vertex};
+use curve_paths::{BezierLeg, Control, ErrorAllowance, Ground, Position, Vertex};
 use geographiclib_rs::{DirectGeodesic, Geodesic, InverseGeodesic};
 
 /// The shapes that legs are drawn from.
@@ -203,7 +203,12 @@ fn to_segment(p: [f64; 3], a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// Fewest chords with vertices at even steps of t that keep the tolerance by the proven bound.
-pub fn fewest_chords(leg: &BezierLeg, tolerance_m: f64, charges: &Charges, grid: usize) -> usize {
+pub fn fewest_chords(
+    leg: &BezierLeg,
+    tolerance_m: f64,
+    allowance: &ErrorAllowance,
+    grid: usize,
+) -> usize {
     let t = |i: usize| i as f64 / grid as f64;
     let mut fewest = vec![usize::MAX; grid + 1];
     fewest[0] = 0;
@@ -211,7 +216,7 @@ pub fn fewest_chords(leg: &BezierLeg, tolerance_m: f64, charges: &Charges, grid:
         for i in 0..j {
             if fewest[i] != usize::MAX
                 && fewest[i] + 1 < fewest[j]
-                && leg.chord_bound_m(t(i), t(j), charges) <= tolerance_m
+                && leg.chord_bound_m(t(i), t(j), allowance) <= tolerance_m
             {
                 fewest[j] = fewest[i] + 1;
             }

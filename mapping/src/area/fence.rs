@@ -3,7 +3,7 @@
 use geo::Validation;
 use mavlink_link::service::mission::{FRAME_GLOBAL, Item};
 
-use super::{Area, AreaError, MOST_VERTICES, Reason, Shape, outline};
+use super::{Area, AreaError, MAX_VERTICES, Reason, Shape, outline};
 use crate::route::item::degrees_e7;
 
 /// A corner or circle of a fence.
@@ -52,7 +52,7 @@ pub fn fence(
         {
             return Err(fault(None, Reason::Breached("inside")));
         }
-        let room = MOST_VERTICES - items.len();
+        let room = MAX_VERTICES - items.len();
         let new = area.items();
         if new.len() > room {
             let vertex = u8::try_from(room + 1).ok();

@@ -23,7 +23,7 @@ use geo::{Contains, LineString, Point, Polygon};
 use crate::route::metres;
 
 /// What PX4 holds of a geofence: corners and circles together.
-pub const MOST_VERTICES: usize = 64;
+pub const MAX_VERTICES: usize = 64;
 
 /// One area, whole.
 #[derive(Debug, Clone, PartialEq)]

@@ -6,7 +6,7 @@ use stanag_msgs::Message;
 use stanag_msgs::enums::AreaType;
 use stanag_msgs::messages::AreaVertex;
 
-use super::{Area, AreaError, MOST_VERTICES, Reason, Shape};
+use super::{Area, AreaError, MAX_VERTICES, Reason, Shape};
 
 /// The areas that a CUCS has sent, as it sent them, by Area ID and Vertex Number.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -32,7 +32,7 @@ impl Areas {
                 .is_some_and(|area| area.contains_key(&number))
         });
         // A bound on memory: what no vehicle holds need not be stored.
-        if total >= MOST_VERTICES && !known {
+        if total >= MAX_VERTICES && !known {
             return Err(AreaError {
                 area: id,
                 vertex: number,
@@ -96,7 +96,7 @@ fn checked(vertex: &AreaVertex) -> Result<(), Reason> {
     }
     match kind {
         AreaType::KeepInPolygon | AreaType::KeepOutPolygon => {
-            if count < 3 || usize::from(count) > MOST_VERTICES {
+            if count < 3 || usize::from(count) > MAX_VERTICES {
                 return Err(Reason::Count(count, "3 to 64"));
             }
         }

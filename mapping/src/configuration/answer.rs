@@ -199,7 +199,7 @@ fn plain(subject: &Subject<'_>, message: &'static MessageInfo, field: &FieldInfo
         }
     };
     match field.wire {
-        Wire::Char(_) | Wire::UnsizedText | Wire::UnsizedOctets => {
+        Wire::Char(_) | Wire::UnsizedText | Wire::UnsizedBytes => {
             Message::FieldConfigurationCharacterResponse(FieldConfigurationCharacterResponse {
                 vsm_id: Some(subject.vsm),
                 data_link_id: Some(Id::NULL),

@@ -29,7 +29,7 @@ use stanag_msgs::table::{self, MessageInfo};
 use stanag_msgs::{Id, Message, Text};
 
 use crate::altitude::Agl;
-use crate::plan::MOST_ROUTES;
+use crate::plan::MAX_ROUTES;
 use crate::route::Limits;
 use crate::support::{self, Received};
 use crate::telemetry::Place;
@@ -126,7 +126,7 @@ fn routes(subject: &Subject<'_>) -> impl Iterator<Item = Message> {
     .map(|route_type| {
         Message::UaRouteConfiguration(UaRouteConfiguration {
             route_type: Some(route_type),
-            instances: Some(u8::try_from(MOST_ROUTES).unwrap_or(u8::MAX)),
+            instances: Some(u8::try_from(MAX_ROUTES).unwrap_or(u8::MAX)),
             maximum_number_of_waypoints: Some(waypoints),
             location_type_support: Some(ABSOLUTE_ONLY),
             ..UaRouteConfiguration::default()

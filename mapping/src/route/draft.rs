@@ -6,7 +6,7 @@ use stanag_msgs::messages::UaPositionWaypoint;
 
 use super::item::{NAV_WAYPOINT, change_speed};
 use super::{Flight, Leg, Reason, RouteError, Site, bounds, curved_leg, waypoint};
-use crate::curve::{Chords, LEAST_ACCEPTANCE_M};
+use crate::curve::{Chords, MIN_ACCEPTANCE_M};
 use crate::performance::Performance;
 use crate::plan::Plan;
 use crate::{brake, loops};
@@ -187,9 +187,9 @@ fn say_own_radius(flight: &mut Flight, straight: &[usize], performance: &Perform
     let own_m = performance.acceptance_m;
     let mut items = straight.iter().filter_map(|at| flight.items.get(*at));
     let own = items.any(|item| item.command == NAV_WAYPOINT && item.params[1] <= 0.0);
-    if own && own_m < LEAST_ACCEPTANCE_M {
+    if own && own_m < MIN_ACCEPTANCE_M {
         flight.notes.push(format!(
-            "NAV_ACC_RAD is {own_m:.1} m: under {LEAST_ACCEPTANCE_M} m the vehicle can miss a waypoint and fly on"
+            "NAV_ACC_RAD is {own_m:.1} m: under {MIN_ACCEPTANCE_M} m the vehicle can miss a waypoint and fly on"
         ));
     }
 }

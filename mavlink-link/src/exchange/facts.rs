@@ -36,37 +36,37 @@ pub struct VehicleState {
 impl Facts {
     pub(super) const LEN: usize = 24;
 
-    pub(super) fn to_octets(self) -> [u8; Self::LEN] {
-        let mut octets = [0; Self::LEN];
-        octets[..8].copy_from_slice(&self.counter.to_le_bytes());
-        octets[8] = u8::from(self.wanted.signing) | u8::from(self.wanted.confidential) << 1;
-        octets[9] = u8::from(self.state.armed) | u8::from(self.state.signed) << 1;
-        octets[12..16].copy_from_slice(&self.epoch.to_le_bytes());
+    pub(super) fn to_bytes(self) -> [u8; Self::LEN] {
+        let mut bytes = [0; Self::LEN];
+        bytes[..8].copy_from_slice(&self.counter.to_le_bytes());
+        bytes[8] = u8::from(self.wanted.signing) | u8::from(self.wanted.confidential) << 1;
+        bytes[9] = u8::from(self.state.armed) | u8::from(self.state.signed) << 1;
+        bytes[12..16].copy_from_slice(&self.epoch.to_le_bytes());
         if let Some(current) = self.current {
-            octets[16..].copy_from_slice(current.octets());
+            bytes[16..].copy_from_slice(current.bytes());
         }
-        octets
+        bytes
     }
 
-    /// Bits and octets that mean nothing yet are passed over: a later version may use them.
-    pub(super) fn parse(octets: &[u8]) -> Option<Self> {
-        let octets: &[u8; Self::LEN] = octets.try_into().ok()?;
+    /// Bits and bytes that mean nothing yet are passed over: a later version may use them.
+    pub(super) fn parse(bytes: &[u8]) -> Option<Self> {
+        let bytes: &[u8; Self::LEN] = bytes.try_into().ok()?;
         let mut counter = [0; 8];
-        counter.copy_from_slice(&octets[..8]);
+        counter.copy_from_slice(&bytes[..8]);
         let mut id = [0; 8];
-        id.copy_from_slice(&octets[16..]);
+        id.copy_from_slice(&bytes[16..]);
         Some(Self {
             counter: u64::from_le_bytes(counter),
             wanted: Wanted {
-                signing: octets[8] & 1 != 0,
-                confidential: octets[8] & 2 != 0,
+                signing: bytes[8] & 1 != 0,
+                confidential: bytes[8] & 2 != 0,
             },
             state: VehicleState {
-                armed: octets[9] & 1 != 0,
-                signed: octets[9] & 2 != 0,
+                armed: bytes[9] & 1 != 0,
+                signed: bytes[9] & 2 != 0,
             },
-            epoch: u32::from_le_bytes([octets[12], octets[13], octets[14], octets[15]]),
-            current: (id != [0; 8]).then(|| KeyId::from_octets(id)),
+            epoch: u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]),
+            current: (id != [0; 8]).then(|| KeyId::from_bytes(id)),
         })
     }
 }
@@ -88,13 +88,13 @@ mod tests {
                 signed: true,
             },
             epoch: 0x0d0c_0b0a,
-            current: Some(KeyId::from_octets([9; 8])),
+            current: Some(KeyId::from_bytes([9; 8])),
         };
-        let octets = facts.to_octets();
-        assert_eq!(octets[..12], [1, 2, 3, 4, 5, 6, 7, 8, 3, 2, 0, 0]);
-        assert_eq!(octets[12..16], [0x0a, 0x0b, 0x0c, 0x0d]);
-        assert_eq!(octets[16..], [9; 8]);
-        assert_eq!(Facts::parse(&octets), Some(facts));
-        assert_eq!(Facts::parse(&octets[1..]), None);
+        let bytes = facts.to_bytes();
+        assert_eq!(bytes[..12], [1, 2, 3, 4, 5, 6, 7, 8, 3, 2, 0, 0]);
+        assert_eq!(bytes[12..16], [0x0a, 0x0b, 0x0c, 0x0d]);
+        assert_eq!(bytes[16..], [9; 8]);
+        assert_eq!(Facts::parse(&bytes), Some(facts));
+        assert_eq!(Facts::parse(&bytes[1..]), None);
     }
 }

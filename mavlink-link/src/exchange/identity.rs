@@ -10,9 +10,9 @@ use zeroize::Zeroizing;
 
 use super::message::{Node, Suite};
 
-/// Random octets from the caller: this crate has no source of its own.
+/// Random bytes from the caller: this crate has no source of its own.
 pub trait Random {
-    /// Fills all of `out` with octets that nobody can guess.
+    /// Fills all of `out` with bytes that nobody can guess.
     ///
     /// # Errors
     /// There are none; nothing is sent then.
@@ -25,29 +25,29 @@ impl<F: FnMut(&mut [u8]) -> Result<(), NoRandom>> Random for F {
     }
 }
 
-/// The system has no random octets.
+/// The system has no random bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("no random octets")]
+#[error("no random bytes")]
 pub struct NoRandom;
 
 /// This end's static X25519 key: wiped when dropped, never printed.
 pub struct Identity(StaticSecret);
 
 impl Identity {
-    /// A key of these octets, as stored by [`Identity::expose`].
+    /// A key of these bytes, as stored by [`Identity::expose`].
     #[must_use]
-    pub fn new(octets: [u8; 32]) -> Self {
-        Self(octets.into())
+    pub fn new(bytes: [u8; 32]) -> Self {
+        Self(bytes.into())
     }
 
     /// A new key.
     ///
     /// # Errors
-    /// There are no random octets.
+    /// There are no random bytes.
     pub fn generate(random: &mut dyn Random) -> Result<Self, NoRandom> {
-        let mut octets = Zeroizing::new([0; 32]);
-        random.fill(&mut *octets)?;
-        Ok(Self::new(*octets))
+        let mut bytes = Zeroizing::new([0; 32]);
+        random.fill(&mut *bytes)?;
+        Ok(Self::new(*bytes))
     }
 
     /// The public half, which the peer pins.
@@ -62,7 +62,7 @@ impl Identity {
         Self(self.0.clone())
     }
 
-    /// The octets themselves, for a file. Keep no copy.
+    /// The bytes themselves, for a file. Keep no copy.
     #[must_use]
     pub fn expose(&self) -> &[u8; 32] {
         self.0.as_bytes()
@@ -84,15 +84,15 @@ impl fmt::Debug for Identity {
 pub struct PublicKey([u8; 32]);
 
 impl PublicKey {
-    /// A key of these octets; any are a key to X25519, the all-zero result of a bad one is refused in use.
+    /// A key of these bytes; any are a key to X25519, the all-zero result of a bad one is refused in use.
     #[must_use]
-    pub const fn new(octets: [u8; 32]) -> Self {
-        Self(octets)
+    pub const fn new(bytes: [u8; 32]) -> Self {
+        Self(bytes)
     }
 
-    /// The octets.
+    /// The bytes.
     #[must_use]
-    pub const fn octets(&self) -> &[u8; 32] {
+    pub const fn bytes(&self) -> &[u8; 32] {
         &self.0
     }
 
@@ -117,7 +117,7 @@ impl fmt::Debug for PublicKey {
     }
 }
 
-/// The first 16 octets of SHA-256 of a public key; shown as eight groups of four hexadecimal digits.
+/// The first 16 bytes of SHA-256 of a public key; shown as eight groups of four hexadecimal digits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Fingerprint([u8; 16]);
 

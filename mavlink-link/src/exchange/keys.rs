@@ -125,7 +125,7 @@ impl Confirmation {
 
     /// Step 4: the body and HMAC(Kcr, h, "R", session, body).
     pub(super) fn of_responder(&self, outcome: Outcome) -> [u8; OUTCOME] {
-        let body = outcome.to_octets();
+        let body = outcome.to_bytes();
         let tag = self.responder_mac(&body).finalize().into_bytes();
         let mut data = [0; OUTCOME];
         data[..8].copy_from_slice(&body);
@@ -137,7 +137,7 @@ impl Confirmation {
     pub(super) fn read_outcome(&self, data: &[u8]) -> Option<Outcome> {
         let (body, tag) = data.split_first_chunk::<8>()?;
         self.responder_mac(body).verify_slice(tag).ok()?;
-        Some(Outcome::from_octets(*body))
+        Some(Outcome::from_bytes(*body))
     }
 
     fn responder_mac(&self, body: &[u8; 8]) -> Hmac<Sha256> {
@@ -165,13 +165,13 @@ pub(super) struct Outcome {
 }
 
 impl Outcome {
-    fn to_octets(self) -> [u8; 8] {
+    fn to_bytes(self) -> [u8; 8] {
         let [a, b, c, d] = self.seq.to_le_bytes();
         [self.status.into(), self.reason, 0, 0, a, b, c, d]
     }
 
-    fn from_octets(octets: [u8; 8]) -> Self {
-        let [status, reason, _, _, a, b, c, d] = octets;
+    fn from_bytes(bytes: [u8; 8]) -> Self {
+        let [status, reason, _, _, a, b, c, d] = bytes;
         Self {
             status: status.into(),
             reason,

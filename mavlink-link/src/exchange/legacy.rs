@@ -42,7 +42,7 @@ impl Legacy {
         }
         self.send_at = now.saturating_add(EVERY);
         let mut payload = [0; MAX_MESSAGE];
-        payload[..32].copy_from_slice(self.identity.public().octets());
+        payload[..32].copy_from_slice(self.identity.public().bytes());
         Some(payload)
     }
 
@@ -81,7 +81,7 @@ impl Legacy {
         let shared = self
             .identity
             .secret()
-            .diffie_hellman(&(*theirs.octets()).into());
+            .diffie_hellman(&(*theirs.bytes()).into());
         if !shared.was_contributory() {
             return Err(Ignored::Forged);
         }

@@ -1,7 +1,7 @@
-//! KEY_EXCHANGE (229) as octets: one layout, read strictly and written canonically.
+//! KEY_EXCHANGE (229) as bytes: one layout, read strictly and written canonically.
 //!
-//! Promised: no input panics or allocates; what is read and written again is the same octets but for the zeros that
-//! MAVLink 2 trims. A payload of at most 32 octets, or version 0, is the bare exchange of old and never anything else.
+//! Promised: no input panics or allocates; what is read and written again is the same bytes but for the zeros that
+//! MAVLink 2 trims. A payload of at most 32 bytes, or version 0, is the bare exchange of old and never anything else.
 
 use core::fmt;
 
@@ -10,9 +10,9 @@ use thiserror::Error;
 
 use super::identity::PublicKey;
 
-/// The longest payload of KEY_EXCHANGE, octets.
+/// The longest payload of KEY_EXCHANGE, bytes.
 pub const MAX_MESSAGE: usize = 203;
-/// The most octets of `data`.
+/// The most bytes of `data`.
 pub const MAX_DATA: usize = 160;
 /// The version of the exchange that is spoken here.
 pub const VERSION: u8 = 1;
@@ -133,7 +133,7 @@ impl Suite {
     }
 }
 
-/// 229.status, and the first octet of step 4's body.
+/// 229.status, and the first byte of step 4's body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Status {
     /// 0: as it should be.
@@ -214,40 +214,40 @@ impl fmt::Display for Status {
     }
 }
 
-/// 229.data: at most [`MAX_DATA`] octets.
+/// 229.data: at most [`MAX_DATA`] bytes.
 #[derive(Clone)]
 pub struct Data {
-    octets: [u8; MAX_DATA],
+    bytes: [u8; MAX_DATA],
     len: usize,
 }
 
 impl Data {
-    /// No octets.
+    /// No bytes.
     pub const EMPTY: Self = Self {
-        octets: [0; MAX_DATA],
+        bytes: [0; MAX_DATA],
         len: 0,
     };
 
-    /// These octets, where they fit.
+    /// These bytes, where they fit.
     #[must_use]
-    pub fn new(octets: &[u8]) -> Option<Self> {
+    pub fn new(bytes: &[u8]) -> Option<Self> {
         let mut data = Self::EMPTY;
-        data.octets.get_mut(..octets.len())?.copy_from_slice(octets);
-        data.len = octets.len();
+        data.bytes.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        data.len = bytes.len();
         Some(data)
     }
 
-    /// The octets.
+    /// The bytes.
     #[must_use]
     pub fn as_slice(&self) -> &[u8] {
-        &self.octets[..self.len]
+        &self.bytes[..self.len]
     }
 }
 
 impl PartialEq for Data {
     fn eq(&self, other: &Self) -> bool {
         // Compared where the other is a stranger's.
-        self.len == other.len && bool::from(self.octets.ct_eq(&other.octets))
+        self.len == other.len && bool::from(self.bytes.ct_eq(&other.bytes))
     }
 }
 
@@ -255,7 +255,7 @@ impl Eq for Data {}
 
 impl fmt::Debug for Data {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} octets", self.len)
+        write!(f, "{} bytes", self.len)
     }
 }
 
@@ -263,39 +263,39 @@ impl Message {
     /// Reads a payload as it came, trailing zeros trimmed.
     ///
     /// # Errors
-    /// It is too long, says that it has more data than fits, or has octets where there must be none.
+    /// It is too long, says that it has more data than fits, or has bytes where there must be none.
     pub fn parse(payload: &[u8]) -> Result<Received, MessageError> {
-        let mut octets = [0; MAX_MESSAGE];
-        octets
+        let mut bytes = [0; MAX_MESSAGE];
+        bytes
             .get_mut(..payload.len())
             .ok_or(MessageError::TooLong { len: payload.len() })?
             .copy_from_slice(payload);
         let mut public_key = [0; 32];
-        public_key.copy_from_slice(&octets[..32]);
-        let version = octets[36];
+        public_key.copy_from_slice(&bytes[..32]);
+        let version = bytes[36];
         if payload.len() <= 32 || version == 0 {
             return Ok(Received::Legacy(PublicKey::new(public_key)));
         }
-        let len = usize::from(octets[42]);
+        let len = usize::from(bytes[42]);
         if len > MAX_DATA {
-            return Err(MessageError::Length { length: octets[42] });
+            return Err(MessageError::Length { length: bytes[42] });
         }
-        let (data, rest) = octets[43..].split_at(len);
-        if let Some(at) = rest.iter().position(|&octet| octet != 0) {
+        let (data, rest) = bytes[43..].split_at(len);
+        if let Some(at) = rest.iter().position(|&byte| byte != 0) {
             return Err(MessageError::Beyond {
                 offset: 43 + len + at,
             });
         }
         Ok(Received::Exchange(Self {
             public_key,
-            session: u32::from_le_bytes([octets[32], octets[33], octets[34], octets[35]]),
+            session: u32::from_le_bytes([bytes[32], bytes[33], bytes[34], bytes[35]]),
             version,
-            step: octets[37].into(),
-            suite: octets[38],
-            status: octets[39].into(),
+            step: bytes[37].into(),
+            suite: bytes[38],
+            status: bytes[39].into(),
             target: Node {
-                system: octets[40],
-                component: octets[41],
+                system: bytes[40],
+                component: bytes[41],
             },
             data: Data::new(data).unwrap_or(Data::EMPTY),
         }))
@@ -304,28 +304,28 @@ impl Message {
     /// The whole payload; the frame encoder trims its trailing zeros.
     #[must_use]
     pub fn to_payload(&self) -> [u8; MAX_MESSAGE] {
-        let mut octets = [0; MAX_MESSAGE];
-        octets[..32].copy_from_slice(&self.public_key);
-        octets[32..36].copy_from_slice(&self.session.to_le_bytes());
-        octets[36] = self.version;
-        octets[37] = self.step.into();
-        octets[38] = self.suite;
-        octets[39] = self.status.into();
-        octets[40] = self.target.system;
-        octets[41] = self.target.component;
-        octets[42] = u8::try_from(self.data.len).unwrap_or(0);
-        octets[43..].copy_from_slice(&self.data.octets);
-        octets
+        let mut bytes = [0; MAX_MESSAGE];
+        bytes[..32].copy_from_slice(&self.public_key);
+        bytes[32..36].copy_from_slice(&self.session.to_le_bytes());
+        bytes[36] = self.version;
+        bytes[37] = self.step.into();
+        bytes[38] = self.suite;
+        bytes[39] = self.status.into();
+        bytes[40] = self.target.system;
+        bytes[41] = self.target.component;
+        bytes[42] = u8::try_from(self.data.len).unwrap_or(0);
+        bytes[43..].copy_from_slice(&self.data.bytes);
+        bytes
     }
 }
 
 /// Why a payload is no KEY_EXCHANGE.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum MessageError {
-    /// More octets than the message has.
-    #[error("a payload of {len} octets, expected at most 203")]
+    /// More bytes than the message has.
+    #[error("a payload of {len} bytes, expected at most 203")]
     TooLong {
-        /// Octets found.
+        /// Bytes found.
         len: usize,
     },
     /// 229.length.
@@ -335,7 +335,7 @@ pub enum MessageError {
         length: u8,
     },
     /// Something follows the data.
-    #[error("an octet beyond the data at offset {offset}, expected zeros")]
+    #[error("a byte beyond the data at offset {offset}, expected zeros")]
     Beyond {
         /// Its offset in the payload.
         offset: usize,
@@ -376,10 +376,10 @@ mod tests {
     fn trimmed_zeros_come_back() {
         for len in [0, 1, 40, 160] {
             let mut data = vec![5; len];
-            data.iter_mut().rev().take(3).for_each(|octet| *octet = 0);
+            data.iter_mut().rev().take(3).for_each(|byte| *byte = 0);
             let sent = message(&data);
             let payload = sent.to_payload();
-            let used = payload.iter().rposition(|&octet| octet != 0).unwrap() + 1;
+            let used = payload.iter().rposition(|&byte| byte != 0).unwrap() + 1;
             let read = Message::parse(&payload[..used]).unwrap();
             assert_eq!(read, Received::Exchange(sent));
         }

@@ -2,7 +2,7 @@
 //! once for pairing, each confirmed by both ends.
 //!
 //! Two machines without clock, socket, disk or randomness: the [`Initiator`] on the ground, always the VSM, and the
-//! [`Responder`] in the air, always the agent beside the autopilot. Time, random octets and the disk are arguments;
+//! [`Responder`] in the air, always the agent beside the autopilot. Time, random bytes and the disk are arguments;
 //! payloads go in and [`Message`]s come out. Framing, signing and sending are the caller's
 //! ([`Link::send_raw`](crate::link::Link::send_raw)).
 //!
@@ -48,7 +48,7 @@
 //! // The system's random source in a program; here a counter will do.
 //! let mut seed = 0_u8;
 //! let mut random = |out: &mut [u8]| {
-//!     out.iter_mut().for_each(|octet| { seed = seed.wrapping_mul(5).wrapping_add(3); *octet = seed });
+//!     out.iter_mut().for_each(|byte| { seed = seed.wrapping_mul(5).wrapping_add(3); *byte = seed });
 //!     Ok(())
 //! };
 //! let (ground, air) = (Node { system: 245, component: 190 }, Node { system: 1, component: 191 });

@@ -1,6 +1,6 @@
 //! The Noise handshake, by `snow`, with the Diffie-Hellman and the randomness handed in.
 //!
-//! Promised: a Diffie-Hellman result of all zeros ends the handshake; the only random octets are the ephemeral key that
+//! Promised: a Diffie-Hellman result of all zeros ends the handshake; the only random bytes are the ephemeral key that
 //! the caller gave; raw keys are taken only from a finished handshake, and its state is dropped at once. `snow` does
 //! not wipe its own state; the secrets that go through here are wiped.
 
@@ -60,10 +60,10 @@ impl Noise {
 
     pub(super) fn write(&mut self, payload: &[u8]) -> Result<Written, Failed> {
         let mut written = Written {
-            octets: [0; MOST],
+            bytes: [0; MOST],
             len: 0,
         };
-        written.len = self.0.write_message(payload, &mut written.octets)?;
+        written.len = self.0.write_message(payload, &mut written.bytes)?;
         Ok(written)
     }
 
@@ -80,16 +80,16 @@ impl Noise {
         whole[..first.len()].copy_from_slice(first);
         whole[first.len()..].copy_from_slice(second);
         let mut payload = Written {
-            octets: [0; MOST],
+            bytes: [0; MOST],
             len: 0,
         };
-        payload.len = self.0.read_message(whole, &mut payload.octets)?;
+        payload.len = self.0.read_message(whole, &mut payload.bytes)?;
         Ok(payload)
     }
 
     pub(super) fn peer(&self) -> Option<PublicKey> {
-        let octets: &[u8; 32] = self.0.get_remote_static()?.try_into().ok()?;
-        Some(PublicKey::new(*octets))
+        let bytes: &[u8; 32] = self.0.get_remote_static()?.try_into().ok()?;
+        Some(PublicKey::new(*bytes))
     }
 
     /// The raw keys; `None` before the end, when they would be constants that anyone can compute.
@@ -119,13 +119,13 @@ impl core::fmt::Debug for Noise {
 
 /// A Noise message or payload.
 pub(super) struct Written {
-    octets: [u8; MOST],
+    bytes: [u8; MOST],
     len: usize,
 }
 
 impl Written {
     pub(super) fn as_slice(&self) -> &[u8] {
-        self.octets.get(..self.len).unwrap_or_default()
+        self.bytes.get(..self.len).unwrap_or_default()
     }
 }
 
@@ -139,7 +139,7 @@ fn builder<'a>(setup: &Setup<'a>) -> Result<Builder<'a>, Failed> {
         .local_private_key(setup.own.expose())?
         .prologue(setup.prologue)?;
     if let Some(peer) = setup.peer {
-        builder = builder.remote_public_key(peer.octets())?;
+        builder = builder.remote_public_key(peer.bytes())?;
     }
     if let Some(psk) = setup.psk {
         builder = builder.psk(3, psk)?;
@@ -173,11 +173,11 @@ struct Once(Option<Zeroizing<[u8; 32]>>);
 
 impl snow::types::Random for Once {
     fn try_fill_bytes(&mut self, out: &mut [u8]) -> Result<(), snow::Error> {
-        let octets = self.0.take().ok_or(snow::Error::Rng)?;
-        if out.len() != octets.len() {
+        let bytes = self.0.take().ok_or(snow::Error::Rng)?;
+        if out.len() != bytes.len() {
             return Err(snow::Error::Rng);
         }
-        out.copy_from_slice(&*octets);
+        out.copy_from_slice(&*bytes);
         Ok(())
     }
 }
@@ -198,8 +198,8 @@ impl Default for Curve {
 }
 
 impl Curve {
-    fn hold(&mut self, octets: [u8; 32]) {
-        self.secret = octets.into();
+    fn hold(&mut self, bytes: [u8; 32]) {
+        self.secret = bytes.into();
         self.public = x25519_dalek::PublicKey::from(&self.secret).to_bytes();
     }
 }
@@ -218,19 +218,19 @@ impl Dh for Curve {
     }
 
     fn set(&mut self, secret: &[u8]) {
-        let mut octets = Zeroizing::new([0; 32]);
-        // A secret of another length never reaches this: `Identity` has 32 octets.
-        octets
+        let mut bytes = Zeroizing::new([0; 32]);
+        // A secret of another length never reaches this: `Identity` has 32 bytes.
+        bytes
             .iter_mut()
             .zip(secret)
             .for_each(|(to, from)| *to = *from);
-        self.hold(*octets);
+        self.hold(*bytes);
     }
 
     fn generate(&mut self, random: &mut dyn snow::types::Random) -> Result<(), snow::Error> {
-        let mut octets = Zeroizing::new([0; 32]);
-        random.try_fill_bytes(&mut *octets)?;
-        self.hold(*octets);
+        let mut bytes = Zeroizing::new([0; 32]);
+        random.try_fill_bytes(&mut *bytes)?;
+        self.hold(*bytes);
         Ok(())
     }
 
@@ -245,7 +245,7 @@ impl Dh for Curve {
     fn dh(&self, public: &[u8], out: &mut [u8]) -> Result<(), snow::Error> {
         let public: [u8; 32] = public
             .get(..32)
-            .and_then(|octets| octets.try_into().ok())
+            .and_then(|bytes| bytes.try_into().ok())
             .ok_or(snow::Error::Dh)?;
         let shared = self.secret.diffie_hellman(&public.into());
         if !shared.was_contributory() {

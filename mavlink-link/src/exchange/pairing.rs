@@ -26,7 +26,7 @@ impl PairingCode {
     /// A new code.
     ///
     /// # Errors
-    /// There are no random octets.
+    /// There are no random bytes.
     pub fn generate(random: &mut dyn Random) -> Result<Self, NoRandom> {
         let mut code = Self([0; 20]);
         random.fill(&mut code.0)?;
@@ -53,8 +53,8 @@ impl PairingCode {
             };
             for bit in 0..5 {
                 let at = count * 5 + bit;
-                if let Some(octet) = code.0.get_mut(at / 8) {
-                    *octet |= (value >> (4 - bit) & 1) << (7 - at % 8);
+                if let Some(byte) = code.0.get_mut(at / 8) {
+                    *byte |= (value >> (4 - bit) & 1) << (7 - at % 8);
                 }
             }
             count = count.saturating_add(1);
@@ -95,7 +95,7 @@ impl PairingCode {
     /// The pre-shared key that the code stands for.
     pub(super) fn psk(&self) -> Zeroizing<[u8; 32]> {
         let mut psk = Zeroizing::new([0; 32]);
-        // 32 octets are far less than HKDF can give, so this cannot fail.
+        // 32 bytes are far less than HKDF can give, so this cannot fail.
         let _ = Hkdf::<Sha256>::new(None, &self.0).expand(b"vsm/1 pair", &mut *psk);
         psk
     }
@@ -113,7 +113,7 @@ pub enum CodeError {
     /// Something else than a letter or 2 to 7.
     #[error("no letter of a pairing code at offset {offset}, expected A to Z and 2 to 7")]
     Letter {
-        /// Offset in octets.
+        /// Offset in bytes.
         offset: usize,
     },
     /// Too many or too few.

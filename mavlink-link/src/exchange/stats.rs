@@ -58,8 +58,8 @@ pub enum Ignored {
     /// The disk failed.
     #[error("not stored")]
     NotStored,
-    /// There are no random octets.
-    #[error("no random octets")]
+    /// There are no random bytes.
+    #[error("no random bytes")]
     NoRandom,
 }
 

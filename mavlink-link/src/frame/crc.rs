@@ -1,4 +1,4 @@
-//! The frame checksum: CRC-16/MCRF4XX over everything after the start octet, and CRC_EXTRA.
+//! The frame checksum: CRC-16/MCRF4XX over everything after the start byte, and CRC_EXTRA.
 
 use crc::{CRC_16_MCRF4XX, Crc, Table};
 use mavlink::Message as _;
@@ -6,7 +6,7 @@ use mavlink::Message as _;
 use super::{KEY_EXCHANGE_CRC_EXTRA, KEY_EXCHANGE_ID};
 use crate::dialect::MavMessage;
 
-/// The checksum of a frame: `covered` is the header without the start octet, and the payload.
+/// The checksum of a frame: `covered` is the header without the start byte, and the payload.
 #[must_use]
 pub fn checksum(covered: &[u8], crc_extra: u8) -> u16 {
     let mut digest = MCRF4XX.digest();
@@ -15,7 +15,7 @@ pub fn checksum(covered: &[u8], crc_extra: u8) -> u16 {
     digest.finalize()
 }
 
-/// CRC_EXTRA of a message, the octet that ties the checksum to the layout both ends know.
+/// CRC_EXTRA of a message, the byte that ties the checksum to the layout both ends know.
 ///
 /// `None` where neither the dialect nor this crate knows the message: such a frame cannot be checked.
 #[must_use]
@@ -24,7 +24,7 @@ pub fn crc_extra(message_id: u32) -> Option<u8> {
         return Some(KEY_EXCHANGE_CRC_EXTRA);
     }
     match MavMessage::extra_crc(message_id) {
-        // The dialect answers 0 for an unknown id, but 0 is also COMPONENT_INFORMATION's own octet.
+        // The dialect answers 0 for an unknown id, but 0 is also COMPONENT_INFORMATION's own byte.
         0 => MavMessage::default_message_from_id(message_id).map(|_| 0),
         extra => Some(extra),
     }
@@ -38,7 +38,7 @@ mod tests {
 
     #[test]
     fn the_checksum_is_crc_16_mcrf4xx() {
-        // The catalogue's check value is for "123456789", taken here as eight octets and one extra.
+        // The catalogue's check value is for "123456789", taken here as eight bytes and one extra.
         assert_eq!(checksum(b"12345678", b'9'), 0x6f91);
     }
 

@@ -26,10 +26,10 @@ pub fn encode(msg: &MavMessage, header: Header, out: &mut [u8; MAX_FRAME]) -> us
     )
 }
 
-/// Writes a payload given as octets, for a message whose CRC_EXTRA is known ([`crc_extra`]).
+/// Writes a payload given as bytes, for a message whose CRC_EXTRA is known ([`crc_extra`]).
 ///
 /// # Errors
-/// The payload is longer than 255 octets, or the message is unknown.
+/// The payload is longer than 255 bytes, or the message is unknown.
 pub fn encode_raw(
     header: Header,
     payload: &[u8],
@@ -41,12 +41,8 @@ pub fn encode_raw(
     let extra = crc_extra(header.message_id).ok_or(EncodeError::UnknownId {
         message_id: header.message_id,
     })?;
-    // One octet always stays, also of an all-zero payload.
-    let zeros = payload
-        .iter()
-        .rev()
-        .take_while(|&&octet| octet == 0)
-        .count();
+    // One byte always stays, also of an all-zero payload.
+    let zeros = payload.iter().rev().take_while(|&&byte| byte == 0).count();
     let len = payload
         .len()
         .saturating_sub(zeros)
@@ -55,13 +51,13 @@ pub fn encode_raw(
     Ok(close(header, len, extra, out))
 }
 
-/// Why octets cannot be framed.
+/// Why bytes cannot be framed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum EncodeError {
-    /// More octets than a frame holds.
-    #[error("a payload of {len} octets, at most 255 fit")]
+    /// More bytes than a frame holds.
+    #[error("a payload of {len} bytes, at most 255 fit")]
     TooLong {
-        /// Octets given.
+        /// Bytes given.
         len: usize,
     },
     /// Without CRC_EXTRA no receiver would take the frame.
@@ -72,7 +68,7 @@ pub enum EncodeError {
     },
 }
 
-/// Puts header and checksum around a payload of `len` octets that already stands in `out`.
+/// Puts header and checksum around a payload of `len` bytes that already stands in `out`.
 fn close(header: Header, len: usize, extra: u8, out: &mut [u8; MAX_FRAME]) -> usize {
     let id = header.message_id.to_le_bytes();
     out[0] = STX;

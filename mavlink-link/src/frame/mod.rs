@@ -1,4 +1,4 @@
-//! MAVLink 2 frames: a checked view over octets, a stream parser and an encoder.
+//! MAVLink 2 frames: a checked view over bytes, a stream parser and an encoder.
 //!
 //! Promised: no input panics, no call allocates, and a [`FrameView`] that comes out of [`Parser`] or
 //! [`FrameView::parse`] has a right checksum, or says by [`FrameView::is_checked`] that its CRC_EXTRA
@@ -44,7 +44,7 @@ pub struct Signature {
     pub link_id: u8,
     /// The sender's signing clock, in 10 us since 2015-01-01 UTC.
     pub stamp: Stamp,
-    /// The first 6 octets of the keyed hash.
+    /// The first 6 bytes of the keyed hash.
     pub tag: [u8; 6],
 }
 
@@ -56,7 +56,7 @@ pub struct FrameView<'a> {
 }
 
 impl<'a> FrameView<'a> {
-    /// Reads the frame that starts at the first octet of `bytes`; what follows it is ignored.
+    /// Reads the frame that starts at the first byte of `bytes`; what follows it is ignored.
     ///
     /// # Errors
     /// Says why there is no usable frame at that place.
@@ -103,7 +103,7 @@ impl<'a> FrameView<'a> {
         u16::from_le_bytes([self.bytes[at], self.bytes[at + 1]])
     }
 
-    /// False where CRC_EXTRA is unknown: then only a verified signature vouches for the octets.
+    /// False where CRC_EXTRA is unknown: then only a verified signature vouches for the bytes.
     #[must_use]
     pub fn is_checked(&self) -> bool {
         self.checked
@@ -124,19 +124,19 @@ impl<'a> FrameView<'a> {
         let t = &self.bytes[self.bytes.len() - SIGNATURE_LEN..];
         Some(Signature {
             link_id: t[0],
-            stamp: Stamp::from_le_octets([t[1], t[2], t[3], t[4], t[5], t[6]]),
+            stamp: Stamp::from_le_bytes([t[1], t[2], t[3], t[4], t[5], t[6]]),
             tag: [t[7], t[8], t[9], t[10], t[11], t[12]],
         })
     }
 
     /// What the signature covers after the key: header, payload, checksum, link id and stamp.
     #[must_use]
-    pub(crate) fn signed_octets(&self) -> Option<&'a [u8]> {
+    pub(crate) fn signed_bytes(&self) -> Option<&'a [u8]> {
         self.is_signed()
             .then(|| &self.bytes[..self.bytes.len() - TAG_LEN])
     }
 
-    /// The whole frame, from the start octet to the last of its checksum or trailer.
+    /// The whole frame, from the start byte to the last of its checksum or trailer.
     #[must_use]
     pub fn as_bytes(&self) -> &'a [u8] {
         self.bytes
@@ -157,15 +157,15 @@ impl<'a> FrameView<'a> {
     }
 }
 
-/// Why octets are not a frame that can be used.
+/// Why bytes are not a frame that can be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum FrameError {
-    /// The checksum is not that of the octets: noise, or another layout of the message.
+    /// The checksum is not that of the bytes: noise, or another layout of the message.
     #[error("message {message_id}: checksum {found:#06x}, expected {expected:#06x}")]
     BadCrc {
         /// The message id as read.
         message_id: u32,
-        /// The checksum of the octets as they are.
+        /// The checksum of the bytes as they are.
         expected: u16,
         /// The checksum in the frame.
         found: u16,
@@ -182,16 +182,16 @@ pub enum FrameError {
         /// Its message id, 0 to 255.
         message_id: u8,
     },
-    /// An unsigned frame whose CRC_EXTRA is unknown: nothing vouches for its octets.
+    /// An unsigned frame whose CRC_EXTRA is unknown: nothing vouches for its bytes.
     #[error("unsigned message {message_id} is not in the dialect and cannot be checked")]
     UnknownId {
         /// The message id as read.
         message_id: u32,
     },
-    /// The octets end inside the frame.
-    #[error("the octets end inside a frame")]
+    /// The bytes end inside the frame.
+    #[error("the bytes end inside a frame")]
     Truncated,
-    /// The octets do not start with a frame.
+    /// The bytes do not start with a frame.
     #[error("no frame starts here")]
     NoFrame,
 }
@@ -227,23 +227,23 @@ impl From<ParserError> for Undecoded {
     }
 }
 
-/// What stands at the first octet of a slice.
+/// What stands at the first byte of a slice.
 enum Verdict {
     /// A frame of this length with a right checksum.
     Frame(usize),
     /// A signed frame of this length whose CRC_EXTRA is unknown.
     Unchecked(usize),
-    /// A frame that is refused, and how many octets to pass over.
+    /// A frame that is refused, and how many bytes to pass over.
     Refused(usize, FrameError),
     /// Perhaps a frame, the end is missing.
     Incomplete,
-    /// Nothing; the next octet may start a frame.
+    /// Nothing; the next byte may start a frame.
     Garbage,
 }
 
-/// Judges the candidate at the first octet.
+/// Judges the candidate at the first byte.
 ///
-/// Only a frame that could be used in the end is worth waiting for: of all octets that happen to look
+/// Only a frame that could be used in the end is worth waiting for: of all bytes that happen to look
 /// like a start, almost none then hold up what follows them.
 fn examine(bytes: &[u8]) -> Verdict {
     match bytes.first() {
@@ -318,17 +318,17 @@ fn examine_v1(bytes: &[u8]) -> Verdict {
     }
 }
 
-/// Start octet of MAVLink 2.
+/// Start byte of MAVLink 2.
 pub const STX: u8 = 0xfd;
-/// Start octet of MAVLink 1.
+/// Start byte of MAVLink 1.
 pub const STX_V1: u8 = 0xfe;
-/// Octets of the header, the start octet included.
+/// Bytes of the header, the start byte included.
 pub const HEADER_LEN: usize = 10;
-/// Octets of the checksum.
+/// Bytes of the checksum.
 pub const CRC_LEN: usize = 2;
-/// Octets of the signature trailer.
+/// Bytes of the signature trailer.
 pub const SIGNATURE_LEN: usize = 13;
-/// Octets of the signature itself, the last of the trailer.
+/// Bytes of the signature itself, the last of the trailer.
 pub const TAG_LEN: usize = 6;
 /// The longest payload.
 pub const MAX_PAYLOAD: usize = 255;

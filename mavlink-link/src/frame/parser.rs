@@ -1,11 +1,11 @@
-//! The stream parser: datagrams or serial octets in, frames out.
+//! The stream parser: datagrams or serial bytes in, frames out.
 //!
-//! Promised: at most one frame's worth of octets is kept between calls; after noise, a bad checksum or
-//! a refused frame the search goes on one octet later, so that a good frame behind it is never lost.
+//! Promised: at most one frame's worth of bytes is kept between calls; after noise, a bad checksum or
+//! a refused frame the search goes on one byte later, so that a good frame behind it is never lost.
 
 use super::{FrameError, FrameView, MAX_FRAME, STX, STX_V1, Verdict, examine};
 
-/// Finds frames in a stream of octets.
+/// Finds frames in a stream of bytes.
 #[derive(Debug)]
 pub struct Parser {
     /// The start of a frame whose end has not come yet: `buf[start..end]`.
@@ -33,7 +33,7 @@ impl Parser {
     /// Takes a datagram, or what a serial port had. Drain the result: what is left of it when it is
     /// dropped is lost.
     ///
-    /// Octets that start with a whole good frame end a partial frame that is still kept, so that a
+    /// Bytes that start with a whole good frame end a partial frame that is still kept, so that a
     /// broken datagram cannot hold up the next ones.
     pub fn feed<'p, 'd>(&'p mut self, bytes: &'d [u8]) -> Frames<'p, 'd> {
         if self.pending() > 0 && matches!(examine(bytes), Verdict::Frame(_)) {
@@ -47,24 +47,24 @@ impl Parser {
         }
     }
 
-    /// Octets kept of a frame whose end has not come.
+    /// Bytes kept of a frame whose end has not come.
     #[must_use]
     pub fn pending(&self) -> usize {
         self.end - self.start
     }
 
-    /// Says that the kept octets will not be completed: the line was silent too long. Good frames
+    /// Says that the kept bytes will not be completed: the line was silent too long. Good frames
     /// inside them come out with the next [`feed`](Self::feed).
     pub fn expire_pending(&mut self) {
         self.expire = self.pending() > 0;
     }
 
-    /// Forgets the kept octets, counted as a truncated frame. For datagrams of someone whose frames
+    /// Forgets the kept bytes, counted as a truncated frame. For datagrams of someone whose frames
     /// are not to be joined with anything.
     pub fn discard_pending(&mut self) {
         if self.pending() > 0 {
             self.counts.truncated += 1;
-            self.counts.garbage_octets += self.pending() as u64;
+            self.counts.garbage_bytes += self.pending() as u64;
         }
         (self.start, self.end, self.expire) = (0, 0, false);
     }
@@ -93,7 +93,7 @@ pub struct Frames<'p, 'd> {
 }
 
 impl Frames<'_, '_> {
-    /// The next frame, or the next refusal; `None` when the octets are used up.
+    /// The next frame, or the next refusal; `None` when the bytes are used up.
     ///
     /// Not an `Iterator`: a frame borrows the parser until the next call.
     #[expect(clippy::should_implement_trait, reason = "the items borrow from self")]
@@ -107,8 +107,8 @@ impl Frames<'_, '_> {
                  len,
                  checked,
              }| {
-                let octets: &[u8] = if kept { &self.parser.buf } else { self.input };
-                FrameView::from_parts(&octets[start..start + len], checked)
+                let bytes: &[u8] = if kept { &self.parser.buf } else { self.input };
+                FrameView::from_parts(&bytes[start..start + len], checked)
             },
         ))
     }
@@ -184,7 +184,7 @@ impl Frames<'_, '_> {
         }
     }
 
-    /// The octets to search next: the kept ones first.
+    /// The bytes to search next: the kept ones first.
     fn rest(&self) -> &[u8] {
         if self.parser.pending() > 0 {
             &self.parser.buf[self.parser.start..self.parser.end]
@@ -193,23 +193,23 @@ impl Frames<'_, '_> {
         }
     }
 
-    fn pass_over(&mut self, octets: usize) {
-        self.parser.counts.garbage_octets += octets as u64;
-        self.skip(octets);
+    fn pass_over(&mut self, bytes: usize) {
+        self.parser.counts.garbage_bytes += bytes as u64;
+        self.skip(bytes);
     }
 
-    fn skip(&mut self, octets: usize) {
+    fn skip(&mut self, bytes: usize) {
         if self.parser.pending() > 0 {
-            self.parser.start += octets;
+            self.parser.start += bytes;
             if self.parser.pending() == 0 {
                 (self.parser.start, self.parser.end, self.parser.expire) = (0, 0, false);
             }
         } else {
-            self.at += octets;
+            self.at += bytes;
         }
     }
 
-    /// Appends as much of the input to the kept octets as fits.
+    /// Appends as much of the input to the kept bytes as fits.
     fn fill(&mut self) {
         let parser = &mut *self.parser;
         parser.buf.copy_within(parser.start..parser.end, 0);
@@ -257,8 +257,8 @@ pub struct FrameCounts {
     pub unknown_id: u64,
     /// Frames whose end never came.
     pub truncated: u64,
-    /// Octets outside any frame.
-    pub garbage_octets: u64,
+    /// Bytes outside any frame.
+    pub garbage_bytes: u64,
 }
 
 impl FrameCounts {
@@ -269,7 +269,7 @@ impl FrameCounts {
             FrameError::Mavlink1 { .. } => &mut self.mavlink1,
             FrameError::UnknownId { .. } => &mut self.unknown_id,
             FrameError::Truncated => &mut self.truncated,
-            FrameError::NoFrame => &mut self.garbage_octets,
+            FrameError::NoFrame => &mut self.garbage_bytes,
         } += 1;
     }
 }

@@ -2,7 +2,7 @@
 
 use super::peer::Endpoint;
 use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
-use crate::receiver::Talkers;
+use crate::receiver::AllowedStreams;
 
 /// Whether frames must be signed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub struct LinkConfig<A> {
     /// Messages accepted unsigned from the peer's address; RADIO_STATUS (109) by default.
     pub accept_unsigned: &'static [u32],
     /// The streams that are taken; by default every one of the vehicle's system.
-    pub only: Talkers,
+    pub only: AllowedStreams,
 }
 
 impl<A> LinkConfig<A> {
@@ -66,7 +66,7 @@ impl<A> LinkConfig<A> {
             endpoint,
             role: Role::GroundStation,
             accept_unsigned: &[RADIO_STATUS_ID],
-            only: Talkers::ANY,
+            only: AllowedStreams::ANY,
         }
     }
 

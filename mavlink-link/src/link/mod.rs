@@ -59,7 +59,7 @@ pub struct Link<A> {
     parser: Parser,
     /// For everybody else's datagrams, each on its own, so that nobody can hold up the peer's frames.
     strange: Parser,
-    octets_at: Duration,
+    bytes_at: Duration,
     core: Core<A>,
 }
 
@@ -144,7 +144,7 @@ impl<A: Copy + Eq> Link<A> {
             config,
             parser: Parser::new(),
             strange: Parser::new(),
-            octets_at: Duration::ZERO,
+            bytes_at: Duration::ZERO,
             core: Core {
                 config,
                 peer: PeerLock::new(config.endpoint),
@@ -240,7 +240,7 @@ impl<A: Copy + Eq> Link<A> {
             stats.mavlink1 += counts.mavlink1;
             stats.unknown_id += counts.unknown_id;
             stats.truncated += counts.truncated;
-            stats.garbage_octets += counts.garbage_octets;
+            stats.garbage_bytes += counts.garbage_bytes;
         }
         stats
     }

@@ -1,4 +1,4 @@
-//! From octets to deliveries.
+//! From bytes to deliveries.
 
 use core::time::Duration;
 
@@ -59,7 +59,7 @@ impl<A: Copy + Eq> Link<A> {
     ) {
         let core = &mut self.core;
         core.stats.datagrams += 1;
-        core.stats.octets += bytes.len() as u64;
+        core.stats.bytes += bytes.len() as u64;
         let is_peer = core.peer.peer() == Some(from);
         let parser = if is_peer {
             &mut self.parser
@@ -67,10 +67,10 @@ impl<A: Copy + Eq> Link<A> {
             &mut self.strange
         };
         if is_peer {
-            if now.mono.saturating_sub(self.octets_at) > PARTIAL_FRAME_LIFE {
+            if now.mono.saturating_sub(self.bytes_at) > PARTIAL_FRAME_LIFE {
                 parser.expire_pending();
             }
-            self.octets_at = now.mono;
+            self.bytes_at = now.mono;
         }
         let mut frames = parser.feed(bytes);
         while let Some(item) = frames.next() {
@@ -84,7 +84,7 @@ impl<A: Copy + Eq> Link<A> {
     }
 }
 
-/// Whether a frame's octets were vouched for by its signature.
+/// Whether a frame's bytes were vouched for by its signature.
 #[derive(PartialEq, Eq)]
 enum Trust {
     Verified,
@@ -168,7 +168,7 @@ impl<A: Copy + Eq> Core<A> {
     }
 
     fn refuse(&mut self, now: Now, from: A, frame: &FrameView<'_>, refusal: Refusal) -> Trust {
-        // Without CRC_EXTRA and without a good signature these are just octets.
+        // Without CRC_EXTRA and without a good signature these are just bytes.
         let verified = matches!(
             refusal,
             Refusal::UnexpectedLink

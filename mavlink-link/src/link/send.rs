@@ -18,7 +18,7 @@ use crate::signing::{SignError, Stamp, sign};
 pub struct Sent<A> {
     /// Where it must go.
     pub to: A,
-    /// Its octets in the buffer.
+    /// Its bytes in the buffer.
     pub len: usize,
     /// Its sequence number.
     pub seq: u8,
@@ -38,7 +38,7 @@ pub enum SendError {
     /// The signing clock gives no stamp.
     #[error(transparent)]
     Clock(#[from] ClockError),
-    /// The octets given are no payload.
+    /// The bytes given are no payload.
     #[error(transparent)]
     Encode(#[from] EncodeError),
     /// The frame has no room for its trailer.
@@ -47,7 +47,7 @@ pub enum SendError {
 }
 
 impl<A: Copy + Eq> Link<A> {
-    /// Writes a message to the peer into `out`. A retry must come here again: the same octets sent
+    /// Writes a message to the peer into `out`. A retry must come here again: the same bytes sent
     /// twice would be a replay.
     ///
     /// # Errors
@@ -177,7 +177,7 @@ impl<A: Copy + Eq> Core<A> {
         }
         self.seq = self.seq.wrapping_add(1);
         self.stats.sent += 1;
-        self.stats.sent_octets += len as u64;
+        self.stats.sent_bytes += len as u64;
         Ok(Sent {
             to,
             len,

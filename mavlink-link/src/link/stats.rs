@@ -19,8 +19,8 @@ macro_rules! counters {
 counters! {
     /// Datagrams, or reads of a serial port.
     datagrams,
-    /// Octets in them.
-    octets,
+    /// Bytes in them.
+    bytes,
     /// Frames with a right checksum.
     good_frames,
     /// Candidates with a wrong checksum.
@@ -33,8 +33,8 @@ counters! {
     unknown_id,
     /// Frames whose end never came.
     truncated,
-    /// Octets outside any frame.
-    garbage_octets,
+    /// Bytes outside any frame.
+    garbage_bytes,
     /// Frames with our own system id.
     reflected,
     /// Frames of another system than the vehicle.
@@ -77,8 +77,8 @@ counters! {
     events_lost,
     /// Frames sent.
     sent,
-    /// Octets of them.
-    sent_octets,
+    /// Bytes of them.
+    sent_bytes,
     /// Heartbeats among them.
     sent_heartbeats,
     /// Frames not sent because the signing clock gave no stamp.

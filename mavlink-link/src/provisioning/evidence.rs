@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use super::{Event, Handover, NewKey, Outcome, State, Under};
+use super::{Event, Handover, KeySlot, NewKey, Outcome, State};
 use crate::Now;
 use crate::clock::CeilingStore;
 use crate::dialect::{MavAutopilot, MavMessage, MavModeFlag};
@@ -15,7 +15,7 @@ enum Proof {
     New,
     /// With its stamp; `None` where the stamp was refused as too far ahead.
     Old(Option<Stamp>),
-    Stale(Under),
+    Stale(KeySlot),
     Unsigned,
     Foreign,
 }
@@ -41,9 +41,9 @@ impl<A: Copy + Eq> Handover<A> {
         from: A,
         bytes: &[u8],
         store: &mut dyn CeilingStore,
-        pass: &mut dyn FnMut(Under, &FrameView<'_>),
+        pass: &mut dyn FnMut(KeySlot, &FrameView<'_>),
     ) {
-        // Taken out while its frames are looked at; it is a few hundred octets.
+        // Taken out while its frames are looked at; it is a few hundred bytes.
         let mut parser = core::mem::take(&mut self.parser);
         let mut frames = parser.feed(bytes);
         while let Some(item) = frames.next() {
@@ -63,7 +63,7 @@ impl<A: Copy + Eq> Handover<A> {
         from: A,
         frame: &FrameView<'_>,
         store: &mut dyn CeilingStore,
-        pass: &mut dyn FnMut(Under, &FrameView<'_>),
+        pass: &mut dyn FnMut(KeySlot, &FrameView<'_>),
     ) {
         let header = frame.header();
         let link = &self.config.link;
@@ -77,8 +77,8 @@ impl<A: Copy + Eq> Handover<A> {
         if header.component_id != AUTOPILOT {
             // What hangs on the autopilot proves nothing of the autopilot's key.
             match self.prove(now, frame, store) {
-                Proof::New if self.state == State::Committed => pass(Under::New, frame),
-                Proof::Old(Some(_)) if self.state != State::Committed => pass(Under::Old, frame),
+                Proof::New if self.state == State::Committed => pass(KeySlot::New, frame),
+                Proof::Old(Some(_)) if self.state != State::Committed => pass(KeySlot::Old, frame),
                 _ => {}
             }
             return;
@@ -90,7 +90,7 @@ impl<A: Copy + Eq> Handover<A> {
                 self.seen.verified = Some(now.mono);
                 self.read(now.mono, message.as_ref());
                 self.commit(now);
-                pass(Under::New, frame);
+                pass(KeySlot::New, frame);
             }
             Proof::Old(stamp) => {
                 match stamp {
@@ -111,7 +111,7 @@ impl<A: Copy + Eq> Handover<A> {
                 }
                 self.read(now.mono, message.as_ref());
                 if stamp.is_some() && self.state != State::Committed {
-                    pass(Under::Old, frame);
+                    pass(KeySlot::Old, frame);
                 }
             }
             Proof::Stale(under) => {
@@ -137,7 +137,7 @@ impl<A: Copy + Eq> Handover<A> {
         if let NewKey::Offered(key) = &mut self.new {
             match key.receive(frame, expected, now, store) {
                 Ok(_) => return Proof::New,
-                Err(Refusal::Stale) => return Proof::Stale(Under::New),
+                Err(Refusal::Stale) => return Proof::Stale(KeySlot::New),
                 Err(_) => {}
             }
         }
@@ -147,7 +147,7 @@ impl<A: Copy + Eq> Handover<A> {
             .map(|key| key.receive(frame, expected, now, store))
         {
             Some(Ok(stamp)) => Proof::Old(Some(stamp)),
-            Some(Err(Refusal::Stale)) => Proof::Stale(Under::Old),
+            Some(Err(Refusal::Stale)) => Proof::Stale(KeySlot::Old),
             // A clock that a holder of the key has dragged ahead is what a new key mends.
             Some(Err(Refusal::Future)) => Proof::Old(None),
             _ => Proof::Foreign,

@@ -57,7 +57,7 @@ pub struct Handover<A> {
     new_next: bool,
     setup_due: bool,
     /// Where a frame came from that verified and was behind.
-    lift: Option<(Under, A)>,
+    lift: Option<(KeySlot, A)>,
     lifted_at: Option<Duration>,
     events: VecDeque<Event>,
     outcome: Option<Outcome>,
@@ -74,7 +74,7 @@ enum NewKey {
 
 /// Which key a frame goes or came under.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Under {
+pub enum KeySlot {
     /// The key in force so far.
     Old,
     /// The key that is handed over.
@@ -222,11 +222,11 @@ impl<A: Copy + Eq> Handover<A> {
 
     /// One of the two keys with its clock, lent to whoever verifies others by it meanwhile. There is none
     /// for a vehicle that did not sign, and no new one before it has been sent.
-    pub fn key_mut(&mut self, under: Under) -> Option<&mut KeyState> {
+    pub fn key_mut(&mut self, under: KeySlot) -> Option<&mut KeyState> {
         match (under, &mut self.new) {
-            (Under::Old, _) => self.old.as_mut(),
-            (Under::New, NewKey::Offered(new)) => Some(new),
-            (Under::New, NewKey::Staged(_)) => None,
+            (KeySlot::Old, _) => self.old.as_mut(),
+            (KeySlot::New, NewKey::Offered(new)) => Some(new),
+            (KeySlot::New, NewKey::Staged(_)) => None,
         }
     }
 

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use zeroize::Zeroizing;
 
-use super::{ASK_FAST_FOR, Handover, NewKey, State, Under};
+use super::{ASK_FAST_FOR, Handover, KeySlot, NewKey, State};
 use crate::Now;
 use crate::clock::{CeilingStore, ClockError, Origin};
 use crate::dialect::MavMessage;
@@ -17,7 +17,7 @@ use crate::signing::{Stamp, sign};
 pub struct Transmit<A> {
     /// Where it must go.
     pub to: A,
-    /// Its octets in the buffer.
+    /// Its bytes in the buffer.
     pub len: usize,
     /// It holds a key: never record it, and wipe the buffer once it is sent.
     pub secret: bool,
@@ -57,9 +57,9 @@ impl<A: Copy + Eq> Handover<A> {
         })
     }
 
-    /// Under which key one is due, and where to. A vehicle that has fallen back is lifted where it was heard: that
+    /// KeySlot which key one is due, and where to. A vehicle that has fallen back is lifted where it was heard: that
     /// proves nothing of the address, and it gets a heartbeat and nothing else.
-    fn next_heartbeat(&mut self, mono: Duration) -> Option<(Under, A)> {
+    fn next_heartbeat(&mut self, mono: Duration) -> Option<(KeySlot, A)> {
         let may_lift = self
             .lifted_at
             .is_none_or(|at| mono.saturating_sub(at) >= LIFT_EVERY);
@@ -79,14 +79,14 @@ impl<A: Copy + Eq> Handover<A> {
         };
         self.heartbeat_at = mono.saturating_add(every);
         let under = match self.state {
-            State::Committed => Under::New,
-            State::Staged | State::WaitDisarm | State::NotTaken if self.tries == 0 => Under::Old,
+            State::Committed => KeySlot::New,
+            State::Staged | State::WaitDisarm | State::NotTaken if self.tries == 0 => KeySlot::Old,
             _ => {
                 self.new_next = !self.new_next;
                 if self.new_next {
-                    Under::Old
+                    KeySlot::Old
                 } else {
-                    Under::New
+                    KeySlot::New
                 }
             }
         };
@@ -95,23 +95,23 @@ impl<A: Copy + Eq> Handover<A> {
 
     fn heartbeat(
         &mut self,
-        under: Under,
+        under: KeySlot,
         now: Now,
         store: &mut dyn CeilingStore,
         out: &mut [u8; MAX_FRAME],
     ) -> Result<usize, ClockError> {
         let under = match (under, &self.new) {
-            (Under::New, NewKey::Staged(_)) => Under::Old,
+            (KeySlot::New, NewKey::Staged(_)) => KeySlot::Old,
             (other, _) => other,
         };
-        let signed = under == Under::New || self.old.is_some();
+        let signed = under == KeySlot::New || self.old.is_some();
         let message = MavMessage::HEARTBEAT(self.config.link.heartbeat());
         let len = encode(&message, self.header(0, signed), out);
         if !signed {
             return Ok(len);
         }
         let stamp = self.take_stamp(under, now, store)?;
-        if under == Under::Old && (self.tries > 0 || self.state == State::Unknown) {
+        if under == KeySlot::Old && (self.tries > 0 || self.state == State::Unknown) {
             self.seen.mark.get_or_insert(stamp);
         }
         Ok(self.sign(under, stamp, out, len))
@@ -135,13 +135,13 @@ impl<A: Copy + Eq> Handover<A> {
         payload[10..].copy_from_slice(new.key().expose());
         let signed = self.old.is_some();
         let header = self.header(SETUP_SIGNING_ID, signed);
-        // The dialect knows the message and 42 octets fit, so this cannot fail.
+        // The dialect knows the message and 42 bytes fit, so this cannot fail.
         let len = encode_raw(header, &*payload, out).map_err(|_| ClockError::Ceiling)?;
         if !signed {
             return Ok(len);
         }
-        let stamp = self.take_stamp(Under::Old, now, store)?;
-        Ok(self.sign(Under::Old, stamp, out, len))
+        let stamp = self.take_stamp(KeySlot::Old, now, store)?;
+        Ok(self.sign(KeySlot::Old, stamp, out, len))
     }
 
     /// Starts the new key's clock, and gives its first stamp: above every one seen or sent, and stored
@@ -180,7 +180,7 @@ impl<A: Copy + Eq> Handover<A> {
     /// A stamp for one key that the other can never use again: the vehicle has one table for both.
     fn take_stamp(
         &mut self,
-        under: Under,
+        under: KeySlot,
         now: Now,
         store: &mut dyn CeilingStore,
     ) -> Result<Stamp, ClockError> {
@@ -189,8 +189,8 @@ impl<A: Copy + Eq> Handover<A> {
             NewKey::Staged(_) => None,
         };
         let (mine, other) = match under {
-            Under::Old => (self.old.as_mut(), new),
-            Under::New => (new, self.old.as_mut()),
+            KeySlot::Old => (self.old.as_mut(), new),
+            KeySlot::New => (new, self.old.as_mut()),
         };
         let mine = mine.ok_or(ClockError::Ceiling)?;
         let stamp = mine.take_stamp(now, store)?;
@@ -200,9 +200,9 @@ impl<A: Copy + Eq> Handover<A> {
         Ok(stamp)
     }
 
-    fn sign(&self, under: Under, stamp: Stamp, out: &mut [u8; MAX_FRAME], len: usize) -> usize {
+    fn sign(&self, under: KeySlot, stamp: Stamp, out: &mut [u8; MAX_FRAME], len: usize) -> usize {
         let state = match (under, &self.new) {
-            (Under::New, NewKey::Offered(new)) => Some(&**new),
+            (KeySlot::New, NewKey::Offered(new)) => Some(&**new),
             _ => self.old.as_ref(),
         };
         // Marked as signed when it was encoded, and far shorter than the longest frame.

@@ -1,4 +1,4 @@
-//! Whole texts from STATUSTEXT (253), whose long ones come in chunks of 50 octets.
+//! Whole texts from STATUSTEXT (253), whose long ones come in chunks of 50 bytes.
 //!
 //! PX4 ends a text with a tabulator when it also sends it as EVENT (410), for ground stations
 //! that decode events. Without the vehicle's event metadata the text is all there is, so that
@@ -18,7 +18,7 @@ pub struct Text {
     pub from: Node,
     /// STATUSTEXT.severity
     pub severity: MavSeverity,
-    /// The words, with `…` where a chunk is missing. Octets that are no UTF-8 are replaced.
+    /// The words, with `…` where a chunk is missing. Bytes that are no UTF-8 are replaced.
     pub text: String,
     /// No chunk is missing.
     pub complete: bool,
@@ -133,12 +133,12 @@ impl Texts {
         if partial.chunks.len() <= seq {
             partial.chunks.resize(seq + 1, None);
         }
-        let octets = chunk(data);
+        let bytes = chunk(data);
         // A NUL ends the text, and with it the chunks.
-        if octets.len() < data.text.len() {
+        if bytes.len() < data.text.len() {
             partial.total = Some(seq + 1);
         }
-        partial.chunks[seq] = Some(octets);
+        partial.chunks[seq] = Some(bytes);
         if partial.is_whole() {
             self.give_out(now, place);
         }
@@ -213,19 +213,19 @@ fn chunk(data: &STATUSTEXT_DATA) -> Vec<u8> {
 
 /// The chunks as a text; `ended` when the last one is among them.
 fn words(chunks: &[Option<Vec<u8>>], ended: bool) -> String {
-    let mut octets = Vec::new();
+    let mut bytes = Vec::new();
     let mut gap = false;
     for chunk in chunks {
         match chunk {
-            Some(chunk) => octets.extend_from_slice(chunk),
+            Some(chunk) => bytes.extend_from_slice(chunk),
             // One mark for a gap, however wide.
-            None if !gap => octets.extend_from_slice("…".as_bytes()),
+            None if !gap => bytes.extend_from_slice("…".as_bytes()),
             None => {}
         }
         gap = chunk.is_none();
     }
     if !ended {
-        octets.extend_from_slice("…".as_bytes());
+        bytes.extend_from_slice("…".as_bytes());
     }
-    String::from_utf8_lossy(&octets).into_owned()
+    String::from_utf8_lossy(&bytes).into_owned()
 }

@@ -1,6 +1,6 @@
 //! The keyed hash of a frame, in one pass over one buffer.
 //!
-//! A frame is short and whole, so key, octets and padding are laid out as SHA-256 blocks at once: that
+//! A frame is short and whole, so key, bytes and padding are laid out as SHA-256 blocks at once: that
 //! is faster than a streaming hasher, and leaves one copy of the key to wipe.
 
 use sha2::block_api::compress256;
@@ -9,16 +9,16 @@ use zeroize::Zeroize as _;
 use super::SigningKey;
 use crate::frame::{MAX_FRAME, TAG_LEN};
 
-/// The first 6 octets of SHA-256(key ‖ octets); `octets` are a frame's, up to its stamp.
-pub(super) fn tag(key: &SigningKey, octets: &[u8]) -> [u8; TAG_LEN] {
-    let octets = &octets[..octets.len().min(MAX_OCTETS)];
-    let end = KEY_LEN + octets.len();
+/// The first 6 bytes of SHA-256(key ‖ bytes); `bytes` are a frame's, up to its stamp.
+pub(super) fn tag(key: &SigningKey, bytes: &[u8]) -> [u8; TAG_LEN] {
+    let bytes = &bytes[..bytes.len().min(MAX_BYTES)];
+    let end = KEY_LEN + bytes.len();
     let count = (end + 1 + LENGTH_LEN).div_ceil(BLOCK_LEN);
 
     let mut blocks = [[0; BLOCK_LEN]; MAX_BLOCKS];
     let flat = blocks.as_flattened_mut();
     flat[..KEY_LEN].copy_from_slice(key.expose());
-    flat[KEY_LEN..end].copy_from_slice(octets);
+    flat[KEY_LEN..end].copy_from_slice(bytes);
     flat[end] = 0x80;
     let bits = (end as u64 * 8).to_be_bytes();
     flat[count * BLOCK_LEN - LENGTH_LEN..count * BLOCK_LEN].copy_from_slice(&bits);
@@ -33,11 +33,11 @@ pub(super) fn tag(key: &SigningKey, octets: &[u8]) -> [u8; TAG_LEN] {
 }
 
 const KEY_LEN: usize = 32;
-const MAX_OCTETS: usize = MAX_FRAME - TAG_LEN;
+const MAX_BYTES: usize = MAX_FRAME - TAG_LEN;
 const BLOCK_LEN: usize = 64;
 /// SHA-256 closes with the message's length in bits.
 const LENGTH_LEN: usize = 8;
-const MAX_BLOCKS: usize = (KEY_LEN + MAX_OCTETS + 1 + LENGTH_LEN).div_ceil(BLOCK_LEN);
+const MAX_BLOCKS: usize = (KEY_LEN + MAX_BYTES + 1 + LENGTH_LEN).div_ceil(BLOCK_LEN);
 /// The initial state of SHA-256 (FIPS 180-4, 5.3.3).
 const INITIAL: [u32; 8] = [
     0x6a09_e667,
@@ -58,13 +58,13 @@ mod tests {
     #[test]
     fn it_is_sha_256_at_every_length() {
         let key = SigningKey::new_allowing_zero(core::array::from_fn(|i| i as u8 * 7));
-        let octets: [u8; MAX_OCTETS] = core::array::from_fn(|i| i as u8 ^ 0x5a);
-        for len in 0..=MAX_OCTETS {
+        let bytes: [u8; MAX_BYTES] = core::array::from_fn(|i| i as u8 ^ 0x5a);
+        for len in 0..=MAX_BYTES {
             let digest = Sha256::new()
                 .chain_update(key.expose())
-                .chain_update(&octets[..len]);
+                .chain_update(&bytes[..len]);
             assert_eq!(
-                tag(&key, &octets[..len]),
+                tag(&key, &bytes[..len]),
                 digest.finalize()[..TAG_LEN],
                 "{len}"
             );

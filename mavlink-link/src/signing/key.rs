@@ -8,7 +8,7 @@ use subtle::ConstantTimeEq as _;
 use thiserror::Error;
 use zeroize::{Zeroize, ZeroizeOnDrop};
 
-/// The 32 octets that both ends of a link share.
+/// The 32 bytes that both ends of a link share.
 ///
 /// Neither `Clone` nor `PartialEq`, so that copies and comparisons are seen where they happen; `Debug`
 /// shows nothing of it.
@@ -26,12 +26,12 @@ use zeroize::{Zeroize, ZeroizeOnDrop};
 pub struct SigningKey([u8; 32]);
 
 impl SigningKey {
-    /// A key of these octets.
+    /// A key of these bytes.
     ///
     /// # Errors
-    /// All octets are zero: anyone could sign.
-    pub fn new(octets: [u8; 32]) -> Result<Self, KeyError> {
-        let key = Self(octets);
+    /// All bytes are zero: anyone could sign.
+    pub fn new(bytes: [u8; 32]) -> Result<Self, KeyError> {
+        let key = Self(bytes);
         if bool::from(key.0.ct_eq(&[0; 32])) {
             Err(KeyError::AllZero)
         } else {
@@ -39,10 +39,10 @@ impl SigningKey {
         }
     }
 
-    /// A key of any octets, all-zero too: PX4 takes such a key, so a model of it needs one.
+    /// A key of any bytes, all-zero too: PX4 takes such a key, so a model of it needs one.
     #[must_use]
-    pub fn new_allowing_zero(octets: [u8; 32]) -> Self {
-        Self(octets)
+    pub fn new_allowing_zero(bytes: [u8; 32]) -> Self {
+        Self(bytes)
     }
 
     /// A key written as 64 hexadecimal digits; white space around them is passed over.
@@ -64,8 +64,8 @@ impl SigningKey {
                     });
                 }
             };
-            if let Some(octet) = key.0.get_mut(at / 2) {
-                *octet = *octet << 4 | value;
+            if let Some(byte) = key.0.get_mut(at / 2) {
+                *byte = *byte << 4 | value;
             }
         }
         if digits.len() != 64 {
@@ -80,7 +80,7 @@ impl SigningKey {
         }
     }
 
-    /// The public name of the key: the first 8 octets of HMAC-SHA256(key, "vsm/1 key id").
+    /// The public name of the key: the first 8 bytes of HMAC-SHA256(key, "vsm/1 key id").
     #[must_use]
     pub fn id(&self) -> KeyId {
         // A MAC takes a key of any length, so this cannot fail; the id of no key would be zero.
@@ -104,7 +104,7 @@ impl SigningKey {
         Self(self.0)
     }
 
-    /// The octets themselves, for the hash, a key file or SETUP_SIGNING. Keep no copy.
+    /// The bytes themselves, for the hash, a key file or SETUP_SIGNING. Keep no copy.
     #[must_use]
     pub fn expose(&self) -> &[u8; 32] {
         &self.0
@@ -124,24 +124,24 @@ pub struct KeyId([u8; 8]);
 impl KeyId {
     /// An id as it was stored or told.
     #[must_use]
-    pub const fn from_octets(octets: [u8; 8]) -> Self {
-        Self(octets)
+    pub const fn from_bytes(bytes: [u8; 8]) -> Self {
+        Self(bytes)
     }
 
-    /// The id's octets.
+    /// The id's bytes.
     #[must_use]
-    pub const fn octets(&self) -> &[u8; 8] {
+    pub const fn bytes(&self) -> &[u8; 8] {
         &self.0
     }
 }
 
 impl fmt::Display for KeyId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|octet| write!(f, "{octet:02x}"))
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
     }
 }
 
-/// Why a text or octets are no key. Never shows any of them.
+/// Why a text or bytes are no key. Never shows any of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum KeyError {
     /// Not 64 digits.
@@ -153,11 +153,11 @@ pub enum KeyError {
     /// Something else than a hexadecimal digit.
     #[error("no hexadecimal digit at offset {offset}")]
     Digit {
-        /// Offset in octets from the start of the text.
+        /// Offset in bytes from the start of the text.
         offset: usize,
     },
     /// The all-zero key, which everyone knows.
-    #[error("the key is all zero, expected 32 random octets")]
+    #[error("the key is all zero, expected 32 random bytes")]
     AllZero,
 }
 

@@ -1,6 +1,6 @@
 //! Signing and verifying frames, usable alone.
 //!
-//! The signature is a keyed hash: the first 6 octets of SHA-256 over key, header, payload, checksum,
+//! The signature is a keyed hash: the first 6 bytes of SHA-256 over key, header, payload, checksum,
 //! link id and stamp. It is not an HMAC. Which stamps are to be sent or accepted is not decided here
 //! but in [`crate::clock`] and [`crate::receiver`].
 
@@ -41,7 +41,7 @@ pub fn sign(
         return Err(SignError::NotMarked);
     }
     out[len] = link_id;
-    out[len + 1..end - TAG_LEN].copy_from_slice(&stamp.to_le_octets());
+    out[len + 1..end - TAG_LEN].copy_from_slice(&stamp.to_le_bytes());
     let tag = tag(key, &out[..end - TAG_LEN]);
     out[end - TAG_LEN..end].copy_from_slice(&tag);
     Ok(end)
@@ -52,10 +52,10 @@ pub fn sign(
 /// # Errors
 /// There is no signature, or it is not that of the key.
 pub fn verify(key: &SigningKey, frame: &FrameView<'_>) -> Result<(), VerifyError> {
-    let (Some(signature), Some(octets)) = (frame.signature(), frame.signed_octets()) else {
+    let (Some(signature), Some(bytes)) = (frame.signature(), frame.signed_bytes()) else {
         return Err(VerifyError::Unsigned);
     };
-    if bool::from(tag(key, octets).ct_eq(&signature.tag)) {
+    if bool::from(tag(key, bytes).ct_eq(&signature.tag)) {
         Ok(())
     } else {
         Err(VerifyError::BadSignature)
@@ -65,8 +65,8 @@ pub fn verify(key: &SigningKey, frame: &FrameView<'_>) -> Result<(), VerifyError
 /// Why a frame cannot be signed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum SignError {
-    /// The octets are no frame with room for a trailer.
-    #[error("{len} octets are no unsigned frame with room for a trailer")]
+    /// The bytes are no frame with room for a trailer.
+    #[error("{len} bytes are no unsigned frame with room for a trailer")]
     NoFrame {
         /// Length given.
         len: usize,

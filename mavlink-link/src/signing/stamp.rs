@@ -67,17 +67,17 @@ impl Stamp {
         Duration::from_micros(self.0.saturating_sub(earlier.0) * UNIT_US)
     }
 
-    /// As in the trailer: 6 octets, little-endian.
+    /// As in the trailer: 6 bytes, little-endian.
     #[must_use]
-    pub const fn to_le_octets(self) -> [u8; 6] {
+    pub const fn to_le_bytes(self) -> [u8; 6] {
         let [a, b, c, d, e, f, _, _] = self.0.to_le_bytes();
         [a, b, c, d, e, f]
     }
 
-    /// From the trailer: 6 octets, little-endian.
+    /// From the trailer: 6 bytes, little-endian.
     #[must_use]
-    pub const fn from_le_octets(octets: [u8; 6]) -> Self {
-        let [a, b, c, d, e, f] = octets;
+    pub const fn from_le_bytes(bytes: [u8; 6]) -> Self {
+        let [a, b, c, d, e, f] = bytes;
         Self(u64::from_le_bytes([a, b, c, d, e, f, 0, 0]))
     }
 }
@@ -108,8 +108,8 @@ mod tests {
     #[test]
     fn the_wire_form_is_little_endian() {
         let stamp = Stamp::new(0x0605_0403_0201);
-        assert_eq!(stamp.to_le_octets(), [1, 2, 3, 4, 5, 6]);
-        assert_eq!(Stamp::from_le_octets([1, 2, 3, 4, 5, 6]), stamp);
+        assert_eq!(stamp.to_le_bytes(), [1, 2, 3, 4, 5, 6]);
+        assert_eq!(Stamp::from_le_bytes([1, 2, 3, 4, 5, 6]), stamp);
         assert_eq!(Stamp::MAX.next(), None);
         assert_eq!(Stamp::new(u64::MAX), Stamp::MAX);
     }

@@ -2,7 +2,7 @@
 //
 //   harness verify KEY STAMP < frames.hex     one verdict a line: "accepted ID" or "refused STATUS"
 //   harness sign KEY STAMP COUNT              one signed frame a line, in hex: ATTITUDE and FTP in turn
-//   harness bench                             medians in ns: receive and send, for 40 and 266 octets
+//   harness bench                             medians in ns: receive and send, for 40 and 266 bytes
 //
 // STAMP is the library's own clock, in 10 us since 2015. An empty line of input is a new receiver.
 #include <inttypes.h>
@@ -33,9 +33,9 @@ static void start(const uint8_t key[32], uint64_t stamp)
 static size_t from_hex(const char *hex, uint8_t *out, size_t most)
 {
 	size_t n = 0;
-	unsigned octet;
-	while (n < most && sscanf(hex + 2 * n, "%2x", &octet) == 1) {
-		out[n++] = (uint8_t)octet;
+	unsigned byte;
+	while (n < most && sscanf(hex + 2 * n, "%2x", &byte) == 1) {
+		out[n++] = (uint8_t)byte;
 	}
 	return n;
 }
@@ -147,8 +147,8 @@ int main(int argc, char **argv)
 	}
 	static char line[2048];
 	while (fgets(line, sizeof(line), stdin)) {
-		uint8_t octets[600];
-		size_t len = from_hex(line, octets, sizeof(octets));
+		uint8_t bytes[600];
+		size_t len = from_hex(line, bytes, sizeof(bytes));
 		if (len == 0) {
 			start(key, stamp);
 			continue;
@@ -157,7 +157,7 @@ int main(int argc, char **argv)
 		mavlink_status_t status;
 		int result = MAVLINK_FRAMING_INCOMPLETE;
 		for (size_t i = 0; i < len; i++) {
-			uint8_t r = mavlink_frame_char(MAVLINK_COMM_0, octets[i], &msg, &status);
+			uint8_t r = mavlink_frame_char(MAVLINK_COMM_0, bytes[i], &msg, &status);
 			if (r != MAVLINK_FRAMING_INCOMPLETE) {
 				result = r;
 			}

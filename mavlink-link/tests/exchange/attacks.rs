@@ -64,7 +64,7 @@ fn message(parcel: &Parcel) -> Message {
 fn attacker(seed: u64, parties: Parties, trust: Trust) -> Initiator {
     let config = InitiatorConfig {
         parties,
-        identity: Identity::new(Dice::new(seed).octets()),
+        identity: Identity::new(Dice::new(seed).bytes()),
         trust,
         wanted: WANTED,
     };
@@ -197,7 +197,7 @@ fn a_guessed_pairing_code_is_counted_and_the_honest_one_still_works() {
 }
 
 #[test]
-fn every_octet_of_every_message_bent_changes_nothing_and_the_true_one_still_does() {
+fn every_byte_of_every_message_bent_changes_nothing_and_the_true_one_still_does() {
     for begin in [World::paired, World::pairing] {
         let mut world = begin(24);
         for step in 0..4 {
@@ -222,7 +222,7 @@ fn every_octet_of_every_message_bent_changes_nothing_and_the_true_one_still_does
                     }
                     _ => world.ground_hears(AIR, &bent),
                 }
-                assert_eq!(picture(&world), before, "octet {at} of step {}", step + 1);
+                assert_eq!(picture(&world), before, "byte {at} of step {}", step + 1);
                 assert_eq!(agreed(&world), count);
             }
             // What the bent ones were answered with is not the exchange's.
@@ -347,12 +347,12 @@ fn an_all_zero_point_is_refused_by_either_end() {
             .unwrap()
             .build_initiator()
             .unwrap();
-        let mut octets = [0; 128];
-        let len = noise.write_message(&[], &mut octets).unwrap();
+        let mut bytes = [0; 128];
+        let len = noise.write_message(&[], &mut bytes).unwrap();
         let mut offer = honest.clone();
         offer.session = session;
-        offer.public_key.copy_from_slice(&octets[..32]);
-        offer.data = mavlink_link::exchange::Data::new(&octets[32..len]).unwrap();
+        offer.public_key.copy_from_slice(&bytes[..32]);
+        offer.data = mavlink_link::exchange::Data::new(&bytes[32..len]).unwrap();
         let before = world.tape.len();
         world.air_hears(42, GROUND, false, &offer.to_payload());
         let down = world.tape[before..].iter();

@@ -1,4 +1,4 @@
-//! What an exchange costs: octets and messages on the wire, and time, over a network with 20 ms each way that loses some;
+//! What an exchange costs: bytes and messages on the wire, and time, over a network with 20 ms each way that loses some;
 //! and the work of either end. Figures with
 //! `cargo test -p mavlink-link --test exchange cost -- --nocapture --test-threads 1`.
 
@@ -11,7 +11,7 @@ use crate::world::{Weather, World, ms};
 struct Cost {
     times: Vec<Duration>,
     messages: usize,
-    octets: usize,
+    bytes: usize,
     /// Work on the ground and in the air.
     worked: [Duration; 2],
 }
@@ -21,7 +21,7 @@ fn cost(begin: fn(u64) -> World, loss: u64, runs: u64) -> Cost {
     let mut cost = Cost {
         times: Vec::new(),
         messages: 0,
-        octets: 0,
+        bytes: 0,
         worked: [Duration::ZERO; 2],
     };
     for seed in 0..runs {
@@ -40,7 +40,7 @@ fn cost(begin: fn(u64) -> World, loss: u64, runs: u64) -> Cost {
         }
         cost.times.push(world.now - begun);
         cost.messages += world.sent;
-        cost.octets += world.octets;
+        cost.bytes += world.bytes;
         for (sum, worked) in cost.worked.iter_mut().zip(world.worked) {
             *sum += worked;
         }
@@ -69,13 +69,13 @@ fn an_exchange_takes_two_round_trips_outlives_a_third_of_loss_and_is_millisecond
             let at = |percent: usize| cost.times[(cost.times.len() - 1) * percent / 100];
             let work = cost.worked.map(|sum| sum.as_secs_f64() * 1e3 / RUNS as f64);
             println!(
-                "{name}, {loss} % lost: {:.2} s median, {:.2} s at 95 %, {:.2} s worst; {:.1} messages, {:.0} octets; \
+                "{name}, {loss} % lost: {:.2} s median, {:.2} s at 95 %, {:.2} s worst; {:.1} messages, {:.0} bytes; \
                  work {:.1} ms on the ground, {:.1} ms in the air",
                 at(50).as_secs_f64(),
                 at(95).as_secs_f64(),
                 at(100).as_secs_f64(),
                 cost.messages as f64 / RUNS as f64,
-                cost.octets as f64 / RUNS as f64,
+                cost.bytes as f64 / RUNS as f64,
                 work[0],
                 work[1],
             );

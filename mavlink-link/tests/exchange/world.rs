@@ -33,7 +33,7 @@ pub(crate) const fn ms(ms: u64) -> Duration {
     Duration::from_millis(ms)
 }
 
-/// Random octets that a test can have again.
+/// Random bytes that a test can have again.
 #[derive(Debug, Clone)]
 pub(crate) struct Dice(u64);
 
@@ -57,7 +57,7 @@ impl Dice {
         self.below(100) < percent
     }
 
-    pub(crate) fn octets(&mut self) -> [u8; 32] {
+    pub(crate) fn bytes(&mut self) -> [u8; 32] {
         core::array::from_fn(|_| self.roll() as u8)
     }
 
@@ -65,7 +65,7 @@ impl Dice {
         &mut self,
     ) -> impl FnMut(&mut [u8]) -> Result<(), mavlink_link::exchange::NoRandom> {
         |out: &mut [u8]| {
-            out.iter_mut().for_each(|octet| *octet = self.roll() as u8);
+            out.iter_mut().for_each(|byte| *byte = self.roll() as u8);
             Ok(())
         }
     }
@@ -114,8 +114,8 @@ pub(crate) struct World {
     pub(crate) air_events: Vec<ResponderEvent>,
     /// Messages of the exchange sent so far.
     pub(crate) sent: usize,
-    /// Octets of the exchange on the wire, frames unsigned.
-    pub(crate) octets: usize,
+    /// Bytes of the exchange on the wire, frames unsigned.
+    pub(crate) bytes: usize,
     /// Real time spent in the machine on the ground and in that in the air, on this computer.
     pub(crate) worked: [Duration; 2],
     pub(crate) treatments: BTreeMap<usize, Treatment>,
@@ -139,7 +139,7 @@ impl World {
     /// Both paired and flying under one key.
     pub(crate) fn paired(seed: u64) -> Self {
         let mut world = Self::strangers(seed);
-        let key = world.dice.octets();
+        let key = world.dice.bytes();
         world.ground_disk.current = Some(key);
         world.air_disk.current = Some(key);
         world.autopilot = Some(key);
@@ -166,7 +166,7 @@ impl World {
 
     pub(crate) fn strangers(seed: u64) -> Self {
         let mut dice = Dice::new(seed);
-        let identities = (Identity::new(dice.octets()), Identity::new(dice.octets()));
+        let identities = (Identity::new(dice.bytes()), Identity::new(dice.bytes()));
         let code = PairingCode::generate(&mut dice.fill()).unwrap();
         Self {
             now: Duration::from_secs(1),
@@ -182,7 +182,7 @@ impl World {
             events: Vec::new(),
             air_events: Vec::new(),
             sent: 0,
-            octets: 0,
+            bytes: 0,
             worked: [Duration::ZERO; 2],
             treatments: BTreeMap::new(),
             weather: Weather::default(),
@@ -517,7 +517,7 @@ impl World {
     pub(crate) fn post(&mut self, parcel: Parcel) {
         let mut arrivals = vec![ms(20)];
         if let Parcel::Up(payload) | Parcel::Down(payload) = &parcel {
-            self.octets += payload.len() + 12;
+            self.bytes += payload.len() + 12;
             match self.treatments.get(&self.sent) {
                 Some(Treatment::Lose) => arrivals.clear(),
                 Some(Treatment::Double) => arrivals.push(ms(25)),
@@ -576,7 +576,7 @@ impl World {
 pub(crate) fn wire(payload: &[u8]) -> Vec<u8> {
     let used = payload
         .iter()
-        .rposition(|&octet| octet != 0)
+        .rposition(|&byte| byte != 0)
         .map_or(1, |at| at + 1);
     payload[..used].to_vec()
 }

@@ -19,10 +19,10 @@ pub(crate) fn read(name: &str) -> Vec<Datagram> {
         .join("../tests/data/captures")
         .join(format!("{name}.mvr.gz"));
     let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let mut octets = Vec::new();
-    GzDecoder::new(file).read_to_end(&mut octets).unwrap();
+    let mut bytes = Vec::new();
+    GzDecoder::new(file).read_to_end(&mut bytes).unwrap();
 
-    let mut rest = &octets[..];
+    let mut rest = &bytes[..];
     let mut datagrams = Vec::new();
     while let [direction, header @ ..] = rest {
         let (len, body) = header[8..].split_at(2);

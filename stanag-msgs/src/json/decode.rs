@@ -1,4 +1,4 @@
-//! From octets to JSON.
+//! From bytes to JSON.
 
 use serde_json::{Map, Value, json};
 
@@ -6,18 +6,18 @@ use super::number::{f32_value, f64_value};
 use crate::codec::DecodeError;
 use crate::enums::{EnumInfo, EnumKind};
 use crate::table::{self, FieldInfo, MessageInfo, Wire};
-use crate::wrapper::{Frame, HEADER_OCTETS, frames};
+use crate::wrapper::{Frame, HEADER_BYTES, frames};
 
 /// The messages of a datagram in hexadecimal, one object each; an object with `error` and
-/// `offset` for what is none. The offset counts octets of the datagram, or characters of the
+/// `offset` for what is none. The offset counts bytes of the datagram, or characters of the
 /// line where that is not hexadecimal. A blank line has no messages.
 pub fn decode_line(hex: &str, raw: bool) -> Vec<Value> {
     let line = hex.trim();
     if line.is_empty() {
         return Vec::new();
     }
-    let datagram = match octets(line) {
-        Ok(octets) => octets,
+    let datagram = match bytes(line) {
+        Ok(bytes) => bytes,
         Err((text, offset)) => return vec![error(text, offset)],
     };
     let mut values = Vec::new();
@@ -28,7 +28,7 @@ pub fn decode_line(hex: &str, raw: bool) -> Vec<Value> {
             None => return values,
             Some(Err(fault)) => error(fault, fault.offset()),
             Some(Ok(message)) => frame(&message, raw).unwrap_or_else(|fault| {
-                let mut value = error(fault, start + HEADER_OCTETS + fault.offset());
+                let mut value = error(fault, start + HEADER_BYTES + fault.offset());
                 value["id"] = message.header.message_type.into();
                 value
             }),
@@ -62,26 +62,26 @@ pub fn fields(
 ) -> Result<Map<String, Value>, DecodeError> {
     table::walk(message, data)
         .map(|outcome| {
-            let (field, octets) = outcome?;
-            Ok((field.name.to_owned(), value(field, octets, raw)))
+            let (field, bytes) = outcome?;
+            Ok((field.name.to_owned(), value(field, bytes, raw)))
         })
         .collect()
 }
 
-fn value(field: &FieldInfo, octets: &[u8], raw: bool) -> Value {
+fn value(field: &FieldInfo, bytes: &[u8], raw: bool) -> Value {
     match field.wire {
-        Wire::F32 => octets
+        Wire::F32 => bytes
             .try_into()
-            .map_or(Value::Null, |octets| f32_value(f32::from_be_bytes(octets))),
-        Wire::F64 => octets
+            .map_or(Value::Null, |bytes| f32_value(f32::from_be_bytes(bytes))),
+        Wire::F64 => bytes
             .try_into()
-            .map_or(Value::Null, |octets| f64_value(f64::from_be_bytes(octets))),
+            .map_or(Value::Null, |bytes| f64_value(f64::from_be_bytes(bytes))),
         Wire::Char(_) => {
-            let text = octets.iter().take_while(|&&octet| octet != 0);
-            Value::from(text.map(|&octet| character(octet, raw)).collect::<String>())
+            let text = bytes.iter().take_while(|&&byte| byte != 0);
+            Value::from(text.map(|&byte| character(byte, raw)).collect::<String>())
         }
         _ => {
-            let number = integer(octets, field.wire);
+            let number = integer(bytes, field.wire);
             match field.enumeration {
                 _ if raw => Value::from(number),
                 Some(info) if info.kind == EnumKind::Bitmap => bits(info, number),
@@ -95,18 +95,18 @@ fn value(field: &FieldInfo, octets: &[u8], raw: bool) -> Value {
     }
 }
 
-fn character(octet: u8, raw: bool) -> char {
-    if raw || octet.is_ascii() {
-        char::from(octet)
+fn character(byte: u8, raw: bool) -> char {
+    if raw || byte.is_ascii() {
+        char::from(byte)
     } else {
         '?'
     }
 }
 
-fn integer(octets: &[u8], wire: Wire) -> i64 {
-    let number = octets
+fn integer(bytes: &[u8], wire: Wire) -> i64 {
+    let number = bytes
         .iter()
-        .fold(0, |number: i64, &octet| number << 8 | i64::from(octet));
+        .fold(0, |number: i64, &byte| number << 8 | i64::from(byte));
     match wire.integers() {
         Some((_, high)) if number > high => number - 2 * (high + 1),
         _ => number,
@@ -124,8 +124,8 @@ pub(super) fn error(text: impl ToString, offset: usize) -> Value {
     json!({ "error": text.to_string(), "offset": offset })
 }
 
-/// The octets of a text in hexadecimal, or what is wrong with it and at which character.
-fn octets(line: &str) -> Result<Vec<u8>, (String, usize)> {
+/// The bytes of a text in hexadecimal, or what is wrong with it and at which character.
+fn bytes(line: &str) -> Result<Vec<u8>, (String, usize)> {
     let digit = |(offset, character): (usize, char)| match character.to_digit(16) {
         Some(digit) => Ok(digit as u8),
         None => Err((

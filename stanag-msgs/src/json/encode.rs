@@ -1,4 +1,4 @@
-//! From JSON to octets.
+//! From JSON to bytes.
 
 use serde_json::{Map, Value, json};
 
@@ -68,7 +68,7 @@ pub fn encode_line(json: &str, raw: bool) -> Result<String, JsonError> {
     })?;
     Ok(out[..length]
         .iter()
-        .map(|octet| format!("{octet:02x}"))
+        .map(|byte| format!("{byte:02x}"))
         .collect())
 }
 
@@ -209,30 +209,30 @@ fn data(
         });
     }
     let mut presence = 0u64;
-    let mut octets = vec![0; message.presence_octets.into()];
+    let mut bytes = vec![0; message.presence_bytes.into()];
     for field in message.fields {
         let Some(value) = values.get(field.name) else {
             continue;
         };
         presence |= 1 << field.bit;
         match field.wire {
-            Wire::F32 => octets.extend(float(field, value, raw, f32_of)?.to_be_bytes()),
-            Wire::F64 => octets.extend(float(field, value, raw, f64_of)?.to_be_bytes()),
-            Wire::Char(length) => octets.extend(text(field, value, length.into(), raw)?),
-            Wire::UnsizedText | Wire::UnsizedOctets => {
+            Wire::F32 => bytes.extend(float(field, value, raw, f32_of)?.to_be_bytes()),
+            Wire::F64 => bytes.extend(float(field, value, raw, f64_of)?.to_be_bytes()),
+            Wire::Char(length) => bytes.extend(text(field, value, length.into(), raw)?),
+            Wire::UnsizedText | Wire::UnsizedBytes => {
                 let (message_type, bit) = (message.id, field.bit);
                 return Err(EncodeError::UnknownLength { message_type, bit }.into());
             }
             _ => {
                 let number = number(field, value, raw)?;
-                let width = field.wire.octets().unwrap_or_default();
-                octets.extend(&number.to_be_bytes()[8 - width..]);
+                let width = field.wire.bytes().unwrap_or_default();
+                bytes.extend(&number.to_be_bytes()[8 - width..]);
             }
         }
     }
-    let start = 8 - usize::from(message.presence_octets);
-    octets[..message.presence_octets.into()].copy_from_slice(&presence.to_be_bytes()[start..]);
-    Ok(octets)
+    let start = 8 - usize::from(message.presence_bytes);
+    bytes[..message.presence_bytes.into()].copy_from_slice(&presence.to_be_bytes()[start..]);
+    Ok(bytes)
 }
 
 /// The integer on the wire.
@@ -329,7 +329,7 @@ fn float<T: Copy + Into<f64>>(
     Ok(number)
 }
 
-/// The octets of a text: cut when raw, refused otherwise where it is too long.
+/// The bytes of a text: cut when raw, refused otherwise where it is too long.
 fn text(field: &FieldInfo, value: &Value, length: usize, raw: bool) -> Result<Vec<u8>, JsonError> {
     let most = length - 1;
     let fitting = || {
@@ -343,14 +343,14 @@ fn text(field: &FieldInfo, value: &Value, length: usize, raw: bool) -> Result<Ve
     if !raw && text.chars().count() > most {
         return Err(fitting());
     }
-    let mut octets: Vec<u8> = text
+    let mut bytes: Vec<u8> = text
         .chars()
         .take(most)
         .map(|character| match u8::try_from(character) {
-            Ok(octet) if raw || octet.is_ascii() => octet,
+            Ok(byte) if raw || byte.is_ascii() => byte,
             _ => b'?',
         })
         .collect();
-    octets.resize(length, 0);
-    Ok(octets)
+    bytes.resize(length, 0);
+    Ok(bytes)
 }

@@ -13,7 +13,7 @@
 //! | not a number | `"NaN"`, `"Infinity"`, `"-Infinity"`; another NaN with its bits, `"NaN:7f800001"` | the same |
 //! | text | the characters before the first NUL | the same, others than 7-bit as `?` |
 //!
-//! In a raw text an octet that is not 7-bit is the Unicode character of the same number, both
+//! In a raw text a byte that is not 7-bit is the Unicode character of the same number, both
 //! ways, so nothing before the first NUL is lost; what follows it is. Both ways a text is cut to
 //! leave room for its NUL, but only raw: otherwise a text too long is an error, as is a value
 //! outside its range. Integers never lose a bit either way.

@@ -20,7 +20,7 @@ pub struct Profile {
     checksum_1: Sum16Variant,
     loi_shift: u32,
     turn_rate_factor: i64,
-    message_5_presence_octets: usize,
+    message_5_presence_bytes: usize,
     ack_type: ValueMap,
     heading_reference: ValueMap,
     waypoint_type: ValueMap,
@@ -35,7 +35,7 @@ const DEFAULT: Profile = Profile {
     checksum_1: Sum16Variant::Sum,
     loi_shift: 0,
     turn_rate_factor: 1,
-    message_5_presence_octets: 2,
+    message_5_presence_bytes: 2,
     ack_type: ValueMap::SAME,
     heading_reference: ValueMap::SAME,
     waypoint_type: ValueMap::SAME,
@@ -83,8 +83,8 @@ impl Profile {
             ("turn_rate_step", _) => {
                 self.turn_rate_factor = if reading == "0.005" { 50 } else { 1 }
             }
-            ("message_5_presence_octets", _) => {
-                self.message_5_presence_octets = if reading == "3" { 3 } else { 2 };
+            ("message_5_presence_bytes", _) => {
+                self.message_5_presence_bytes = if reading == "3" { 3 } else { 2 };
             }
             ("ack_type", Some(map)) => self.ack_type = map,
             ("heading_reference", Some(map)) => self.heading_reference = map,
@@ -112,7 +112,7 @@ impl Profile {
         }
         let mut message = match data {
             [high, data @ ..]
-                if message_type == Message5::ID && self.message_5_presence_octets == 3 =>
+                if message_type == Message5::ID && self.message_5_presence_bytes == 3 =>
             {
                 if *high != 0 {
                     let presence = u64::from(*high) << 16;
@@ -144,9 +144,9 @@ impl Profile {
         self.translate(&mut message, Way::Out);
         let id = message.id();
         wrapper::encode_with(self.checksum_1, id, envelope, out, |out| match out {
-            [high, rest @ ..] if id == Message5::ID && self.message_5_presence_octets == 3 => {
+            [high, rest @ ..] if id == Message5::ID && self.message_5_presence_bytes == 3 => {
                 *high = 0;
-                message.encode_data(rest).map(|octets| octets + 1)
+                message.encode_data(rest).map(|bytes| bytes + 1)
             }
             _ => message.encode_data(out),
         })
@@ -345,8 +345,8 @@ mod tests {
     }
 
     #[test]
-    fn message_5_may_have_three_presence_octets() {
-        let three = profile("message_5_presence_octets", "3");
+    fn message_5_may_have_three_presence_bytes() {
+        let three = profile("message_5_presence_bytes", "3");
         let granted = Message5 {
             loi_authorized: Some(LoiBitmap::LOI4),
             ..Default::default()

@@ -1,4 +1,4 @@
-//! Values of one octet that a peer numbers otherwise.
+//! Values of one byte that a peer numbers otherwise.
 
 use crate::codec::{Reader, Writer};
 use crate::scalar::Field;
@@ -52,13 +52,13 @@ impl ValueMap {
         Some(Self { pairs })
     }
 
-    /// Translates a field of one octet.
+    /// Translates a field of one byte.
     pub(super) fn translate<T: Field>(&self, field: &mut Option<T>, way: Way) {
         let Some(value) = field else { return };
-        let mut octet = [0];
-        if value.write(&mut Writer::new(&mut octet)).is_ok() {
-            octet[0] = self.apply(octet[0], way);
-            *field = T::read(&mut Reader::new(&octet)).ok();
+        let mut byte = [0];
+        if value.write(&mut Writer::new(&mut byte)).is_ok() {
+            byte[0] = self.apply(byte[0], way);
+            *field = T::read(&mut Reader::new(&byte)).ok();
         }
     }
 

@@ -1,4 +1,4 @@
-//! The scalars that fields are made of: integers of one to five octets, binary angles, scaled
+//! The scalars that fields are made of: integers of one to five bytes, binary angles, scaled
 //! quantities, times and texts.
 //!
 //! Every scalar keeps the value that is on the wire, so decoding and encoding lose nothing; what
@@ -15,7 +15,7 @@ pub use bam::{Bam16, Bam32};
 pub use scaled::*;
 pub use text::Text;
 pub use time::TimeStamp;
-pub use unsized_fields::{UnsizedOctets, UnsizedText};
+pub use unsized_fields::{UnsizedBytes, UnsizedText};
 pub use wide::{I24, Integer, U24, U40};
 
 use crate::codec::{Fault, Reader, Writer};

@@ -140,7 +140,7 @@ quantities! {
     AngularRate = i16 * 0.005 "rad/s";
     /// A commanded turn rate, or a body rate; see [`crate::disputed`] for the turn rate.
     FineAngularRate = i16 * 0.0001 "rad/s";
-    /// A deflection in one octet.
+    /// A deflection in one byte.
     SmallAngle = i8 * 0.02 "rad";
     /// A loiter radius or length.
     Distance = u16 * 1.5 "m";

@@ -6,46 +6,46 @@ use super::Field;
 use crate::codec::{Fault, Reader, Writer};
 use crate::table::Wire;
 
-/// `Character N`: 7-bit characters in `N` octets, the last always NUL, the rest padded with NUL.
+/// `Character N`: 7-bit characters in `N` bytes, the last always NUL, the rest padded with NUL.
 ///
 /// Characters that are not 7-bit become `?`, on the way in as on the way out. What a sender puts
-/// behind the first NUL, or into the last octet, is dropped.
+/// behind the first NUL, or into the last byte, is dropped.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Text<const N: usize>([u8; N]);
 
 impl<const N: usize> Text<N> {
     /// The text, cut at `N - 1` characters or at its first NUL.
     pub fn new(text: &str) -> Self {
-        let mut octets = [0; N];
-        for (octet, character) in octets[..N - 1].iter_mut().zip(text.chars()) {
+        let mut bytes = [0; N];
+        for (byte, character) in bytes[..N - 1].iter_mut().zip(text.chars()) {
             match character {
                 '\0' => break,
-                character if character.is_ascii() => *octet = character as u8,
-                _ => *octet = b'?',
+                character if character.is_ascii() => *byte = character as u8,
+                _ => *byte = b'?',
             }
         }
-        Self(octets)
+        Self(bytes)
     }
 
-    /// The text of these octets, which may be anything.
-    fn from_octets(mut octets: [u8; N]) -> Self {
-        let end = octets[..N - 1]
+    /// The text of these bytes, which may be anything.
+    fn from_bytes(mut bytes: [u8; N]) -> Self {
+        let end = bytes[..N - 1]
             .iter()
-            .position(|&octet| octet == 0)
+            .position(|&byte| byte == 0)
             .unwrap_or(N - 1);
-        octets[end..].fill(0);
-        for octet in &mut octets[..end] {
-            if !octet.is_ascii() {
-                *octet = b'?';
+        bytes[end..].fill(0);
+        for byte in &mut bytes[..end] {
+            if !byte.is_ascii() {
+                *byte = b'?';
             }
         }
-        Self(octets)
+        Self(bytes)
     }
 
     /// The characters before the first NUL.
     pub fn as_str(&self) -> &str {
-        let end = self.0.iter().position(|&octet| octet == 0).unwrap_or(N);
-        // All octets are 7-bit by construction, so this never falls back.
+        let end = self.0.iter().position(|&byte| byte == 0).unwrap_or(N);
+        // All bytes are 7-bit by construction, so this never falls back.
         std::str::from_utf8(&self.0[..end]).unwrap_or_default()
     }
 }
@@ -79,7 +79,7 @@ impl<const N: usize> Field for Text<N> {
 
     #[inline]
     fn read(reader: &mut Reader<'_>) -> Result<Self, Fault> {
-        reader.chunk().map(Self::from_octets)
+        reader.chunk().map(Self::from_bytes)
     }
 
     #[inline]
@@ -102,8 +102,8 @@ mod tests {
     }
 
     #[test]
-    fn octets_from_the_wire_are_made_a_text() {
-        let read = |octets: &[u8; 4]| Text::<4>::read(&mut Reader::new(octets)).unwrap();
+    fn bytes_from_the_wire_are_made_a_text() {
+        let read = |bytes: &[u8; 4]| Text::<4>::read(&mut Reader::new(bytes)).unwrap();
         assert_eq!(read(b"ABCD"), Text::new("ABC"));
         assert_eq!(read(b"A\xE9C\0"), Text::new("A?C"));
         assert_eq!(read(b"A\0\xFFD"), Text::new("A"));

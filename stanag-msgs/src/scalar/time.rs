@@ -5,7 +5,7 @@ use crate::codec::{Fault, Reader, Writer};
 use crate::scalar::U40;
 use crate::table::Wire;
 
-/// Milliseconds since 2000-01-01 00:00 UTC in five octets; rolls over on 2034-11-03.
+/// Milliseconds since 2000-01-01 00:00 UTC in five bytes; rolls over on 2034-11-03.
 ///
 /// The stamp says when the data was valid. Leap seconds are not counted, as in Unix time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -30,6 +30,6 @@ macro_rules! unsized_fields {
 unsized_fields! {
     /// A text of unknown length.
     UnsizedText => UnsizedText;
-    /// Octets of a length that another field is said to give (32301).
-    UnsizedOctets => UnsizedOctets;
+    /// Bytes of a length that another field is said to give (32301).
+    UnsizedBytes => UnsizedBytes;
 }

@@ -1,4 +1,4 @@
-//! Integers of three and five octets, which Rust has no type for.
+//! Integers of three and five bytes, which Rust has no type for.
 
 use super::Field;
 use crate::codec::{Fault, Reader, Writer};
@@ -40,7 +40,7 @@ macro_rules! integers {
 integers!(u8, u16, u32, i8, i16, i32);
 
 macro_rules! wide_integers {
-    ($($(#[$doc:meta])* $Name:ident($Inner:ident), $octets:literal of $full:literal octets,
+    ($($(#[$doc:meta])* $Name:ident($Inner:ident), $bytes:literal of $full:literal bytes,
        $low:expr, $high:expr, $wire:ident;)*) => { $(
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -75,18 +75,18 @@ macro_rules! wide_integers {
 
             #[inline]
             fn read(reader: &mut Reader<'_>) -> Result<Self, Fault> {
-                let octets: [u8; $octets] = reader.chunk()?;
+                let bytes: [u8; $bytes] = reader.chunk()?;
                 let mut full = [0; $full];
-                full[..$octets].copy_from_slice(&octets);
-                // The octets stand at the top, so that shifting down extends the sign.
-                Ok(Self($Inner::from_be_bytes(full) >> (8 * ($full - $octets))))
+                full[..$bytes].copy_from_slice(&bytes);
+                // The bytes stand at the top, so that shifting down extends the sign.
+                Ok(Self($Inner::from_be_bytes(full) >> (8 * ($full - $bytes))))
             }
 
             #[inline]
             fn write(self, writer: &mut Writer<'_>) -> Result<(), Fault> {
-                let mut octets = [0; $octets];
-                octets.copy_from_slice(&self.0.to_be_bytes()[$full - $octets..]);
-                writer.put(octets)
+                let mut bytes = [0; $bytes];
+                bytes.copy_from_slice(&self.0.to_be_bytes()[$full - $bytes..]);
+                writer.put(bytes)
             }
         }
 
@@ -109,28 +109,28 @@ macro_rules! wide_integers {
 
 wide_integers! {
     /// `Unsigned 3`: 0 to 2^24 - 1.
-    U24(u32), 3 of 4 octets, 0, 0xFF_FFFF, U24;
+    U24(u32), 3 of 4 bytes, 0, 0xFF_FFFF, U24;
     /// `Unsigned 5`: 0 to 2^40 - 1.
-    U40(u64), 5 of 8 octets, 0, 0xFF_FFFF_FFFF, U40;
+    U40(u64), 5 of 8 bytes, 0, 0xFF_FFFF_FFFF, U40;
     /// `Integer 3`: -2^23 to 2^23 - 1.
-    I24(i32), 3 of 4 octets, -0x80_0000, 0x7F_FFFF, I24;
+    I24(i32), 3 of 4 bytes, -0x80_0000, 0x7F_FFFF, I24;
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn round<T: Field + PartialEq + std::fmt::Debug>(value: T, octets: &[u8]) {
+    fn round<T: Field + PartialEq + std::fmt::Debug>(value: T, bytes: &[u8]) {
         let mut out = [0; 8];
         let mut writer = Writer::new(&mut out);
         value.write(&mut writer).unwrap();
         let length = writer.position();
-        assert_eq!(&out[..length], octets);
-        assert_eq!(T::read(&mut Reader::new(octets)).unwrap(), value);
+        assert_eq!(&out[..length], bytes);
+        assert_eq!(T::read(&mut Reader::new(bytes)).unwrap(), value);
     }
 
     #[test]
-    fn three_and_five_octets_keep_value_and_sign() {
+    fn three_and_five_bytes_keep_value_and_sign() {
         round(U24::MAX, &[0xFF; 3]);
         round(U24::new(0x01_0203).unwrap(), &[1, 2, 3]);
         round(I24::MIN, &[0x80, 0, 0]);

@@ -10,7 +10,7 @@ use crate::codec::{DataReader, DataWriter, DecodeError, EncodeError};
 use crate::scalar::{TimeStamp, U24};
 
 messages! {
-    ElectricalReport = 12001, "Electrical Report", presence octets 1
+    ElectricalReport = 12001, "Electrical Report", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -23,7 +23,7 @@ messages! {
             uid("12001.05"), conf(C), width_inferred(), note("u24 or u32, unit probably s");
     }
 
-    BatteryReport = 12101, "Battery Report", presence octets 1
+    BatteryReport = 12101, "Battery Report", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
         note("scales not found")

@@ -15,7 +15,7 @@ use crate::id::Id;
 use crate::scalar::{Text, TimeStamp};
 
 messages! {
-    FieldConfigurationRequest = 40000, "Field Configuration Request", presence octets 1
+    FieldConfigurationRequest = 40000, "Field Configuration Request", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(2000) ed2_message("1200")
         source("E2 #1200 = F")
         corroboration("not applicable")
@@ -33,7 +33,7 @@ messages! {
             uid("1200.10"), note("0 N/A, 1..3 sensor; may be replaced by Component Number");
     }
 
-    FieldConfigurationIntegerResponse = 41000, "Field Configuration Integer Response", presence octets 4
+    FieldConfigurationIntegerResponse = 41000, "Field Configuration Integer Response", presence bytes 4
         sent(ToCucs, PushPull) layout(Ed4, B) ed2_message("1300")
         source("K + E2")
     {
@@ -65,7 +65,7 @@ messages! {
         disable_alert_caution: u8 = 24, "Disable Alert/Caution";
     }
 
-    FieldConfigurationFloatResponse = 41001, "Field Configuration Float Response", presence octets 4
+    FieldConfigurationFloatResponse = 41001, "Field Configuration Float Response", presence bytes 4
         sent(ToCucs, PushPull) layout(Ed4, B) ed2_message("1301")
         source("K + E2")
         note("Ed2 used doubles; K float")
@@ -98,7 +98,7 @@ messages! {
         disable_alert_caution: u8 = 24, "Disable Alert/Caution";
     }
 
-    FieldConfigurationEnumeratedResponse = 41002, "Field Configuration Enumerated Response", presence octets 3
+    FieldConfigurationEnumeratedResponse = 41002, "Field Configuration Enumerated Response", presence bytes 3
         sent(ToCucs, PushPull) layout(Ed4, B) ed2_message("1302")
         source("K + E2")
         note("for bit fields the right-most bit is enumeration index 0 (E2)")
@@ -125,7 +125,7 @@ messages! {
         station_number_17_32: u16 = 16, "Station Number 17-32", uid("41002.04");
     }
 
-    FieldConfigurationUnsignedResponse = 41003, "Field Configuration Unsigned Response", presence octets 4
+    FieldConfigurationUnsignedResponse = 41003, "Field Configuration Unsigned Response", presence bytes 4
         sent(ToCucs, PushPull) layout(Ed4, B)
         source("K")
         note("uids differ: .05 time, .06 VSM, .07 DL, .08 stn, .09 msg, .10 field, .11 supported, .24 default, .12-.20 limits, .21 help, .25 subsystem, .03 route, .04 stn17-32, .22, .23")
@@ -158,7 +158,7 @@ messages! {
         disable_alert_caution: u8 = 24, "Disable Alert/Caution";
     }
 
-    FieldConfigurationCharacterResponse = 41004, "Field Configuration Character Response", presence octets 2
+    FieldConfigurationCharacterResponse = 41004, "Field Configuration Character Response", presence bytes 2
         sent(ToCucs, PushPull) layout(Ed4, B)
         source("K")
     {
@@ -177,7 +177,7 @@ messages! {
         station_number_17_32: u16 = 12, "Station Number 17-32", uid("41004.04");
     }
 
-    ConfigurationComplete = 41005, "Configuration Complete", presence octets 2
+    ConfigurationComplete = 41005, "Configuration Complete", presence bytes 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("1203")
         source("K + E2")
     {

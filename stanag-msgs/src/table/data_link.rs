@@ -14,10 +14,10 @@ use crate::enums::{
     DlControlAvailability, DlPriority, DlState, DlTerminal, DlType, HandoverStatus, PedestalMode,
 };
 use crate::id::Id;
-use crate::scalar::{Altitude, Bam16, Bam32, Text, TimeStamp, UnsizedOctets, Velocity};
+use crate::scalar::{Altitude, Bam16, Bam32, Text, TimeStamp, UnsizedBytes, Velocity};
 
 messages! {
-    DataLinkControlRequest = 28000, "Data Link Control Request", presence octets 1
+    DataLinkControlRequest = 28000, "Data Link Control Request", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(2000) ed2_message("404")
         source("E2 #404 (Data Link Assignment Request); name/id Korean paper; uid 28000.07 = Data Link Control Availability proves 28000 has at least 7 own fields")
         corroboration("not applicable")
@@ -31,7 +31,7 @@ messages! {
         vehicle_subtype: u16 = 5, "Vehicle Subtype", uid("0404.08");
     }
 
-    DataLinkConfigurationAssignmentMessage = 28001, "Data Link Configuration / Assignment Message", presence octets 2
+    DataLinkConfigurationAssignmentMessage = 28001, "Data Link Configuration / Assignment Message", presence bytes 2
         sent(ToCucs, Pull) layout(Ed4, B) latency_ms(1000) ed2_message("500")
         source("K + E2 #500")
     {
@@ -52,7 +52,7 @@ messages! {
             uid("28000.07");
     }
 
-    DlToVehicleIdReport = 32000, "DL to Vehicle ID Report", presence octets 1
+    DlToVehicleIdReport = 32000, "DL to Vehicle ID Report", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -65,7 +65,7 @@ messages! {
         downlink_communication_state: u8 = 4, "Downlink Communication State", uid("32000.05");
     }
 
-    DlControlStatusReport = 32003, "DL Control Status Report", presence octets 1
+    DlControlStatusReport = 32003, "DL Control Status Report", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -80,7 +80,7 @@ messages! {
             uid("32003.07");
     }
 
-    RfCommandProcessingStatusReport = 32004, "RF Command Processing Status Report", presence octets 1
+    RfCommandProcessingStatusReport = 32004, "RF Command Processing Status Report", presence bytes 1
         sent(ToCucs, Pull) layout(Ed4, B)
         source("K")
     {
@@ -88,7 +88,7 @@ messages! {
         commands_from_rf: u8 = 1, "Commands from RF", uid("32004.02");
     }
 
-    LegacyDlStatusReport = 32005, "Legacy DL Status Report", presence octets 2
+    LegacyDlStatusReport = 32005, "Legacy DL Status Report", presence bytes 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("501")
         source("K + E2")
     {
@@ -109,7 +109,7 @@ messages! {
         link_channel_priority_state: DlPriority = 10, "Link Channel Priority State", uid("0501.14");
     }
 
-    LegacyDlControlCommandStatus = 32006, "Legacy DL Control Command Status", presence octets 1
+    LegacyDlControlCommandStatus = 32006, "Legacy DL Control Command Status", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("502")
         source("K + E2")
     {
@@ -123,7 +123,7 @@ messages! {
             uid("0502.08");
     }
 
-    AntennaPedestalLocationStatusReport = 32100, "Antenna Pedestal Location Status Report", presence octets 2
+    AntennaPedestalLocationStatusReport = 32100, "Antenna Pedestal Location Status Report", presence bytes 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("503")
         source("K + E2")
     {
@@ -144,7 +144,7 @@ messages! {
         antenna_pedestal_roll: Bam16 = 11, "Antenna Pedestal Roll", uid("32100.09");
     }
 
-    AntennaControlStatusReport = 32101, "Antenna Control Status Report", presence octets 1
+    AntennaControlStatusReport = 32101, "Antenna Control Status Report", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -157,7 +157,7 @@ messages! {
         pedestal_location_source: u8 = 6, "Pedestal Location Source", uid("32101.06");
     }
 
-    AntennaPositionReport = 32102, "Antenna Position Report", presence octets 2
+    AntennaPositionReport = 32102, "Antenna Position Report", presence bytes 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("503")
         source("K + E2")
     {
@@ -184,7 +184,7 @@ messages! {
             uid("32102.12");
     }
 
-    LegacyPedestalStatusReport = 32103, "Legacy Pedestal Status Report", presence octets 2
+    LegacyPedestalStatusReport = 32103, "Legacy Pedestal Status Report", presence bytes 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("503")
         source("K + E2")
     {
@@ -204,7 +204,7 @@ messages! {
         reported_cdt_altitude: f32 = 9, "Reported CDT Altitude", uid("0503.13"), unit("m");
     }
 
-    LinkHealthStatus = 32200, "Link Health Status", presence octets 1
+    LinkHealthStatus = 32200, "Link Health Status", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -212,7 +212,7 @@ messages! {
         bit_mode_status: u8 = 1, "BIT Mode Status", uid("32200.02");
     }
 
-    DlFallbackStatus = 32201, "DL Fallback Status", presence octets 1
+    DlFallbackStatus = 32201, "DL Fallback Status", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -220,7 +220,7 @@ messages! {
         fallback_status: u8 = 1, "Fallback Status", uid("32201.02");
     }
 
-    DataLinkUdpCount = 32300, "Data Link UDP Count", presence octets 1
+    DataLinkUdpCount = 32300, "Data Link UDP Count", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -229,7 +229,7 @@ messages! {
             uid("32300.02"), note("T also names this message");
     }
 
-    UaIpDisclosureMessage = 32301, "UA IP Disclosure Message", presence octets 2
+    UaIpDisclosureMessage = 32301, "UA IP Disclosure Message", presence bytes 2
         sent(ToCucs, PushPull) layout(Ed4, B)
         source("K")
         note("T's report calls 32301 'Universal Multicast Address Announcement': name disagreement")
@@ -241,12 +241,12 @@ messages! {
         stream_id: u8 = 4, "Stream ID", uid("32301.05");
         stream_n_type: u8 = 5, "Stream N Type", uid("32301.06");
         length_of_uri: u8 = 6, "Length of URI", uid("32301.07");
-        uniform_resource_identifier: UnsizedOctets = 7, "Uniform Resource Identifier",
+        uniform_resource_identifier: UnsizedBytes = 7, "Uniform Resource Identifier",
             uid("32301.08"), note("the only variable-length field found");
         controlled_station_17_32: u16 = 8, "Controlled Station 17-32", uid("32301.09");
     }
 
-    DlInControlReport = 32302, "DL in Control Report", presence octets 1
+    DlInControlReport = 32302, "DL in Control Report", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -261,7 +261,7 @@ messages! {
         controlled_station_17_32: u16 = 7, "Controlled Station 17-32", uid("32302.08");
     }
 
-    LostLinkDelayTimerReport = 32400, "Lost Link Delay Timer Report", presence octets 1
+    LostLinkDelayTimerReport = 32400, "Lost Link Delay Timer Report", presence bytes 1
         sent(ToCucs, PushPull) layout(Ed4, B)
         source("K")
     {
@@ -270,7 +270,7 @@ messages! {
         current_delay_time: u8 = 2, "Current Delay Time", uid("32400.03"), unit("s?");
     }
 
-    VehicleDataLinkTransitionCoordination = 34000, "Vehicle Data Link Transition Coordination", presence octets 2
+    VehicleDataLinkTransitionCoordination = 34000, "Vehicle Data Link Transition Coordination", presence bytes 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("600")
         source("E2 #600")
         corroboration("not applicable")
@@ -290,7 +290,7 @@ messages! {
         data_link_time_out_limit: TimeStamp = 9, "Data Link Time-out Limit", uid("0600.12");
     }
 
-    HandoverStatusReport = 35000, "Handover Status Report", presence octets 1
+    HandoverStatusReport = 35000, "Handover Status Report", presence bytes 1
         sent(ToCucs, Pull) layout(Ed2Derived, C) latency_ms(1000) ed2_message("700")
         source("E2 #700")
         corroboration("not applicable")

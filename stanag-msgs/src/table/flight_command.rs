@@ -21,7 +21,7 @@ use crate::scalar::{
 };
 
 messages! {
-    VehicleConfigurationCommand = 2000, "Vehicle Configuration Command", presence octets 1
+    VehicleConfigurationCommand = 2000, "Vehicle Configuration Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000) table("4-42") ed2_message("40")
         source("T+K")
         corroboration("T+K")
@@ -32,7 +32,7 @@ messages! {
             uid("0040.04"), conf(C), note("T: 0.002; every other energy percentage is 0.0016: doubtful");
     }
 
-    FlightTerminationCommand = 2005, "Flight Termination Command", presence octets 1
+    FlightTerminationCommand = 2005, "Flight Termination Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(500) table("4-43?") ed2_message("46")
         source("E2 #46; the id 2005 is inferred from 3005 = report and from table order")
         corroboration("not applicable")
@@ -44,7 +44,7 @@ messages! {
         flight_termination_mode: FtMode = 2, "Flight Termination Mode", uid("0046.05");
     }
 
-    UnmannedAircraftLights = 2007, "Unmanned Aircraft Lights", presence octets 1
+    UnmannedAircraftLights = 2007, "Unmanned Aircraft Lights", presence bytes 1
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000) table("4-44") ed2_message("44")
         source("T")
     {
@@ -53,7 +53,7 @@ messages! {
         activity_id: U24 = 2, "Activity ID";
     }
 
-    EngineCommand = 2008, "Engine Command", presence octets 1
+    EngineCommand = 2008, "Engine Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(100) table("4-45") ed2_message("45")
         source("T")
     {
@@ -68,7 +68,7 @@ messages! {
         activity_id: U24 = 7, "Activity ID";
     }
 
-    UaStickCommand = 2010, "UA Stick Command", presence octets 2
+    UaStickCommand = 2010, "UA Stick Command", presence bytes 2
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(50) table("4-47")
         source("T")
         note("stick scaling (percent of travel, -100..100 / 0..100?) not found")
@@ -89,7 +89,7 @@ messages! {
             uid("2010.13"), conf(C), note("in T, absent in K's 3011");
     }
 
-    VehicleOperatingModeCommand = 2016, "Vehicle Operating Mode Command", presence octets 3
+    VehicleOperatingModeCommand = 2016, "Vehicle Operating Mode Command", presence bytes 3
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(100) table("4-53") ed2_message("42+43")
         source("T; semantics of 0042/0043 fields from E2")
         note("Ed4 merges Ed2 #42 (mode) and #43 (steering); the separate steering command and mode preference command are gone (no table between 3002 and 3004, one table between 2000 and 2007)")
@@ -122,7 +122,7 @@ messages! {
         activity_id: U24 = 22, "Activity ID";
     }
 
-    LoiterConfiguration = 2017, "Loiter Configuration", presence octets 2
+    LoiterConfiguration = 2017, "Loiter Configuration", presence bytes 2
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(100) table("4-54") ed2_message("41")
         source("T; order equals K's 3004/13003 pattern")
     {

@@ -22,7 +22,7 @@ use crate::scalar::{
 };
 
 messages! {
-    VehicleConfiguration = 3000, "Vehicle Configuration", presence octets 2
+    VehicleConfiguration = 3000, "Vehicle Configuration", presence bytes 2
         sent(ToCucs, Pull) layout(Ed4, B) latency_ms(10000) table("4-57?") ed2_message("100")
         source("K; units E2")
     {
@@ -47,7 +47,7 @@ messages! {
         fuel_density: u8 = 11, "Fuel Density", uid("3000.01"), note("unit/scale not found");
     }
 
-    VehicleOperatingModeReport = 3001, "Vehicle Operating Mode Report", presence octets 1
+    VehicleOperatingModeReport = 3001, "Vehicle Operating Mode Report", presence bytes 1
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(100) table("4-58") ed2_message("106")
         source("T+K")
         corroboration("T+K")
@@ -57,7 +57,7 @@ messages! {
             uid("0106.04");
     }
 
-    VehicleOperatingStates = 3002, "Vehicle Operating States", presence octets 3
+    VehicleOperatingStates = 3002, "Vehicle Operating States", presence bytes 3
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(500) table("4-59") ed2_message("104")
         source("T+K agree on all 24; first 19 also E3 text")
         corroboration("T+K all 24, E3 text first 19")
@@ -95,7 +95,7 @@ messages! {
         commanded_waypoint_number: u16 = 23, "Commanded Waypoint Number", uid("3002.07");
     }
 
-    LoiterConfigurationReport = 3004, "Loiter Configuration Report", presence octets 2
+    LoiterConfigurationReport = 3004, "Loiter Configuration Report", presence bytes 2
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(100) table("4-60")
         source("T+K agree on all 14")
         corroboration("T+K all 14")
@@ -116,7 +116,7 @@ messages! {
         loiter_duration_units: LoiterDurationUnits = 13, "Loiter Duration Units", uid("3004.05");
     }
 
-    FlightTerminationModeReport = 3005, "Flight Termination Mode Report", presence octets 1
+    FlightTerminationModeReport = 3005, "Flight Termination Mode Report", presence bytes 1
         sent(ToCucs, PushPull) layout(Ed4, B) latency_ms(2000) table("4-61?") ed2_message("108")
         source("K+E2")
     {
@@ -127,7 +127,7 @@ messages! {
             uid("0108.05");
     }
 
-    VehicleLightsState = 3006, "Vehicle Lights State", presence octets 1
+    VehicleLightsState = 3006, "Vehicle Lights State", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(1000) table("4-62") ed2_message("107")
         source("T")
     {
@@ -135,9 +135,9 @@ messages! {
         navigation_lights_state: LightsBitmap = 1, "Navigation Lights State", uid("0107.04");
     }
 
-    EngineOperatingStates = 3007, "Engine Operating States", presence octets 5
+    EngineOperatingStates = 3007, "Engine Operating States", presence bytes 5
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(500) table("4-63") ed2_message("105")
-        source("T+K agree on all 37 and on the 5-octet presence vector")
+        source("T+K agree on all 37 and on the 5-byte presence vector")
         corroboration("T+K all 37")
         note("one message per engine; Engine Speed/Temperature/Pressure Type enumerations not found")
     {
@@ -189,7 +189,7 @@ messages! {
             uid("0105.15");
     }
 
-    AirAndGroundRelativeStates = 3009, "Air and Ground Relative States", presence octets 2
+    AirAndGroundRelativeStates = 3009, "Air and Ground Relative States", presence bytes 2
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(1000) table("4-65?") ed2_message("102")
         source("K (Ed4) + E3 text agree on all 16")
         corroboration("K+E3 text")
@@ -213,7 +213,7 @@ messages! {
         v_ground: Velocity = 15, "V_Ground", uid("0102.18"), note("east");
     }
 
-    BodyRelativeSensedStates = 3010, "Body-Relative Sensed States", presence octets 1
+    BodyRelativeSensedStates = 3010, "Body-Relative Sensed States", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(200) table("4-66?") ed2_message("103")
         source("K + E3 text")
         corroboration("K+E3 text")
@@ -227,7 +227,7 @@ messages! {
         yaw_rate: FineAngularRate = 6, "Yaw_Rate", uid("0103.09");
     }
 
-    UaStickStatus = 3011, "UA Stick Status", presence octets 2
+    UaStickStatus = 3011, "UA Stick Status", presence bytes 2
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(50) table("4-67")
         source("T; K identical but without Taxi Stick")
         corroboration("T+K, except Taxi Stick (T only)")
@@ -248,7 +248,7 @@ messages! {
             uid("3011.13"), conf(C), note("in T, absent in K's 3011");
     }
 
-    RelativeRouteWaypointLocationReport = 3016, "Relative Route/Waypoint Location Report", presence octets 2
+    RelativeRouteWaypointLocationReport = 3016, "Relative Route/Waypoint Location Report", presence bytes 2
         sent(ToCucs, PushPull) layout(Ed4, B) latency_ms(1000) table("4-72?")
         source("K")
     {

@@ -11,7 +11,7 @@ use crate::enums::{IffMode, IffOnoff};
 use crate::scalar::TimeStamp;
 
 messages! {
-    IffSsrCodeCommand = 5000, "IFF/SSR Code Command", presence octets 2
+    IffSsrCodeCommand = 5000, "IFF/SSR Code Command", presence bytes 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) table("4-75?") ed2_message("1500")
         source("E2 #1500")
         corroboration("not applicable")
@@ -32,7 +32,7 @@ messages! {
         mode: IffMode = 12, "Mode", uid("1500.15");
     }
 
-    IffSsrIdentSquawkCommand = 5001, "IFF/SSR Ident (Squawk) Command", presence octets 1
+    IffSsrIdentSquawkCommand = 5001, "IFF/SSR Ident (Squawk) Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1501")
         source("E2 #1501; id 5001 inferred (Ed3 group IFF Command has 2)")
         corroboration("not applicable")
@@ -43,7 +43,7 @@ messages! {
             uid("1501.05"), unit("s"), note("0 = indefinite");
     }
 
-    IffSsrStatusReport = 6000, "IFF/SSR Status Report", presence octets 2
+    IffSsrStatusReport = 6000, "IFF/SSR Status Report", presence bytes 2
         sent(ToCucs, PushPull) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1600")
         source("E2 #1600 (E3 confirms the id)")
         corroboration("not applicable")

@@ -15,7 +15,7 @@ use crate::scalar::{
 };
 
 messages! {
-    InertialStates = 4000, "Inertial States", presence octets 3
+    InertialStates = 4000, "Inertial States", presence bytes 3
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(500) table("4-73") ed2_message("101")
         source("T+K+E3 text agree on all 18")
         corroboration("T+K+E3 text")
@@ -41,7 +41,7 @@ messages! {
             uid("0101.20"), note("true = magnetic + variation");
     }
 
-    FromToNextWaypointStates = 4001, "From-To-Next Waypoint States", presence octets 3
+    FromToNextWaypointStates = 4001, "From-To-Next Waypoint States", presence bytes 3
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(500) table("4-74") ed2_message("110")
         source("T+K agree on all 21")
         corroboration("T+K")

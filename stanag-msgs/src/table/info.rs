@@ -118,21 +118,21 @@ pub enum Wire {
     Bam16,
     /// `Integer 4` in binary angular measure.
     Bam32,
-    /// IEEE 754 in four octets.
+    /// IEEE 754 in four bytes.
     F32,
-    /// IEEE 754 in eight octets.
+    /// IEEE 754 in eight bytes.
     F64,
     /// `Character n`, the terminating NUL counted.
     Char(u16),
     /// A text whose length no source gives.
     UnsizedText,
-    /// Octets as many as the field Length of URI says (32301).
-    UnsizedOctets,
+    /// Bytes as many as the field Length of URI says (32301).
+    UnsizedBytes,
 }
 
 impl Wire {
-    /// How many octets it takes, where that is known.
-    pub const fn octets(self) -> Option<usize> {
+    /// How many bytes it takes, where that is known.
+    pub const fn bytes(self) -> Option<usize> {
         match self {
             Wire::U8 | Wire::I8 => Some(1),
             Wire::U16 | Wire::I16 | Wire::Bam16 => Some(2),
@@ -140,8 +140,8 @@ impl Wire {
             Wire::U32 | Wire::I32 | Wire::Bam32 | Wire::F32 => Some(4),
             Wire::U40 => Some(5),
             Wire::F64 => Some(8),
-            Wire::Char(octets) => Some(octets as usize),
-            Wire::UnsizedText | Wire::UnsizedOctets => None,
+            Wire::Char(bytes) => Some(bytes as usize),
+            Wire::UnsizedText | Wire::UnsizedBytes => None,
         }
     }
 
@@ -184,9 +184,9 @@ impl fmt::Display for Wire {
             Wire::Bam32 => "bam32",
             Wire::F32 => "f32",
             Wire::F64 => "f64",
-            Wire::Char(octets) => return write!(f, "char{octets}"),
+            Wire::Char(bytes) => return write!(f, "char{bytes}"),
             Wire::UnsizedText => "char?",
-            Wire::UnsizedOctets => "bytes[Length of URI]",
+            Wire::UnsizedBytes => "bytes[Length of URI]",
         })
     }
 }
@@ -291,8 +291,8 @@ pub struct MessageInfo {
     pub name: &'static str,
     /// The name of its struct.
     pub rust: &'static str,
-    /// Octets of its presence vector.
-    pub presence_octets: u8,
+    /// Bytes of its presence vector.
+    pub presence_bytes: u8,
     /// Its fields in order.
     pub fields: &'static [FieldInfo],
     /// Who sends it.
@@ -322,14 +322,14 @@ impl MessageInfo {
         id: u16,
         name: &'static str,
         rust: &'static str,
-        presence_octets: u8,
+        presence_bytes: u8,
         fields: &'static [FieldInfo],
     ) -> Self {
         Self {
             id,
             name,
             rust,
-            presence_octets,
+            presence_bytes,
             fields,
             direction: Direction::Both,
             traffic: Traffic::Push,
@@ -393,14 +393,12 @@ impl MessageInfo {
 
     /// Whether every field's length is known.
     pub fn has_known_lengths(&self) -> bool {
-        self.fields
-            .iter()
-            .all(|field| field.wire.octets().is_some())
+        self.fields.iter().all(|field| field.wire.bytes().is_some())
     }
 
-    /// Octets of message data with every field of known length present.
-    pub fn full_octets(&self) -> usize {
-        let fields = self.fields.iter().filter_map(|field| field.wire.octets());
-        usize::from(self.presence_octets) + fields.sum::<usize>()
+    /// Bytes of message data with every field of known length present.
+    pub fn full_bytes(&self) -> usize {
+        let fields = self.fields.iter().filter_map(|field| field.wire.bytes());
+        usize::from(self.presence_bytes) + fields.sum::<usize>()
     }
 }

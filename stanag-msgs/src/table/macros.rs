@@ -3,7 +3,7 @@
 /// Declares messages: the struct, its codec in straight-line code, and its row in the table.
 ///
 /// ```text
-/// Struct = id, "name", presence octets 3 fact(..) fact(..) ... {
+/// Struct = id, "name", presence bytes 3 fact(..) fact(..) ... {
 ///     field: Type = bit, "name", fact(..), fact(..) ...;
 /// }
 /// ```
@@ -12,7 +12,7 @@
 /// unit and enumeration come from its Rust type.
 macro_rules! messages {
     ($(
-        $Name:ident = $id:literal, $title:literal, presence octets $octets:literal
+        $Name:ident = $id:literal, $title:literal, presence bytes $bytes:literal
         $($fact:ident($($value:expr),*))* {
             $($field:ident: $Type:ty = $bit:literal, $label:literal $(, $note:ident($($text:expr),*))*;)*
         }
@@ -33,7 +33,7 @@ macro_rules! messages {
             pub const NAME: &'static str = $title;
             /// The row in the table.
             pub const INFO: MessageInfo =
-                MessageInfo::new($id, $title, stringify!($Name), $octets, Self::FIELDS)$(.$fact($($value),*))*;
+                MessageInfo::new($id, $title, stringify!($Name), $bytes, Self::FIELDS)$(.$fact($($value),*))*;
 
             const FIELDS: &'static [FieldInfo] =
                 &[$(FieldInfo::new::<$Type>($bit, $label, stringify!($field))$(.$note($($text),*))*),*];
@@ -41,15 +41,15 @@ macro_rules! messages {
 
             /// Reads message data: presence vector and fields.
             pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
-                let mut reader = DataReader::new::<$octets>($id, Self::KNOWN, data)?;
+                let mut reader = DataReader::new::<$bytes>($id, Self::KNOWN, data)?;
                 let message = Self { $($field: reader.field($bit)?),* };
                 reader.finish()?;
                 Ok(message)
             }
 
-            /// Writes message data, presence vector and fields, and says how many octets.
+            /// Writes message data, presence vector and fields, and says how many bytes.
             pub fn encode_data(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
-                let mut writer = DataWriter::<$octets>::new($id, out)?;
+                let mut writer = DataWriter::<$bytes>::new($id, out)?;
                 $(writer.field($bit, self.$field)?;)*
                 Ok(writer.finish())
             }

@@ -13,7 +13,7 @@ use crate::enums::{AckType, StationBitmap1To16, StationBitmap17To32};
 use crate::scalar::{Altitude, Bam32, Temperature, TimeStamp, U24, U40, UnsizedText};
 
 messages! {
-    MessageAcknowledgement = 17000, "Message Acknowledgement", presence octets 1
+    MessageAcknowledgement = 17000, "Message Acknowledgement", presence bytes 1
         sent(Both, Pull) layout(Ed4, A) latency_ms(500) ed2_message("1400")
         source("T+K agree on all 4")
         corroboration("T+K")
@@ -24,7 +24,7 @@ messages! {
         acknowledgement_type: AckType = 3, "Acknowledgement Type", uid("17000.01");
     }
 
-    ScheduleMessageUpdateCommand = 17001, "Schedule Message Update Command", presence octets 1
+    ScheduleMessageUpdateCommand = 17001, "Schedule Message Update Command", presence bytes 1
         sent(Both, Push) layout(Ed4, B) latency_ms(2000) ed2_message("1402")
         source("K + E2")
     {
@@ -35,7 +35,7 @@ messages! {
         activity_id: U24 = 3, "Activity ID", uid("17001.01");
     }
 
-    GenericInformationRequestMessage = 17002, "Generic Information Request Message", presence octets 1
+    GenericInformationRequestMessage = 17002, "Generic Information Request Message", presence bytes 1
         sent(Both, Push) layout(Ed4, B) latency_ms(1000) ed2_message("1403")
         source("K + E2")
         note("not for requesting field configuration responses; those are asked with 40000")
@@ -46,12 +46,12 @@ messages! {
         sub_component_number: u16 = 3, "Sub-Component Number", uid("17002.02");
         message_type: u16 = 4, "Message Type", uid("1403.07");
         requested_field_presence_vector: U40 = 5, "Requested Field Presence Vector",
-            uid("17002.04"), note("K 64-bit holder = Unsigned 5; 5 octets is also the widest presence vector (3007)");
+            uid("17002.04"), note("K 64-bit holder = Unsigned 5; 5 bytes is also the widest presence vector (3007)");
         activity_id: U24 = 6, "Activity ID", uid("17002.05");
         station_number_17_32: StationBitmap17To32 = 7, "Station Number 17-32", uid("17002.03");
     }
 
-    FileTransferNotification = 17003, "File Transfer Notification", presence octets 1
+    FileTransferNotification = 17003, "File Transfer Notification", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -60,7 +60,7 @@ messages! {
         file_name: UnsizedText = 2, "File Name", uid("17003.03"), conf(C), note("length not found");
     }
 
-    MeteorologicalTableReport = 18300, "Meteorological Table Report", presence octets 2
+    MeteorologicalTableReport = 18300, "Meteorological Table Report", presence bytes 2
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -77,7 +77,7 @@ messages! {
         humidity: u8 = 10, "Humidity", uid("18300.11"), unit("%");
     }
 
-    GpsStatusReport = 18500, "GPS Status Report", presence octets 2
+    GpsStatusReport = 18500, "GPS Status Report", presence bytes 2
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
         note("mode/status values and DOP scales not found")

@@ -18,7 +18,7 @@ use crate::enums::{
 use crate::scalar::{Altitude, Bam16, Bam32, Distance, Speed, Text, TimeStamp, U24};
 
 messages! {
-    MissionTransferCommand = 13000, "Mission Transfer Command", presence octets 1
+    MissionTransferCommand = 13000, "Mission Transfer Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed4, B) latency_ms(1000) table("4-92?") ed2_message("800")
         source("K (order, uids) + E2/P (enums, lengths)")
     {
@@ -30,7 +30,7 @@ messages! {
         activity_id: U24 = 5, "Activity ID", uid("13000.02");
     }
 
-    UaRoute = 13001, "UA Route", presence octets 1
+    UaRoute = 13001, "UA Route", presence bytes 1
         sent(Both, PushPull) layout(Ed4, B) latency_ms(2000) table("4-93?") ed2_message("801")
         source("K + E2/P")
     {
@@ -43,7 +43,7 @@ messages! {
         activity_id: U24 = 4, "Activity ID", uid("13001.01");
     }
 
-    UaPositionWaypoint = 13002, "UA Position Waypoint", presence octets 3
+    UaPositionWaypoint = 13002, "UA Position Waypoint", presence bytes 3
         sent(Both, PushPull) layout(Ed4, A) latency_ms(1000) table("4-94") ed2_message("802")
         source("T+K agree on all 18; P confirms the 0802 fields")
         corroboration("T+K")
@@ -74,7 +74,7 @@ messages! {
         activity_id: U24 = 17, "Activity ID", uid("13002.02");
     }
 
-    UaLoiterWaypoint = 13003, "UA Loiter Waypoint", presence octets 2
+    UaLoiterWaypoint = 13003, "UA Loiter Waypoint", presence bytes 2
         sent(Both, PushPull) layout(Ed4, B) latency_ms(2000) table("4-95?") ed2_message("803")
         source("K (order, widths) + T's scales on the twin 2017/3004 + E2 enums")
     {
@@ -94,7 +94,7 @@ messages! {
         activity_id: U24 = 13, "Activity ID", uid("13003.07");
     }
 
-    PayloadActionWaypoint = 13004, "Payload Action Waypoint", presence octets 2
+    PayloadActionWaypoint = 13004, "Payload Action Waypoint", presence bytes 2
         sent(Both, PushPull) layout(Ed2Derived, C) latency_ms(2000) table("4-96?") ed2_message("804")
         source("E2 #804")
         corroboration("not applicable")
@@ -117,7 +117,7 @@ messages! {
         payload_sensor_rotation_angle: Bam16 = 13, "Payload Sensor Rotation Angle", uid("0804.16");
     }
 
-    AirframeActionWaypoint = 13005, "Airframe Action Waypoint", presence octets 1
+    AirframeActionWaypoint = 13005, "Airframe Action Waypoint", presence bytes 1
         sent(Both, PushPull) layout(Ed2Derived, C) latency_ms(2000) table("4-97?") ed2_message("805")
         source("E2 #805")
         corroboration("not applicable")
@@ -129,7 +129,7 @@ messages! {
         activity_id: U24 = 4, "Activity ID", conf(C), note("inferred by analogy");
     }
 
-    VehicleSpecificWaypoint = 13006, "Vehicle Specific Waypoint", presence octets 1
+    VehicleSpecificWaypoint = 13006, "Vehicle Specific Waypoint", presence bytes 1
         sent(Both, PushPull) layout(Ed2Derived, C) latency_ms(2000) table("4-98?") ed2_message("806")
         source("E2 #806")
         corroboration("not applicable")
@@ -142,7 +142,7 @@ messages! {
         activity_id: U24 = 4, "Activity ID", conf(C), note("inferred by analogy");
     }
 
-    MissionUploadDownloadStatus = 14000, "Mission Upload / Download Status", presence octets 1
+    MissionUploadDownloadStatus = 14000, "Mission Upload / Download Status", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B) latency_ms(2000) table("4-99?") ed2_message("900")
         source("K + E2")
     {

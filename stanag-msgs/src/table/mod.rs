@@ -48,10 +48,10 @@ pub trait Body: Sized + Into<Message> {
     /// Reads message data: presence vector and fields.
     fn decode(data: &[u8]) -> Result<Self, DecodeError>;
 
-    /// Writes message data, presence vector and fields, and says how many octets.
+    /// Writes message data, presence vector and fields, and says how many bytes.
     fn encode_data(&self, out: &mut [u8]) -> Result<usize, EncodeError>;
 
-    /// Writes wrapper, data and checksum, and says how many octets.
+    /// Writes wrapper, data and checksum, and says how many bytes.
     fn encode(&self, envelope: &Envelope, out: &mut [u8]) -> Result<usize, EncodeError> {
         wrapper::encode(Self::ID, envelope, out, |out| self.encode_data(out))
     }
@@ -104,14 +104,14 @@ macro_rules! gather {
                 }
             }
 
-            /// Writes message data, presence vector and fields, and says how many octets.
+            /// Writes message data, presence vector and fields, and says how many bytes.
             pub fn encode_data(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
                 match self {
                     $($(Self::$Name(message) => message.encode_data(out),)*)*
                 }
             }
 
-            /// Writes wrapper, data and checksum, and says how many octets.
+            /// Writes wrapper, data and checksum, and says how many bytes.
             pub fn encode(&self, envelope: &Envelope, out: &mut [u8]) -> Result<usize, EncodeError> {
                 match self {
                     $($(Self::$Name(message) => message.encode(envelope, out),)*)*

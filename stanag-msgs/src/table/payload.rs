@@ -18,7 +18,7 @@ use crate::id::Id;
 use crate::scalar::{Altitude, AngularRate, Bam16, Bam32, Text, TimeStamp};
 
 messages! {
-    PayloadSteeringCommand = 19001, "Payload Steering Command", presence octets 2
+    PayloadSteeringCommand = 19001, "Payload Steering Command", presence bytes 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(200) ed2_message("200")
         source("E2 #200 = F = P")
         corroboration("not applicable")
@@ -46,7 +46,7 @@ messages! {
         focus_type: FocusType = 14, "Focus Type", uid("0200.16");
     }
 
-    EoIrLaserPayloadCommand = 19100, "EO/IR/Laser Payload Command", presence octets 2
+    EoIrLaserPayloadCommand = 19100, "EO/IR/Laser Payload Command", presence bytes 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("201")
         source("F (AEP-84 era order) / E2 #201")
         corroboration("not applicable")
@@ -70,7 +70,7 @@ messages! {
         preplan_mode: PreplanMode = 13, "Preplan Mode", uid("0201.15");
     }
 
-    SarPayloadCommand = 19200, "SAR Payload Command", presence octets 1
+    SarPayloadCommand = 19200, "SAR Payload Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("202")
         source("E2 #202")
         corroboration("not applicable")
@@ -83,7 +83,7 @@ messages! {
         set_radar_resolution: i16 = 5, "Set Radar Resolution", uid("0202.08"), unit("cm");
     }
 
-    PayloadConfiguration = 21000, "Payload Configuration", presence octets 1
+    PayloadConfiguration = 21000, "Payload Configuration", presence bytes 1
         sent(ToCucs, PushPull) layout(Ed2Derived, C) latency_ms(1000) ed2_message("300")
         source("E2 #300 / F; the id 21000 is by group start")
         corroboration("not applicable")
@@ -99,7 +99,7 @@ messages! {
             uid("0300.09");
     }
 
-    EoIrConfigurationState = 21100, "EO/IR Configuration State", presence octets 2
+    EoIrConfigurationState = 21100, "EO/IR Configuration State", presence bytes 2
         sent(ToCucs, Pull) layout(Ed2Derived, C) latency_ms(200) ed2_message("301")
         source("E2 #301 / F; id guessed")
         corroboration("not applicable")
@@ -121,7 +121,7 @@ messages! {
         field_of_regard_azimuth_max: Bam16 = 12, "Field of Regard - Azimuth Max", uid("0301.15");
     }
 
-    EoIrLaserOperatingState = 21101, "EO/IR/Laser Operating State", presence octets 3
+    EoIrLaserOperatingState = 21101, "EO/IR/Laser Operating State", presence bytes 3
         sent(ToCucs, PushPull) layout(Ed2Derived, C) latency_ms(2000) ed2_message("302")
         source("E2 #302 / F; id guessed")
         corroboration("not applicable")

@@ -14,7 +14,7 @@ use crate::id::Id;
 use crate::scalar::{Altitude, Bam32, TimeStamp, U24};
 
 messages! {
-    CurveSegmentPaper = 50001, "Curve Segment (paper)", presence octets 2
+    CurveSegmentPaper = 50001, "Curve Segment (paper)", presence bytes 2
         sent(Both, PushPull) layout(Ed4, A) latency_ms(1000)
         source("the project's source paper, its table of the private message, in an Edition 4 wrapper")
         corroboration("own definition")
@@ -31,7 +31,7 @@ messages! {
         p3_longitude: f64 = 8, "P3 Longitude", unit("rad");
     }
 
-    CurveSegment = 50002, "Curve Segment", presence octets 2
+    CurveSegment = 50002, "Curve Segment", presence bytes 2
         sent(Both, PushPull) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")

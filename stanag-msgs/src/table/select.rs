@@ -14,15 +14,14 @@ fn try_select(message: &Message, presence: u64) -> Option<Message> {
     let info = message.info();
     let (mut whole, mut part) = ([0; MAX_DATA], [0; MAX_DATA]);
     let length = message.encode_data(&mut whole).ok()?;
-    let head = usize::from(info.presence_octets);
+    let head = usize::from(info.presence_bytes);
     let (mut kept, mut end) = (0_u64, head);
     for field in walk(info, whole.get(..length)?) {
-        let (field, octets) = field.ok()?;
+        let (field, bytes) = field.ok()?;
         if presence >> field.bit & 1 == 1 {
             kept |= 1 << field.bit;
-            part.get_mut(end..end + octets.len())?
-                .copy_from_slice(octets);
-            end += octets.len();
+            part.get_mut(end..end + bytes.len())?.copy_from_slice(bytes);
+            end += bytes.len();
         }
     }
     let vector = kept.to_be_bytes();

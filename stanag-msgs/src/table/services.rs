@@ -12,7 +12,7 @@ use crate::id::Id;
 use crate::scalar::{Text, TimeStamp, UnsizedText};
 
 messages! {
-    DisplayUnitRequest = 42000, "Display Unit Request", presence octets 2
+    DisplayUnitRequest = 42000, "Display Unit Request", presence bytes 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(2000) ed2_message("1201")
         source("E2 #1201; id by group start")
         corroboration("not applicable")
@@ -32,7 +32,7 @@ messages! {
         fuel_quantity: u8 = 10, "Fuel Quantity", uid("1201.13"), note("0 l 1 lb 2 kg");
     }
 
-    ReportControllableElementMessage = 42003, "Report Controllable Element Message", presence octets 1
+    ReportControllableElementMessage = 42003, "Report Controllable Element Message", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -42,7 +42,7 @@ messages! {
         input_type: u8 = 3, "Input Type", uid("42003.04");
     }
 
-    VsmServicesReportMessage = 43000, "VSM Services Report Message", presence octets 1
+    VsmServicesReportMessage = 43000, "VSM Services Report Message", presence bytes 1
         sent(ToCucs, Pull) layout(Ed4, B) ed2_message("1304")
         source("K + E2")
     {
@@ -52,7 +52,7 @@ messages! {
         ftp_url: Text<249> = 2, "FTP URL", uid("1304.05"), note("E2 length");
     }
 
-    UaRouteConfiguration = 43001, "UA Route Configuration", presence octets 1
+    UaRouteConfiguration = 43001, "UA Route Configuration", presence bytes 1
         sent(ToCucs, Pull) layout(Ed4, B)
         source("K")
     {
@@ -63,7 +63,7 @@ messages! {
         location_type_support: u8 = 4, "Location Type Support", uid("43001.05");
     }
 
-    RemoteWindowsGuiDefinition = 43002, "Remote Windows GUI Definition", presence octets 1
+    RemoteWindowsGuiDefinition = 43002, "Remote Windows GUI Definition", presence bytes 1
         sent(ToCucs, Pull) layout(Ed4, B)
         source("K")
     {
@@ -75,7 +75,7 @@ messages! {
         enable: u8 = 5, "Enable", uid("43002.06");
     }
 
-    FieldChangeIntegerCommand = 44000, "Field Change Integer Command", presence octets 1
+    FieldChangeIntegerCommand = 44000, "Field Change Integer Command", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -85,7 +85,7 @@ messages! {
         commanded_value: i32 = 3, "Commanded Value", uid("44000.04");
     }
 
-    FieldChangeFloatCommand = 44001, "Field Change Float Command", presence octets 1
+    FieldChangeFloatCommand = 44001, "Field Change Float Command", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -95,7 +95,7 @@ messages! {
         commanded_value: f32 = 3, "Commanded Value", uid("44001.04");
     }
 
-    FieldChangeEnumeratedCommand = 44002, "Field Change Enumerated Command", presence octets 1
+    FieldChangeEnumeratedCommand = 44002, "Field Change Enumerated Command", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, B)
         source("K")
     {
@@ -106,7 +106,7 @@ messages! {
             uid("44002.04"), conf(C), note("K Int32; u8 likely");
     }
 
-    MessageParameterAvailability = 44003, "Message Parameter Availability", presence octets 2
+    MessageParameterAvailability = 44003, "Message Parameter Availability", presence bytes 2
         sent(ToCucs, Push) layout(Ed4, B) ed2_message("1303")
         source("K + E2")
     {

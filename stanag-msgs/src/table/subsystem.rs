@@ -14,7 +14,7 @@ use crate::id::Id;
 use crate::scalar::{Text, TimeStamp};
 
 messages! {
-    SubsystemStatusRequest = 15000, "Subsystem Status Request", presence octets 1
+    SubsystemStatusRequest = 15000, "Subsystem Status Request", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1000")
         source("E2 #1000; id 15000 by group range")
         corroboration("not applicable")
@@ -23,7 +23,7 @@ messages! {
         subsystem_id: SubsystemBitmap = 1, "Subsystem ID", uid("1000.04");
     }
 
-    SubsystemStatusDetailRequest = 15001, "Subsystem Status Detail Request", presence octets 1
+    SubsystemStatusDetailRequest = 15001, "Subsystem Status Detail Request", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1001")
         source("E2 #1001; id 15001 by group range")
         corroboration("not applicable")
@@ -33,7 +33,7 @@ messages! {
             uid("1001.04"), note("-1 = none");
     }
 
-    SubsystemStatusAlert = 16000, "Subsystem Status Alert", presence octets 3
+    SubsystemStatusAlert = 16000, "Subsystem Status Alert", presence bytes 3
         sent(ToCucs, Push) layout(Ed4, B) latency_ms(1000) ed2_message("1100")
         source("K + E2")
     {
@@ -61,7 +61,7 @@ messages! {
         append_total_number: u8 = 16, "Append Total Number", uid("1100.14");
     }
 
-    SubsystemStatusReport = 16001, "Subsystem Status Report", presence octets 2
+    SubsystemStatusReport = 16001, "Subsystem Status Report", presence bytes 2
         sent(ToCucs, PushPull) layout(Ed4, B) latency_ms(1000) ed2_message("1101")
         source("K + E2")
     {
@@ -81,10 +81,10 @@ messages! {
         sub_component_number: u16 = 9, "Sub-Component Number", uid("16001.06");
     }
 
-    Heartbeat = 16002, "Heartbeat", presence octets 1
+    Heartbeat = 16002, "Heartbeat", presence bytes 1
         sent(Both, Push) layout(Ed4, C) latency_ms(1000)
         source("T only; its table reference (4-49) cannot be right")
-        note("T: 1-octet presence vector and the time stamp only, 1 Hz. K does not list it. Treat id as unconfirmed.")
+        note("T: 1-byte presence vector and the time stamp only, 1 Hz. K does not list it. Treat id as unconfirmed.")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
     }

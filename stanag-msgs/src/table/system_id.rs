@@ -15,10 +15,10 @@ use crate::id::Id;
 use crate::scalar::{Text, TimeStamp};
 
 messages! {
-    CucsAuthorisationRequest = 1, "CUCS Authorisation Request", presence octets 3
+    CucsAuthorisationRequest = 1, "CUCS Authorisation Request", presence bytes 3
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000) table("4-34") ed2_message("1")
         source("T+K (K omits nothing); M partial")
-        corroboration("T and K agree on field order; K's integer holders for the 1-octet fields are 32 bit, so widths rest on T")
+        corroboration("T and K agree on field order; K's integer holders for the 1-byte fields are 32 bit, so widths rest on T")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0001.01");
         vsm_id: Id = 1, "VSM ID", uid("0001.04");
@@ -42,7 +42,7 @@ messages! {
         controlled_station_17_32: StationBitmap17To32 = 17, "Controlled Station 17-32";
     }
 
-    VsmAuthorisationResponse = 2, "VSM Authorisation Response", presence octets 3
+    VsmAuthorisationResponse = 2, "VSM Authorisation Response", presence bytes 3
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(1000) table("4-38") ed2_message("21")
         source("T; K confirms first 8 (uids 0021.01/.04/.05/.13/.09/.06/.07/.16)")
         corroboration("T and K agree on the first 8 fields; the rest T only")
@@ -69,7 +69,7 @@ messages! {
         controlled_station_17_32: StationBitmap17To32 = 18, "Controlled Station 17-32";
     }
 
-    VehicleId = 3, "Vehicle ID", presence octets 2
+    VehicleId = 3, "Vehicle ID", presence bytes 2
         sent(ToCucs, PushPull) layout(Ed4, A) latency_ms(1000) table("4-39") ed2_message("20")
         source("T+K")
         corroboration("T+K")
@@ -87,7 +87,7 @@ messages! {
         configuration_checksum: u16 = 9, "Configuration Checksum", uid("0020.12");
     }
 
-    PositiveHandoverAuthorisationRequest = 4, "Positive Handover Authorisation Request", presence octets 2
+    PositiveHandoverAuthorisationRequest = 4, "Positive Handover Authorisation Request", presence bytes 2
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000) table("4-40")
         source("T only")
         note("new in Ed4 (Ed3 group System ID has 3 messages)")
@@ -111,10 +111,10 @@ messages! {
         controlled_station_17_32: StationBitmap17To32 = 15, "Controlled Station 17-32";
     }
 
-    PositiveHandoverAuthorisationGranted = 5, "Positive Handover Authorisation Granted", presence octets 2
+    PositiveHandoverAuthorisationGranted = 5, "Positive Handover Authorisation Granted", presence bytes 2
         sent(ToCucs, Pull) layout(Ed4, A) latency_ms(1000) table("4-41")
         source("T only")
-        note("ANOMALY: T states a 3-octet presence vector for 16 fields; the ceil(n/8) rule gives 2. Either the table has an odd width or a 17th field is missing.")
+        note("ANOMALY: T states a 3-byte presence vector for 16 fields; the ceil(n/8) rule gives 2. Either the table has an odd width or a 17th field is missing.")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
         vsm_id: Id = 1, "VSM ID";

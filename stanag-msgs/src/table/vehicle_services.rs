@@ -15,7 +15,7 @@ use crate::enums::{AreaPlanMode, AreaType, MissionTransferStatus, ParameterKind,
 use crate::scalar::{Bam32, Text, TimeStamp, U24};
 
 messages! {
-    ParameterRequest = 50010, "Parameter Request", presence octets 1
+    ParameterRequest = 50010, "Parameter Request", presence bytes 1
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
@@ -25,7 +25,7 @@ messages! {
         parameter_name: Text<17> = 1, "Parameter Name", note("absent or empty: all");
     }
 
-    ParameterSetCommand = 50011, "Parameter Set Command", presence octets 1
+    ParameterSetCommand = 50011, "Parameter Set Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
@@ -37,7 +37,7 @@ messages! {
         activity_id: U24 = 3, "Activity ID";
     }
 
-    ParameterReport = 50012, "Parameter Report", presence octets 1
+    ParameterReport = 50012, "Parameter Report", presence bytes 1
         sent(ToCucs, Pull) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
@@ -53,7 +53,7 @@ messages! {
         parameter_count: u16 = 7, "Parameter Count", note("how many an answer about all parameters has");
     }
 
-    SoftwareVersionReport = 50013, "Software Version Report", presence octets 1
+    SoftwareVersionReport = 50013, "Software Version Report", presence bytes 1
         sent(ToCucs, Pull) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
@@ -62,12 +62,12 @@ messages! {
         time_stamp: TimeStamp = 0, "Time Stamp";
         vsm_version: Text<20> = 1, "VSM Version";
         autopilot_version: Text<20> = 2, "Autopilot Version", note("such as 1.18.0-beta");
-        autopilot_source: Text<17> = 3, "Autopilot Source", note("first octets of the hash of its source, hexadecimal");
+        autopilot_source: Text<17> = 3, "Autopilot Source", note("first bytes of the hash of its source, hexadecimal");
         board_version: u32 = 4, "Board Version";
         hardware_id: Text<17> = 5, "Hardware ID", note("hexadecimal");
     }
 
-    PingRequest = 50014, "Ping Request", presence octets 1
+    PingRequest = 50014, "Ping Request", presence bytes 1
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
@@ -77,7 +77,7 @@ messages! {
         ping_target: PingTarget = 2, "Ping Target", note("absent: the VSM");
     }
 
-    PingResponse = 50015, "Ping Response", presence octets 1
+    PingResponse = 50015, "Ping Response", presence bytes 1
         sent(ToCucs, Pull) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
@@ -90,7 +90,7 @@ messages! {
             unit("s"), note("from the VSM to the vehicle and back; absent where the VSM answers for itself");
     }
 
-    AreaVertex = 50016, "Area Vertex", presence octets 1
+    AreaVertex = 50016, "Area Vertex", presence bytes 1
         sent(Both, PushPull) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
@@ -106,7 +106,7 @@ messages! {
         radius: f32 = 7, "Radius", unit("m"), note("of a circle");
     }
 
-    AreaTransferCommand = 50017, "Area Transfer Command", presence octets 1
+    AreaTransferCommand = 50017, "Area Transfer Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
@@ -117,7 +117,7 @@ messages! {
         activity_id: U24 = 2, "Activity ID";
     }
 
-    AreaTransferStatus = 50018, "Area Transfer Status", presence octets 1
+    AreaTransferStatus = 50018, "Area Transfer Status", presence bytes 1
         sent(ToCucs, Push) layout(Ed4, A) latency_ms(2000)
         source("this project")
         corroboration("own definition")

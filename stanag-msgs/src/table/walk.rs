@@ -3,7 +3,7 @@
 use super::{FieldInfo, MessageInfo};
 use crate::codec::DecodeError;
 
-/// The present fields of message data in order, each with its octets.
+/// The present fields of message data in order, each with its bytes.
 ///
 /// Fails in the same places and ways as the structs' `decode`; an error is the last item.
 pub fn walk<'a>(message: &'static MessageInfo, data: &'a [u8]) -> Walk<'a> {
@@ -33,7 +33,7 @@ impl<'a> Iterator for Walk<'a> {
     fn next(&mut self) -> Option<Self::Item> {
         let outcome = self.step();
         if let Err(_) | Ok(None) = outcome {
-            // Nothing follows: neither fields nor octets.
+            // Nothing follows: neither fields nor bytes.
             (self.bit, self.offset) = (Some(self.message.fields.len()), self.data.len());
         }
         outcome.transpose()
@@ -62,14 +62,14 @@ impl<'a> Walk<'a> {
             };
         };
         let bit = field.bit;
-        let Some(octets) = field.wire.octets() else {
+        let Some(bytes) = field.wire.bytes() else {
             return Err(DecodeError::UnknownLength {
                 message_type,
                 bit,
                 offset,
             });
         };
-        let Some(octets) = rest.get(..octets) else {
+        let Some(bytes) = rest.get(..bytes) else {
             return Err(DecodeError::Truncated {
                 message_type,
                 bit,
@@ -78,13 +78,13 @@ impl<'a> Walk<'a> {
             });
         };
         self.bit = Some(usize::from(bit) + 1);
-        self.offset += octets.len();
-        Ok(Some((field, octets)))
+        self.offset += bytes.len();
+        Ok(Some((field, bytes)))
     }
 
     fn read_presence(&mut self) -> Result<usize, DecodeError> {
         let message_type = self.message.id;
-        let expected = usize::from(self.message.presence_octets);
+        let expected = usize::from(self.message.presence_bytes);
         let found = self.data.len();
         let Some(vector) = self.data.get(..expected) else {
             return Err(DecodeError::NoPresence {
@@ -95,7 +95,7 @@ impl<'a> Walk<'a> {
         };
         let presence = vector
             .iter()
-            .fold(0, |bits, &octet| bits << 8 | u64::from(octet));
+            .fold(0, |bits, &byte| bits << 8 | u64::from(byte));
         let known = (1 << self.message.fields.len()) - 1;
         if presence & !known != 0 {
             return Err(DecodeError::UnknownPresence {

@@ -11,18 +11,18 @@ pub enum ChecksumStyle {
     /// Not at all (code 0).
     #[default]
     None,
-    /// All octets added, 2 octets (code 1).
+    /// All bytes added, 2 bytes (code 1).
     Sum16,
-    /// All octets added, 4 octets (code 2).
+    /// All bytes added, 4 bytes (code 2).
     Sum32,
-    /// CRC-32 of ITU-T V.42, 4 octets (code 3); not in Edition 3.
+    /// CRC-32 of ITU-T V.42, 4 bytes (code 3); not in Edition 3.
     Crc32,
 }
 
 /// What style 1 means: sources disagree, see [`crate::disputed`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Sum16Variant {
-    /// All octets added.
+    /// All bytes added.
     #[default]
     Sum,
     /// CRC-16-CCITT with initial value 0xFFFF.
@@ -50,8 +50,8 @@ impl ChecksumStyle {
         }
     }
 
-    /// How many octets the checksum has.
-    pub const fn octets(self) -> usize {
+    /// How many bytes the checksum has.
+    pub const fn bytes(self) -> usize {
         match self {
             Self::None => 0,
             Self::Sum16 => 2,
@@ -60,23 +60,23 @@ impl ChecksumStyle {
     }
 
     /// The checksum of header and data; 0 where there is none.
-    pub fn of(self, variant: Sum16Variant, octets: &[u8]) -> u32 {
+    pub fn of(self, variant: Sum16Variant, bytes: &[u8]) -> u32 {
         match (self, variant) {
             (Self::None, _) => 0,
-            (Self::Sum16, Sum16Variant::Sum) => sum(octets) & 0xFFFF,
-            (Self::Sum16, Sum16Variant::Crc16) => u32::from(CRC_16.checksum(octets)),
-            (Self::Sum32, _) => sum(octets),
-            (Self::Crc32, _) => CRC_32.checksum(octets),
+            (Self::Sum16, Sum16Variant::Sum) => sum(bytes) & 0xFFFF,
+            (Self::Sum16, Sum16Variant::Crc16) => u32::from(CRC_16.checksum(bytes)),
+            (Self::Sum32, _) => sum(bytes),
+            (Self::Crc32, _) => CRC_32.checksum(bytes),
         }
     }
 }
 
 // Inlined where only 16 bits are wanted, the narrower sum is compiled to slower code.
 #[inline(never)]
-fn sum(octets: &[u8]) -> u32 {
-    octets
+fn sum(bytes: &[u8]) -> u32 {
+    bytes
         .iter()
-        .fold(0, |sum, &octet| sum.wrapping_add(u32::from(octet)))
+        .fold(0, |sum, &byte| sum.wrapping_add(u32::from(byte)))
 }
 
 #[cfg(test)]
@@ -97,14 +97,14 @@ mod tests {
     }
 
     #[test]
-    fn two_octets_wrap_where_four_do_not() {
-        let octets = [0xFF; 300];
+    fn two_bytes_wrap_where_four_do_not() {
+        let bytes = [0xFF; 300];
         assert_eq!(
-            ChecksumStyle::Sum16.of(Sum16Variant::Sum, &octets),
+            ChecksumStyle::Sum16.of(Sum16Variant::Sum, &bytes),
             300 * 255 - 65_536
         );
         assert_eq!(
-            ChecksumStyle::Sum32.of(Sum16Variant::Sum, &octets),
+            ChecksumStyle::Sum32.of(Sum16Variant::Sum, &bytes),
             300 * 255
         );
     }

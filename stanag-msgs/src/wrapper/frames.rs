@@ -4,7 +4,7 @@ use nom::number::complete::{be_u16, be_u32};
 use nom::{IResult, Parser};
 
 use super::{
-    ACK_REQUESTED, ChecksumStyle, HEADER_OCTETS, Header, MAX_DATA, MAX_DATAGRAM, Sum16Variant,
+    ACK_REQUESTED, ChecksumStyle, HEADER_BYTES, Header, MAX_DATA, MAX_DATAGRAM, Sum16Variant,
 };
 use crate::id::Id;
 
@@ -16,30 +16,30 @@ pub struct Frame<'a> {
     /// The message data: presence vector and fields.
     pub data: &'a [u8],
     /// The whole message, from the header to the checksum.
-    pub octets: &'a [u8],
+    pub bytes: &'a [u8],
 }
 
 /// Why a part of a datagram is not a message. `offset` counts from the start of the datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WrapperError {
     /// The datagram is longer than any may be.
-    #[error("offset {offset}: a datagram of {value} octets, expected at most {expected}")]
+    #[error("offset {offset}: a datagram of {value} bytes, expected at most {expected}")]
     Oversized {
-        /// Where the octets that are too many start.
+        /// Where the bytes that are too many start.
         offset: usize,
-        /// Octets of the datagram.
+        /// Bytes of the datagram.
         value: usize,
         /// The most there may be.
         expected: usize,
     },
     /// There is no room for a header.
-    #[error("offset {offset}: {value} octets, expected a header of {expected}")]
+    #[error("offset {offset}: {value} bytes, expected a header of {expected}")]
     NoHeader {
         /// Where the header should start.
         offset: usize,
-        /// Octets that are there.
+        /// Bytes that are there.
         value: usize,
-        /// Octets of a header.
+        /// Bytes of a header.
         expected: usize,
     },
     /// The Message Length is impossible.
@@ -53,13 +53,13 @@ pub enum WrapperError {
         expected: usize,
     },
     /// The datagram ends within data or checksum.
-    #[error("offset {offset}: {value} octets, expected a message of {expected}")]
+    #[error("offset {offset}: {value} bytes, expected a message of {expected}")]
     Truncated {
         /// Where the message starts.
         offset: usize,
-        /// Octets that are there.
+        /// Bytes that are there.
         value: usize,
-        /// Octets by header and checksum style.
+        /// Bytes by header and checksum style.
         expected: usize,
     },
     /// The interface version is none that this wrapper is for.
@@ -162,9 +162,9 @@ impl<'a> Iterator for Frames<'a> {
         if self.ended {
             return None;
         }
-        let outcome = self.extent().and_then(|(prefix, octets)| {
-            self.offset += octets.len();
-            self.check(prefix, octets)
+        let outcome = self.extent().and_then(|(prefix, bytes)| {
+            self.offset += bytes.len();
+            self.check(prefix, bytes)
         });
         // An error that leaves the offset where it was has no known end.
         self.ended = match outcome {
@@ -187,7 +187,7 @@ impl<'a> Frames<'a> {
         self.offset
     }
 
-    /// The next message's header and all of its octets, by length and checksum style alone.
+    /// The next message's header and all of its bytes, by length and checksum style alone.
     fn extent(&self) -> Result<(Prefix, &'a [u8]), WrapperError> {
         let offset = self.offset;
         if self.datagram.len() > MAX_DATAGRAM {
@@ -203,7 +203,7 @@ impl<'a> Frames<'a> {
             return Err(WrapperError::NoHeader {
                 offset,
                 value: rest.len(),
-                expected: HEADER_OCTETS,
+                expected: HEADER_BYTES,
             });
         };
         let length = usize::from(prefix.length);
@@ -215,9 +215,9 @@ impl<'a> Frames<'a> {
                 expected: MAX_DATA,
             });
         }
-        let expected = HEADER_OCTETS + length + prefix.header.checksum.octets();
+        let expected = HEADER_BYTES + length + prefix.header.checksum.bytes();
         match rest.get(..expected) {
-            Some(octets) => Ok((prefix, octets)),
+            Some(bytes) => Ok((prefix, bytes)),
             None => Err(WrapperError::Truncated {
                 offset,
                 value: rest.len(),
@@ -226,9 +226,9 @@ impl<'a> Frames<'a> {
         }
     }
 
-    fn check(&self, prefix: Prefix, octets: &'a [u8]) -> Result<Frame<'a>, WrapperError> {
+    fn check(&self, prefix: Prefix, bytes: &'a [u8]) -> Result<Frame<'a>, WrapperError> {
         let Header { idd, checksum, .. } = prefix.header;
-        let start = self.offset - octets.len();
+        let start = self.offset - bytes.len();
         if !(Header::IDD_ED3..=Header::IDD_ED4).contains(&idd) {
             return Err(WrapperError::Idd {
                 offset: start + 14,
@@ -244,10 +244,10 @@ impl<'a> Frames<'a> {
                 expected,
             });
         }
-        let (summed, sum) = octets.split_at(octets.len() - checksum.octets());
+        let (summed, sum) = bytes.split_at(bytes.len() - checksum.bytes());
         let value = sum
             .iter()
-            .fold(0, |value, &octet| value << 8 | u32::from(octet));
+            .fold(0, |value, &byte| value << 8 | u32::from(byte));
         let expected = checksum.of(self.variant, summed);
         if value != expected {
             return Err(WrapperError::Checksum {
@@ -258,8 +258,8 @@ impl<'a> Frames<'a> {
         }
         Ok(Frame {
             header: prefix.header,
-            data: &summed[HEADER_OCTETS..],
-            octets,
+            data: &summed[HEADER_BYTES..],
+            bytes,
         })
     }
 }
@@ -270,9 +270,9 @@ struct Prefix {
     header: Header,
 }
 
-fn prefix(octets: &[u8]) -> IResult<&[u8], Prefix> {
+fn prefix(bytes: &[u8]) -> IResult<&[u8], Prefix> {
     let (rest, (_reserved, length, source, destination, message_type, properties)) =
-        (be_u16, be_u16, be_u32, be_u32, be_u16, be_u16).parse(octets)?;
+        (be_u16, be_u16, be_u32, be_u32, be_u16, be_u16).parse(bytes)?;
     let header = Header {
         source: Id(source),
         destination: Id(destination),

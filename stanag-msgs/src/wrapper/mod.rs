@@ -1,4 +1,4 @@
-//! The wrapper around every message: a header of 16 octets, the data, a checksum.
+//! The wrapper around every message: a header of 16 bytes, the data, a checksum.
 //!
 //! ```text
 //!  0  2  reserved: 0, or all ones in Edition 3; ignored on receipt
@@ -9,7 +9,7 @@
 //! 14  2  properties: bit 15 acknowledgement wanted, 14 to 8 IDD version, 7 to 6 checksum style,
 //!        5 to 0 reserved: sent as 0, ignored on receipt
 //! 16  n  data
-//!     c  checksum over all of the above: none, 2 or 4 octets
+//!     c  checksum over all of the above: none, 2 or 4 bytes
 //! ```
 //!
 //! The reserved bits are ignored on receipt because the length does not depend on them: a later
@@ -26,11 +26,11 @@ pub use packer::Packer;
 use crate::codec::EncodeError;
 use crate::id::Id;
 
-/// The most octets that a datagram may have: 576 less the headers of IP and UDP.
+/// The most bytes that a datagram may have: 576 less the headers of IP and UDP.
 pub const MAX_DATAGRAM: usize = 548;
-/// Octets of the header.
-pub const HEADER_OCTETS: usize = 16;
-/// The most octets of message data: a datagram less header and longest checksum.
+/// Bytes of the header.
+pub const HEADER_BYTES: usize = 16;
+/// The most bytes of message data: a datagram less header and longest checksum.
 pub const MAX_DATA: usize = 528;
 
 const ACK_REQUESTED: u16 = 0x8000;
@@ -128,7 +128,7 @@ impl Envelope {
     }
 }
 
-/// Writes wrapper, data and checksum into `out`, and says how many octets. `data` writes the
+/// Writes wrapper, data and checksum into `out`, and says how many bytes. `data` writes the
 /// message data into what it is given.
 pub fn encode(
     message_type: u16,
@@ -157,7 +157,7 @@ pub fn encode_with(
     let available = out.len();
     let too_small = EncodeError::BufferTooSmall { available };
     let (head, body) = out
-        .split_first_chunk_mut::<HEADER_OCTETS>()
+        .split_first_chunk_mut::<HEADER_BYTES>()
         .ok_or(too_small)?;
     let length = data(body)?;
     if length > MAX_DATA {
@@ -175,13 +175,13 @@ pub fn encode_with(
     head[12..14].copy_from_slice(&message_type.to_be_bytes());
     head[14..16].copy_from_slice(&envelope.header(message_type).properties().to_be_bytes());
 
-    let end = HEADER_OCTETS + length;
-    let octets = envelope.checksum.octets();
-    if octets == 0 {
+    let end = HEADER_BYTES + length;
+    let bytes = envelope.checksum.bytes();
+    if bytes == 0 {
         return Ok(end);
     }
     let sum = envelope.checksum.of(variant, &out[..end]).to_be_bytes();
-    let place = out.get_mut(end..end + octets).ok_or(too_small)?;
-    place.copy_from_slice(&sum[sum.len() - octets..]);
-    Ok(end + octets)
+    let place = out.get_mut(end..end + bytes).ok_or(too_small)?;
+    place.copy_from_slice(&sum[sum.len() - bytes..]);
+    Ok(end + bytes)
 }

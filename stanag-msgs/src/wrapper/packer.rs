@@ -4,7 +4,7 @@ use super::{Envelope, MAX_DATAGRAM};
 use crate::codec::EncodeError;
 use crate::table::Message;
 
-/// Packs messages into datagrams of at most [`MAX_DATAGRAM`] octets, in the order they come.
+/// Packs messages into datagrams of at most [`MAX_DATAGRAM`] bytes, in the order they come.
 ///
 /// ```
 /// use stanag_msgs::{Envelope, Id, Message, Packer, TimeStamp, messages::Heartbeat};
@@ -44,16 +44,16 @@ impl Packer {
         send: impl FnOnce(&[u8]),
     ) -> Result<(), EncodeError> {
         match message.encode(envelope, &mut self.datagram[self.length..]) {
-            Ok(octets) => {
-                self.length += octets;
+            Ok(bytes) => {
+                self.length += bytes;
                 Ok(())
             }
             Err(EncodeError::BufferTooSmall { .. }) if self.length > 0 => {
                 let mut alone = [0; MAX_DATAGRAM];
-                let octets = message.encode(envelope, &mut alone)?;
+                let bytes = message.encode(envelope, &mut alone)?;
                 self.flush(send);
                 self.datagram = alone;
-                self.length = octets;
+                self.length = bytes;
                 Ok(())
             }
             Err(error) => Err(error),

@@ -142,7 +142,7 @@ impl Agent {
 
     fn tell_pairing(&mut self, news: PairingNews) {
         // Strangers cause these at will, and perhaps nobody is at the window.
-        if self.news.len() < MOST_NEWS {
+        if self.news.len() < MAX_NEWS {
             self.news.push_back(news);
         }
     }
@@ -241,4 +241,4 @@ impl Agent {
     }
 }
 
-const MOST_NEWS: usize = 32;
+const MAX_NEWS: usize = 32;

@@ -41,12 +41,12 @@ impl Agent {
         })
     }
 
-    /// Whether these octets show that the autopilot signs with the key before now.
+    /// Whether these bytes show that the autopilot signs with the key before now.
     pub(super) fn is_under_previous(
         &mut self,
         now: Now,
         from: Peer,
-        octets: &[u8],
+        bytes: &[u8],
         keys: &mut dyn Keys,
     ) -> bool {
         let previous = match &self.phase {
@@ -78,10 +78,10 @@ impl Agent {
         };
         let auth = Auth::Signed { key, store: keys };
         let mut proven = false;
-        link.handle_datagram(now, from, octets, auth, &mut |delivery| {
+        link.handle_datagram(now, from, bytes, auth, &mut |delivery| {
             proven |= delivery.verified && delivery.header.component_id == AUTOPILOT;
         });
-        // PX4's link under the key in force sees the same octets, and tells.
+        // PX4's link under the key in force sees the same bytes, and tells.
         while link.poll_event().is_some() {}
         if proven {
             self.fallback = None;

@@ -3,7 +3,7 @@
 //! A sans-I/O machine between two links. Promised:
 //!
 //! - From the radio only frames pass that verify under the key in force, of a listed (system, component, link), with a
-//!   stamp never accepted before, over restarts too. Octets pass unaltered. SETUP_SIGNING never passes, KEY_EXCHANGE goes
+//!   stamp never accepted before, over restarts too. Bytes pass unaltered. SETUP_SIGNING never passes, KEY_EXCHANGE goes
 //!   to the exchange alone, and whatever carries the vehicle's own system id is dropped.
 //! - To the radio only PX4's frames pass that verify under the key in force: none unsigned, none under the key before.
 //! - A key for PX4 comes from this machine's own disk, never from the radio, and goes out by the states of
@@ -15,7 +15,7 @@
 
 mod exchange;
 mod fallback;
-mod handing;
+mod key_install;
 mod keys;
 mod phase;
 mod relay;
@@ -59,7 +59,7 @@ pub struct Transmit {
     pub side: Side,
     /// Where it must go.
     pub to: Peer,
-    /// Its octets in the buffer.
+    /// Its bytes in the buffer.
     pub len: usize,
     /// It holds a key: wipe the buffer once it is sent.
     pub secret: bool,
@@ -181,20 +181,20 @@ impl Agent {
         self.note(LogLevel::Warning, format!("{link}: {text}"));
     }
 
-    /// At most 50 octets, the longest that STATUSTEXT holds in one.
+    /// At most 50 bytes, the longest that STATUSTEXT holds in one.
     fn tell_ground(&mut self, severity: MavSeverity, text: &'static str) {
-        if self.texts.len() < MOST_TEXTS {
+        if self.texts.len() < MAX_TEXTS {
             self.texts.push_back((severity, text));
         }
     }
 
     fn note(&mut self, level: LogLevel, text: impl Into<String>) {
-        if self.notes.len() < MOST_NOTES {
+        if self.notes.len() < MAX_NOTES {
             let text = text.into();
             self.notes.push_back(Note { level, text });
         }
     }
 }
 
-const MOST_NOTES: usize = 256;
-const MOST_TEXTS: usize = 8;
+const MAX_NOTES: usize = 256;
+const MAX_TEXTS: usize = 8;

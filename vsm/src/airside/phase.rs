@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use mavlink_link::link::Auth;
-use mavlink_link::provisioning::{Handover, State, Under};
+use mavlink_link::provisioning::{Handover, KeySlot, State};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{KeyId, SigningKey};
 
@@ -51,10 +51,10 @@ pub(super) enum Cause {
 
 impl Cause {
     /// The key that the ground uses meanwhile.
-    fn of_ground(self) -> Under {
+    fn of_ground(self) -> KeySlot {
         match self {
-            Cause::NewKey => Under::Old,
-            Cause::LostKey => Under::New,
+            Cause::NewKey => KeySlot::Old,
+            Cause::LostKey => KeySlot::New,
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What passes from the one link to the other, octet for octet, and why the rest is held back.
+//! What passes from the one link to the other, byte for byte, and why the rest is held back.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -19,7 +19,7 @@ pub(super) struct Relayed {
     pub(super) side: Side,
     pub(super) to: Peer,
     pub(super) len: usize,
-    pub(super) octets: [u8; MAX_FRAME],
+    pub(super) bytes: [u8; MAX_FRAME],
 }
 
 impl Agent {
@@ -28,7 +28,7 @@ impl Agent {
         &mut self,
         now: Now,
         from: Peer,
-        octets: &[u8],
+        bytes: &[u8],
         random: &mut dyn Random,
         keys: &mut dyn Keys,
     ) {
@@ -43,7 +43,7 @@ impl Agent {
             ..
         } = self;
         let auth = phase.ground_auth(keys);
-        radio.handle_datagram(now, from, octets, auth, &mut |delivery| {
+        radio.handle_datagram(now, from, bytes, auth, &mut |delivery| {
             let why = match to {
                 _ if !delivery.verified => "unsigned",
                 _ if delivery.header.message_id == SETUP_SIGNING_ID => {
@@ -74,15 +74,15 @@ impl Agent {
     }
 
     /// Takes what came from PX4.
-    pub fn handle_px4(&mut self, now: Now, from: Peer, octets: &[u8], keys: &mut dyn Keys) {
+    pub fn handle_px4(&mut self, now: Now, from: Peer, bytes: &[u8], keys: &mut dyn Keys) {
         match &self.phase {
             Phase::Keyless | Phase::CannotSign { .. } => {}
-            Phase::HandingOver(_) => self.take_while_handing_over(now, from, octets, keys),
-            Phase::Relaying(_) => self.take_and_relay(now, from, octets, keys),
+            Phase::HandingOver(_) => self.take_while_handing_over(now, from, bytes, keys),
+            Phase::Relaying(_) => self.take_and_relay(now, from, bytes, keys),
         }
     }
 
-    fn take_and_relay(&mut self, now: Now, from: Peer, octets: &[u8], keys: &mut dyn Keys) {
+    fn take_and_relay(&mut self, now: Now, from: Peer, bytes: &[u8], keys: &mut dyn Keys) {
         let Phase::Relaying(relaying) = &mut self.phase else {
             return;
         };
@@ -91,7 +91,7 @@ impl Agent {
             key: &mut relaying.key,
             store: keys,
         };
-        let mut passage = Passage {
+        let mut forwarder = FrameForwarder {
             mono: now.mono,
             own_component: self.settings.own_component,
             ground: self.radio.peer(),
@@ -101,9 +101,9 @@ impl Agent {
             to_ground: &mut self.to_ground,
         };
         self.px4
-            .handle_datagram(now, from, octets, auth, &mut |delivery| {
+            .handle_datagram(now, from, bytes, auth, &mut |delivery| {
                 if delivery.verified {
-                    passage.pass(&delivery.frame);
+                    forwarder.pass(&delivery.frame);
                 }
             });
         let mut unsigned = false;
@@ -120,7 +120,7 @@ impl Agent {
             }
         }
         let fell_back = self.px4.stats().bad_signature > bad_before
-            && self.is_under_previous(now, from, octets, keys);
+            && self.is_under_previous(now, from, bytes, keys);
         if unsigned || fell_back {
             self.key_lost(unsigned, now, keys);
         } else if self.watch.take_restart() {
@@ -146,7 +146,7 @@ impl Agent {
 }
 
 /// What a frame of PX4 goes through on its way to the ground.
-pub(super) struct Passage<'a> {
+pub(super) struct FrameForwarder<'a> {
     pub(super) mono: Duration,
     pub(super) own_component: u8,
     pub(super) ground: Option<Peer>,
@@ -156,7 +156,7 @@ pub(super) struct Passage<'a> {
     pub(super) to_ground: &'a mut u64,
 }
 
-impl Passage<'_> {
+impl FrameForwarder<'_> {
     /// A frame that has verified under the key in force.
     pub(super) fn pass(&mut self, frame: &FrameView<'_>) {
         self.watch.take(self.mono, frame);
@@ -179,23 +179,23 @@ impl Passage<'_> {
 
 /// False where the queue is full.
 fn enqueue(queue: &mut VecDeque<Relayed>, side: Side, to: Peer, frame: &FrameView<'_>) -> bool {
-    let mut octets = [0; MAX_FRAME];
-    let bytes = frame.as_bytes();
-    let Some(place) = octets.get_mut(..bytes.len()) else {
+    let frame = frame.as_bytes();
+    let mut bytes = [0; MAX_FRAME];
+    let Some(place) = bytes.get_mut(..frame.len()) else {
         return false;
     };
-    if queue.len() >= MOST_RELAYED {
+    if queue.len() >= MAX_RELAYED {
         return false;
     }
-    place.copy_from_slice(bytes);
+    place.copy_from_slice(frame);
     queue.push_back(Relayed {
         side,
         to,
-        len: bytes.len(),
-        octets,
+        len: frame.len(),
+        bytes,
     });
     true
 }
 
 /// Frames of one datagram, many times over: more than this is a flood.
-const MOST_RELAYED: usize = 1_024;
+const MAX_RELAYED: usize = 1_024;

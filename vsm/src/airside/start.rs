@@ -9,7 +9,7 @@ use mavlink_link::exchange::{
 };
 use mavlink_link::link::{Endpoint, Link, LinkConfig, Role, Security};
 use mavlink_link::provisioning;
-use mavlink_link::receiver::{KeyState, Stream, Talkers};
+use mavlink_link::receiver::{AllowedStreams, KeyState, Stream};
 use mavlink_link::signing::{SigningKey, Stamp};
 
 use super::phase::{Cause, Phase};
@@ -28,7 +28,7 @@ pub struct Settings {
     pub own_component: u8,
     /// The agent's link id on both sides.
     pub own_link_id: u8,
-    /// Who may speak to PX4, the VSM first; at most [`Talkers::MOST`].
+    /// Who may speak to PX4, the VSM first; at most [`AllowedStreams::MOST`].
     pub talkers: Vec<Stream>,
     /// Where the ground is, where that is known.
     pub radio: Endpoint<Peer>,
@@ -47,7 +47,7 @@ pub struct Settings {
 pub enum AgentError {
     /// The list of talkers.
     #[error("{0} talkers, expected 1 to 8")]
-    Talkers(usize),
+    AllowedStreams(usize),
     /// A handover that is not finished.
     #[error(transparent)]
     Handover(#[from] provisioning::StartError),
@@ -69,8 +69,12 @@ impl Agent {
         keys: &mut dyn Keys,
     ) -> Result<Agent, AgentError> {
         let talkers = settings.talkers.len();
-        let only = Talkers::listed(&settings.talkers).ok_or(AgentError::Talkers(talkers))?;
-        let first = settings.talkers.first().ok_or(AgentError::Talkers(0))?;
+        let only =
+            AllowedStreams::listed(&settings.talkers).ok_or(AgentError::AllowedStreams(talkers))?;
+        let first = settings
+            .talkers
+            .first()
+            .ok_or(AgentError::AllowedStreams(0))?;
         let mut radio = LinkConfig::new(first.system, Security::Signed, settings.radio);
         // Towards the ground the agent is a component of the vehicle: the link refuses what comes in under that id.
         radio.own_system = settings.vehicle_system;

@@ -21,7 +21,7 @@ impl Agent {
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit> {
         if let Some(relayed) = self.queue.pop_front() {
-            *out = relayed.octets;
+            *out = relayed.bytes;
             return Some(Transmit {
                 side: relayed.side,
                 to: relayed.to,

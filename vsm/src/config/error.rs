@@ -54,7 +54,7 @@ impl ConfigError {
     }
 }
 
-/// A fault at an octet of the text, before the line is known.
+/// A fault at a byte of the text, before the line is known.
 pub(super) struct Fault {
     pub(super) at: usize,
     pub(super) key: String,
@@ -62,7 +62,7 @@ pub(super) struct Fault {
     pub(super) expected: String,
 }
 
-/// The fault of a key, in the table that begins at an octet of the text.
+/// The fault of a key, in the table that begins at a byte of the text.
 pub(super) fn fault(
     at: usize,
     key: &str,
@@ -83,7 +83,7 @@ impl Fault {
             .as_bytes()
             .iter()
             .take(self.at)
-            .filter(|octet| **octet == b'\n')
+            .filter(|byte| **byte == b'\n')
             .count();
         ConfigError::Value {
             line,

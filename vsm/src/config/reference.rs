@@ -1,4 +1,4 @@
-//! Every key of `vsm.toml`, for people: the source of `docs/configuration.md`, held to the parser by the tests below.
+//! Every key of `vsm.toml`, for people: the source of `docs/reference/configuration.md`, held to the parser by the tests below.
 
 /// One key.
 #[derive(Debug, Clone, Copy)]
@@ -29,7 +29,7 @@ pub static KEYS: &[Key] = &[
     Key {
         name: "dli.vsm_id",
         default: Required,
-        meaning: "identification number of the VSM: four octets in hex, the owning nation first; not `ff:..`",
+        meaning: "identification number of the VSM: four bytes in hex, the owning nation first; not `ff:..`",
     },
     Key {
         name: "dli.listen",
@@ -159,7 +159,7 @@ pub static KEYS: &[Key] = &[
     Key {
         name: "vehicle.stall_s",
         default: Value("30.0"),
-        meaning: "longest time, s, that a mission may get no nearer to its waypoint before the vehicle is told to hold, 10 to 3600; `0` for no watch ([px4.md](px4.md))",
+        meaning: "longest time, s, that a mission may get no nearer to its waypoint before the vehicle is told to hold, 10 to 3600; `0` for no watch ([px4.md](../guide/px4.md))",
     },
     Key {
         name: "vehicle.limits.first_m",
@@ -253,7 +253,7 @@ pub static KEYS: &[Key] = &[
     },
 ];
 
-/// `docs/configuration.md`.
+/// `docs/reference/configuration.md`.
 #[must_use]
 pub fn markdown() -> String {
     let mut page = String::from(HEAD);
@@ -281,8 +281,8 @@ with line, key and expectation, or what each value means. Keys without a default
 ";
 
 const FOOT: &str = "
-Examples that a test reads: [one vehicle](../examples/vsm.toml), [a radio](../examples/radio.toml),
-[two vehicles](../examples/two-vehicles.toml), [keys agreed over the air](../examples/agreed-keys.toml).
+Examples that a test reads: [one vehicle](../../examples/vsm.toml), [a radio](../../examples/radio.toml),
+[two vehicles](../../examples/two-vehicles.toml), [keys agreed over the air](../../examples/agreed-keys.toml).
 ";
 
 #[cfg(test)]

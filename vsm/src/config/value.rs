@@ -69,7 +69,7 @@ impl<'de> Deserialize<'de> for LinkAddress {
 /// `vehicle.signing`: `{ key_file = "uav1.key" }`, or `"off"`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Signing {
-    /// The file that holds 32 octets in hex.
+    /// The file that holds 32 bytes in hex.
     KeyFile(PathBuf, Exchange),
     /// Nothing is signed and nothing is verified: said aloud in the log and in 16000.
     Off,
@@ -187,7 +187,7 @@ pub enum OnLoss {
 /// An identification number that something can own: neither broadcast, null, nor of the reserved owner ff.
 pub(super) fn id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Id, D::Error> {
     const EXPECTED: &str =
-        "four octets in hex, the owning nation first, such as \"1b:00:00:01\" (ff is reserved)";
+        "four bytes in hex, the owning nation first, such as \"1b:00:00:01\" (ff is reserved)";
     let text = String::deserialize(deserializer)?;
     match text.parse::<Id>() {
         Ok(id) if id.0 >> 24 != 0xff => Ok(id),

@@ -64,7 +64,7 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Writes a new random signing key (32 octets in hex, mode 0600) to a file that must not exist
+    /// Writes a new random signing key (32 bytes in hex, mode 0600) to a file that must not exist
     Keygen {
         /// The key file to write
         file: PathBuf,

@@ -108,7 +108,7 @@ fn tell(event: &InitiatorEvent) {
             say(&format!("somebody answers, unproven: {status}"))
         }
         InitiatorEvent::NotStored(cause) => say(&format!("not stored: {cause}")),
-        InitiatorEvent::NoRandom => say("the system has no random octets"),
+        InitiatorEvent::NoRandom => say("the system has no random bytes"),
         _ => {}
     }
 }

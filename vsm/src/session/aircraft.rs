@@ -16,28 +16,28 @@ use stanag_msgs::messages::LoiterConfiguration;
 
 use super::alerts::{Alerts, Cause};
 use super::authority::Authority;
+use super::authority_record::AuthorityRecord;
 use super::ceiling::Ceilings;
 use super::configuration::Configuration;
-use super::custody::Custody;
 use super::desk::{Desk, Origin};
 use super::fence::Fence;
 use super::health::HealthWatch;
-use super::inquiry::Inquiries;
+use super::ignored_fields;
 use super::log::LogLevel;
+use super::loss_action::LossAction;
 use super::maneuver::{Maneuver, Progress};
 use super::manual::Sticks;
 use super::mission_transfer::{Download, Load};
+use super::mission_watchdog::StallWatch;
 use super::operator_control::OperatorControl;
 use super::parameters::ParameterDesk;
-use super::passage::Passage;
-use super::plan_record::Aboard;
-use super::plan_return::PlanCheck;
+use super::plan_record::UploadedMission;
+use super::plan_resync::PlanCheck;
 use super::push::Push;
-use super::recall::Recall;
-use super::stall::StallWatch;
+use super::requests::Inquiries;
+use super::route_progress::RouteProgress;
 use super::steering::Steering;
 use super::transfer::Bounds;
-use super::unheeded;
 use super::vehicle::{Peer, VehicleEvent, VehicleLink};
 use crate::config;
 
@@ -48,9 +48,9 @@ pub(crate) struct Aircraft {
     pub(crate) mav: VehicleLink,
     pub(crate) authority: Authority,
     pub(crate) plan: Plan,
-    pub(crate) aboard: Option<Aboard>,
+    pub(crate) aboard: Option<UploadedMission>,
     /// What 13000 has loaded: flown by mode 11, also after another route was aboard for another mode.
-    pub(super) chosen: Option<Aboard>,
+    pub(super) loaded_mission: Option<UploadedMission>,
     pub(crate) load: Option<Load>,
     pub(super) download: Option<Download>,
     pub(crate) bounds: Bounds,
@@ -61,13 +61,13 @@ pub(crate) struct Aircraft {
     /// The mode that it was commanded in.
     pub(super) commanded_in: Option<Px4Mode>,
     /// Fields without effect that stations were told of.
-    pub(super) unused_told: unheeded::Told,
+    pub(super) unused_told: ignored_fields::AlreadyReported,
     pub(super) sticks: Sticks,
     pub(super) steering: Steering,
     /// The last 2008.
     pub(super) engine_command: Option<CommandedEngineState>,
     pub(super) push: Push,
-    pub(super) stall: StallWatch,
+    pub(super) mission_watchdog: StallWatch,
     pub(super) configuration: Configuration,
     pub(super) parameters: ParameterDesk,
     pub(super) inquiries: Inquiries,
@@ -75,13 +75,13 @@ pub(crate) struct Aircraft {
     pub(crate) fence: Fence,
     /// That AGL is flown above home has been said.
     said_agl: bool,
-    pub(super) custody: Custody,
+    pub(super) authority_record: AuthorityRecord,
     /// The vehicle's link id as it is stored.
     pub(super) kept_link_id: Option<u8>,
     /// What the VSM flies since the controlling CUCS is lost.
-    pub(super) recall: Option<Recall>,
+    pub(super) loss_action: Option<LossAction>,
     pub(super) plan_check: PlanCheck,
-    pub(super) passage: Passage,
+    pub(super) route_progress: RouteProgress,
     pub(super) operator_control: OperatorControl,
     /// A restart of the VSM cut off a launch, and what became of it is not known yet.
     pub(super) launch_cut_off: bool,
@@ -131,7 +131,7 @@ impl Aircraft {
             authority: Authority::default(),
             plan: Plan::default(),
             aboard: None,
-            chosen: None,
+            loaded_mission: None,
             load: None,
             download: None,
             bounds,
@@ -140,23 +140,23 @@ impl Aircraft {
             loiter: LoiterConfiguration::default(),
             commanded: Commanded::default(),
             commanded_in: None,
-            unused_told: unheeded::Told::default(),
+            unused_told: ignored_fields::AlreadyReported::default(),
             sticks: Sticks::default(),
             steering: Steering::default(),
             engine_command: None,
             push: Push::default(),
-            stall: StallWatch::default(),
+            mission_watchdog: StallWatch::default(),
             configuration: Configuration::default(),
             parameters: ParameterDesk::default(),
             inquiries: Inquiries::default(),
             health: HealthWatch::default(),
             fence: Fence::new(areas),
             said_agl: false,
-            custody: Custody::default(),
+            authority_record: AuthorityRecord::default(),
             kept_link_id: None,
-            recall: None,
+            loss_action: None,
             plan_check: PlanCheck::default(),
-            passage: Passage::default(),
+            route_progress: RouteProgress::default(),
             operator_control: OperatorControl::default(),
             launch_cut_off: false,
         }
@@ -195,14 +195,15 @@ impl Aircraft {
         &mut self,
         desk: &mut Desk<'_>,
         from: Peer,
-        octets: &[u8],
+        bytes: &[u8],
         tap: &mut dyn FnMut(&FrameView<'_>),
     ) {
         self.mav
-            .handle_datagram(desk.now, from, octets, &mut Ceilings(desk.store), tap);
-        self.go_on(desk);
+            .handle_datagram(desk.now, from, bytes, &mut Ceilings(desk.store), tap);
+        self.run_until_idle(desk);
         if let Some(aboard) = &self.aboard {
-            self.passage.look(&aboard.flight, &self.mav.telemetry);
+            self.route_progress
+                .look(&aboard.flight, &self.mav.telemetry);
         }
         self.watch_progress(desk);
         self.settle_authority(desk);
@@ -212,7 +213,7 @@ impl Aircraft {
     pub(super) fn handle_timeout(&mut self, desk: &mut Desk<'_>) {
         self.mav.handle_timeout(desk.now, &mut Ceilings(desk.store));
         self.watch_controller(desk);
-        self.go_on(desk);
+        self.run_until_idle(desk);
         self.watch_modes(desk);
         self.compare_plan(desk);
         self.end_launch_cut_off(desk);
@@ -243,7 +244,7 @@ impl Aircraft {
             self.configuration.poll_timeout(),
             self.inquiries.poll_timeout(),
             self.authority.poll_timeout(),
-            self.recall.as_ref().map(Recall::poll_timeout),
+            self.loss_action.as_ref().map(LossAction::poll_timeout),
             self.alerts.poll_timeout(),
         ]
         .into_iter()
@@ -252,8 +253,8 @@ impl Aircraft {
     }
 
     /// Lets every machine take its next step, until nothing is left to do now.
-    pub(super) fn go_on(&mut self, desk: &mut Desk<'_>) {
-        for _ in 0..MOST_ROUNDS {
+    pub(super) fn run_until_idle(&mut self, desk: &mut Desk<'_>) {
+        for _ in 0..MAX_ROUNDS {
             let mut events: VecDeque<VehicleEvent> = VecDeque::new();
             while let Some(event) = self.mav.poll_event() {
                 events.push_back(event);
@@ -340,7 +341,7 @@ impl Aircraft {
             }
             VehicleEvent::Mission(event) => {
                 if let mission::Event::CurrentSet { .. } = &event {
-                    self.passage.sent_on(&self.mav.telemetry);
+                    self.route_progress.sent_on(&self.mav.telemetry);
                 }
                 if let Some((origin, maneuver)) = &mut self.maneuver
                     && let Progress::Refused(why) = maneuver.handle_mission(&event)
@@ -452,4 +453,4 @@ const AUTOPILOT_SUBSYSTEM: SubsystemId = SubsystemId::from_raw(20);
 /// Silences are looked at this often.
 const LOOK_AGAIN: Duration = Duration::from_millis(250);
 /// Bound on what one datagram may set off.
-const MOST_ROUNDS: usize = 32;
+const MAX_ROUNDS: usize = 32;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use mapping::alert::Alert;
-use mapping::health::Ailment;
+use mapping::health::HealthFault;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 /// A cause that lasts. One alert stands for each at a time, per vehicle.
@@ -21,7 +21,7 @@ pub(crate) enum Cause {
     /// A record could not be written.
     Store,
     /// Commands cannot be written down.
-    Journal,
+    CommandLog,
     /// What the vehicle does by itself when it hears no ground station.
     OwnFailsafe,
     /// Another MAVLink system has operator control of the vehicle.
@@ -35,7 +35,7 @@ pub(crate) enum Cause {
     /// The geofence aboard is not what it should be.
     Fence,
     /// Something that the vehicle itself says is wrong.
-    Ailment(Ailment),
+    HealthFault(HealthFault),
 }
 
 /// The alerts of one vehicle.
@@ -135,7 +135,7 @@ impl Alerts {
         if self.was_said_lately(now, priority, &text) {
             return None;
         }
-        if self.lately.len() >= MOST_LATELY {
+        if self.lately.len() >= MAX_LATELY {
             if !matters(priority) {
                 return None;
             }
@@ -187,7 +187,7 @@ impl Alerts {
         text: String,
     ) -> Option<Raised> {
         if self.was_said_lately(now, AlertPriority::Caution, &text)
-            || self.lately.len() >= MOST_LATELY
+            || self.lately.len() >= MAX_LATELY
         {
             return None;
         }
@@ -198,7 +198,7 @@ impl Alerts {
 
     /// The next answer that has stood long enough, and who was told it.
     pub(crate) fn next_over(&mut self, now: Duration) -> Option<(Vec<usize>, Raised)> {
-        let full = self.answers.len() > MOST_ANSWERS;
+        let full = self.answers.len() > MAX_ANSWERS;
         let over = self
             .answers
             .front()
@@ -253,11 +253,11 @@ const IDS_A_VEHICLE: i32 = 1_000_000;
 /// The same text is not repeated within this time.
 const QUIET: Duration = Duration::from_secs(2);
 /// Most different texts within [`QUIET`].
-const MOST_LATELY: usize = 50;
+const MAX_LATELY: usize = 50;
 /// The answer to a command is shown for so long.
 const ANSWER_STANDS: Duration = Duration::from_secs(15);
 /// Answers that stand at once, at most: the oldest is cleared before its time.
-const MOST_ANSWERS: usize = 256;
+const MAX_ANSWERS: usize = 256;
 
 #[cfg(test)]
 mod tests {
@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn of_many_texts_none_that_warns_is_left_out() {
         let mut alerts = Alerts::new(0);
-        for n in 0..MOST_LATELY {
+        for n in 0..MAX_LATELY {
             assert!(notice(
                 &mut alerts,
                 AlertPriority::Nominal,
@@ -284,7 +284,7 @@ mod tests {
             AlertPriority::Nominal,
             "one more".to_owned()
         ));
-        for n in 0..3 * MOST_LATELY {
+        for n in 0..3 * MAX_LATELY {
             let priority = [
                 AlertPriority::Caution,
                 AlertPriority::Warning,
@@ -297,7 +297,7 @@ mod tests {
             AlertPriority::Nominal,
             "and one".to_owned()
         ));
-        assert_eq!(alerts.lately.len(), MOST_LATELY);
+        assert_eq!(alerts.lately.len(), MAX_LATELY);
     }
 
     #[test]

@@ -51,11 +51,11 @@ impl Aircraft {
             return Ok(());
         }
         let pascal = altimeter.pascal();
-        let octets = serde_json::to_vec(&Record { pascal }).unwrap_or_default();
+        let bytes = serde_json::to_vec(&Record { pascal }).unwrap_or_default();
         desk.store
             .save(
                 &record_name("altimeter", self.id()),
-                &octets,
+                &bytes,
                 Durability::Process,
             )
             .map_err(|fault| format!("the altimeter setting cannot be stored: {fault}"))?;
@@ -71,7 +71,7 @@ impl Aircraft {
     /// Its record is there and cannot be read.
     pub(super) fn restore_altimeter(&mut self, desk: &Desk<'_>) -> Result<(), StoreError> {
         let name = record_name("altimeter", self.id());
-        let Some(octets) = desk.store.load(&name)? else {
+        let Some(bytes) = desk.store.load(&name)? else {
             return Ok(());
         };
         let unreadable = |cause: String| StoreError {
@@ -79,7 +79,7 @@ impl Aircraft {
             cause,
         };
         let record: Record =
-            serde_json::from_slice(&octets).map_err(|cause| unreadable(cause.to_string()))?;
+            serde_json::from_slice(&bytes).map_err(|cause| unreadable(cause.to_string()))?;
         self.bounds.altimeter =
             Altimeter::new(record.pascal).map_err(|cause| unreadable(cause.to_string()))?;
         Ok(())

@@ -4,7 +4,7 @@
 //! zeros before the first), a line feed and the object: a line that is changed, left out, moved or put in breaks the
 //! chain there. What has been cut off at the end cannot be seen: keep the last line elsewhere where that matters.
 //!
-//! A log that has grown to a megaoctet is put aside, and the next begins with a line that names the digits of the last
+//! A log that has grown to a megabyte is put aside, and the next begins with a line that names the digits of the last
 //! line before it: the chain goes on over files, and each can be verified by itself.
 
 use std::fmt;
@@ -161,29 +161,29 @@ impl Chain {
 
     /// Checks a log from its first line on.
     #[must_use]
-    pub fn verify(octets: &[u8]) -> Verified {
-        let follows = Chain::before(octets);
+    pub fn verify(bytes: &[u8]) -> Verified {
+        let follows = Chain::before(bytes);
         let mut chain = follows.clone();
         let mut broken = None;
-        let torn = octets.last().is_some_and(|octet| *octet != b'\n');
-        let mut lines: Vec<&[u8]> = octets.split(|octet| *octet == b'\n').collect();
+        let torn = bytes.last().is_some_and(|byte| *byte != b'\n');
+        let mut lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').collect();
         // After the last line feed there is nothing, or what a crash has cut off: no line yet.
         lines.pop();
-        for octets in lines {
-            let fits = std::str::from_utf8(octets)
+        for bytes in lines {
+            let fits = std::str::from_utf8(bytes)
                 .ok()
                 .and_then(|line| line.split_once(' '))
                 .filter(|(digits, object)| hash(&chain.last, object) == *digits);
             match fits {
                 Some((digits, _)) => digits.clone_into(&mut chain.last),
                 // What a crash has cut off was closed by the next start, and is no line of the chain.
-                None if is_torn(octets) => continue,
+                None if is_torn(bytes) => continue,
                 None => {
                     broken = broken.or(Some(Broken {
                         line: chain.lines + 1,
                     }));
                     // It goes on from what it finds: one break is one break.
-                    let digits = octets.get(..HASH_DIGITS).map(String::from_utf8_lossy);
+                    let digits = bytes.get(..HASH_DIGITS).map(String::from_utf8_lossy);
                     if let Some(digits) = digits {
                         chain.last = digits.into_owned();
                     }
@@ -202,8 +202,8 @@ impl Chain {
 
 impl Chain {
     /// What the first line of a log says that it follows.
-    fn before(octets: &[u8]) -> Chain {
-        let first = octets.split(|octet| *octet == b'\n').next();
+    fn before(bytes: &[u8]) -> Chain {
+        let first = bytes.split(|byte| *byte == b'\n').next();
         let first = first
             .and_then(|line| line.get(HASH_DIGITS + 1..))
             .and_then(|object| serde_json::from_slice::<First>(object).ok());
@@ -221,8 +221,8 @@ impl Chain {
 }
 
 /// A beginning of a line: it has no closing brace.
-fn is_torn(octets: &[u8]) -> bool {
-    octets.last() != Some(&b'}')
+fn is_torn(bytes: &[u8]) -> bool {
+    bytes.last() != Some(&b'}')
 }
 
 fn hash(before: &str, object: &str) -> String {
@@ -231,7 +231,7 @@ fn hash(before: &str, object: &str) -> String {
     sum.update(b"\n");
     sum.update(object.as_bytes());
     let digest = sum.finalize();
-    digest.iter().map(|octet| format!("{octet:02x}")).collect()
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 const HASH_DIGITS: usize = 64;

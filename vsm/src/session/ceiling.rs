@@ -10,13 +10,13 @@ pub(crate) struct Ceilings<'a>(pub(crate) &'a mut dyn Store);
 
 impl CeilingStore for Ceilings<'_> {
     fn load(&mut self, key: &KeyId) -> Result<Option<Stamp>, StoreError> {
-        let octets = self.0.load(&name(key)).map_err(|fault| StoreError {
+        let bytes = self.0.load(&name(key)).map_err(|fault| StoreError {
             reason: fault.to_string(),
         })?;
-        let Some(octets) = octets else {
+        let Some(bytes) = bytes else {
             return Ok(None);
         };
-        let text = String::from_utf8_lossy(&octets);
+        let text = String::from_utf8_lossy(&bytes);
         match text.trim().parse::<u64>() {
             Ok(units) if units <= Stamp::MAX.get() => Ok(Some(Stamp::new(units))),
             // A ceiling that cannot be read is not a missing one: starting below it would repeat stamps.
@@ -55,7 +55,7 @@ mod tests {
     fn a_ceiling_is_never_lowered() {
         let folder = tempfile::tempdir().unwrap();
         let mut store = FileStore::open(&folder.path().join("state")).unwrap();
-        let key = KeyId::from_octets([7; 8]);
+        let key = KeyId::from_bytes([7; 8]);
         let mut ceilings = Ceilings(&mut store);
         for (written, held) in [(100, 100), (50, 100), (101, 101)] {
             ceilings.store(&key, Stamp::new(written)).unwrap();

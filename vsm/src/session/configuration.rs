@@ -96,7 +96,7 @@ impl Aircraft {
         if matches!(request.scope, Scope::Abort) {
             self.abort_configuration(desk, origin.station);
         }
-        if self.configuration.queue.len() + self.configuration.waiting.len() > MOST_WAITING {
+        if self.configuration.queue.len() + self.configuration.waiting.len() > MAX_WAITING {
             let why = "too many configuration requests are being answered".to_owned();
             return self.refuse(desk, Some(origin), why);
         }
@@ -288,7 +288,7 @@ impl Aircraft {
         origin: Option<Origin>,
     ) {
         let machine = &mut self.configuration;
-        if machine.queue.len() > MOST_WAITING {
+        if machine.queue.len() > MAX_WAITING {
             if let Some(origin) = origin {
                 let why = "too many answers wait to be sent".to_owned();
                 self.refuse(desk, Some(origin), why);
@@ -315,7 +315,7 @@ impl Aircraft {
             return;
         }
         let machine = &mut self.configuration;
-        if machine.queue.len() > MOST_WAITING {
+        if machine.queue.len() > MAX_WAITING {
             return;
         }
         for station in machine.told.iter().filter(|index| Some(**index) != by) {
@@ -406,4 +406,4 @@ fn stamped(mut answer: Message, stamp: TimeStamp) -> Message {
 const BURST: usize = 16;
 const PAUSE: Duration = Duration::from_millis(20);
 /// Answers and requests that may wait; a level of interoperability has some 200.
-const MOST_WAITING: usize = 4_096;
+const MAX_WAITING: usize = 4_096;

@@ -124,7 +124,7 @@ impl Aircraft {
         match answer {
             Answer::Granted => AckType::CarriedOut,
             Answer::Waits => {
-                self.custody.wait(asker, *origin);
+                self.authority_record.wait(asker, *origin);
                 AckType::Received
             }
             Answer::Refused { missing, why } => {

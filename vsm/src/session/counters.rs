@@ -37,7 +37,7 @@ impl ByType {
     /// One more of this type.
     pub fn count(&mut self, message: u32) {
         // Types come from the wire: a bound keeps strangers from growing it.
-        if self.0.len() < MOST_TYPES || self.0.contains_key(&message) {
+        if self.0.len() < MAX_TYPES || self.0.contains_key(&message) {
             *self.0.entry(message).or_default() += 1;
         }
     }
@@ -48,4 +48,4 @@ impl ByType {
     }
 }
 
-const MOST_TYPES: usize = 512;
+const MAX_TYPES: usize = 512;

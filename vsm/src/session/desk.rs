@@ -158,10 +158,10 @@ impl Desk<'_> {
 
     /// A line of the log.
     pub(crate) fn note(&mut self, level: LogLevel, about: Id, text: String) {
-        if self.log.len() < MOST_LOGGED {
+        if self.log.len() < MAX_LOGGED {
             self.log.push_back(LogEntry { level, about, text });
         }
     }
 }
 
-const MOST_LOGGED: usize = 1_024;
+const MAX_LOGGED: usize = 1_024;

@@ -1,7 +1,7 @@
-//! Duplicates: the same source, destination, type, stamp and octets; acknowledged again, not carried out again.
+//! Duplicates: the same source, destination, type, stamp and bytes; acknowledged again, not carried out again.
 //!
-//! Each message is known by the digest of its octets. Those that command are remembered apart from questions and
-//! streams, so that neither sticks nor heartbeats push them out, and are written down ([`super::journal`]): they are
+//! Each message is known by the digest of its bytes. Those that command are remembered apart from questions and
+//! streams, so that neither sticks nor heartbeats push them out, and are written down ([`super::command_log`]): they are
 //! known after a restart too.
 //!
 //! An order can also be overtaken: its first datagram is lost, and what repeats it comes after a later order about the
@@ -22,13 +22,13 @@ pub(crate) struct Recent {
     others: VecDeque<Seen>,
 }
 
-/// The first octets of SHA-256 over a whole message, wrapper and checksum too.
+/// The first bytes of SHA-256 over a whole message, wrapper and checksum too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Digest(pub(crate) [u8; 16]);
 
 impl Digest {
-    fn of(octets: &[u8]) -> Digest {
-        let whole: [u8; 32] = Sha256::digest(octets).into();
+    fn of(bytes: &[u8]) -> Digest {
+        let whole: [u8; 32] = Sha256::digest(bytes).into();
         let mut first = [0; 16];
         first.copy_from_slice(&whole[..16]);
         Digest(first)
@@ -67,7 +67,7 @@ impl Seen {
             _ => 0,
         };
         Seen {
-            digest: Digest::of(frame.octets),
+            digest: Digest::of(frame.bytes),
             stamp,
             message_type: frame.header.message_type,
             destination: frame.header.destination,
@@ -172,9 +172,9 @@ impl Recent {
 /// one counts. None of those whose order says nothing.
 fn about(message: &Message) -> Option<u64> {
     let named = |name: &str| {
-        let octets = name.bytes();
-        octets.fold(0_u64, |sum, octet| {
-            sum.wrapping_mul(31).wrapping_add(octet.into())
+        let bytes = name.bytes();
+        bytes.fold(0_u64, |sum, byte| {
+            sum.wrapping_mul(31).wrapping_add(byte.into())
         })
     };
     let pair = |high: Option<u16>, low: Option<u16>| Some(u64::from(high?) << 16 | u64::from(low?));

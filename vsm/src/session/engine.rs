@@ -13,7 +13,7 @@ use stanag_msgs::messages::{EngineCommand, UnmannedAircraftLights};
 
 use super::aircraft::Aircraft;
 use super::desk::{Desk, Origin};
-use super::maneuver::{self, Maneuver, Sight, Step};
+use super::maneuver::{self, Confirmation, Maneuver, Step};
 
 impl Aircraft {
     /// 2008.
@@ -60,10 +60,10 @@ impl Aircraft {
         }
         let wanted = command.engine_command.ok_or("Engine Command is missing")?;
         let arm = |armed: bool| {
-            let (what, sight) = if armed {
-                ("arming", Sight::Armed)
+            let (what, confirmation) = if armed {
+                ("arming", Confirmation::Armed)
             } else {
-                ("disarming", Sight::Disarmed)
+                ("disarming", Confirmation::Disarmed)
             };
             let command = Step::Command {
                 command: maneuver::arm(armed),
@@ -71,7 +71,7 @@ impl Aircraft {
                 patience: if armed { ARM_PATIENCE } else { Duration::ZERO },
             };
             let confirm = Step::Confirm {
-                sight,
+                confirmation,
                 within: STATE_WITHIN,
             };
             [command, confirm]

@@ -208,7 +208,7 @@ impl Aircraft {
                     points,
                     phase,
                 });
-                self.go_on(desk);
+                self.run_until_idle(desk);
             }
             Err(why) => self.end_fence(desk, origin, None, why),
         }
@@ -434,9 +434,9 @@ impl Aircraft {
             loaded: lines(&self.fence.loaded),
             wanted: self.fence.wanted,
         };
-        let octets = serde_json::to_vec(&record).unwrap_or_default();
+        let bytes = serde_json::to_vec(&record).unwrap_or_default();
         let name = record_name("areas", self.id());
-        desk.store.save(&name, &octets, Durability::Process)
+        desk.store.save(&name, &bytes, Durability::Process)
     }
 
     /// The areas of before a restart.
@@ -445,7 +445,7 @@ impl Aircraft {
     /// Their record is there and cannot be read.
     pub(super) fn restore_fence(&mut self, desk: &Desk<'_>) -> Result<(), StoreError> {
         let name = record_name("areas", self.id());
-        let Some(octets) = desk.store.load(&name)? else {
+        let Some(bytes) = desk.store.load(&name)? else {
             return Ok(());
         };
         let unreadable = |cause: String| StoreError {
@@ -453,7 +453,7 @@ impl Aircraft {
             cause,
         };
         let record: Record =
-            serde_json::from_slice(&octets).map_err(|cause| unreadable(cause.to_string()))?;
+            serde_json::from_slice(&bytes).map_err(|cause| unreadable(cause.to_string()))?;
         let areas = |lines: &[String]| {
             let mut areas = Areas::default();
             for (_, message) in decode_messages(lines).map_err(|cause| cause.to_string())? {

@@ -1,6 +1,6 @@
 //! Positive handover on the wire: messages 4 and 5 between acquirer, holder and VSM, 34000 and 35000.
 //!
-//! The order of the actors is not documented in public sources: this one is ours, drawn in docs/authority.md. A wish
+//! The order of the actors is not documented in public sources: this one is ours, drawn in docs/guide/authority.md. A wish
 //! (4 of the acquirer) is passed on to the holder as message 4 that names the acquirer; the holder consents with the
 //! same. What a holder offers to its successor is told it by message 5. Every end is told the acquirer by message 5:
 //! LOI Authorized is what was handed over, none where nothing was. 35000 tells all who listen.
@@ -44,7 +44,7 @@ impl Aircraft {
         self.acknowledgement(desk, origin, by.id, &answer)
     }
 
-    /// Message 4 once more, the same octets: an answer to it may have been lost on either side.
+    /// Message 4 once more, the same bytes: an answer to it may have been lost on either side.
     pub(super) fn hand_over_again(&mut self, desk: &mut Desk<'_>, station: usize) {
         self.answer_authorisation(desk, station, None);
         self.convey_pending(desk, station);
@@ -78,7 +78,7 @@ impl Aircraft {
             Some(
                 "34000 is derived from Edition 2: it is carried out with dli.provisional = \"all\" only",
             )
-        } else if tunes(message) {
+        } else if sets_radio(message) {
             Some("34000: this VSM's vehicle link has no frequency and no code to set")
         } else if message.acquiring_cucs_id.is_none_or(|id| id == Id::NULL) {
             Some("34000: Acquiring CUCS ID is missing")
@@ -129,7 +129,10 @@ impl Aircraft {
             let both = parties(desk, handover);
             self.tell_stations(desk, &both, text);
             // Who asked by a message that waited is answered once nothing of its asking is left.
-            for (asker, origin) in self.custody.ended(handover, self.authority.pending()) {
+            for (asker, origin) in self
+                .authority_record
+                .ended(handover, self.authority.pending())
+            {
                 let answer = match ended.outcome {
                     Outcome::Completed(_) => AckType::CarriedOut,
                     _ => AckType::Refused,
@@ -241,7 +244,7 @@ fn parties(desk: &Desk<'_>, handover: &Handover) -> Vec<usize> {
 }
 
 /// Whether a message would set something on a radio.
-fn tunes(message: &VehicleDataLinkTransitionCoordination) -> bool {
+fn sets_radio(message: &VehicleDataLinkTransitionCoordination) -> bool {
     let frequencies = [
         message.set_forward_link_carrier_frequency_adt,
         message.set_return_link_carrier_frequency_adt,

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use mapping::health::{Ailment, Finding, findings};
+use mapping::health::{Finding, HealthFault, findings};
 use mapping::status;
 use stanag_msgs::Text;
 use stanag_msgs::enums::{AckType, SubsystemBitmap, SubsystemId};
@@ -24,7 +24,7 @@ use crate::config::Provisional;
 #[derive(Debug, Default)]
 pub(crate) struct HealthWatch {
     /// Causes that are raised, or about to be.
-    causes: BTreeMap<Ailment, Watched>,
+    causes: BTreeMap<HealthFault, Watched>,
 }
 
 #[derive(Debug)]
@@ -42,13 +42,18 @@ impl Aircraft {
             return;
         }
         let found = findings(&self.mav.telemetry, self.configured_parameters());
-        for ailment in Ailment::ALL {
+        for ailment in HealthFault::ALL {
             let finding = found.iter().find(|finding| finding.ailment == ailment);
             self.watch_ailment(desk, ailment, finding);
         }
     }
 
-    fn watch_ailment(&mut self, desk: &mut Desk<'_>, ailment: Ailment, finding: Option<&Finding>) {
+    fn watch_ailment(
+        &mut self,
+        desk: &mut Desk<'_>,
+        ailment: HealthFault,
+        finding: Option<&Finding>,
+    ) {
         let now = desk.now.mono;
         let causes = &mut self.health.causes;
         if finding.is_none() && !causes.contains_key(&ailment) {
@@ -68,7 +73,7 @@ impl Aircraft {
             Some(finding) if watched.raised || lasted >= RAISE_AFTER => {
                 watched.raised = true;
                 self.alerts.raise(
-                    Cause::Ailment(ailment),
+                    Cause::HealthFault(ailment),
                     finding.priority,
                     finding.subsystem,
                     finding.text.clone(),
@@ -76,7 +81,8 @@ impl Aircraft {
             }
             None if lasted >= CLEAR_AFTER => {
                 causes.remove(&ailment);
-                self.alerts.clear(Cause::Ailment(ailment), ailment.over())
+                self.alerts
+                    .clear(Cause::HealthFault(ailment), ailment.over())
             }
             _ => None,
         };

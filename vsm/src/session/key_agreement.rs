@@ -19,7 +19,7 @@ use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use super::alerts::Cause;
 use super::bridge::Bridge;
 use super::ceiling::Ceilings;
-use super::settling::KeyChange;
+use super::key_recovery::KeyChange;
 use super::store::Store;
 use super::vehicle::{OutFrame, Peer, VehicleLink, auth};
 
@@ -72,7 +72,7 @@ pub enum ExchangeNotice {
 impl Agreement {
     pub(super) fn take_in(&mut self, frame: KeyExchangeFrame<Peer>) {
         // The link holds back all but a few; whoever empties this is called after every datagram.
-        if self.inbox.len() < MOST_WAITING {
+        if self.inbox.len() < MAX_WAITING {
             self.inbox.push_back(frame);
         }
     }
@@ -200,12 +200,12 @@ impl Bridge {
 impl VehicleLink {
     /// Looks for the next key in what arrived: the first frame of the autopilot that is accepted under it is the proof.
     /// One with an old stamp may be a recording: it is answered by a heartbeat under that key, which lifts a vehicle that
-    /// has it. True where the proof was among these octets, which have been taken then.
+    /// has it. True where the proof was among these bytes, which have been taken then.
     pub(super) fn look_for_next_key(
         &mut self,
         now: Now,
         from: Peer,
-        octets: &[u8],
+        bytes: &[u8],
         store: &mut dyn CeilingStore,
     ) -> bool {
         let Some(next) = &mut self.agreement.next else {
@@ -214,10 +214,10 @@ impl VehicleLink {
         let NextKey { link, key } = &mut **next;
         let stale = link.stats().stale;
         let mut proven = false;
-        link.handle_datagram(now, from, octets, auth(Some(key), store), &mut |delivery| {
+        link.handle_datagram(now, from, bytes, auth(Some(key), store), &mut |delivery| {
             proven |= delivery.verified && delivery.header.component_id == AUTOPILOT;
         });
-        // The link under the current key sees the same octets, and tells.
+        // The link under the current key sees the same bytes, and tells.
         while link.poll_event().is_some() {}
         if link.stats().stale > stale
             && let Some(current) = &self.key
@@ -231,7 +231,7 @@ impl VehicleLink {
         }
         if proven {
             self.adopt_next_key(now, store);
-            self.settling.change = Some(KeyChange::Commit);
+            self.key_recovery.change = Some(KeyChange::Commit);
         }
         proven
     }
@@ -256,17 +256,17 @@ impl VehicleLink {
         store: &mut dyn CeilingStore,
     ) {
         let to = self.link.peer().or(otherwise);
-        let mut octets = [0; MAX_FRAME];
+        let mut bytes = [0; MAX_FRAME];
         let auth = auth(self.key.as_mut(), store);
         // A message that cannot leave is lost, and sent again in time.
         if let Ok(sent) = self
             .link
-            .send_raw(now, auth, KEY_EXCHANGE_ID, payload, to, &mut octets)
+            .send_raw(now, auth, KEY_EXCHANGE_ID, payload, to, &mut bytes)
         {
             self.sent.count(KEY_EXCHANGE_ID);
-            self.out.push_back(OutFrame::new(sent.to, sent.len, octets));
+            self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
         }
     }
 }
 
-const MOST_WAITING: usize = 8;
+const MAX_WAITING: usize = 8;

@@ -13,8 +13,8 @@ use super::store::{Durability, Store, StoreError, record_name};
 /// # Errors
 /// The store cannot be read.
 pub(super) fn known(vehicle: Id, store: &dyn Store) -> Result<Option<u8>, StoreError> {
-    let octets = store.load(&record_name(KIND, vehicle))?;
-    let text = octets.and_then(|octets| String::from_utf8(octets).ok());
+    let bytes = store.load(&record_name(KIND, vehicle))?;
+    let text = bytes.and_then(|bytes| String::from_utf8(bytes).ok());
     Ok(text.and_then(|text| text.trim().parse().ok()))
 }
 

@@ -22,8 +22,8 @@
 //! struct Memory(BTreeMap<String, Vec<u8>>);
 //!
 //! impl Store for Memory {
-//!     fn save(&mut self, name: &str, octets: &[u8], _: Durability) -> Result<(), StoreError> {
-//!         self.0.insert(name.to_owned(), octets.to_vec());
+//!     fn save(&mut self, name: &str, bytes: &[u8], _: Durability) -> Result<(), StoreError> {
+//!         self.0.insert(name.to_owned(), bytes.to_vec());
 //!         Ok(())
 //!     }
 //!
@@ -58,14 +58,14 @@
 //!     requested_handover_access: Some(RequestedAccess::Request),
 //!     ..CucsAuthorisationRequest::default()
 //! };
-//! let mut octets = [0; stanag_msgs::MAX_DATAGRAM];
-//! let length = Message::from(request).encode(&Envelope::new(cucs, vehicle), &mut octets)?;
+//! let mut bytes = [0; stanag_msgs::MAX_DATAGRAM];
+//! let length = Message::from(request).encode(&Envelope::new(cucs, vehicle), &mut bytes)?;
 //! let from: SocketAddr = "127.0.0.1:40000".parse()?;
-//! bridge.handle_dli(now, from, &octets[..length], &mut store);
+//! bridge.handle_dli(now, from, &bytes[..length], &mut store);
 //!
 //! let mut granted = None;
 //! while let Some(answer) = bridge.poll_dli() {
-//!     for frame in stanag_msgs::frames(answer.octets()) {
+//!     for frame in stanag_msgs::frames(answer.bytes()) {
 //!         let frame = frame?;
 //!         if let Message::VsmAuthorisationResponse(response) =
 //!             Message::decode(frame.header.message_type, frame.data)?
@@ -83,14 +83,15 @@ mod alerts;
 mod altimeter;
 mod audit;
 mod authority;
+mod authority_record;
 mod bridge;
 mod ceiling;
+mod command_log;
 mod commanded;
 mod configuration;
 mod control;
 mod control_loss;
 mod counters;
-mod custody;
 mod desk;
 mod detail;
 mod duplicate;
@@ -98,34 +99,33 @@ mod engine;
 mod fence;
 mod handover;
 mod health;
-mod inquiry;
-mod journal;
+mod ignored_fields;
 mod key_agreement;
+mod key_recovery;
 mod link_id;
 mod log;
 mod loiter;
+mod loss_action;
 mod maneuver;
 mod manual;
 mod mission_transfer;
+mod mission_watchdog;
 mod mode_command;
 mod operating;
 mod operator_control;
 mod outbox;
 mod parameters;
-mod passage;
 mod plan_record;
-mod plan_return;
+mod plan_resync;
 mod push;
-mod recall;
 mod reporting;
-mod settling;
-mod stall;
+mod requests;
+mod route_progress;
 mod station;
 mod status;
 mod steering;
 mod store;
 mod transfer;
-mod unheeded;
 mod vehicle;
 
 pub(crate) use aircraft::link_alert_text;
@@ -138,9 +138,9 @@ pub use bridge::{Bridge, BridgeError, LinkEnd, Tap};
 pub(crate) use ceiling::Ceilings;
 pub use counters::{ByType, Counters};
 pub use key_agreement::{ExchangeNotice, ExchangeStatus};
+pub use key_recovery::KeyChange;
 pub use log::{LogEntry, LogLevel};
 pub use outbox::{Datagram, Destination};
-pub use settling::KeyChange;
 pub use status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
 pub use store::{Durability, Store, StoreError};
 pub(crate) use store::{log_name, record_name};

@@ -8,11 +8,11 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 use super::aircraft::Aircraft;
 use super::authority::{Rights, Stations};
 use super::desk::{Desk, Origin};
+use super::ignored_fields;
 use super::maneuver::{self, Maneuver, Progress};
 use super::mission_transfer::Load;
 use super::mode_command::{self, Situation, Task};
-use super::plan_record::Aboard;
-use super::unheeded;
+use super::plan_record::UploadedMission;
 
 impl Aircraft {
     /// The rights that a message needs; `None` where it is none that a CUCS commands with.
@@ -114,7 +114,7 @@ impl Aircraft {
         let situation = Situation {
             telemetry: &self.mav.telemetry,
             aboard: self.aboard.as_ref(),
-            chosen: self.chosen.as_ref(),
+            loaded_mission: self.loaded_mission.as_ref(),
             plan: &self.plan,
             just_loaded,
             entering: self.load.as_ref().is_some_and(waits)
@@ -137,8 +137,11 @@ impl Aircraft {
             self.say_agl(desk);
         }
         if let (Ok(task), Some(origin), Some(mode)) = (&task, origin, mode) {
-            let names =
-                unheeded::unheeded(command, mode, task.flies_a_route(self.mav.telemetry.mode));
+            let names = ignored_fields::ignored_fields(
+                command,
+                mode,
+                task.flies_a_route(self.mav.telemetry.mode),
+            );
             self.say_unheeded(desk, &origin, &names, &format!(" in mode {}", mode.raw()));
         }
         let anew = mode_command::flies_anew(command, &self.mav.telemetry)
@@ -168,8 +171,8 @@ impl Aircraft {
                     let why = "a fence is on its way aboard: wait for 50018".to_owned();
                     return self.refuse(desk, origin, why);
                 }
-                if anew && self.passage.was_flown() {
-                    let loops = |aboard: &Aboard| aboard.flight.circuit().is_some();
+                if anew && self.route_progress.was_flown() {
+                    let loops = |aboard: &UploadedMission| aboard.flight.circuit().is_some();
                     let once = if self.aboard.as_ref().is_some_and(loops) {
                         ", its loop only once: PX4 has counted it; clear and load the route for more"
                     } else {
@@ -201,7 +204,7 @@ impl Aircraft {
     ) {
         self.stop_running(desk);
         self.maneuver = Some((origin, maneuver));
-        self.go_on(desk);
+        self.run_until_idle(desk);
     }
 
     /// Ends what runs, for a later command.

@@ -102,7 +102,7 @@ impl Aircraft {
             return;
         };
         let own = self.mav.own_system();
-        let wanted = self.authority.controller().is_some() || self.recall.is_some();
+        let wanted = self.authority.controller().is_some() || self.loss_action.is_some();
         let waits = self.operator_control.ticket.is_some() || self.operator_control.next_at > now;
         if wanted == (owner == own) || waits || !self.mav.live() {
             return;

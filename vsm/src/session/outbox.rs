@@ -23,14 +23,14 @@ pub struct Datagram {
     /// Where it goes.
     pub to: Destination,
     length: usize,
-    octets: [u8; MAX_DATAGRAM],
+    bytes: [u8; MAX_DATAGRAM],
 }
 
 impl Datagram {
-    /// Its octets.
+    /// Its bytes.
     #[must_use]
-    pub fn octets(&self) -> &[u8] {
-        self.octets.get(..self.length).unwrap_or_default()
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or_default()
     }
 }
 
@@ -64,18 +64,15 @@ impl Outbox {
         let mut datagram = Datagram {
             to,
             length: 0,
-            octets: [0; MAX_DATAGRAM],
+            bytes: [0; MAX_DATAGRAM],
         };
         let envelope = Envelope::new(source, destination);
-        match self
-            .profile
-            .encode(message, &envelope, &mut datagram.octets)
-        {
+        match self.profile.encode(message, &envelope, &mut datagram.bytes) {
             Ok(length) => datagram.length = length,
             // Every message of ours is shorter than a datagram; one that is not is lost, and visibly so.
             Err(_) => debug_assert!(false, "message {} does not fit a datagram", message.id()),
         }
-        if datagram.length > 0 && self.queue.len() < MOST_QUEUED {
+        if datagram.length > 0 && self.queue.len() < MAX_QUEUED {
             self.sent.count(message.id().into());
             self.queue.push_back(datagram);
         }
@@ -87,4 +84,4 @@ impl Outbox {
 }
 
 /// Datagrams that wait for the socket at most: a download of a full plan to several stations.
-const MOST_QUEUED: usize = 65_536;
+const MAX_QUEUED: usize = 65_536;

@@ -137,7 +137,7 @@ impl Aircraft {
         }
         desk.acknowledge(self.id(), &origin, AckType::Received);
         self.parameters.work.push_back(Purpose::Station(origin));
-        self.go_on(desk);
+        self.run_until_idle(desk);
         true
     }
 
@@ -214,7 +214,7 @@ impl Aircraft {
     ) {
         self.keep_parameter(desk, name, value);
         let known = &mut self.parameters.known;
-        if known.len() >= MOST_KNOWN && !known.contains_key(&name) {
+        if known.len() >= MAX_KNOWN && !known.contains_key(&name) {
             return;
         }
         let changed = known
@@ -257,4 +257,4 @@ fn why(reason: &Refusal) -> String {
 }
 
 /// A bound on memory: PX4 has some 950.
-const MOST_KNOWN: usize = 4_096;
+const MAX_KNOWN: usize = 4_096;

@@ -11,7 +11,7 @@ use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, frames};
 
 /// The route that the vehicle carries, as it was read back from it.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Aboard {
+pub(crate) struct UploadedMission {
     pub(crate) flight: Flight,
     /// MISSION_CURRENT.mission_id of it, 0 where the vehicle has none.
     pub(crate) mission_id: u32,
@@ -29,11 +29,11 @@ pub(crate) struct RecordError(String);
 
 #[derive(Serialize, Deserialize)]
 struct PlanRecord {
-    /// One message a line, as DLI octets in hex.
+    /// One message a line, as DLI bytes in hex.
     messages: Vec<String>,
 }
 
-/// The octets of a plan's record.
+/// The bytes of a plan's record.
 pub(crate) fn encode_plan(plan: &Plan, cucs: Id, vehicle: Id) -> Vec<u8> {
     let messages = encode_messages(plan.messages(), cucs, vehicle);
     serde_json::to_vec(&PlanRecord { messages }).unwrap_or_default()
@@ -45,13 +45,13 @@ pub(super) fn encode_messages(
     cucs: Id,
     vehicle: Id,
 ) -> Vec<String> {
-    let mut octets = [0; MAX_DATAGRAM];
+    let mut bytes = [0; MAX_DATAGRAM];
     messages
         .filter_map(|message| {
             let length = message
-                .encode(&Envelope::new(cucs, vehicle), &mut octets)
+                .encode(&Envelope::new(cucs, vehicle), &mut bytes)
                 .ok()?;
-            octets.get(..length).map(hex)
+            bytes.get(..length).map(hex)
         })
         .collect()
 }
@@ -60,8 +60,8 @@ pub(super) fn encode_messages(
 pub(super) fn decode_messages(lines: &[String]) -> Result<Vec<(Id, Message)>, RecordError> {
     let mut messages = Vec::with_capacity(lines.len());
     for line in lines {
-        let octets = unhex(line).ok_or_else(|| RecordError(format!("not hex: {line}")))?;
-        for frame in frames(&octets) {
+        let bytes = unhex(line).ok_or_else(|| RecordError(format!("not hex: {line}")))?;
+        for frame in frames(&bytes) {
             let frame = frame.map_err(|cause| RecordError(cause.to_string()))?;
             let message = Message::decode(frame.header.message_type, frame.data)
                 .map_err(|cause| RecordError(cause.to_string()))?;
@@ -72,9 +72,9 @@ pub(super) fn decode_messages(lines: &[String]) -> Result<Vec<(Id, Message)>, Re
 }
 
 /// The plan of a record.
-pub(crate) fn decode_plan(octets: &[u8], vehicle: Id) -> Result<Plan, RecordError> {
+pub(crate) fn decode_plan(bytes: &[u8], vehicle: Id) -> Result<Plan, RecordError> {
     let record: PlanRecord =
-        serde_json::from_slice(octets).map_err(|cause| RecordError(cause.to_string()))?;
+        serde_json::from_slice(bytes).map_err(|cause| RecordError(cause.to_string()))?;
     let mut plan = Plan::default();
     store_all(&mut plan, &record.messages, vehicle)?;
     Ok(plan)
@@ -184,9 +184,9 @@ struct LegRecord {
     speed_m_s: Option<f64>,
 }
 
-/// The octets of the record of what is aboard.
-pub(crate) fn encode_aboard(aboard: &Aboard, vehicle: Id) -> Vec<u8> {
-    let Aboard {
+/// The bytes of the record of what is aboard.
+pub(crate) fn encode_aboard(aboard: &UploadedMission, vehicle: Id) -> Vec<u8> {
+    let UploadedMission {
         flight,
         mission_id,
         route_type,
@@ -238,9 +238,9 @@ pub(crate) fn encode_aboard(aboard: &Aboard, vehicle: Id) -> Vec<u8> {
 }
 
 /// What a record says is aboard.
-pub(crate) fn decode_aboard(octets: &[u8], vehicle: Id) -> Result<Aboard, RecordError> {
+pub(crate) fn decode_aboard(bytes: &[u8], vehicle: Id) -> Result<UploadedMission, RecordError> {
     let record: AboardRecord =
-        serde_json::from_slice(octets).map_err(|cause| RecordError(cause.to_string()))?;
+        serde_json::from_slice(bytes).map_err(|cause| RecordError(cause.to_string()))?;
     let items = record.items.iter().map(|item| Item {
         frame: item.frame,
         command: item.command,
@@ -281,7 +281,7 @@ pub(crate) fn decode_aboard(octets: &[u8], vehicle: Id) -> Result<Aboard, Record
     }
     let mut plan = Plan::default();
     store_all(&mut plan, &record.messages, vehicle)?;
-    Ok(Aboard {
+    Ok(UploadedMission {
         plan,
         flight: Flight {
             items: items.collect(),
@@ -296,10 +296,10 @@ pub(crate) fn decode_aboard(octets: &[u8], vehicle: Id) -> Result<Aboard, Record
     })
 }
 
-fn hex(octets: &[u8]) -> String {
-    octets
+fn hex(bytes: &[u8]) -> String {
+    bytes
         .iter()
-        .flat_map(|octet| [octet >> 4, octet & 15])
+        .flat_map(|byte| [byte >> 4, byte & 15])
         .filter_map(|n| char::from_digit(n.into(), 16))
         .collect()
 }

@@ -33,9 +33,9 @@ impl Aircraft {
         if !(REPORTS.contains(&message) || DETAILS.contains(&message)) {
             return Err(format!("message {message} is no report of this VSM"));
         }
-        if hertz > MOST_HERTZ {
+        if hertz > MAX_HERTZ {
             return Err(format!(
-                "Frequency {hertz} Hz, expected 1 to {MOST_HERTZ}, or 0 for no longer"
+                "Frequency {hertz} Hz, expected 1 to {MAX_HERTZ}, or 0 for no longer"
             ));
         }
         let period = match hertz {
@@ -128,7 +128,7 @@ impl Aircraft {
             // What a silent vehicle said last is no state of now: it is not repeated.
             4000 if live => report::inertial_states(vehicle, stamp).map(Message::InertialStates),
             4001 if live => {
-                let along = flight.map(|flight| self.passage.along(flight, vehicle));
+                let along = flight.map(|flight| self.route_progress.along(flight, vehicle));
                 let along = along.unwrap_or_default();
                 Some(Message::FromToNextWaypointStates(report::waypoint_states(
                     vehicle, flight, along, stamp,
@@ -205,4 +205,4 @@ impl Aircraft {
 /// What 17001 and 17002 can ask for.
 const REPORTS: &[u16] = &[3, 3001, 3002, 4000, 4001, 16002];
 /// The range that Edition 2 gives for 17001's Frequency.
-const MOST_HERTZ: u16 = 100;
+const MAX_HERTZ: u16 = 100;

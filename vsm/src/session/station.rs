@@ -21,7 +21,7 @@ pub(crate) struct Station {
     /// It has sent 16002: only then can silence cost it control.
     pub(crate) sends_heartbeats: bool,
     pub(crate) recent: Recent,
-    /// Lines of its journal since that was last written anew.
+    /// Lines of its command_log since that was last written anew.
     pub(crate) journal_lines: usize,
     /// Messages that it has scheduled by 17001: (vehicle, message type) to period.
     pub(crate) schedule: BTreeMap<(Id, u16), Period>,

@@ -130,7 +130,7 @@ pub struct LinkStatus {
     /// The key's id.
     pub key_id: Option<String>,
     /// How it stands: "waiting" (nothing accepted yet), "live", "behind" (verified, but its stamps have fallen back) or
-    /// "settling" (which of two keys the vehicle has is being found out).
+    /// "key_recovery" (which of two keys the vehicle has is being found out).
     pub state: &'static str,
     /// Since when it has been live, s.
     pub live_s: Option<f64>,
@@ -234,7 +234,7 @@ fn curves(aircraft: &Aircraft) -> Option<CurvesStatus> {
 
 fn holders(aircraft: &Aircraft) -> Vec<HolderStatus> {
     let holders = aircraft.authority.holders().map(|(id, rights)| {
-        let since = aircraft.custody.since(id);
+        let since = aircraft.authority_record.since(id);
         HolderStatus {
             id: id.to_string(),
             loi: rights.levels().raw(),

@@ -2,14 +2,13 @@
 
 use stanag_msgs::Id;
 
-/// Named records on disk. Writing one replaces it whole: after a crash it holds the old octets or the new.
+/// Named records on disk. Writing one replaces it whole: after a crash it holds the old bytes or the new.
 pub trait Store {
     /// Writes a record.
     ///
     /// # Errors
     /// Nothing of the record has changed.
-    fn save(&mut self, name: &str, octets: &[u8], durability: Durability)
-    -> Result<(), StoreError>;
+    fn save(&mut self, name: &str, bytes: &[u8], durability: Durability) -> Result<(), StoreError>;
 
     /// Reads a record; `None` where it was never written.
     ///
@@ -24,11 +23,11 @@ pub trait Store {
     fn append(
         &mut self,
         name: &str,
-        octets: &[u8],
+        bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
         let mut whole = self.load_whole(name)?.unwrap_or_default();
-        whole.extend_from_slice(octets);
+        whole.extend_from_slice(bytes);
         self.save(name, &whole, durability)
     }
 
@@ -39,8 +38,8 @@ pub trait Store {
     /// Not all of it has been done; no line has been lost.
     fn rotate(&mut self, name: &str, keep: u32) -> Result<(), StoreError> {
         for number in (0..keep).rev() {
-            if let Some(octets) = self.load_whole(&log_name(name, number))? {
-                self.save(&log_name(name, number + 1), &octets, Durability::Power)?;
+            if let Some(bytes) = self.load_whole(&log_name(name, number))? {
+                self.save(&log_name(name, number + 1), &bytes, Durability::Power)?;
             }
         }
         self.save(name, b"", Durability::Power)

@@ -19,7 +19,7 @@ use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::UaRoute;
 
 use super::maneuver::{self, Maneuver, Progress};
-use super::plan_record::Aboard;
+use super::plan_record::UploadedMission;
 use super::vehicle::VehicleLink;
 
 /// The machine.
@@ -109,7 +109,7 @@ impl Transfer {
     }
 
     /// A route that was aboard already, and is no more.
-    pub(crate) fn again(aboard: &Aboard) -> Transfer {
+    pub(crate) fn again(aboard: &UploadedMission) -> Transfer {
         Transfer {
             phase: Phase::Again {
                 flight: aboard.flight.clone(),

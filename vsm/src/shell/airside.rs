@@ -149,19 +149,19 @@ impl AirsideServer {
                 () = &mut stop => break,
                 received = self.radio.0.receive(&mut from_radio) => match received {
                     Ok((length, from)) => {
-                        let octets = from_radio.get(..length).unwrap_or_default();
+                        let bytes = from_radio.get(..length).unwrap_or_default();
                         let now = self.clock.now();
                         let mut random = system_random;
                         self.agent
-                            .handle_radio(now, from, octets, &mut random, &mut self.disk);
+                            .handle_radio(now, from, bytes, &mut random, &mut self.disk);
                     }
                     Err(cause) => pause_after("the ground's link", &cause).await,
                 },
                 received = self.px4.0.receive(&mut from_px4) => match received {
                     Ok((length, from)) => {
-                        let octets = from_px4.get(..length).unwrap_or_default();
+                        let bytes = from_px4.get(..length).unwrap_or_default();
                         let now = self.clock.now();
-                        self.agent.handle_px4(now, from, octets, &mut self.disk);
+                        self.agent.handle_px4(now, from, bytes, &mut self.disk);
                     }
                     Err(cause) => pause_after("PX4's link", &cause).await,
                 },

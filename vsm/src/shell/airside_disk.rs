@@ -68,7 +68,7 @@ impl ResponderStore for AirsideDisk {
 
     fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), exchange::StoreError> {
         self.change(|record| {
-            record.peer = Some(*peer.key.octets());
+            record.peer = Some(*peer.key.bytes());
             record.counter = peer.counter;
         })
     }

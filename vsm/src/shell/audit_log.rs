@@ -9,14 +9,14 @@ use std::path::Path;
 ///
 /// # Errors
 /// The system's. A part may have been added: the next start finds a line without end, and closes it.
-pub fn append(path: &Path, octets: &[u8], power: bool) -> io::Result<()> {
+pub fn append(path: &Path, bytes: &[u8], power: bool) -> io::Result<()> {
     let new = !path.exists();
     let mut file = OpenOptions::new()
         .append(true)
         .create(true)
         .mode(0o600)
         .open(path)?;
-    file.write_all(octets)?;
+    file.write_all(bytes)?;
     if power {
         file.sync_data()?;
     }
@@ -51,7 +51,7 @@ pub fn shift(newest_last: &[&Path]) -> io::Result<()> {
 /// The system's.
 pub fn read(path: &Path) -> io::Result<Option<Vec<u8>>> {
     match fs::read(path) {
-        Ok(octets) => Ok(Some(octets)),
+        Ok(bytes) => Ok(Some(bytes)),
         Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(cause) => Err(cause),
     }

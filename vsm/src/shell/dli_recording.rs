@@ -1,7 +1,7 @@
 //! The DLI recording: a .pcapng of what ground stations of the configuration sent, and of all that was sent to them.
 //!
 //! What others send is not in it: nobody else can fill the disk. The DLI carries no key; Wireshark opens it with
-//! `dissector/stanag4586.lua`.
+//! `packaging/wireshark/stanag4586.lua`.
 
 use std::io;
 use std::net::SocketAddr;
@@ -37,18 +37,18 @@ impl DliRecording {
     }
 
     /// A datagram that arrived here.
-    pub fn received(&mut self, wall: Duration, from: SocketAddr, here: SocketAddr, octets: &[u8]) {
-        let known = frames(octets)
+    pub fn received(&mut self, wall: Duration, from: SocketAddr, here: SocketAddr, bytes: &[u8]) {
+        let known = frames(bytes)
             .flatten()
             .any(|frame| self.stations.contains(&frame.header.source));
         if known {
-            self.write(wall, from, here, octets);
+            self.write(wall, from, here, bytes);
         }
     }
 
     /// A datagram that was sent from here.
-    pub fn sent(&mut self, wall: Duration, here: SocketAddr, to: SocketAddr, octets: &[u8]) {
-        self.write(wall, here, to, octets);
+    pub fn sent(&mut self, wall: Duration, here: SocketAddr, to: SocketAddr, bytes: &[u8]) {
+        self.write(wall, here, to, bytes);
     }
 
     /// Brings it to the disk.
@@ -56,9 +56,9 @@ impl DliRecording {
         self.file.flush();
     }
 
-    fn write(&mut self, wall: Duration, from: SocketAddr, to: SocketAddr, octets: &[u8]) {
+    fn write(&mut self, wall: Duration, from: SocketAddr, to: SocketAddr, bytes: &[u8]) {
         self.block.clear();
-        pcapng::datagram(&mut self.block, wall, from, to, octets);
+        pcapng::datagram(&mut self.block, wall, from, to, bytes);
         self.file.write(&self.block);
     }
 }

@@ -1,4 +1,4 @@
-//! Files that are replaced whole: after a power cut there are the old octets or the new, never a part.
+//! Files that are replaced whole: after a power cut there are the old bytes or the new, never a part.
 //!
 //! Written beside, synchronised, renamed, and the folder synchronised. Whatever step fails, the file
 //! that was there before can still be read. The steps go through [`Disk`], so that a test can let each
@@ -19,8 +19,8 @@ pub trait Disk: fmt::Debug + Send + Sync {
     /// Writes a new file, mode 0600, in place of what bears its name.
     ///
     /// # Errors
-    /// The system's; part of the octets may have been written.
-    fn write(&self, path: &Path, octets: &[u8]) -> io::Result<()>;
+    /// The system's; part of the bytes may have been written.
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
 
     /// Brings a file, or the names in a folder, to the disk.
     ///
@@ -40,7 +40,7 @@ pub trait Disk: fmt::Debug + Send + Sync {
     /// The system's.
     fn remove(&self, path: &Path) -> io::Result<()>;
 
-    /// The first `most` octets of a file; `None` where there is none.
+    /// The first `most` bytes of a file; `None` where there is none.
     ///
     /// # Errors
     /// The system's.
@@ -52,7 +52,7 @@ pub trait Disk: fmt::Debug + Send + Sync {
 pub struct SystemDisk;
 
 impl Disk for SystemDisk {
-    fn write(&self, path: &Path, octets: &[u8]) -> io::Result<()> {
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         // One that is there has a mode and an owner of its own, or is a link to somewhere else.
         self.remove(path)?;
         OpenOptions::new()
@@ -60,7 +60,7 @@ impl Disk for SystemDisk {
             .create_new(true)
             .mode(0o600)
             .open(path)?
-            .write_all(octets)
+            .write_all(bytes)
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
@@ -86,9 +86,9 @@ impl Disk for SystemDisk {
         };
         // Room from the start: a buffer that grows leaves copies of what it held behind.
         let size = file.metadata()?.len().min(most);
-        let mut octets = Zeroizing::new(Vec::with_capacity(usize::try_from(size).unwrap_or(0) + 1));
-        file.take(most).read_to_end(&mut octets)?;
-        Ok(Some(octets))
+        let mut bytes = Zeroizing::new(Vec::with_capacity(usize::try_from(size).unwrap_or(0) + 1));
+        file.take(most).read_to_end(&mut bytes)?;
+        Ok(Some(bytes))
     }
 }
 
@@ -97,10 +97,10 @@ impl Disk for SystemDisk {
 /// # Errors
 /// The first step that fails. The old file is still there, or, where only the folder's names could not
 /// be synchronised, the new one.
-pub fn replace(disk: &dyn Disk, path: &Path, octets: &[u8], power: bool) -> io::Result<()> {
+pub fn replace(disk: &dyn Disk, path: &Path, bytes: &[u8], power: bool) -> io::Result<()> {
     let beside = &beside(path);
     let written = disk
-        .write(beside, octets)
+        .write(beside, bytes)
         .and_then(|()| if power { disk.sync(beside) } else { Ok(()) })
         .and_then(|()| disk.rename(beside, path));
     if written.is_err() {
@@ -119,12 +119,12 @@ pub fn replace(disk: &dyn Disk, path: &Path, octets: &[u8], power: bool) -> io::
 ///
 /// # Errors
 /// It exists, or a step fails; where only the folder's names could not be synchronised it is there.
-pub fn create(path: &Path, octets: &[u8]) -> io::Result<()> {
+pub fn create(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let beside = &beside(path);
     let disk = SystemDisk;
     // A second name, and not a new name: that would take the place of a file that is there.
     let made = disk
-        .write(beside, octets)
+        .write(beside, bytes)
         .and_then(|()| disk.sync(beside))
         .and_then(|()| fs::hard_link(beside, path));
     let removed = disk.remove(beside);

@@ -58,7 +58,7 @@ impl ExchangeRecord {
         let name = record_name(KIND, vehicle);
         match store.load(&name)? {
             None => Ok(ExchangeRecord::default()),
-            Some(octets) => parse(name, &octets),
+            Some(bytes) => parse(name, &bytes),
         }
     }
 
@@ -69,7 +69,7 @@ impl ExchangeRecord {
     pub fn peek(folder: &Path, vehicle: Id) -> Result<Option<ExchangeRecord>, StoreError> {
         let name = record_name(KIND, vehicle);
         match std::fs::read(folder.join(&name)) {
-            Ok(octets) => parse(name, &octets).map(Some),
+            Ok(bytes) => parse(name, &bytes).map(Some),
             Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => Ok(None),
             Err(cause) => Err(StoreError {
                 name,
@@ -95,16 +95,16 @@ impl ExchangeRecord {
 
     /// Notes which key is in use at this time, s since 1970; true where it is another than before.
     pub fn note_key(&mut self, key: KeyId, wall_s: u64) -> bool {
-        let changed = self.key != Some(*key.octets());
+        let changed = self.key != Some(*key.bytes());
         if changed {
-            (self.key, self.since) = (Some(*key.octets()), wall_s);
+            (self.key, self.since) = (Some(*key.bytes()), wall_s);
         }
         changed
     }
 }
 
-fn parse(name: String, octets: &[u8]) -> Result<ExchangeRecord, StoreError> {
-    serde_json::from_slice(octets).map_err(|cause| StoreError {
+fn parse(name: String, bytes: &[u8]) -> Result<ExchangeRecord, StoreError> {
+    serde_json::from_slice(bytes).map_err(|cause| StoreError {
         name,
         cause: cause.to_string(),
     })
@@ -113,21 +113,21 @@ fn parse(name: String, octets: &[u8]) -> Result<ExchangeRecord, StoreError> {
 /// The static key of this VSM; made, and kept, where there is none yet.
 ///
 /// # Errors
-/// It cannot be read or made durable, or there are no random octets.
+/// It cannot be read or made durable, or there are no random bytes.
 pub fn identity(store: &mut FileStore) -> Result<Identity, StoreError> {
     let fault = |cause: &str| StoreError {
         name: IDENTITY.to_owned(),
         cause: cause.to_owned(),
     };
-    if let Some(octets) = store.load(IDENTITY)?.map(Zeroizing::new) {
+    if let Some(bytes) = store.load(IDENTITY)?.map(Zeroizing::new) {
         let mut key = Zeroizing::new([0; 32]);
-        let text = std::str::from_utf8(&octets).unwrap_or_default();
+        let text = std::str::from_utf8(&bytes).unwrap_or_default();
         if !hex::fill(text.trim_end(), &mut *key) {
             return Err(fault("expected 64 hex digits"));
         }
         return Ok(Identity::new(*key));
     }
-    let identity = Identity::generate(&mut system_random).map_err(|_| fault("no random octets"))?;
+    let identity = Identity::generate(&mut system_random).map_err(|_| fault("no random bytes"))?;
     let text = Zeroizing::new(hex::text(identity.expose()));
     store.save(IDENTITY, text.as_bytes(), Durability::Power)?;
     Ok(identity)
@@ -136,10 +136,8 @@ pub fn identity(store: &mut FileStore) -> Result<Identity, StoreError> {
 /// The static key of a VSM whose store another process may hold: its public half, to be shown.
 #[must_use]
 pub fn peek_identity(folder: &Path) -> Option<PublicKey> {
-    let octets = SystemDisk
-        .read(&folder.join(IDENTITY), MOST_OCTETS)
-        .ok()??;
-    let text = std::str::from_utf8(&octets).ok()?;
+    let bytes = SystemDisk.read(&folder.join(IDENTITY), MAX_BYTES).ok()??;
+    let text = std::str::from_utf8(&bytes).ok()?;
     let mut key = [0; 32];
     let identity = hex::fill(text.trim_end(), &mut key).then(|| Identity::new(key));
     key.zeroize();
@@ -157,35 +155,34 @@ pub fn system_random(out: &mut [u8]) -> Result<(), NoRandom> {
 const KIND: &str = "exchange";
 const IDENTITY: &str = "exchange-identity";
 /// The identity is 64 digits; more than this is never read.
-const MOST_OCTETS: u64 = 256;
+const MAX_BYTES: u64 = 256;
 
-/// Octets as hexadecimal text in the record.
+/// Bytes as hexadecimal text in the record.
 mod hex {
     use serde::{Deserialize as _, Deserializer, Serializer, de};
 
-    pub(super) fn text(octets: &[u8]) -> String {
-        octets.iter().fold(
-            String::with_capacity(octets.len() * 2),
-            |mut text, octet| {
-                for nibble in [octet >> 4, octet & 0x0f] {
+    pub(super) fn text(bytes: &[u8]) -> String {
+        bytes
+            .iter()
+            .fold(String::with_capacity(bytes.len() * 2), |mut text, byte| {
+                for nibble in [byte >> 4, byte & 0x0f] {
                     text.push(char::from_digit(nibble.into(), 16).unwrap_or('0'));
                 }
                 text
-            },
-        )
+            })
     }
 
-    /// Whether the text was exactly so many octets.
+    /// Whether the text was exactly so many bytes.
     pub(super) fn fill(text: &str, out: &mut [u8]) -> bool {
         let digits = text.as_bytes();
         digits.len() == out.len() * 2
             && out
                 .iter_mut()
                 .zip(digits.chunks_exact(2))
-                .all(|(octet, pair)| {
+                .all(|(byte, pair)| {
                     let digit = |at: usize| pair.get(at).and_then(|c| char::from(*c).to_digit(16));
                     let value = digit(0).zip(digit(1)).map(|(high, low)| high << 4 | low);
-                    *octet = value
+                    *byte = value
                         .and_then(|value| u8::try_from(value).ok())
                         .unwrap_or(0);
                     value.is_some()
@@ -193,11 +190,11 @@ mod hex {
     }
 
     pub(super) fn serialize<S: Serializer, const N: usize>(
-        octets: &Option<[u8; N]>,
+        bytes: &Option<[u8; N]>,
         serializer: S,
     ) -> Result<S::Ok, S::Error> {
-        match octets {
-            Some(octets) => serializer.serialize_str(&text(octets)),
+        match bytes {
+            Some(bytes) => serializer.serialize_str(&text(bytes)),
             None => serializer.serialize_none(),
         }
     }
@@ -208,9 +205,9 @@ mod hex {
         let Some(text) = Option::<String>::deserialize(deserializer)? else {
             return Ok(None);
         };
-        let mut octets = [0; N];
-        if fill(&text, &mut octets) {
-            return Ok(Some(octets));
+        let mut bytes = [0; N];
+        if fill(&text, &mut bytes) {
+            return Ok(Some(bytes));
         }
         let expected = format!("{} hex digits", N * 2);
         Err(de::Error::invalid_value(
@@ -238,8 +235,8 @@ mod tests {
             key: Some([9; 8]),
         });
         record.counter = u64::MAX;
-        assert!(record.note_key(KeyId::from_octets([5; 8]), 12));
-        assert!(!record.note_key(KeyId::from_octets([5; 8]), 13));
+        assert!(record.note_key(KeyId::from_bytes([5; 8]), 12));
+        assert!(!record.note_key(KeyId::from_bytes([5; 8]), 13));
         record.save(&mut store, vehicle).unwrap();
         assert_eq!(ExchangeRecord::load(&store, vehicle).unwrap(), record);
         assert_eq!(ExchangeRecord::peek(&dir, vehicle).unwrap(), Some(record));

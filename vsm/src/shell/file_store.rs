@@ -94,26 +94,21 @@ impl FileStore {
         })
     }
 
-    fn write(&self, name: &str, octets: &[u8], durability: Durability) -> io::Result<()> {
+    fn write(&self, name: &str, bytes: &[u8], durability: Durability) -> io::Result<()> {
         let power = durability == Durability::Power;
-        durable::replace(&*self.disk, &self.folder.join(name), octets, power)
+        durable::replace(&*self.disk, &self.folder.join(name), bytes, power)
     }
 
     fn read(&self, name: &str) -> io::Result<Option<Vec<u8>>> {
         // Moved out, not copied: the identity is among the records, and its reader wipes it.
-        let octets = self.disk.read(&self.folder.join(name), MOST_OCTETS)?;
-        Ok(octets.map(|mut octets| std::mem::take(&mut *octets)))
+        let bytes = self.disk.read(&self.folder.join(name), MAX_BYTES)?;
+        Ok(bytes.map(|mut bytes| std::mem::take(&mut *bytes)))
     }
 }
 
 impl Store for FileStore {
-    fn save(
-        &mut self,
-        name: &str,
-        octets: &[u8],
-        durability: Durability,
-    ) -> Result<(), StoreError> {
-        self.write(name, octets, durability)
+    fn save(&mut self, name: &str, bytes: &[u8], durability: Durability) -> Result<(), StoreError> {
+        self.write(name, bytes, durability)
             .map_err(|cause| StoreError {
                 name: name.to_owned(),
                 cause: cause.to_string(),
@@ -130,11 +125,11 @@ impl Store for FileStore {
     fn append(
         &mut self,
         name: &str,
-        octets: &[u8],
+        bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
         let power = durability == Durability::Power;
-        audit_log::append(&self.folder.join(name), octets, power).map_err(|cause| StoreError {
+        audit_log::append(&self.folder.join(name), bytes, power).map_err(|cause| StoreError {
             name: name.to_owned(),
             cause: cause.to_string(),
         })
@@ -161,4 +156,4 @@ impl Store for FileStore {
 }
 
 /// Bound on a record that is read back: a full plan of 10,000 waypoints is a quarter of it.
-const MOST_OCTETS: u64 = 16 << 20;
+const MAX_BYTES: u64 = 16 << 20;

@@ -21,7 +21,7 @@ use crate::session::Status;
 /// Serves until it is dropped; `status` gives a picture of now.
 pub async fn serve(listener: TcpListener, status: impl Fn() -> Status + 'static) {
     let status = Rc::new(status);
-    let room = Arc::new(Semaphore::new(MOST_CONNECTIONS));
+    let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
     loop {
         // Whoever opens connections and says nothing uses up these places, and nothing else.
         let Ok(place) = room.clone().acquire_owned().await else {
@@ -137,6 +137,6 @@ fn metrics(status: &Status) -> String {
 }
 
 const PAGE: &str = include_str!("status.html");
-const MOST_CONNECTIONS: usize = 16;
+const MAX_CONNECTIONS: usize = 16;
 const HEADER_WITHIN: Duration = Duration::from_secs(2);
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);

@@ -1,4 +1,4 @@
-//! Key files: 32 random octets in hex, mode 0600, refused when others can read them. A pass phrase is refused: hashed
+//! Key files: 32 random bytes in hex, mode 0600, refused when others can read them. A pass phrase is refused: hashed
 //! once it would fall to a dictionary.
 
 use std::fs;
@@ -43,7 +43,7 @@ pub enum KeyFileError {
         mode: u32,
     },
     /// It does not hold a key.
-    #[error("key file {path}: {cause}: a key is 64 hex digits (32 random octets), as `vsm keygen` writes them", path = path.display())]
+    #[error("key file {path}: {cause}: a key is 64 hex digits (32 random bytes), as `vsm keygen` writes them", path = path.display())]
     Content {
         /// The file.
         path: PathBuf,
@@ -72,8 +72,8 @@ pub fn read(path: &Path) -> Result<SigningKey, KeyFileError> {
         });
     }
     // Room for all that is read: a buffer that grows leaves copies of the key behind.
-    let mut text = Zeroizing::new(Vec::with_capacity(MOST_OCTETS as usize + 1));
-    file.take(MOST_OCTETS).read_to_end(&mut text).map_err(io)?;
+    let mut text = Zeroizing::new(Vec::with_capacity(MAX_BYTES as usize + 1));
+    file.take(MAX_BYTES).read_to_end(&mut text).map_err(io)?;
     parse(path, &text)
 }
 
@@ -112,18 +112,18 @@ fn looks_like_a_phrase(text: &str) -> bool {
 /// A new key from the system's random source.
 ///
 /// # Errors
-/// The system has no random octets.
+/// The system has no random bytes.
 pub fn random() -> io::Result<SigningKey> {
-    let mut octets = Zeroizing::new([0_u8; 32]);
-    getrandom::fill(&mut *octets).map_err(|cause| io::Error::other(cause.to_string()))?;
-    SigningKey::new(*octets).map_err(|cause| io::Error::other(cause.to_string()))
+    let mut bytes = Zeroizing::new([0_u8; 32]);
+    getrandom::fill(&mut *bytes).map_err(|cause| io::Error::other(cause.to_string()))?;
+    SigningKey::new(*bytes).map_err(|cause| io::Error::other(cause.to_string()))
 }
 
 /// A key as its file holds it.
 pub(super) fn hex(key: &SigningKey) -> Zeroizing<String> {
     let mut hex = Zeroizing::new(String::with_capacity(65));
-    for octet in key.expose() {
-        for nibble in [octet >> 4, octet & 0x0f] {
+    for byte in key.expose() {
+        for nibble in [byte >> 4, byte & 0x0f] {
             hex.push(char::from_digit(nibble.into(), 16).unwrap_or('0'));
         }
     }
@@ -134,7 +134,7 @@ pub(super) fn hex(key: &SigningKey) -> Zeroizing<String> {
 /// Writes a fresh random key to a file that must not exist yet.
 ///
 /// # Errors
-/// The file exists or cannot be written, or the system has no random octets.
+/// The file exists or cannot be written, or the system has no random bytes.
 pub fn generate(path: &Path) -> Result<(), KeyFileError> {
     let io = |cause| io_fault(path, cause);
     let hex = hex(&random().map_err(io)?);
@@ -146,5 +146,5 @@ pub fn generate(path: &Path) -> Result<(), KeyFileError> {
     })
 }
 
-/// A key file is 65 octets; more than this is never read.
-pub(super) const MOST_OCTETS: u64 = 256;
+/// A key file is 65 bytes; more than this is never read.
+pub(super) const MAX_BYTES: u64 = 256;

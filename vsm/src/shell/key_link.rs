@@ -191,16 +191,16 @@ impl KeyLink {
         patience: Duration,
         tell: &mut dyn FnMut(Event),
     ) -> Result<Ending, KeyLinkError> {
-        let mut octets = vec![0; 65_536];
+        let mut bytes = vec![0; 65_536];
         let mut unknown_since = None;
         loop {
             let until = self.handover.poll_timeout().min(self.clock.mono() + LOOK);
             tokio::select! {
-                received = self.reader.receive(&mut octets) => match received {
+                received = self.reader.receive(&mut bytes) => match received {
                     Ok((length, from)) => {
                         let now = self.clock.now();
-                        let octets = octets.get(..length).unwrap_or_default();
-                        self.handover.handle_datagram(now, from, octets, &mut Ceilings(&mut self.store));
+                        let bytes = bytes.get(..length).unwrap_or_default();
+                        self.handover.handle_datagram(now, from, bytes, &mut Ceilings(&mut self.store));
                     }
                     Err(_) => tokio::time::sleep(LOOK).await,
                 },

@@ -167,9 +167,9 @@ impl KeyStore {
 
     fn revoked(&self) -> Result<Option<String>, KeyStoreError> {
         let path = with(&self.path, "revoked");
-        let read = self.disk.read(&path, key_file::MOST_OCTETS);
-        let octets = read.map_err(|cause| KeyFileError::Io { path, cause })?;
-        Ok(octets.map(|octets| String::from_utf8_lossy(&octets).trim().to_owned()))
+        let read = self.disk.read(&path, key_file::MAX_BYTES);
+        let bytes = read.map_err(|cause| KeyFileError::Io { path, cause })?;
+        Ok(bytes.map(|bytes| String::from_utf8_lossy(&bytes).trim().to_owned()))
     }
 
     /// Deletes a revoked key that is not in force any more.
@@ -267,7 +267,7 @@ impl KeyStore {
             path: path.to_owned(),
             cause,
         };
-        let Some(text) = self.disk.read(path, key_file::MOST_OCTETS).map_err(io)? else {
+        let Some(text) = self.disk.read(path, key_file::MAX_BYTES).map_err(io)? else {
             return Ok(None);
         };
         let mode = fs::metadata(path).map_err(io)?.permissions().mode() & 0o777;

@@ -126,15 +126,15 @@ impl Pairing {
         patience: Duration,
         tell: &mut dyn FnMut(&InitiatorEvent),
     ) -> Ending {
-        let mut octets = vec![0; 65_536];
+        let mut bytes = vec![0; 65_536];
         let mut said = None;
         loop {
             self.send().await;
             let due = self.initiator.poll_timeout().unwrap_or(Duration::MAX);
             let until = due.min(patience).max(self.clock.mono());
             tokio::select! {
-                received = self.reader.receive(&mut octets) => match received {
-                    Ok((length, from)) => self.take(from, octets.get(..length).unwrap_or_default()),
+                received = self.reader.receive(&mut bytes) => match received {
+                    Ok((length, from)) => self.take(from, bytes.get(..length).unwrap_or_default()),
                     Err(_) => tokio::time::sleep(PAUSE).await,
                 },
                 () = sleep_until(Instant::from_std(self.clock.instant(until))) => {}
@@ -156,7 +156,7 @@ impl Pairing {
     }
 
     /// Only KEY_EXCHANGE counts, signed or not: what is believed is proven by the code.
-    fn take(&mut self, from: Peer, octets: &[u8]) {
+    fn take(&mut self, from: Peer, bytes: &[u8]) {
         let now = self.clock.now();
         let mut disk = Disk {
             store: &mut self.store,
@@ -164,7 +164,7 @@ impl Pairing {
             record: &mut self.record,
             vehicle: self.vehicle,
         };
-        let mut frames = self.parser.feed(octets);
+        let mut frames = self.parser.feed(bytes);
         while let Some(item) = frames.next() {
             let Ok(frame) = item else { continue };
             let header = frame.header();

@@ -23,7 +23,7 @@ fn path(store: &Path) -> PathBuf {
 /// Opens the socket. The store's lock is held: one that is there is left over.
 ///
 /// # Errors
-/// The system's; paths of over 107 octets too.
+/// The system's; paths of over 107 bytes too.
 pub fn listen(store: &Path) -> io::Result<UnixListener> {
     let path = path(store);
     match std::fs::remove_file(&path) {
@@ -69,8 +69,8 @@ impl Asker {
 
     /// Done when the asker has gone away.
     pub async fn gone(&mut self) {
-        let mut octet = [0];
-        while self.0.read(&mut octet).await.is_ok_and(|count| count > 0) {}
+        let mut byte = [0];
+        while self.0.read(&mut byte).await.is_ok_and(|count| count > 0) {}
     }
 }
 

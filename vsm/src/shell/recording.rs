@@ -42,9 +42,9 @@ impl RecordFile {
     }
 
     /// After the first failure nothing more is written.
-    pub(super) fn write(&mut self, octets: &[u8]) {
+    pub(super) fn write(&mut self, bytes: &[u8]) {
         if !self.failed {
-            let done = self.file.write_all(octets);
+            let done = self.file.write_all(bytes);
             self.see(done);
         }
     }

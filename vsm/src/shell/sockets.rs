@@ -104,7 +104,7 @@ impl DliSockets {
 pub enum VehicleReader {
     /// Datagrams.
     Udp(std::rc::Rc<UdpSocket>),
-    /// A stream of octets.
+    /// A stream of bytes.
     Serial(ReadHalf<SerialStream>),
 }
 
@@ -113,7 +113,7 @@ pub enum VehicleReader {
 pub enum VehicleWriter {
     /// Datagrams.
     Udp(std::rc::Rc<UdpSocket>),
-    /// A stream of octets, written by a task of its own: a port that takes nothing (flow control, a pulled plug) holds
+    /// A stream of bytes, written by a task of its own: a port that takes nothing (flow control, a pulled plug) holds
     /// up no other link. What it has no room for is lost, as on any link.
     Serial(SerialQueue),
 }
@@ -123,25 +123,25 @@ pub enum VehicleWriter {
 pub struct SerialQueue(mpsc::Sender<(Instant, Zeroizing<Vec<u8>>)>);
 
 impl VehicleReader {
-    /// What came, and from where, at most `MOST_AT_ONCE` octets. A datagram that is longer is not the vehicle's, and is
+    /// What came, and from where, at most `MAX_AT_ONCE` bytes. A datagram that is longer is not the vehicle's, and is
     /// passed over.
     ///
     /// # Errors
     /// The system's.
-    pub async fn receive(&mut self, octets: &mut [u8]) -> io::Result<(usize, Peer)> {
+    pub async fn receive(&mut self, bytes: &mut [u8]) -> io::Result<(usize, Peer)> {
         match self {
             VehicleReader::Udp(socket) => loop {
-                // One octet of room more shows what was longer.
-                let room = octets.len().min(MOST_AT_ONCE + 1);
-                let (length, from) = socket.recv_from(&mut octets[..room]).await?;
-                if length <= MOST_AT_ONCE {
+                // One byte of room more shows what was longer.
+                let room = bytes.len().min(MAX_AT_ONCE + 1);
+                let (length, from) = socket.recv_from(&mut bytes[..room]).await?;
+                if length <= MAX_AT_ONCE {
                     return Ok((length, Peer::Udp(from)));
                 }
                 tracing::debug!(
-                    "a datagram of over {MOST_AT_ONCE} octets from {from} is passed over"
+                    "a datagram of over {MAX_AT_ONCE} bytes from {from} is passed over"
                 );
             },
-            VehicleReader::Serial(port) => match port.read(octets).await? {
+            VehicleReader::Serial(port) => match port.read(bytes).await? {
                 0 => Err(io::ErrorKind::UnexpectedEof.into()),
                 length => Ok((length, Peer::Serial)),
             },
@@ -154,14 +154,14 @@ impl VehicleWriter {
     ///
     /// # Errors
     /// The system's.
-    pub async fn send(&mut self, octets: &[u8], to: Peer) -> io::Result<()> {
+    pub async fn send(&mut self, bytes: &[u8], to: Peer) -> io::Result<()> {
         match (self, to) {
             (VehicleWriter::Udp(socket), Peer::Udp(to)) => {
-                socket.send_to(octets, to).await.map(|_| ())
+                socket.send_to(bytes, to).await.map(|_| ())
             }
             (VehicleWriter::Serial(queue), _) => queue
                 .0
-                .try_send((Instant::now(), Zeroizing::new(octets.to_vec())))
+                .try_send((Instant::now(), Zeroizing::new(bytes.to_vec())))
                 .map_err(|refused| match refused {
                     mpsc::error::TrySendError::Full(_) => io::ErrorKind::WouldBlock.into(),
                     mpsc::error::TrySendError::Closed(_) => io::ErrorKind::BrokenPipe.into(),
@@ -171,9 +171,9 @@ impl VehicleWriter {
     }
 }
 
-/// Senders of MAVLink fill a datagram up to what a network carries whole, 1,500 octets. Each octet of a longer one could
+/// Senders of MAVLink fill a datagram up to what a network carries whole, 1,500 bytes. Each byte of a longer one could
 /// begin a frame whose checksum we were to compute.
-const MOST_AT_ONCE: usize = 2_048;
+const MAX_AT_ONCE: usize = 2_048;
 
 /// Frames that wait for a serial port, at the most.
 const SERIAL_QUEUE: usize = 64;
@@ -265,7 +265,7 @@ fn same_port(to: SocketAddr, record: &str, store: &mut dyn Store) -> io::Result<
     };
     let kept = store.load(record).ok().flatten();
     let kept = kept
-        .and_then(|octets| String::from_utf8(octets).ok())
+        .and_then(|bytes| String::from_utf8(bytes).ok())
         .and_then(|text| text.trim().parse().ok());
     if let Some(port) = kept {
         match udp(SocketAddr::new(any, port), false) {
@@ -333,9 +333,9 @@ mod tests {
         for length in [60_000, 2_049, 2_048, 1] {
             sender.send_to(&vec![0xfd; length], to).await.unwrap();
         }
-        let mut octets = vec![0; 65_536];
+        let mut bytes = vec![0; 65_536];
         for length in [2_048, 1] {
-            assert_eq!(reader.receive(&mut octets).await.unwrap().0, length);
+            assert_eq!(reader.receive(&mut bytes).await.unwrap().0, length);
         }
     }
 
@@ -359,7 +359,7 @@ mod tests {
         // What was taken arrives whole and in order, once the port moves again.
         let mut got = vec![0; (200 - lost) * 16];
         far.read_exact(&mut got).await.unwrap();
-        assert!(got.iter().all(|&octet| octet == 7));
+        assert!(got.iter().all(|&byte| byte == 7));
         writer.send(&frame, Peer::Serial).await.unwrap();
         far.read_exact(&mut got[..16]).await.unwrap();
     }
@@ -369,8 +369,8 @@ mod tests {
         let (port, mut far) = tokio::io::duplex(16);
         let mut writer = VehicleWriter::Serial(write_apart(port));
         // Two go into the stalled port, one whole and one in the writing task's hand; two more wait behind them.
-        for octet in 1..=4 {
-            writer.send(&[octet; 16], Peer::Serial).await.unwrap();
+        for byte in 1..=4 {
+            writer.send(&[byte; 16], Peer::Serial).await.unwrap();
             tokio::task::yield_now().await;
         }
         tokio::time::advance(SERIAL_PATIENCE + Duration::from_millis(1)).await;

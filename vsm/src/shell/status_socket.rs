@@ -17,7 +17,7 @@ pub fn path(store: &Path) -> PathBuf {
 /// Opens the socket. The store's lock is held: one that is there is left over.
 ///
 /// # Errors
-/// The system's; paths of over 107 octets too.
+/// The system's; paths of over 107 bytes too.
 pub fn listen(store: &Path) -> io::Result<UnixListener> {
     let path = path(store);
     match std::fs::remove_file(&path) {

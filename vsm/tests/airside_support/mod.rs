@@ -14,12 +14,12 @@ use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode, encode_raw
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::{KeyState, Stream};
 use mavlink_link::signing::{KeyId, SigningKey, Stamp, sign};
-use sim::px4::{Autopilot, Config, Signing};
+use px4_sim::{Autopilot, Config, Signing};
 use vsm::airside::{Agent, Held, Keys, Settings, Side, Transmit};
 use vsm::session::Peer;
 
-pub(crate) fn key(octet: u8) -> SigningKey {
-    SigningKey::new([octet; 32]).unwrap()
+pub(crate) fn key(byte: u8) -> SigningKey {
+    SigningKey::new([byte; 32]).unwrap()
 }
 
 pub(crate) fn at(port: u16) -> Peer {
@@ -166,14 +166,14 @@ impl Ground {
         }
     }
 
-    fn take(&mut self, now: Now, octets: &[u8]) {
+    fn take(&mut self, now: Now, bytes: &[u8]) {
         let auth = Auth::Signed {
             key: &mut self.key,
             store: &mut self.disk,
         };
         let (heard, texts) = (&mut self.heard, &mut self.texts);
         self.link
-            .handle_datagram(now, at(9), octets, auth, &mut |delivery| {
+            .handle_datagram(now, at(9), bytes, auth, &mut |delivery| {
                 assert!(delivery.verified);
                 if delivery.header.component_id == 1 {
                     heard.push(delivery.header.message_id);
@@ -324,9 +324,9 @@ impl World {
         let mut out = [0; MAX_FRAME];
         while let Some(sent) = self.px4.poll_transmit(&mut out) {
             if self.arrives() {
-                let octets = &out[..sent.len];
+                let bytes = &out[..sent.len];
                 self.agent
-                    .handle_px4(self.now, at(PX4), octets, &mut self.disk);
+                    .handle_px4(self.now, at(PX4), bytes, &mut self.disk);
                 self.drain();
             }
         }
@@ -338,13 +338,13 @@ impl World {
     }
 
     /// What comes in from the radio.
-    pub(crate) fn radio(&mut self, from: u16, octets: &[u8]) {
+    pub(crate) fn radio(&mut self, from: u16, bytes: &[u8]) {
         let mut random = |out: &mut [u8]| {
             out.fill(9);
             Ok(())
         };
         self.agent
-            .handle_radio(self.now, at(from), octets, &mut random, &mut self.disk);
+            .handle_radio(self.now, at(from), bytes, &mut random, &mut self.disk);
         self.drain();
     }
 
@@ -354,23 +354,23 @@ impl World {
             side, len, secret, ..
         }) = self.agent.poll_transmit(self.now, &mut self.disk, &mut out)
         {
-            let octets = out[..len].to_vec();
+            let bytes = out[..len].to_vec();
             self.secrets += usize::from(secret);
             match side {
                 Side::Px4 => {
                     if self.arrives() && !(secret && self.cannot_sign) {
-                        self.px4.handle_datagram(0, at(9), &octets);
+                        self.px4.handle_datagram(0, at(9), &bytes);
                     }
                     match self.on_secret {
                         Some(Mishap::DiskFull) if secret => self.disk.full = true,
                         Some(Mishap::LineCut) if secret => self.px4_connected = false,
                         _ => {}
                     }
-                    self.to_px4.push(octets);
+                    self.to_px4.push(bytes);
                 }
                 Side::Radio => {
                     if let Some(ground) = &mut self.ground {
-                        ground.take(self.now, &octets);
+                        ground.take(self.now, &bytes);
                     }
                 }
             }
@@ -403,11 +403,11 @@ impl World {
         status.radio.frames.get(why).copied().unwrap_or(0)
     }
 
-    /// Whether the agent passed these octets to PX4 unaltered.
-    pub(crate) fn passes(&mut self, from: u16, octets: &[u8]) -> bool {
+    /// Whether the agent passed these bytes to PX4 unaltered.
+    pub(crate) fn passes(&mut self, from: u16, bytes: &[u8]) -> bool {
         self.to_px4.clear();
-        self.radio(from, octets);
-        self.to_px4.iter().any(|sent| sent == octets)
+        self.radio(from, bytes);
+        self.to_px4.iter().any(|sent| sent == bytes)
     }
 
     pub(crate) fn px4_has(&self, key: &SigningKey) -> bool {

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use vsm::config::Config;
 
-/// Reads the octets as a configuration file.
-pub(crate) fn run(octets: &[u8]) {
-    let Ok(text) = std::str::from_utf8(octets) else {
+/// Reads the bytes as a configuration file.
+pub(crate) fn run(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
         return;
     };
     match Config::parse(text, Path::new("/nowhere")) {

@@ -1,4 +1,4 @@
-//! Any octets of a MAVLink link, whole and in pieces: what is found is a frame, is recorded as one, and what is decoded
+//! Any bytes of a MAVLink link, whole and in pieces: what is found is a frame, is recorded as one, and what is decoded
 //! encodes to what decodes to the same.
 
 use core::time::Duration;
@@ -6,9 +6,9 @@ use core::time::Duration;
 use mavlink_link::frame::{FrameView, MAX_FRAME, Parser, encode};
 use mavlink_link::tlog;
 
-/// Feeds the octets to a parser, whole and in pieces whose length the first octet says.
-pub(crate) fn run(octets: &[u8]) {
-    let Some((&piece, rest)) = octets.split_first() else {
+/// Feeds the bytes to a parser, whole and in pieces whose length the first byte says.
+pub(crate) fn run(bytes: &[u8]) {
+    let Some((&piece, rest)) = bytes.split_first() else {
         return;
     };
     // An unknown message cannot be checked: whether it is taken for one depends on what arrives with it.
@@ -41,10 +41,10 @@ pub(crate) fn run(octets: &[u8]) {
     }
 }
 
-fn frames(octets: &[u8], piece: usize) -> Vec<Vec<u8>> {
+fn frames(bytes: &[u8], piece: usize) -> Vec<Vec<u8>> {
     let mut parser = Parser::new();
     let mut found = Vec::new();
-    for part in octets.chunks(piece) {
+    for part in bytes.chunks(piece) {
         let mut frames = parser.feed(part);
         while let Some(frame) = frames.next() {
             if let Ok(view) = frame {

@@ -1,4 +1,4 @@
-//! Any octets at all, from golden vectors, recordings and examples bent by a seed: whole sessions with the bridge,
+//! Any bytes at all, from golden vectors, recordings and examples bent by a seed: whole sessions with the bridge,
 //! MAVLink links, configurations. Nothing panics, and what is promised of what goes out is kept.
 //!
 //! `VSM_MUTATIONS=1000000 cargo test --release -p vsm --test any_input` runs it for longer. The same targets are fuzzed
@@ -9,7 +9,7 @@ mod frame;
 mod seeds;
 mod session;
 
-/// What is tried: its name, what it does with octets, and the octets that it begins with.
+/// What is tried: its name, what it does with bytes, and the bytes that it begins with.
 type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
 
 const TARGETS: [Target; 3] = [
@@ -32,11 +32,11 @@ fn every_target_holds_on_its_seeds_and_their_mutations() {
         }
         let mut random = Random(0x4586);
         for _ in 0..mutations {
-            let mut octets = seeds[random.below(seeds.len())].clone();
+            let mut bytes = seeds[random.below(seeds.len())].clone();
             for _ in 0..random.below(8) + 1 {
-                mutate(&mut octets, &seeds, &mut random);
+                mutate(&mut bytes, &seeds, &mut random);
             }
-            run(&octets);
+            run(&bytes);
         }
     }
 }
@@ -62,18 +62,18 @@ fn seeds_are_there_to_fuzz_from() {
     }
 }
 
-fn mutate(octets: &mut Vec<u8>, seeds: &[Vec<u8>], random: &mut Random) {
-    let at = random.below(octets.len().max(1));
+fn mutate(bytes: &mut Vec<u8>, seeds: &[Vec<u8>], random: &mut Random) {
+    let at = random.below(bytes.len().max(1));
     match random.below(5) {
-        0 if !octets.is_empty() => octets[at] ^= 1 << random.below(8),
-        1 if !octets.is_empty() => octets[at] = [0, 1, 0x7f, 0x80, 0xff][random.below(5)],
-        2 => octets.truncate(at),
-        3 => octets.insert(at.min(octets.len()), random.next() as u8),
+        0 if !bytes.is_empty() => bytes[at] ^= 1 << random.below(8),
+        1 if !bytes.is_empty() => bytes[at] = [0, 1, 0x7f, 0x80, 0xff][random.below(5)],
+        2 => bytes.truncate(at),
+        3 => bytes.insert(at.min(bytes.len()), random.next() as u8),
         _ => {
             let other = &seeds[random.below(seeds.len())];
             let from = random.below(other.len().max(1)).min(other.len());
-            octets.truncate(at);
-            octets.extend(&other[from..]);
+            bytes.truncate(at);
+            bytes.extend(&other[from..]);
         }
     }
 }

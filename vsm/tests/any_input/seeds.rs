@@ -18,10 +18,10 @@ pub(crate) fn datagrams() -> Vec<Vec<u8>> {
         Some(rest.split('"').next()?.to_owned())
     });
     // One in so many: there are thousands of them, and each type is there often.
-    wires.step_by(7).map(|hex| octets(&hex)).collect()
+    wires.step_by(7).map(|hex| bytes(&hex)).collect()
 }
 
-/// Datagrams of PX4, of another autopilot, signed and unsigned; the first octet says the pieces.
+/// Datagrams of PX4, of another autopilot, signed and unsigned; the first byte says the pieces.
 pub(crate) fn frames() -> Vec<Vec<u8>> {
     let mut seeds = Vec::new();
     for name in [
@@ -30,16 +30,10 @@ pub(crate) fn frames() -> Vec<Vec<u8>> {
         "11-ardupilot-signing",
     ] {
         let datagrams = capture(name);
-        seeds.extend(
-            datagrams
-                .into_iter()
-                .step_by(97)
-                .take(60)
-                .map(|mut octets| {
-                    octets.insert(0, octets.len() as u8);
-                    octets
-                }),
-        );
+        seeds.extend(datagrams.into_iter().step_by(97).take(60).map(|mut bytes| {
+            bytes.insert(0, bytes.len() as u8);
+            bytes
+        }));
     }
     seeds
 }
@@ -47,12 +41,12 @@ pub(crate) fn frames() -> Vec<Vec<u8>> {
 /// A vehicle that is heard, then one vector of each type that a station sends, with time between.
 pub(crate) fn sessions() -> Vec<Vec<u8>> {
     let mut heard = Vec::new();
-    for octets in capture("03-arm-takeoff-mission-landa")
+    for bytes in capture("03-arm-takeoff-mission-landa")
         .into_iter()
         .take(400)
     {
         let mut parser = Parser::new();
-        let mut frames = parser.feed(&octets);
+        let mut frames = parser.feed(&bytes);
         while let Some(Ok(view)) = frames.next() {
             let id = view.header().message_id;
             if [0, 24, 33, 242, 245].contains(&id) && heard.len() < 2_000 {
@@ -117,8 +111,8 @@ fn push(session: &mut Vec<u8>, operation: u8, data: &[u8]) {
 
 /// What the autopilot of a recording sent.
 fn capture(name: &str) -> Vec<Vec<u8>> {
-    let octets = unpacked(&format!("captures/{name}.mvr.gz"));
-    let (mut rest, mut found) = (&octets[..], Vec::new());
+    let bytes = unpacked(&format!("captures/{name}.mvr.gz"));
+    let (mut rest, mut found) = (&bytes[..], Vec::new());
     while let [direction, header @ ..] = rest {
         let (_, body) = header.split_at(8);
         let (length, body) = body.split_at(2);
@@ -135,12 +129,12 @@ fn capture(name: &str) -> Vec<Vec<u8>> {
 fn unpacked(name: &str) -> Vec<u8> {
     let path = root().join("tests/data").join(name);
     let file = File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let mut octets = Vec::new();
-    GzDecoder::new(file).read_to_end(&mut octets).expect("gzip");
-    octets
+    let mut bytes = Vec::new();
+    GzDecoder::new(file).read_to_end(&mut bytes).expect("gzip");
+    bytes
 }
 
-fn octets(hex: &str) -> Vec<u8> {
+fn bytes(hex: &str) -> Vec<u8> {
     (0..hex.len() / 2)
         .map(|at| u8::from_str_radix(&hex[2 * at..2 * at + 2], 16).expect("hex"))
         .collect()

@@ -1,6 +1,6 @@
-//! The whole bridge: a sequence of datagrams of both sides, of time that passes and of restarts, read from the octets.
+//! The whole bridge: a sequence of datagrams of both sides, of time that passes and of restarts, read from the bytes.
 //!
-//! A step is an operation, a length and that many octets. Nothing panics; what goes out is well formed, goes to whom it
+//! A step is an operation, a length and that many bytes. Nothing panics; what goes out is well formed, goes to whom it
 //! may, and is bounded; time-outs come to an end.
 
 use std::collections::BTreeMap;
@@ -16,15 +16,15 @@ use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Profile};
 use vsm::config::Config;
 use vsm::session::{Bridge, Destination, Durability, LinkEnd, Peer, Store, StoreError};
 
-/// Octets from a station's address as they are.
+/// Bytes from a station's address as they are.
 pub(crate) const DATAGRAM: u8 = 0;
 /// The data of a message of a station: its type, then its data; the wrapper is made.
 pub(crate) const MESSAGE: u8 = 1;
-/// Octets from the unsigned vehicle as they are.
-pub(crate) const OCTETS: u8 = 2;
+/// Bytes from the unsigned vehicle as they are.
+pub(crate) const BYTES: u8 = 2;
 /// The payload of a message of the unsigned vehicle: its id, then its payload; the frame is made.
 pub(crate) const FRAME: u8 = 3;
-/// Octets from the signed vehicle as they are.
+/// Bytes from the signed vehicle as they are.
 pub(crate) const SIGNED: u8 = 4;
 /// Time passes: as many times 20 ms as the length says.
 pub(crate) const TIME: u8 = 5;
@@ -34,9 +34,9 @@ pub(crate) const RESTART: u8 = 6;
 pub(crate) const OPERATIONS: u8 = 7;
 
 /// Carries the steps out, 200 at most.
-pub(crate) fn run(octets: &[u8]) {
+pub(crate) fn run(bytes: &[u8]) {
     let mut world = World::new();
-    let mut rest = octets;
+    let mut rest = bytes;
     for _ in 0..200 {
         let [operation, length, following @ ..] = rest else {
             return;
@@ -84,11 +84,11 @@ impl World {
                 let [high, low, fields @ ..] = data else {
                     return;
                 };
-                let octets = wrapped(u16::from_be_bytes([*high, *low]), fields);
+                let bytes = wrapped(u16::from_be_bytes([*high, *low]), fields);
                 self.bridge
-                    .handle_dli(now, station(), &octets, &mut self.store);
+                    .handle_dli(now, station(), &bytes, &mut self.store);
             }
-            OCTETS => self.vehicle(0, data),
+            BYTES => self.vehicle(0, data),
             FRAME => {
                 let [low, middle, payload @ ..] = data else {
                     return;
@@ -118,11 +118,11 @@ impl World {
         self.drain();
     }
 
-    fn vehicle(&mut self, index: usize, octets: &[u8]) {
+    fn vehicle(&mut self, index: usize, bytes: &[u8]) {
         let peer = Peer::Udp(SocketAddr::from(([127, 0, 0, 1], 18_570 + index as u16)));
         let now = at(self.clock);
         self.bridge
-            .handle_vehicle(now, index, peer, octets, &mut self.store, &mut |_| {});
+            .handle_vehicle(now, index, peer, bytes, &mut self.store, &mut |_| {});
     }
 
     fn time(&mut self) {
@@ -139,7 +139,7 @@ impl World {
         let mut count = 0;
         while let Some(datagram) = self.bridge.poll_dli() {
             assert_eq!(datagram.to, Destination::Unicast(station()));
-            for frame in frames(datagram.octets()) {
+            for frame in frames(datagram.bytes()) {
                 let frame = frame.expect("our own wrapper");
                 assert_eq!(frame.header.destination, STATION);
                 let message = Profile::default().decode(frame.header.message_type, frame.data);
@@ -148,7 +148,7 @@ impl World {
             count += 1;
         }
         while let Some((_, frame)) = self.bridge.poll_vehicle() {
-            let view = FrameView::parse(frame.octets()).expect("our own frame");
+            let view = FrameView::parse(frame.bytes()).expect("our own frame");
             assert_eq!(view.header().system_id, 245);
             count += 1;
         }
@@ -175,19 +175,19 @@ fn start(config: &Config, clock: Duration, store: &mut Memory) -> Bridge {
 }
 
 fn wrapped(message_type: u16, fields: &[u8]) -> Vec<u8> {
-    let mut octets = vec![0; 16];
+    let mut bytes = vec![0; 16];
     let envelope = Envelope::new(STATION, VEHICLE).requesting_ack();
     // A message of ours gives the wrapper; type, length and data are replaced.
     let mut out = [0; MAX_DATAGRAM];
     let beat = stanag_msgs::Message::from(stanag_msgs::messages::Heartbeat::default());
     if beat.encode(&envelope, &mut out).is_ok() {
-        octets.copy_from_slice(&out[..16]);
+        bytes.copy_from_slice(&out[..16]);
     }
     let length = u16::try_from(fields.len()).unwrap_or(u16::MAX);
-    octets[2..4].copy_from_slice(&length.to_be_bytes());
-    octets[12..14].copy_from_slice(&message_type.to_be_bytes());
-    octets.extend(fields);
-    octets
+    bytes[2..4].copy_from_slice(&length.to_be_bytes());
+    bytes[12..14].copy_from_slice(&message_type.to_be_bytes());
+    bytes.extend(fields);
+    bytes
 }
 
 fn at(clock: Duration) -> Now {
@@ -206,8 +206,8 @@ fn station() -> SocketAddr {
 struct Memory(BTreeMap<String, Vec<u8>>);
 
 impl Store for Memory {
-    fn save(&mut self, name: &str, octets: &[u8], _: Durability) -> Result<(), StoreError> {
-        self.0.insert(name.to_owned(), octets.to_vec());
+    fn save(&mut self, name: &str, bytes: &[u8], _: Durability) -> Result<(), StoreError> {
+        self.0.insert(name.to_owned(), bytes.to_vec());
         Ok(())
     }
 

@@ -220,16 +220,16 @@ impl Scene {
         text + "```\n"
     }
 
-    /// The diagram stands in docs/authority.md under the name of the case. `AUTHORITY_DIAGRAMS=write` puts it there.
+    /// The diagram stands in docs/guide/authority.md under the name of the case. `AUTHORITY_DIAGRAMS=write` puts it there.
     pub fn drawn(&self, case: &str) {
-        let page = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs/authority.md");
+        let page = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs/guide/authority.md");
         let wanted = self.diagram();
         let _lock = WRITING.lock();
-        let mut text = std::fs::read_to_string(&page).expect("docs/authority.md is there");
+        let mut text = std::fs::read_to_string(&page).expect("docs/guide/authority.md is there");
         let drawn = diagram_of(&text, case);
         if std::env::var_os("AUTHORITY_DIAGRAMS").is_some_and(|how| how == "write") {
             text.replace_range(drawn, &wanted);
-            return std::fs::write(&page, text).expect("docs/authority.md can be written");
+            return std::fs::write(&page, text).expect("docs/guide/authority.md can be written");
         }
         assert_eq!(
             &text[drawn], wanted,
@@ -243,7 +243,7 @@ fn diagram_of(text: &str, case: &str) -> std::ops::Range<usize> {
     let heading = format!("### `{case}`\n");
     let at = text
         .find(&heading)
-        .unwrap_or_else(|| panic!("docs/authority.md has no {heading}"));
+        .unwrap_or_else(|| panic!("docs/guide/authority.md has no {heading}"));
     let begins = at
         + text[at..]
             .find("```mermaid")

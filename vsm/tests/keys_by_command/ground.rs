@@ -9,8 +9,8 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use mavlink_link::signing::SigningKey;
+use px4_sim::{LinkAddress, Simulator, SimulatorConfig};
 use serde_json::Value;
-use sim::px4::{LinkAddress, Simulator, SimulatorConfig};
 
 use super::program_support::{Running, VSM, free_port, run};
 
@@ -42,7 +42,7 @@ impl Ground {
     }
 
     pub(super) fn write_key(&self, name: &str, key: [u8; 32]) {
-        let hex: String = key.iter().map(|octet| format!("{octet:02x}")).collect();
+        let hex: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
         let mut file = fs::OpenOptions::new()
             .write(true)
             .create_new(true)
@@ -123,12 +123,12 @@ impl Ground {
     }
 }
 
-pub(super) fn key(octets: [u8; 32]) -> SigningKey {
-    SigningKey::new(octets).unwrap()
+pub(super) fn key(bytes: [u8; 32]) -> SigningKey {
+    SigningKey::new(bytes).unwrap()
 }
 
-pub(super) fn id(octets: [u8; 32]) -> String {
-    key(octets).id().to_string()
+pub(super) fn id(bytes: [u8; 32]) -> String {
+    key(bytes).id().to_string()
 }
 
 pub(super) fn is_live_under(link: &Value, key_id: &str) -> bool {

@@ -26,8 +26,8 @@ fn strangers(with: Option<[u8; 32]>) -> Vec<u8> {
         ..Header::default()
     };
     let mut len = encode(&text, header, &mut out);
-    if let Some(octets) = with {
-        len = sign(&key(octets), 0, Stamp::new(7), &mut out, len).unwrap();
+    if let Some(bytes) = with {
+        len = sign(&key(bytes), 0, Stamp::new(7), &mut out, len).unwrap();
     }
     out[..len].to_vec()
 }
@@ -39,7 +39,7 @@ async fn no_stranger_ends_the_search_for_the_key_or_keeps_the_vehicle_down() {
     ground.write_key("uav1.key.next", SECOND);
     let _bridge = ground.start_bridge();
     ground
-        .link_status("settling", |link| link["state"] == "settling")
+        .link_status("key_recovery", |link| link["state"] == "key_recovery")
         .await;
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     for frame in [strangers(None), strangers(None), strangers(Some(FIRST))] {
@@ -195,7 +195,7 @@ async fn the_status_page_names_what_was_refused_and_the_peer_stays() {
 }
 
 /// A bare public key in the agent's name, as anybody can send one.
-fn public_key(octet: u8) -> Vec<u8> {
+fn public_key(byte: u8) -> Vec<u8> {
     let header = Header {
         system_id: 1,
         component_id: 191,
@@ -203,7 +203,7 @@ fn public_key(octet: u8) -> Vec<u8> {
         ..Header::default()
     };
     let mut out = [0; MAX_FRAME];
-    let len = encode_raw(header, &[octet; 32], &mut out).unwrap();
+    let len = encode_raw(header, &[byte; 32], &mut out).unwrap();
     out[..len].to_vec()
 }
 
@@ -245,10 +245,10 @@ async fn the_legacy_exchange_replaces_no_key_that_the_vehicle_signs_with() {
 /// Whether a KEY_EXCHANGE frame comes to this socket within 5 s.
 fn is_asked(socket: &UdpSocket) -> bool {
     let end = Instant::now() + Duration::from_secs(5);
-    let mut octets = [0; 2_048];
+    let mut bytes = [0; 2_048];
     while Instant::now() < end {
-        if let Ok(length) = socket.recv(&mut octets)
-            && FrameView::parse(&octets[..length])
+        if let Ok(length) = socket.recv(&mut bytes)
+            && FrameView::parse(&bytes[..length])
                 .is_ok_and(|frame| frame.header().message_id == KEY_EXCHANGE_ID)
         {
             return true;
@@ -287,8 +287,8 @@ fn a_pairing_goes_on_with_the_agent_whoever_has_spoken_before_it() {
     let end = Instant::now() + Duration::from_secs(20);
     loop {
         let _ = stranger.send(beat);
-        let mut octets = [0; 2_048];
-        if stranger.recv(&mut octets).is_ok() {
+        let mut bytes = [0; 2_048];
+        if stranger.recv(&mut bytes).is_ok() {
             break;
         }
         assert!(Instant::now() < end, "nobody is asked");

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use sim::px4::Truth;
+use px4_sim::Truth;
 use stanag_msgs::enums::{
     AckType, AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, MissionPlanMode,
 };
@@ -90,7 +90,7 @@ pub struct Outcome {
     pub again: u32,
     /// Accepted waypoints that a restarted bridge did not know.
     pub lost: u32,
-    /// Orders repeated late, octet for octet, that moved the vehicle once more.
+    /// Orders repeated late, byte for byte, that moved the vehicle once more.
     pub twice: u32,
     /// The longest upload of a route, s.
     pub load_s: f64,
@@ -277,10 +277,10 @@ pub fn is_known(world: &mut impl World, number: u16) -> bool {
     })
 }
 
-/// Compares a table between two marks of `docs/reliability.md` with what came out; with `VSM_BLESS` writes it.
+/// Compares a table between two marks of `docs/guide/reliability.md` with what came out; with `VSM_BLESS` writes it.
 pub fn hold_to_page(mark: &str, table: &str) {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/reliability.md");
-    let page = std::fs::read_to_string(path).expect("docs/reliability.md is there");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/guide/reliability.md");
+    let page = std::fs::read_to_string(path).expect("docs/guide/reliability.md is there");
     let (begin, end) = (
         format!("<!-- table: {mark} -->"),
         format!("<!-- end of table: {mark} -->"),
@@ -289,7 +289,7 @@ pub fn hold_to_page(mark: &str, table: &str) {
     let (old, tail) = rest.split_once(&end).expect("the table's end");
     if std::env::var_os("VSM_BLESS").is_some() {
         let page = format!("{head}{begin}\n{table}{end}{tail}");
-        std::fs::write(path, page).expect("docs/reliability.md can be written");
+        std::fs::write(path, page).expect("docs/guide/reliability.md can be written");
         return;
     }
     assert_eq!(old.trim(), table.trim(), "VSM_BLESS=1 writes it anew");

@@ -20,7 +20,7 @@ pub fn allocations<T>(work: impl FnOnce() -> T) -> (u64, T) {
     (CALLS.with(Cell::get) - before, done)
 }
 
-/// Octets that are in use now.
+/// Bytes that are in use now.
 pub fn held() -> i64 {
     HELD.load(Ordering::Relaxed)
 }

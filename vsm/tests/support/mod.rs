@@ -24,7 +24,7 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::signing::SigningKey;
-use sim::px4::{Autopilot, Signing, Truth};
+use px4_sim::{Autopilot, Signing, Truth};
 use stanag_msgs::enums::AckType;
 use stanag_msgs::{Id, Message};
 use vsm::config::Config;
@@ -43,7 +43,7 @@ pub struct Setup {
     /// Between the bridge and the vehicles.
     pub mav: Faults,
     /// One for each vehicle.
-    pub vehicles: Vec<sim::px4::Config>,
+    pub vehicles: Vec<px4_sim::Config>,
     pub stations: u8,
     /// Further keys of `[dli]`, as TOML.
     pub dli_keys: &'static str,
@@ -59,7 +59,7 @@ impl Default for Setup {
             seed: 1,
             dli: Faults::NONE,
             mav: Faults::NONE,
-            vehicles: vec![sim::px4::Config::default()],
+            vehicles: vec![px4_sim::Config::default()],
             stations: 1,
             dli_keys: "",
             vehicle_keys: "",
@@ -112,7 +112,7 @@ impl Rig {
         let config = Config::parse(&toml(&setup), Path::new("/nowhere"))
             .expect("the configuration of the test is good");
         let vehicles = setup.vehicles.iter().enumerate().map(|(index, vehicle)| {
-            let vehicle = sim::px4::Config {
+            let vehicle = px4_sim::Config {
                 system_id: index as u8 + 1,
                 seed: setup.seed.wrapping_mul(31).wrapping_add(index as u64),
                 ..vehicle.clone()
@@ -244,10 +244,10 @@ impl Rig {
         self.end(ticket)
     }
 
-    /// Lets these octets arrive from station 0.
-    pub fn hear_from_station(&mut self, octets: &[u8]) {
+    /// Lets these bytes arrive from station 0.
+    pub fn hear_from_station(&mut self, bytes: &[u8]) {
         let (clock, from) = (self.clock, self.stations[0].address);
-        self.dli.send(clock, from, bridge_dli(), octets);
+        self.dli.send(clock, from, bridge_dli(), bytes);
     }
 
     /// Sends every message of a plan, then waits until each is carried out.
@@ -321,21 +321,21 @@ impl Rig {
             }
         }
         for station in &mut self.stations {
-            for octets in station.advance(clock, now.wall) {
-                self.dli.send(clock, station.address, bridge_dli(), &octets);
+            for bytes in station.advance(clock, now.wall) {
+                self.dli.send(clock, station.address, bridge_dli(), &bytes);
             }
         }
         while let Some(packet) = self.dli.receive(clock) {
             if packet.to == bridge_dli() {
                 if let Some(bridge) = &mut self.bridge {
-                    bridge.handle_dli(now, packet.from, &packet.octets, &mut self.store);
+                    bridge.handle_dli(now, packet.from, &packet.bytes, &mut self.store);
                 }
             } else if let Some(station) = self
                 .stations
                 .iter_mut()
                 .find(|station| station.address == packet.to)
             {
-                station.receive(clock, &packet.octets);
+                station.receive(clock, &packet.bytes);
             }
         }
         while let Some(packet) = self.mav.receive(clock) {
@@ -347,18 +347,18 @@ impl Rig {
                     now,
                     index,
                     Peer::Udp(packet.from),
-                    &packet.octets,
+                    &packet.bytes,
                     &mut self.store,
                     &mut |_| {},
                 );
             } else if let Some(index) = to(vehicle_address) {
-                if let Some([a, b, c]) = packet.octets.get(7..10) {
+                if let Some([a, b, c]) = packet.bytes.get(7..10) {
                     *self
                         .arrived
                         .entry(u32::from_le_bytes([*a, *b, *c, 0]))
                         .or_default() += 1;
                 }
-                self.vehicles[index].handle_datagram(0, packet.from, &packet.octets);
+                self.vehicles[index].handle_datagram(0, packet.from, &packet.bytes);
             }
         }
         let Some(bridge) = &mut self.bridge else {
@@ -370,14 +370,14 @@ impl Rig {
         while let Some(datagram) = bridge.poll_dli() {
             match datagram.to {
                 Destination::Unicast(to) => {
-                    self.dli.send(clock, bridge_dli(), to, datagram.octets());
+                    self.dli.send(clock, bridge_dli(), to, datagram.bytes());
                 }
-                Destination::Multicast => self.group.push(datagram.octets().to_vec()),
+                Destination::Multicast => self.group.push(datagram.bytes().to_vec()),
             }
         }
         while let Some((index, frame)) = bridge.poll_vehicle() {
             if let Peer::Udp(to) = frame.to {
-                self.mav.send(clock, bridge_mav(index), to, frame.octets());
+                self.mav.send(clock, bridge_mav(index), to, frame.bytes());
             }
         }
         while let Some(entry) = bridge.poll_log() {

@@ -1,6 +1,6 @@
 //! What a ground station says, for tests: places are metres north and east of the simulated home.
 
-use sim::px4::{Config, LocalFrame, Ned};
+use px4_sim::{Config, LocalFrame, Ned};
 use stanag_msgs::enums::{
     AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, LoiBitmap, MissionPlanMode,
     RequestedAccess, RouteType,

@@ -13,8 +13,8 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use mavlink_link::frame::MAX_FRAME;
+use px4_sim::{Autopilot, Signing, Truth};
 use serialport::{SerialPort as _, TTYPort};
-use sim::px4::{Autopilot, Signing, Truth};
 use stanag_msgs::Message;
 use tempfile::TempDir;
 
@@ -72,11 +72,11 @@ impl End {
         }
     }
 
-    fn send(&mut self, bridge: SocketAddr, octets: &[u8]) {
+    fn send(&mut self, bridge: SocketAddr, bytes: &[u8]) {
         // What a link has no room for is lost.
         let _ = match self {
-            End::Udp(socket) => socket.send_to(octets, bridge).map(drop),
-            End::Serial(port, _) => port.write_all(octets),
+            End::Udp(socket) => socket.send_to(bytes, bridge).map(drop),
+            End::Serial(port, _) => port.write_all(bytes),
         };
     }
 }
@@ -110,8 +110,8 @@ impl Side {
         (side, device)
     }
 
-    fn send(&mut self, now: Duration, octets: &[u8]) {
-        self.wire.send(now, self.own, self.bridge, octets);
+    fn send(&mut self, now: Duration, bytes: &[u8]) {
+        self.wire.send(now, self.own, self.bridge, bytes);
     }
 
     /// Carries what has come through; gives what is for this end.
@@ -132,9 +132,9 @@ impl Side {
         let mut arrived = Vec::new();
         while let Some(packet) = self.wire.receive(now) {
             if packet.to == self.bridge {
-                self.end.send(packet.to, &packet.octets);
+                self.end.send(packet.to, &packet.bytes);
             } else {
-                arrived.push(packet.octets);
+                arrived.push(packet.bytes);
             }
         }
         arrived
@@ -180,10 +180,10 @@ impl Processes {
             vehicle_id(0),
         );
         fs::write(folder.path().join("vsm.toml"), text).expect("the configuration");
-        let vehicle = sim::px4::Config {
+        let vehicle = px4_sim::Config {
             seed,
             unix_time_us: wall().as_micros() as u64,
-            ..sim::px4::Config::default()
+            ..px4_sim::Config::default()
         };
         Processes {
             station: Station::new(cucs(0), dli.own),
@@ -289,14 +289,14 @@ impl Processes {
                 self.mav.send(now, &frame[..sent.len]);
             }
         }
-        for octets in self.station.advance(now, wall()) {
-            self.dli.send(now, &octets);
+        for bytes in self.station.advance(now, wall()) {
+            self.dli.send(now, &bytes);
         }
-        for octets in self.dli.carry(now) {
-            self.station.receive(now, &octets);
+        for bytes in self.dli.carry(now) {
+            self.station.receive(now, &bytes);
         }
-        for octets in self.mav.carry(now) {
-            self.vehicle.handle_datagram(0, self.mav.bridge, &octets);
+        for bytes in self.mav.carry(now) {
+            self.vehicle.handle_datagram(0, self.mav.bridge, &bytes);
         }
     }
 }

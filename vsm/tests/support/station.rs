@@ -37,7 +37,7 @@ pub struct Station {
 struct Sent {
     message_type: u16,
     stamp: TimeStamp,
-    octets: Vec<u8>,
+    bytes: Vec<u8>,
     again_at: Option<Duration>,
     answers: Vec<AckType>,
 }
@@ -63,11 +63,11 @@ impl Station {
     pub fn tell(&mut self, now: Duration, wall: Duration, to: Id, message: &mut Message) -> Ticket {
         let stamp = self.stamp(wall);
         set_stamp(message, stamp);
-        let octets = encoded(message, &self.envelope(to).requesting_ack());
+        let bytes = encoded(message, &self.envelope(to).requesting_ack());
         self.sent.push(Sent {
             message_type: message.id(),
             stamp,
-            octets,
+            bytes,
             again_at: Some(now),
             answers: Vec::new(),
         });
@@ -86,9 +86,9 @@ impl Station {
         self.out.push(encoded(message, &self.envelope(to)));
     }
 
-    /// Sends the very octets of a message once more.
+    /// Sends the very bytes of a message once more.
     pub fn repeat(&mut self, ticket: Ticket) {
-        self.out.push(self.sent[ticket.0].octets.clone());
+        self.out.push(self.sent[ticket.0].bytes.clone());
     }
 
     /// Stops sending it.
@@ -151,15 +151,15 @@ impl Station {
         for sent in &mut self.sent {
             if sent.again_at.is_some_and(|at| at <= now) {
                 sent.again_at = Some(now + self.retry);
-                out.push(sent.octets.clone());
+                out.push(sent.bytes.clone());
             }
         }
         out
     }
 
     /// Takes a datagram.
-    pub fn receive(&mut self, now: Duration, octets: &[u8]) {
-        for frame in frames(octets) {
+    pub fn receive(&mut self, now: Duration, bytes: &[u8]) {
+        for frame in frames(bytes) {
             let Ok(frame) = frame else { continue };
             let header = frame.header;
             if header.destination != self.id && header.destination != Id::BROADCAST {
@@ -202,11 +202,11 @@ impl Station {
 }
 
 fn encoded(message: &Message, envelope: &Envelope) -> Vec<u8> {
-    let mut octets = [0; MAX_DATAGRAM];
+    let mut bytes = [0; MAX_DATAGRAM];
     let length = message
-        .encode(envelope, &mut octets)
+        .encode(envelope, &mut bytes)
         .expect("a message of ours fits a datagram");
-    octets[..length].to_vec()
+    bytes[..length].to_vec()
 }
 
 /// Field 1 of every message.

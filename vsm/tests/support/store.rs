@@ -31,26 +31,21 @@ impl MemoryStore {
 }
 
 impl Store for MemoryStore {
-    fn save(
-        &mut self,
-        name: &str,
-        octets: &[u8],
-        durability: Durability,
-    ) -> Result<(), StoreError> {
+    fn save(&mut self, name: &str, bytes: &[u8], durability: Durability) -> Result<(), StoreError> {
         self.admit(name, durability)?;
-        self.records.insert(name.to_owned(), octets.to_vec());
+        self.records.insert(name.to_owned(), bytes.to_vec());
         Ok(())
     }
 
     fn append(
         &mut self,
         name: &str,
-        octets: &[u8],
+        bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
         let mut whole = self.records.remove(name).unwrap_or_default();
         let before = whole.len();
-        whole.extend_from_slice(octets);
+        whole.extend_from_slice(bytes);
         let written = self.admit(name, durability);
         if written.is_err() {
             whole.truncate(before);

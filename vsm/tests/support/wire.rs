@@ -58,7 +58,7 @@ impl Faults {
 pub struct Packet {
     pub from: SocketAddr,
     pub to: SocketAddr,
-    pub octets: Vec<u8>,
+    pub bytes: Vec<u8>,
 }
 
 /// Both directions of a link.
@@ -84,7 +84,7 @@ impl Wire {
     }
 
     /// Puts a packet on its way.
-    pub fn send(&mut self, now: Duration, from: SocketAddr, to: SocketAddr, octets: &[u8]) {
+    pub fn send(&mut self, now: Duration, from: SocketAddr, to: SocketAddr, bytes: &[u8]) {
         let Faults {
             loss,
             duplicate,
@@ -98,14 +98,14 @@ impl Wire {
             if self.random.happens(loss) {
                 continue;
             }
-            let mut octets = octets.to_vec();
-            if self.random.happens(flip) && !octets.is_empty() {
-                let at = self.random.below(octets.len() as u64 * 8) as usize;
-                octets[at / 8] ^= 1 << (at % 8);
+            let mut bytes = bytes.to_vec();
+            if self.random.happens(flip) && !bytes.is_empty() {
+                let at = self.random.below(bytes.len() as u64 * 8) as usize;
+                bytes[at / 8] ^= 1 << (at % 8);
             }
             if self.random.happens(truncate) {
-                let left = self.random.below(octets.len() as u64) as usize;
-                octets.truncate(left);
+                let left = self.random.below(bytes.len() as u64) as usize;
+                bytes.truncate(left);
             }
             let spread = (delay.1 - delay.0).mul_f64(self.random.unit());
             let mut due = now + delay.0 + spread;
@@ -117,7 +117,7 @@ impl Wire {
                 *last = due;
             }
             self.count += 1;
-            let packet = Packet { from, to, octets };
+            let packet = Packet { from, to, bytes };
             self.under_way.insert((due, self.count), packet);
         }
     }

@@ -160,7 +160,7 @@ fn ignored_fields_show_none() {
 /// A value that the field can have, and that is not what an empty one has.
 fn some_value(field: &FieldInfo) -> Value {
     match field.wire {
-        Wire::Char(_) | Wire::UnsizedText | Wire::UnsizedOctets => json!("X"),
+        Wire::Char(_) | Wire::UnsizedText | Wire::UnsizedBytes => json!("X"),
         Wire::F32 | Wire::F64 => json!(1.0),
         _ => json!(1),
     }
@@ -235,11 +235,11 @@ fn an_overtaken_stick_command_changes_nothing() {
 fn send_stamped(rig: &mut Rig, message: &Message, stamp: TimeStamp) {
     let old = altered(message, TIME_STAMP, &stamp.0.to_string());
     let envelope = Envelope::new(rig.station().id, vehicle_id(0)).summed(ChecksumStyle::Crc32);
-    let mut octets = [0; MAX_DATAGRAM];
-    let length = old.encode(&envelope, &mut octets).expect("it fits");
+    let mut bytes = [0; MAX_DATAGRAM];
+    let length = old.encode(&envelope, &mut bytes).expect("it fits");
     let (clock, from) = (rig.clock, rig.station().address);
     let to = std::net::SocketAddr::from(([127, 0, 0, 1], 4_586));
-    rig.dli.send(clock, from, to, &octets[..length]);
+    rig.dli.send(clock, from, to, &bytes[..length]);
 }
 
 #[test]

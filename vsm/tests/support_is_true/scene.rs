@@ -109,14 +109,14 @@ pub(super) fn done(rig: &mut Rig, message: impl Into<Message>) {
 
 /// The fields of a message as they are on the wire.
 pub(super) fn raw_fields(message: &Message) -> Map<String, Value> {
-    let mut octets = [0; MAX_DATAGRAM];
+    let mut bytes = [0; MAX_DATAGRAM];
     let envelope = Envelope::new(Id(1), Id(2));
     let length = message
-        .encode(&envelope, &mut octets)
+        .encode(&envelope, &mut bytes)
         .expect("it fits a datagram");
-    let hex: String = octets[..length]
+    let hex: String = bytes[..length]
         .iter()
-        .map(|octet| format!("{octet:02x}"))
+        .map(|byte| format!("{byte:02x}"))
         .collect();
     let mut decoded = decode_line(&hex, true);
     let fields = decoded
@@ -150,11 +150,11 @@ pub(super) fn altered(message: &Message, name: &str, change: &str) -> Message {
 fn built(id: u16, fields: Map<String, Value>) -> Message {
     let line = json!({ "id": id, "source": 1, "destination": 2, "fields": fields });
     let hex = encode_line(&line.to_string(), true).unwrap_or_else(|fault| panic!("{id}: {fault}"));
-    let octets: Vec<u8> = (0..hex.len())
+    let bytes: Vec<u8> = (0..hex.len())
         .step_by(2)
         .map(|at| u8::from_str_radix(&hex[at..at + 2], 16).expect("hexadecimal"))
         .collect();
-    let frame = stanag_msgs::frames(&octets).next().expect("a message");
+    let frame = stanag_msgs::frames(&bytes).next().expect("a message");
     Message::decode(id, frame.expect("a sound one").data).expect("of the table")
 }
 

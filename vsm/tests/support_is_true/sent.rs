@@ -9,7 +9,7 @@ use mapping::{software, status};
 use mavlink_link::dialect::{
     AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, HIGHRES_IMU_DATA, MavMessage,
 };
-use sim::px4::{Ailments, Airframe};
+use px4_sim::{Airframe, HealthFaults};
 use stanag_msgs::enums::{
     AckType, AreaPlanMode, CommandedEngineState, ConfigRequestType, FlightPathControlMode as Mode,
     LoiterDirection, LoiterType, MissionPlanMode, PingTarget, SpeedType, WaypointSpeedType,
@@ -89,9 +89,9 @@ fn sent_fields_are_sent_and_no_others() {
 fn everything(airframe: Airframe) -> Rig {
     let mut rig = Rig::ready_with(Setup {
         stations: 2,
-        vehicles: vec![sim::px4::Config {
+        vehicles: vec![px4_sim::Config {
             airframe,
-            ..sim::px4::Config::default()
+            ..px4_sim::Config::default()
         }],
         ..Setup::default()
     });
@@ -189,9 +189,9 @@ fn everything(airframe: Airframe) -> Rig {
     rig.run(2.0);
     done(&mut rig, request(3004));
     // An alert that stands, and what is behind it; a long text in parts.
-    rig.vehicles[0].vehicle_mut().ail(Ailments {
+    rig.vehicles[0].vehicle_mut().ail(HealthFaults {
         unhealthy: 0x4,
-        ..Ailments::default()
+        ..HealthFaults::default()
     });
     rig.run(4.0);
     done(&mut rig, SubsystemStatusRequest::default());

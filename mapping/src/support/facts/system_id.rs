@@ -73,7 +73,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Vehicle ID Update", "vehicle.id"),
             ("Vehicle Type", "HEARTBEAT.type, 0 before it is heard"),
             ("Vehicle Subtype", "0"),
-            ("Owning ID", "the first octet of vehicle.id"),
+            ("Owning ID", "the first byte of vehicle.id"),
             ("Tail Number", "vehicle.tail_number"),
             ("Mission ID", "of the route aboard"),
         ],

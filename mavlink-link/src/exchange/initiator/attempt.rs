@@ -92,11 +92,11 @@ impl Initiator {
         self.keep_few_events();
     }
 
-    /// Step 1; `None` without random octets.
+    /// Step 1; `None` without random bytes.
     fn first_message(&self, counter: u64, random: &mut dyn Random) -> Option<Asking> {
-        let mut octets = [0; 4];
-        random.fill(&mut octets).ok()?;
-        let session = u32::from_le_bytes(octets).max(1);
+        let mut bytes = [0; 4];
+        random.fill(&mut bytes).ok()?;
+        let session = u32::from_le_bytes(bytes).max(1);
         let mut ephemeral = Zeroizing::new([0; 32]);
         random.fill(&mut *ephemeral).ok()?;
         let suite = self.config.trust.suite();
@@ -116,7 +116,7 @@ impl Initiator {
             ephemeral: &ephemeral,
         })
         .ok()?;
-        let facts = self.facts(counter).to_octets();
+        let facts = self.facts(counter).to_bytes();
         let payload = match suite {
             Suite::Pinned => facts.as_slice(),
             // Whatever it is "encrypted" with here, anyone can compute.
@@ -217,7 +217,7 @@ impl Initiator {
         let last = match self.config.trust {
             Trust::Pinned(_) => None,
             Trust::Pairing(_) => {
-                let facts = self.facts(counter).to_octets();
+                let facts = self.facts(counter).to_bytes();
                 Some(noise.write(&facts).map_err(|_| None)?)
             }
         };

@@ -106,7 +106,7 @@ pub enum InitiatorEvent {
     },
     /// The disk failed; the attempt has ended.
     NotStored(StoreError),
-    /// No random octets; the attempt has ended.
+    /// No random bytes; the attempt has ended.
     NoRandom,
 }
 
@@ -387,7 +387,7 @@ impl Initiator {
 
     /// Strangers can cause some of the events, so they may not pile up.
     fn keep_few_events(&mut self) {
-        while self.events.len() > MOST_EVENTS {
+        while self.events.len() > MAX_EVENTS {
             self.events.pop_front();
         }
     }
@@ -404,4 +404,4 @@ const FOLLOW_SILENCE: Duration = Duration::from_secs(60);
 /// 10 s. In a pairing several sessions are half-open side by side, so that a stranger cannot end an honest one; a late
 /// step 3 could complete an older session than the one whose key is `next` here.
 const NO_MORE_HALF_OPEN: Duration = Duration::from_secs(12);
-const MOST_EVENTS: usize = 16;
+const MAX_EVENTS: usize = 16;

@@ -60,16 +60,16 @@ impl Pauses {
     pub(super) fn next(&mut self, random: &mut dyn Random) -> Duration {
         let whole = Duration::from_secs(1 << self.failures.min(5)).min(LONGEST);
         self.failures = self.failures.saturating_add(1);
-        // Without random octets two initiators may step on each other's toes; there is only one.
-        let jitter = octet(random).unwrap_or(128);
+        // Without random bytes two initiators may step on each other's toes; there is only one.
+        let jitter = byte(random).unwrap_or(128);
         whole * 8 / 10 + whole * 4 / 10 * u32::from(jitter) / 255
     }
 }
 
-fn octet(random: &mut dyn Random) -> Result<u8, NoRandom> {
-    let mut octet = [0];
-    random.fill(&mut octet)?;
-    Ok(octet[0])
+fn byte(random: &mut dyn Random) -> Result<u8, NoRandom> {
+    let mut byte = [0];
+    random.fill(&mut byte)?;
+    Ok(byte[0])
 }
 
 const RESEND: [Duration; 4] = [
@@ -103,9 +103,9 @@ mod tests {
 
     #[test]
     fn pauses_double_to_thirty_seconds_within_a_fifth() {
-        for (octet, factor) in [(0, 0.8), (255, 1.2)] {
+        for (byte, factor) in [(0, 0.8), (255, 1.2)] {
             let mut random = |out: &mut [u8]| {
-                out.fill(octet);
+                out.fill(byte);
                 Ok(())
             };
             let mut pauses = Pauses::default();

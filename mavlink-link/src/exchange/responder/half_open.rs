@@ -275,7 +275,7 @@ impl<A: Copy + Eq> Responder<A> {
             epoch: self.memory.epoch,
             current: self.memory.current,
         }
-        .to_octets()
+        .to_bytes()
     }
 
     fn write_answer(
@@ -402,7 +402,7 @@ impl<A: Copy + Eq> Responder<A> {
         let Ok((mut noise, _)) = self.read_offer(Suite::Pairing, &open.offer, ephemeral) else {
             return Err(Ignored::Forged);
         };
-        // The same octets as when it was sent: everything that goes in is the same.
+        // The same bytes as when it was sent: everything that goes in is the same.
         let answer = self
             .write_answer(&mut noise, &open.offer, facts)
             .ok_or(Ignored::Forged)?;

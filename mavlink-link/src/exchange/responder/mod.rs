@@ -1,7 +1,7 @@
 //! The air side: it answers, and says what has become of a key.
 //!
-//! Promised: it never sends unasked, but for the hint of [`please`](Responder::please); the same octets are answered
-//! with the same octets; a staged key that the autopilot may have been sent is not replaced; `next` is on disk before
+//! Promised: it never sends unasked, but for the hint of [`please`](Responder::please); the same bytes are answered
+//! with the same bytes; a staged key that the autopilot may have been sent is not replaced; `next` is on disk before
 //! step 4; what strangers can make it work and hold is bounded.
 //!
 //! One thing follows from step 1: a staged key that the autopilot has *not* been sent is withdrawn, on disk, before
@@ -392,14 +392,14 @@ impl<A: Copy + Eq> Responder<A> {
     }
 
     fn send(&mut self, to: A, message: Message) {
-        if self.out.len() < MOST_WAITING {
+        if self.out.len() < MAX_WAITING {
             self.out.push_back(Outbound { to, message });
         }
     }
 
     fn note(&mut self, event: ResponderEvent) {
         self.events.push_back(event);
-        while self.events.len() > MOST_WAITING {
+        while self.events.len() > MAX_WAITING {
             self.events.pop_front();
         }
     }
@@ -408,4 +408,4 @@ impl<A: Copy + Eq> Responder<A> {
 /// How long a pairing window is open.
 const WINDOW: Duration = Duration::from_secs(600);
 const PLEASE_EVERY: Duration = Duration::from_secs(10);
-const MOST_WAITING: usize = 16;
+const MAX_WAITING: usize = 16;

@@ -21,7 +21,7 @@ pub fn plan_id(items: &[Item]) -> u32 {
     })
 }
 
-/// The id of a plan one item longer; `x` and `y` are the octets that the message carried,
+/// The id of a plan one item longer; `x` and `y` are the bytes that the message carried,
 /// which are floats in a MISSION_ITEM.
 pub(super) fn extend(id: u32, item: &Item, x: [u8; 4], y: [u8; 4]) -> u32 {
     // The algorithm reflects its input, so the initial value goes in bit-reversed.

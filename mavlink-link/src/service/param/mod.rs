@@ -1,6 +1,6 @@
 //! Parameters: reading, setting and listing, and PX4's answers.
 //!
-//! PX4 sends an integer's four octets in the place of the float (byte union); a [`Value`] is
+//! PX4 sends an integer's four bytes in the place of the float (byte union); a [`Value`] is
 //! told apart by PARAM_VALUE.param_type. PX4 stores what it is given, in range or not: who sets
 //! a parameter checks its range first.
 
@@ -24,7 +24,7 @@ pub enum Value {
 
 impl Value {
     /// From the fields of PARAM_VALUE or PARAM_SET; `None` for 64-bit types, which a float's
-    /// four octets cannot carry.
+    /// four bytes cannot carry.
     pub fn from_wire(value: f32, kind: MavParamType) -> Option<Self> {
         use MavParamType as T;
         let bits = value.to_bits();
@@ -90,7 +90,7 @@ pub struct NameError(String);
 impl Name {
     /// The name, if it is one.
     pub fn new(name: &str) -> Result<Self, NameError> {
-        Self::from_octets(name.as_bytes()).ok_or_else(|| NameError(name.to_owned()))
+        Self::from_bytes(name.as_bytes()).ok_or_else(|| NameError(name.to_owned()))
     }
 
     /// The name without its padding.
@@ -102,19 +102,19 @@ impl Name {
 
     fn from_wire(id: &CharArray<16>) -> Option<Self> {
         let end = id.iter().position(|&o| o == 0).unwrap_or(16);
-        Self::from_octets(&id[..end])
+        Self::from_bytes(&id[..end])
     }
 
     fn to_wire(self) -> CharArray<16> {
         CharArray::new(self.0)
     }
 
-    fn from_octets(octets: &[u8]) -> Option<Self> {
-        if octets.is_empty() || !octets.iter().all(u8::is_ascii_graphic) {
+    fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        if bytes.is_empty() || !bytes.iter().all(u8::is_ascii_graphic) {
             return None;
         }
         let mut name = [0; 16];
-        name.get_mut(..octets.len())?.copy_from_slice(octets);
+        name.get_mut(..bytes.len())?.copy_from_slice(bytes);
         Some(Self(name))
     }
 }
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_integer_travels_as_its_octets() {
+    fn an_integer_travels_as_its_bytes() {
         let wire = Value::Int(-2).to_wire();
         assert_eq!(wire.to_bits(), 0xffff_fffe);
         let back = Value::from_wire(wire, MavParamType::MAV_PARAM_TYPE_INT32);

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context as _, bail};
-use sim::cucs::Station;
+use cucs::Station;
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess};
 

@@ -7,13 +7,13 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use anyhow::Context as _;
+use cucs::Station;
 use mavlink_link::dialect::{
     COMMAND_LONG_DATA, MavCmd, MavFrame, MavMessage, PositionTargetTypemask,
     SET_POSITION_TARGET_LOCAL_NED_DATA,
 };
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::signing::{SigningKey, Stamp, sign};
-use sim::cucs::Station;
 use stanag_msgs::Id;
 use tokio::net::UdpSocket;
 
@@ -68,9 +68,9 @@ impl LinkAttacker {
                 if signed {
                     len = sign(&self.guess, 0, Stamp::from_unix(wall), &mut out, len)?;
                 }
-                let octets = out.get(..len).unwrap_or_default();
+                let bytes = out.get(..len).unwrap_or_default();
                 // A full buffer is a lost datagram, as on any link.
-                let _ = self.socket.send_to(octets, self.vehicle).await;
+                let _ = self.socket.send_to(bytes, self.vehicle).await;
                 self.frames += 1;
             }
         }

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use crate::session::{CurvesStatus, Status};
 use anyhow::{Context as _, bail};
+use cucs::{Route, Session, Station};
 use curve_paths::flight::{Flown, measure};
 use curve_paths::{BezierLeg, Control, Densified, Leg, Options, Position, densify};
-use sim::cucs::{Route, Session, Station};
-use sim::px4::{Geodetic, LocalFrame, Truth};
+use px4_sim::{Geodetic, LocalFrame, Truth};
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message};
 
@@ -67,7 +67,7 @@ impl Section {
             longitude_deg: start.lon_deg,
             altitude_m: GROUND_M,
         });
-        beside.to_global(sim::px4::Ned::new(-60.0, 0.0, 0.0))
+        beside.to_global(px4_sim::Ned::new(-60.0, 0.0, 0.0))
     }
 
     fn start(&self) -> Position {
@@ -145,12 +145,12 @@ impl Section {
         Ok(Compared { flown, told, items })
     }
 
-    /// Octets of the messages that describe it, and of the straight waypoints that would: route and load apart.
-    fn octets(&self) -> anyhow::Result<(usize, usize)> {
+    /// Bytes of the messages that describe it, and of the straight waypoints that would: route and load apart.
+    fn bytes(&self) -> anyhow::Result<(usize, usize)> {
         let size = |message: &Message| {
-            let mut octets = [0; MAX_DATAGRAM];
+            let mut bytes = [0; MAX_DATAGRAM];
             message
-                .encode(&Envelope::new(Id(1), Id(2)), &mut octets)
+                .encode(&Envelope::new(Id(1), Id(2)), &mut bytes)
                 .unwrap_or(0)
         };
         let messages = self.route.messages(Id(1), Id(2))?;
@@ -169,7 +169,7 @@ impl Section {
     /// The report at the end.
     pub(crate) fn report(&self, compared: &Compared) -> anyhow::Result<String> {
         let Compared { flown, told, items } = compared;
-        let (curved, straight) = self.octets()?;
+        let (curved, straight) = self.bytes()?;
         let percent = 100.0 * flown.passed as f64 / flown.points as f64;
         let mut text = format!(
             "\nEverland Speedway, a section of {:.2} km\n",
@@ -179,7 +179,7 @@ impl Section {
             text,
             "  curved legs                {:>8}\n  \
              points flown               {:>8}   of {} mission items\n  \
-             DLI octets                 {curved:>8}   {straight} as straight waypoints (13002) at those points\n  \
+             DLI bytes                 {curved:>8}   {straight} as straight waypoints (13002) at those points\n  \
              tolerance                  {:>8.2} m\n  \
              deviation, proven          {:>8.2} m   of the chords from the curves\n  \
              deviation, predicted       {:>8.2} m   of the flight, not promised\n  \

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
-use sim::cucs::{LoiterAt, Route, Session, Station, Waypoint};
+use cucs::{LoiterAt, Route, Session, Station, Waypoint};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{
     AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess, WaypointSpeedType,

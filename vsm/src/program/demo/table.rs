@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use crate::session::Status;
-use sim::cucs::Traffic;
-use sim::px4::Counters;
+use cucs::Traffic;
+use px4_sim::Counters;
 use stanag_msgs::table;
 
 /// What is told.

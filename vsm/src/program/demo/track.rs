@@ -1,6 +1,6 @@
 //! The flown track, and how far it strays from the planned one.
 
-use sim::px4::{Mode, Truth};
+use px4_sim::{Mode, Truth};
 
 /// A place in metres from home, at a time of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]

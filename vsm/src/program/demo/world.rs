@@ -11,7 +11,7 @@ use crate::session::Status;
 use crate::shell::key_file;
 use crate::shell::server::Server;
 use anyhow::{Context as _, anyhow};
-use sim::px4::{Counters, Geodetic, LinkAddress, Simulator, SimulatorConfig, Truth};
+use px4_sim::{Counters, Geodetic, LinkAddress, Simulator, SimulatorConfig, Truth};
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;

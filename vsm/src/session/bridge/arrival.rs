@@ -18,8 +18,8 @@ use crate::session::store::Store;
 
 impl Bridge {
     /// Takes a datagram of the DLI side.
-    pub fn handle_dli(&mut self, now: Now, from: SocketAddr, octets: &[u8], store: &mut dyn Store) {
-        for frame in self.profile.frames(octets) {
+    pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], store: &mut dyn Store) {
+        for frame in self.profile.frames(bytes) {
             match frame {
                 Ok(frame) => self.handle_frame(now, from, &frame, store),
                 Err(fault) => self.counters.count(drop_name(&fault)),
@@ -177,7 +177,7 @@ fn stamp_of(frame: &Frame<'_>) -> Option<TimeStamp> {
     let info = table::message(frame.header.message_type)?;
     let (presence, rest) = frame
         .data
-        .split_at_checked(usize::from(info.presence_octets))?;
+        .split_at_checked(usize::from(info.presence_bytes))?;
     if presence.last()? & 1 == 0 {
         return None;
     }
@@ -188,13 +188,13 @@ fn stamp_of(frame: &Frame<'_>) -> Option<TimeStamp> {
         let fits = (0.0..TimeStamp::PERIOD_MS as f64).contains(&ms.round());
         return fits.then(|| TimeStamp(ms.round() as u64));
     }
-    if first.wire.octets()? != 5 {
+    if first.wire.bytes()? != 5 {
         return None;
     }
     let stamp = rest
         .get(..5)?
         .iter()
-        .fold(0, |stamp, octet| stamp << 8 | u64::from(*octet));
+        .fold(0, |stamp, byte| stamp << 8 | u64::from(*byte));
     Some(TimeStamp(stamp))
 }
 

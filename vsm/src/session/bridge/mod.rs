@@ -149,19 +149,19 @@ impl Bridge {
         Ok(bridge)
     }
 
-    /// Takes a datagram, or serial octets, of the vehicle with this index.
+    /// Takes a datagram, or serial bytes, of the vehicle with this index.
     pub fn handle_vehicle(
         &mut self,
         now: Now,
         index: usize,
         from: Peer,
-        octets: &[u8],
+        bytes: &[u8],
         store: &mut dyn Store,
         tap: Tap<'_>,
     ) {
         let (mut desk, aircraft) = self.desk(now, store);
         if let Some(aircraft) = aircraft.get_mut(index) {
-            aircraft.handle_datagram(&mut desk, from, octets, tap);
+            aircraft.handle_datagram(&mut desk, from, bytes, tap);
         }
     }
 

@@ -3,10 +3,10 @@
 //! An accepted COMMAND_ACK proves nothing: PX4 accepts modes that it does not enter. A maneuver is done when the
 //! vehicle's own messages, made after the command was sent, show it; else it is refused with the vehicle's reason.
 
-mod sight;
+mod confirmation;
 mod step;
 
-pub(crate) use sight::Sight;
+pub(crate) use confirmation::Confirmation;
 pub(crate) use step::{
     Step, arm, change_speed, disarm, enter, launch, mode_after, orbit, reposition, shows_speed,
 };
@@ -58,7 +58,7 @@ enum Waiting {
     Pause {
         until: Duration,
     },
-    Sight {
+    Confirmation {
         deadline: Duration,
     },
 }
@@ -81,7 +81,7 @@ impl Maneuver {
             matches!(
                 step,
                 Step::Confirm {
-                    sight: Sight::Mode(_) | Sight::OffTheGround,
+                    confirmation: Confirmation::Mode(_) | Confirmation::OffTheGround,
                     ..
                 }
             )
@@ -218,20 +218,20 @@ impl Maneuver {
                     Waiting::Nothing,
                     Step::Insist { after: within, .. } | Step::Confirm { within, .. },
                 ) => {
-                    self.waiting = Waiting::Sight {
+                    self.waiting = Waiting::Confirmation {
                         deadline: now + *within,
                     };
                 }
                 (
-                    Waiting::Sight { deadline },
+                    Waiting::Confirmation { deadline },
                     Step::Insist {
-                        sight,
+                        confirmation,
                         command,
                         what,
                         ..
                     },
                 ) => {
-                    if sight.is_seen(vehicle) {
+                    if confirmation.is_seen(vehicle) {
                         self.next();
                     } else if *deadline > now {
                         return Progress::Going;
@@ -247,14 +247,14 @@ impl Maneuver {
                         }
                     }
                 }
-                (Waiting::Sight { deadline }, Step::Confirm { sight, .. }) => {
-                    if sight.is_seen(vehicle) {
+                (Waiting::Confirmation { deadline }, Step::Confirm { confirmation, .. }) => {
+                    if confirmation.is_seen(vehicle) {
                         self.next();
                     } else if *deadline <= now {
                         let why = vehicle.latest_complaint(now).unwrap_or_default();
                         return Progress::Refused(format!(
                             "the vehicle does not show {}{why}",
-                            sight.awaited(vehicle)
+                            confirmation.awaited(vehicle)
                         ));
                     } else {
                         return Progress::Going;
@@ -270,7 +270,7 @@ impl Maneuver {
         match self.waiting {
             Waiting::Again { at, .. } => Some(at),
             Waiting::Pause { until } => Some(until),
-            Waiting::Sight { deadline } => Some(deadline),
+            Waiting::Confirmation { deadline } => Some(deadline),
             Waiting::Nothing => Some(Duration::ZERO),
             Waiting::Answer { .. } | Waiting::Current => None,
         }

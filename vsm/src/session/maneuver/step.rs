@@ -7,7 +7,7 @@ use mapping::mode::Px4Mode;
 use mavlink_link::dialect::{MavCmd, MavFrame};
 use mavlink_link::service::command::{Command, Payload, Repetition};
 
-use super::Sight;
+use super::Confirmation;
 
 /// One step of a maneuver.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,16 +24,19 @@ pub(crate) enum Step {
     Pause(Duration),
     /// Looks for it so long; a vehicle that holds instead is sent the command once more.
     Insist {
-        sight: Sight,
+        confirmation: Confirmation,
         command: Command,
         what: &'static str,
         after: Duration,
     },
     /// Waits until the vehicle shows it.
-    Confirm { sight: Sight, within: Duration },
+    Confirm {
+        confirmation: Confirmation,
+        within: Duration,
+    },
 }
 
-/// MAV_CMD_DO_SET_MODE to a mode of PX4, and the sight of it.
+/// MAV_CMD_DO_SET_MODE to a mode of PX4, and the confirmation of it.
 ///
 /// A take-off that ends in that very moment puts PX4 into AUTO.LOITER, whatever it has just accepted: then, and in no
 /// other mode, which might be a pilot's, it is told again.
@@ -56,13 +59,13 @@ pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
             patience: MODE_PATIENCE,
         },
         Step::Insist {
-            sight: Sight::Mode(modes),
+            confirmation: Confirmation::Mode(modes),
             command,
             what: mode.name(),
             after: INSIST_AFTER,
         },
         Step::Confirm {
-            sight: Sight::Mode(modes),
+            confirmation: Confirmation::Mode(modes),
             within: STATE_WITHIN.saturating_sub(INSIST_AFTER),
         },
     ]
@@ -72,7 +75,7 @@ pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
 pub(crate) fn mode_after(steps: &[Step], now: Option<Px4Mode>) -> Option<Px4Mode> {
     let mut modes = steps.iter().rev().filter_map(|step| match step {
         Step::Confirm {
-            sight: Sight::Mode(modes),
+            confirmation: Confirmation::Mode(modes),
             ..
         } => Some(*modes),
         _ => None,
@@ -98,7 +101,7 @@ pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
             patience: ARM_PATIENCE,
         },
         Step::Confirm {
-            sight: Sight::Armed,
+            confirmation: Confirmation::Armed,
             within: STATE_WITHIN,
         },
         Step::Command {
@@ -107,11 +110,11 @@ pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
             patience: Duration::ZERO,
         },
         Step::Confirm {
-            sight: Sight::Mode(TAKEN_OFF),
+            confirmation: Confirmation::Mode(TAKEN_OFF),
             within: STATE_WITHIN,
         },
         Step::Confirm {
-            sight: Sight::OffTheGround,
+            confirmation: Confirmation::OffTheGround,
             within: LIFT_OFF_WITHIN,
         },
     ]);
@@ -127,7 +130,7 @@ pub(crate) fn disarm() -> [Step; 2] {
             patience: Duration::ZERO,
         },
         Step::Confirm {
-            sight: Sight::Disarmed,
+            confirmation: Confirmation::Disarmed,
             within: STATE_WITHIN,
         },
     ]
@@ -189,11 +192,11 @@ pub(crate) fn reposition(
             patience: Duration::ZERO,
         },
         Step::Confirm {
-            sight: Sight::Mode(&[Px4Mode::LOITER]),
+            confirmation: Confirmation::Mode(&[Px4Mode::LOITER]),
             within: STATE_WITHIN,
         },
         Step::Confirm {
-            sight: Sight::Target {
+            confirmation: Confirmation::Target {
                 place,
                 amsl_m: Some(amsl_m),
             },
@@ -202,10 +205,10 @@ pub(crate) fn reposition(
     ]
 }
 
-/// The sight of a speed on a circle.
+/// The confirmation of a speed on a circle.
 pub(crate) fn shows_speed(speed_m_s: f64) -> Step {
     Step::Confirm {
-        sight: Sight::Speed(speed_m_s),
+        confirmation: Confirmation::Speed(speed_m_s),
         within: SPEED_WITHIN,
     }
 }
@@ -245,13 +248,13 @@ pub(crate) fn orbit(
             patience: Duration::ZERO,
         },
         Step::Confirm {
-            sight: Sight::Mode(if hovers { FLOWN } else { WINGED }),
+            confirmation: Confirmation::Mode(if hovers { FLOWN } else { WINGED }),
             within: STATE_WITHIN,
         },
     ];
     if hovers {
         steps.push(Step::Confirm {
-            sight: Sight::Orbit {
+            confirmation: Confirmation::Orbit {
                 centre: place,
                 radius_m,
             },

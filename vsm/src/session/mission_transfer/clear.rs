@@ -7,7 +7,7 @@ use stanag_msgs::enums::MissionPlanMode as Mode;
 use super::{Load, Work, not_received};
 use crate::session::aircraft::Aircraft;
 use crate::session::desk::{Desk, Origin};
-use crate::session::plan_record::Aboard;
+use crate::session::plan_record::UploadedMission;
 
 impl Aircraft {
     /// Everything, or one route: of one that is not aboard the vehicle knows nothing.
@@ -40,8 +40,8 @@ impl Aircraft {
 
     /// Clears a route that is not aboard.
     fn forget_route(&mut self, desk: &mut Desk<'_>, origin: Origin, name: &str, id: &str) {
-        let chosen = carries(&self.chosen, id);
-        let why = if self.plan.route_named(id).is_none() && !chosen {
+        let loaded_mission = carries(&self.loaded_mission, id);
+        let why = if self.plan.route_named(id).is_none() && !loaded_mission {
             Some(not_received(id))
         } else if self.load.is_some() {
             Some("another transfer is in progress".to_owned())
@@ -51,13 +51,13 @@ impl Aircraft {
         if let Some(why) = why {
             return self.reject(desk, origin, name, Mode::Clear, None, why);
         }
-        let before = (self.plan.clone(), self.chosen.clone());
+        let before = (self.plan.clone(), self.loaded_mission.clone());
         self.plan.clear_route(id);
-        if chosen {
-            self.chosen = None;
+        if loaded_mission {
+            self.loaded_mission = None;
         }
         if !self.say_cleared(desk, origin, name) {
-            (self.plan, self.chosen) = before;
+            (self.plan, self.loaded_mission) = before;
         }
     }
 
@@ -67,11 +67,12 @@ impl Aircraft {
         match &load.work {
             Work::Clear(Some(id)) => {
                 self.plan.clear_route(id);
-                self.chosen.take_if(|chosen| is_of(chosen, id));
+                self.loaded_mission
+                    .take_if(|loaded_mission| is_of(loaded_mission, id));
             }
             _ => {
                 self.plan.clear();
-                self.chosen = None;
+                self.loaded_mission = None;
             }
         }
         self.aboard = None;
@@ -98,11 +99,11 @@ impl Aircraft {
 }
 
 /// Whether it is the route of this name.
-fn is_of(aboard: &Aboard, route_id: &str) -> bool {
+fn is_of(aboard: &UploadedMission, route_id: &str) -> bool {
     aboard.plan.route_named(route_id).is_some()
 }
 
-fn carries(aboard: &Option<Aboard>, route_id: &str) -> bool {
+fn carries(aboard: &Option<UploadedMission>, route_id: &str) -> bool {
     aboard
         .as_ref()
         .is_some_and(|aboard| is_of(aboard, route_id))

@@ -51,10 +51,13 @@ impl Aircraft {
             Part::Waypoint(number) => (Mode::DownloadWaypoint, Some(number)),
             Part::All | Part::Route(_) => (Mode::Download, None),
         };
-        let chosen = self.chosen.as_ref().map(|chosen| &chosen.plan);
-        let beside = chosen
-            .filter(|chosen| !chosen.is_empty())
-            .map(|chosen| self.plan.beside(chosen));
+        let loaded_mission = self
+            .loaded_mission
+            .as_ref()
+            .map(|loaded_mission| &loaded_mission.plan);
+        let beside = loaded_mission
+            .filter(|loaded_mission| !loaded_mission.is_empty())
+            .map(|loaded_mission| self.plan.beside(loaded_mission));
         let plan = beside.as_ref().unwrap_or(&self.plan);
         let wanted: VecDeque<Message> = match part {
             Part::All => plan.messages().collect(),

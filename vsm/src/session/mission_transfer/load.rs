@@ -11,7 +11,7 @@ use stanag_msgs::messages::{UaRoute, VehicleOperatingModeCommand};
 use super::{Load, Work, not_received};
 use crate::session::aircraft::Aircraft;
 use crate::session::desk::{Desk, Origin};
-use crate::session::plan_record::Aboard;
+use crate::session::plan_record::UploadedMission;
 use crate::session::transfer::{Course, Transfer};
 
 impl Aircraft {
@@ -56,7 +56,7 @@ impl Aircraft {
             mission_name: name,
             then: None,
         });
-        self.go_on(desk);
+        self.run_until_idle(desk);
     }
 
     /// The route that a load means: the one named, else the latest flight route, else the latest of all.
@@ -83,12 +83,12 @@ impl Aircraft {
         if let Err(why) = self.may_change_mission() {
             return self.refuse(desk, origin, why);
         }
-        let transfer = match (route_type, &self.chosen) {
+        let transfer = match (route_type, &self.loaded_mission) {
             (Some(route_type), _) => self
                 .plan
                 .route_of_type(route_type)
                 .map(|route| Transfer::new(desk.now.mono, route, route_type)),
-            (None, Some(chosen)) => Some(Transfer::again(chosen)),
+            (None, Some(loaded_mission)) => Some(Transfer::again(loaded_mission)),
             (None, None) => None,
         };
         let Some(transfer) = transfer else {
@@ -99,12 +99,14 @@ impl Aircraft {
             work: Work::Transfer(transfer),
             origin: None,
             mission_name: self
-                .chosen
+                .loaded_mission
                 .as_ref()
-                .map_or_else(String::new, |chosen| chosen.mission_name.clone()),
+                .map_or_else(String::new, |loaded_mission| {
+                    loaded_mission.mission_name.clone()
+                }),
             then: Some((origin, command.clone())),
         });
-        self.go_on(desk);
+        self.run_until_idle(desk);
     }
 
     /// What the vehicle has told of where it is and what it can; `None` before it has told its home.
@@ -191,7 +193,7 @@ impl Aircraft {
                 let Some(load) = self.load.take() else { return };
                 if touched {
                     if load.origin.is_some() {
-                        self.chosen = None;
+                        self.loaded_mission = None;
                     }
                     self.forget_aboard(desk);
                 }
@@ -224,20 +226,20 @@ impl Aircraft {
             .as_ref()
             .is_some_and(|aboard| aboard.flight.items == flight.items);
         if !same {
-            self.passage.begin(&self.mav.telemetry);
+            self.route_progress.begin(&self.mav.telemetry);
         } else if load.origin.is_some() {
             self.say_where_it_goes_on(desk, &flight);
         }
-        self.aboard = Some(Aboard {
+        self.aboard = Some(UploadedMission {
             flight,
             mission_id,
             route_type,
             mission_name,
             plan,
         });
-        // Only 13000 chooses; a route that a mode needed, or that was chosen before, is aboard for that.
-        if load.origin.is_some() || again(&self.chosen, &self.aboard) {
-            self.chosen.clone_from(&self.aboard);
+        // Only 13000 chooses; a route that a mode needed, or that was loaded_mission before, is aboard for that.
+        if load.origin.is_some() || again(&self.loaded_mission, &self.aboard) {
+            self.loaded_mission.clone_from(&self.aboard);
         }
         // What is answered as loaded must still be known after a crash.
         match self.save_aboard(desk) {
@@ -285,11 +287,12 @@ impl Aircraft {
     }
 }
 
-/// Whether what is aboard now is what was chosen before, as it was.
-fn again(chosen: &Option<Aboard>, aboard: &Option<Aboard>) -> bool {
-    match (chosen, aboard) {
-        (Some(chosen), Some(aboard)) => {
-            chosen.route_type == aboard.route_type && chosen.flight.items == aboard.flight.items
+/// Whether what is aboard now is what was loaded_mission before, as it was.
+fn again(loaded_mission: &Option<UploadedMission>, aboard: &Option<UploadedMission>) -> bool {
+    match (loaded_mission, aboard) {
+        (Some(loaded_mission), Some(aboard)) => {
+            loaded_mission.route_type == aboard.route_type
+                && loaded_mission.flight.items == aboard.flight.items
         }
         _ => false,
     }

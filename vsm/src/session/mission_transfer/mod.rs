@@ -21,7 +21,7 @@ use stanag_msgs::{Message, Text};
 use self::download::Part;
 use super::aircraft::Aircraft;
 use super::desk::{Desk, Origin};
-use super::plan_record::Aboard;
+use super::plan_record::UploadedMission;
 use super::transfer::{Transfer, explain};
 
 /// What is on its way to the vehicle's mission store.
@@ -45,7 +45,7 @@ enum Work {
 
 impl Load {
     /// Of a plan that was aboard: nobody has asked for it.
-    pub(super) fn again(aboard: &Aboard) -> Load {
+    pub(super) fn again(aboard: &UploadedMission) -> Load {
         Load {
             work: Work::Transfer(Transfer::again(aboard)),
             origin: None,

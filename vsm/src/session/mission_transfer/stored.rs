@@ -55,21 +55,18 @@ impl Aircraft {
     }
 
     pub(super) fn save_plan(&self, desk: &mut Desk<'_>, cucs: Id) -> Result<(), StoreError> {
-        let octets = plan_record::encode_plan(&self.plan, cucs, self.id());
-        desk.store.save(
-            &record_name("plan", self.id()),
-            &octets,
-            Durability::Process,
-        )
+        let bytes = plan_record::encode_plan(&self.plan, cucs, self.id());
+        desk.store
+            .save(&record_name("plan", self.id()), &bytes, Durability::Process)
     }
 
     pub(super) fn save_aboard(&self, desk: &mut Desk<'_>) -> Result<(), StoreError> {
-        for (kind, route) in [("chosen", &self.chosen), ("aboard", &self.aboard)] {
-            let octets = route.as_ref().map_or_else(Vec::new, |route| {
+        for (kind, route) in [("chosen", &self.loaded_mission), ("aboard", &self.aboard)] {
+            let bytes = route.as_ref().map_or_else(Vec::new, |route| {
                 plan_record::encode_aboard(route, self.id())
             });
             desk.store
-                .save(&record_name(kind, self.id()), &octets, Durability::Power)?;
+                .save(&record_name(kind, self.id()), &bytes, Durability::Power)?;
         }
         Ok(())
     }
@@ -85,18 +82,21 @@ impl Aircraft {
             cause,
         };
         self.restore_authority(desk)?;
-        if let Some(octets) = desk
+        if let Some(bytes) = desk
             .store
             .load(&record_name("plan", id))?
-            .filter(|octets| !octets.is_empty())
+            .filter(|bytes| !bytes.is_empty())
         {
-            self.plan = plan_record::decode_plan(&octets, id)
+            self.plan = plan_record::decode_plan(&bytes, id)
                 .map_err(|cause| unreadable("plan", cause.to_string()))?;
         }
-        for (kind, route) in [("aboard", &mut self.aboard), ("chosen", &mut self.chosen)] {
-            let octets = desk.store.load(&record_name(kind, id))?;
-            if let Some(octets) = octets.filter(|octets| !octets.is_empty()) {
-                let read = plan_record::decode_aboard(&octets, id)
+        for (kind, route) in [
+            ("aboard", &mut self.aboard),
+            ("chosen", &mut self.loaded_mission),
+        ] {
+            let bytes = desk.store.load(&record_name(kind, id))?;
+            if let Some(bytes) = bytes.filter(|bytes| !bytes.is_empty()) {
+                let read = plan_record::decode_aboard(&bytes, id)
                     .map_err(|cause| unreadable(kind, cause.to_string()))?;
                 *route = Some(read);
             }

@@ -95,7 +95,7 @@ mod tests {
             let at = Situation {
                 telemetry: &telemetry,
                 aboard: None,
-                chosen: None,
+                loaded_mission: None,
                 plan: &Plan::default(),
                 just_loaded: false,
                 entering: false,

@@ -158,7 +158,7 @@ fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, Str
 
 /// PX4 flies a circle more slowly than told where it would be drawn outward by more than it allows.
 fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String> {
-    let most_m_s = (MOST_INWARD_M_S2 * radius_m).sqrt();
+    let most_m_s = (MAX_INWARD_M_S2 * radius_m).sqrt();
     match speed_m_s {
         Some(speed_m_s) if speed_m_s > most_m_s => Err(format!(
             "speed {speed_m_s:.1} m/s on a circle of {radius_m:.0} m, at most {most_m_s:.1}"
@@ -202,4 +202,4 @@ fn place(
 }
 
 /// What PX4 allows toward the centre of a circle, m/s2.
-const MOST_INWARD_M_S2: f64 = 2.0;
+const MAX_INWARD_M_S2: f64 = 2.0;

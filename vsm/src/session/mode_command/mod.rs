@@ -27,7 +27,7 @@ use self::route::{fly, waypoint};
 use self::steer::steer;
 use self::values::altitude;
 use super::maneuver::{self, Step};
-use super::plan_record::Aboard;
+use super::plan_record::UploadedMission;
 use super::steering;
 
 /// What is to be done.
@@ -66,9 +66,9 @@ impl Task {
 #[derive(Debug, Clone)]
 pub(crate) struct Situation<'a> {
     pub(crate) telemetry: &'a Telemetry,
-    pub(crate) aboard: Option<&'a Aboard>,
+    pub(crate) aboard: Option<&'a UploadedMission>,
     /// What 13000 has loaded last.
-    pub(crate) chosen: Option<&'a Aboard>,
+    pub(crate) loaded_mission: Option<&'a UploadedMission>,
     /// What has been sent.
     pub(crate) plan: &'a Plan,
     /// The route aboard has just been loaded for this command.

@@ -10,7 +10,7 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 use super::values::{altitude, flown_as, speed};
 use super::{Situation, Task, names_mode, steps_to_waypoint};
 use crate::session::maneuver::{self, Step};
-use crate::session::plan_record::Aboard;
+use crate::session::plan_record::UploadedMission;
 
 /// Mode 11.
 pub(super) fn waypoint(
@@ -22,7 +22,7 @@ pub(super) fn waypoint(
             "mode 11 flies the altitudes of the route; command another in mode 12".to_owned(),
         );
     }
-    if at.aboard.is_none() && at.chosen.is_none() {
+    if at.aboard.is_none() && at.loaded_mission.is_none() {
         return Err("mode 11: no route has been loaded (13000)".to_owned());
     }
     fly(command, RouteType::Flight, at)
@@ -49,10 +49,13 @@ pub(super) fn fly(
             aboard
         }
         // Another route went aboard for another mode: what 13000 has loaded comes back.
-        _ if route == RouteType::Flight && at.chosen.is_some() && at.chosen != at.aboard => {
+        _ if route == RouteType::Flight
+            && at.loaded_mission.is_some()
+            && at.loaded_mission != at.aboard =>
+        {
             let knows = |number| {
-                at.chosen
-                    .and_then(|chosen| chosen.flight.first_item_of(number))
+                at.loaded_mission
+                    .and_then(|loaded_mission| loaded_mission.flight.first_item_of(number))
             };
             return match number.filter(|number| knows(*number).is_none()) {
                 Some(number) => Err(absent(number)),
@@ -123,7 +126,7 @@ pub(super) fn fly(
 
 /// Whether the vehicle comes to the place that a flight from this item leads to first without a climb or a descent on the
 /// way: on entering AUTO.MISSION PX4 climbs before, on the spot.
-fn comes_level(aboard: &Aboard, seq: u16, enters: bool, at: &Situation<'_>) -> bool {
+fn comes_level(aboard: &UploadedMission, seq: u16, enters: bool, at: &Situation<'_>) -> bool {
     let flight = &aboard.flight;
     let leg = flight.leg_of_item(flight.place_from(seq));
     let leg = leg.and_then(|index| flight.order.get(index));
@@ -145,17 +148,20 @@ pub(crate) fn flies_anew(command: &VehicleOperatingModeCommand, vehicle: &Teleme
 }
 
 /// Whether a route aboard is the one that is to be flown: mode 11 flies what 13000 has loaded, but for contingency routes.
-fn serves(aboard: &Aboard, wanted: RouteType, at: &Situation<'_>) -> bool {
+fn serves(aboard: &UploadedMission, wanted: RouteType, at: &Situation<'_>) -> bool {
     if wanted == RouteType::Flight {
         let contingency = [RouteType::ContingencyA, RouteType::ContingencyB];
-        !contingency.contains(&aboard.route_type) && at.chosen.is_none_or(|chosen| chosen == aboard)
+        !contingency.contains(&aboard.route_type)
+            && at
+                .loaded_mission
+                .is_none_or(|loaded_mission| loaded_mission == aboard)
     } else {
         aboard.route_type == wanted
     }
 }
 
 /// Whether the vehicle itself names the route that was loaded as its mission: another station may have changed it.
-pub(super) fn holds(vehicle: &Telemetry, aboard: &Aboard) -> bool {
+pub(super) fn holds(vehicle: &Telemetry, aboard: &UploadedMission) -> bool {
     aboard.mission_id == 0
         || vehicle
             .mission
@@ -164,9 +170,9 @@ pub(super) fn holds(vehicle: &Telemetry, aboard: &Aboard) -> bool {
 
 /// Whether a route that a mode has put aboard is still what has been sent. What 13000 has loaded stays until the next
 /// 13000.
-pub(super) fn is_current(aboard: &Aboard, route: RouteType, at: &Situation<'_>) -> bool {
+pub(super) fn is_current(aboard: &UploadedMission, route: RouteType, at: &Situation<'_>) -> bool {
     at.just_loaded
-        || at.chosen == Some(aboard)
+        || at.loaded_mission == Some(aboard)
         || at
             .plan
             .route_of_type(route)

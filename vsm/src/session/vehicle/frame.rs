@@ -28,17 +28,17 @@ pub struct OutFrame {
     /// Where it goes.
     pub to: Peer,
     len: usize,
-    octets: [u8; MAX_FRAME],
+    bytes: [u8; MAX_FRAME],
 }
 
 impl OutFrame {
-    pub(in crate::session) fn new(to: Peer, len: usize, octets: [u8; MAX_FRAME]) -> OutFrame {
-        OutFrame { to, len, octets }
+    pub(in crate::session) fn new(to: Peer, len: usize, bytes: [u8; MAX_FRAME]) -> OutFrame {
+        OutFrame { to, len, bytes }
     }
 
-    /// Its octets.
+    /// Its bytes.
     #[must_use]
-    pub fn octets(&self) -> &[u8] {
-        self.octets.get(..self.len).unwrap_or_default()
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.get(..self.len).unwrap_or_default()
     }
 }

@@ -14,14 +14,14 @@ impl VehicleLink {
         &mut self,
         now: Now,
         from: Peer,
-        octets: &[u8],
+        bytes: &[u8],
         store: &mut dyn CeilingStore,
         tap: &mut dyn FnMut(&FrameView<'_>),
     ) {
-        if self.settle_datagram(now, from, octets, store) {
+        if self.settle_datagram(now, from, bytes, store) {
             return;
         }
-        if self.look_for_next_key(now, from, octets, store) {
+        if self.look_for_next_key(now, from, bytes, store) {
             self.collect(now.mono);
             self.flush(now, store);
             return;
@@ -30,7 +30,7 @@ impl VehicleLink {
         let mut believed = std::mem::take(&mut self.believed);
         let asked = self.asked;
         let (link, key, received) = (&mut self.link, self.key.as_mut(), &mut self.received);
-        link.handle_datagram(now, from, octets, auth(key, store), &mut |delivery| {
+        link.handle_datagram(now, from, bytes, auth(key, store), &mut |delivery| {
             tap(&delivery.frame);
             received.count(delivery.header.message_id);
             let fresh = Fresh {

@@ -29,7 +29,7 @@ use mavlink_link::signing::Stamp;
 use self::rates::RATES;
 use super::counters::ByType;
 use super::key_agreement::Agreement;
-use super::settling::Settling;
+use super::key_recovery::KeyRecovery;
 
 /// The machine.
 #[derive(Debug)]
@@ -37,7 +37,7 @@ pub(crate) struct VehicleLink {
     vehicle: Node,
     pub(super) link: Link<Peer>,
     pub(super) key: Option<KeyState>,
-    pub(super) settling: Settling,
+    pub(super) key_recovery: KeyRecovery,
     pub(super) agreement: Agreement,
     /// Since when frames have been accepted without a break.
     pub(super) live_since: Option<Duration>,
@@ -104,7 +104,7 @@ impl VehicleLink {
             vehicle,
             link,
             key,
-            settling: Settling::default(),
+            key_recovery: KeyRecovery::default(),
             agreement: Agreement::default(),
             live_since: None,
             telemetry: Telemetry::default(),
@@ -230,7 +230,7 @@ impl VehicleLink {
             self.texts.poll_timeout(),
             silence,
             intervals,
-            self.settling.poll_timeout(),
+            self.key_recovery.poll_timeout(),
         ]
         .into_iter()
         .flatten()

@@ -12,13 +12,13 @@ use super::{OutFrame, VehicleEvent, VehicleLink, auth};
 impl VehicleLink {
     /// Signs and queues what the link and the services want sent; called after each change of theirs.
     pub(crate) fn flush(&mut self, now: Now, store: &mut dyn CeilingStore) {
-        let mut octets = [0; MAX_FRAME];
+        let mut bytes = [0; MAX_FRAME];
         while let Some(sent) =
             self.link
-                .poll_transmit(now, auth(self.key.as_mut(), store), &mut octets)
+                .poll_transmit(now, auth(self.key.as_mut(), store), &mut bytes)
         {
             self.sent.count(HEARTBEAT);
-            self.out.push_back(OutFrame::new(sent.to, sent.len, octets));
+            self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
         }
         while let Some(message) = self.posts.pop_front() {
             self.send(now, &message, store);
@@ -64,14 +64,14 @@ impl VehicleLink {
         message: &MavMessage,
         store: &mut dyn CeilingStore,
     ) -> Option<Stamp> {
-        let mut octets = [0; MAX_FRAME];
+        let mut bytes = [0; MAX_FRAME];
         // Refusals are counted and alerted by the link; the service repeats or gives up by its own timing.
         let sent = self
             .link
-            .send(now, auth(self.key.as_mut(), store), message, &mut octets)
+            .send(now, auth(self.key.as_mut(), store), message, &mut bytes)
             .ok()?;
         self.sent.count(message.message_id());
-        self.out.push_back(OutFrame::new(sent.to, sent.len, octets));
+        self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
         sent.stamp
     }
 }

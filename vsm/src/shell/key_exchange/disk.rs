@@ -48,7 +48,7 @@ impl InitiatorStore for Disk<'_> {
     }
 
     fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
-        let (peer, key) = (*agreed.peer.octets(), *agreed.key.id().octets());
+        let (peer, key) = (*agreed.peer.bytes(), *agreed.key.id().bytes());
         self.change(|record| {
             record.epoch = agreed.epoch;
             record.pending = (record.peer != Some(peer)).then_some(Pending {
@@ -64,7 +64,7 @@ impl InitiatorStore for Disk<'_> {
     }
 
     fn pin(&mut self, peer: &PublicKey) -> Result<(), StoreError> {
-        self.change(|record| (record.peer, record.pending) = (Some(*peer.octets()), None))
+        self.change(|record| (record.peer, record.pending) = (Some(*peer.bytes()), None))
     }
 }
 

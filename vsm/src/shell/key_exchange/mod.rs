@@ -78,7 +78,7 @@ impl KeyExchange {
     ) -> Result<KeyExchange, crate::session::StoreError> {
         let record = ExchangeRecord::load(with.store, vehicle.id)?;
         let current = with.keys.current().ok().flatten().map(|key| key.id());
-        let settled = current.is_some_and(|id| record.key == Some(*id.octets()));
+        let settled = current.is_some_and(|id| record.key == Some(*id.bytes()));
         let parties = parties(config, vehicle, settings);
         let machine = match settings.mode {
             ExchangeMode::Legacy => {
@@ -250,7 +250,7 @@ impl KeyExchange {
     /// A pairing that was answered and not confirmed is proven by a frame of the vehicle under its key.
     fn prove_pairing(&mut self, now: Now, proven: KeyId, with: &mut Surroundings<'_>) {
         let pending = self.record.pending.as_ref();
-        let Some(pending) = pending.filter(|pending| pending.key == Some(*proven.octets())) else {
+        let Some(pending) = pending.filter(|pending| pending.key == Some(*proven.bytes())) else {
             return;
         };
         let mut record = self.record.clone();

@@ -101,7 +101,7 @@ impl KeyExchange {
                 let text = format!("the key exchange cannot be stored: {cause}");
                 self.once(now, AlertPriority::Warning, text, with);
             }
-            E::NoRandom => tracing::error!("the system has no random octets"),
+            E::NoRandom => tracing::error!("the system has no random bytes"),
         }
     }
 

@@ -82,7 +82,7 @@ pub enum StartError {
     #[error(transparent)]
     Record(#[from] crate::session::StoreError),
     /// No key can be made.
-    #[error("the system has no random octets: {0}")]
+    #[error("the system has no random bytes: {0}")]
     Random(io::Error),
     /// The status socket.
     #[error("the status socket in the [store] dir: {0}")]

@@ -1,4 +1,4 @@
-//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move octets to and from it.
+//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it.
 
 mod error;
 mod open;

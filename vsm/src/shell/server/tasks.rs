@@ -1,4 +1,4 @@
-//! The tasks around the machine: each moves octets to or from it, or wakes it when it is due.
+//! The tasks around the machine: each moves bytes to or from it, or wakes it when it is due.
 
 use std::io;
 use std::net::SocketAddr;
@@ -15,16 +15,16 @@ use crate::shell::recording::Recording;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
 
 pub(super) async fn receive_dli(shared: Rc<Shared>, socket: Rc<UdpSocket>) {
-    let mut octets = vec![0; LARGEST_DATAGRAM];
+    let mut bytes = vec![0; LARGEST_DATAGRAM];
     let here = socket.local_addr();
     loop {
-        match socket.recv_from(&mut octets).await {
+        match socket.recv_from(&mut bytes).await {
             Ok((length, from)) => shared.with(|core, now| {
-                let octets = octets.get(..length).unwrap_or_default();
+                let bytes = bytes.get(..length).unwrap_or_default();
                 if let (Some(recording), Ok(here)) = (&mut core.dli_recording, &here) {
-                    recording.received(now.wall, from, *here, octets);
+                    recording.received(now.wall, from, *here, bytes);
                 }
-                core.bridge.handle_dli(now, from, octets, &mut core.store);
+                core.bridge.handle_dli(now, from, bytes, &mut core.store);
             }),
             Err(cause) => pause_after("the DLI socket", &cause).await,
         }
@@ -32,9 +32,9 @@ pub(super) async fn receive_dli(shared: Rc<Shared>, socket: Rc<UdpSocket>) {
 }
 
 pub(super) async fn receive_vehicle(shared: Rc<Shared>, index: usize, mut reader: VehicleReader) {
-    let mut octets = vec![0; LARGEST_DATAGRAM];
+    let mut bytes = vec![0; LARGEST_DATAGRAM];
     loop {
-        match reader.receive(&mut octets).await {
+        match reader.receive(&mut bytes).await {
             Ok((length, from)) => shared.with(
                 |Core {
                      bridge,
@@ -43,10 +43,10 @@ pub(super) async fn receive_vehicle(shared: Rc<Shared>, index: usize, mut reader
                      ..
                  },
                  now| {
-                    let octets = octets.get(..length).unwrap_or_default();
+                    let bytes = bytes.get(..length).unwrap_or_default();
                     let recording = recordings.get_mut(index).and_then(Option::as_mut);
                     let mut tap = recorder(recording, now.wall);
-                    bridge.handle_vehicle(now, index, from, octets, store, &mut tap);
+                    bridge.handle_vehicle(now, index, from, bytes, store, &mut tap);
                 },
             ),
             Err(cause) => pause_after("a vehicle's link", &cause).await,
@@ -78,13 +78,13 @@ pub(super) async fn send(
                 let mut core = shared.core.borrow_mut();
                 if let (Some(recording), Ok(view)) = (
                     core.recordings.get_mut(index).and_then(Option::as_mut),
-                    FrameView::parse(frame.octets()),
+                    FrameView::parse(frame.bytes()),
                 ) {
                     recording.write(shared.clock.now().wall, &view);
                 }
             }
             if let Some(writer) = writers.get_mut(index)
-                && let Err(cause) = writer.send(frame.octets(), frame.to).await
+                && let Err(cause) = writer.send(frame.bytes(), frame.to).await
             {
                 tracing::debug!("a frame to the vehicle was not sent: {cause}");
             }
@@ -100,9 +100,9 @@ pub(super) async fn send(
             if let Some(recording) = &mut shared.core.borrow_mut().dli_recording
                 && let Ok(here) = socket.local_addr()
             {
-                recording.sent(shared.clock.now().wall, here, to, datagram.octets());
+                recording.sent(shared.clock.now().wall, here, to, datagram.bytes());
             }
-            if let Err(cause) = socket.send_to(datagram.octets(), to).await {
+            if let Err(cause) = socket.send_to(datagram.bytes(), to).await {
                 tracing::debug!("a datagram to a CUCS was not sent: {cause}");
             }
         }

@@ -1,6 +1,6 @@
 //! The scenes that trials are played in: who is there, what has gone before, and what is done with the message.
 
-use sim::px4::Airframe;
+use px4_sim::Airframe;
 use stanag_msgs::enums::{
     AreaPlanMode, FlightPathControlMode as Mode, StationBitmap1To16, StationBitmap17To32,
 };
@@ -32,9 +32,9 @@ pub(super) fn transitions() -> Setup {
 
 pub(super) fn plane() -> Setup {
     Setup {
-        vehicles: vec![sim::px4::Config {
+        vehicles: vec![px4_sim::Config {
             airframe: Airframe::Plane,
-            ..sim::px4::Config::default()
+            ..px4_sim::Config::default()
         }],
         ..Setup::default()
     }
@@ -49,9 +49,9 @@ pub(super) fn control(rig: &mut Rig) {
 
 pub(super) fn with_a_failing_compass(rig: &mut Rig) {
     control(rig);
-    rig.vehicles[0].vehicle_mut().ail(sim::px4::Ailments {
+    rig.vehicles[0].vehicle_mut().ail(px4_sim::HealthFaults {
         unhealthy: 0x4,
-        ..sim::px4::Ailments::default()
+        ..px4_sim::HealthFaults::default()
     });
     rig.run(5.0);
 }

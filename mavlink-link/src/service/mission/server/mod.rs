@@ -177,13 +177,13 @@ impl<R: ItemRules> Server<R> {
             M::MISSION_COUNT(m) => self.handle_count(now, from, m.count, m.mission_type),
             M::MISSION_ITEM(m) => {
                 self.int = false;
-                let octets = (m.x.to_le_bytes(), m.y.to_le_bytes());
-                self.handle_item(now, from, m.seq, m.mission_type, m.into(), octets);
+                let bytes = (m.x.to_le_bytes(), m.y.to_le_bytes());
+                self.handle_item(now, from, m.seq, m.mission_type, m.into(), bytes);
             }
             M::MISSION_ITEM_INT(m) => {
                 self.int = true;
-                let octets = (m.x.to_le_bytes(), m.y.to_le_bytes());
-                self.handle_item(now, from, m.seq, m.mission_type, m.into(), octets);
+                let bytes = (m.x.to_le_bytes(), m.y.to_le_bytes());
+                self.handle_item(now, from, m.seq, m.mission_type, m.into(), bytes);
             }
             M::MISSION_CLEAR_ALL(m) => self.handle_clear(now, from, m.mission_type),
             _ => {}

@@ -1,9 +1,0 @@
-//! Octets of a MAVLink link, whole and in pieces.
-#![no_main]
-
-#[path = "../../vsm/tests/any_input/frame.rs"]
-mod frame;
-
-use libfuzzer_sys::fuzz_target;
-
-fuzz_target!(|octets: &[u8]| frame::run(octets));

@@ -1,7 +1,0 @@
-//! The `px4-sim` program: a simulated PX4 on UDP.
-
-use std::process::ExitCode;
-
-fn main() -> ExitCode {
-    sim::px4::program::main()
-}

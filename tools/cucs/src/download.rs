@@ -1,0 +1,129 @@
+//! A plan as a vehicle sends it: 13001, 13002, 13003, 50001 and 50002, in whatever order they come.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use stanag_msgs::Message;
+use stanag_msgs::messages::{UaPositionWaypoint, UaRoute};
+
+/// The messages of a plan that came so far; a later one for the same route, waypoint or leg replaces the earlier.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Download {
+    routes: Vec<UaRoute>,
+    waypoints: BTreeMap<u16, UaPositionWaypoint>,
+    /// Loiters and curves by (type, first number, second number).
+    others: BTreeMap<(u16, u16, u16), Message>,
+}
+
+impl Download {
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        *self = Download::default();
+    }
+
+    /// Whether nothing came.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.routes.is_empty() && self.waypoints.is_empty() && self.others.is_empty()
+    }
+
+    /// The routes, in the order in which they came.
+    #[must_use]
+    pub fn routes(&self) -> &[UaRoute] {
+        &self.routes
+    }
+
+    /// The waypoints by rising number.
+    pub fn waypoints(&self) -> impl Iterator<Item = &UaPositionWaypoint> {
+        self.waypoints.values()
+    }
+
+    /// All messages: routes, waypoints, then loiters and curves.
+    pub fn messages(&self) -> impl Iterator<Item = Message> + '_ {
+        let routes = self.routes.iter().cloned().map(Message::UaRoute);
+        let waypoints = self.waypoints.values().cloned();
+        routes
+            .chain(waypoints.map(Message::UaPositionWaypoint))
+            .chain(self.others.values().cloned())
+    }
+
+    /// How many messages came, those that replaced others not counted.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.routes.len() + self.waypoints.len() + self.others.len()
+    }
+
+    /// The waypoints that there are, and those that a route or a waypoint names, by rising number.
+    #[must_use]
+    pub fn named(&self) -> BTreeSet<u16> {
+        let first = self
+            .routes
+            .iter()
+            .filter_map(|route| route.initial_waypoint_number);
+        let next = self
+            .waypoints
+            .values()
+            .filter_map(|point| point.next_waypoint);
+        let there = self.waypoints.keys().copied();
+        first
+            .chain(next)
+            .chain(there)
+            .filter(|number| *number != 0)
+            .collect()
+    }
+
+    /// Those of [`Download::named`] that did not come.
+    #[must_use]
+    pub fn missing(&self) -> Vec<u16> {
+        let named = self.named().into_iter();
+        named
+            .filter(|number| !self.waypoints.contains_key(number))
+            .collect()
+    }
+
+    /// Whether the message is part of a plan and was kept.
+    pub(crate) fn take(&mut self, message: &Message) -> bool {
+        match message {
+            Message::UaRoute(route) => {
+                self.routes.retain(|known| known.route_id != route.route_id);
+                if self.routes.len() >= MAX_ROUTES {
+                    return false;
+                }
+                self.routes.push(route.clone());
+                true
+            }
+            Message::UaPositionWaypoint(point) => match point.waypoint_number {
+                Some(number) => {
+                    self.waypoints.insert(number, point.clone());
+                    true
+                }
+                None => false,
+            },
+            Message::UaLoiterWaypoint(loiter) => {
+                self.keep(message, loiter.waypoint_number, Some(0))
+            }
+            Message::CurveSegment(curve) => {
+                self.keep(message, curve.p1_waypoint_no, curve.p4_waypoint_no)
+            }
+            Message::CurveSegmentPaper(curve) => {
+                self.keep(message, curve.p1_waypoint_no, curve.p4_waypoint_no)
+            }
+            _ => false,
+        }
+    }
+
+    fn keep(&mut self, message: &Message, first: Option<u16>, second: Option<u16>) -> bool {
+        let (Some(first), Some(second)) = (first, second) else {
+            return false;
+        };
+        let key = (message.id(), first, second);
+        if self.others.len() >= MAX_OTHERS && !self.others.contains_key(&key) {
+            return false;
+        }
+        self.others.insert(key, message.clone());
+        true
+    }
+}
+
+const MAX_ROUTES: usize = 256;
+/// As many as there can be waypoints.
+const MAX_OTHERS: usize = 65_534;

@@ -1,0 +1,78 @@
+//! Why an operator's word was not carried out, and the exit status that says so.
+
+use std::path::PathBuf;
+
+use stanag_msgs::Id;
+
+use crate::fence::FenceFileError;
+use crate::outcome::{Refused, StationError};
+use crate::route::RouteFileError;
+
+/// Why something was not done.
+#[derive(Debug, thiserror::Error)]
+pub enum OperatorError {
+    /// The station says why.
+    #[error(transparent)]
+    Station(#[from] StationError),
+    /// A route file.
+    #[error(transparent)]
+    RouteFile(#[from] RouteFileError),
+    /// A fence file.
+    #[error(transparent)]
+    FenceFile(#[from] FenceFileError),
+    /// More than one vehicle, and none was named.
+    #[error("vehicles {0} are there: say which")]
+    Ambiguous(String),
+    /// The vehicle that was named does not answer.
+    #[error("vehicle {wanted} is not there, only {found}")]
+    NoSuchVehicle {
+        /// The vehicle named.
+        wanted: Id,
+        /// Those that are there.
+        found: String,
+    },
+    /// What needs status needs LOI 2.
+    #[error("vehicle {0}: this CUCS holds no LOI, so nothing is told to it: take it first")]
+    NoRights(Id),
+    /// Whom to answer is not known.
+    #[error("vehicle {0}: no CUCS is known to ask for it: name it")]
+    NobodyAsks(Id),
+    /// What to accept is not known.
+    #[error("vehicle {0}: nothing is known to be offered: name the levels with --loi")]
+    NothingOffered(Id),
+    /// What was downloaded has holes.
+    #[error("the plan names waypoints that it does not have: {0}")]
+    Incomplete(String),
+    /// A file cannot be written.
+    #[error("{}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A number of seconds that is none.
+    #[error("{0} seconds, expected 0 to 1e6")]
+    Seconds(f64),
+    /// Nobody reads what is told.
+    #[error("output: {0}")]
+    Output(#[from] std::io::Error),
+}
+
+impl OperatorError {
+    /// 2 where the question was wrong, 1 where the answer is no.
+    #[must_use]
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::RouteFile(_) | Self::FenceFile(_) | Self::Ambiguous(_) | Self::Seconds(_) => 2,
+            Self::Station(fault) => fault.exit_status(),
+            _ => 1,
+        }
+    }
+}
+
+impl From<Refused> for OperatorError {
+    fn from(refused: Refused) -> Self {
+        OperatorError::Station(refused.into())
+    }
+}

@@ -1,0 +1,204 @@
+//! Who is there, and rights over a vehicle: messages 1 and 2.
+
+use std::time::Duration;
+
+use stanag_msgs::Id;
+use stanag_msgs::enums::{LoiBitmap, RequestedAccess, StationBitmap1To16};
+use stanag_msgs::messages::CucsAuthorisationRequest;
+use tokio::time::Instant;
+
+use super::Station;
+use crate::outcome::StationError;
+use crate::sender::Delivery;
+use crate::session::Session;
+use crate::vehicle::Vehicle;
+
+/// A vehicle that a VSM offers: message 2.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Discovered {
+    /// The vehicle.
+    pub vehicle: Id,
+    /// The VSM that it is behind.
+    pub vsm: Option<Id>,
+    /// What this CUCS may have.
+    pub authorised: LoiBitmap,
+    /// What it holds already.
+    pub granted: LoiBitmap,
+    /// Vehicle Type, 0 where it is not known.
+    pub vehicle_type: u16,
+}
+
+impl Station {
+    /// Asks who is there: #1 to everybody, until the vehicles that answer #2 are told.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    pub async fn discover(&mut self) -> Result<Vec<Discovered>, StationError> {
+        let within = self.timeouts.answer;
+        let quiet = self.timeouts.quiet;
+        let deadline = Instant::now() + within;
+        let before: Vec<(Id, u64)> = self
+            .session
+            .vehicles()
+            .map(|vehicle| (vehicle.id, vehicle.authorisations))
+            .collect();
+        let answered = |session: &Session| -> Vec<Discovered> {
+            let known = |id| before.iter().find(|(known, _)| *known == id);
+            session
+                .vehicles()
+                .filter(|vehicle| {
+                    vehicle.authorisations > known(vehicle.id).map_or(0, |(_, count)| *count)
+                })
+                .map(discovered)
+                .collect()
+        };
+        while Instant::now() < deadline {
+            let question = CucsAuthorisationRequest {
+                vsm_id: Some(Id::BROADCAST),
+                data_link_id: Some(Id::NULL),
+                requested_handover_loi: Some(LoiBitmap::NONE),
+                requested_handover_access: Some(RequestedAccess::Relinquish),
+                ..CucsAuthorisationRequest::default()
+            };
+            let now = self.now();
+            self.session
+                .send_unconfirmed(now, Id::BROADCAST, question)?;
+            let again = (Instant::now() + ASK_AGAIN).min(deadline);
+            let first = self
+                .until(again, |session| {
+                    (!answered(session).is_empty()).then_some(())
+                })
+                .await?;
+            if first.is_none() {
+                continue;
+            }
+            let mut found = answered(&self.session).len();
+            while self
+                .until(Instant::now() + quiet, |session| {
+                    (answered(session).len() > found).then_some(())
+                })
+                .await?
+                .is_some()
+            {
+                found = answered(&self.session).len();
+            }
+            return Ok(answered(&self.session));
+        }
+        Err(self.no_vsm(within))
+    }
+
+    /// Asks for rights over a vehicle and returns everything that this CUCS then holds, at least what was asked for.
+    /// `access` is [`RequestedAccess::Request`], or `Override` to take them from another.
+    ///
+    /// # Errors
+    /// Not all of it is granted, or nobody answers.
+    pub async fn request(
+        &mut self,
+        vehicle: Id,
+        loi: LoiBitmap,
+        access: RequestedAccess,
+    ) -> Result<LoiBitmap, StationError> {
+        let mark = self.alert_mark(vehicle);
+        self.authorise(vehicle, loi, access).await?;
+        let granted = |station: &Station| {
+            let state = station.session.vehicle(vehicle);
+            state.map_or(LoiBitmap::NONE, Vehicle::granted)
+        };
+        let held = granted(self);
+        if held.contains(loi) {
+            return Ok(held);
+        }
+        let what = "request (message 1)".to_owned();
+        let refused = self.refusal(vehicle, what, None, mark).await?;
+        let state = self.session.vehicle(vehicle);
+        Err(StationError::NotGranted {
+            vehicle,
+            asked: loi,
+            granted: refused.held,
+            authorised: state.map_or(LoiBitmap::NONE, Vehicle::authorised),
+            reasons: refused.reasons,
+        })
+    }
+
+    /// Gives all rights over a vehicle back.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    pub async fn release(&mut self, vehicle: Id) -> Result<(), StationError> {
+        self.authorise(vehicle, LoiBitmap::NONE, RequestedAccess::Relinquish)
+            .await
+    }
+
+    /// Sends #1 to a vehicle until its #2 is there.
+    async fn authorise(
+        &mut self,
+        vehicle: Id,
+        loi: LoiBitmap,
+        access: RequestedAccess,
+    ) -> Result<(), StationError> {
+        let within = self.timeouts.answer;
+        let deadline = Instant::now() + within;
+        let count = |session: &Session| {
+            session
+                .vehicle(vehicle)
+                .map_or(0, |vehicle| vehicle.authorisations)
+        };
+        while Instant::now() < deadline {
+            let before = count(&self.session);
+            let vsm_id = self
+                .session
+                .vehicle(vehicle)
+                .and_then(|state| state.authorisation.as_ref()?.vsm_id);
+            let request = CucsAuthorisationRequest {
+                vsm_id: Some(vsm_id.unwrap_or(Id::BROADCAST)),
+                data_link_id: Some(Id::NULL),
+                requested_handover_loi: Some(loi),
+                requested_handover_access: Some(access),
+                controlled_station_1_16: Some(StationBitmap1To16::NONE),
+                ..CucsAuthorisationRequest::default()
+            };
+            let now = self.now();
+            let ticket = self.session.send(now, vehicle, request)?;
+            let again = (Instant::now() + ASK_AGAIN * 2).min(deadline);
+            // An old #2 may still be under way: what answers comes with, or just before, the 17000.
+            let answer = self
+                .until(again, |session| {
+                    let answered = !matches!(
+                        session.delivery(ticket),
+                        Delivery::Queued | Delivery::Sent(_)
+                    );
+                    (answered && count(session) > before).then_some(())
+                })
+                .await?;
+            self.session.withdraw(ticket);
+            // A VSM that sends no 17000 for #1 has answered by #2 alone.
+            if answer.is_some() || count(&self.session) > before {
+                return Ok(());
+            }
+        }
+        if !self.heard {
+            return Err(self.no_vsm(within));
+        }
+        Err(self.timed_out(
+            format!("answer of vehicle {vehicle} (message 2)"),
+            within,
+            vehicle,
+        ))
+    }
+}
+
+fn discovered(vehicle: &Vehicle) -> Discovered {
+    let response = vehicle.authorisation.as_ref();
+    Discovered {
+        vehicle: vehicle.id,
+        vsm: response.and_then(|response| response.vsm_id),
+        authorised: vehicle.authorised(),
+        granted: vehicle.granted(),
+        vehicle_type: response
+            .and_then(|response| response.vehicle_type)
+            .unwrap_or(0),
+    }
+}
+
+/// A question without acknowledgement is repeated after this time.
+const ASK_AGAIN: Duration = Duration::from_millis(500);

@@ -1,0 +1,193 @@
+//! Mode commands (2016): launch, fly a route, loiter, land.
+
+use stanag_msgs::enums::{
+    AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, LoiBitmap, SpeedType,
+};
+use stanag_msgs::messages::VehicleOperatingModeCommand;
+use stanag_msgs::{Bam32, Id, Scaled};
+use tokio::time::Instant;
+
+use super::Station;
+use crate::outcome::{Outcome, Refused, StationError};
+use crate::sender::Delivery;
+use crate::session::Session;
+use crate::vehicle::Vehicle;
+
+/// Where to loiter; what is absent stays as it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LoiterAt {
+    /// Degrees north and east.
+    pub position_deg: Option<(f64, f64)>,
+    /// Metres, and above what.
+    pub altitude: Option<(f64, AltitudeType)>,
+    /// Metres a second over ground.
+    pub speed_m_s: Option<f64>,
+}
+
+impl Station {
+    /// Sends a 2016 and waits until it is carried out or refused.
+    ///
+    /// # Errors
+    /// There is no answer, or no end to it, within [`Timeouts::command`](crate::Timeouts).
+    pub async fn operate(
+        &mut self,
+        vehicle: Id,
+        command: VehicleOperatingModeCommand,
+    ) -> Result<Outcome, StationError> {
+        let what = command.select_flight_path_control_mode.map_or_else(
+            || "mode command (2016)".to_owned(),
+            |mode| format!("mode {} (2016)", mode.raw()),
+        );
+        let mark = self.alert_mark(vehicle);
+        let within = self.timeouts.command;
+        let now = self.now();
+        let ticket = self.session.send(now, vehicle, command)?;
+        match self.delivered(ticket, vehicle, within).await? {
+            Delivery::Refused => {
+                let refused = self.refusal(vehicle, what, None, mark).await?;
+                Ok(Outcome::Refused(refused))
+            }
+            _ => Ok(Outcome::CarriedOut),
+        }
+    }
+
+    /// Mode 21: arms and takes off to an altitude.
+    ///
+    /// # Errors
+    /// As [`Station::operate`]; an altitude that cannot be expressed.
+    pub async fn launch(
+        &mut self,
+        vehicle: Id,
+        altitude_m: f64,
+        altitude_type: AltitudeType,
+    ) -> Result<Outcome, StationError> {
+        let mut command = mode(Mode::Launch);
+        set_altitude(&mut command, altitude_m, altitude_type)?;
+        self.operate(vehicle, command).await
+    }
+
+    /// Mode 11: flies the route that is loaded, from a waypoint where one is given.
+    ///
+    /// # Errors
+    /// As [`Station::operate`]; a speed that cannot be expressed.
+    pub async fn fly_route(
+        &mut self,
+        vehicle: Id,
+        from: Option<u16>,
+        speed_m_s: Option<f64>,
+    ) -> Result<Outcome, StationError> {
+        let mut command = mode(Mode::Waypoint);
+        command.commanded_waypoint_number = from;
+        set_speed(&mut command, speed_m_s)?;
+        self.operate(vehicle, command).await
+    }
+
+    /// Mode 12: loiters, here or there.
+    ///
+    /// # Errors
+    /// As [`Station::operate`]; values that cannot be expressed.
+    pub async fn loiter(&mut self, vehicle: Id, at: LoiterAt) -> Result<Outcome, StationError> {
+        let mut command = mode(Mode::Loiter);
+        if let Some((latitude, longitude)) = at.position_deg {
+            command.loiter_position_latitude = Some(Bam32::from_degrees(latitude));
+            command.loiter_position_longitude = Some(Bam32::from_degrees(longitude));
+        }
+        if let Some((altitude_m, altitude_type)) = at.altitude {
+            set_altitude(&mut command, altitude_m, altitude_type)?;
+        }
+        set_speed(&mut command, at.speed_m_s)?;
+        self.operate(vehicle, command).await
+    }
+
+    /// Mode 19: lands here. Carried out once it descends; [`Vehicle::landed`](crate::Vehicle::landed) tells
+    /// when it stands.
+    ///
+    /// # Errors
+    /// As [`Station::operate`].
+    pub async fn land(&mut self, vehicle: Id) -> Result<Outcome, StationError> {
+        self.operate(vehicle, mode(Mode::AutolandEngage)).await
+    }
+
+    /// Another speed over ground in the mode that the vehicle is in.
+    ///
+    /// # Errors
+    /// As [`Station::operate`]; a speed that cannot be expressed.
+    pub async fn change_speed(
+        &mut self,
+        vehicle: Id,
+        speed_m_s: f64,
+    ) -> Result<Outcome, StationError> {
+        // No mode is named: what is absent is not commanded, and a route that has been flown is not flown again.
+        let mut command = VehicleOperatingModeCommand::default();
+        set_speed(&mut command, Some(speed_m_s))?;
+        self.operate(vehicle, command).await
+    }
+
+    /// The place in the vehicle's alerts from which on a reason for a refusal may stand.
+    pub(super) fn alert_mark(&self, vehicle: Id) -> u64 {
+        self.vehicle(vehicle).map_or(0, |state| state.next_alert())
+    }
+
+    /// A refusal with the texts of the alerts since the mark that speak of one; of all of them where none does.
+    pub(super) async fn refusal(
+        &mut self,
+        vehicle: Id,
+        what: String,
+        waypoint: Option<u16>,
+        mark: u64,
+    ) -> Result<Refused, StationError> {
+        let deadline = Instant::now() + self.timeouts.reason;
+        let told = |session: &mut Session| {
+            let state = session.vehicle(vehicle)?;
+            let texts: Vec<String> = state
+                .alerts_from(mark)
+                .map(|alert| alert.text.clone())
+                .filter(|text| text.contains("refused"))
+                .collect();
+            (!texts.is_empty()).then_some(texts)
+        };
+        let reasons = match self.until(deadline, told).await? {
+            Some(texts) => texts,
+            None => self.vehicle(vehicle).map_or_else(Vec::new, |state| {
+                let texts = state.alerts_from(mark).map(|alert| alert.text.clone());
+                texts.collect()
+            }),
+        };
+        let state = self.vehicle(vehicle);
+        Ok(Refused {
+            what,
+            waypoint,
+            reasons,
+            held: state.map_or(LoiBitmap::NONE, Vehicle::granted),
+        })
+    }
+}
+
+fn mode(mode: Mode) -> VehicleOperatingModeCommand {
+    VehicleOperatingModeCommand {
+        select_flight_path_control_mode: Some(mode),
+        ..VehicleOperatingModeCommand::default()
+    }
+}
+
+pub(crate) fn set_altitude(
+    command: &mut VehicleOperatingModeCommand,
+    altitude_m: f64,
+    altitude_type: AltitudeType,
+) -> Result<(), StationError> {
+    command.altitude_command_type = Some(AltitudeCommandType::Altitude);
+    command.commanded_altitude = Some(Scaled::from_si(altitude_m)?);
+    command.altitude_type = Some(altitude_type);
+    Ok(())
+}
+
+pub(crate) fn set_speed(
+    command: &mut VehicleOperatingModeCommand,
+    speed_m_s: Option<f64>,
+) -> Result<(), StationError> {
+    if let Some(speed_m_s) = speed_m_s {
+        command.commanded_speed = Some(Scaled::from_si(speed_m_s)?);
+        command.speed_type = Some(SpeedType::Ground);
+    }
+    Ok(())
+}

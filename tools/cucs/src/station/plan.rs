@@ -1,0 +1,269 @@
+//! Plans: sending a route, clearing, downloading (13000 and 14000).
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use stanag_msgs::enums::{MissionPlanMode, MissionTransferStatus};
+use stanag_msgs::messages::MissionTransferCommand;
+use stanag_msgs::{Id, Message};
+use tokio::time::Instant;
+
+use super::Station;
+use crate::download::Download;
+use crate::outcome::{Outcome, StationError};
+use crate::route::Route;
+use crate::sender::Delivery;
+use crate::session::Session;
+
+impl Station {
+    /// Sends a route (13001 and what belongs to it), then loads it (13000 mode 2), and waits until 14000 says that it
+    /// is aboard or refused.
+    ///
+    /// # Errors
+    /// The route cannot be put into messages, or there is no answer.
+    pub async fn send_route(
+        &mut self,
+        vehicle: Id,
+        route: &Route,
+    ) -> Result<Outcome, StationError> {
+        let load = route.load_command()?;
+        let messages = route.messages(vehicle, self.session.id())?;
+        if let Outcome::Refused(refused) = self.store(vehicle, &messages).await? {
+            return Ok(Outcome::Refused(refused));
+        }
+        self.transfer(vehicle, load).await
+    }
+
+    /// Sends messages that only store, and waits until each is stored or one is refused.
+    ///
+    /// # Errors
+    /// One of them has no answer.
+    pub async fn store(
+        &mut self,
+        vehicle: Id,
+        messages: &[Message],
+    ) -> Result<Outcome, StationError> {
+        let mark = self.alert_mark(vehicle);
+        let within = self.timeouts.store;
+        let deadline = Instant::now() + within;
+        let now = self.now();
+        let tickets = self
+            .session
+            .send_all(now, vehicle, messages.iter().cloned())?;
+        let ended = self
+            .until(deadline, |session| {
+                let mut deliveries = tickets.iter().map(|ticket| session.delivery(*ticket));
+                let refused = deliveries
+                    .clone()
+                    .any(|delivery| matches!(delivery, Delivery::Refused | Delivery::Unanswered));
+                (refused || deliveries.all(Delivery::is_final)).then_some(())
+            })
+            .await?;
+        let found = tickets.iter().zip(messages).find_map(|(ticket, message)| {
+            let delivery = self.session.delivery(*ticket);
+            (delivery != Delivery::CarriedOut).then_some((delivery, what(message)))
+        });
+        for ticket in &tickets {
+            self.session.withdraw(*ticket);
+        }
+        match found {
+            None => Ok(Outcome::CarriedOut),
+            Some((Delivery::Refused, what)) => {
+                let refused = self.refusal(vehicle, what, None, mark).await?;
+                Ok(Outcome::Refused(refused))
+            }
+            Some(_) if !self.heard => Err(self.no_vsm(within)),
+            Some((_, what)) => {
+                let tries = if ended.is_some() { "in any try" } else { "yet" };
+                let awaited = format!("acknowledgement (17000) of {what} {tries}");
+                Err(self.timed_out(awaited, within, vehicle))
+            }
+        }
+    }
+
+    /// Forgets the plan, in the VSM and aboard (13000 mode 1).
+    ///
+    /// # Errors
+    /// There is no answer.
+    pub async fn clear(&mut self, vehicle: Id) -> Result<Outcome, StationError> {
+        self.transfer(vehicle, plan_mode(MissionPlanMode::Clear))
+            .await
+    }
+
+    /// Ends a transfer that is under way (13000 mode 5).
+    ///
+    /// # Errors
+    /// There is no answer.
+    pub async fn cancel(&mut self, vehicle: Id) -> Result<Outcome, StationError> {
+        self.transfer(vehicle, plan_mode(MissionPlanMode::Cancel))
+            .await
+    }
+
+    /// Asks for the whole plan (13000 mode 3). A long plan comes in a burst of which a network may lose a part: where
+    /// a waypoint is named that did not come, every waypoint is asked for by itself (mode 4), its loiter with it.
+    /// Those that the VSM has not either stay [missing](Download::missing). A curve that is lost is not noticed.
+    ///
+    /// # Errors
+    /// It is refused, or there is no answer.
+    pub async fn download(&mut self, vehicle: Id) -> Result<Download, StationError> {
+        self.session.start_download(vehicle);
+        self.transfer(vehicle, plan_mode(MissionPlanMode::Download))
+            .await?
+            .accepted()?;
+        // 14000 may overtake the last waypoints.
+        let deadline = Instant::now() + self.timeouts.quiet;
+        self.until(deadline, |session| {
+            let state = session.vehicle(vehicle)?;
+            state.download.missing().is_empty().then_some(())
+        })
+        .await?;
+        if self.downloaded(vehicle).missing().is_empty() {
+            return Ok(self.downloaded(vehicle));
+        }
+        let mut asked = BTreeSet::new();
+        // One that comes may name others that did not.
+        while let Some(number) = self
+            .downloaded(vehicle)
+            .named()
+            .into_iter()
+            .find(|number| !asked.contains(number))
+        {
+            asked.insert(number);
+            let ask = MissionTransferCommand {
+                waypoint_number: Some(number),
+                ..plan_mode(MissionPlanMode::DownloadWaypoint)
+            };
+            // One that is refused is one that the VSM has not.
+            self.transfer(vehicle, ask).await?;
+        }
+        Ok(self.downloaded(vehicle))
+    }
+
+    fn downloaded(&self, vehicle: Id) -> Download {
+        self.vehicle(vehicle)
+            .map(|state| state.download.clone())
+            .unwrap_or_default()
+    }
+
+    /// Sends a 13000 and waits for the end that 14000 tells.
+    ///
+    /// # Errors
+    /// There is no answer, or no end to it, in time.
+    pub async fn transfer(
+        &mut self,
+        vehicle: Id,
+        command: MissionTransferCommand,
+    ) -> Result<Outcome, StationError> {
+        let mode = command.mission_plan_mode;
+        let what = match mode {
+            Some(MissionPlanMode::Load) => "loading (13000 mode 2)".to_owned(),
+            Some(MissionPlanMode::Clear) => "clearing (13000 mode 1)".to_owned(),
+            Some(MissionPlanMode::Cancel) => "cancelling (13000 mode 5)".to_owned(),
+            Some(MissionPlanMode::Download | MissionPlanMode::DownloadWaypoint) => {
+                "download (13000 mode 3 or 4)".to_owned()
+            }
+            other => format!("13000 mode {}", other.map_or(0, MissionPlanMode::raw)),
+        };
+        let within = self.timeouts.transfer;
+        let deadline = Instant::now() + within;
+        let count = |session: &Session| session.vehicle(vehicle).map_or(0, |state| state.transfers);
+        let before = count(&self.session);
+        let mark = self.alert_mark(vehicle);
+        let now = self.now();
+        let ticket = self.session.send(now, vehicle, command)?;
+        let reported = |session: &Session| {
+            let state = session
+                .vehicle(vehicle)
+                .filter(|_| count(session) > before)?;
+            let report = state.transfer.as_ref()?;
+            if report.mission_plan_mode.is_some() && report.mission_plan_mode != mode {
+                return None;
+            }
+            let waypoint = report.waypoint_request.filter(|number| *number != 0);
+            match report.status? {
+                MissionTransferStatus::Complete => Some(End::Complete),
+                MissionTransferStatus::Aborted => Some(End::Refused(waypoint)),
+                _ => None,
+            }
+        };
+        let downloads = mode == Some(MissionPlanMode::Download);
+        let mut size = 0;
+        let mut end = loop {
+            let look = (Instant::now() + STALL).min(deadline);
+            let end = self
+                .until(look, |session| {
+                    reported(session).or_else(|| match session.delivery(ticket) {
+                        Delivery::Refused => Some(End::Refused(None)),
+                        Delivery::CarriedOut => Some(End::Complete),
+                        Delivery::Unanswered => Some(End::Unanswered),
+                        _ => None,
+                    })
+                })
+                .await?;
+            if end.is_some() || Instant::now() >= deadline {
+                break end;
+            }
+            // The end of a burst is what is lost first, and that is where the 14000 was.
+            let before = std::mem::replace(&mut size, self.downloaded(vehicle).len());
+            if downloads && size > 0 && size == before {
+                break Some(End::Complete);
+            }
+        };
+        // 17000 may come before 14000, which says more; and a 14000 that came later would be taken for the answer
+        // to the next transfer.
+        if matches!(end, Some(End::Complete | End::Refused(None))) {
+            let grace = Instant::now() + self.timeouts.reason;
+            end = self
+                .until(grace, |session| reported(session))
+                .await?
+                .or(end);
+        }
+        self.session.withdraw(ticket);
+        match end {
+            Some(End::Complete) => Ok(Outcome::CarriedOut),
+            Some(End::Refused(waypoint)) => {
+                let refused = self.refusal(vehicle, what, waypoint, mark).await?;
+                Ok(Outcome::Refused(refused))
+            }
+            Some(End::Unanswered) if !self.heard => Err(self.no_vsm(within)),
+            Some(End::Unanswered) => Err(self.timed_out(
+                format!("acknowledgement (17000) of {what}"),
+                within,
+                vehicle,
+            )),
+            None => Err(self.timed_out(format!("end (14000) of {what}"), within, vehicle)),
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum End {
+    Complete,
+    Refused(Option<u16>),
+    Unanswered,
+}
+
+fn plan_mode(mode: MissionPlanMode) -> MissionTransferCommand {
+    MissionTransferCommand {
+        mission_plan_mode: Some(mode),
+        ..MissionTransferCommand::default()
+    }
+}
+
+/// A plan message as an operator knows it.
+fn what(message: &Message) -> String {
+    let number = match message {
+        Message::UaPositionWaypoint(point) => point.waypoint_number,
+        Message::UaLoiterWaypoint(loiter) => loiter.waypoint_number,
+        Message::CurveSegment(curve) => curve.p1_waypoint_no,
+        Message::CurveSegmentPaper(curve) => curve.p1_waypoint_no,
+        _ => None,
+    };
+    match number {
+        Some(number) => format!("{} of waypoint {number}", message.id()),
+        None => message.id().to_string(),
+    }
+}
+
+/// A download of which nothing came for so long is over.
+const STALL: Duration = Duration::from_secs(1);

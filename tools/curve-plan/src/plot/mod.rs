@@ -1,0 +1,70 @@
+//! `plot`: a picture of a route, what is flown of it, and how far the one is from the other.
+
+mod html;
+mod png;
+mod scene;
+mod svg;
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::failure::Failure;
+use crate::load::{Densify, Loaded};
+use crate::{formats, tlog};
+use scene::Scene;
+
+/// Arguments of `plot`.
+#[derive(Debug, Args)]
+pub(crate) struct Command {
+    /// The route.
+    file: PathBuf,
+    /// Where to draw it: .svg, .png, or .html for a page that can be moved and zoomed.
+    #[arg(short, long)]
+    output: PathBuf,
+    #[command(flatten)]
+    how: Densify,
+    /// Width of a .png, pixels.
+    #[arg(long, value_name = "PIXELS", default_value_t = 2_000, value_parser = clap::value_parser!(u32).range(100..=10_000))]
+    width: u32,
+    /// A .tlog with the flown track.
+    #[arg(long)]
+    flown: Option<PathBuf>,
+}
+
+impl Command {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let ending = self
+            .output
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or("")
+            .to_ascii_lowercase();
+        if !["svg", "png", "html"].contains(&ending.as_str()) {
+            return Err(Failure::Usage(format!(
+                "--output ends in {ending:?}, expected .svg, .png or .html"
+            )));
+        }
+        let loaded = Loaded::read(&self.file, &self.how)?;
+        let (densified, tolerance_m) = loaded.densify(&self.how)?;
+        let flown = match &self.flown {
+            Some(file) => tlog::read(file)?,
+            None => Vec::new(),
+        };
+        let name = &loaded.route.name;
+        let drawn = svg::draw(&Scene::new(
+            name,
+            &loaded.legs,
+            &densified,
+            tolerance_m,
+            &flown,
+        ));
+        let bytes = match ending.as_str() {
+            "html" => html::page(name, &drawn).into_bytes(),
+            "png" => png::paint(&drawn, self.width)
+                .map_err(|e| Failure::Answer(format!("{}: {e}", self.output.display())))?,
+            _ => drawn.into_bytes(),
+        };
+        formats::save(&self.output, &bytes)
+    }
+}

@@ -1,0 +1,92 @@
+//! `send`: uploads a route through a VSM, as a ground station (CUCS) does.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use cucs::{LoiList, Operator, OperatorError, Station, Style, Vehicle, Verb};
+use stanag_msgs::Id;
+use stanag_msgs::enums::LoiBitmap;
+
+use crate::failure::Failure;
+use crate::formats::{self, Selection};
+
+/// Arguments of `send`.
+#[derive(Debug, Args)]
+pub(crate) struct Command {
+    /// The route; any format that can be read.
+    file: PathBuf,
+    /// Where the VSM listens.
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:4586")]
+    vsm: String,
+    /// The id to send as, which the VSM's configuration must list.
+    #[arg(long, default_value = "1b:00:00:a0")]
+    id: Id,
+    /// Own address; without it any port, on the loopback where the VSM is there.
+    #[arg(long, value_name = "IP:PORT")]
+    listen: Option<SocketAddr>,
+    /// The vehicle; without it the only one that is there.
+    #[arg(long, value_name = "ID")]
+    vehicle: Option<Id>,
+    /// Home, m above mean sea level: turns heights above home into altitudes.
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    home_alt: Option<f64>,
+    /// Take the rights (LOI 4) also where another station holds them.
+    #[arg(long = "override")]
+    depose: bool,
+    /// Keep the rights; without it they are given back, unless this id held some before.
+    #[arg(long)]
+    keep: bool,
+    /// Print JSON, an object a line.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Command {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let mut route = formats::read(&self.file, Selection::default())?;
+        if let Some(home_m) = self.home_alt {
+            route.lift(home_m);
+        }
+        // What is no route is told before anything is sent.
+        route.legs(&self.file)?;
+        let plan = route.to_plan()?;
+        tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(|e| Failure::Answer(e.to_string()))?
+            .block_on(self.upload(&plan))?;
+        Ok(())
+    }
+
+    async fn upload(&self, plan: &cucs::Route) -> Result<(), OperatorError> {
+        let station = Station::reach(self.id, self.listen, &self.vsm).await?;
+        let style = if self.json {
+            Style::Json
+        } else {
+            Style::People
+        };
+        let mut operator = Operator::new(station, self.vehicle, style, std::io::stdout());
+        let vehicle = operator.meet().await?;
+        let held = operator
+            .station()
+            .vehicle(vehicle)
+            .map_or(LoiBitmap::NONE, Vehicle::granted);
+        let nowhere = Path::new("");
+        if !held.contains(LoiBitmap::LOI4) || self.depose {
+            let take = Verb::Take {
+                loi: Some(LoiList(LoiBitmap::LOI4)),
+                depose: self.depose,
+            };
+            operator.run(&take, nowhere).await?;
+        }
+        let name = self.file.display().to_string();
+        let sent = operator.load(&name, plan).await;
+        if held.is_empty() && !self.keep {
+            let released = operator.run(&Verb::Release, nowhere).await;
+            // Of two failures the first says more.
+            return sent.and(released);
+        }
+        sent
+    }
+}

@@ -1,0 +1,146 @@
+//! One command, whichever of COMMAND_LONG and COMMAND_INT brought it.
+
+use mavlink::dialects::development::{COMMAND_INT_DATA, COMMAND_LONG_DATA};
+
+use mavlink_link::service::Node;
+
+/// A command as PX4 handles it inside: param5 and param6 in double precision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Command {
+    /// MAV_CMD, known to the dialect or not.
+    pub id: u16,
+    /// param1 to param7.
+    pub params: [f64; 7],
+    /// Whom it is for.
+    pub target: Node,
+    /// Who sent it.
+    pub from: Node,
+    /// COMMAND_INT with the bytes of a float NaN as coordinates: refused at once.
+    pub garbled: bool,
+}
+
+impl Command {
+    /// From the payload of COMMAND_LONG (76).
+    pub(super) fn from_long_payload(payload: &[u8], from: Node) -> Self {
+        let p = |i: usize| f64::from(f32::from_le_bytes(bytes(payload, i * 4)));
+        Self {
+            id: u16::from_le_bytes(bytes(payload, 28)),
+            params: [p(0), p(1), p(2), p(3), p(4), p(5), p(6)],
+            target: Node::new(bytes::<1>(payload, 30)[0], bytes::<1>(payload, 31)[0]),
+            from,
+            garbled: false,
+        }
+    }
+
+    /// From the payload of COMMAND_INT (75). The frame is not looked at: PX4 takes the altitude
+    /// as AMSL whatever it says, and only scales a local frame's x and y.
+    pub(super) fn from_int_payload(payload: &[u8], from: Node) -> Self {
+        let p = |i: usize| f64::from(f32::from_le_bytes(bytes(payload, i * 4)));
+        let (x, y) = (
+            i32::from_le_bytes(bytes(payload, 16)),
+            i32::from_le_bytes(bytes(payload, 20)),
+        );
+        let id = u16::from_le_bytes(bytes(payload, 28));
+        let frame = bytes::<1>(payload, 32)[0];
+        let local = matches!(frame, 1 | 4 | 7 | 8 | 9 | 12 | 20 | 21);
+        let scale = match (has_location(id), local) {
+            (true, true) => 1e4,
+            (true, false) => 1e7,
+            (false, _) => 1.0,
+        };
+        let unset = x == i32::MAX && y == i32::MAX;
+        let coordinate = |v: i32| {
+            if unset {
+                f64::NAN
+            } else {
+                f64::from(v) / scale
+            }
+        };
+        Self {
+            id,
+            params: [p(0), p(1), p(2), p(3), coordinate(x), coordinate(y), p(6)],
+            target: Node::new(bytes::<1>(payload, 30)[0], bytes::<1>(payload, 31)[0]),
+            from,
+            garbled: x == NAN_BYTES && y == NAN_BYTES,
+        }
+    }
+
+    /// From the dialect's struct.
+    pub(super) fn from_long(m: &COMMAND_LONG_DATA, from: Node) -> Self {
+        Self {
+            id: m.command as u16,
+            params: [
+                m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7,
+            ]
+            .map(f64::from),
+            target: Node::new(m.target_system, m.target_component),
+            from,
+            garbled: false,
+        }
+    }
+
+    /// From the dialect's struct.
+    pub(super) fn from_int(m: &COMMAND_INT_DATA, from: Node) -> Self {
+        let mut payload = [0; 35];
+        for (i, p) in [m.param1, m.param2, m.param3, m.param4]
+            .into_iter()
+            .enumerate()
+        {
+            payload[i * 4..i * 4 + 4].copy_from_slice(&p.to_le_bytes());
+        }
+        payload[16..20].copy_from_slice(&m.x.to_le_bytes());
+        payload[20..24].copy_from_slice(&m.y.to_le_bytes());
+        payload[24..28].copy_from_slice(&m.z.to_le_bytes());
+        payload[28..30].copy_from_slice(&(m.command as u16).to_le_bytes());
+        payload[30] = m.target_system;
+        payload[31] = m.target_component;
+        payload[32] = m.frame as u8;
+        Self::from_int_payload(&payload, from)
+    }
+
+    /// Parameter `number`, 1 to 7.
+    pub(super) fn param(&self, number: usize) -> f64 {
+        self.params
+            .get(number.wrapping_sub(1))
+            .copied()
+            .unwrap_or(f64::NAN)
+    }
+
+    /// Parameter `number` where it is a number.
+    pub(super) fn given(&self, number: usize) -> Option<f64> {
+        Some(self.param(number)).filter(|v| v.is_finite())
+    }
+}
+
+/// Bytes of a payload; what the sender trimmed is zero.
+fn bytes<const N: usize>(payload: &[u8], at: usize) -> [u8; N] {
+    let mut out = [0; N];
+    for (o, i) in out.iter_mut().zip(at..) {
+        *o = payload.get(i).copied().unwrap_or(0);
+    }
+    out
+}
+
+/// Commands whose param5 and param6 are a latitude and a longitude.
+fn has_location(command: u16) -> bool {
+    matches!(
+        command,
+        16..=19 | 21 | 22 | 30 | 31 | 33..=36 | 80 | 82 | 84 | 85 | 94 | 179 | 192 | 195 | 201 | 611 | 4501 | 5000..=5005 | 5100 | 43003
+    )
+}
+
+/// 0x7ff80000: the upper half of a double NaN, sent as an integer by accident.
+const NAN_BYTES: i32 = 0x7ff8_0000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_trimmed_payload_is_padded_with_zeros() {
+        let command = Command::from_long_payload(&[0, 0, 0x80, 0x3f], Node::new(255, 190));
+        assert_eq!(command.params[0], 1.0);
+        assert_eq!(command.id, 0);
+        assert_eq!(command.target, Node::new(0, 0));
+    }
+}

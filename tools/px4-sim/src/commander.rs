@@ -1,0 +1,410 @@
+//! Arming, the mode that is flown as against the mode that was asked for, and the failsafes.
+
+use super::mode::Mode;
+use super::params::{Param, Params};
+use super::view::Note;
+
+/// Seconds after boot at which things come to life, as PX4's simulator has them.
+pub(super) mod boot {
+    /// First HEARTBEAT.
+    pub(crate) const FIRST_HEARTBEAT: f64 = 1.95;
+    /// "no heading reference" is said.
+    pub(crate) const PREFLIGHT_TEXT: f64 = 3.2;
+    /// HOME_POSITION is known.
+    pub(crate) const HOME: f64 = 4.0;
+    /// The estimator is good and arming is allowed.
+    pub(crate) const READY: f64 = 4.9;
+}
+
+/// The facts that the commander decides on.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Facts<'a> {
+    /// Time since boot, s.
+    pub now: f64,
+    /// On the ground.
+    pub landed: bool,
+    /// The mission passed its checks.
+    pub mission_valid: bool,
+    /// Parameters.
+    pub params: &'a Params,
+}
+
+/// Why the vehicle is not in the mode that was asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Cause {
+    Sticks,
+    Setpoints,
+    GroundStation,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Failsafe {
+    cause: Cause,
+    /// The mode flown now.
+    mode: Mode,
+    /// When and to what it goes on.
+    then: Option<(f64, Mode)>,
+}
+
+/// The commander.
+#[derive(Debug, Clone)]
+pub(super) struct Commander {
+    armed: bool,
+    armed_at: f64,
+    flown: bool,
+    landed_at: Option<f64>,
+    intended: Mode,
+    failsafe: Option<Failsafe>,
+    overridden: [bool; 3],
+    sticks_at: Option<f64>,
+    sticks_regained: bool,
+    setpoints_at: Option<f64>,
+    ground_station_at: Option<f64>,
+    ground_station_lost: bool,
+    preflight_text_said: bool,
+}
+
+impl Commander {
+    /// Disarmed, in hold, as PX4 boots.
+    pub(super) fn new() -> Self {
+        Self {
+            armed: false,
+            armed_at: 0.0,
+            flown: false,
+            landed_at: None,
+            intended: Mode::Loiter,
+            failsafe: None,
+            overridden: [false; 3],
+            sticks_at: None,
+            sticks_regained: false,
+            setpoints_at: None,
+            ground_station_at: None,
+            ground_station_lost: true,
+            preflight_text_said: false,
+        }
+    }
+
+    /// Motors enabled.
+    pub(super) fn is_armed(&self) -> bool {
+        self.armed
+    }
+
+    /// When it was armed, seconds since boot.
+    pub(super) fn armed_at(&self) -> f64 {
+        self.armed_at
+    }
+
+    /// The mode that is flown: HEARTBEAT.custom_mode.
+    pub(super) fn mode(&self) -> Mode {
+        self.failsafe.map_or(self.intended, |f| f.mode)
+    }
+
+    /// The mode that was asked for: CURRENT_MODE.intended_custom_mode.
+    pub(super) fn intended(&self) -> Mode {
+        self.intended
+    }
+
+    /// A failsafe decides.
+    pub(super) fn in_failsafe(&self) -> bool {
+        self.failsafe.is_some()
+    }
+
+    /// MANUAL_CONTROL has come.
+    pub(super) fn sticks(&mut self, now: f64) {
+        self.sticks_at = Some(now);
+        self.overridden[Cause::Sticks as usize] = false;
+        if self.armed {
+            self.sticks_regained = true;
+        }
+    }
+
+    /// A setpoint that OFFBOARD can fly has come.
+    pub(super) fn setpoint(&mut self, now: f64) {
+        self.setpoints_at = Some(now);
+        self.overridden[Cause::Setpoints as usize] = false;
+    }
+
+    /// A ground station's HEARTBEAT has come.
+    pub(super) fn ground_station(&mut self, now: f64, notes: &mut Vec<Note>) {
+        if self.ground_station_lost {
+            self.ground_station_lost = false;
+            self.overridden[Cause::GroundStation as usize] = false;
+            notes.push(Note::Info("GCS connection regained\t".into()));
+        }
+        self.ground_station_at = Some(now);
+    }
+
+    fn sticks_alive(&self, facts: &Facts<'_>) -> bool {
+        let limit = facts.params.get(Param::COM_RC_LOSS_T);
+        self.sticks_at.is_some_and(|at| facts.now - at <= limit)
+    }
+
+    fn setpoints_alive(&self, facts: &Facts<'_>) -> bool {
+        let limit = facts.params.get(Param::COM_OF_LOSS_T);
+        self.setpoints_at.is_some_and(|at| facts.now - at <= limit)
+    }
+
+    /// The estimator serves for flying.
+    pub(super) fn is_ready(facts: &Facts<'_>) -> bool {
+        facts.now >= boot::READY
+    }
+
+    /// The mode could be flown now.
+    fn can_run(&self, mode: Mode, facts: &Facts<'_>) -> bool {
+        if !Self::is_ready(facts) {
+            return false;
+        }
+        match mode {
+            Mode::Mission => facts.mission_valid,
+            Mode::PosCtl | Mode::AltCtl => self.sticks_alive(facts),
+            // Attitude modes are named, not flown: see docs/guide/simulator.md.
+            Mode::Manual | Mode::Acro | Mode::Stabilized => false,
+            Mode::Offboard => self.setpoints_alive(facts),
+            Mode::Loiter
+            | Mode::Takeoff
+            | Mode::Rtl
+            | Mode::Land
+            | Mode::Orbit
+            | Mode::Termination => true,
+        }
+    }
+
+    /// HEARTBEAT.system_status on the ground: standby or uninitialised.
+    pub(super) fn can_arm(&self, facts: &Facts<'_>) -> bool {
+        let mode = self.intended;
+        !matches!(
+            mode,
+            Mode::Rtl | Mode::Land | Mode::Orbit | Mode::Termination
+        ) && self.can_run(mode, facts)
+    }
+
+    /// Asks for a mode. On the ground every mode is taken, flyable or not. In the air only one
+    /// that can be flown; it ends a failsafe.
+    pub(super) fn request(&mut self, mode: Mode, force: bool, facts: &Facts<'_>) -> bool {
+        if self.armed && !force && !self.can_run(mode, facts) {
+            return false;
+        }
+        if let Some(failsafe) = self.failsafe.take() {
+            self.overridden[failsafe.cause as usize] = true;
+        }
+        // What is lost when the pilot decides anew stays his decision.
+        if !self.sticks_alive(facts) {
+            self.overridden[Cause::Sticks as usize] = true;
+        }
+        self.intended = mode;
+        true
+    }
+
+    /// The navigator hands over to another mode.
+    pub(super) fn hand_over(&mut self, mode: Mode) {
+        match &mut self.failsafe {
+            Some(failsafe) => failsafe.mode = mode,
+            None => self.intended = mode,
+        }
+    }
+
+    /// Arms, or says why not.
+    pub(super) fn arm(&mut self, reason: &str, facts: &Facts<'_>, notes: &mut Vec<Note>) -> bool {
+        if self.armed {
+            return true;
+        }
+        if !self.can_arm(facts) {
+            notes.push(Note::Critical(
+                "Arming denied: Resolve system health failures first\t".into(),
+            ));
+            return false;
+        }
+        self.armed = true;
+        self.armed_at = facts.now;
+        self.flown = false;
+        self.landed_at = None;
+        self.sticks_regained = self.sticks_alive(facts);
+        self.overridden = [false; 3];
+        notes.push(Note::Info(format!("Armed by {reason}\t")));
+        true
+    }
+
+    /// Disarms; in the air only by force.
+    pub(super) fn disarm(
+        &mut self,
+        reason: &str,
+        force: bool,
+        facts: &Facts<'_>,
+        notes: &mut Vec<Note>,
+    ) -> bool {
+        if !self.armed {
+            return true;
+        }
+        if !facts.landed && !force {
+            notes.push(Note::Critical("Disarming denied: not landed\t".into()));
+            return false;
+        }
+        self.armed = false;
+        self.failsafe = None;
+        if matches!(self.intended, Mode::Rtl | Mode::Land) {
+            self.intended = Mode::Loiter;
+        }
+        notes.push(Note::Info(format!("Disarmed by {reason}\t")));
+        true
+    }
+
+    /// The land detector has changed its mind.
+    pub(super) fn landed(&mut self, landed: bool, now: f64, notes: &mut Vec<Note>) {
+        if landed {
+            self.landed_at = Some(now);
+            notes.push(Note::Info("Landing detected\t".into()));
+        } else {
+            self.landed_at = None;
+            self.flown = true;
+            notes.push(Note::Info("Takeoff detected\t".into()));
+        }
+    }
+
+    /// One step: time-outs and failsafes.
+    pub(super) fn step(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
+        if !self.preflight_text_said && facts.now >= boot::PREFLIGHT_TEXT {
+            self.preflight_text_said = true;
+            notes.push(Note::Critical(
+                "Preflight Fail: no heading reference".into(),
+            ));
+        }
+        if let Some(at) = self.ground_station_at
+            && !self.ground_station_lost
+            && facts.now - at > facts.params.get(Param::COM_DL_LOSS_T)
+        {
+            self.ground_station_lost = true;
+            if !self.armed {
+                notes.push(Note::Info("Connection to ground station lost\t".into()));
+            }
+        }
+        if !self.armed {
+            return;
+        }
+        self.auto_disarm(facts, notes);
+        if self.armed && !facts.landed {
+            self.watch(facts, notes);
+        }
+    }
+
+    fn auto_disarm(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
+        if !facts.landed {
+            return;
+        }
+        let (since, limit, reason) = match (self.flown, self.landed_at) {
+            (true, Some(at)) => (at, facts.params.get(Param::COM_DISARM_LAND), "landing"),
+            (false, _) => (
+                self.armed_at,
+                facts.params.get(Param::COM_DISARM_PRFLT),
+                "auto preflight disarming",
+            ),
+            (true, None) => return,
+        };
+        if limit > 0.0 && facts.now - since >= limit {
+            self.disarm(reason, false, facts, notes);
+        }
+    }
+
+    fn watch(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
+        if let Some(failsafe) = &mut self.failsafe {
+            if let Some((at, mode)) = failsafe.then
+                && facts.now >= at
+            {
+                failsafe.then = None;
+                if failsafe.mode != mode {
+                    failsafe.mode = mode;
+                    notes.push(Note::Critical("Failsafe activated\t".into()));
+                }
+            }
+            return;
+        }
+        if self.intended == Mode::Offboard && !self.setpoints_alive(facts) {
+            self.setpoints_lost(facts, notes);
+        } else if self.sticks_lost(facts) {
+            let action = after_loss(facts.params.int(Param::NAV_RCL_ACT));
+            self.begin(Cause::Sticks, action, facts, notes);
+        } else if self.ground_station_lost
+            && self.ground_station_at.is_some()
+            && !self.overridden[Cause::GroundStation as usize]
+        {
+            let action = after_loss(facts.params.int(Param::NAV_DLL_ACT));
+            self.begin(Cause::GroundStation, action, facts, notes);
+        }
+    }
+
+    /// Sticks are missed where they steer, and wherever they have once been there in this flight.
+    fn sticks_lost(&self, facts: &Facts<'_>) -> bool {
+        if self.sticks_alive(facts) {
+            return false;
+        }
+        if self.intended.needs_sticks() {
+            return true;
+        }
+        let exempt = facts.params.int(Param::COM_RCL_EXCEPT);
+        let bit = match self.intended {
+            Mode::Mission => 1,
+            Mode::Loiter | Mode::Takeoff => 2,
+            Mode::Offboard => 4,
+            _ => 0,
+        };
+        self.sticks_regained && exempt & bit == 0 && !self.overridden[Cause::Sticks as usize]
+    }
+
+    /// Without sticks to fall back on, PX4 does at once what the loss of sticks calls for.
+    fn setpoints_lost(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
+        let mode = if self.sticks_alive(facts) && facts.params.int(Param::COM_OBL_RC_ACT) == 0 {
+            Mode::PosCtl
+        } else {
+            match facts.params.int(Param::COM_OBL_RC_ACT) {
+                4 => Mode::Land,
+                5 => Mode::Loiter,
+                7 => Mode::Termination,
+                _ => after_loss(facts.params.int(Param::NAV_RCL_ACT)).unwrap_or(Mode::Loiter),
+            }
+        };
+        self.failsafe = Some(Failsafe {
+            cause: Cause::Setpoints,
+            mode,
+            then: None,
+        });
+        notes.push(Note::Critical("Failsafe activated\t".into()));
+    }
+
+    /// First hold for COM_FAIL_ACT_T, then act.
+    fn begin(
+        &mut self,
+        cause: Cause,
+        action: Option<Mode>,
+        facts: &Facts<'_>,
+        notes: &mut Vec<Note>,
+    ) {
+        let Some(action) = action else { return };
+        let delay = facts.params.get(Param::COM_FAIL_ACT_T);
+        if self.intended != Mode::Loiter {
+            notes.push(Note::Critical(format!(
+                "Failsafe activated: entering Hold for {delay:.0} seconds\t"
+            )));
+        }
+        self.failsafe = Some(Failsafe {
+            cause,
+            mode: Mode::Loiter,
+            then: Some((facts.now + delay.max(0.0), action)),
+        });
+    }
+}
+
+impl Default for Commander {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// NAV_DLL_ACT and NAV_RCL_ACT.
+fn after_loss(action: i32) -> Option<Mode> {
+    match action {
+        1 => Some(Mode::Loiter),
+        2 => Some(Mode::Rtl),
+        3 => Some(Mode::Land),
+        5 | 6 => Some(Mode::Termination),
+        _ => None,
+    }
+}

@@ -1,0 +1,341 @@
+//! Commands: what each does, and what is answered.
+
+use mavlink::dialects::development::{MESSAGE_INTERVAL_DATA, MavMessage};
+use mavlink::{MavlinkVersion, Message as _};
+use mavlink_link::service::mission::{Airframe as ParamUse, first_unused_param_set};
+
+use super::command::Command;
+use super::config::Airframe;
+use super::mode::{Mode, UnknownMode};
+use super::operator::REQUEST;
+use super::streams::id;
+use super::vehicle::{Outgoing, Vehicle};
+
+/// COMMAND_ACK.result, as far as PX4 gives it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Answer {
+    Accepted = 0,
+    TemporarilyRejected = 1,
+    Denied = 2,
+    Unsupported = 3,
+    Failed = 4,
+    NotInControl = 10,
+}
+
+impl Vehicle {
+    /// Takes a command in. Only so many wait; when one more comes, the oldest is lost, silently.
+    pub(super) fn queue_command(&mut self, command: Command) {
+        let own = self.node();
+        let system = command.target.system == 0 || command.target.system == own.system;
+        let component = command.target.component == 0 || command.target.component == own.component;
+        // PX4 ignores a command from its own system and component.
+        if !system || !component || command.from == own {
+            self.counters.commands_ignored += 1;
+            return;
+        }
+        if self.commands.len() >= QUEUE {
+            self.commands.pop_front();
+            self.counters.commands_lost += 1;
+        }
+        self.commands.push_back(command);
+    }
+
+    pub(super) fn execute(&mut self, command: &Command) {
+        let answer = if command.garbled || self.sets_unused(command) {
+            Some(Answer::Denied)
+        } else if let Some(refused) = self.refuse_stranger(command) {
+            Some(refused)
+        } else {
+            self.carry_out(command)
+        };
+        match answer {
+            Some(answer) => {
+                if answer == Answer::Accepted {
+                    self.counters.commands_accepted += 1;
+                } else {
+                    self.counters.commands_refused += 1;
+                }
+                self.acknowledge(command, answer);
+            }
+            None => self.counters.commands_ignored += 1,
+        }
+    }
+
+    /// A parameter that PX4 does not use must be NaN or 0.
+    fn sets_unused(&self, command: &Command) -> bool {
+        let airframe = match self.config.airframe {
+            Airframe::Quad => ParamUse::RotaryWing,
+            Airframe::Plane => ParamUse::FixedWing,
+        };
+        first_unused_param_set(
+            command.id,
+            false,
+            airframe,
+            command.params.map(|p| p as f32),
+        )
+        .is_some()
+    }
+
+    fn acknowledge(&mut self, command: &Command, answer: Answer) {
+        let mut payload = vec![0; 10];
+        payload[..2].copy_from_slice(&command.id.to_le_bytes());
+        payload[2] = answer as u8;
+        payload[8] = command.from.system;
+        payload[9] = command.from.component;
+        // The dialect's struct where it knows the command.
+        match MavMessage::parse(MavlinkVersion::V2, COMMAND_ACK, &payload) {
+            Ok(message) => self.send(message),
+            Err(_) => self.out.push_back(Outgoing::Raw {
+                id: COMMAND_ACK,
+                payload,
+            }),
+        }
+    }
+
+    fn carry_out(&mut self, c: &Command) -> Option<Answer> {
+        Some(match c.id {
+            20 => self.switch(Mode::Rtl, Some("Returning to launch")),
+            21 => self.force_land(),
+            22 => self.take_off(c),
+            34 => self.orbit(c),
+            176 => self.set_mode(c),
+            178 => self.change_speed(c),
+            179 => self.set_home_here(c),
+            185 => self.terminate(c),
+            186 => self.change_altitude(c),
+            192 => self.reposition(c),
+            // Regions of interest, camera triggers and the like: taken, without effect here.
+            80 | 189 | 195 | 196 | 197 | 201 | 206 | 211 | 214 | 530..=532 => Answer::Accepted,
+            // A reboot would be accepted by a board; a process cannot.
+            246 => {
+                if c.param(1) == 0.0 {
+                    Answer::Accepted
+                } else {
+                    Answer::Denied
+                }
+            }
+            262 => match Mode::from_standard(c.param(1) as u32) {
+                Some(mode) => self.switch(mode, None),
+                None => Answer::Denied,
+            },
+            300 => self.start_mission(c),
+            400 => self.arm_or_disarm(c),
+            401 => Answer::Accepted,
+            410 => self.request_message(id::HOME_POSITION, c),
+            510 => self.get_interval(c),
+            511 => {
+                let now = self.now();
+                let message = (c.param(1) + 0.5) as i64;
+                if self.streams.set(message, c.param(2) as f32, now) {
+                    Answer::Accepted
+                } else {
+                    Answer::Failed
+                }
+            }
+            512 => self.request_message((c.param(1).round()).clamp(0.0, 1e7) as u32, c),
+            REQUEST => self.request_operator_control(c),
+            // Nobody is there to answer: no gimbal, no camera.
+            203 | 205 | 1000 | 1001 => return None,
+            _ => Answer::Unsupported,
+        })
+    }
+
+    /// Asks the commander for a mode; `said` is the text on success.
+    pub(super) fn switch(&mut self, mode: Mode, said: Option<&str>) -> Answer {
+        if self.request(mode, false) {
+            if let Some(text) = said {
+                self.info(text);
+            }
+            Answer::Accepted
+        } else {
+            self.critical(&format!(
+                "Switching to {} is currently not available",
+                mode.title()
+            ));
+            Answer::TemporarilyRejected
+        }
+    }
+
+    pub(super) fn request(&mut self, mode: Mode, force: bool) -> bool {
+        let mut commander = std::mem::take(&mut self.commander);
+        let taken = commander.request(mode, force, &self.facts());
+        self.commander = commander;
+        taken
+    }
+
+    fn info(&mut self, text: &str) {
+        self.texts.say(
+            mavlink::dialects::development::MavSeverity::MAV_SEVERITY_INFO,
+            format!("{text}\t"),
+        );
+    }
+
+    fn force_land(&mut self) -> Answer {
+        self.request(Mode::Land, true);
+        self.info("Landing at current position");
+        Answer::Accepted
+    }
+
+    fn take_off(&mut self, c: &Command) -> Answer {
+        self.navigator.set_takeoff_altitude(c.given(7));
+        self.switch(Mode::Takeoff, None)
+    }
+
+    fn set_mode(&mut self, c: &Command) -> Answer {
+        let whole = |v: f64| if v.is_finite() { v as i64 as u8 } else { 0 };
+        let (base, main, sub) = (whole(c.param(1)), whole(c.param(2)), whole(c.param(3)));
+        let mode = if base & 1 == 0 {
+            match base {
+                b if b & 4 != 0 => Ok(Mode::Mission),
+                b if b & 64 != 0 && b & 8 != 0 => Ok(Mode::PosCtl),
+                b if b & 64 != 0 && b & 16 != 0 => Ok(Mode::Stabilized),
+                b if b & 64 != 0 => Ok(Mode::Manual),
+                _ => Err("Unsupported base mode"),
+            }
+        } else {
+            Mode::from_main_sub(main, sub).map_err(|unknown| match unknown {
+                UnknownMode::Main => "Unsupported main mode",
+                UnknownMode::Auto => "Unsupported auto mode",
+            })
+        };
+        let mode = mode.map(|mode| self.health_faults.instead.take().unwrap_or(mode));
+        match mode {
+            Ok(mode) if self.request(mode, mode == Mode::Land) => Answer::Accepted,
+            Ok(mode) => {
+                // PX4 says why only to what calls itself a mission planner.
+                if c.from.component == 190 {
+                    self.critical(&format!(
+                        "Switching to {} is currently not available",
+                        mode.title()
+                    ));
+                }
+                Answer::TemporarilyRejected
+            }
+            Err(text) => {
+                self.critical(text);
+                Answer::TemporarilyRejected
+            }
+        }
+    }
+
+    fn arm_or_disarm(&mut self, c: &Command) -> Answer {
+        let mut notes = Vec::new();
+        let mut commander = std::mem::take(&mut self.commander);
+        let was_armed = commander.is_armed();
+        let facts = self.facts();
+        // Forcing does not skip the checks where the command comes from outside.
+        let done = match c.param(1).round() as i64 {
+            1 => Some(commander.arm("external command", &facts, &mut notes)),
+            0 => {
+                let force = c.param(2).round() as i64 == FORCE;
+                Some(commander.disarm("external command", force, &facts, &mut notes))
+            }
+            _ => None,
+        };
+        self.commander = commander;
+        self.take_notes(notes);
+        if !was_armed && self.commander.is_armed() {
+            self.set_home();
+        }
+        match done {
+            Some(true) => Answer::Accepted,
+            Some(false) => Answer::TemporarilyRejected,
+            None => {
+                self.critical(&format!("Unsupported ARM_DISARM param: {:.3}", c.param(1)));
+                Answer::Unsupported
+            }
+        }
+    }
+
+    fn start_mission(&mut self, c: &Command) -> Answer {
+        if !self.navigator.mission.is_valid() {
+            self.critical("Mission start denied! No valid mission");
+            return Answer::Denied;
+        }
+        let Some(first) = c
+            .given(1)
+            .filter(|i| *i >= -1.0 && *i < self.navigator.mission.count() as f64)
+        else {
+            return Answer::Denied;
+        };
+        if first >= 0.0 {
+            let active = self.commander.is_armed() && self.commander.mode() == Mode::Mission;
+            // Item 0 is where a mission starts anyway; only another one moves it.
+            if first as usize != self.navigator.mission.index() {
+                let (_, notes) =
+                    self.navigate(|nav, view| nav.mission.select(first as usize, active, view));
+                self.take_notes(notes);
+            }
+        }
+        let mut notes = Vec::new();
+        let mut commander = std::mem::take(&mut self.commander);
+        let facts = self.facts();
+        let was_armed = commander.is_armed();
+        let done = commander.request(Mode::Mission, false, &facts)
+            && commander.arm("mission start", &facts, &mut notes);
+        self.commander = commander;
+        self.take_notes(notes);
+        if done {
+            if !was_armed {
+                self.set_home();
+            }
+            Answer::Accepted
+        } else {
+            self.critical("Switching to Mission is currently not available");
+            Answer::TemporarilyRejected
+        }
+    }
+
+    fn get_interval(&mut self, c: &Command) -> Answer {
+        let message = (c.param(1) + 0.5) as u32;
+        self.send_interval(message);
+        Answer::Accepted
+    }
+
+    fn send_interval(&mut self, message: u32) {
+        self.send(MavMessage::MESSAGE_INTERVAL(MESSAGE_INTERVAL_DATA {
+            interval_us: self.streams.interval_us(message),
+            message_id: message as u16,
+        }));
+    }
+
+    fn request_message(&mut self, message: u32, c: &Command) -> Answer {
+        match message {
+            id::MESSAGE_INTERVAL => {
+                self.send_interval((c.param(2) + 0.5) as u32);
+                Answer::Accepted
+            }
+            id::AVAILABLE_MODES => {
+                let wanted = c.param(2) as u8;
+                let indices = if wanted == 0 {
+                    1..=u8::MAX
+                } else {
+                    wanted..=wanted
+                };
+                let modes: Vec<_> = indices.map_while(|i| self.available_mode(i)).collect();
+                let answer = if modes.is_empty() {
+                    Answer::Denied
+                } else {
+                    Answer::Accepted
+                };
+                modes.into_iter().for_each(|m| self.send(m));
+                answer
+            }
+            _ => match self.report(message) {
+                Some(report) => {
+                    self.send(report);
+                    Answer::Accepted
+                }
+                // Known, but there is nothing to report yet.
+                None if self.streams.knows(message) => Answer::Accepted,
+                None => Answer::Denied,
+            },
+        }
+    }
+}
+
+const COMMAND_ACK: u32 = 77;
+/// How many commands wait for the commander: the depth of PX4's queue.
+const QUEUE: usize = 8;
+/// COMPONENT_ARM_DISARM.param2: do it in the air, too.
+const FORCE: i64 = 21196;

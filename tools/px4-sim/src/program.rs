@@ -1,0 +1,201 @@
+//! The command line of `px4-sim`: a simulated PX4 on UDP, for those who have no PX4 at hand.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{CommandFactory as _, Parser, ValueEnum};
+use tokio::signal::unix::{SignalKind, signal};
+
+use super::{
+    Airframe, Config, Geodetic, LinkAddress, Simulator, SimulatorConfig, SimulatorError,
+    read_key_file,
+};
+
+/// A simulated PX4 v1.18: flies missions, signs, and has the real one's habits.
+#[derive(Debug, Parser)]
+#[command(name = "px4-sim", version)]
+struct Arguments {
+    /// udpin:HOST:PORT waits for a peer, udpout:HOST:PORT speaks first. Several are several links.
+    #[arg(long, required = true, value_name = "LINK")]
+    link: Vec<LinkAddress>,
+    /// 32 bytes in hex, mode 0600: sign from the first packet, take nothing unsigned.
+    #[arg(long, value_name = "FILE")]
+    key_file: Option<PathBuf>,
+    /// PX4's own key file (40 bytes): read at the start, written when a key is set; without it a key is gone with the
+    /// process.
+    #[arg(long, value_name = "FILE", conflicts_with = "key_file")]
+    signing_file: Option<PathBuf>,
+    /// MAVLink system id.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=255))]
+    system_id: u8,
+    /// Where it stands: degrees, degrees, metres AMSL.
+    #[arg(
+        long,
+        value_name = "LAT,LON,ALT",
+        default_value = "47.3977434,8.5455939,488",
+        value_parser = home,
+        allow_hyphen_values = true
+    )]
+    home: Geodetic,
+    /// Kind of airframe.
+    #[arg(long, value_enum, default_value_t = Frame::Quad)]
+    airframe: Frame,
+    /// How much faster than time, 0.01 to 100. Signing clocks are not touched by it.
+    #[arg(long, default_value_t = 1.0)]
+    speed: f64,
+    /// Seed of every noise: the same seed, the same flight.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Signing stamp of the first packet, in units of 10 us since 2015.
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..1 << 48))]
+    initial_timestamp: u64,
+    /// Speak operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS): PX4 v1.18 does not.
+    #[arg(long)]
+    operator_control: bool,
+    /// Steady wind, metres a second toward north and east.
+    #[arg(long, value_name = "NORTH,EAST", default_value = "0,0", value_parser = wind, allow_hyphen_values = true)]
+    wind: (f64, f64),
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Frame {
+    Quad,
+    Plane,
+}
+
+/// The command line, for completions and the manual page.
+#[must_use]
+pub fn command() -> clap::Command {
+    Arguments::command()
+}
+
+/// The program: flies until SIGTERM or SIGINT, and says the exit status.
+#[must_use]
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let key = match arguments.key_file.as_deref().map(read_key_file).transpose() {
+        Ok(key) => key,
+        Err(error) => return fail(2, &error),
+    };
+    let config = SimulatorConfig {
+        vehicle: Config {
+            system_id: arguments.system_id,
+            home: arguments.home,
+            airframe: match arguments.airframe {
+                Frame::Quad => Airframe::Quad,
+                Frame::Plane => Airframe::Plane,
+            },
+            seed: arguments.seed,
+            wind_ne_ms: [arguments.wind.0, arguments.wind.1],
+            unix_time_us: unix_time_us(),
+            operator_control: arguments.operator_control,
+            ..Config::default()
+        },
+        links: arguments.link,
+        key,
+        initial_timestamp: arguments.initial_timestamp,
+        signing_file: arguments.signing_file,
+        speed: arguments.speed,
+    };
+    let runtime = match tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+    {
+        Ok(runtime) => runtime,
+        Err(error) => return fail(1, &error),
+    };
+    runtime.block_on(serve(config))
+}
+
+async fn serve(config: SimulatorConfig) -> ExitCode {
+    let (mut terminate, mut interrupt) = match (
+        signal(SignalKind::terminate()),
+        signal(SignalKind::interrupt()),
+    ) {
+        (Ok(terminate), Ok(interrupt)) => (terminate, interrupt),
+        (Err(error), _) | (_, Err(error)) => return fail(1, &error),
+    };
+    let about = format!(
+        "px4-sim ready: system {}, {}, {}, {}x",
+        config.vehicle.system_id,
+        config
+            .links
+            .iter()
+            .map(ToString::to_string)
+            .collect::<Vec<_>>()
+            .join(", "),
+        match (&config.key, &config.signing_file) {
+            (Some(_), _) => "signed",
+            (None, Some(_)) => "signed where its key file says so",
+            (None, None) => "unsigned",
+        },
+        config.speed
+    );
+    let simulator = match Simulator::spawn(config).await {
+        Ok(simulator) => simulator,
+        Err(error @ (SimulatorError::Speed(_) | SimulatorError::NoLink)) => return fail(2, &error),
+        Err(error) => return fail(1, &error),
+    };
+    say(&about);
+    tokio::select! {
+        _ = terminate.recv() => {}
+        _ = interrupt.recv() => {}
+    }
+    simulator.stop().await;
+    ExitCode::SUCCESS
+}
+
+fn fail(status: u8, error: &dyn std::fmt::Display) -> ExitCode {
+    say(&format!("px4-sim: {error}"));
+    ExitCode::from(status)
+}
+
+fn say(line: &str) {
+    // A closed standard error is no reason not to fly.
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+fn unix_time_us() -> u64 {
+    let now = std::time::SystemTime::now()
+        .duration_since(std::time::UNIX_EPOCH)
+        .unwrap_or_default();
+    u64::try_from(now.as_micros()).unwrap_or(0)
+}
+
+fn home(text: &str) -> Result<Geodetic, String> {
+    let parts = numbers::<3>(text)?;
+    let [latitude_deg, longitude_deg, altitude_m] = parts;
+    let valid =
+        latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 180.0 && altitude_m.abs() < 10_000.0;
+    if valid {
+        Ok(Geodetic {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        })
+    } else {
+        Err("expected -90 to 90, -180 to 180, and metres above mean sea level".into())
+    }
+}
+
+fn wind(text: &str) -> Result<(f64, f64), String> {
+    let [north, east] = numbers::<2>(text)?;
+    if north.hypot(east) <= 30.0 {
+        Ok((north, east))
+    } else {
+        Err("expected at most 30 m/s".into())
+    }
+}
+
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let found: Result<Vec<f64>, _> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>())
+        .collect();
+    found
+        .ok()
+        .filter(|all| all.iter().all(|v| v.is_finite()))
+        .and_then(|all| <[f64; N]>::try_from(all).ok())
+        .ok_or_else(|| format!("expected {N} numbers with commas between them"))
+}

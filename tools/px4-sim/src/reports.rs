@@ -1,0 +1,356 @@
+//! The vehicle's state as messages.
+
+#![allow(deprecated, reason = "PX4 speaks what MAVLink has replaced")]
+
+use mavlink::dialects::development as mav;
+use mavlink::dialects::development::MavMessage;
+
+use super::attitude::quaternion;
+use super::config::Airframe;
+use super::geo::{Geodetic, Ned};
+use super::mode::Mode;
+use super::streams::id;
+use super::vehicle::Vehicle;
+
+impl Vehicle {
+    /// The message of a stream, or `None` while there is nothing to say.
+    pub(super) fn report(&self, message: u32) -> Option<MavMessage> {
+        use MavMessage as M;
+        Some(match message {
+            id::HEARTBEAT => M::HEARTBEAT(self.heartbeat()),
+            id::SYS_STATUS => M::SYS_STATUS(self.sys_status()),
+            id::SYSTEM_TIME => M::SYSTEM_TIME(mav::SYSTEM_TIME_DATA {
+                time_unix_usec: self.unix_time_us(),
+                time_boot_ms: self.boot_ms(),
+            }),
+            id::GPS_RAW_INT => M::GPS_RAW_INT(self.gps_raw_int()),
+            id::ATTITUDE => M::ATTITUDE(self.attitude()),
+            id::ATTITUDE_QUATERNION => M::ATTITUDE_QUATERNION(self.attitude_quaternion()),
+            id::LOCAL_POSITION_NED => M::LOCAL_POSITION_NED(self.local_position()?),
+            id::GLOBAL_POSITION_INT => M::GLOBAL_POSITION_INT(self.global_position()?),
+            id::SERVO_OUTPUT_RAW => M::SERVO_OUTPUT_RAW(self.servo_output()),
+            id::MISSION_CURRENT => M::MISSION_CURRENT(self.mission_current()),
+            id::GPS_GLOBAL_ORIGIN => M::GPS_GLOBAL_ORIGIN(self.global_origin()),
+            id::VFR_HUD => M::VFR_HUD(self.vfr_hud()),
+            id::ATTITUDE_TARGET => M::ATTITUDE_TARGET(self.attitude_target()),
+            id::POSITION_TARGET_LOCAL_NED => M::POSITION_TARGET_LOCAL_NED(self.local_target()?),
+            id::POSITION_TARGET_GLOBAL_INT => M::POSITION_TARGET_GLOBAL_INT(self.global_target()?),
+            id::ALTITUDE => M::ALTITUDE(self.altitude()),
+            id::BATTERY_STATUS => M::BATTERY_STATUS(self.battery()),
+            id::ESTIMATOR_STATUS => M::ESTIMATOR_STATUS(self.estimator_status()),
+            id::WIND_COV => M::WIND_COV(self.wind()?),
+            id::VIBRATION => M::VIBRATION(mav::VIBRATION_DATA {
+                time_usec: self.boot_us(),
+                vibration_y: 0.1,
+                vibration_z: if self.commander.is_armed() { 1.5 } else { 0.0 },
+                ..Default::default()
+            }),
+            id::HOME_POSITION => M::HOME_POSITION(self.home_position()?),
+            id::EXTENDED_SYS_STATE => M::EXTENDED_SYS_STATE(self.extended_sys_state()),
+            id::ORBIT_EXECUTION_STATUS => M::ORBIT_EXECUTION_STATUS(self.orbit_status()?),
+            id::CURRENT_MODE => M::CURRENT_MODE(self.current_mode()),
+            id::AUTOPILOT_VERSION => M::AUTOPILOT_VERSION(self.autopilot_version()),
+            id::PROTOCOL_VERSION => M::PROTOCOL_VERSION(mav::PROTOCOL_VERSION_DATA {
+                version: 200,
+                min_version: 100,
+                max_version: 203,
+                ..Default::default()
+            }),
+            _ => return None,
+        })
+    }
+
+    /// AVAILABLE_MODES for the mode of this 1-based index.
+    pub(super) fn available_mode(&self, index: u8) -> Option<MavMessage> {
+        let mode = *MODES.get(usize::from(index).checked_sub(1)?)?;
+        Some(MavMessage::AVAILABLE_MODES(mav::AVAILABLE_MODES_DATA {
+            custom_mode: mode.custom_mode(),
+            properties: mav::MavModeProperty::from_bits_retain(0),
+            number_modes: MODES.len() as u8,
+            mode_index: index,
+            standard_mode: mode.standard_mode(),
+            mode_name: mode.title().into(),
+        }))
+    }
+
+    fn heartbeat(&self) -> mav::HEARTBEAT_DATA {
+        let armed = self.commander.is_armed();
+        let system_status = match (armed, self.commander.in_failsafe()) {
+            (true, true) => mav::MavState::MAV_STATE_CRITICAL,
+            (true, false) => mav::MavState::MAV_STATE_ACTIVE,
+            (false, _) if self.commander.can_arm(&self.facts()) => mav::MavState::MAV_STATE_STANDBY,
+            (false, _) => mav::MavState::MAV_STATE_UNINIT,
+        };
+        let mode = self.commander.mode();
+        mav::HEARTBEAT_DATA {
+            custom_mode: mode.custom_mode(),
+            mavtype: match self.config.airframe {
+                Airframe::Quad => mav::MavType::MAV_TYPE_QUADROTOR,
+                Airframe::Plane => mav::MavType::MAV_TYPE_FIXED_WING,
+            },
+            autopilot: mav::MavAutopilot::MAV_AUTOPILOT_PX4,
+            base_mode: mode.base_mode(armed),
+            system_status,
+            mavlink_version: 3,
+        }
+    }
+
+    fn sys_status(&self) -> mav::SYS_STATUS_DATA {
+        use mav::MavSysStatusSensor as Sensor;
+        let mut health = Sensor::from_bits_retain(HEALTH & !self.health_faults.unhealthy);
+        if self.commander.can_arm(&self.facts()) || self.commander.is_armed() {
+            health |= Sensor::MAV_SYS_STATUS_PREARM_CHECK;
+        }
+        mav::SYS_STATUS_DATA {
+            onboard_control_sensors_present: Sensor::from_bits_retain(PRESENT),
+            onboard_control_sensors_enabled: Sensor::from_bits_retain(
+                ENABLED | self.health_faults.unhealthy,
+            ),
+            onboard_control_sensors_health: health,
+            load: 196,
+            voltage_battery: (self.battery_volts() * 1000.0) as u16,
+            current_battery: -1,
+            battery_remaining: self.battery_percent(),
+            ..Default::default()
+        }
+    }
+
+    fn servo_output(&self) -> mav::SERVO_OUTPUT_RAW_DATA {
+        let [roll_rate, pitch_rate, _] = self.body.motion().rates;
+        let armed = self.commander.is_armed();
+        let motor = |mix: f64| {
+            let out = if armed {
+                1000.0 + 1000.0 * self.body.throttle() + 20.0 * mix
+            } else {
+                900.0
+            };
+            out.clamp(900.0, 2000.0) as u16
+        };
+        mav::SERVO_OUTPUT_RAW_DATA {
+            time_usec: self.boot_us() as u32,
+            servo1_raw: motor(-roll_rate + pitch_rate),
+            servo2_raw: motor(roll_rate - pitch_rate),
+            servo3_raw: motor(roll_rate + pitch_rate),
+            servo4_raw: motor(-roll_rate - pitch_rate),
+            servo5_raw: 900,
+            servo6_raw: 900,
+            servo7_raw: 900,
+            servo8_raw: 900,
+            ..Default::default()
+        }
+    }
+
+    /// MISSION_CURRENT: 65535 items means none.
+    pub(super) fn mission_current(&self) -> mav::MISSION_CURRENT_DATA {
+        let mission = &self.navigator.mission;
+        let [id, fence, rally] = self.plan_ids();
+        mav::MISSION_CURRENT_DATA {
+            seq: mission.index() as u16,
+            total: match mission.count() {
+                0 => u16::MAX,
+                n => n as u16,
+            },
+            mission_state: self.mission_state,
+            mission_mode: if mission_mode_active(self.commander.mode()) {
+                1
+            } else {
+                2
+            },
+            mission_id: id,
+            fence_id: fence,
+            rally_points_id: rally,
+        }
+    }
+
+    fn battery(&self) -> mav::BATTERY_STATUS_DATA {
+        let mut voltages = [u16::MAX; 10];
+        voltages[0] = (self.battery_volts() * 1000.0) as u16;
+        mav::BATTERY_STATUS_DATA {
+            current_consumed: 0,
+            energy_consumed: -1,
+            temperature: i16::MAX,
+            voltages,
+            current_battery: -1,
+            id: 0,
+            battery_function: mav::MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
+            mavtype: mav::MavBatteryType::MAV_BATTERY_TYPE_LIPO,
+            battery_remaining: self.battery_percent(),
+            charge_state: mav::MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_OK,
+            fault_bitmask: mav::MavBatteryFault::from_bits_retain(0),
+            ..Default::default()
+        }
+    }
+
+    fn estimator_status(&self) -> mav::ESTIMATOR_STATUS_DATA {
+        let flags = if self.is_located() { 895 } else { 1 } ^ self.health_faults.estimator;
+        mav::ESTIMATOR_STATUS_DATA {
+            time_usec: self.boot_us(),
+            vel_ratio: 0.1,
+            pos_horiz_ratio: 0.02,
+            pos_vert_ratio: 0.01,
+            mag_ratio: 0.08,
+            hagl_ratio: 0.01,
+            tas_ratio: f32::NAN,
+            pos_horiz_accuracy: 0.29,
+            pos_vert_accuracy: 0.27,
+            flags: mav::EstimatorStatusFlags::from_bits_retain(flags),
+        }
+    }
+
+    /// Only wings feel the wind: PX4 estimates none for a multicopter in its simulator.
+    fn wind(&self) -> Option<mav::WIND_COV_DATA> {
+        let [n, e] = self.config.wind_ne_ms;
+        (self.config.airframe == Airframe::Plane).then(|| mav::WIND_COV_DATA {
+            time_usec: self.boot_us(),
+            wind_x: n as f32,
+            wind_y: e as f32,
+            wind_z: 0.0,
+            var_horiz: 0.1,
+            var_vert: 0.0,
+            wind_alt: self.believed_place().altitude_m as f32,
+            horiz_accuracy: 0.3,
+            vert_accuracy: 0.0,
+        })
+    }
+
+    fn home_position(&self) -> Option<mav::HOME_POSITION_DATA> {
+        let home = self.home?;
+        let at = self.frame.to_global(home);
+        Some(mav::HOME_POSITION_DATA {
+            latitude: e7(at.latitude_deg),
+            longitude: e7(at.longitude_deg),
+            altitude: mm(at.altitude_m),
+            x: home.n as f32,
+            y: home.e as f32,
+            z: home.d as f32,
+            q: quaternion([0.0, 0.0, self.config.heading_rad]),
+            time_usec: self.home_at_us,
+            ..Default::default()
+        })
+    }
+
+    fn extended_sys_state(&self) -> mav::EXTENDED_SYS_STATE_DATA {
+        use mav::MavLandedState as Landed;
+        mav::EXTENDED_SYS_STATE_DATA {
+            vtol_state: mav::MavVtolState::MAV_VTOL_STATE_UNDEFINED,
+            landed_state: match (self.landed, self.commander.mode()) {
+                (true, _) => Landed::MAV_LANDED_STATE_ON_GROUND,
+                (false, Mode::Takeoff) => Landed::MAV_LANDED_STATE_TAKEOFF,
+                (false, Mode::Land) => Landed::MAV_LANDED_STATE_LANDING,
+                (false, _) => Landed::MAV_LANDED_STATE_IN_AIR,
+            },
+        }
+    }
+
+    fn orbit_status(&self) -> Option<mav::ORBIT_EXECUTION_STATUS_DATA> {
+        let orbit = self
+            .navigator
+            .orbit()
+            .filter(|_| self.commander.mode() == Mode::Orbit)?;
+        let at = self.frame.to_global(orbit.centre);
+        Some(mav::ORBIT_EXECUTION_STATUS_DATA {
+            time_usec: self.boot_us(),
+            radius: orbit.radius as f32,
+            x: e7(at.latitude_deg),
+            y: e7(at.longitude_deg),
+            z: at.altitude_m as f32,
+            frame: mav::MavFrame::MAV_FRAME_GLOBAL,
+        })
+    }
+
+    fn current_mode(&self) -> mav::CURRENT_MODE_DATA {
+        let mode = self.commander.mode();
+        mav::CURRENT_MODE_DATA {
+            custom_mode: mode.custom_mode(),
+            intended_custom_mode: self.commander.intended().custom_mode(),
+            standard_mode: mode.standard_mode(),
+        }
+    }
+
+    fn autopilot_version(&self) -> mav::AUTOPILOT_VERSION_DATA {
+        mav::AUTOPILOT_VERSION_DATA {
+            capabilities: mav::MavProtocolCapability::from_bits_retain(0xe8ff),
+            uid: 0x5349_4d00 + u64::from(self.config.system_id),
+            flight_sw_version: VERSION_1_18_0_BETA,
+            middleware_sw_version: VERSION_1_18_0_BETA,
+            board_version: 1,
+            ..Default::default()
+        }
+    }
+
+    pub(super) fn boot_us(&self) -> u64 {
+        (self.now() * 1e6) as u64
+    }
+
+    pub(super) fn boot_ms(&self) -> u32 {
+        (self.now() * 1e3) as u32
+    }
+
+    fn unix_time_us(&self) -> u64 {
+        match self.config.unix_time_us {
+            0 => 0,
+            at_boot => at_boot + self.boot_us(),
+        }
+    }
+
+    fn battery_percent(&self) -> i8 {
+        match self.health_faults.battery {
+            Some(percent) => percent.min(100) as i8,
+            None => (self.charge * 100.0).round() as i8,
+        }
+    }
+
+    /// Four cells between 3.6 and 4.05 V.
+    fn battery_volts(&self) -> f64 {
+        4.0 * (3.6 + 0.45 * self.charge)
+    }
+
+    pub(super) fn believed_place(&self) -> Geodetic {
+        self.frame.to_global(self.believed())
+    }
+
+    pub(super) fn home_or_zero(&self) -> Ned {
+        self.home.unwrap_or_default()
+    }
+}
+
+/// PX4 calls a mission active in these modes, whether it flies one or not.
+pub(super) fn mission_mode_active(mode: Mode) -> bool {
+    matches!(mode, Mode::Mission | Mode::Takeoff | Mode::Land)
+}
+
+pub(super) fn e7(deg: f64) -> i32 {
+    (deg * 1e7).round() as i32
+}
+
+pub(super) fn mm(m: f64) -> i32 {
+    (m * 1000.0).round() as i32
+}
+
+/// An angle from north, 0 to 35999.
+pub(super) fn centidegrees(rad: f64) -> u16 {
+    (rad.to_degrees().rem_euclid(360.0) * 100.0) as u16 % 36000
+}
+
+/// SYS_STATUS of the reference vehicle, the pre-arm bit apart.
+const PRESENT: u32 = 50_380_847;
+const ENABLED: u32 = 50_446_383;
+const HEALTH: u32 = 52_480_063;
+/// 1.18.0, release type 128 (beta).
+const VERSION_1_18_0_BETA: u32 = 0x0112_0080;
+
+/// In the order of AVAILABLE_MODES.mode_index.
+const MODES: &[Mode] = &[
+    Mode::Manual,
+    Mode::AltCtl,
+    Mode::PosCtl,
+    Mode::Mission,
+    Mode::Loiter,
+    Mode::Rtl,
+    Mode::Acro,
+    Mode::Offboard,
+    Mode::Stabilized,
+    Mode::Takeoff,
+    Mode::Land,
+    Mode::Orbit,
+];

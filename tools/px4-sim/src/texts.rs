@@ -1,0 +1,91 @@
+//! What the vehicle says in words: one STATUSTEXT each 50 ms, long ones in chunks of 50 bytes,
+//! the legacy twin of an event marked by a tabulator at its end.
+
+use std::collections::VecDeque;
+
+use mavlink::dialects::development::{MavMessage, MavSeverity, STATUSTEXT_DATA};
+use mavlink::types::CharArray;
+
+/// The queue of texts. What does not fit is lost, as it is in PX4.
+#[derive(Debug, Clone)]
+pub(super) struct Texts {
+    waiting: VecDeque<(MavSeverity, String)>,
+    next_id: u16,
+    due: f64,
+}
+
+impl Texts {
+    /// Nothing to say.
+    pub(super) fn new() -> Self {
+        Self {
+            waiting: VecDeque::new(),
+            next_id: 0,
+            due: 0.0,
+        }
+    }
+
+    /// Says something.
+    pub(super) fn say(&mut self, severity: MavSeverity, text: impl Into<String>) {
+        if self.waiting.len() < CAPACITY {
+            self.waiting.push_back((severity, text.into()));
+        }
+    }
+
+    /// The next text that is due, as one message or several chunks.
+    pub(super) fn poll(&mut self, now: f64, mut send: impl FnMut(MavMessage)) {
+        if now < self.due {
+            return;
+        }
+        let Some((severity, text)) = self.waiting.pop_front() else {
+            return;
+        };
+        self.due = now + SPACING_S;
+        let id = self.next_id;
+        self.next_id = self.next_id.wrapping_add(1);
+        for (chunk_seq, chunk) in (0u8..).zip(text.as_bytes().chunks(CHUNK)) {
+            let mut bytes = [0; CHUNK];
+            bytes[..chunk.len()].copy_from_slice(chunk);
+            send(MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+                severity,
+                text: CharArray::new(bytes),
+                id,
+                chunk_seq,
+            }));
+        }
+    }
+}
+
+impl Default for Texts {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+const CHUNK: usize = 50;
+const CAPACITY: usize = 64;
+const SPACING_S: f64 = 0.05;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_text_comes_in_chunks_and_the_next_one_later() {
+        let mut texts = Texts::new();
+        texts.say(MavSeverity::MAV_SEVERITY_INFO, "x".repeat(52));
+        texts.say(MavSeverity::MAV_SEVERITY_INFO, "y");
+        let mut out = Vec::new();
+        texts.poll(1.0, |m| out.push(m));
+        texts.poll(1.01, |m| out.push(m));
+        assert_eq!(out.len(), 2);
+        texts.poll(1.06, |m| out.push(m));
+        let ids: Vec<_> = out
+            .iter()
+            .map(|m| match m {
+                MavMessage::STATUSTEXT(t) => (t.id, t.chunk_seq),
+                other => panic!("{other:?}"),
+            })
+            .collect();
+        assert_eq!(ids, [(0, 0), (0, 1), (1, 0)]);
+    }
+}

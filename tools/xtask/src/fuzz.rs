@@ -1,0 +1,135 @@
+//! `cargo xtask fuzz`: every target of `tests/fuzz/`, from the seeds of recordings and golden vectors, for a while.
+//!
+//! The targets are those of cargo-fuzz, and its flags are used, so that it can go on where this stopped; but nothing has
+//! to be installed. Input that breaks a target stays in `tests/fuzz/artifacts`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context as _, Result, bail};
+
+use crate::steps::{Steps, cargo, is_there, option, root};
+
+/// What CI gives to all targets together, in seconds.
+pub(crate) const A_MINUTE: u32 = 60;
+
+/// What `--seconds` says, or a minute.
+pub(crate) fn seconds() -> Result<u32> {
+    let Some(given) = option("--seconds") else {
+        return Ok(A_MINUTE);
+    };
+    let text = given.to_string_lossy();
+    text.parse()
+        .with_context(|| format!("--seconds {text}: expected a whole number"))
+}
+
+/// Builds the targets and runs each for its part of the time.
+pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
+    let host = host()?;
+    if !host.contains("linux") || !is_there(Command::new("c++").arg("--version")) {
+        steps.leave_out("fuzzing: it needs Linux and a C++ compiler `c++`");
+        return Ok(());
+    }
+    let fuzz = root().join("tests/fuzz");
+    let corpus = fuzz.join("corpus");
+    // Of the workspace: of one package alone it would be built anew, with that package's features.
+    let seeds = [
+        "test",
+        "--locked",
+        "--workspace",
+        "--test",
+        "any_input",
+        "seeds",
+    ];
+    steps.run(cargo(seeds).env("VSM_CORPUS", &corpus))?;
+    let manifest = fuzz.join("Cargo.toml");
+    let mut build = cargo([
+        "build",
+        "--release",
+        "--locked",
+        "--bins",
+        "--target",
+        &host,
+    ]);
+    build
+        .arg("--manifest-path")
+        .arg(&manifest)
+        // Lets a stable compiler take the sanitizer's flag.
+        .env("RUSTC_BOOTSTRAP", "1")
+        .env("RUSTFLAGS", FLAGS.join(" "));
+    steps.run(&mut build)?;
+    let programs = fuzz.join("target").join(&host).join("release");
+    for (target, longest) in TARGETS {
+        let each = seconds / u32::try_from(TARGETS.len())?;
+        run_one(steps, &programs.join(target), &fuzz, target, longest, each)?;
+    }
+    Ok(())
+}
+
+fn run_one(
+    steps: &mut Steps,
+    program: &Path,
+    fuzz: &Path,
+    target: &str,
+    longest: u32,
+    seconds: u32,
+) -> Result<()> {
+    let folder = |kind: &str| -> Result<PathBuf> {
+        let folder = fuzz.join(kind).join(target);
+        fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+        Ok(folder)
+    };
+    let (corpus, artifacts) = (folder("corpus")?, folder("artifacts")?);
+    let mut command = Command::new(program);
+    command
+        .arg(format!("-max_total_time={}", seconds.max(1)))
+        .arg(format!("-max_len={longest}"))
+        .args([
+            "-timeout=10",
+            "-rss_limit_mb=2048",
+            "-print_final_stats=1",
+            "-verbosity=0",
+        ])
+        .arg(format!("-artifact_prefix={}/", artifacts.display()))
+        .arg(corpus)
+        // What leaks is memory of the process's whole life, which the sanitizer cannot tell apart under ptrace.
+        .env("ASAN_OPTIONS", "detect_leaks=0");
+    steps.run(&mut command)
+}
+
+/// The compiler's own target: with it named, programs that run while building are not instrumented.
+fn host() -> Result<String> {
+    let output = Command::new("rustc").arg("-vV").output().context("rustc")?;
+    let said = String::from_utf8_lossy(&output.stdout);
+    let host = said.lines().find_map(|line| line.strip_prefix("host: "));
+    match host {
+        Some(host) => Ok(host.to_owned()),
+        None => bail!("rustc -vV names no host"),
+    }
+}
+
+/// The targets, and the longest input of each in bytes.
+const TARGETS: [(&str, u32); 8] = [
+    ("dli_wrapper", 548),
+    ("dli_datagram", 548),
+    ("mavlink_frame", 1_024),
+    ("session", 4_096),
+    ("config", 4_096),
+    ("key_exchange_message", 249),
+    ("key_exchange_initiator", 4_096),
+    ("key_exchange_responder", 4_096),
+];
+
+/// Those of cargo-fuzz.
+const FLAGS: [&str; 9] = [
+    "-Cpasses=sancov-module",
+    "-Cllvm-args=-sanitizer-coverage-level=4",
+    "-Cllvm-args=-sanitizer-coverage-inline-8bit-counters",
+    "-Cllvm-args=-sanitizer-coverage-pc-table",
+    "-Cllvm-args=-sanitizer-coverage-trace-compares",
+    "-Cllvm-args=-simplifycfg-branch-fold-threshold=0",
+    "-Zsanitizer=address",
+    "--cfg=fuzzing",
+    "-Cforce-frame-pointers",
+];

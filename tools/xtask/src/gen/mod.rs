@@ -1,0 +1,141 @@
+//! `cargo xtask gen`: everything that is made from tables of the code: messages, support facts, what becomes of
+//! each message on the other side, and the keys of the configuration.
+//!
+//! The files are checked in, so that a reader needs no build; `--check` says which of them are not what would be made
+//! now, and changes nothing.
+
+mod crossing;
+mod dissector;
+mod lua;
+mod reference;
+mod support;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+
+/// Writes the generated files, or with `check` only tells whether they are stale.
+///
+/// # Errors
+/// A file cannot be read or written; or, with `check`, some are stale.
+pub(crate) fn run(root: &Path, check: bool) -> Result<()> {
+    let made = outputs();
+    let stale: Vec<&Output> = made
+        .iter()
+        .filter(|output| !output.is_current(root))
+        .collect();
+    let strays = strays(root, &made)?;
+    if check {
+        if stale.is_empty() && strays.is_empty() {
+            return Ok(());
+        }
+        let names = stale.iter().map(|output| output.path.display().to_string());
+        let strays = strays.iter().map(|path| path.display().to_string());
+        let list: Vec<String> = names.chain(strays).collect();
+        bail!(
+            "stale, run `cargo xtask gen` and commit:\n  {}",
+            list.join("\n  ")
+        );
+    }
+    for output in stale {
+        output.write(root)?;
+    }
+    for stray in strays {
+        fs::remove_file(root.join(&stray)).with_context(|| stray.display().to_string())?;
+    }
+    Ok(())
+}
+
+/// A generated file.
+struct Output {
+    /// From the root of the repository.
+    path: PathBuf,
+    text: String,
+}
+
+impl Output {
+    fn new(path: impl Into<PathBuf>, text: String) -> Output {
+        Output {
+            path: path.into(),
+            text,
+        }
+    }
+
+    fn is_current(&self, root: &Path) -> bool {
+        fs::read_to_string(root.join(&self.path)).is_ok_and(|found| found == self.text)
+    }
+
+    fn write(&self, root: &Path) -> Result<()> {
+        let path = root.join(&self.path);
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        }
+        fs::write(&path, &self.text).with_context(|| path.display().to_string())
+    }
+}
+
+fn outputs() -> Vec<Output> {
+    let mut made = vec![
+        Output::new("packaging/wireshark/stanag4586.lua", dissector::script()),
+        Output::new("docs/reference/support.md", support::markdown()),
+        Output::new(
+            "docs/reference/configuration.md",
+            vsm::config::reference::markdown(),
+        ),
+        Output::new("docs/reference/mapping-tables.md", crossing::markdown()),
+    ];
+    made.extend(
+        reference::pages()
+            .into_iter()
+            .map(|(name, text)| Output::new(Path::new(REFERENCE).join(name), text)),
+    );
+    made
+}
+
+/// Pages of groups that there are no longer.
+fn strays(root: &Path, made: &[Output]) -> Result<Vec<PathBuf>> {
+    let folder = root.join(REFERENCE);
+    if !folder.exists() {
+        return Ok(Vec::new());
+    }
+    let mut strays = Vec::new();
+    for entry in fs::read_dir(&folder).with_context(|| folder.display().to_string())? {
+        let path = Path::new(REFERENCE).join(entry?.file_name());
+        if made.iter().all(|output| output.path != path) {
+            strays.push(path);
+        }
+    }
+    Ok(strays)
+}
+
+const REFERENCE: &str = "docs/reference/dli";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("vsm-gen-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        folder
+    }
+
+    #[test]
+    fn what_was_made_is_current_and_what_was_changed_is_not() {
+        let root = folder("stale");
+        run(&root, false).unwrap();
+        run(&root, true).unwrap();
+        let page = root.join("docs/reference/support.md");
+        let text = fs::read_to_string(&page).unwrap();
+        fs::write(&page, text.replacen("honoured", "ignored", 1)).unwrap();
+        let fault = run(&root, true).unwrap_err().to_string();
+        assert!(fault.ends_with("\n  docs/reference/support.md"), "{fault}");
+        run(&root, false).unwrap();
+        fs::write(root.join("docs/reference/dli/gone.md"), "").unwrap();
+        assert!(run(&root, true).is_err());
+        run(&root, false).unwrap();
+        run(&root, true).unwrap();
+        fs::remove_dir_all(&root).unwrap();
+    }
+}

@@ -1,0 +1,340 @@
+//! A key on its way to PX4: begun by an agreement or by PX4 having lost it, ended by what its frames prove.
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::dialect::MavSeverity;
+use mavlink_link::exchange::Status;
+use mavlink_link::link::Endpoint;
+use mavlink_link::provisioning::{
+    Event, Handover, HandoverConfig, KeySlot, Outcome, StartError, State,
+};
+use mavlink_link::receiver::KeyState;
+use mavlink_link::signing::SigningKey;
+
+use super::phase::{Cause, HandingOver, Phase, Relaying};
+use super::relay::FrameForwarder;
+use super::{Agent, Keys};
+use crate::session::{LogLevel, Peer};
+
+impl Agent {
+    /// Begins the handover of a key that is on disk.
+    pub(super) fn hand_over(
+        &mut self,
+        old: Option<KeyState>,
+        new: SigningKey,
+        cause: Cause,
+        now: Now,
+        keys: &mut dyn Keys,
+    ) -> Result<(), StartError> {
+        let mut link = *self.px4.config();
+        // One that has proved to be PX4 is spoken to at once.
+        if let Some(peer) = self.px4.peer() {
+            link.endpoint = Endpoint::Fixed(peer);
+        }
+        let config = HandoverConfig {
+            link,
+            not_before: self.settings.not_before,
+            may_send_key: true,
+            // The line to PX4 is its own and the agent's.
+            believe_unsigned: true,
+        };
+        let handover = Handover::start(config, old, new, now, keys)?;
+        self.phase = Phase::HandingOver(Box::new(HandingOver {
+            handover,
+            cause,
+            previous: None,
+            commit_at: None,
+        }));
+        Ok(())
+    }
+
+    /// PX4 sends unsigned, or signs with the key before: the one in force is handed over again.
+    pub(super) fn key_lost(&mut self, unsigned: bool, now: Now, keys: &mut dyn Keys) {
+        let Phase::Relaying(relaying) = std::mem::replace(&mut self.phase, Phase::Keyless) else {
+            return;
+        };
+        let Relaying { key, previous } = *relaying;
+        self.note(
+            LogLevel::Error,
+            if unsigned {
+                "PX4 sends UNSIGNED: it has lost its key, as by a power cut. It is given the key again; no command \
+                 reaches it before"
+            } else {
+                "PX4 signs with the key BEFORE: it has fallen back. It is given the key in force again"
+            },
+        );
+        let text = if unsigned {
+            "Agent: PX4 is UNSIGNED, its key is given again"
+        } else {
+            "Agent: PX4 fell back to the key before"
+        };
+        self.tell_ground(MavSeverity::MAV_SEVERITY_CRITICAL, text);
+        let old = match previous.as_ref().map(SigningKey::duplicate) {
+            Some(previous) if !unsigned => self.state_of(previous, now, keys).map(Some),
+            _ => Ok(None),
+        };
+        let begun = old
+            .map_err(StartError::from)
+            .and_then(|old| self.hand_over(old, key.key().duplicate(), Cause::LostKey, now, keys));
+        // Its time since boot starts again, and that alone does not show that it kept the key.
+        self.watch.forget_boot();
+        if let (Ok(()), Phase::HandingOver(on)) = (&begun, &mut self.phase) {
+            on.previous = previous.as_ref().map(SigningKey::duplicate);
+        }
+        if let Err(fault) = begun {
+            // The clock cannot be read: nothing passes under a key that PX4 does not have, and it is tried again.
+            self.note(
+                LogLevel::Error,
+                format!("the key cannot be given again: {fault}"),
+            );
+            self.phase = Phase::relaying(key, previous);
+        }
+    }
+
+    /// Perhaps it has another firmware by now.
+    pub(super) fn try_again_to_sign(&mut self, now: Now, keys: &mut dyn Keys) {
+        let Phase::CannotSign { key, again_at } = &mut self.phase else {
+            return;
+        };
+        *again_at = now.mono.saturating_add(ASK_AGAIN);
+        let key = key.duplicate();
+        if let Err(fault) = self.hand_over(None, key, Cause::LostKey, now, keys) {
+            self.note(
+                LogLevel::Error,
+                format!("the key cannot be given again: {fault}"),
+            );
+        }
+    }
+
+    pub(super) fn take_while_handing_over(
+        &mut self,
+        now: Now,
+        from: Peer,
+        bytes: &[u8],
+        keys: &mut dyn Keys,
+    ) {
+        let Phase::HandingOver(on) = &mut self.phase else {
+            return;
+        };
+        let cause = on.cause;
+        let (queued, counted) = (self.queue.len(), self.to_ground);
+        let mut forwarder = FrameForwarder {
+            mono: now.mono,
+            own_component: self.settings.own_component,
+            ground: self.radio.peer(),
+            watch: &mut self.watch,
+            queue: &mut self.queue,
+            held_back: &mut self.held_back,
+            to_ground: &mut self.to_ground,
+        };
+        on.handover
+            .handle_and_pass(now, from, bytes, keys, &mut |under, frame| {
+                // KeySlot the key before PX4 has fallen back: that is not delivered.
+                if under == KeySlot::New || cause == Cause::NewKey {
+                    forwarder.pass(frame);
+                }
+            });
+        self.follow_handover(now, keys);
+        let undecided = matches!(&self.phase, Phase::HandingOver(on) if on.commit_at.is_some());
+        if undecided {
+            // What verified under a key that is not in force on disk yet is not delivered.
+            self.queue.truncate(queued);
+            self.to_ground = counted;
+        }
+    }
+
+    /// Does and tells what the handover wants.
+    pub(super) fn follow_handover(&mut self, now: Now, keys: &mut dyn Keys) {
+        let Phase::HandingOver(on) = &mut self.phase else {
+            return;
+        };
+        let mut told = Vec::new();
+        while let Some(event) = on.handover.poll_event() {
+            if event == Event::Commit {
+                on.commit_at = Some(now.mono);
+            }
+            told.push(event);
+        }
+        let mut fault = None;
+        if on.commit_at.is_some_and(|at| at <= now.mono) {
+            match keys.commit() {
+                Ok(()) => on.commit_at = None,
+                Err(cause) => {
+                    on.commit_at = Some(now.mono.saturating_add(COMMIT_AGAIN));
+                    fault = Some(cause);
+                }
+            }
+        }
+        let ended = match on.commit_at {
+            Some(_) => None,
+            None => on.handover.outcome(),
+        };
+        for event in told {
+            if let Event::State(state) = event {
+                self.tell_state(state);
+            }
+            self.tell_handover(event);
+        }
+        if let Some(fault) = fault {
+            self.note(
+                LogLevel::Error,
+                format!("PX4 has the new key, but it cannot be made the one in force: {fault}"),
+            );
+        }
+        if let Some(outcome) = ended {
+            self.end_handover(outcome, now, keys);
+        }
+    }
+
+    fn end_handover(&mut self, outcome: Outcome, now: Now, keys: &mut dyn Keys) {
+        let Phase::HandingOver(on) = std::mem::replace(&mut self.phase, Phase::Keyless) else {
+            return;
+        };
+        let HandingOver {
+            handover,
+            cause,
+            previous,
+            ..
+        } = *on;
+        // A start before this says nothing of the key that is in force now.
+        self.watch.take_restart();
+        let id = handover.new_id();
+        let (text, level) = match (outcome, cause) {
+            (Outcome::Committed, _) => (format!("PX4 signs with key {id}"), LogLevel::Info),
+            (Outcome::RolledBack, Cause::NewKey) => (
+                format!("PX4 keeps its key: key {id} is given up"),
+                LogLevel::Error,
+            ),
+            (Outcome::RolledBack, Cause::LostKey) => (
+                format!(
+                    "PX4 keeps the key BEFORE: it is given key {id} once more, and nothing is relayed until then"
+                ),
+                LogLevel::Error,
+            ),
+            (Outcome::SeveralAutopilots, _) => (
+                format!("more than one autopilot is on PX4's link: key {id} is refused"),
+                LogLevel::Error,
+            ),
+            (Outcome::NeverSigns, _) => (
+                "PX4 stays unsigned: it cannot sign (1.17 and older), and nothing is relayed"
+                    .to_owned(),
+                LogLevel::Error,
+            ),
+        };
+        self.note(level, text);
+        match (outcome, cause) {
+            (Outcome::Committed, Cause::LostKey) => {
+                let text = "Agent: PX4 signs with its key again";
+                self.tell_ground(MavSeverity::MAV_SEVERITY_NOTICE, text);
+            }
+            (Outcome::RolledBack, Cause::NewKey) => {
+                let text = "Agent: PX4 keeps its key, the new one is dropped";
+                self.tell_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
+            }
+            (Outcome::SeveralAutopilots, _) => {
+                let text = "Agent: several autopilots, the key is refused";
+                self.tell_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
+            }
+            (Outcome::Committed, Cause::NewKey)
+            | (Outcome::RolledBack, Cause::LostKey)
+            | (Outcome::NeverSigns, _) => {}
+        }
+        if cause == Cause::NewKey
+            && matches!(outcome, Outcome::RolledBack | Outcome::SeveralAutopilots)
+            && let Err(fault) = keys.drop_next()
+        {
+            self.note(
+                LogLevel::Warning,
+                format!("key {id} cannot be deleted: {fault}"),
+            );
+        }
+        match outcome {
+            Outcome::Committed => self.responder.key_active(),
+            Outcome::RolledBack if cause == Cause::NewKey => self.responder.key_dropped(),
+            Outcome::RolledBack => {}
+            Outcome::NeverSigns => self.responder.tell(Status::CannotSign, 0),
+            Outcome::SeveralAutopilots => self.tell_refused(),
+        }
+        let previous = match (outcome, cause) {
+            (Outcome::Committed, Cause::NewKey) => handover.old_key(),
+            _ => previous,
+        };
+        let later = |key| Phase::CannotSign {
+            key,
+            again_at: now.mono.saturating_add(ASK_AGAIN),
+        };
+        let key = handover.new_key();
+        if (outcome, cause) == (Outcome::RolledBack, Cause::LostKey) {
+            // The key in force on disk stays in force: nothing is ever relayed under the one that it replaced.
+            let old = handover.into_old();
+            self.phase = later(key.duplicate());
+            if let Err(fault) = self.hand_over(old, key, cause, now, keys) {
+                self.note(
+                    LogLevel::Error,
+                    format!("the key cannot be given again: {fault}"),
+                );
+            }
+            if let Phase::HandingOver(on) = &mut self.phase {
+                on.previous = previous;
+            }
+            return;
+        }
+        self.phase = match outcome {
+            Outcome::NeverSigns => later(key),
+            Outcome::SeveralAutopilots if cause == Cause::LostKey => later(key),
+            Outcome::SeveralAutopilots => handover
+                .into_old()
+                .map_or(Phase::Keyless, |key| Phase::relaying(key, None)),
+            Outcome::Committed | Outcome::RolledBack => handover
+                .into_key_in_force()
+                .map_or(Phase::Keyless, |key| Phase::relaying(key, previous)),
+        };
+    }
+
+    fn tell_handover(&mut self, event: Event) {
+        let (level, text) = match event {
+            Event::State(State::Staged) => (
+                LogLevel::Info,
+                "a new key is on disk: listening for 10 s that only one autopilot is on PX4's link"
+                    .to_owned(),
+            ),
+            Event::State(State::WaitDisarm) => (
+                LogLevel::Info,
+                "a new key waits for PX4's word that it is disarmed".to_owned(),
+            ),
+            Event::State(State::Sent) => (
+                LogLevel::Warning,
+                "the key is being sent to PX4. DO NOT cut its power for 5 s".to_owned(),
+            ),
+            Event::State(State::NotTaken) => {
+                (LogLevel::Warning, "PX4 has not taken the key".to_owned())
+            }
+            Event::State(State::RolledBack) => (
+                LogLevel::Warning,
+                "PX4 keeps its key; the new one is given up if that holds for 30 s".to_owned(),
+            ),
+            Event::State(State::Unknown) => (
+                LogLevel::Info,
+                "which key PX4 has is being found out".to_owned(),
+            ),
+            Event::SeveralAutopilots { system } => (
+                LogLevel::Error,
+                format!("system {system} is on PX4's link too"),
+            ),
+            Event::RefusedWhileArmed => (
+                LogLevel::Warning,
+                "PX4 refuses a key while it is armed".to_owned(),
+            ),
+            Event::FellBack => (
+                LogLevel::Error,
+                "PX4 has lost its key again; once more".to_owned(),
+            ),
+            Event::State(State::Committed) | Event::Commit | Event::Ended(_) => return,
+        };
+        self.note(level, text);
+    }
+}
+
+const ASK_AGAIN: Duration = Duration::from_secs(60);
+const COMMIT_AGAIN: Duration = Duration::from_secs(1);

@@ -1,0 +1,167 @@
+//! Fields that a command carries and nothing is made of: told by 16000, since an acknowledgement would hide it.
+//!
+//! A command is not refused for them. A ground station may send every field every time, and one that says "hold" must
+//! hold, whatever else it carries. Zero is what a full presence vector carries for nothing, and says nothing.
+
+use std::collections::BTreeSet;
+
+use mapping::support::{Received, field};
+use stanag_msgs::Message;
+use stanag_msgs::enums::{AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType};
+use stanag_msgs::messages::{
+    LoiterConfiguration, UaLoiterWaypoint, UaPositionWaypoint, UaStickCommand,
+    VehicleOperatingModeCommand,
+};
+use stanag_msgs::table::{self, FieldInfo, MessageInfo};
+use stanag_msgs::wrapper::MAX_DATA;
+
+use super::aircraft::Aircraft;
+use super::desk::{Desk, Origin};
+
+/// What has been told: station, message, field.
+#[derive(Debug, Default)]
+pub(crate) struct AlreadyReported(BTreeSet<(usize, u16, u8)>);
+
+impl AlreadyReported {
+    /// The station listens anew.
+    pub(crate) fn forget(&mut self, station: usize) {
+        self.0.retain(|(of, _, _)| *of != station);
+    }
+}
+
+impl Aircraft {
+    /// Tells a station once of each field of its messages that asks for something and never has an effect here.
+    pub(super) fn say_unused(&mut self, desk: &mut Desk<'_>, origin: &Origin, message: &Message) {
+        if !ASKING.contains(&message.id()) {
+            return;
+        }
+        let mut names: Vec<&str> = Vec::new();
+        each_set(message, |one| {
+            let place = (origin.station, message.id(), one.bit);
+            if is_unused(message.info(), one) && self.unused_told.0.insert(place) {
+                names.push(one.name);
+            }
+        });
+        self.say_unheeded(desk, origin, &names, "");
+    }
+
+    /// Tells of these fields, where there are any.
+    pub(super) fn say_unheeded(
+        &mut self,
+        desk: &mut Desk<'_>,
+        origin: &Origin,
+        names: &[&str],
+        place: &str,
+    ) {
+        if !names.is_empty() {
+            let text = format!(
+                "{}: not heeded{place}: {}",
+                origin.message_type,
+                names.join(", ")
+            );
+            self.tell_stations(desk, &[origin.station], text);
+        }
+    }
+}
+
+/// The fields of a 2016 that are commanded and of which nothing is made in this mode. `routed` where a route is flown.
+pub(crate) fn ignored_fields(
+    command: &VehicleOperatingModeCommand,
+    mode: Mode,
+    routed: bool,
+) -> Vec<&'static str> {
+    use {AltitudeCommandType as A, HeadingCommandType as H};
+    let steers = mode == Mode::Autopilot;
+    let (altitude, heading) = (command.altitude_command_type, command.heading_command_type);
+    let turns_to = |kinds: [H; 2]| steers && heading.is_some_and(|kind| kinds.contains(&kind));
+    let message = Message::from(command.clone());
+    let mut names = Vec::new();
+    each_set(&message, |one| {
+        let heeded = match one.name {
+            "Commanded Altitude" => {
+                matches!(mode, Mode::Loiter | Mode::Autopilot | Mode::Launch)
+                    && !matches!(altitude, Some(A::None | A::VerticalSpeed))
+            }
+            "Commanded Vertical Speed" => {
+                steers && matches!(altitude, Some(A::VerticalSpeed | A::RateLimitedAltitude))
+            }
+            "Commanded Heading" => turns_to([H::Heading, H::HeadingAndCourse]),
+            "Commanded Course" => turns_to([H::Course, H::HeadingAndCourse]),
+            "Commanded Turn Rate" => turns_to([H::TurnRate; 2]),
+            "Commanded Speed" => routed || matches!(mode, Mode::Loiter | Mode::Autopilot),
+            "Commanded Waypoint Number" => routed,
+            "Loiter Position Latitude" | "Loiter Position Longitude" => mode == Mode::Loiter,
+            _ => !is_unused(message.info(), one),
+        };
+        if !heeded {
+            names.push(one.name);
+        }
+    });
+    names
+}
+
+/// Whether a field asks for something that is never done.
+fn is_unused(message: &'static MessageInfo, one: &FieldInfo) -> bool {
+    field(message, one).received == Received::Ignored && !SILENT.contains(&one.name)
+}
+
+/// Every field of a message that is there and not zero.
+fn each_set(message: &Message, mut see: impl FnMut(&'static FieldInfo)) {
+    let mut data = [0; MAX_DATA];
+    let length = message.encode_data(&mut data).unwrap_or(0);
+    let data = data.get(..length).unwrap_or_default();
+    for (one, bytes) in table::walk(message.info(), data).flatten() {
+        if bytes.iter().any(|byte| *byte != 0) {
+            see(one);
+        }
+    }
+}
+
+/// Messages that ask the vehicle for something, all of whose fields can be looked at alone; 2016 depends on its mode.
+const ASKING: &[u16] = &[
+    UaStickCommand::ID,
+    LoiterConfiguration::ID,
+    UaPositionWaypoint::ID,
+    UaLoiterWaypoint::ID,
+];
+/// Fields that ask for nothing by themselves: an activity's number, and which messages follow.
+const SILENT: &[&str] = &["Activity ID", "Optional Messages for Waypoint"];
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::Scaled;
+
+    use super::*;
+
+    #[test]
+    fn what_a_mode_does_not_heed_is_named_and_zeros_are_not() {
+        let command = VehicleOperatingModeCommand {
+            altitude_command_type: Some(AltitudeCommandType::None),
+            commanded_altitude: Some(Scaled::saturating_from_si(30.0)),
+            commanded_vertical_speed: Some(Scaled::saturating_from_si(2.0)),
+            commanded_speed: Some(Scaled::saturating_from_si(5.0)),
+            commanded_waypoint_number: Some(7),
+            thrust: Some(40),
+            ..VehicleOperatingModeCommand::default()
+        };
+        assert_eq!(
+            ignored_fields(&command, Mode::Loiter, false),
+            [
+                "Commanded Altitude",
+                "Commanded Vertical Speed",
+                "Commanded Waypoint Number",
+                "Thrust"
+            ]
+        );
+        assert_eq!(
+            ignored_fields(&command, Mode::Waypoint, true),
+            ["Commanded Altitude", "Commanded Vertical Speed", "Thrust"]
+        );
+        let empty = VehicleOperatingModeCommand {
+            commanded_speed: Some(Scaled::saturating_from_si(0.0)),
+            thrust: Some(0),
+            ..VehicleOperatingModeCommand::default()
+        };
+        assert_eq!(ignored_fields(&empty, Mode::ContingencyA, false), [""; 0]);
+    }
+}
