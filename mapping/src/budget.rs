@@ -5,20 +5,24 @@
 
 use crate::curve::Curving;
 use crate::plan::Plan;
-use crate::route::{Flight, Reason, RouteError, Site, flight_within};
+use crate::route::{CompiledMission, Reason, RouteError, Site, compile_within};
 
 /// The mission with the smallest tolerance that its items allow; none where even the coarsest needs more.
 ///
 /// # Errors
 /// Anything but too many items: a coarser tolerance does not mend it.
-pub(crate) fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Option<Flight>, RouteError> {
+pub(crate) fn compile(
+    plan: &Plan,
+    initial: u16,
+    site: &Site,
+) -> Result<Option<CompiledMission>, RouteError> {
     let try_with = |tolerance_m| {
         let curving = Curving {
             tolerance_m,
             ..site.curving
         };
-        match flight_within(plan, initial, &Site { curving, ..*site }) {
-            Ok(flight) => Ok(Some(flight)),
+        match compile_within(plan, initial, &Site { curving, ..*site }) {
+            Ok(compiled) => Ok(Some(compiled)),
             Err(RouteError {
                 reason: Reason::TooManyItems(_),
                 ..
@@ -34,14 +38,14 @@ pub(crate) fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Option<Fl
         }
         let tried_m = (2.0 * low_m).min(COARSEST_M);
         match try_with(tried_m)? {
-            Some(flight) => break (flight, tried_m),
+            Some(compiled) => break (compiled, tried_m),
             None => low_m = tried_m,
         }
     };
     while high_m > CLOSE * low_m {
         let tried_m = (low_m * high_m).sqrt();
         match try_with(tried_m)? {
-            Some(flight) => (best, high_m) = (flight, tried_m),
+            Some(compiled) => (best, high_m) = (compiled, tried_m),
             None => low_m = tried_m,
         }
     }

@@ -23,7 +23,7 @@
 //! ```
 //! use mapping::altitude::{Agl, Altimeter};
 //! use mapping::curve::Curving;
-//! use mapping::route::{Limits, Reason, Site, flight};
+//! use mapping::route::{Limits, Reason, Site, compile};
 //! use mapping::{performance::Performance, plan::Plan, telemetry::Place};
 //! use stanag_msgs::enums::AltitudeType;
 //! use stanag_msgs::messages::{UaPositionWaypoint, UaRoute};
@@ -53,12 +53,12 @@
 //!     performance: Performance::default(),
 //!     curving: Curving::default(),
 //! };
-//! let mission = flight(&plan, 7, &site)?;
+//! let mission = compile(&plan, 7, &site)?;
 //! assert_eq!(mission.first_item_of(7), Some(0));
 //! assert_eq!((mission.items[0].x, mission.items[0].z), (473_980_000, 30.0));
 //!
 //! // What cannot be flown is refused with the waypoint and the reason.
-//! let refused = flight(&plan, 9, &site).unwrap_err();
+//! let refused = compile(&plan, 9, &site).unwrap_err();
 //! assert_eq!((refused.waypoint, refused.reason), (9, Reason::Unknown));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

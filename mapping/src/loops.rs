@@ -7,7 +7,7 @@ use mavlink_link::service::mission::{FRAME_MISSION, Item};
 use stanag_msgs::enums::{LimitType, WaypointType};
 use stanag_msgs::messages::UaPositionWaypoint;
 
-use crate::route::{Flight, Reason};
+use crate::route::{CompiledMission, Reason};
 
 /// Whether a waypoint ends a loop.
 pub(crate) fn ends(waypoint: &UaPositionWaypoint) -> Result<bool, Reason> {
@@ -21,15 +21,15 @@ pub(crate) fn ends(waypoint: &UaPositionWaypoint) -> Result<bool, Reason> {
     }
 }
 
-/// The jump back from the end of a loop, `number`, whose own items are in `flight` already; `None` for a loop that
+/// The jump back from the end of a loop, `number`, whose own items are in `compiled` already; `None` for a loop that
 /// is flown once.
 pub(crate) fn jump(
     number: u16,
     waypoint: &UaPositionWaypoint,
-    flight: &Flight,
+    compiled: &CompiledMission,
 ) -> Result<Option<Item>, Reason> {
     let start = waypoint.next_waypoint.unwrap_or(0);
-    let seq = flight
+    let seq = compiled
         .first_item_of(start)
         .filter(|_| start != number)
         .ok_or(Reason::LoopStart(start))?;

@@ -11,7 +11,7 @@ use stanag_msgs::{Bam16, Bam32, Scaled, TimeStamp};
 
 use crate::altitude::Level;
 use crate::mode::Px4Mode;
-use crate::route::{Flight, Leg, metres};
+use crate::route::{CompiledMission, Leg, metres};
 use crate::telemetry::Telemetry;
 
 /// UA State (3002.01) of a vehicle in the air: VSM specific, described by 41002.
@@ -61,7 +61,7 @@ pub fn no_operating_mode(stamp: TimeStamp) -> VehicleOperatingModeReport {
 pub fn operating_states(
     vehicle: &Telemetry,
     commanded: &Commanded,
-    flight: Option<&Flight>,
+    compiled: Option<&CompiledMission>,
     stale: bool,
     stamp: TimeStamp,
 ) -> VehicleOperatingStates {
@@ -82,7 +82,7 @@ pub fn operating_states(
         states.commanded_altitude = Some(altitude);
         states.altitude_type = Some(altitude_type);
     }
-    if let Some((speed_m_s, kind)) = commanded_speed(vehicle, commanded, flight)
+    if let Some((speed_m_s, kind)) = commanded_speed(vehicle, commanded, compiled)
         && let Ok(speed) = Scaled::from_si(speed_m_s)
     {
         states.commanded_speed = Some(speed);
@@ -98,7 +98,7 @@ pub fn operating_states(
         states.commanded_loiter_position_latitude = Some(Bam32::from_degrees(latitude));
         states.commanded_loiter_position_longitude = Some(Bam32::from_degrees(longitude));
     }
-    states.commanded_waypoint_number = to_leg(vehicle, flight).map(|leg| leg.number);
+    states.commanded_waypoint_number = to_leg(vehicle, compiled).map(|leg| leg.number);
     states
 }
 
@@ -139,7 +139,7 @@ pub fn inertial_states(vehicle: &Telemetry, stamp: TimeStamp) -> Option<Inertial
     Some(states)
 }
 
-/// Where a vehicle is along its route, as indices of [`Flight::order`].
+/// Where a vehicle is along its route, as indices of [`CompiledMission::order`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Along {
     /// The waypoint that it has been at last; `None` before the first, and after it was sent elsewhere.
@@ -154,7 +154,7 @@ pub struct Along {
 #[must_use]
 pub fn waypoint_states(
     vehicle: &Telemetry,
-    flight: Option<&Flight>,
+    compiled: Option<&CompiledMission>,
     along: Along,
     stamp: TimeStamp,
 ) -> FromToNextWaypointStates {
@@ -165,8 +165,10 @@ pub fn waypoint_states(
         next_waypoint_number: Some(0),
         ..FromToNextWaypointStates::default()
     };
-    let Some(flight) = flight else { return states };
-    let leg = |index: Option<usize>| flight.order.get(index?);
+    let Some(compiled) = compiled else {
+        return states;
+    };
+    let leg = |index: Option<usize>| compiled.order.get(index?);
     let geoid_m = vehicle.geoid_m;
     let altitude_type = reference(vehicle).0;
     let home_m = vehicle.home.map(|home| home.amsl_m);
@@ -243,28 +245,28 @@ fn ua_state(vehicle: &Telemetry) -> UaState {
 
 /// Which leg of the route is flown, its number of legs where the route is over; `None` where the vehicle has told none.
 #[must_use]
-pub fn to_index(vehicle: &Telemetry, flight: &Flight) -> Option<usize> {
+pub fn to_index(vehicle: &Telemetry, compiled: &CompiledMission) -> Option<usize> {
     let mission = vehicle.mission?;
     // A mission that is over flies to nothing any more; the last waypoint stays the one it came from.
     if mission.state == MissionState::MISSION_STATE_COMPLETE {
-        return Some(flight.order.len());
+        return Some(compiled.order.len());
     }
-    flight.leg_of_item(mission.seq)
+    compiled.leg_of_item(mission.seq)
 }
 
-fn to_leg<'a>(vehicle: &Telemetry, flight: Option<&'a Flight>) -> Option<&'a Leg> {
-    let flight = flight?;
+fn to_leg<'a>(vehicle: &Telemetry, compiled: Option<&'a CompiledMission>) -> Option<&'a Leg> {
+    let compiled = compiled?;
     if vehicle.mode != Some(Px4Mode::MISSION) {
         return None;
     }
-    flight.order.get(to_index(vehicle, flight)?)
+    compiled.order.get(to_index(vehicle, compiled)?)
 }
 
 /// The speed that the vehicle was told last: by 2016, or by the leg that a mission flies since.
 fn commanded_speed(
     vehicle: &Telemetry,
     commanded: &Commanded,
-    flight: Option<&Flight>,
+    compiled: Option<&CompiledMission>,
 ) -> Option<(f64, SpeedType)> {
     let kind = if vehicle.hovers() {
         SpeedType::Ground
@@ -275,14 +277,14 @@ fn commanded_speed(
         .speed_m_s
         .map(|speed_m_s| (speed_m_s, commanded.speed_type.unwrap_or(kind)));
     let in_mission = vehicle.mode == Some(Px4Mode::MISSION);
-    let Some((flight, at)) = flight
+    let Some((compiled, at)) = compiled
         .filter(|_| in_mission)
-        .and_then(|flight| Some((flight, to_index(vehicle, flight)?)))
+        .and_then(|compiled| Some((compiled, to_index(vehicle, compiled)?)))
     else {
         return by_2016;
     };
     // A speed of the route stays until the next one.
-    let by_route = flight
+    let by_route = compiled
         .order
         .iter()
         .enumerate()

@@ -6,7 +6,7 @@ use mapping::configuration::Parameters;
 use mapping::curve::{Curving, Vertices};
 use mapping::performance::Performance;
 use mapping::plan::Plan;
-use mapping::route::{Flight, Limits, Reason, RouteError, Site, flight, metres};
+use mapping::route::{CompiledMission, Limits, Reason, RouteError, Site, compile, metres};
 use mapping::telemetry::Place;
 use stanag_msgs::enums::{AltitudeType, LimitType, WaypointType};
 use stanag_msgs::messages::{CurveSegment, CurveSegmentPaper, UaPositionWaypoint, UaRoute};
@@ -61,11 +61,11 @@ fn curve(p1: u16, p4: u16) -> CurveSegment {
     }
 }
 
-fn planned(curves: &[Message]) -> Result<Flight, RouteError> {
+fn planned(curves: &[Message]) -> Result<CompiledMission, RouteError> {
     planned_at(curves, &site())
 }
 
-fn planned_at(curves: &[Message], site: &Site) -> Result<Flight, RouteError> {
+fn planned_at(curves: &[Message], site: &Site) -> Result<CompiledMission, RouteError> {
     let mut plan = Plan::default();
     let route = UaRoute {
         initial_waypoint_number: Some(9),
@@ -80,7 +80,7 @@ fn planned_at(curves: &[Message], site: &Site) -> Result<Flight, RouteError> {
     for message in waypoints.iter().chain(curves) {
         plan.store(message, CUCS, VEHICLE).expect("stored");
     }
-    flight(&plan, 9, site)
+    compile(&plan, 9, site)
 }
 
 fn refused(curves: &[Message]) -> RouteError {
@@ -89,8 +89,8 @@ fn refused(curves: &[Message]) -> RouteError {
 
 #[test]
 fn the_chords_stay_within_the_tolerance_and_their_radii_within_half_a_chord() {
-    let flight = planned(&[Message::CurveSegment(curve(9, 4))]).expect("flown");
-    let places: Vec<(f64, f64, f32)> = flight
+    let compiled = planned(&[Message::CurveSegment(curve(9, 4))]).expect("flown");
+    let places: Vec<(f64, f64, f32)> = compiled
         .items
         .iter()
         .filter(|item| item.command == 16)
@@ -152,23 +152,27 @@ fn from_chord(at: (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
 
 #[test]
 fn a_flight_to_the_curves_end_goes_straight_there() {
-    let flight = planned(&[Message::CurveSegment(curve(9, 4))]).expect("flown");
-    let first = usize::from(flight.first_item_of(4).expect("waypoint 4"));
-    assert_ne!(flight.waypoint_of[first - 1], 9, "the chords lie before it");
+    let compiled = planned(&[Message::CurveSegment(curve(9, 4))]).expect("flown");
+    let first = usize::from(compiled.first_item_of(4).expect("waypoint 4"));
+    assert_ne!(
+        compiled.waypoint_of[first - 1],
+        9,
+        "the chords lie before it"
+    );
     let last = (first..)
-        .find(|at| flight.items[*at].command == 16)
+        .find(|at| compiled.items[*at].command == 16)
         .expect("its position");
     assert!(
         metres(
             (
-                f64::from(flight.items[last].x) / 1e7,
-                f64::from(flight.items[last].y) / 1e7
+                f64::from(compiled.items[last].x) / 1e7,
+                f64::from(compiled.items[last].y) / 1e7
             ),
             P4
         ) < 0.1
     );
     assert_eq!(
-        flight.leg_of_item(first as u16 - 1),
+        compiled.leg_of_item(first as u16 - 1),
         Some(1),
         "4001 says that a chord leads to waypoint 4"
     );
@@ -279,7 +283,7 @@ fn a_loop_is_not_closed_by_a_curve() {
         for message in [waypoint(9, P1, 4), end.into(), back.into()] {
             plan.store(&message, CUCS, VEHICLE).expect("stored");
         }
-        flight(&plan, 9, &site())
+        compile(&plan, 9, &site())
     };
     // Flown straight it would be another leg than the one that was sent.
     let fault = lap(3).expect_err("the way back is curved");
@@ -337,15 +341,15 @@ fn too_few_items_mean_the_smallest_tolerance_that_they_allow_and_it_is_said() {
     let fewest = free.items.len();
     let mut before_m = 1.0;
     for items in (fewest - 4..fewest).rev() {
-        let flight = within(items).expect("flown more coarsely");
-        let curved = flight.curved.expect("a curve");
-        assert!(flight.items.len() <= items);
+        let compiled = within(items).expect("flown more coarsely");
+        let curved = compiled.curved.expect("a curve");
+        assert!(compiled.items.len() <= items);
         assert!(curved.bound_m <= curved.tolerance_m && curved.tolerance_m > before_m - 1e-9);
         let said = format!("tolerance {:.2} m, not 1 m", curved.tolerance_m);
         assert!(
-            flight.notes.iter().any(|note| note.contains(&said)),
+            compiled.notes.iter().any(|note| note.contains(&said)),
             "{:?}",
-            flight.notes
+            compiled.notes
         );
         // A little less would need more.
         let mut closer = site();
@@ -379,8 +383,8 @@ fn free_vertices_are_fewer_and_the_ends_stay() {
         on.items.len()
     );
     assert!(free.curved.expect("a curve").bound_m <= 0.5);
-    let places = |flight: &Flight| -> Vec<(i32, i32)> {
-        let places = flight.items.iter().filter(|item| item.command == 16);
+    let places = |compiled: &CompiledMission| -> Vec<(i32, i32)> {
+        let places = compiled.items.iter().filter(|item| item.command == 16);
         places.map(|item| (item.x, item.y)).collect()
     };
     let (on, free) = (places(&on), places(&free));
@@ -395,8 +399,8 @@ fn the_forecast_goes_by_what_the_vehicle_has_told_of_itself() {
     told.set("MPC_ACC_HOR", 0.1);
     slow.curving.know(&told);
     let time_s = |site: &Site| {
-        let flight = planned_at(&curves, site).expect("flown");
-        flight.curved.expect("a curve").time_s
+        let compiled = planned_at(&curves, site).expect("flown");
+        compiled.curved.expect("a curve").time_s
     };
     let (slow_s, known_s) = (time_s(&slow), time_s(&site()));
     assert!(slow_s > 1.5 * known_s, "{slow_s} {known_s}");

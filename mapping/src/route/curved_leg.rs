@@ -6,7 +6,7 @@ use stanag_msgs::messages::UaPositionWaypoint;
 
 use super::bounds::height;
 use super::item::{self, DO_CHANGE_SPEED, NAV_WAYPOINT, change_speed};
-use super::{Flight, Leg, Reason, RouteError, Site};
+use super::{CompiledMission, Leg, Reason, RouteError, Site};
 use crate::curve::{self, Chords, Curved};
 use crate::performance::Performance;
 use crate::plan::Plan;
@@ -33,13 +33,13 @@ pub(super) fn fly(
     plan: &Plan,
     p1: &Leg,
     p4: &Leg,
-    flight: &mut Flight,
+    compiled: &mut CompiledMission,
     site: &Site,
 ) -> Result<Option<Chords>, RouteError> {
     let Some((_, curve)) = plan.curves_from(p1.number).find(|(to, _)| *to == p4.number) else {
         return Ok(None);
     };
-    let speed_m_s = p4.speed_m_s.unwrap_or_else(|| flight.speed_m_s(site));
+    let speed_m_s = p4.speed_m_s.unwrap_or_else(|| compiled.speed_m_s(site));
     let chords = curve::chords(p1, p4, curve, speed_m_s, site).map_err(|fault| RouteError {
         waypoint: p1.number,
         reason: Reason::Curve {
@@ -54,24 +54,24 @@ pub(super) fn fly(
         })?;
     }
     let tolerance_m = site.curving.tolerance_m;
-    flight.curved = Some(Curved::and(flight.curved, &chords, tolerance_m));
+    compiled.curved = Some(Curved::and(compiled.curved, &chords, tolerance_m));
     if chords.reads_differently {
         let text = format!(
             "curve {} to {} is flown as defined; drawn in latitude and longitude it is another line",
             p1.number, p4.number
         );
-        flight.notes.push(text);
+        compiled.notes.push(text);
     }
     if let Some(speed_m_s) = chords.speed_at_start_m_s {
-        flight.push(p4.number, change_speed(speed_m_s));
+        compiled.push(p4.number, change_speed(speed_m_s));
     }
     for chord in &chords.vertices {
         let place = (chord.latitude, chord.longitude);
         let params = [0.0, chords.acceptance_m, 0.0, f32::NAN];
         let item = item::placed(place, chord.level, NAV_WAYPOINT, params);
-        flight.push(p4.number, item);
+        compiled.push(p4.number, item);
         if let Some(speed_m_s) = chord.speed_m_s {
-            flight.push(p4.number, change_speed(speed_m_s));
+            compiled.push(p4.number, change_speed(speed_m_s));
         }
     }
     Ok(Some(chords))

@@ -12,16 +12,16 @@
 //! | Waypoint Type (0802.17) 1, end of a loop | DO_JUMP after it: `loops` |
 
 mod bounds;
+mod compiled;
 mod curved_leg;
 mod draft;
 mod fault;
-mod flight;
 pub(crate) mod item;
 mod waypoint;
 
 pub use bounds::{Limits, height, metres};
+pub use compiled::{CompiledMission, Leg};
 pub use fault::{Reason, RouteError};
-pub use flight::{Flight, Leg};
 
 use self::draft::Draft;
 use crate::altitude::{Agl, Altimeter};
@@ -57,26 +57,30 @@ pub struct Site {
 ///
 /// # Errors
 /// The first waypoint, in flying order, that cannot be flown, and why. Nothing is half done.
-pub fn flight(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteError> {
-    let mut flight = match flight_within(plan, initial, site) {
+pub fn compile(plan: &Plan, initial: u16, site: &Site) -> Result<CompiledMission, RouteError> {
+    let mut compiled = match compile_within(plan, initial, site) {
         Err(RouteError {
             waypoint,
             reason: Reason::TooManyItems(items),
-        }) => budget::flight(plan, initial, site)?.ok_or(RouteError {
+        }) => budget::compile(plan, initial, site)?.ok_or(RouteError {
             waypoint,
             reason: Reason::TooManyItems(items),
         })?,
         other => other?,
     };
-    if let Some(curved) = flight.curved {
+    if let Some(curved) = compiled.curved {
         let note = curved.note(site.curving.tolerance_m, site.limits.items);
-        flight.notes.push(note);
+        compiled.notes.push(note);
     }
-    Ok(flight)
+    Ok(compiled)
 }
 
 /// The mission, its curves within the tolerance of the site.
-pub(crate) fn flight_within(plan: &Plan, initial: u16, site: &Site) -> Result<Flight, RouteError> {
+pub(crate) fn compile_within(
+    plan: &Plan,
+    initial: u16,
+    site: &Site,
+) -> Result<CompiledMission, RouteError> {
     if let Some((p1, p4)) = plan.curve_without_end() {
         let (waypoint, reason) = match plan.waypoint(p1) {
             None => (p1, Reason::CurveWithoutEnd(p4)),

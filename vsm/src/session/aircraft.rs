@@ -203,7 +203,7 @@ impl Aircraft {
         self.run_until_idle(desk);
         if let Some(aboard) = &self.aboard {
             self.route_progress
-                .look(&aboard.flight, &self.mav.telemetry);
+                .look(&aboard.compiled, &self.mav.telemetry);
         }
         self.watch_progress(desk);
         self.settle_authority(desk);

@@ -12,10 +12,10 @@ use super::desk::Desk;
 impl Aircraft {
     /// A maneuver is done: what it commanded goes with the mode that the vehicle shows now.
     pub(super) fn keep_commanded(&mut self) {
-        let flight = self.aboard.as_ref().map(|aboard| &aboard.flight);
+        let compiled = self.aboard.as_ref().map(|aboard| &aboard.compiled);
         self.commanded_in = self.mav.telemetry.mode;
         self.commanded.speed_leg =
-            flight.and_then(|flight| report::to_index(&self.mav.telemetry, flight));
+            compiled.and_then(|compiled| report::to_index(&self.mav.telemetry, compiled));
     }
 
     /// The vehicle has changed its mode.

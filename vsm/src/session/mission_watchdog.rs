@@ -240,7 +240,12 @@ impl Aircraft {
         let waypoint = self
             .aboard
             .as_ref()
-            .and_then(|aboard| aboard.flight.waypoint_of.get(usize::from(confirmation.seq)))
+            .and_then(|aboard| {
+                aboard
+                    .compiled
+                    .waypoint_of
+                    .get(usize::from(confirmation.seq))
+            })
             .copied()
             .unwrap_or(0);
         let text = format!("waypoint {waypoint}: {what}; the vehicle is told to hold");
@@ -268,7 +273,7 @@ impl Aircraft {
         if !flown || over || foreign {
             return None;
         }
-        let item = aboard.flight.items.get(usize::from(mission.seq))?;
+        let item = aboard.compiled.items.get(usize::from(mission.seq))?;
         let here = telemetry.position?;
         let above_home_m = if ABOVE_HOME.contains(&item.frame) {
             telemetry.home?.amsl_m
@@ -293,7 +298,7 @@ impl Aircraft {
             _ => None,
         };
         let [north, east, _] = telemetry.velocity_ned?;
-        let changes = aboard.flight.items.iter();
+        let changes = aboard.compiled.items.iter();
         let slowest_m_s = changes
             .filter(|item| item.command == DO_CHANGE_SPEED)
             .map(|item| f64::from(item.params[1]))

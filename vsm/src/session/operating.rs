@@ -172,7 +172,7 @@ impl Aircraft {
                     return self.refuse(desk, origin, why);
                 }
                 if anew && self.route_progress.was_flown() {
-                    let loops = |aboard: &UploadedMission| aboard.flight.circuit().is_some();
+                    let loops = |aboard: &UploadedMission| aboard.compiled.circuit().is_some();
                     let once = if self.aboard.as_ref().is_some_and(loops) {
                         ", its loop only once: PX4 has counted it; clear and load the route for more"
                     } else {

@@ -3,7 +3,7 @@
 use mapping::altitude::Level;
 use mapping::curve::Curved;
 use mapping::plan::Plan;
-use mapping::route::{Flight, Leg};
+use mapping::route::{CompiledMission, Leg};
 use mavlink_link::service::mission::Item;
 use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::RouteType;
@@ -12,7 +12,7 @@ use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, frames};
 /// The route that the vehicle carries, as it was read back from it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct UploadedMission {
-    pub(crate) flight: Flight,
+    pub(crate) compiled: CompiledMission,
     /// MISSION_CURRENT.mission_id of it, 0 where the vehicle has none.
     pub(crate) mission_id: u32,
     pub(crate) route_type: RouteType,
@@ -187,13 +187,13 @@ struct LegRecord {
 /// The bytes of the record of what is aboard.
 pub(crate) fn encode_aboard(aboard: &UploadedMission, vehicle: Id) -> Vec<u8> {
     let UploadedMission {
-        flight,
+        compiled,
         mission_id,
         route_type,
         mission_name,
         plan,
     } = aboard;
-    let items = flight.items.iter().map(|item| ItemRecord {
+    let items = compiled.items.iter().map(|item| ItemRecord {
         frame: item.frame,
         command: item.command,
         current: item.current,
@@ -203,7 +203,7 @@ pub(crate) fn encode_aboard(aboard: &UploadedMission, vehicle: Id) -> Vec<u8> {
         y: item.y,
         z: item.z.to_bits(),
     });
-    let legs = flight.order.iter().map(|leg| {
+    let legs = compiled.order.iter().map(|leg| {
         let (amsl_m, above_home_m) = match leg.level {
             Level::Amsl(m) => (Some(m), None),
             Level::AboveHome(m) => (None, Some(m)),
@@ -229,9 +229,9 @@ pub(crate) fn encode_aboard(aboard: &UploadedMission, vehicle: Id) -> Vec<u8> {
         mission_name: mission_name.clone(),
         route_type: route_type.raw(),
         items: items.collect(),
-        waypoint_of: flight.waypoint_of.clone(),
+        waypoint_of: compiled.waypoint_of.clone(),
         legs: legs.collect(),
-        curved: flight.curved.map(CurvedRecord::from),
+        curved: compiled.curved.map(CurvedRecord::from),
         messages: encode_messages(plan.messages(), Id::NULL, vehicle),
     };
     serde_json::to_vec(&record).unwrap_or_default()
@@ -283,7 +283,7 @@ pub(crate) fn decode_aboard(bytes: &[u8], vehicle: Id) -> Result<UploadedMission
     store_all(&mut plan, &record.messages, vehicle)?;
     Ok(UploadedMission {
         plan,
-        flight: Flight {
+        compiled: CompiledMission {
             items: items.collect(),
             waypoint_of: record.waypoint_of,
             order,

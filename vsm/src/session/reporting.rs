@@ -111,7 +111,7 @@ impl Aircraft {
     pub(super) fn compose(&mut self, desk: &mut Desk<'_>, message: u16) -> Option<Message> {
         let stamp = desk.stamp();
         let (vehicle, live) = (&self.mav.telemetry, self.mav.live());
-        let flight = self.aboard.as_ref().map(|aboard| &aboard.flight);
+        let compiled = self.aboard.as_ref().map(|aboard| &aboard.compiled);
         match message {
             3 => Some(Message::VehicleId(self.vehicle_id(desk))),
             3001 if live => {
@@ -122,16 +122,16 @@ impl Aircraft {
             )),
             3002 => {
                 let states =
-                    report::operating_states(vehicle, &self.commanded, flight, !live, stamp);
+                    report::operating_states(vehicle, &self.commanded, compiled, !live, stamp);
                 Some(Message::VehicleOperatingStates(states))
             }
             // What a silent vehicle said last is no state of now: it is not repeated.
             4000 if live => report::inertial_states(vehicle, stamp).map(Message::InertialStates),
             4001 if live => {
-                let along = flight.map(|flight| self.route_progress.along(flight, vehicle));
+                let along = compiled.map(|compiled| self.route_progress.along(compiled, vehicle));
                 let along = along.unwrap_or_default();
                 Some(Message::FromToNextWaypointStates(report::waypoint_states(
-                    vehicle, flight, along, stamp,
+                    vehicle, compiled, along, stamp,
                 )))
             }
             16002 => Some(Message::Heartbeat(Heartbeat {

@@ -7,11 +7,11 @@
 
 use mapping::mode::Px4Mode;
 use mapping::report::Along;
-use mapping::route::Flight;
+use mapping::route::CompiledMission;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MissionState;
 
-/// The machine. Legs are indices of [`Flight::order`].
+/// The machine. Legs are indices of [`CompiledMission::order`].
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct RouteProgress {
     /// The beginning of the flight was seen by this process.
@@ -52,14 +52,14 @@ impl RouteProgress {
     }
 
     /// Takes in what the vehicle tells now.
-    pub(super) fn look(&mut self, flight: &Flight, vehicle: &Telemetry) {
+    pub(super) fn look(&mut self, compiled: &CompiledMission, vehicle: &Telemetry) {
         let Some(mission) = vehicle.mission else {
             return;
         };
         self.begun |= vehicle.mode == Some(Px4Mode::MISSION);
-        let to = flight.leg_of_item(mission.seq);
+        let to = compiled.leg_of_item(mission.seq);
         if to != self.to {
-            let led_back = flight
+            let led_back = compiled
                 .circuit()
                 .is_some_and(|(end, start, _)| self.to == Some(end) && to == Some(start));
             // The item that begins the route anew after its end is no lap.
@@ -74,11 +74,11 @@ impl RouteProgress {
         let Some(seq) = vehicle.reached else {
             return;
         };
-        if self.outdated == Some(seq) && flight.leg_of_item(seq) != to {
+        if self.outdated == Some(seq) && compiled.leg_of_item(seq) != to {
             return;
         }
         self.outdated = None;
-        let Some(leg) = flight.leg_ended_by(seq) else {
+        let Some(leg) = compiled.leg_ended_by(seq) else {
             return;
         };
         self.witnessed = true;
@@ -90,17 +90,17 @@ impl RouteProgress {
     }
 
     /// What 4001 reports.
-    pub(super) fn along(&self, flight: &Flight, vehicle: &Telemetry) -> Along {
+    pub(super) fn along(&self, compiled: &CompiledMission, vehicle: &Telemetry) -> Along {
         let Some(mission) = vehicle.mission else {
             return Along::default();
         };
-        let there = |leg: usize| (leg < flight.order.len()).then_some(leg);
+        let there = |leg: usize| (leg < compiled.order.len()).then_some(leg);
         if mission.state == MissionState::MISSION_STATE_COMPLETE {
             // A route that is over leads nowhere; one that has not been begun leads to its first waypoint, whatever
             // the vehicle says of the one before.
             return if self.was_flown() {
                 Along {
-                    from: self.from.or_else(|| flight.order.len().checked_sub(1)),
+                    from: self.from.or_else(|| compiled.order.len().checked_sub(1)),
                     ..Along::default()
                 }
             } else {
@@ -111,11 +111,11 @@ impl RouteProgress {
                 }
             };
         }
-        let to = flight.leg_of_item(mission.seq);
+        let to = compiled.leg_of_item(mission.seq);
         let before = to
             .filter(|_| !self.witnessed)
             .and_then(|to| to.checked_sub(1));
-        let next = to.and_then(|to| match flight.circuit() {
+        let next = to.and_then(|to| match compiled.circuit() {
             Some((end, start, times)) if to == end => (self.laps < times).then_some(start),
             _ => there(to + 1),
         });

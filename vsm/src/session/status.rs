@@ -180,7 +180,7 @@ impl Bridge {
                 mission_items: aircraft
                     .aboard
                     .as_ref()
-                    .map(|aboard| aboard.flight.items.len()),
+                    .map(|aboard| aboard.compiled.items.len()),
                 mission_curves: curves(aircraft),
                 link: LinkStatus {
                     address: aircraft.config.link.to_string(),
@@ -221,7 +221,7 @@ fn curves(aircraft: &Aircraft) -> Option<CurvesStatus> {
         bound_m,
         predicted_m,
         time_s,
-    } = aircraft.aboard.as_ref()?.flight.curved?;
+    } = aircraft.aboard.as_ref()?.compiled.curved?;
     Some(CurvesStatus {
         legs,
         chords,

@@ -9,7 +9,7 @@ use mapping::curve::Curving;
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
-use mapping::route::{self, Flight, Limits, Reason, RouteError, Site};
+use mapping::route::{self, CompiledMission, Limits, Reason, RouteError, Site};
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::command;
 use mavlink_link::service::mission::{
@@ -41,7 +41,7 @@ pub(crate) struct Transfer {
 enum Phase {
     /// Made before, and aboard once: sent as it was.
     Again {
-        flight: Flight,
+        compiled: CompiledMission,
     },
     /// Waits for home, for the parameters that are being read, and for the geoid separation where an altitude needs it.
     Site {
@@ -49,16 +49,16 @@ enum Phase {
     },
     Hold {
         maneuver: Maneuver,
-        flight: Flight,
+        compiled: CompiledMission,
     },
     Sending {
-        flight: Flight,
+        compiled: CompiledMission,
     },
     Reading {
-        flight: Flight,
+        compiled: CompiledMission,
     },
     Checking {
-        flight: Flight,
+        compiled: CompiledMission,
         id: u32,
         deadline: Duration,
     },
@@ -73,7 +73,7 @@ pub(crate) enum Course {
     Percent(u8),
     /// It is aboard, as the vehicle itself says.
     Done {
-        flight: Flight,
+        compiled: CompiledMission,
         mission_id: u32,
     },
     /// It is not. `touched`: the vehicle may hold something else than before.
@@ -112,7 +112,7 @@ impl Transfer {
     pub(crate) fn again(aboard: &UploadedMission) -> Transfer {
         Transfer {
             phase: Phase::Again {
-                flight: aboard.flight.clone(),
+                compiled: aboard.compiled.clone(),
             },
             route_type: aboard.route_type,
             plan: aboard.plan.clone(),
@@ -143,25 +143,25 @@ impl Transfer {
     ) -> Course {
         match std::mem::replace(&mut self.phase, Phase::Ended) {
             Phase::Site { deadline } => self.start(now, deadline, plan, site, vehicle),
-            Phase::Again { flight } => self.begin(now, flight, vehicle),
+            Phase::Again { compiled } => self.begin(now, compiled, vehicle),
             Phase::Hold {
                 mut maneuver,
-                flight,
+                compiled,
             } => match maneuver.advance(now, vehicle) {
                 Progress::Going => {
-                    self.phase = Phase::Hold { maneuver, flight };
+                    self.phase = Phase::Hold { maneuver, compiled };
                     Course::Going
                 }
-                Progress::Done => self.send(now, flight, vehicle),
+                Progress::Done => self.send(now, compiled, vehicle),
                 Progress::Refused(why) => {
                     self.refused(None, format!("the vehicle does not hold: {why}"))
                 }
             },
             Phase::Checking {
-                flight,
+                compiled,
                 id,
                 deadline,
-            } => self.check(now, flight, id, deadline, vehicle),
+            } => self.check(now, compiled, id, deadline, vehicle),
             other => {
                 self.phase = other;
                 Course::Going
@@ -183,8 +183,8 @@ impl Transfer {
             .as_ref()
             .and_then(|route| route.initial_waypoint_number);
         let initial = initial.unwrap_or(0);
-        let flight = match site.map(|site| route::flight(plan, initial, site)) {
-            Some(Ok(flight)) => flight,
+        let compiled = match site.map(|site| route::compile(plan, initial, site)) {
+            Some(Ok(compiled)) => compiled,
             Some(Err(RouteError {
                 reason: Reason::Altitude(mapping::altitude::AltitudeError::NoGeoid),
                 ..
@@ -206,53 +206,68 @@ impl Transfer {
         if let Some(route) = &self.route {
             self.plan = plan.part(route);
         }
-        let mut flight = flight;
+        let mut compiled = compiled;
         if self.route_type == RouteType::Approach {
-            flight.land_at_the_end();
+            compiled.land_at_the_end();
         }
-        self.begin(now, flight, vehicle)
+        self.begin(now, compiled, vehicle)
     }
 
     /// Sends it, from AUTO.LOITER where another mission is flown.
-    fn begin(&mut self, now: Duration, flight: Flight, vehicle: &mut VehicleLink) -> Course {
+    fn begin(
+        &mut self,
+        now: Duration,
+        compiled: CompiledMission,
+        vehicle: &mut VehicleLink,
+    ) -> Course {
         let telemetry = &vehicle.telemetry;
         let same = telemetry
             .mission
-            .is_some_and(|mission| mission.mission_id == plan_id(&flight.items));
+            .is_some_and(|mission| mission.mission_id == plan_id(&compiled.items));
         // What the vehicle names as its plan already is only read back: PX4 would apply nothing of an upload.
         if same {
-            return self.read_back(now, flight, vehicle);
+            return self.read_back(now, compiled, vehicle);
         }
         if telemetry.mode == Some(Px4Mode::MISSION) && !telemetry.stands() {
             let maneuver = Maneuver::new(maneuver::enter(&[Px4Mode::LOITER]), Commanded::default());
-            self.phase = Phase::Hold { maneuver, flight };
+            self.phase = Phase::Hold { maneuver, compiled };
             self.held = true;
             return Course::Percent(0);
         }
-        self.send(now, flight, vehicle)
+        self.send(now, compiled, vehicle)
     }
 
-    fn send(&mut self, now: Duration, flight: Flight, vehicle: &mut VehicleLink) -> Course {
+    fn send(
+        &mut self,
+        now: Duration,
+        compiled: CompiledMission,
+        vehicle: &mut VehicleLink,
+    ) -> Course {
         match vehicle.missions.upload(
             now,
             MavMissionType::MAV_MISSION_TYPE_MISSION,
-            flight.items.clone(),
+            compiled.items.clone(),
         ) {
             Ok(()) => {
-                self.phase = Phase::Sending { flight };
+                self.phase = Phase::Sending { compiled };
                 Course::Percent(0)
             }
             Err(fault) => self.refused(None, format!("the upload cannot begin: {fault}")),
         }
     }
 
-    fn read_back(&mut self, now: Duration, flight: Flight, vehicle: &mut VehicleLink) -> Course {
+    fn read_back(
+        &mut self,
+        now: Duration,
+        compiled: CompiledMission,
+        vehicle: &mut VehicleLink,
+    ) -> Course {
         match vehicle
             .missions
             .download(now, MavMissionType::MAV_MISSION_TYPE_MISSION)
         {
             Ok(()) => {
-                self.phase = Phase::Reading { flight };
+                self.phase = Phase::Reading { compiled };
                 self.grown(50)
             }
             Err(fault) => self.refused(None, format!("the read-back cannot begin: {fault}")),
@@ -286,55 +301,55 @@ impl Transfer {
     ) -> Course {
         match (std::mem::replace(&mut self.phase, Phase::Ended), event) {
             (
-                Phase::Sending { flight },
+                Phase::Sending { compiled },
                 mission::Event::Progress {
                     operation: Operation::Upload,
                     percent,
                     ..
                 },
             ) => {
-                self.phase = Phase::Sending { flight };
+                self.phase = Phase::Sending { compiled };
                 self.touched = true;
                 // The read-back is the second half.
                 self.grown(percent / 2)
             }
             (
-                Phase::Reading { flight },
+                Phase::Reading { compiled },
                 mission::Event::Progress {
                     operation: Operation::Download,
                     percent,
                     ..
                 },
             ) => {
-                self.phase = Phase::Reading { flight };
+                self.phase = Phase::Reading { compiled };
                 self.grown(50 + percent / 2)
             }
-            (Phase::Sending { flight }, mission::Event::Uploaded { .. }) => {
+            (Phase::Sending { compiled }, mission::Event::Uploaded { .. }) => {
                 self.touched = true;
-                self.read_back(now, flight, vehicle)
+                self.read_back(now, compiled, vehicle)
             }
             (
-                Phase::Reading { flight },
+                Phase::Reading { compiled },
                 mission::Event::Downloaded {
                     items, opaque_id, ..
                 },
             ) => {
                 match verify(
                     MavMissionType::MAV_MISSION_TYPE_MISSION,
-                    &flight.items,
+                    &compiled.items,
                     &items,
                 ) {
                     Ok(()) => {
                         let deadline = now + CURRENT_WITHIN;
                         self.phase = Phase::Checking {
-                            flight,
+                            compiled,
                             id: opaque_id,
                             deadline,
                         };
                         Course::Going
                     }
                     // It names this plan, and holds another: it gets it after all.
-                    Err(_) if !self.touched => self.send(now, flight, vehicle),
+                    Err(_) if !self.touched => self.send(now, compiled, vehicle),
                     Err(difference) => self.refused(
                         None,
                         format!("the vehicle holds another plan: {difference}"),
@@ -342,7 +357,7 @@ impl Transfer {
                 }
             }
             (
-                Phase::Sending { flight },
+                Phase::Sending { compiled },
                 mission::Event::Failed {
                     operation: Operation::Upload,
                     reason,
@@ -351,7 +366,7 @@ impl Transfer {
             ) => {
                 let waypoint = match reason {
                     Failure::Refused { seq: Some(seq), .. } => {
-                        flight.waypoint_of.get(usize::from(seq)).copied()
+                        compiled.waypoint_of.get(usize::from(seq)).copied()
                     }
                     _ => None,
                 };
@@ -376,7 +391,7 @@ impl Transfer {
     fn check(
         &mut self,
         now: Duration,
-        flight: Flight,
+        compiled: CompiledMission,
         id: u32,
         deadline: Duration,
         vehicle: &mut VehicleLink,
@@ -387,13 +402,13 @@ impl Transfer {
         let named = id == 0 || mission.is_some_and(|mission| mission.mission_id == id);
         if flyable && named {
             return Course::Done {
-                flight,
+                compiled,
                 mission_id: id,
             };
         }
         if now < deadline {
             self.phase = Phase::Checking {
-                flight,
+                compiled,
                 id,
                 deadline,
             };

@@ -2,7 +2,7 @@
 
 use mapping::altitude::Level;
 use mapping::mode::Px4Mode;
-use mapping::route::{Flight, Site};
+use mapping::route::{CompiledMission, Site};
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::command;
 use stanag_msgs::enums::{MissionPlanMode as Mode, MissionTransferStatus, RouteType};
@@ -184,7 +184,10 @@ impl Aircraft {
                 let status = MissionTransferStatus::InProgress;
                 self.report(desk, station, &name, Mode::Load, status, percent, None);
             }
-            Course::Done { flight, mission_id } => self.is_aboard(desk, flight, mission_id),
+            Course::Done {
+                compiled,
+                mission_id,
+            } => self.is_aboard(desk, compiled, mission_id),
             Course::Refused {
                 waypoint,
                 why,
@@ -203,7 +206,7 @@ impl Aircraft {
     }
 
     /// A route is aboard, as the vehicle itself says.
-    fn is_aboard(&mut self, desk: &mut Desk<'_>, flight: Flight, mission_id: u32) {
+    fn is_aboard(&mut self, desk: &mut Desk<'_>, compiled: CompiledMission, mission_id: u32) {
         let Some(load) = self.load.take() else { return };
         let Work::Transfer(transfer) = &load.work else {
             return;
@@ -211,27 +214,27 @@ impl Aircraft {
         let route_type = transfer.route_type;
         let mission_name = load.mission_name.clone();
         let plan = transfer.plan.clone();
-        if flight
+        if compiled
             .order
             .iter()
             .any(|leg| matches!(leg.level, Level::AboveHome(_)))
         {
             self.say_agl(desk);
         }
-        for note in &flight.notes {
+        for note in &compiled.notes {
             self.advise(desk, note.clone());
         }
         let same = self
             .aboard
             .as_ref()
-            .is_some_and(|aboard| aboard.flight.items == flight.items);
+            .is_some_and(|aboard| aboard.compiled.items == compiled.items);
         if !same {
             self.route_progress.begin(&self.mav.telemetry);
         } else if load.origin.is_some() {
-            self.say_where_it_goes_on(desk, &flight);
+            self.say_where_it_goes_on(desk, &compiled);
         }
         self.aboard = Some(UploadedMission {
-            flight,
+            compiled,
             mission_id,
             route_type,
             mission_name,
@@ -252,16 +255,16 @@ impl Aircraft {
     }
 
     /// PX4 applies nothing of a plan that it holds already: what has been flown of it is not flown again.
-    fn say_where_it_goes_on(&mut self, desk: &mut Desk<'_>, flight: &Flight) {
+    fn say_where_it_goes_on(&mut self, desk: &mut Desk<'_>, compiled: &CompiledMission) {
         let telemetry = &self.mav.telemetry;
         let begun = |state| state != MissionState::MISSION_STATE_COMPLETE;
         let mission = telemetry.mission.filter(|mission| {
             telemetry.mode != Some(Px4Mode::MISSION)
-                && mission.seq > flight.place_from(0)
+                && mission.seq > compiled.place_from(0)
                 && begun(mission.state)
         });
         let Some(mission) = mission else { return };
-        if let Some(number) = flight.waypoint_of.get(usize::from(mission.seq)) {
+        if let Some(number) = compiled.waypoint_of.get(usize::from(mission.seq)) {
             let text = format!(
                 "the vehicle holds this plan already: mode 11 goes on to waypoint {number}, unless another is commanded"
             );
@@ -292,7 +295,7 @@ fn again(loaded_mission: &Option<UploadedMission>, aboard: &Option<UploadedMissi
     match (loaded_mission, aboard) {
         (Some(loaded_mission), Some(aboard)) => {
             loaded_mission.route_type == aboard.route_type
-                && loaded_mission.flight.items == aboard.flight.items
+                && loaded_mission.compiled.items == aboard.compiled.items
         }
         _ => false,
     }

@@ -46,7 +46,7 @@ pub(super) fn launch(
                     && holds(at.telemetry, aboard)
                     && is_current(aboard, RouteType::Launch, at) =>
             {
-                steps.push(Step::SetCurrent(0..=aboard.flight.place_from(0)));
+                steps.push(Step::SetCurrent(0..=aboard.compiled.place_from(0)));
                 steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
             }
             _ => return Ok(Task::Load(RouteType::Launch)),

@@ -55,7 +55,7 @@ pub(super) fn fly(
         {
             let knows = |number| {
                 at.loaded_mission
-                    .and_then(|loaded_mission| loaded_mission.flight.first_item_of(number))
+                    .and_then(|loaded_mission| loaded_mission.compiled.first_item_of(number))
             };
             return match number.filter(|number| knows(*number).is_none()) {
                 Some(number) => Err(absent(number)),
@@ -83,7 +83,7 @@ pub(super) fn fly(
     let start = match number {
         Some(number) => Some(
             aboard
-                .flight
+                .compiled
                 .first_item_of(number)
                 .ok_or_else(|| format!("{} aboard", absent(number)))?,
         ),
@@ -97,7 +97,7 @@ pub(super) fn fly(
         let seq = seq.unwrap_or(0);
         let level = Some(comes_level(aboard, seq, enters, at));
         if let Some(number) = aboard
-            .flight
+            .compiled
             .missed_at(seq, level, speed_m_s, &at.performance)
         {
             return Err(format!(
@@ -106,7 +106,7 @@ pub(super) fn fly(
             ));
         }
     }
-    steps.extend(start.map(|seq| Step::SetCurrent(seq..=aboard.flight.place_from(seq))));
+    steps.extend(start.map(|seq| Step::SetCurrent(seq..=aboard.compiled.place_from(seq))));
     if begins {
         steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
     }
@@ -127,9 +127,9 @@ pub(super) fn fly(
 /// Whether the vehicle comes to the place that a flight from this item leads to first without a climb or a descent on the
 /// way: on entering AUTO.MISSION PX4 climbs before, on the spot.
 fn comes_level(aboard: &UploadedMission, seq: u16, enters: bool, at: &Situation<'_>) -> bool {
-    let flight = &aboard.flight;
-    let leg = flight.leg_of_item(flight.place_from(seq));
-    let leg = leg.and_then(|index| flight.order.get(index));
+    let compiled = &aboard.compiled;
+    let leg = compiled.leg_of_item(compiled.place_from(seq));
+    let leg = leg.and_then(|index| compiled.order.get(index));
     let (Some(leg), Some(here), Some(home)) = (leg, at.telemetry.position, at.telemetry.home)
     else {
         return false;

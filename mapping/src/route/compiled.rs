@@ -12,7 +12,7 @@ use crate::performance::Performance;
 
 /// A route as it goes to PX4, and whose waypoint each item is.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Flight {
+pub struct CompiledMission {
     /// The items, the first with `current` set.
     pub items: Vec<Item>,
     /// The CUCS's waypoint number of each item.
@@ -40,7 +40,7 @@ pub struct Leg {
     pub speed_m_s: Option<f64>,
 }
 
-impl Flight {
+impl CompiledMission {
     /// The first item made for a waypoint: where a flight to it starts.
     #[must_use]
     pub fn first_item_of(&self, waypoint: u16) -> Option<u16> {
