@@ -1,4 +1,4 @@
-//! The MAVLink services that the bridge uses of a PX4, and that a simulated PX4 offers.
+//! The MAVLink services of a PX4, as a ground station uses them.
 //!
 //! Every service is a state machine without socket, clock or randomness: messages and the
 //! monotonic time go in (`handle_message`, `handle_timeout`), messages and events come out

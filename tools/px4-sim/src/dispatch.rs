@@ -2,12 +2,12 @@
 
 use mavlink::dialects::development::{MESSAGE_INTERVAL_DATA, MavMessage};
 use mavlink::{MavlinkVersion, Message as _};
-use mavlink_link::service::mission::{Airframe as ParamUse, first_unused_param_set};
 
 use super::command::Command;
 use super::config::Airframe;
 use super::mode::{Mode, UnknownMode};
 use super::operator::REQUEST;
+use super::services::mission_rules::{Airframe as ParamUse, first_unused_param_set};
 use super::streams::id;
 use super::vehicle::{Outgoing, Vehicle};
 

@@ -35,6 +35,7 @@ pub mod program;
 mod quad;
 mod reports;
 mod rng;
+pub mod services;
 mod signing;
 mod signing_file;
 mod simulator;

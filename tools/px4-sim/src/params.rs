@@ -1,7 +1,9 @@
 //! The parameters that matter, with the names, types and values of PX4 v1.18 in its built-in
 //! simulator. A value is stored as it comes, however mad: PX4 checks the type and nothing else.
 
-use mavlink_link::service::param::{Name, Parameter, Value};
+use mavlink_link::service::param::{Name, Value};
+
+use super::services::param::Parameter;
 
 macro_rules! parameters {
     ($($name:ident = $kind:ident($value:expr);)*) => {

@@ -3,8 +3,6 @@
 use mavlink::dialects::development::{
     MISSION_ITEM_REACHED_DATA, MavMessage, MavMissionType, MavSeverity, MissionState,
 };
-use mavlink_link::service::mission::ServerEvent;
-use mavlink_link::service::param;
 
 use super::body::Tuning;
 use super::commander::boot;
@@ -14,6 +12,8 @@ use super::guidance::{Guidance, Heading};
 use super::mode::Mode;
 use super::params::Param;
 use super::reports::mission_mode_active;
+use super::services::mission::ServerEvent;
+use super::services::param;
 use super::streams::id;
 use super::vehicle::{DT, Vehicle};
 

@@ -6,8 +6,8 @@ use std::time::Duration;
 use mavlink::dialects::development::{
     MISSION_ITEM_REACHED_DATA, MavMessage, MavMissionType, MavSeverity, MissionState,
 };
-use mavlink_link::service::mission::{Airframe as ParamUse, Item, Limits, Px4Rules, Server};
-use mavlink_link::service::{Node, param};
+use mavlink_link::service::Node;
+use mavlink_link::service::mission::Item;
 
 use super::body::{Body, Tuning};
 use super::command::Command;
@@ -21,6 +21,9 @@ use super::mode::Mode;
 use super::navigator::Navigator;
 use super::operator::Operator;
 use super::params::{Param, Params};
+use super::services::mission::{Limits, Server};
+use super::services::mission_rules::{Airframe as ParamUse, Px4Rules};
+use super::services::param;
 use super::steering::{Setpoint, Sticks};
 use super::streams::Streams;
 use super::texts::Texts;

@@ -14,9 +14,9 @@ pub const FRAME_MISSION: u8 = 2;
 /// MAV_FRAME_GLOBAL_RELATIVE_ALT: degE7 and metres above home.
 pub const FRAME_GLOBAL_RELATIVE: u8 = 3;
 /// MAV_FRAME_GLOBAL_INT, the older synonym of [`FRAME_GLOBAL`] in MISSION_ITEM_INT.
-pub(super) const FRAME_GLOBAL_INT: u8 = 5;
+pub const FRAME_GLOBAL_INT: u8 = 5;
 /// MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, the older synonym of [`FRAME_GLOBAL_RELATIVE`].
-pub(super) const FRAME_GLOBAL_RELATIVE_INT: u8 = 6;
+pub const FRAME_GLOBAL_RELATIVE_INT: u8 = 6;
 
 /// A mission, fence or rally item as MISSION_ITEM_INT (73) carries it.
 ///

@@ -1,8 +1,7 @@
 //! Missions, geofences and rally points: transfer both ways, clearing, and the proof that the
 //! vehicle holds what was sent.
 //!
-//! The client side ([`Client`]) serves the bridge, the server side ([`Server`]) is what PX4
-//! v1.18 does. [`verify`] compares a read-back with what was sent, knowing which fields PX4
+//! [`Client`] transfers. [`verify`] compares a read-back with what was sent, knowing which fields PX4
 //! stores and how it gives them back; [`plan_id`] is the CRC that PX4 reports for a plan.
 
 #![allow(
@@ -15,19 +14,16 @@ mod download;
 mod event;
 mod item;
 mod job;
-mod param_table;
 mod plan_id;
 mod readback;
-mod rules;
-mod server;
 mod upload;
 
 pub use client::Client;
 pub use event::{Event, Failure, Operation, StartError, Timing};
-pub use item::{FRAME_GLOBAL, FRAME_GLOBAL_RELATIVE, FRAME_MISSION, Item, UnknownInDialect};
+pub use item::{
+    FRAME_GLOBAL, FRAME_GLOBAL_INT, FRAME_GLOBAL_RELATIVE, FRAME_GLOBAL_RELATIVE_INT,
+    FRAME_MISSION, Item, UnknownInDialect,
+};
 pub use mavlink::dialects::development::{MavMissionResult, MavMissionType};
-pub use param_table::{Airframe, first_unused_param_set};
-pub use plan_id::plan_id;
+pub use plan_id::{extend_plan_id, plan_id};
 pub use readback::{Difference, Field, px4_read_back, verify};
-pub use rules::{ItemFault, ItemRules, Px4Rules};
-pub use server::{Limits, Server, ServerEvent};

@@ -17,13 +17,13 @@ const CRC: Crc<u32> = Crc::<u32>::new(&crc::Algorithm {
 /// parameters of every item, in order. `current` is no part of it. An empty plan has id 0.
 pub fn plan_id(items: &[Item]) -> u32 {
     items.iter().fold(0, |id, item| {
-        extend(id, item, item.x.to_le_bytes(), item.y.to_le_bytes())
+        extend_plan_id(id, item, item.x.to_le_bytes(), item.y.to_le_bytes())
     })
 }
 
 /// The id of a plan one item longer; `x` and `y` are the bytes that the message carried,
 /// which are floats in a MISSION_ITEM.
-pub(super) fn extend(id: u32, item: &Item, x: [u8; 4], y: [u8; 4]) -> u32 {
+pub fn extend_plan_id(id: u32, item: &Item, x: [u8; 4], y: [u8; 4]) -> u32 {
     // The algorithm reflects its input, so the initial value goes in bit-reversed.
     let mut digest = CRC.digest_with_initial(id.reverse_bits());
     digest.update(&[item.frame]);

@@ -5,13 +5,11 @@
 //! a parameter checks its range first.
 
 mod client;
-mod server;
 
 pub use client::{Client, Entry, Event, Refusal, StartError, Timing};
 pub use mavlink::dialects::development::MavParamError;
 use mavlink::dialects::development::{MavParamType, PARAM_VALUE_DATA};
 use mavlink::types::CharArray;
-pub use server::{Parameter, Server, ServerEvent};
 
 /// A parameter's value, by PX4's two types.
 #[derive(Clone, Copy, Debug)]
@@ -100,12 +98,14 @@ impl Name {
         std::str::from_utf8(&self.0[..end]).unwrap_or_default()
     }
 
-    fn from_wire(id: &CharArray<16>) -> Option<Self> {
+    /// PARAM_VALUE.param_id and its like as a name; `None` where it is none.
+    pub fn from_wire(id: &CharArray<16>) -> Option<Self> {
         let end = id.iter().position(|&o| o == 0).unwrap_or(16);
         Self::from_bytes(&id[..end])
     }
 
-    fn to_wire(self) -> CharArray<16> {
+    /// PARAM_VALUE.param_id and its like.
+    pub fn to_wire(self) -> CharArray<16> {
         CharArray::new(self.0)
     }
 
@@ -132,9 +132,9 @@ impl std::fmt::Display for Name {
 }
 
 /// The pseudo-parameter whose value is a CRC over all; its index is 65535.
-const HASH_CHECK: &str = "_HASH_CHECK";
+pub const HASH_CHECK: &str = "_HASH_CHECK";
 /// PARAM_VALUE.param_index of what has no place in the list.
-const NO_INDEX: u16 = u16::MAX;
+pub const NO_INDEX: u16 = u16::MAX;
 
 #[cfg(test)]
 mod tests {

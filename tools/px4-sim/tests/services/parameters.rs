@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use mavlink_link::service::param::{self, Name, Value};
+use px4_sim::services::param::{Parameter, Server};
 
 use crate::network::{BAD, FAIR, Network, RADIO, WILD};
 use crate::{PX4, US};
@@ -11,9 +12,9 @@ fn name(name: &str) -> Name {
     Name::new(name).unwrap()
 }
 
-fn parameters(count: u16) -> Vec<param::Parameter> {
+fn parameters(count: u16) -> Vec<Parameter> {
     (0..count)
-        .map(|number| param::Parameter {
+        .map(|number| Parameter {
             name: name(&format!("P_{number:04}")),
             value: if number % 2 == 0 {
                 Value::Int(i32::from(number) - 50)
@@ -28,7 +29,7 @@ fn parameters(count: u16) -> Vec<param::Parameter> {
 
 fn run_params(
     client: &mut param::Client,
-    server: &mut param::Server,
+    server: &mut Server,
     network: &mut Network,
     mut now: Duration,
 ) -> param::Event {
@@ -69,7 +70,7 @@ fn a_parameter_list_is_complete_whatever_the_weather() {
     for (weather, seeds) in [(FAIR, 1), (RADIO, 4), (BAD, 8), (WILD, 8)] {
         for seed in 0..seeds {
             let mut network = Network::new(weather, seed);
-            let mut server = param::Server::new(PX4, parameters(300));
+            let mut server = Server::new(PX4, parameters(300));
             let mut client = param::Client::new(US, PX4, param::Timing::default());
             let now = Duration::from_secs(5);
             client.list(now).unwrap();
@@ -90,7 +91,7 @@ fn a_parameter_list_is_complete_whatever_the_weather() {
 #[test]
 fn reading_and_setting_answer_as_px4_does() {
     let mut network = Network::new(BAD, 11);
-    let mut server = param::Server::new(PX4, parameters(10));
+    let mut server = Server::new(PX4, parameters(10));
     let mut client = param::Client::new(US, PX4, param::Timing::default());
     let mut now = Duration::from_secs(5);
     let mut ask = |start: &dyn Fn(&mut param::Client, Duration)| {

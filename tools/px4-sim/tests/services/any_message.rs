@@ -8,14 +8,16 @@ use std::time::Duration;
 
 use mavlink::dialects::development::{MavCmd, MavMessage, MavMissionType};
 use mavlink::{MavlinkVersion, Message};
-use mavlink_link::service::Node;
-use mavlink_link::service::mission::{Airframe, Item, Limits, Px4Rules};
+use mavlink_link::service::mission::Item;
 use mavlink_link::service::text::Texts;
 use mavlink_link::service::{command, mission, param};
 use proptest::prelude::*;
+use px4_sim::services::mission::Limits;
+use px4_sim::services::mission_rules::{Airframe, Px4Rules};
+use px4_sim::services::{mission as mission_server, param as param_server};
 
-const US: Node = Node::new(255, 190);
-const PX4: Node = Node::new(1, 1);
+use crate::{PX4, US};
+
 /// The ids that some service reads.
 const IDS: [u32; 19] = [
     20, 21, 22, 23, 39, 40, 41, 42, 43, 44, 45, 47, 51, 73, 75, 76, 77, 253, 345,
@@ -57,7 +59,7 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 /// A message of this id; the target fields, wherever they are, are found by trial.
-fn message(id: u32, payload: &[u8], to: Node) -> Option<MavMessage> {
+fn message(id: u32, payload: &[u8], to: mavlink_link::service::Node) -> Option<MavMessage> {
     let mut message = MavMessage::parse(MavlinkVersion::V2, id, payload).ok()?;
     macro_rules! aim {
         ($($name:ident),*) => {
@@ -94,8 +96,8 @@ struct Everything {
     commands: command::Client,
     params: param::Client,
     texts: Texts,
-    mission_server: mission::Server<Px4Rules>,
-    param_server: param::Server,
+    mission_server: mission_server::Server<Px4Rules>,
+    param_server: param_server::Server,
 }
 
 impl Everything {
@@ -103,7 +105,7 @@ impl Everything {
         let rules = Px4Rules {
             airframe: Airframe::RotaryWing,
         };
-        let parameter = param::Parameter {
+        let parameter = param_server::Parameter {
             name: param::Name::new("A").unwrap(),
             value: param::Value::Int(1),
             used: false,
@@ -114,8 +116,8 @@ impl Everything {
             commands: command::Client::new(US, PX4, command::Timing::default()),
             params: param::Client::new(US, PX4, param::Timing::default()),
             texts: Texts::new(1),
-            mission_server: mission::Server::new(PX4, Limits::PX4_SITL, rules),
-            param_server: param::Server::new(PX4, [parameter]),
+            mission_server: mission_server::Server::new(PX4, Limits::PX4_SITL, rules),
+            param_server: param_server::Server::new(PX4, [parameter]),
         }
     }
 

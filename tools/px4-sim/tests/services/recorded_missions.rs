@@ -13,11 +13,12 @@ use flate2::read::GzDecoder;
 use mavlink::dialects::development::{MISSION_COUNT_DATA, MavMessage};
 use mavlink_link::frame::Parser;
 use mavlink_link::service::Node;
-use mavlink_link::service::mission::{
-    Airframe, Item, Limits, Px4Rules, Server, ServerEvent, plan_id, verify,
-};
+use mavlink_link::service::mission::{Item, plan_id, verify};
+use px4_sim::services::mission::{Limits, Server, ServerEvent};
+use px4_sim::services::mission_rules::{Airframe, Px4Rules};
 
-const PX4: Node = Node::new(1, 1);
+use crate::PX4;
+
 /// The ground station that meddles with a transfer in recording 02.
 const SECOND: Node = Node::new(254, 190);
 
@@ -210,7 +211,7 @@ fn compare(recorded: &[String], ours: &[String]) {
 /// The mission messages of a recording that the dialect can carry.
 fn read(name: &str) -> Vec<Heard> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../tests/data/captures")
+        .join("../../tests/data/captures")
         .join(format!("{name}.mvr.gz"));
     let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let mut bytes = Vec::new();

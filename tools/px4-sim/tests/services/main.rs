@@ -2,9 +2,11 @@
 //!
 //! Every run is a function of its seed. Time is virtual.
 
+mod any_message;
 mod missions;
 mod network;
 mod parameters;
+mod recorded_missions;
 
 use mavlink_link::service::Node;
 

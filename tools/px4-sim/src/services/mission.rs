@@ -5,18 +5,18 @@
 //! MISSION_ACK. An item is checked as it comes, and the first bad one ends the transfer; the
 //! plan held before stays until the last item of the new one is in.
 
-mod receive;
-mod send;
-
 use std::time::Duration;
 
 use mavlink::dialects::development::{
-    MISSION_ACK_DATA, MavMessage, MavMissionResult, MavMissionType,
+    MISSION_ACK_DATA, MISSION_COUNT_DATA, MISSION_REQUEST_DATA, MISSION_REQUEST_INT_DATA,
+    MavMessage, MavMissionResult, MavMissionType,
 };
+use mavlink_link::service::mission::{
+    FRAME_GLOBAL, FRAME_GLOBAL_RELATIVE, Item, extend_plan_id, px4_read_back,
+};
+use mavlink_link::service::{Bounded, Node};
 
-use super::item::Item;
-use super::rules::{ItemFault, ItemRules};
-use crate::service::{Bounded, Node};
+use super::mission_rules::{ItemFault, ItemRules};
 
 /// How many items of a kind the vehicle stores.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -330,6 +330,239 @@ impl<R: ItemRules> Server<R> {
 
     fn text(&mut self, text: &'static str) {
         self.events.push(ServerEvent::Text(text));
+    }
+}
+
+/// Receiving a plan: MISSION_COUNT, then item after item.
+impl<R: ItemRules> Server<R> {
+    fn handle_count(&mut self, now: Duration, from: Node, count: u16, kind: MavMissionType) {
+        match &self.state {
+            State::Idle => {
+                self.last_heard = now;
+                self.partner = Some(from);
+                self.kind = kind;
+                let accepted = MavMissionResult::MAV_MISSION_ACCEPTED;
+                if count > self.max(kind) {
+                    self.send_ack(from, MavMissionResult::MAV_MISSION_NO_SPACE, 0);
+                    return;
+                }
+                if count == 0 {
+                    self.store(kind, Vec::new(), 0);
+                    self.send_ack(from, accepted, 0);
+                    return;
+                }
+                self.state = State::Receiving {
+                    count,
+                    items: Vec::new(),
+                };
+                self.received = (0, 0);
+            }
+            State::Receiving { items, .. } => {
+                self.last_heard = now;
+                let error = MavMissionResult::MAV_MISSION_ERROR;
+                if self.partner != Some(from) {
+                    self.send_ack(from, error, 0);
+                    return;
+                }
+                // While no item came, a repeated count is taken for one whose answer was lost.
+                if !items.is_empty() {
+                    self.text("WPM: REJ. CMD: Busy\t");
+                    self.send_ack(from, error, 0);
+                    return;
+                }
+            }
+            State::Sending { .. } => {
+                self.text("WPM: IGN MISSION_COUNT: Busy\t");
+                self.send_ack(from, MavMissionResult::MAV_MISSION_ERROR, 0);
+                return;
+            }
+        }
+        self.send_request(now);
+    }
+
+    fn handle_item(
+        &mut self,
+        now: Duration,
+        from: Node,
+        seq: u16,
+        kind: MavMissionType,
+        item: Item,
+        (x, y): ([u8; 4], [u8; 4]),
+    ) {
+        use MavMissionResult as R;
+        if self.partner != Some(from) {
+            self.text("REJ. MIS ITEM: partner id mismatch\t");
+            return;
+        }
+        if kind != self.kind {
+            self.send_ack(from, R::MAV_MISSION_ERROR, 0);
+            return;
+        }
+        let (crc, received) = self.received;
+        let (count, items) = match &mut self.state {
+            State::Receiving { count, items } => (*count, items),
+            State::Idle if seq.checked_add(1) == Some(received) => {
+                // Our last MISSION_ACK was lost, and the item is a repeat.
+                self.send_ack(from, R::MAV_MISSION_ACCEPTED, crc);
+                return;
+            }
+            State::Idle => {
+                self.text("IGN MISSION_ITEM: No transfer\t");
+                self.send_ack(from, R::MAV_MISSION_ERROR, 0);
+                return;
+            }
+            State::Sending { .. } => {
+                self.text("IGN MISSION_ITEM: Busy\t");
+                self.send_ack(from, R::MAV_MISSION_ERROR, 0);
+                return;
+            }
+        };
+        self.last_heard = now;
+        if seq != received {
+            return;
+        }
+        if let Err(fault) = self.rules.check(kind, &item, self.int) {
+            self.refuse(from, fault);
+            return;
+        }
+        items.push(item);
+        let crc = extend_plan_id(crc, &item, x, y);
+        self.received = (crc, received + 1);
+        if received + 1 < count {
+            self.send_request(now);
+            return;
+        }
+        let items = std::mem::take(items);
+        self.state = State::Idle;
+        if crc != self.opaque_id(kind) {
+            self.store(kind, items, crc);
+        }
+        self.send_ack(from, R::MAV_MISSION_ACCEPTED, crc);
+    }
+
+    fn refuse(&mut self, from: Node, fault: ItemFault) {
+        // Only what is wrong with the item itself has a text.
+        if fault != ItemFault::Other {
+            self.text("IGN MISSION_ITEM: Invalid item\t");
+        }
+        self.state = State::Idle;
+        self.send_ack(from, fault.result(), 0);
+    }
+
+    fn send_request(&mut self, now: Duration) {
+        let Some(to) = self.partner else {
+            return;
+        };
+        self.last_sent = now;
+        let (target_system, target_component) = (to.system, to.component);
+        let (_, seq) = self.received;
+        let mission_type = self.kind;
+        self.out.push(if self.int {
+            MavMessage::MISSION_REQUEST_INT(MISSION_REQUEST_INT_DATA {
+                seq,
+                target_system,
+                target_component,
+                mission_type,
+            })
+        } else {
+            MavMessage::MISSION_REQUEST(MISSION_REQUEST_DATA {
+                seq,
+                target_system,
+                target_component,
+                mission_type,
+            })
+        });
+    }
+}
+
+/// Sending the stored plan: MISSION_REQUEST_LIST, then request after request.
+impl<R: ItemRules> Server<R> {
+    fn handle_request_list(&mut self, now: Duration, from: Node, kind: MavMissionType) {
+        if let State::Sending { next, .. } = self.state {
+            let all_sent = usize::from(next) == self.items(self.kind).len();
+            let again = self.kind == kind && self.partner == Some(from);
+            if !all_sent && !again {
+                self.text("Mission download request ignored, already active\t");
+                return;
+            }
+        } else if self.is_busy() {
+            self.text("Mission download request ignored, already active\t");
+            return;
+        }
+        self.last_heard = now;
+        self.kind = kind;
+        self.partner = Some(from);
+        let count = u16::try_from(self.items(kind).len()).unwrap_or(u16::MAX);
+        self.state = State::Sending { count, next: 0 };
+        self.send_count(now);
+    }
+
+    fn handle_request(&mut self, now: Duration, from: Node, seq: u16, kind: MavMissionType) {
+        if self.partner != Some(from) {
+            self.text("WPM: REJ. CMD: partner id mismatch\t");
+            return;
+        }
+        match &mut self.state {
+            State::Idle => {}
+            State::Receiving { .. } => self.text("WPM: REJ. CMD: Busy\t"),
+            State::Sending { count, next } if kind == self.kind => {
+                self.last_heard = now;
+                if seq == *next && *next < *count {
+                    *next += 1;
+                } else if seq.checked_add(1) != Some(*next) {
+                    self.abort_sending(from);
+                    return;
+                }
+                self.send_item(now, from, seq);
+            }
+            State::Sending { .. } => {}
+        }
+    }
+
+    fn abort_sending(&mut self, to: Node) {
+        self.state = State::Idle;
+        self.send_ack(to, MavMissionResult::MAV_MISSION_ERROR, 0);
+        self.text("WPM: REJ. CMD: Req. WP was unexpected\t");
+    }
+
+    fn send_count(&mut self, now: Duration) {
+        let (Some(to), State::Sending { count, .. }) = (self.partner, &self.state) else {
+            return;
+        };
+        let message = MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
+            count: *count,
+            target_system: to.system,
+            target_component: to.component,
+            mission_type: self.kind,
+            opaque_id: self.opaque_id(self.kind),
+        });
+        self.last_sent = now;
+        self.out.push(message);
+    }
+
+    fn send_item(&mut self, now: Duration, to: Node, seq: u16) {
+        let Some(stored) = self.items(self.kind).get(usize::from(seq)) else {
+            self.abort_sending(to);
+            return;
+        };
+        let mut item = px4_read_back(self.kind, stored);
+        item.current = self.current == Some(seq);
+        self.last_sent = now;
+        let message = if self.int {
+            item.to_message(to, self.kind, seq)
+        } else {
+            // The float message has the frames that are not called INT.
+            item.frame = match item.frame {
+                5 => FRAME_GLOBAL,
+                6 => FRAME_GLOBAL_RELATIVE,
+                frame => frame,
+            };
+            item.to_float_message(to, self.kind, seq)
+        };
+        // What came in a message fits in one, so that this cannot fail.
+        if let Ok(message) = message {
+            self.out.push(message);
+        }
     }
 }
 

@@ -7,9 +7,10 @@ use mavlink::dialects::development::{
 };
 use mavlink_link::service::Node;
 use mavlink_link::service::mission::{
-    self, Airframe, Event, Failure, Item, Limits, Operation, Px4Rules, ServerEvent, StartError,
-    plan_id, verify,
+    self, Event, Failure, Item, Operation, StartError, plan_id, verify,
 };
+use px4_sim::services::mission::{Limits, Server, ServerEvent};
+use px4_sim::services::mission_rules::{Airframe, Px4Rules};
 
 use crate::network::{BAD, FAIR, Network, RADIO, WILD, Weather};
 use crate::{PX4, US};
@@ -21,7 +22,7 @@ struct World {
     now: Duration,
     network: Network,
     client: mission::Client,
-    server: mission::Server<Px4Rules>,
+    server: Server<Px4Rules>,
     texts: Vec<&'static str>,
     /// Every plan of items that the vehicle ever stored.
     stored: Vec<Vec<Item>>,
@@ -36,7 +37,7 @@ impl World {
             now: Duration::from_secs(100),
             network: Network::new(weather, seed),
             client: mission::Client::new(US, PX4, mission::Timing::default()),
-            server: mission::Server::new(PX4, Limits::PX4_SITL, rules),
+            server: Server::new(PX4, Limits::PX4_SITL, rules),
             texts: Vec::new(),
             stored: Vec::new(),
         }

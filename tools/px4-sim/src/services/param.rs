@@ -7,9 +7,8 @@ use mavlink::dialects::development::{
     MavMessage, MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_REQUEST_READ_DATA,
     PARAM_SET_DATA, PARAM_VALUE_DATA,
 };
-
-use super::{HASH_CHECK, NO_INDEX, Name, Value};
-use crate::service::{Bounded, Node};
+use mavlink_link::service::param::{HASH_CHECK, NO_INDEX, Name, Value};
+use mavlink_link::service::{Bounded, Node};
 
 /// One parameter of the vehicle.
 #[derive(Clone, Copy, PartialEq, Debug)]
