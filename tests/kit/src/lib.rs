@@ -1,0 +1,54 @@
+//! What the tests of all crates share.
+//!
+//! | module | what it is for |
+//! |---|---|
+//! | [`network`] | a simulated network: loss, duplication, reordering, delay and damage, by a seed |
+//! | [`clock`] | a virtual clock, whose wall clock can be stepped and whose process can restart |
+//! | [`captures`] | the recorded sessions with real autopilots (`tests/data/captures`) |
+//! | [`process`] | programs under test: start, wait for a line, terminate by process id; free ports, key files |
+//! | [`relay`] | the simulated network between two real UDP sockets |
+//! | [`serial`] | serial lines made of pseudo terminals |
+//! | [`tools`] | other people's programs that a test needs, and what happens where one is missing |
+//!
+//! Randomness comes from [`Random`]: the same seed gives the same history.
+//!
+//! ```
+//! use std::time::Duration;
+//! use kit::network::{Faults, Network};
+//!
+//! let mut network = Network::new(7, Faults { loss: 0.5, ..Faults::NONE });
+//! for n in 0..100 {
+//!     network.send(Duration::ZERO, "ground", "air", vec![n]);
+//! }
+//! let mut arrived = 0;
+//! while network.receive(Duration::from_secs(1)).is_some() {
+//!     arrived += 1;
+//! }
+//! assert_eq!(arrived + network.lost(), 100);
+//! ```
+#![allow(
+    clippy::missing_panics_doc,
+    reason = "a panic is how a test's support reports a failure"
+)]
+
+pub mod captures;
+pub mod clock;
+pub mod network;
+pub mod process;
+pub mod relay;
+pub mod serial;
+pub mod tools;
+
+use std::path::Path;
+
+/// A seeded pseudo-random number generator: `Random::with_seed(7)`.
+pub use fastrand::Rng as Random;
+
+/// The root of the workspace.
+pub fn workspace() -> &'static Path {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    package
+        .ancestors()
+        .nth(2)
+        .expect("tests/kit lies two folders below")
+}
