@@ -1,7 +1,7 @@
 //! A configuration file.
 #![no_main]
 
-#[path = "../../vsm/tests/any_input/config.rs"]
+#[path = "../../../vsm/tests/any_input/config.rs"]
 mod config;
 
 use libfuzzer_sys::fuzz_target;

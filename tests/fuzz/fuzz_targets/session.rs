@@ -2,7 +2,7 @@
 #![no_main]
 #![allow(dead_code, reason = "the names of the operations are for those that make seeds")]
 
-#[path = "../../vsm/tests/any_input/session.rs"]
+#[path = "../../../vsm/tests/any_input/session.rs"]
 mod session;
 
 use libfuzzer_sys::fuzz_target;

@@ -11,6 +11,7 @@ mod fuzz;
 mod r#gen;
 mod licences;
 mod man;
+mod metrics;
 mod peers;
 mod steps;
 mod tests;
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
         "bench" => bench::run(&mut steps),
         "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
+        "metrics" => metrics::run(),
         "man" => man::run().map(|tree| eprintln!("{}", tree.display())),
         "peers" => peers::install(&mut steps).map(drop),
         _ => {
@@ -62,4 +64,5 @@ usage: cargo xtask TASK
   fuzz    build every fuzz target and run all of them for a minute together; --seconds N: for so long
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: of programs that are built; --out DIR
   man     write manual pages and completions of bash, zsh and fish to target/man; --out DIR: elsewhere
+  metrics print sizes, circles of modules, test binaries and words to replace; --root DIR, --edges, --check
   peers   only install the Python peers into tests/interop/.venv";
