@@ -4,7 +4,7 @@
 use mavlink_link::dialect::MavState;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
-use crate::configuration::Parameters;
+use crate::parameter::Parameters;
 use crate::telemetry::Telemetry;
 
 /// What can be wrong. One alert stands for each at a time.
@@ -218,7 +218,7 @@ const GLITCHES: u16 = 0x400 | 0x800;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensed::Health;
+    use crate::telemetry::Health;
 
     fn found(vehicle: &Telemetry) -> Vec<(HealthFault, AlertPriority)> {
         let findings = findings(vehicle, &Parameters::default());

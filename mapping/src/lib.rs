@@ -22,9 +22,9 @@
 //!
 //! ```
 //! use mapping::altitude::{Agl, Altimeter};
-//! use mapping::curve::Curving;
-//! use mapping::route::{Limits, Reason, Site, compile};
-//! use mapping::{performance::Performance, plan::Plan, telemetry::Place};
+//! use mapping::limits::{Limits, Performance};
+//! use mapping::route::{Curving, Reason, Site, compile};
+//! use mapping::{plan::Plan, telemetry::Place};
 //! use stanag_msgs::enums::AltitudeType;
 //! use stanag_msgs::messages::{UaPositionWaypoint, UaRoute};
 //! use stanag_msgs::{Bam32, Id, Scaled};
@@ -66,22 +66,15 @@
 pub mod alert;
 pub mod altitude;
 pub mod area;
-mod brake;
-mod budget;
 pub mod configuration;
 pub mod crossing;
-pub mod curve;
 pub mod health;
-pub mod loiter;
-mod loops;
+pub mod limits;
 pub mod mode;
 pub mod parameter;
-pub mod performance;
 pub mod plan;
 pub mod report;
 pub mod route;
-pub mod sensed;
-pub mod software;
 pub mod status;
 pub mod support;
 pub mod telemetry;

@@ -10,8 +10,9 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Bam16, Bam32, Scaled, TimeStamp};
 
 use crate::altitude::Level;
+use crate::limits::metres;
 use crate::mode::Px4Mode;
-use crate::route::{CompiledMission, Leg, metres};
+use crate::route::{CompiledMission, Leg};
 use crate::telemetry::Telemetry;
 
 /// UA State (3002.01) of a vehicle in the air: VSM specific, described by 41002.

@@ -1,4 +1,4 @@
-//! Status on request: messages 3000, 3004 to 3007, 3009, 3010, 12101 and 16001.
+//! Status on request: messages 3000, 3004 to 3007, 3009, 3010, 12101, 16001 and 50013.
 //!
 //! None is pushed: a CUCS asks by 17001 or 17002. A field that the vehicle has not told is absent, never zero.
 //! Angles and velocities over ground are true, not magnetic; 3010 is in the body's axes.
@@ -11,15 +11,15 @@ use stanag_msgs::enums::{
 use stanag_msgs::messages::{
     AirAndGroundRelativeStates, BatteryReport, BodyRelativeSensedStates, EngineOperatingStates,
     FlightTerminationModeReport, LoiterConfiguration, LoiterConfigurationReport,
-    SubsystemStatusReport, VehicleConfiguration, VehicleLightsState,
+    SoftwareVersionReport, SubsystemStatusReport, VehicleConfiguration, VehicleLightsState,
 };
-use stanag_msgs::{Scaled, TimeStamp};
+use stanag_msgs::{Scaled, Text, TimeStamp};
 
 use crate::altitude::{Agl, Altimeter};
-use crate::configuration::Parameters;
 use crate::health;
+use crate::parameter::Parameters;
 use crate::report::Commanded;
-use crate::telemetry::Telemetry;
+use crate::telemetry::{Software, Telemetry};
 
 /// How many motors a vehicle of this type has; 0 where the type does not say.
 #[must_use]
@@ -205,6 +205,28 @@ pub fn battery(vehicle: &Telemetry, stamp: TimeStamp) -> BatteryReport {
         battery_charge_remaining: steps(vehicle.battery.map(f64::from), 0.0016),
         battery_temperature: steps(battery.kelvin, 0.5),
         ..BatteryReport::default()
+    }
+}
+
+/// 50013.What the vehicle has not told is absent.
+#[must_use]
+pub fn software(
+    vsm_version: &str,
+    vehicle: Option<&Software>,
+    stamp: TimeStamp,
+) -> SoftwareVersionReport {
+    let hex = |number: u64| Text::new(&format!("{number:016x}"));
+    SoftwareVersionReport {
+        time_stamp: Some(stamp),
+        vsm_version: Some(Text::new(vsm_version)),
+        autopilot_version: vehicle.map(|told| Text::new(&told.version)),
+        autopilot_source: vehicle
+            .filter(|told| told.source != 0)
+            .map(|told| hex(told.source)),
+        board_version: vehicle.map(|told| told.board),
+        hardware_id: vehicle
+            .filter(|told| told.hardware != 0)
+            .map(|told| hex(told.hardware)),
     }
 }
 

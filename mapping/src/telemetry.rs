@@ -3,12 +3,11 @@
 //! A plain value. Whoever feeds it decides which messages to believe (verified, fresh) and when it is stale.
 
 use mavlink_link::dialect::{
-    GpsFixType, MavLandedState, MavMessage, MavModeFlag, MavState, MavType, MissionState,
+    AUTOPILOT_VERSION_DATA, GpsFixType, MavLandedState, MavMessage, MavModeFlag, MavState, MavType,
+    MissionState,
 };
 
 use crate::mode::Px4Mode;
-use crate::sensed::Sensed;
-use crate::software::Software;
 
 /// A place: WGS-84 latitude and longitude in degrees, altitude in metres above mean sea level.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -279,4 +278,141 @@ fn percent(remaining: i8) -> Option<u8> {
     u8::try_from(remaining)
         .ok()
         .filter(|percent| *percent <= 100)
+}
+
+/// The battery (BATTERY_STATUS of id 0, SYS_STATUS where that has not come).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Battery {
+    /// Volts: the cells added.
+    pub volts: Option<f64>,
+    /// Amperes out of it.
+    pub amperes: Option<f64>,
+    /// Kelvin.
+    pub kelvin: Option<f64>,
+}
+
+/// SYS_STATUS: which sensors are used, and which of these are well.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Health {
+    /// onboard_control_sensors_enabled.
+    pub enabled: u32,
+    /// onboard_control_sensors_health.
+    pub healthy: u32,
+}
+
+impl Health {
+    /// Whether one of these sensors is used and not well.
+    #[must_use]
+    pub fn fails(self, sensors: u32) -> bool {
+        self.enabled & !self.healthy & sensors != 0
+    }
+}
+
+/// The latest values.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Sensed {
+    /// Velocity of the air over ground: north, east, m/s (WIND_COV.wind_x, wind_y).
+    pub wind_ne: Option<[f64; 2]>,
+    /// Specific force in the body's axes: forward, right, down, m/s^2 (HIGHRES_IMU). At rest -9.81 down.
+    pub acceleration: Option<[f64; 3]>,
+    /// The battery.
+    pub battery: Battery,
+    /// SYS_STATUS.
+    pub health: Option<Health>,
+    /// ESTIMATOR_STATUS.flags.
+    pub estimator: Option<u16>,
+}
+
+impl Sensed {
+    /// Takes in one message. True where it held something that is kept here.
+    pub(crate) fn update(&mut self, message: &MavMessage) -> bool {
+        match message {
+            MavMessage::WIND_COV(m) => {
+                let wind = [m.wind_x, m.wind_y].map(f64::from);
+                self.wind_ne = wind.iter().all(|v| v.is_finite()).then_some(wind);
+            }
+            MavMessage::HIGHRES_IMU(m) => {
+                let force = [m.xacc, m.yacc, m.zacc].map(f64::from);
+                self.acceleration = force.iter().all(|v| v.is_finite()).then_some(force);
+            }
+            MavMessage::BATTERY_STATUS(m) if m.id == 0 => {
+                let cells = m.voltages.iter().filter(|cell| **cell != u16::MAX);
+                let millivolts: u32 = cells.map(|cell| u32::from(*cell)).sum();
+                self.battery = Battery {
+                    volts: (millivolts > 0).then(|| f64::from(millivolts) / 1e3),
+                    amperes: (m.current_battery >= 0).then(|| f64::from(m.current_battery) / 1e2),
+                    kelvin: (m.temperature != i16::MAX)
+                        .then(|| f64::from(m.temperature) / 1e2 + 273.15),
+                };
+            }
+            MavMessage::SYS_STATUS(m) => {
+                self.health = Some(Health {
+                    enabled: m.onboard_control_sensors_enabled.bits(),
+                    healthy: m.onboard_control_sensors_health.bits(),
+                });
+                if m.voltage_battery != u16::MAX && m.voltage_battery > 0 {
+                    let volts = f64::from(m.voltage_battery) / 1e3;
+                    self.battery.volts = self.battery.volts.or(Some(volts));
+                }
+            }
+            MavMessage::ESTIMATOR_STATUS(m) => self.estimator = Some(m.flags.bits()),
+            _ => return false,
+        }
+        true
+    }
+}
+
+/// What a vehicle has said of its software and board.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Software {
+    /// Such as `1.18.0-beta`.
+    pub version: String,
+    /// flight_custom_version: the first bytes of the hash of its source, as PX4 sends them.
+    pub source: u64,
+    /// board_version.
+    pub board: u32,
+    /// uid.
+    pub hardware: u64,
+}
+
+impl Software {
+    /// Of the message.
+    #[must_use]
+    pub fn of(message: &AUTOPILOT_VERSION_DATA) -> Software {
+        let [major, minor, patch, kind] = message.flight_sw_version.to_be_bytes();
+        // FIRMWARE_VERSION_TYPE.
+        let kind = match kind {
+            0..64 => "-dev",
+            64..128 => "-alpha",
+            128..192 => "-beta",
+            192..255 => "-rc",
+            255 => "",
+        };
+        Software {
+            version: format!("{major}.{minor}.{patch}{kind}"),
+            // Lowest byte first on the wire.
+            source: u64::from_le_bytes(message.flight_custom_version),
+            board: message.board_version,
+            hardware: message.uid,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_version_is_told_as_people_write_it() {
+        let told = |flight_sw_version| {
+            let message = AUTOPILOT_VERSION_DATA {
+                flight_sw_version,
+                ..AUTOPILOT_VERSION_DATA::default()
+            };
+            Software::of(&message).version
+        };
+        assert_eq!(told(0x0112_0080), "1.18.0-beta");
+        assert_eq!(told(0x010f_02ff), "1.15.2");
+        assert_eq!(told(0x0113_0000), "1.19.0-dev");
+    }
 }

@@ -2,11 +2,10 @@
 
 use curve_paths::{BezierLeg, Control, Position};
 use mapping::altitude::{Agl, Altimeter};
-use mapping::configuration::Parameters;
-use mapping::curve::{Curving, Vertices};
-use mapping::performance::Performance;
+use mapping::limits::{Limits, Performance, metres};
+use mapping::parameter::Parameters;
 use mapping::plan::Plan;
-use mapping::route::{CompiledMission, Limits, Reason, RouteError, Site, compile, metres};
+use mapping::route::{CompiledMission, Curving, Reason, RouteError, Site, Vertices, compile};
 use mapping::telemetry::Place;
 use stanag_msgs::enums::{AltitudeType, LimitType, WaypointType};
 use stanag_msgs::messages::{CurveSegment, CurveSegmentPaper, UaPositionWaypoint, UaRoute};

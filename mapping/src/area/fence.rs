@@ -4,7 +4,7 @@ use geo::Validation;
 use mavlink_link::service::mission::{FRAME_GLOBAL, Item};
 
 use super::{Area, AreaError, MAX_VERTICES, Reason, Shape, outline};
-use crate::route::item::degrees_e7;
+use crate::route::degrees_e7;
 
 /// A corner or circle of a fence.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -20,7 +20,7 @@ pub use received::Areas;
 
 use geo::{Contains, LineString, Point, Polygon};
 
-use crate::route::metres;
+use crate::limits::metres;
 
 /// What PX4 holds of a geofence: corners and circles together.
 pub const MAX_VERTICES: usize = 64;

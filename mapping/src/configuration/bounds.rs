@@ -6,8 +6,8 @@ use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiterType, SpeedT
 
 use super::Subject;
 use crate::altitude::Agl;
-use crate::loiter::WIDEST_CIRCLE_M;
-use crate::performance::Performance;
+use crate::limits::Performance;
+use crate::limits::WIDEST_CIRCLE_M;
 
 /// Bounds of a field in its unit; what is not known is absent.
 #[derive(Debug, Clone, Default, PartialEq)]

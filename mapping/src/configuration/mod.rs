@@ -14,11 +14,11 @@ mod answer;
 mod bounds;
 pub mod forced;
 pub mod modes;
-mod parameters;
+
 mod request;
 
 pub use bounds::{Bounds, bounds};
-pub use parameters::{NAMES, Parameters};
+
 pub use request::{Level, Request, RequestError, Scope};
 
 use stanag_msgs::enums::RouteType;
@@ -29,8 +29,9 @@ use stanag_msgs::table::{self, MessageInfo};
 use stanag_msgs::{Id, Message, Text};
 
 use crate::altitude::Agl;
+use crate::limits::Limits;
+use crate::parameter::Parameters;
 use crate::plan::MAX_ROUTES;
-use crate::route::Limits;
 use crate::support::{self, Received};
 use crate::telemetry::Place;
 

@@ -36,10 +36,12 @@ pub(crate) fn degrees_e7(degrees: f64) -> i32 {
 }
 
 /// MAV_CMD_NAV_WAYPOINT.
-pub(crate) const NAV_WAYPOINT: u16 = 16;
+pub(super) const NAV_WAYPOINT: u16 = 16;
 /// MAV_CMD_NAV_LAND.
 pub(super) const NAV_LAND: u16 = 21;
+/// MAV_CMD_DO_JUMP.
+pub(super) const DO_JUMP: u16 = 177;
 /// MAV_CMD_DO_CHANGE_SPEED.
-pub(crate) const DO_CHANGE_SPEED: u16 = 178;
+pub(super) const DO_CHANGE_SPEED: u16 = 178;
 const SPEED_TYPE_GROUND: f32 = 1.0;
 const THROTTLE_UNCHANGED: f32 = -1.0;

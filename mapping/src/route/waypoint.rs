@@ -1,14 +1,16 @@
 //! One waypoint (13002) of a route, with its loiter (13003): what it asks, checked, and the items that fly it.
 
-use mavlink_link::service::mission::Item;
-use stanag_msgs::enums::{LocationType, TurnType, WaypointSpeedType};
+use mavlink_link::service::mission::{FRAME_MISSION, Item};
+use stanag_msgs::enums::{LimitType, LocationType, TurnType, WaypointSpeedType, WaypointType};
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 
-use super::bounds::height;
-use super::item::{NAV_WAYPOINT, change_speed, placed};
-use super::{Leg, Reason, Site};
-use crate::performance::Performance;
-use crate::{altitude, loiter};
+use super::error::Reason;
+use super::item::{DO_JUMP, NAV_WAYPOINT, change_speed, placed};
+use super::loiter;
+use super::mission::{CompiledMission, Leg};
+use super::site::{Site, height};
+use crate::altitude;
+use crate::limits::Performance;
 
 /// The leg to it: where it is, how high, how fast.
 ///
@@ -112,5 +114,54 @@ fn acceptance(waypoint: &UaPositionWaypoint) -> Result<f32, Reason> {
     }
 }
 
+/// Whether a waypoint ends a loop.
+pub(super) fn ends_loop(waypoint: &UaPositionWaypoint) -> Result<bool, Reason> {
+    match waypoint.waypoint_type {
+        None | Some(WaypointType::Normal) => Ok(false),
+        Some(WaypointType::EndOfLoop) => Ok(true),
+        Some(WaypointType::Unknown(value)) => Err(Reason::UnknownValue {
+            field: "Waypoint Type",
+            value,
+        }),
+    }
+}
+
+/// The jump back from the end of a loop, `number`, whose own items are in `compiled` already; `None` for a loop that
+/// is flown once.
+pub(super) fn jump(
+    number: u16,
+    waypoint: &UaPositionWaypoint,
+    compiled: &CompiledMission,
+) -> Result<Option<Item>, Reason> {
+    let start = waypoint.next_waypoint.unwrap_or(0);
+    let seq = compiled
+        .first_item_of(start)
+        .filter(|_| start != number)
+        .ok_or(Reason::LoopStart(start))?;
+    let jumps = match waypoint.limit_type {
+        None | Some(LimitType::None) => MAX_JUMPS,
+        Some(LimitType::Count) => match waypoint.loop_limit {
+            None => return Err(Reason::Missing("Loop Limit")),
+            Some(0) => return Err(Reason::LoopLimit),
+            Some(times) => times - 1,
+        },
+        Some(LimitType::Time) => return Err(Reason::LoopTime),
+        Some(LimitType::Unknown(value)) => {
+            return Err(Reason::UnknownValue {
+                field: "Limit Type",
+                value,
+            });
+        }
+    };
+    Ok((jumps > 0).then(|| Item {
+        frame: FRAME_MISSION,
+        command: DO_JUMP,
+        autocontinue: true,
+        params: [f32::from(seq), f32::from(jumps), 0.0, 0.0],
+        ..Item::default()
+    }))
+}
+
 /// Acceptance radius of a fly-over, m: under 2 m a multicopter at 5 m/s can miss the waypoint and fly on for good.
 const FLY_OVER_M: f32 = 3.0;
+const MAX_JUMPS: u16 = u16::MAX;

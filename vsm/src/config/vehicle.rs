@@ -120,14 +120,14 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        let mapping::route::Limits {
+        let mapping::limits::Limits {
             first_m,
             leg_m,
             lowest_m,
             highest_m,
             speed_m_s,
             ..
-        } = mapping::route::Limits::default();
+        } = mapping::limits::Limits::default();
         Limits {
             first_m,
             leg_m,

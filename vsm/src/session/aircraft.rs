@@ -3,11 +3,11 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use mapping::curve::{Curving, Policy, Vertices};
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
-use mapping::{altitude, route};
+use mapping::route::{Curving, Policy, Vertices};
+use mapping::{altitude, limits};
 use mavlink_link::frame::FrameView;
 use mavlink_link::service::mission;
 use stanag_msgs::Id;
@@ -103,7 +103,7 @@ impl Aircraft {
                 config::Agl::Refuse => altitude::Agl::Refuse,
             },
             altimeter: altitude::Altimeter::STANDARD,
-            limits: route::Limits {
+            limits: limits::Limits {
                 first_m,
                 leg_m,
                 lowest_m,

@@ -7,10 +7,9 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use mapping::configuration::{
-    self, Level, NAMES, Parameters, Request, RequestError, Scope, Subject, modes,
-};
-use mapping::performance::Performance;
+use mapping::configuration::{self, Level, Request, RequestError, Scope, Subject, modes};
+use mapping::limits::Performance;
+use mapping::parameter::{NAMES, Parameters};
 use mavlink_link::dialect::MavType;
 use mavlink_link::service::param::{Name, Value};
 use stanag_msgs::enums::AckType;

@@ -4,7 +4,7 @@
 //! is to stop the vehicle somewhere.
 
 use mapping::configuration::forced;
-use mapping::loiter::WIDEST_CIRCLE_M;
+use mapping::limits::WIDEST_CIRCLE_M;
 use stanag_msgs::enums::{AckType, LoiterDirection, LoiterType};
 use stanag_msgs::messages::LoiterConfiguration;
 

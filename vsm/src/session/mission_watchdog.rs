@@ -13,9 +13,9 @@
 //! simulation faster or slower than time is judged as the flight that it is. Nothing is judged but by a MISSION_CURRENT
 //! that says the item is still the same: a lost one must not make a passed waypoint a missed one.
 
+use mapping::limits::metres;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
-use mapping::route::metres;
 use mavlink_link::dialect::{MavType, MissionState};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 

@@ -1,8 +1,8 @@
 //! Plans on disk: what a CUCS has sent, and what went aboard the vehicle.
 
 use mapping::altitude::Level;
-use mapping::curve::Curved;
 use mapping::plan::Plan;
+use mapping::route::Curved;
 use mapping::route::{CompiledMission, Leg};
 use mavlink_link::service::mission::Item;
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use mapping::software;
+use mapping::status;
 #[allow(
     deprecated,
     reason = "PX4 answers PING; TIMESYNC, which replaces it, sets its clock"
@@ -144,7 +144,7 @@ impl Aircraft {
         self.inquiries.software_by = None;
         for (station, fields) in std::mem::take(&mut self.inquiries.software) {
             let known = self.mav.telemetry.software.as_ref();
-            let report = software::report(VERSION, known, desk.stamp());
+            let report = status::software(VERSION, known, desk.stamp());
             let mut report = Message::from(report);
             if let Some(fields) = fields.filter(|fields| *fields != 0) {
                 report = table::select(&report, fields);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use mapping::curve::Curved;
+use mapping::route::Curved;
 use serde::Serialize;
 
 use super::aircraft::Aircraft;

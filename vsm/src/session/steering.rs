@@ -18,9 +18,9 @@
 use std::f64::consts::TAU;
 use std::time::Duration;
 
+use mapping::limits::Limits;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
-use mapping::route::Limits;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::{
     MavFrame, MavMessage, PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA,

@@ -5,11 +5,12 @@
 
 use std::time::Duration;
 
-use mapping::curve::Curving;
+use mapping::limits::Limits;
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
-use mapping::route::{self, CompiledMission, Limits, Reason, RouteError, Site};
+use mapping::route::Curving;
+use mapping::route::{self, CompiledMission, Reason, RouteError, Site};
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::command;
 use mavlink_link::service::mission::{

@@ -3,9 +3,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use mapping::status;
 use mapping::support::{self, rows};
 use mapping::telemetry::Telemetry;
-use mapping::{software, status};
 use mavlink_link::dialect::{
     AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, HIGHRES_IMU_DATA, MavMessage,
 };
@@ -268,7 +268,7 @@ fn of_other_sensors() -> Vec<Message> {
     vec![
         status::body_sensed(&vehicle, stamp).into(),
         status::battery(&vehicle, stamp).into(),
-        software::report("1.0.0", vehicle.software.as_ref(), stamp).into(),
+        status::software("1.0.0", vehicle.software.as_ref(), stamp).into(),
     ]
 }
 

@@ -1,7 +1,7 @@
 //! What the vehicle must show before a step counts as done.
 
+use mapping::limits::metres;
 use mapping::mode::Px4Mode;
-use mapping::route::metres;
 use mapping::telemetry::Place;
 
 use crate::session::vehicle::VehicleLink;

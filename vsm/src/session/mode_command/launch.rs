@@ -61,9 +61,9 @@ const LOWEST_LAUNCH_M: f64 = 1.5;
 #[cfg(test)]
 mod tests {
     use mapping::altitude::{Agl, Altimeter};
-    use mapping::performance::Performance;
+    use mapping::limits::Limits;
+    use mapping::limits::Performance;
     use mapping::plan::Plan;
-    use mapping::route::Limits;
     use mapping::telemetry::{Place, Telemetry};
     use mavlink_link::dialect::MavLandedState;
     use stanag_msgs::Scaled;

@@ -1,9 +1,9 @@
 //! Mode 12: here or at a place, at an altitude, hovering or on a circle.
 
 use mapping::altitude::Level;
+use mapping::limits::metres;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
-use mapping::route::metres;
 use stanag_msgs::enums::{
     AltitudeCommandType, FlightPathControlMode as Mode, LoiterDirection, SpeedType,
 };

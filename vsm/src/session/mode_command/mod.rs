@@ -12,11 +12,11 @@ mod values;
 pub(crate) use route::flies_anew;
 
 use mapping::altitude::{Agl, Altimeter};
+use mapping::limits::Limits;
+use mapping::limits::Performance;
 use mapping::mode::Px4Mode;
-use mapping::performance::Performance;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
-use mapping::route::Limits;
 use mapping::telemetry::Telemetry;
 use stanag_msgs::enums::{FlightPathControlMode as Mode, HeadingCommandType, RouteType};
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};

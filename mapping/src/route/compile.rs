@@ -1,19 +1,113 @@
-//! A mission while it is compiled, waypoint by waypoint in the order that they are flown.
+//! Compiles a route waypoint by waypoint, in the order that they are flown.
 
 use mavlink_link::service::mission::Item;
 use stanag_msgs::enums::LoiterType;
 use stanag_msgs::messages::UaPositionWaypoint;
 
+use super::error::{Reason, RouteError};
 use super::item::{NAV_WAYPOINT, change_speed};
-use super::{CompiledMission, Leg, Reason, RouteError, Site, bounds, curved_leg, waypoint};
-use crate::curve::{Chords, MIN_ACCEPTANCE_M};
-use crate::performance::Performance;
+use super::mission::{CompiledMission, Leg};
+use super::site::{Curving, Site};
+use super::{brake, curve, waypoint};
+use crate::limits::{Performance, metres};
 use crate::plan::Plan;
-use crate::{brake, loops};
+
+/// Makes the mission of the route that starts at `initial`. Where its curves become too many items, they are flown
+/// within the smallest tolerance that the items allow, and the notes say so.
+///
+/// # Errors
+/// The first waypoint, in flying order, that cannot be flown, and why. Nothing is half done.
+pub fn compile(plan: &Plan, initial: u16, site: &Site) -> Result<CompiledMission, RouteError> {
+    let mut compiled = match compile_within(plan, initial, site) {
+        Err(RouteError {
+            waypoint,
+            reason: Reason::TooManyItems(items),
+        }) => within_items(plan, initial, site)?.ok_or(RouteError {
+            waypoint,
+            reason: Reason::TooManyItems(items),
+        })?,
+        other => other?,
+    };
+    if let Some(curved) = compiled.curved {
+        let note = curved.note(site.curving.tolerance_m, site.limits.items);
+        compiled.notes.push(note);
+    }
+    Ok(compiled)
+}
+
+/// The mission, its curves within the tolerance of the site.
+pub(crate) fn compile_within(
+    plan: &Plan,
+    initial: u16,
+    site: &Site,
+) -> Result<CompiledMission, RouteError> {
+    if let Some((p1, p4)) = plan.curve_without_end() {
+        let (waypoint, reason) = match plan.waypoint(p1) {
+            None => (p1, Reason::CurveWithoutEnd(p4)),
+            Some(start) if start.next_waypoint == Some(p4) => (p4, Reason::CurveWithoutP4(p1)),
+            Some(_) => (p4, Reason::CurveWithoutEnd(p1)),
+        };
+        return Err(RouteError { waypoint, reason });
+    }
+    let mut draft = Draft::new(plan, site);
+    let mut next = initial;
+    while next != 0 {
+        next = draft.add(next)?;
+    }
+    draft.finish().ok_or(RouteError {
+        waypoint: initial,
+        reason: Reason::Unknown,
+    })
+}
+
+/// The mission with the smallest tolerance that its items allow; none where even the coarsest needs more.
+///
+/// # Errors
+/// Anything but too many items: a coarser tolerance does not mend it.
+fn within_items(
+    plan: &Plan,
+    initial: u16,
+    site: &Site,
+) -> Result<Option<CompiledMission>, RouteError> {
+    let try_with = |tolerance_m| {
+        let curving = Curving {
+            tolerance_m,
+            ..site.curving
+        };
+        match compile_within(plan, initial, &Site { curving, ..*site }) {
+            Ok(compiled) => Ok(Some(compiled)),
+            Err(RouteError {
+                reason: Reason::TooManyItems(_),
+                ..
+            }) => Ok(None),
+            Err(other) => Err(other),
+        }
+    };
+    let mut low_m = site.curving.tolerance_m;
+    let (mut best, mut high_m) = loop {
+        // A straight route gains nothing, and a curve this coarse is not the one that was drawn.
+        if low_m >= COARSEST_M {
+            return Ok(None);
+        }
+        let tried_m = (2.0 * low_m).min(COARSEST_M);
+        match try_with(tried_m)? {
+            Some(compiled) => break (compiled, tried_m),
+            None => low_m = tried_m,
+        }
+    };
+    while high_m > CLOSE * low_m {
+        let tried_m = (low_m * high_m).sqrt();
+        match try_with(tried_m)? {
+            Some(compiled) => (best, high_m) = (compiled, tried_m),
+            None => low_m = tried_m,
+        }
+    }
+    Ok(Some(best))
+}
 
 /// What has been made so far.
 #[derive(Debug)]
-pub(super) struct Draft<'a> {
+struct Draft<'a> {
     plan: &'a Plan,
     site: &'a Site,
     compiled: CompiledMission,
@@ -24,7 +118,7 @@ pub(super) struct Draft<'a> {
 }
 
 impl<'a> Draft<'a> {
-    pub(super) fn new(plan: &'a Plan, site: &'a Site) -> Draft<'a> {
+    fn new(plan: &'a Plan, site: &'a Site) -> Draft<'a> {
         Draft {
             plan,
             site,
@@ -44,7 +138,7 @@ impl<'a> Draft<'a> {
     ///
     /// # Errors
     /// It, or the curved leg to it, cannot be flown.
-    pub(super) fn add(&mut self, number: u16) -> Result<u16, RouteError> {
+    fn add(&mut self, number: u16) -> Result<u16, RouteError> {
         let at = |reason| RouteError {
             waypoint: number,
             reason,
@@ -56,14 +150,14 @@ impl<'a> Draft<'a> {
         }
         let leg = waypoint::leg(number, waypoint, site).map_err(at)?;
         let before = self.compiled.order.last().copied();
-        bounds::distance(&leg, before.as_ref(), site).map_err(at)?;
-        curved_leg::check(plan, number, waypoint).map_err(at)?;
+        distance(&leg, before.as_ref(), site).map_err(at)?;
+        curve::check(plan, number, waypoint).map_err(at)?;
         let begun_at = self.compiled.items.len();
         if let Some(speed_m_s) = leg.speed_m_s {
             self.compiled.push(number, change_speed(speed_m_s));
         }
         let curve = match before {
-            Some(p1) => curved_leg::fly(plan, &p1, &leg, &mut self.compiled, site)?,
+            Some(p1) => curve::fly(plan, &p1, &leg, &mut self.compiled, site)?,
             None => None,
         };
         self.arrive(&leg, waypoint, curve.as_ref()).map_err(at)?;
@@ -83,7 +177,7 @@ impl<'a> Draft<'a> {
         &mut self,
         leg: &Leg,
         waypoint: &UaPositionWaypoint,
-        curve: Option<&Chords>,
+        curve: Option<&curve::Chords>,
     ) -> Result<(), Reason> {
         let number = leg.number;
         let loiter = self.plan.loiter(number);
@@ -96,7 +190,7 @@ impl<'a> Draft<'a> {
         for mut item in waypoint::items(leg, waypoint, loiter, self.site)? {
             let here = self.compiled.items.len();
             if let Some(chords) = curve {
-                curved_leg::accept(&mut item, chords);
+                curve::accept(&mut item, chords);
                 self.ends.push(here);
             } else {
                 self.straight.push(here);
@@ -107,12 +201,12 @@ impl<'a> Draft<'a> {
     }
 
     /// Ends a curve whose items start at `begun_at`.
-    fn end_curve(&mut self, leg: &Leg, chords: &Chords, begun_at: usize) {
+    fn end_curve(&mut self, leg: &Leg, chords: &curve::Chords, begun_at: usize) {
         let compiled = &mut self.compiled;
         // P1 is a vertex of the curve too.
         let before = compiled.items.iter_mut().take(begun_at).enumerate();
         if let Some((p1, item)) = before.filter(|(_, item)| item.is_global()).last() {
-            curved_leg::accept(item, chords);
+            curve::accept(item, chords);
             self.ends.push(p1);
         }
         if chords.slowed {
@@ -126,23 +220,23 @@ impl<'a> Draft<'a> {
     /// The number of the waypoint that follows; 0 after the last, and after the end of a loop, which jumps back.
     fn lead_on(&mut self, leg: &Leg, waypoint: &UaPositionWaypoint) -> Result<u16, Reason> {
         let next = waypoint.next_waypoint.unwrap_or(0);
-        if !loops::ends(waypoint)? {
+        if !waypoint::ends_loop(waypoint)? {
             return Ok(next);
         }
-        if let Some(jump) = loops::jump(leg.number, waypoint, &self.compiled)? {
+        if let Some(jump) = waypoint::jump(leg.number, waypoint, &self.compiled)? {
             if let Some((to, _)) = self.plan.curves_from(leg.number).next() {
                 return Err(Reason::CurveClosesLoop(to));
             }
             self.compiled.push(leg.number, jump);
         }
         if let Some(start) = self.compiled.order.iter().find(|leg| leg.number == next) {
-            bounds::distance(start, Some(leg), self.site)?;
+            distance(start, Some(leg), self.site)?;
         }
         Ok(0)
     }
 
     /// The whole of it; none where nothing has been added.
-    pub(super) fn finish(self) -> Option<CompiledMission> {
+    fn finish(self) -> Option<CompiledMission> {
         let Draft {
             site,
             mut compiled,
@@ -154,7 +248,7 @@ impl<'a> Draft<'a> {
             straight.retain(|at| !ends.contains(at));
             stop_where_missed(&mut compiled, &straight, &site.performance);
             for end in ends {
-                curved_leg::widen(&mut compiled.items, end, &site.performance);
+                curve::widen(&mut compiled.items, end, &site.performance);
             }
             say_own_radius(&mut compiled, &straight, &site.performance);
         }
@@ -193,9 +287,43 @@ fn say_own_radius(compiled: &mut CompiledMission, straight: &[usize], performanc
     let own_m = performance.acceptance_m;
     let mut items = straight.iter().filter_map(|at| compiled.items.get(*at));
     let own = items.any(|item| item.command == NAV_WAYPOINT && item.params[1] <= 0.0);
-    if own && own_m < MIN_ACCEPTANCE_M {
+    if own && own_m < curve::MIN_ACCEPTANCE_M {
         compiled.notes.push(format!(
-            "NAV_ACC_RAD is {own_m:.1} m: under {MIN_ACCEPTANCE_M} m the vehicle can miss a waypoint and fly on"
+            "NAV_ACC_RAD is {own_m:.1} m: under {} m the vehicle can miss a waypoint and fly on",
+            curve::MIN_ACCEPTANCE_M
         ));
     }
 }
+
+/// Whether a leg is no longer than allowed: from the waypoint before, or from home where it is the first.
+///
+/// # Errors
+/// It is longer.
+fn distance(to: &Leg, from: Option<&Leg>, site: &Site) -> Result<(), Reason> {
+    let here = (to.latitude, to.longitude);
+    match from {
+        None => {
+            let home = (site.home.latitude, site.home.longitude);
+            let (distance_m, most_m) = (metres(home, here), site.limits.first_m);
+            if distance_m > most_m {
+                Err(Reason::FarFromHome { distance_m, most_m })
+            } else {
+                Ok(())
+            }
+        }
+        Some(from) => {
+            let before = (from.latitude, from.longitude);
+            let (distance_m, most_m) = (metres(before, here), site.limits.leg_m);
+            if distance_m > most_m {
+                Err(Reason::LongLeg { distance_m, most_m })
+            } else {
+                Ok(())
+            }
+        }
+    }
+}
+
+/// The coarsest tolerance that a configuration may name, m.
+const COARSEST_M: f64 = 100.0;
+/// Relative width at which the smallest tolerance is known.
+const CLOSE: f64 = 1.01;

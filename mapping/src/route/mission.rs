@@ -2,13 +2,11 @@
 
 use mavlink_link::service::mission::Item;
 
-use super::Site;
-use super::item::{self, DO_CHANGE_SPEED, NAV_LAND, degrees_e7};
+use super::brake;
+use super::item::{self, DO_CHANGE_SPEED, DO_JUMP, NAV_LAND, degrees_e7};
+use super::site::Site;
 use crate::altitude::Level;
-use crate::brake;
-use crate::curve::Curved;
-use crate::loops::DO_JUMP;
-use crate::performance::Performance;
+use crate::limits::Performance;
 
 /// A route as it goes to PX4, and whose waypoint each item is.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,6 +36,49 @@ pub struct Leg {
     pub level: Level,
     /// Commanded speed of the leg to it, m/s.
     pub speed_m_s: Option<f64>,
+}
+
+/// What was made of the curved legs of a route.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Curved {
+    /// Curved legs.
+    pub legs: usize,
+    /// The chords that they are flown by.
+    pub chords: usize,
+    /// The tolerance that the chords were made with, m: the configured one, or the smallest that the items allow.
+    pub tolerance_m: f64,
+    /// Proven deviation of the chords from the curves, both ways, m.
+    pub bound_m: f64,
+    /// Forecast of the flown deviation, m, never a promise; none for a fixed wing.
+    pub predicted_m: Option<f64>,
+    /// Forecast of the time that the curved legs take, s.
+    pub time_s: f64,
+}
+
+impl Curved {
+    /// What an operator is told of it.
+    pub(crate) fn note(&self, wished_m: f64, items: usize) -> String {
+        let Self {
+            legs,
+            chords,
+            tolerance_m,
+            bound_m,
+            time_s,
+            ..
+        } = self;
+        let mut text = format!(
+            "{legs} curved legs in {chords} chords, proven within {bound_m:.2} m, {time_s:.0} s"
+        );
+        if let Some(predicted_m) = self.predicted_m {
+            text += &format!("; flown within {predicted_m:.1} m, predicted and not promised");
+        }
+        if *tolerance_m > wished_m {
+            text += &format!(
+                "; tolerance {tolerance_m:.2} m, not {wished_m} m: the smallest that {items} items allow"
+            );
+        }
+        text
+    }
 }
 
 impl CompiledMission {

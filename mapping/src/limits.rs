@@ -3,8 +3,40 @@
 //!
 //! The same bounds are told in the configuration phase (41003), and refuse a 2016, a 13002 and a 13003 beyond them.
 
-use crate::configuration::Parameters;
-use crate::route::Limits;
+use geo::{Distance, Haversine, Point};
+
+use crate::parameter::Parameters;
+
+/// What a route must stay within.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Farthest first waypoint from home, m.
+    pub first_m: f64,
+    /// Longest leg, m.
+    pub leg_m: f64,
+    /// Lowest waypoint, m above home.
+    pub lowest_m: f64,
+    /// Highest waypoint, m above home.
+    pub highest_m: f64,
+    /// Fastest commanded speed, m/s; the vehicle's own counts where it is lower
+    /// ([`Performance`]).
+    pub speed_m_s: f64,
+    /// Most mission items.
+    pub items: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits {
+            first_m: 5_000.0,
+            leg_m: 50_000.0,
+            lowest_m: -500.0,
+            highest_m: 5_000.0,
+            speed_m_s: 100.0,
+            items: 500,
+        }
+    }
+}
 
 /// What it can, and what it does by itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,6 +125,16 @@ impl Default for Performance {
     }
 }
 
+/// Metres over ground between two places given in degrees, on the sphere: for limits, not for geometry.
+#[must_use]
+pub fn metres(from: (f64, f64), to: (f64, f64)) -> f64 {
+    Haversine.distance(Point::new(from.1, from.0), Point::new(to.1, to.0))
+}
+
+/// The widest circle, m: of a multicopter MC_ORBIT_RAD_MAX (PX4 accepts a wider one, and then stops), of a fixed wing the
+/// most that NAV_LOITER_RAD takes.
+pub const WIDEST_CIRCLE_M: f64 = 1_000.0;
+
 /// One step of a speed on the wire.
 const STEP_M_S: f64 = 0.5;
 /// MPC_XY_CRUISE as PX4 comes.
@@ -105,7 +147,7 @@ pub(crate) const ACCEPTANCE_M: f64 = 10.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::configuration::NAMES;
+    use crate::parameter::NAMES;
 
     fn parameters(values: &[(&str, f64)]) -> Parameters {
         let mut parameters = Parameters::default();

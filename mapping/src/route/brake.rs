@@ -10,15 +10,14 @@
 
 use mavlink_link::service::mission::Item;
 
-use crate::loops::DO_JUMP;
-use crate::performance::{ACCEPTANCE_M, Performance};
-use crate::route::item::{DO_CHANGE_SPEED, NAV_WAYPOINT};
+use super::item::{DO_CHANGE_SPEED, DO_JUMP, NAV_WAYPOINT};
+use crate::limits::{ACCEPTANCE_M, Performance};
 
 /// Makes PX4 brake for each waypoint of these that it comes to, or goes on from, with a climb or a descent, where it has
 /// a radius of its own or is passed within less time than a swing of the height takes. The first waypoint is come to from
 /// anywhere; PX4 climbs to its height before it flies there, on the spot. Gives the indices of those it brakes for.
 ///
-/// The points of a curve are not meant: they are slowed and widened instead ([`crate::curve`]).
+/// The points of a curve are not meant: they are slowed and widened instead ([`super::curve`]).
 pub(crate) fn where_height_changes(
     items: &mut [Item],
     waypoints: &[usize],
@@ -70,7 +69,7 @@ pub(crate) fn missed_at(
                 is_fast(speed_m_s, performance)
             } else {
                 // A point of a climbing curve is as wide as half a swing at the speed that was planned.
-                0.5 * SWING_S_OF_CURVES * speed_m_s > radius_m + 0.01
+                0.5 * CURVE_SWING_S * speed_m_s > radius_m + 0.01
             };
             is_passed(item) && fast && changes(at)
         })
@@ -134,8 +133,9 @@ const LEVEL_M: f32 = 0.05;
 /// How long a swing takes, s. At 6.5 m/s and a radius of 10 m, 3 s to cross it, waypoints were taken as late as 11 m
 /// behind; at 5 m/s, 4 s, as late as 7 m.
 const SWING_S: f64 = 4.0;
-/// The same for the points of a climbing curve, which are flown slowly.
-const SWING_S_OF_CURVES: f64 = crate::curve::SWING_S;
+/// The same for the points of a climbing curve, which are flown slowly: PX4 v1.18 is up to 2.7 s of each swing further off
+/// than NAV_MC_ALT_RAD (0.8 m), and takes no waypoint that it passes meanwhile, for good.
+pub(super) const CURVE_SWING_S: f64 = 3.0;
 /// The shortest hold that matters, s.
 const HOLD_S: f32 = 0.1;
 

@@ -17,24 +17,20 @@ use std::f64::consts::TAU;
 use stanag_msgs::enums::{LoiterDirection, LoiterDurationUnits, LoiterType, SpeedType};
 use stanag_msgs::messages::UaLoiterWaypoint;
 
-use crate::performance::Performance;
-use crate::route::Reason;
-
-/// The widest circle, m: of a multicopter MC_ORBIT_RAD_MAX (PX4 accepts a wider one, and then stops), of a fixed wing the
-/// most that NAV_LOITER_RAD takes.
-pub const WIDEST_CIRCLE_M: f64 = 1_000.0;
+use super::error::Reason;
+use crate::limits::{Performance, WIDEST_CIRCLE_M};
 
 /// A loiter as PX4 flies it: command and param1 to param4 of the item at its place, and the speed within it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Loiter {
-    pub(crate) command: u16,
-    pub(crate) params: [f32; 4],
+pub(super) struct Loiter {
+    pub(super) command: u16,
+    pub(super) params: [f32; 4],
     /// Loiter Speed, where the vehicle flies a circle.
-    pub(crate) speed_m_s: Option<f64>,
+    pub(super) speed_m_s: Option<f64>,
 }
 
 /// `leg_speed_m_s` is the speed of the leg to the loiter, where one is commanded.
-pub(crate) fn loiter(
+pub(super) fn loiter(
     asked: &UaLoiterWaypoint,
     leg_speed_m_s: Option<f64>,
     hovers: bool,
@@ -130,8 +126,8 @@ fn speed(asked: &UaLoiterWaypoint, performance: &Performance) -> Result<Option<f
     Ok(Some(performance.check(speed_m_s)?))
 }
 
-pub(crate) const NAV_LOITER_UNLIM: u16 = 17;
-pub(crate) const NAV_LOITER_TIME: u16 = 19;
+pub(super) const NAV_LOITER_UNLIM: u16 = 17;
+pub(super) const NAV_LOITER_TIME: u16 = 19;
 
 #[cfg(test)]
 mod tests {

@@ -3,130 +3,146 @@
 //! What a curve message means, and why the deviation is bounded, is in [`curve_paths`]. Here it gets its ends from the
 //! waypoints, its altitudes a common reference, and its vertices become items of the waypoint that it leads to.
 
-pub use curve_paths::Vertices;
-pub use curve_paths::flight::{FixedWing, Multicopter, Policy};
-
-use curve_paths::flight::{Airframe, plan_flight};
+use curve_paths::flight::{Airframe, Policy, plan_flight};
 use curve_paths::{BezierLeg, Control, Densified, Options, Position, densify};
+use mavlink_link::service::mission::Item;
 use stanag_msgs::enums::AltitudeType;
+use stanag_msgs::messages::UaPositionWaypoint;
 
+use super::brake::CURVE_SWING_S;
+use super::error::{CurveError, Reason, RouteError};
+use super::item::{self, DO_CHANGE_SPEED, NAV_WAYPOINT, change_speed};
+use super::mission::{CompiledMission, Curved, Leg};
+use super::site::{Site, height};
 use crate::altitude::{self, Level};
-use crate::configuration::Parameters;
-use crate::plan::Curve;
-use crate::route::{Leg, Site};
+use crate::limits::Performance;
+use crate::plan::{Curve, Plan};
 
-/// How curved legs are flown: `vehicle.curve`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Curving {
-    /// Largest planned deviation, m.
-    pub tolerance_m: f64,
-    /// What is done where the curve is too tight for the speed.
-    pub policy: Policy,
-    /// Whether vertices may leave the curve by up to the tolerance.
-    pub vertices: Vertices,
-    /// What a vehicle that hovers can do.
-    pub multicopter: Multicopter,
-    /// What one that does not can do.
-    pub fixed_wing: FixedWing,
-}
-
-impl Default for Curving {
-    fn default() -> Self {
-        Curving {
-            tolerance_m: 1.0,
-            policy: Policy::Slow,
-            vertices: Vertices::OnCurve,
-            multicopter: Multicopter::default(),
-            fixed_wing: FixedWing::default(),
-        }
+/// The curves that start at a waypoint: at most one, and to its Next Waypoint.
+pub(super) fn check(plan: &Plan, number: u16, waypoint: &UaPositionWaypoint) -> Result<(), Reason> {
+    let mut curves = plan.curves_from(number).map(|(p4, _)| p4);
+    let Some(to) = curves.next() else {
+        return Ok(());
+    };
+    if let Some(other) = curves.next() {
+        return Err(Reason::TwoCurves(to, other));
+    }
+    let next = waypoint.next_waypoint.unwrap_or(0);
+    if next == to {
+        Ok(())
+    } else {
+        Err(Reason::CurveEnd { to, next })
     }
 }
 
-impl Curving {
-    /// Takes over what the vehicle's own parameters say of it; what it has not told stays the default.
-    pub fn know(&mut self, parameters: &Parameters) {
-        let (quad, plane) = (&mut self.multicopter, &mut self.fixed_wing);
-        for (known, name) in [
-            (&mut quad.acceleration, "MPC_ACC_HOR"),
-            (&mut quad.jerk, "MPC_JERK_AUTO"),
-            (&mut quad.climb_mps, "MPC_Z_V_AUTO_UP"),
-            (&mut quad.descent_mps, "MPC_Z_V_AUTO_DN"),
-            (&mut plane.slowest_mps, "FW_AIRSPD_MIN"),
-        ] {
-            *known = parameters.above_zero(name).unwrap_or(*known);
-        }
+/// Pushes the chords of the curved leg from `p1` to `p4`, where there is one.
+pub(super) fn fly(
+    plan: &Plan,
+    p1: &Leg,
+    p4: &Leg,
+    compiled: &mut CompiledMission,
+    site: &Site,
+) -> Result<Option<Chords>, RouteError> {
+    let Some((_, curve)) = plan.curves_from(p1.number).find(|(to, _)| *to == p4.number) else {
+        return Ok(None);
+    };
+    let speed_m_s = p4.speed_m_s.unwrap_or_else(|| compiled.speed_m_s(site));
+    let chords = chords(p1, p4, curve, speed_m_s, site).map_err(|fault| RouteError {
+        waypoint: p1.number,
+        reason: Reason::Curve {
+            to: p4.number,
+            fault,
+        },
+    })?;
+    for chord in &chords.vertices {
+        height(chord.level, &site.home, &site.limits).map_err(|reason| RouteError {
+            waypoint: p1.number,
+            reason,
+        })?;
     }
-}
-
-/// What was made of the curved legs of a route.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Curved {
-    /// Curved legs.
-    pub legs: usize,
-    /// The chords that they are flown by.
-    pub chords: usize,
-    /// The tolerance that the chords were made with, m: the configured one, or the smallest that the items allow.
-    pub tolerance_m: f64,
-    /// Proven deviation of the chords from the curves, both ways, m.
-    pub bound_m: f64,
-    /// Forecast of the flown deviation, m, never a promise; none for a fixed wing.
-    pub predicted_m: Option<f64>,
-    /// Forecast of the time that the curved legs take, s.
-    pub time_s: f64,
-}
-
-impl Curved {
-    /// With the chords of one more leg.
-    pub(crate) fn and(before: Option<Self>, chords: &Chords, tolerance_m: f64) -> Self {
-        let so_far = before.unwrap_or(Self {
-            legs: 0,
-            chords: 0,
-            tolerance_m,
-            bound_m: 0.0,
-            predicted_m: Some(0.0),
-            time_s: 0.0,
-        });
-        Self {
-            legs: so_far.legs + 1,
-            chords: so_far.chords + chords.vertices.len() + 1,
-            tolerance_m,
-            bound_m: so_far.bound_m.max(chords.bound_m),
-            predicted_m: so_far
-                .predicted_m
-                .zip(chords.predicted_m)
-                .map(|(a, b)| a.max(b)),
-            time_s: so_far.time_s + chords.time_s,
-        }
-    }
-
-    /// What an operator is told of it.
-    pub(crate) fn note(&self, wished_m: f64, items: usize) -> String {
-        let Self {
-            legs,
-            chords,
-            tolerance_m,
-            bound_m,
-            time_s,
-            ..
-        } = self;
-        let mut text = format!(
-            "{legs} curved legs in {chords} chords, proven within {bound_m:.2} m, {time_s:.0} s"
+    let tolerance_m = site.curving.tolerance_m;
+    compiled.curved = Some(with(compiled.curved, &chords, tolerance_m));
+    if chords.reads_differently {
+        let text = format!(
+            "curve {} to {} is flown as defined; drawn in latitude and longitude it is another line",
+            p1.number, p4.number
         );
-        if let Some(predicted_m) = self.predicted_m {
-            text += &format!("; flown within {predicted_m:.1} m, predicted and not promised");
+        compiled.notes.push(text);
+    }
+    if let Some(speed_m_s) = chords.speed_at_start_m_s {
+        compiled.push(p4.number, change_speed(speed_m_s));
+    }
+    for chord in &chords.vertices {
+        let place = (chord.latitude, chord.longitude);
+        let params = [0.0, chords.acceptance_m, 0.0, f32::NAN];
+        let item = item::placed(place, chord.level, NAV_WAYPOINT, params);
+        compiled.push(p4.number, item);
+        if let Some(speed_m_s) = chord.speed_m_s {
+            compiled.push(p4.number, change_speed(speed_m_s));
         }
-        if *tolerance_m > wished_m {
-            text += &format!(
-                "; tolerance {tolerance_m:.2} m, not {wished_m} m: the smallest that {items} items allow"
-            );
-        }
-        text
+    }
+    Ok(Some(chords))
+}
+
+/// A vertex of a level curve is not passed by more than the curve's radius; one of a climbing curve not by less.
+pub(super) fn accept(item: &mut Item, chords: &Chords) {
+    let acceptance_m = chords.acceptance_m;
+    let closer = item.params[1] > 0.0 && item.params[1] < acceptance_m;
+    if item.command == NAV_WAYPOINT && (chords.climbs || !closer) {
+        item.params[1] = acceptance_m;
+    }
+}
+
+/// The end of a curve before an item at another altitude: a multicopter swings about its altitude on the way to it, and
+/// must stay within its radius for as long as that takes (`CURVE_SWING_S`).
+pub(super) fn widen(items: &mut [Item], end: usize, performance: &Performance) {
+    let z = |item: &Item| (item.frame, item.z);
+    let speed_m_s = items
+        .iter()
+        .take(end)
+        .rev()
+        .find(|item| item.command == DO_CHANGE_SPEED)
+        .map_or(performance.cruise_m_s as f32, |item| item.params[1]);
+    let next = items.iter().skip(end + 1).find(|item| item.is_global());
+    let differs = items
+        .get(end)
+        .zip(next)
+        .is_some_and(|(item, next)| z(item) != z(next));
+    if let Some(item) = items.get_mut(end)
+        && item.command == NAV_WAYPOINT
+        && differs
+    {
+        let wide_m = (0.5 * CURVE_SWING_S as f32 * speed_m_s).min(WIDEST_M);
+        item.params[1] = item.params[1].max(wide_m);
+    }
+}
+
+/// The summary of the curved legs so far, with the chords of one more.
+fn with(before: Option<Curved>, chords: &Chords, tolerance_m: f64) -> Curved {
+    let so_far = before.unwrap_or(Curved {
+        legs: 0,
+        chords: 0,
+        tolerance_m,
+        bound_m: 0.0,
+        predicted_m: Some(0.0),
+        time_s: 0.0,
+    });
+    Curved {
+        legs: so_far.legs + 1,
+        chords: so_far.chords + chords.vertices.len() + 1,
+        tolerance_m,
+        bound_m: so_far.bound_m.max(chords.bound_m),
+        predicted_m: so_far
+            .predicted_m
+            .zip(chords.predicted_m)
+            .map(|(a, b)| a.max(b)),
+        time_s: so_far.time_s + chords.time_s,
     }
 }
 
 /// A curved leg as chords.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Chords {
+pub(super) struct Chords {
     /// The vertices between P1 and P4, and the speed from each on where it changes there.
     pub vertices: Vec<Chord>,
     /// The speed from P1 on, where it differs from the wished one.
@@ -149,7 +165,7 @@ pub struct Chords {
 
 /// One vertex of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Chord {
+pub(super) struct Chord {
     /// Degrees north.
     pub latitude: f64,
     /// Degrees east.
@@ -160,37 +176,11 @@ pub struct Chord {
     pub speed_m_s: Option<f64>,
 }
 
-/// A curve that cannot be flown.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum CurveError {
-    /// A field that cannot be done without.
-    #[error("{0} is missing")]
-    Missing(&'static str),
-    /// Its altitude has no usable reference.
-    #[error(transparent)]
-    Altitude(#[from] altitude::AltitudeError),
-    /// Too fast to be at the altitude of its points in time.
-    #[error(
-        "it climbs or descends, at {speed_m_s} m/s: its shortest chord of {chord_m:.1} m allows {fastest_m_s:.1} m/s"
-    )]
-    ClimbsTooFast {
-        /// The wished speed, m/s.
-        speed_m_s: f64,
-        /// The shortest chord, m.
-        chord_m: f64,
-        /// The fastest that it allows, m/s.
-        fastest_m_s: f64,
-    },
-    /// A number is not finite, a control point too far away, and so on.
-    #[error("{0}")]
-    Shape(String),
-}
-
 /// Makes the chords of the curve from `p1` to `p4`, flown at `speed_m_s`.
 ///
 /// # Errors
 /// A field is missing or not finite, a control point is over 50 km from its end, or the curve is too tight.
-pub fn chords(
+pub(super) fn chords(
     p1: &Leg,
     p4: &Leg,
     curve: &Curve,
@@ -265,7 +255,8 @@ pub fn chords(
     let mut acceptance_m = half_m.clamp(MIN_ACCEPTANCE_M, MAX_ACCEPTANCE_M);
     let mut predicted_m = flown.predicted_deviation_m;
     if climbs {
-        let wider_m = (0.5 * SWING_S * speed_m_s).clamp(acceptance_m, half_m.max(acceptance_m));
+        let wider_m =
+            (0.5 * CURVE_SWING_S * speed_m_s).clamp(acceptance_m, half_m.max(acceptance_m));
         // It turns so much earlier.
         let cut_m = 0.5 * (wider_m - acceptance_m) * sharpest_turn(&densified);
         predicted_m = predicted_m.map(|m| m + cut_m);
@@ -299,7 +290,7 @@ fn climbing_speed(
     densified: &Densified,
     policy: Policy,
 ) -> Result<f64, CurveError> {
-    let fastest_m_s = densified.shortest_chord_m / SWING_S;
+    let fastest_m_s = densified.shortest_chord_m / CURVE_SWING_S;
     if wished_m_s <= fastest_m_s {
         return Ok(wished_m_s);
     }
@@ -388,11 +379,10 @@ fn controls(
     }
 }
 
+/// Most that the end of a curve is widened to, m.
+const WIDEST_M: f32 = 20.0;
 /// Acceptance radii, m.
-pub(crate) const MIN_ACCEPTANCE_M: f64 = 2.0;
+pub(super) const MIN_ACCEPTANCE_M: f64 = 2.0;
 const MAX_ACCEPTANCE_M: f64 = 3.0;
-/// PX4 v1.18 swings about the altitude of an item where the next one's is another: up to 2.7 s of each swing it is
-/// further off than NAV_MC_ALT_RAD (0.8 m), and takes no waypoint that it passes meanwhile, for good.
-pub(crate) const SWING_S: f64 = 3.0;
 /// Altitudes this close are one to PX4, m.
 const LEVEL_M: f64 = 1e-3;

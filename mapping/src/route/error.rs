@@ -1,9 +1,7 @@
 //! Why a route is refused: at which waypoint, which value, and what was expected of it.
 
 use crate::altitude::AltitudeError;
-use crate::curve::CurveError;
-use crate::loiter::WIDEST_CIRCLE_M;
-use crate::performance::SpeedError;
+use crate::limits::{SpeedError, WIDEST_CIRCLE_M};
 
 /// Why a route cannot be flown, and at which waypoint.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -139,6 +137,32 @@ pub enum Reason {
     /// More items than the vehicle takes.
     #[error("the route needs more than {0} items")]
     TooManyItems(usize),
+}
+
+/// A curve that cannot be flown.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CurveError {
+    /// A field that cannot be done without.
+    #[error("{0} is missing")]
+    Missing(&'static str),
+    /// Its altitude has no usable reference.
+    #[error(transparent)]
+    Altitude(#[from] AltitudeError),
+    /// Too fast to be at the altitude of its points in time.
+    #[error(
+        "it climbs or descends, at {speed_m_s} m/s: its shortest chord of {chord_m:.1} m allows {fastest_m_s:.1} m/s"
+    )]
+    ClimbsTooFast {
+        /// The wished speed, m/s.
+        speed_m_s: f64,
+        /// The shortest chord, m.
+        chord_m: f64,
+        /// The fastest that it allows, m/s.
+        fastest_m_s: f64,
+    },
+    /// A number is not finite, a control point too far away, and so on.
+    #[error("{0}")]
+    Shape(String),
 }
 
 /// How a curve is got rid of.

@@ -1,0 +1,100 @@
+//! What a route is compiled for: the vehicle, where its home is, the limits, and how curves are flown.
+
+pub use curve_paths::Vertices;
+pub use curve_paths::flight::{FixedWing, Multicopter, Policy};
+
+use super::error::Reason;
+use crate::altitude::{Agl, Altimeter, Level};
+use crate::limits::{Limits, Performance};
+use crate::parameter::Parameters;
+use crate::telemetry::Place;
+
+/// What must be known of the vehicle to fly a route.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Site {
+    /// Home.
+    pub home: Place,
+    /// Height of the geoid above the ellipsoid, m, once the vehicle has told it.
+    pub geoid_m: Option<f64>,
+    /// How AGL is flown.
+    pub agl: Agl,
+    /// What pressure altitudes are flown by.
+    pub altimeter: Altimeter,
+    /// Whether it can stand still.
+    pub hovers: bool,
+    /// Bounds.
+    pub limits: Limits,
+    /// What it can, and does by itself.
+    pub performance: Performance,
+    /// How curved legs are flown.
+    pub curving: Curving,
+}
+
+/// How curved legs are flown: `vehicle.curve`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Curving {
+    /// Largest planned deviation, m.
+    pub tolerance_m: f64,
+    /// What is done where the curve is too tight for the speed.
+    pub policy: Policy,
+    /// Whether vertices may leave the curve by up to the tolerance.
+    pub vertices: Vertices,
+    /// What a vehicle that hovers can do.
+    pub multicopter: Multicopter,
+    /// What one that does not can do.
+    pub fixed_wing: FixedWing,
+}
+
+impl Default for Curving {
+    fn default() -> Self {
+        Curving {
+            tolerance_m: 1.0,
+            policy: Policy::Slow,
+            vertices: Vertices::OnCurve,
+            multicopter: Multicopter::default(),
+            fixed_wing: FixedWing::default(),
+        }
+    }
+}
+
+impl Curving {
+    /// Takes over what the vehicle's own parameters say of it; what it has not told stays the default.
+    pub fn know(&mut self, parameters: &Parameters) {
+        let (quad, plane) = (&mut self.multicopter, &mut self.fixed_wing);
+        for (known, name) in [
+            (&mut quad.acceleration, "MPC_ACC_HOR"),
+            (&mut quad.jerk, "MPC_JERK_AUTO"),
+            (&mut quad.climb_mps, "MPC_Z_V_AUTO_UP"),
+            (&mut quad.descent_mps, "MPC_Z_V_AUTO_DN"),
+            (&mut plane.slowest_mps, "FW_AIRSPD_MIN"),
+        ] {
+            *known = parameters.above_zero(name).unwrap_or(*known);
+        }
+    }
+}
+
+/// Whether a level lies within the limits.
+///
+/// # Errors
+/// Too low, too high, or in the ground.
+pub fn height(level: Level, home: &Place, limits: &Limits) -> Result<(), Reason> {
+    if let Level::AboveHome(m) = level
+        && m <= 0.0
+    {
+        return Err(Reason::InTheGround(m));
+    }
+    let Limits {
+        lowest_m,
+        highest_m,
+        ..
+    } = *limits;
+    let height_m = level.amsl(home.amsl_m) - home.amsl_m;
+    if (lowest_m..=highest_m).contains(&height_m) {
+        return Ok(());
+    }
+    Err(Reason::Height {
+        height_m,
+        lowest_m,
+        highest_m,
+    })
+}
