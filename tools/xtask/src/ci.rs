@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 
+use crate::dependencies;
 use crate::fuzz;
 use crate::r#gen;
 use crate::licences;
@@ -33,6 +34,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         );
         steps.step("licences and sources of all dependencies", licences::check)?;
     }
+    steps.step("every declared dependency is used", dependencies::check)?;
     tests::run(steps)?;
     fuzz::run(steps, fuzz::A_MINUTE)
 }

@@ -7,6 +7,7 @@
 mod bench;
 mod ci;
 mod deb;
+mod dependencies;
 mod fuzz;
 mod r#gen;
 mod licences;
@@ -64,5 +65,5 @@ usage: cargo xtask TASK
   fuzz    build every fuzz target and run all of them for a minute together; --seconds N: for so long
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: of programs that are built; --out DIR
   man     write manual pages and completions of bash, zsh and fish to target/man; --out DIR: elsewhere
-  metrics print sizes, circles of modules, test binaries and words to replace; --root DIR, --edges, --check
+  metrics print sizes, cycles of modules, test binaries and words to replace; --root DIR, --edges, --check
   peers   only install the Python peers into tests/interop/.venv";

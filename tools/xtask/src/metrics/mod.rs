@@ -1,7 +1,7 @@
 //! `cargo xtask metrics`: the size and the order of the code as tables in Markdown.
 //!
-//! Sizes by crate, circles of modules, test binaries, words that the vocabulary of CONTRIBUTING.md replaces. `--root DIR`
-//! measures another checkout, `--edges` lists what makes up each circle, and `--check` fails where there is one.
+//! Sizes by crate, cycles of modules, test binaries, words that the vocabulary of CONTRIBUTING.md replaces. `--root DIR`
+//! measures another checkout, `--edges` lists what makes up each cycle, and `--check` fails where there is one.
 
 mod modules;
 mod source;
@@ -41,7 +41,7 @@ pub(crate) fn run() -> Result<()> {
         }
     }
     if given("--check") && !measured.cycles.is_empty() {
-        bail!("modules use each other in a circle: `cargo xtask metrics --edges` shows them");
+        bail!("modules use each other in a cycle: `cargo xtask metrics --edges` shows them");
     }
     Ok(())
 }
@@ -109,7 +109,7 @@ impl Measured {
 
     fn tables(&self, root: &Path) -> Result<String> {
         let mut rows = String::from(
-            "| crate | files | median | lines | code | doc comments | `//` | `//` per 100 code | files in circles |\n\
+            "| crate | files | median | lines | code | doc comments | `//` | `//` per 100 code | files in cycles |\n\
              |---|---|---|---|---|---|---|---|---|\n",
         );
         let mut all = Code::default();
@@ -126,7 +126,7 @@ impl Measured {
         rows += &format!(
             "\n| | |\n|---|---|\n| tests, benches and their kit: files, lines, code | {}, {}, {} |\n\
              | test binaries | {} |\n| documents: lines written, generated | {written}, {generated} |\n\
-             | circles of modules | {} |\n",
+             | cycles of modules | {} |\n",
             self.test_files,
             self.tests.all,
             self.tests.code,
@@ -167,7 +167,17 @@ fn row(name: &str, code: &Code) -> String {
     )
 }
 
-fn packages(root: &Path) -> Result<Vec<Value>> {
+/// The code of a crate, from its root file, without what only tests see.
+pub(crate) fn product_code(src_path: &Path) -> String {
+    let modules = Tree::read(src_path).modules;
+    modules
+        .into_iter()
+        .map(|module| module.source.code)
+        .collect()
+}
+
+/// The packages of the workspace.
+pub(crate) fn packages(root: &Path) -> Result<Vec<Value>> {
     let output = cargo(["metadata", "--format-version", "1", "--no-deps"])
         .current_dir(root)
         .output()
@@ -178,7 +188,7 @@ fn packages(root: &Path) -> Result<Vec<Value>> {
 }
 
 /// The files that git knows or would add.
-fn files(root: &Path, pattern: &str) -> Result<Vec<PathBuf>> {
+pub(crate) fn files(root: &Path, pattern: &str) -> Result<Vec<PathBuf>> {
     let list = [
         "ls-files",
         "--cached",

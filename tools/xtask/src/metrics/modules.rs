@@ -1,4 +1,4 @@
-//! Which file of a crate uses which other one, and the circles among them.
+//! Which file of a crate uses which other one, and the cycles among them.
 //!
 //! Found from `use` declarations and from paths in the code, by names: a path is followed from module to module, and
 //! through `use` and `pub use` to the file that defines what it ends with. Not seen: methods that are called on a value
@@ -140,7 +140,7 @@ impl Tree {
         edges
     }
 
-    /// The groups of files that use each other in a circle, as lines `file -> file: names`.
+    /// The groups of files that use each other in a cycle, as lines `file -> file: names`.
     pub(super) fn cycles(&self) -> Vec<Vec<String>> {
         let edges: Vec<_> = (0..self.modules.len())
             .map(|from| self.edges(from))
@@ -184,7 +184,7 @@ impl Tree {
         cycles
     }
 
-    /// How many files are in some circle.
+    /// How many files are in some cycle.
     pub(super) fn files_in_cycles(cycles: &[Vec<String>]) -> usize {
         let files = cycles
             .iter()
@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn a_circle_is_found_through_a_re_export() {
+    fn a_cycle_is_found_through_a_re_export() {
         let lib = ("lib.rs", "mod a;\nmod b;\npub use b::B;\n");
         let a = ("a.rs", "use crate::B;\npub struct A(B);\n");
         let b = ("b/mod.rs", "mod c;\npub use c::B;\n");
@@ -378,13 +378,13 @@ mod tests {
             "b/c.rs",
             "pub struct B;\nimpl B { fn f() { crate::a::A::g() } }\n",
         );
-        let found = cycles_of("circle", &[lib, a, b, c]);
+        let found = cycles_of("cycle", &[lib, a, b, c]);
         assert_eq!(found.len(), 1);
         assert_eq!(Tree::files_in_cycles(&found), 2, "{found:?}");
     }
 
     #[test]
-    fn a_parent_that_re_exports_and_a_test_that_looks_back_make_no_circle() {
+    fn a_parent_that_re_exports_and_a_test_that_looks_back_make_no_cycle() {
         let lib = (
             "lib.rs",
             "mod a;\nmod b;\npub use self::{a::A, b::{self, B}};\n",
