@@ -1,7 +1,12 @@
-//! What a simulated vehicle is told before it boots.
+//! Settings and parameters of a simulated vehicle.
+//!
+//! [`Config`] is what this simulator is started with, [`Params`] are PX4's parameters, with the names, types and values
+//! of PX4 v1.18 in its built-in simulator. A parameter is stored as it comes: seen on the wire, PX4 checks the type and
+//! nothing else, so that NAV_DLL_ACT=99 is accepted.
 
-use super::geo::Geodetic;
-use super::params::Param;
+use crate::physics::motion::Geodetic;
+use crate::services::param::Parameter;
+use mavlink_link::service::param::{Name, Value};
 
 /// Kind of airframe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,5 +66,204 @@ impl Default for Config {
             params: Vec::new(),
             operator_control: false,
         }
+    }
+}
+
+macro_rules! parameters {
+    ($($name:ident = $kind:ident($value:expr);)*) => {
+        /// A parameter by its name.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[allow(
+            non_camel_case_types,
+            missing_docs,
+            reason = "the names are PX4's own, and say all"
+        )]
+        #[repr(usize)]
+        pub enum Param { $($name,)* }
+
+        const DEFAULTS: &[(&str, Value)] = &[$((stringify!($name), Value::$kind($value)),)*];
+    };
+}
+
+// Sorted by name, as PX4 lists them.
+parameters! {
+    BAT1_CAPACITY = Real(-1.0);
+    BAT1_N_CELLS = Int(4);
+    BAT1_V_CHARGED = Real(4.05);
+    BAT1_V_EMPTY = Real(3.6);
+    BAT_CRIT_THR = Real(0.07);
+    BAT_EMERGEN_THR = Real(0.05);
+    BAT_LOW_THR = Real(0.15);
+    CBRK_SUPPLY_CHK = Int(0);
+    COM_ARM_WO_GPS = Int(1);
+    COM_DISARM_LAND = Real(2.0);
+    COM_DISARM_PRFLT = Real(10.0);
+    COM_DL_LOSS_T = Int(10);
+    COM_FAIL_ACT_T = Real(5.0);
+    COM_FLIGHT_UUID = Int(0);
+    COM_HOME_EN = Int(1);
+    COM_LOW_BAT_ACT = Int(3);
+    COM_OBL_RC_ACT = Int(0);
+    COM_OF_LOSS_T = Real(1.0);
+    COM_RCL_EXCEPT = Int(0);
+    COM_RC_IN_MODE = Int(1);
+    COM_RC_LOSS_T = Real(0.5);
+    COM_SPOOLUP_TIME = Real(1.0);
+    FW_AIRSPD_MAX = Real(20.0);
+    FW_AIRSPD_MIN = Real(10.0);
+    FW_AIRSPD_TRIM = Real(15.0);
+    FW_R_LIM = Real(50.0);
+    FW_T_CLMB_R_SP = Real(3.0);
+    FW_T_SINK_R_SP = Real(2.0);
+    GF_ACTION = Int(2);
+    GF_MAX_HOR_DIST = Real(0.0);
+    GF_MAX_VER_DIST = Real(0.0);
+    LNDMC_Z_VEL_MAX = Real(0.25);
+    MAV_0_MODE = Int(0);
+    MAV_COMP_ID = Int(1);
+    MAV_FWDEXTSP = Int(1);
+    MAV_PROTO_VER = Int(2);
+    MAV_SYS_ID = Int(1);
+    MAV_TYPE = Int(2);
+    MC_YAWRATE_MAX = Real(200.0);
+    MIS_DIST_1WP = Real(10000.0);
+    MIS_LND_ABRT_ALT = Int(30);
+    MIS_TAKEOFF_ALT = Real(2.5);
+    MIS_YAW_ERR = Real(12.0);
+    MIS_YAW_TMT = Real(-1.0);
+    MPC_ACC_DOWN_MAX = Real(3.0);
+    MPC_ACC_HOR = Real(3.0);
+    MPC_ACC_HOR_MAX = Real(5.0);
+    MPC_ACC_UP_MAX = Real(4.0);
+    MPC_JERK_AUTO = Real(4.0);
+    MPC_JERK_MAX = Real(8.0);
+    MPC_LAND_ALT1 = Real(10.0);
+    MPC_LAND_ALT2 = Real(5.0);
+    MPC_LAND_ALT3 = Real(1.0);
+    MPC_LAND_CRWL = Real(0.3);
+    MPC_LAND_SPEED = Real(0.7);
+    MPC_MAN_Y_MAX = Real(150.0);
+    MPC_THR_HOVER = Real(0.5);
+    MPC_TILTMAX_AIR = Real(45.0);
+    MPC_TKO_RAMP_T = Real(3.0);
+    MPC_TKO_SPEED = Real(1.5);
+    MPC_VEL_MANUAL = Real(10.0);
+    MPC_XY_CRUISE = Real(5.0);
+    MPC_XY_ERR_MAX = Real(2.0);
+    MPC_XY_P = Real(0.95);
+    MPC_XY_TRAJ_P = Real(0.5);
+    MPC_XY_VEL_MAX = Real(12.0);
+    MPC_XY_VEL_P_ACC = Real(1.8);
+    MPC_YAWRAUTO_ACC = Real(20.0);
+    MPC_YAWRAUTO_MAX = Real(60.0);
+    MPC_YAW_MODE = Int(0);
+    MPC_Z_ERR_MAX = Real(1.0);
+    MPC_Z_VEL_MAX_DN = Real(1.5);
+    MPC_Z_VEL_MAX_UP = Real(3.0);
+    MPC_Z_V_AUTO_DN = Real(1.5);
+    MPC_Z_V_AUTO_UP = Real(3.0);
+    NAV_ACC_RAD = Real(10.0);
+    NAV_DLL_ACT = Int(0);
+    NAV_FW_ALT_RAD = Real(10.0);
+    NAV_LOITER_RAD = Real(80.0);
+    NAV_MC_ALT_RAD = Real(0.8);
+    NAV_MIN_LTR_ALT = Real(-1.0);
+    NAV_RCL_ACT = Int(2);
+    RTL_CONE_ANG = Int(45);
+    RTL_DESCEND_ALT = Real(10.0);
+    RTL_LAND_DELAY = Real(0.0);
+    RTL_LOITER_RAD = Real(80.0);
+    RTL_MIN_DIST = Real(10.0);
+    RTL_RETURN_ALT = Real(30.0);
+    RTL_TYPE = Int(0);
+    SIH_LOC_H0 = Real(489.4);
+    SIH_LOC_LAT0 = Real(47.397_743);
+    SIH_LOC_LON0 = Real(8.545_594);
+    SIH_WIND_E = Real(0.0);
+    SIH_WIND_N = Real(0.0);
+    SYS_AUTOSTART = Int(10040);
+    SYS_HAS_GPS = Int(1);
+    SYS_HAS_MAG = Int(1);
+}
+
+/// The vehicle's parameters.
+#[derive(Debug, Clone)]
+pub struct Params(Vec<Value>);
+
+impl Params {
+    /// The defaults of this build.
+    pub fn new() -> Self {
+        Self(DEFAULTS.iter().map(|(_, value)| *value).collect())
+    }
+
+    /// A parameter's number.
+    pub fn get(&self, param: Param) -> f64 {
+        match self.0[param as usize] {
+            Value::Int(v) => f64::from(v),
+            Value::Real(v) => f64::from(v),
+        }
+    }
+
+    /// A parameter's number, cut to whole.
+    pub fn int(&self, param: Param) -> i32 {
+        self.get(param) as i32
+    }
+
+    /// Sets a parameter that the vehicle itself knows.
+    pub fn set(&mut self, param: Param, value: f64) {
+        let slot = &mut self.0[param as usize];
+        *slot = match slot {
+            Value::Int(_) => Value::Int(value as i32),
+            Value::Real(_) => Value::Real(value as f32),
+        };
+    }
+
+    /// What the parameter protocol serves.
+    pub fn table(&self) -> impl Iterator<Item = Parameter> + '_ {
+        DEFAULTS
+            .iter()
+            .zip(&self.0)
+            .filter_map(|((name, _), value)| {
+                let name = Name::new(name).ok()?;
+                Some(Parameter {
+                    name,
+                    value: *value,
+                    used: true,
+                    read_only: false,
+                })
+            })
+    }
+
+    /// Takes over what the parameter protocol has stored.
+    pub fn store(&mut self, name: Name, value: Value) {
+        if let Ok(index) = DEFAULTS.binary_search_by_key(&name.as_str(), |(name, _)| name) {
+            self.0[index] = value;
+        }
+    }
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_fit_their_field_and_are_sorted() {
+        assert!(DEFAULTS.iter().all(|(name, _)| name.len() <= 16));
+        assert!(DEFAULTS.windows(2).all(|w| w[0].0 < w[1].0));
+    }
+
+    #[test]
+    fn every_parameter_is_served_and_stored_by_name() {
+        let mut params = Params::new();
+        assert_eq!(params.table().count(), DEFAULTS.len());
+        let name = Name::new("NAV_DLL_ACT").unwrap();
+        params.store(name, Value::Int(99));
+        assert_eq!(params.int(Param::NAV_DLL_ACT), 99);
     }
 }

@@ -3,58 +3,44 @@
 //! Layers, each usable alone:
 //! - [`Vehicle`]: physics, commander, navigator and the MAVLink services, without socket or clock.
 //!   Messages and time go in, messages come out; the same seed gives the same flight.
-//! - [`Autopilot`]: the vehicle behind its links: frames, PX4's signing with its falls, the lock
+//! - [`Autopilot`]: the vehicle behind its links: frames, PX4's signing with its pitfalls, the lock
 //!   on the first sender. Datagrams and time go in, datagrams come out.
 //! - [`Simulator`]: an autopilot on UDP sockets with a clock, as the `px4-sim` program and the
 //!   demo run it.
+//!
+//! The folders, each built on those before it: `physics` (where the vehicle is and how it moves), `flight` (PX4's
+//! commander and navigator), `services` (streams, texts, uploads), `vehicle` (all of it joined, stepped at 250 Hz),
+//! `link` (frames and signing).
+//!
+//! ```
+//! use std::time::Duration;
+//! use px4_sim::{Config, Mode, Vehicle};
+//!
+//! let mut vehicle = Vehicle::new(Config::default());
+//! vehicle.step(Duration::from_secs(10));
+//! assert_eq!(vehicle.truth().mode, Mode::Loiter);
+//! let first = vehicle.poll_transmit().expect("a booted PX4 sends HEARTBEAT unrequested");
+//! assert!(first.message().is_some());
+//! ```
 
-mod attitude;
-mod autopilot;
-mod body;
-mod command;
-mod commander;
 mod config;
-mod dispatch;
-mod estimator;
-mod fence;
-mod geo;
-mod guidance;
-mod inbox;
-mod key_file;
+mod flight;
+mod key_files;
 mod link;
-mod maneuvers;
-mod mission;
-mod mission_course;
-mod mode;
-mod motion_reports;
-mod navigator;
-mod operator;
-mod params;
-mod plane;
+mod link_address;
+mod physics;
 pub mod program;
-mod quad;
-mod reports;
-mod rng;
 pub mod services;
-mod signing;
-mod signing_file;
 mod simulator;
-mod steering;
-mod streams;
-mod texts;
-mod tick;
-mod trajectory;
 mod vehicle;
-mod view;
 
-pub use autopilot::{Autopilot, LinkCounters, Transmit};
-pub use config::{Airframe, Config};
-pub use geo::{Geodetic, LocalFrame, Ned};
-pub use key_file::{KeyFileError, read_key_file};
-pub use link::{LinkAddress, LinkAddressError};
+pub use config::{Airframe, Config, Param, Params};
+pub use flight::mode::Mode;
+pub use key_files::{KeyFileError, read_key_file};
+pub use link::autopilot::{Autopilot, LinkCounters, Transmit};
+pub use link::signing::{Admission, Refusal, Setup, Signing};
+pub use link_address::{LinkAddress, LinkAddressError};
 pub use mavlink_link::service::param::Value;
-pub use mode::Mode;
-pub use params::{Param, Params};
-pub use signing::{Admission, Refusal, Setup, Signing};
+pub use physics::motion::{Geodetic, LocalFrame, Ned};
 pub use simulator::{Counters, Simulator, SimulatorConfig, SimulatorError};
-pub use vehicle::{HealthFaults, Outgoing, TICK, Truth, Vehicle, VehicleCounters};
+pub use vehicle::state::{HealthFaults, Outgoing, TICK, Truth, Vehicle, VehicleCounters};

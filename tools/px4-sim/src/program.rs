@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory as _, Parser, ValueEnum};
 use tokio::signal::unix::{SignalKind, signal};
 
-use super::{
+use crate::{
     Airframe, Config, Geodetic, LinkAddress, Simulator, SimulatorConfig, SimulatorError,
     read_key_file,
 };

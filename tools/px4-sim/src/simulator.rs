@@ -15,12 +15,12 @@ use tokio::net::UdpSocket;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
-use super::autopilot::{Autopilot, LinkCounters};
-use super::config::Config;
-use super::link::LinkAddress;
-use super::signing::Signing;
-use super::signing_file;
-use super::vehicle::{Truth, VehicleCounters};
+use crate::config::Config;
+use crate::key_files::{read_px4_key, write_px4_key};
+use crate::link::autopilot::{Autopilot, LinkCounters};
+use crate::link::signing::Signing;
+use crate::link_address::LinkAddress;
+use crate::vehicle::state::{Truth, VehicleCounters};
 
 /// What to simulate, and where to be reached.
 #[derive(Debug)]
@@ -148,7 +148,7 @@ impl Simulator {
         let signing = match (config.key, &config.signing_file) {
             (Some(key), _) => Signing::with_key(key, config.initial_timestamp),
             (None, Some(path)) => {
-                signing_file::read(path).map_err(|source| SimulatorError::SigningFile {
+                read_px4_key(path).map_err(|source| SimulatorError::SigningFile {
                     path: path.clone(),
                     source,
                 })?
@@ -334,7 +334,7 @@ impl Simulation {
             && self.signing_mark() != before
         {
             // PX4 does not notice either when its card is full.
-            let _ = signing_file::write(path, self.autopilot.signing());
+            let _ = write_px4_key(path, self.autopilot.signing());
         }
     }
 

@@ -1,9 +1,12 @@
-//! The vehicle's ends of the MAVLink services: what PX4 v1.18 answers on the wire.
+//! PX4's side of the MAVLink services: what v1.18 answers on the wire, each a machine without socket or clock.
 //!
-//! The ground station's ends are in `mavlink_link::service`; the tests run both ends against each other over a bad network.
-//! - [`mission`]: stores missions, fences and rally points, and gives them back;
+//! The ground station's ends are in `mavlink_link::service`; the tests run both ends against each other over a bad
+//! network.
 //! - [`mission_rules`]: which items PX4 accepts, and which parameters of a command it uses;
-//! - [`param`]: lists, reads and sets parameters.
+//! - [`mission`]: stores missions, fences and rally points, and sends them back;
+//! - [`param`]: lists, reads and sets parameters;
+//! - `streams`: which messages go out unrequested, and how often;
+//! - `texts`: the queue of STATUSTEXT.
 
 #![allow(
     deprecated,
@@ -13,3 +16,5 @@
 pub mod mission;
 pub mod mission_rules;
 pub mod param;
+pub(crate) mod streams;
+pub(crate) mod texts;

@@ -1,14 +1,14 @@
 //! What the navigator knows of the vehicle, and what it has to say.
 
-use super::config::Airframe;
-use super::geo::{LocalFrame, Ned};
-use super::guidance::Guidance;
-use super::params::{Param, Params};
-use super::trajectory::Leg;
+use crate::config::Airframe;
+use crate::config::{Param, Params};
+use crate::physics::motion::{LocalFrame, Ned};
+use crate::physics::trajectory::Guidance;
+use crate::physics::trajectory::Leg;
 
 /// What the navigator knows of the vehicle.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View<'a> {
+pub(crate) struct View<'a> {
     /// Time since boot, s.
     pub now: f64,
     /// Believed position.
@@ -31,12 +31,12 @@ pub(super) struct View<'a> {
 
 impl View<'_> {
     /// Acceptance radius where an item gives none, m.
-    pub(super) fn acceptance(&self) -> f64 {
+    pub(crate) fn acceptance(&self) -> f64 {
         self.params.get(Param::NAV_ACC_RAD)
     }
 
     /// Vertical acceptance, m.
-    pub(super) fn altitude_acceptance(&self) -> f64 {
+    pub(crate) fn altitude_acceptance(&self) -> f64 {
         match self.airframe {
             Airframe::Quad => self.params.get(Param::NAV_MC_ALT_RAD),
             Airframe::Plane => self.params.get(Param::NAV_FW_ALT_RAD),
@@ -44,7 +44,7 @@ impl View<'_> {
     }
 
     /// Speed where nothing else is commanded, m/s.
-    pub(super) fn cruise(&self) -> f64 {
+    pub(crate) fn cruise(&self) -> f64 {
         match self.airframe {
             Airframe::Quad => self.params.get(Param::MPC_XY_CRUISE),
             Airframe::Plane => self.params.get(Param::FW_AIRSPD_TRIM),
@@ -54,7 +54,7 @@ impl View<'_> {
 
 /// Something that the vehicle has to say.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Note {
+pub(crate) enum Note {
     /// STATUSTEXT, severity 6.
     Info(String),
     /// STATUSTEXT, severity 2.
@@ -66,7 +66,7 @@ pub(super) enum Note {
 }
 
 /// Staying at a place: on it for a multicopter, round it on wings.
-pub(super) fn loiter(at: Ned, view: &View<'_>) -> Guidance {
+pub(crate) fn loiter(at: Ned, view: &View<'_>) -> Guidance {
     match view.airframe {
         Airframe::Quad => Guidance::Leg(Leg::to(at, view.acceptance(), view.cruise())),
         Airframe::Plane => Guidance::Circle {

@@ -6,7 +6,7 @@ use mavlink_link::service::Node;
 
 /// A command as PX4 handles it inside: param5 and param6 in double precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Command {
+pub(crate) struct Command {
     /// MAV_CMD, known to the dialect or not.
     pub id: u16,
     /// param1 to param7.
@@ -21,7 +21,7 @@ pub(super) struct Command {
 
 impl Command {
     /// From the payload of COMMAND_LONG (76).
-    pub(super) fn from_long_payload(payload: &[u8], from: Node) -> Self {
+    pub(crate) fn from_long_payload(payload: &[u8], from: Node) -> Self {
         let p = |i: usize| f64::from(f32::from_le_bytes(bytes(payload, i * 4)));
         Self {
             id: u16::from_le_bytes(bytes(payload, 28)),
@@ -34,7 +34,7 @@ impl Command {
 
     /// From the payload of COMMAND_INT (75). The frame is not looked at: PX4 takes the altitude
     /// as AMSL whatever it says, and only scales a local frame's x and y.
-    pub(super) fn from_int_payload(payload: &[u8], from: Node) -> Self {
+    pub(crate) fn from_int_payload(payload: &[u8], from: Node) -> Self {
         let p = |i: usize| f64::from(f32::from_le_bytes(bytes(payload, i * 4)));
         let (x, y) = (
             i32::from_le_bytes(bytes(payload, 16)),
@@ -66,7 +66,7 @@ impl Command {
     }
 
     /// From the dialect's struct.
-    pub(super) fn from_long(m: &COMMAND_LONG_DATA, from: Node) -> Self {
+    pub(crate) fn from_long(m: &COMMAND_LONG_DATA, from: Node) -> Self {
         Self {
             id: m.command as u16,
             params: [
@@ -80,7 +80,7 @@ impl Command {
     }
 
     /// From the dialect's struct.
-    pub(super) fn from_int(m: &COMMAND_INT_DATA, from: Node) -> Self {
+    pub(crate) fn from_int(m: &COMMAND_INT_DATA, from: Node) -> Self {
         let mut payload = [0; 35];
         for (i, p) in [m.param1, m.param2, m.param3, m.param4]
             .into_iter()
@@ -99,7 +99,7 @@ impl Command {
     }
 
     /// Parameter `number`, 1 to 7.
-    pub(super) fn param(&self, number: usize) -> f64 {
+    pub(crate) fn param(&self, number: usize) -> f64 {
         self.params
             .get(number.wrapping_sub(1))
             .copied()
@@ -107,9 +107,20 @@ impl Command {
     }
 
     /// Parameter `number` where it is a number.
-    pub(super) fn given(&self, number: usize) -> Option<f64> {
+    pub(crate) fn given(&self, number: usize) -> Option<f64> {
         Some(self.param(number)).filter(|v| v.is_finite())
     }
+}
+
+/// COMMAND_ACK.result, as far as PX4 gives it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Answer {
+    Accepted = 0,
+    TemporarilyRejected = 1,
+    Denied = 2,
+    Unsupported = 3,
+    Failed = 4,
+    NotInControl = 10,
 }
 
 /// Bytes of a payload; what the sender trimmed is zero.
@@ -129,6 +140,8 @@ fn has_location(command: u16) -> bool {
     )
 }
 
+/// MAV_CMD_REQUEST_OPERATOR_CONTROL.
+pub(crate) const REQUEST_OPERATOR_CONTROL: u16 = 32_100;
 /// 0x7ff80000: the upper half of a double NaN, sent as an integer by accident.
 const NAN_BYTES: i32 = 0x7ff8_0000;
 

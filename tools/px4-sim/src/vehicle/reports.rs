@@ -1,20 +1,22 @@
-//! The vehicle's state as messages.
+//! The vehicle's state as messages: what it streams, and what it answers to REQUEST_MESSAGE.
+//!
+//! Positions are those that the vehicle believes, a few centimetres from the truth; values that nothing on the bridge
+//! reads are constants, as seen from the reference vehicle.
 
 #![allow(deprecated, reason = "PX4 speaks what MAVLink has replaced")]
 
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::MavMessage;
 
-use super::attitude::quaternion;
-use super::config::Airframe;
-use super::geo::{Geodetic, Ned};
-use super::mode::Mode;
-use super::streams::id;
-use super::vehicle::Vehicle;
+use super::state::Vehicle;
+use crate::config::Airframe;
+use crate::flight::mode::Mode;
+use crate::physics::motion::{Geodetic, Ned, quaternion};
+use crate::services::streams::id;
 
 impl Vehicle {
     /// The message of a stream, or `None` while there is nothing to say.
-    pub(super) fn report(&self, message: u32) -> Option<MavMessage> {
+    pub(crate) fn report(&self, message: u32) -> Option<MavMessage> {
         use MavMessage as M;
         Some(match message {
             id::HEARTBEAT => M::HEARTBEAT(self.heartbeat()),
@@ -61,7 +63,7 @@ impl Vehicle {
     }
 
     /// AVAILABLE_MODES for the mode of this 1-based index.
-    pub(super) fn available_mode(&self, index: u8) -> Option<MavMessage> {
+    pub(crate) fn available_mode(&self, index: u8) -> Option<MavMessage> {
         let mode = *MODES.get(usize::from(index).checked_sub(1)?)?;
         Some(MavMessage::AVAILABLE_MODES(mav::AVAILABLE_MODES_DATA {
             custom_mode: mode.custom_mode(),
@@ -141,7 +143,7 @@ impl Vehicle {
     }
 
     /// MISSION_CURRENT: 65535 items means none.
-    pub(super) fn mission_current(&self) -> mav::MISSION_CURRENT_DATA {
+    pub(crate) fn mission_current(&self) -> mav::MISSION_CURRENT_DATA {
         let mission = &self.navigator.mission;
         let [id, fence, rally] = self.plan_ids();
         mav::MISSION_CURRENT_DATA {
@@ -278,11 +280,11 @@ impl Vehicle {
         }
     }
 
-    pub(super) fn boot_us(&self) -> u64 {
+    pub(crate) fn boot_us(&self) -> u64 {
         (self.now() * 1e6) as u64
     }
 
-    pub(super) fn boot_ms(&self) -> u32 {
+    pub(crate) fn boot_ms(&self) -> u32 {
         (self.now() * 1e3) as u32
     }
 
@@ -305,30 +307,30 @@ impl Vehicle {
         4.0 * (3.6 + 0.45 * self.charge)
     }
 
-    pub(super) fn believed_place(&self) -> Geodetic {
+    pub(crate) fn believed_place(&self) -> Geodetic {
         self.frame.to_global(self.believed())
     }
 
-    pub(super) fn home_or_zero(&self) -> Ned {
+    pub(crate) fn home_or_zero(&self) -> Ned {
         self.home.unwrap_or_default()
     }
 }
 
 /// PX4 calls a mission active in these modes, whether it flies one or not.
-pub(super) fn mission_mode_active(mode: Mode) -> bool {
+pub(crate) fn mission_mode_active(mode: Mode) -> bool {
     matches!(mode, Mode::Mission | Mode::Takeoff | Mode::Land)
 }
 
-pub(super) fn e7(deg: f64) -> i32 {
+pub(crate) fn e7(deg: f64) -> i32 {
     (deg * 1e7).round() as i32
 }
 
-pub(super) fn mm(m: f64) -> i32 {
+pub(crate) fn mm(m: f64) -> i32 {
     (m * 1000.0).round() as i32
 }
 
 /// An angle from north, 0 to 35999.
-pub(super) fn centidegrees(rad: f64) -> u16 {
+pub(crate) fn centidegrees(rad: f64) -> u16 {
     (rad.to_degrees().rem_euclid(360.0) * 100.0) as u16 % 36000
 }
 
@@ -354,3 +356,181 @@ const MODES: &[Mode] = &[
     Mode::Land,
     Mode::Orbit,
 ];
+
+impl Vehicle {
+    pub(crate) fn gps_raw_int(&self) -> mav::GPS_RAW_INT_DATA {
+        let motion = self.body.motion();
+        let at = self
+            .frame
+            .to_global(motion.position + self.estimator.gnss_error());
+        let speed = motion.velocity.horizontal();
+        mav::GPS_RAW_INT_DATA {
+            time_usec: self.boot_us(),
+            lat: e7(at.latitude_deg),
+            lon: e7(at.longitude_deg),
+            alt: mm(at.altitude_m),
+            eph: 70,
+            epv: 110,
+            vel: (speed * 100.0) as u16,
+            cog: centidegrees(motion.velocity.bearing()),
+            fix_type: mav::GpsFixType::GPS_FIX_TYPE_3D_FIX,
+            satellites_visible: 10,
+            alt_ellipsoid: mm(at.altitude_m + self.config.geoid_separation_m),
+            h_acc: 900,
+            v_acc: 1780,
+            vel_acc: 400,
+            ..Default::default()
+        }
+    }
+
+    pub(crate) fn attitude(&self) -> mav::ATTITUDE_DATA {
+        let motion = self.body.motion();
+        let ([roll, pitch, yaw], [p, q, r]) = (motion.attitude, motion.rates);
+        mav::ATTITUDE_DATA {
+            time_boot_ms: self.boot_ms(),
+            roll: roll as f32,
+            pitch: pitch as f32,
+            yaw: yaw as f32,
+            rollspeed: p as f32,
+            pitchspeed: q as f32,
+            yawspeed: r as f32,
+        }
+    }
+
+    pub(crate) fn attitude_quaternion(&self) -> mav::ATTITUDE_QUATERNION_DATA {
+        let motion = self.body.motion();
+        let [q1, q2, q3, q4] = quaternion(motion.attitude);
+        let [p, q, r] = motion.rates;
+        mav::ATTITUDE_QUATERNION_DATA {
+            time_boot_ms: self.boot_ms(),
+            q1,
+            q2,
+            q3,
+            q4,
+            rollspeed: p as f32,
+            pitchspeed: q as f32,
+            yawspeed: r as f32,
+            ..Default::default()
+        }
+    }
+
+    pub(crate) fn local_position(&self) -> Option<mav::LOCAL_POSITION_NED_DATA> {
+        let (at, v) = (self.believed(), self.body.motion().velocity);
+        self.is_located().then(|| mav::LOCAL_POSITION_NED_DATA {
+            time_boot_ms: self.boot_ms(),
+            x: at.n as f32,
+            y: at.e as f32,
+            z: at.d as f32,
+            vx: v.n as f32,
+            vy: v.e as f32,
+            vz: v.d as f32,
+        })
+    }
+
+    pub(crate) fn global_position(&self) -> Option<mav::GLOBAL_POSITION_INT_DATA> {
+        let (at, motion) = (self.believed_place(), self.body.motion());
+        let cm = |v: f64| (v * 100.0) as i16;
+        self.is_located().then(|| mav::GLOBAL_POSITION_INT_DATA {
+            time_boot_ms: self.boot_ms(),
+            lat: e7(at.latitude_deg),
+            lon: e7(at.longitude_deg),
+            alt: mm(at.altitude_m),
+            relative_alt: mm(self.home_or_zero().d - self.believed().d),
+            vx: cm(motion.velocity.n),
+            vy: cm(motion.velocity.e),
+            vz: cm(motion.velocity.d),
+            hdg: centidegrees(motion.attitude[2]),
+        })
+    }
+
+    pub(crate) fn global_origin(&self) -> mav::GPS_GLOBAL_ORIGIN_DATA {
+        let at = self.frame.origin();
+        mav::GPS_GLOBAL_ORIGIN_DATA {
+            latitude: e7(at.latitude_deg),
+            longitude: e7(at.longitude_deg),
+            altitude: mm(at.altitude_m),
+            time_usec: self.boot_us(),
+        }
+    }
+
+    pub(crate) fn vfr_hud(&self) -> mav::VFR_HUD_DATA {
+        let motion = self.body.motion();
+        mav::VFR_HUD_DATA {
+            airspeed: self.body.airspeed().map_or(f32::NAN, |v| v as f32),
+            groundspeed: motion.velocity.horizontal() as f32,
+            alt: self.believed_place().altitude_m as f32,
+            climb: -motion.velocity.d as f32,
+            heading: (centidegrees(motion.attitude[2]) / 100) as i16,
+            throttle: (self.body.throttle() * 100.0) as u16,
+        }
+    }
+
+    pub(crate) fn attitude_target(&self) -> mav::ATTITUDE_TARGET_DATA {
+        let [roll, pitch, _] = self.body.motion().attitude;
+        mav::ATTITUDE_TARGET_DATA {
+            time_boot_ms: self.boot_ms(),
+            q: quaternion([roll, pitch, self.body.heading_setpoint()]),
+            thrust: self.body.throttle() as f32,
+            type_mask: mav::AttitudeTargetTypemask::from_bits_retain(0),
+            ..Default::default()
+        }
+    }
+
+    pub(crate) fn local_target(&self) -> Option<mav::POSITION_TARGET_LOCAL_NED_DATA> {
+        let plan = self.body.setpoint();
+        let (p, v, a) = (plan.position, plan.velocity, plan.acceleration);
+        (self.is_located() && self.commander.is_armed()).then(|| {
+            mav::POSITION_TARGET_LOCAL_NED_DATA {
+                time_boot_ms: self.boot_ms(),
+                x: p.n as f32,
+                y: p.e as f32,
+                z: p.d as f32,
+                vx: v.n as f32,
+                vy: v.e as f32,
+                vz: v.d as f32,
+                afx: a.n as f32,
+                afy: a.e as f32,
+                afz: a.d as f32,
+                yaw: self.body.heading_setpoint() as f32,
+                yaw_rate: 0.0,
+                type_mask: mav::PositionTargetTypemask::from_bits_retain(0),
+                coordinate_frame: mav::MavFrame::MAV_FRAME_LOCAL_NED,
+            }
+        })
+    }
+
+    pub(crate) fn global_target(&self) -> Option<mav::POSITION_TARGET_GLOBAL_INT_DATA> {
+        let local = self.local_target()?;
+        let at = self.frame.to_global(self.target);
+        Some(mav::POSITION_TARGET_GLOBAL_INT_DATA {
+            time_boot_ms: local.time_boot_ms,
+            lat_int: e7(at.latitude_deg),
+            lon_int: e7(at.longitude_deg),
+            alt: at.altitude_m as f32,
+            vx: local.vx,
+            vy: local.vy,
+            vz: local.vz,
+            afx: local.afx,
+            afy: local.afy,
+            afz: local.afz,
+            yaw: local.yaw,
+            yaw_rate: 0.0,
+            type_mask: local.type_mask,
+            coordinate_frame: mav::MavFrame::MAV_FRAME_GLOBAL_INT,
+        })
+    }
+
+    pub(crate) fn altitude(&self) -> mav::ALTITUDE_DATA {
+        let at = self.believed();
+        let amsl = self.frame.origin().altitude_m - at.d;
+        mav::ALTITUDE_DATA {
+            time_usec: self.boot_us(),
+            altitude_monotonic: (amsl + 0.4) as f32,
+            altitude_amsl: amsl as f32,
+            altitude_local: -at.d as f32,
+            altitude_relative: (self.home_or_zero().d - at.d) as f32,
+            altitude_terrain: 0.0,
+            bottom_clearance: -self.body.motion().position.d as f32,
+        }
+    }
+}

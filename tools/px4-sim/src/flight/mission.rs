@@ -2,18 +2,19 @@
 
 use mavlink_link::service::mission::{Item, plan_id};
 
-use super::config::Airframe;
-use super::geo::Ned;
-use super::guidance::{Guidance, Heading};
-use super::mission_course::{
-    CHANGE_SPEED, DELAY, LAND, LOITER_TIME, LOITER_TO_ALT, LOITER_UNLIM, RETURN_TO_LAUNCH, TAKEOFF,
-    WAYPOINT, has_place, is_place_command, loiter_radius, turn_switch_distance,
+use super::items::{
+    CHANGE_SPEED, DELAY, JUMP, LAND, LOITER_TIME, LOITER_TO_ALT, LOITER_UNLIM, RETURN_TO_LAUNCH,
+    TAKEOFF, WAYPOINT, altitude_m, has_place, hold_time, loiter_radius, place,
+    turn_switch_distance,
 };
-use super::view::{Note, View};
+use super::view::{Note, View, loiter};
+use crate::config::Airframe;
+use crate::physics::motion::Ned;
+use crate::physics::trajectory::{Guidance, Heading, Leg};
 
 /// What the vehicle is about within an item.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Work {
+enum Work {
     /// The item itself.
     Item,
     /// Up to this height (local down) first, over this place.
@@ -26,27 +27,27 @@ pub(super) enum Work {
 
 /// The mission and how far it has come.
 #[derive(Debug, Clone)]
-pub(super) struct Mission {
-    pub(super) items: Vec<Item>,
-    pub(super) id: u32,
-    pub(super) feasible: Option<String>,
-    pub(super) index: usize,
-    pub(super) jumps: Vec<u32>,
-    pub(super) finished: bool,
-    pub(super) activated: bool,
-    pub(super) running: bool,
-    pub(super) reached: Option<u16>,
-    pub(super) work: Work,
-    pub(super) from: Ned,
-    pub(super) reached_at: Option<f64>,
-    pub(super) speed: Option<f64>,
-    pub(super) hold: Option<Ned>,
-    pub(super) disarmed_inactive: bool,
+pub(crate) struct Mission {
+    items: Vec<Item>,
+    id: u32,
+    feasible: Option<String>,
+    index: usize,
+    jumps: Vec<u32>,
+    finished: bool,
+    activated: bool,
+    running: bool,
+    reached: Option<u16>,
+    work: Work,
+    from: Ned,
+    reached_at: Option<f64>,
+    speed: Option<f64>,
+    hold: Option<Ned>,
+    disarmed_inactive: bool,
 }
 
 impl Mission {
     /// No mission.
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             items: Vec::new(),
             id: 0,
@@ -67,43 +68,43 @@ impl Mission {
     }
 
     /// Items aboard.
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.items.len()
     }
 
     /// MISSION_CURRENT.seq.
-    pub(super) fn index(&self) -> usize {
+    pub(crate) fn index(&self) -> usize {
         self.index
     }
 
     /// True when there is a mission that passed the checks.
-    pub(super) fn is_valid(&self) -> bool {
+    pub(crate) fn is_valid(&self) -> bool {
         !self.items.is_empty() && self.feasible.is_none()
     }
 
     /// Flown to its end.
-    pub(super) fn is_finished(&self) -> bool {
+    pub(crate) fn is_finished(&self) -> bool {
         self.finished
     }
 
     /// The last item reached in this activation.
-    pub(super) fn reached(&self) -> Option<u16> {
+    pub(crate) fn reached(&self) -> Option<u16> {
         self.reached
     }
 
     /// MISSION_CURRENT also calls a take-off by command a finished mission.
-    pub(super) fn set_finished(&mut self, finished: bool) {
+    pub(crate) fn set_finished(&mut self, finished: bool) {
         self.finished = finished;
     }
 
     /// Sets DO_CHANGE_SPEED's ground speed for the rest of the activation; none is the default.
-    pub(super) fn set_speed(&mut self, speed: Option<f64>) {
+    pub(crate) fn set_speed(&mut self, speed: Option<f64>) {
         self.speed = speed;
     }
 
     /// A plan has been uploaded. While the mission is flown, another plan is flown at once from
     /// the same index, or from the item marked current; the same plan changes nothing.
-    pub(super) fn replace(
+    pub(crate) fn replace(
         &mut self,
         items: Vec<Item>,
         current: Option<usize>,
@@ -136,7 +137,7 @@ impl Mission {
     }
 
     /// MISSION_SET_CURRENT; false when there is no such item.
-    pub(super) fn select(
+    pub(crate) fn select(
         &mut self,
         index: usize,
         active: bool,
@@ -155,10 +156,10 @@ impl Mission {
     }
 
     /// PX4's own checks, few as they are. They need a home.
-    pub(super) fn check(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
+    pub(crate) fn check(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
         self.feasible = None;
         for item in &self.items {
-            let height = self.altitude(item, view) - view.frame.origin().altitude_m + view.home.d;
+            let height = altitude_m(item, view) - view.frame.origin().altitude_m + view.home.d;
             if item.command == TAKEOFF && height <= 0.0 {
                 self.feasible = Some("Mission rejected: takeoff altitude too low!".into());
                 break;
@@ -170,13 +171,13 @@ impl Mission {
     }
 
     /// A fence check that failed makes the plan infeasible.
-    pub(super) fn reject(&mut self, text: String) -> Note {
+    pub(crate) fn reject(&mut self, text: String) -> Note {
         self.feasible = Some(text.clone());
         Note::Critical(text)
     }
 
     /// Items with a place, for the fence check: index and position.
-    pub(super) fn places<'a>(
+    pub(crate) fn places<'a>(
         &'a self,
         view: &'a View<'_>,
     ) -> impl Iterator<Item = (usize, Ned)> + 'a {
@@ -184,11 +185,11 @@ impl Mission {
             .iter()
             .enumerate()
             .filter(|(_, item)| has_place(item))
-            .map(|(i, item)| (i, self.target(item, view)))
+            .map(|(i, item)| (i, place(item, view)))
     }
 
     /// The mode has been entered.
-    pub(super) fn activate(&mut self, view: &View<'_>) -> Vec<Note> {
+    pub(crate) fn activate(&mut self, view: &View<'_>) -> Vec<Note> {
         let mut notes = Vec::new();
         if self.disarmed_inactive && self.activated && self.index + 1 >= self.items.len() {
             self.index = 0;
@@ -203,14 +204,14 @@ impl Mission {
     }
 
     /// The mode has been left.
-    pub(super) fn deactivate(&mut self) {
+    pub(crate) fn deactivate(&mut self) {
         self.running = false;
         self.work = Work::Item;
         self.hold = None;
     }
 
     /// Called while another mode is active.
-    pub(super) fn idle(&mut self, armed: bool) {
+    pub(crate) fn idle(&mut self, armed: bool) {
         if !armed {
             self.disarmed_inactive = true;
         }
@@ -272,7 +273,7 @@ impl Mission {
     }
 
     /// One step while the mode is active.
-    pub(super) fn step(&mut self, view: &View<'_>) -> (Guidance, Heading, Vec<Note>) {
+    pub(crate) fn step(&mut self, view: &View<'_>) -> (Guidance, Heading, Vec<Note>) {
         let mut notes = Vec::new();
         if self.running {
             self.progress(view, &mut notes);
@@ -304,7 +305,7 @@ impl Mission {
             Work::ToLand(height) => {
                 let over = Ned {
                     d: height,
-                    ..self.target(&item, view)
+                    ..place(&item, view)
                 };
                 if (over - view.position).horizontal() <= view.acceptance() {
                     self.work = Work::Landing;
@@ -317,7 +318,7 @@ impl Mission {
             }
             Work::Item => {
                 if self.item_done(&item, view) {
-                    self.apply(&item, view, notes);
+                    self.apply(&item, notes);
                     self.complete(view, notes);
                 }
             }
@@ -333,7 +334,7 @@ impl Mission {
             return;
         };
         if has_place(&item) {
-            self.from = self.target(&item, view);
+            self.from = place(&item, view);
         }
         if !item.autocontinue {
             self.hold = Some(view.position);
@@ -368,7 +369,7 @@ impl Mission {
             LOITER_UNLIM => false,
             LAND => view.landed,
             DELAY => self.waited(f64::from(item.params[0]), view),
-            command if !is_place_command(command) => true,
+            _ if !has_place(item) => true,
             _ => {
                 if view.landed {
                     return false;
@@ -376,11 +377,8 @@ impl Mission {
                 if self.reached_at.is_none() && self.is_near(item, view) {
                     self.reached_at = Some(view.now);
                 }
-                let hold = match item.command {
-                    WAYPOINT | LOITER_TIME => f64::from(item.params[0]).max(0.0),
-                    _ => 0.0,
-                };
-                self.reached_at.is_some_and(|at| view.now - at >= hold)
+                self.reached_at
+                    .is_some_and(|at| view.now - at >= hold_time(item))
             }
         }
     }
@@ -391,7 +389,7 @@ impl Mission {
     }
 
     fn is_near(&self, item: &Item, view: &View<'_>) -> bool {
-        let target = self.target(item, view);
+        let target = place(item, view);
         let off = target - view.position;
         if off.d.abs() > view.altitude_acceptance() {
             return false;
@@ -415,7 +413,7 @@ impl Mission {
     }
 
     /// What a command without a place does.
-    fn apply(&mut self, item: &Item, _view: &View<'_>, notes: &mut Vec<Note>) {
+    fn apply(&mut self, item: &Item, notes: &mut Vec<Note>) {
         match item.command {
             CHANGE_SPEED => {
                 let speed = f64::from(item.params[1]);
@@ -424,6 +422,159 @@ impl Mission {
             RETURN_TO_LAUNCH => notes.push(Note::ReturnHome),
             _ => {}
         }
+    }
+
+    fn guide(&self, view: &View<'_>) -> (Guidance, Heading) {
+        let speed = self.speed.unwrap_or_else(|| view.cruise());
+        let acceptance = view.acceptance();
+        if let Some(hold) = self.hold {
+            return (loiter(hold, view), Heading::Hold);
+        }
+        let item = self.items.get(self.index).filter(|_| self.running);
+        let Some(item) = item else {
+            let here = if view.landed {
+                Guidance::Ground
+            } else {
+                loiter(view.position, view)
+            };
+            return (here, Heading::Hold);
+        };
+        let yaw = f64::from(item.params[3]);
+        let heading = if yaw.is_finite() && has_place(item) && item.command != TAKEOFF {
+            Heading::To(yaw.to_radians())
+        } else {
+            Heading::Along
+        };
+        match self.work {
+            Work::Climb(top) => {
+                let leg = Leg::to(top, acceptance, speed);
+                (
+                    if view.landed || view.home.d - view.position.d < 10.0 {
+                        Guidance::Climb(leg)
+                    } else {
+                        Guidance::Leg(leg)
+                    },
+                    Heading::Hold,
+                )
+            }
+            Work::ToLand(height) => {
+                let over = Ned {
+                    d: height,
+                    ..place(item, view)
+                };
+                (
+                    Guidance::Leg(Leg {
+                        from: self.from,
+                        target: over,
+                        next: over,
+                        acceptance,
+                        speed,
+                    }),
+                    heading,
+                )
+            }
+            Work::Landing => (
+                Guidance::Land(Leg::to(place(item, view), acceptance, speed)),
+                Heading::Hold,
+            ),
+            Work::Item => (self.along(item, view, speed), heading),
+        }
+    }
+
+    fn along(&self, item: &Item, view: &View<'_>, speed: f64) -> Guidance {
+        let Some(target) = self.place_from(self.index, view) else {
+            return loiter(view.position, view);
+        };
+        let stays = matches!(item.command, LOITER_UNLIM | LOITER_TIME | LOITER_TO_ALT);
+        if view.airframe == Airframe::Plane
+            && (stays || self.reached_at.is_some() && hold_time(item) > 0.0)
+        {
+            return Guidance::Circle {
+                centre: target,
+                radius: loiter_radius(item, view),
+                speed,
+                altitude_d: target.d,
+            };
+        }
+        let own = f64::from(item.params[1]);
+        let uses_own = item.command == WAYPOINT
+            && own.is_finite()
+            && own > 0.0
+            && view.airframe == Airframe::Quad;
+        let acceptance = if uses_own { own } else { view.acceptance() };
+        let brakes = stays || !item.autocontinue || hold_time(item) > 0.0;
+        let next = if brakes { None } else { self.place_after(view) };
+        Guidance::Leg(Leg {
+            from: self.from,
+            target,
+            next: next.unwrap_or(target),
+            acceptance,
+            speed,
+        })
+    }
+
+    /// The place of the first item at or after `index` that has one.
+    fn place_from(&self, index: usize, view: &View<'_>) -> Option<Ned> {
+        self.place_index(index).map(|i| place(&self.items[i], view))
+    }
+
+    fn place_after(&self, view: &View<'_>) -> Option<Ned> {
+        let here = self.place_index(self.index)?;
+        let next = self.place_index(here + 1)?;
+        let target = place(&self.items[next], view);
+        // PX4 flies to a landing point at the height it comes from.
+        Some(if self.items[next].command == LAND {
+            Ned {
+                d: place(&self.items[here], view).d,
+                ..target
+            }
+        } else {
+            target
+        })
+    }
+
+    /// Follows jumps as they would be taken, without taking them.
+    fn place_index(&self, mut index: usize) -> Option<usize> {
+        for _ in 0..=self.items.len() {
+            let item = self.items.get(index)?;
+            if has_place(item) {
+                return Some(index);
+            }
+            index = match self.jump_target(index) {
+                Some(to) => to,
+                None => index + 1,
+            };
+        }
+        None
+    }
+
+    fn jump_target(&self, index: usize) -> Option<usize> {
+        let item = self.items.get(index).filter(|i| i.command == JUMP)?;
+        let repeats = item.params[1];
+        let left = repeats < 0.0
+            || f64::from(self.jumps.get(index).copied().unwrap_or(0)) < f64::from(repeats);
+        let to = item.params[0];
+        (left && to >= 0.0 && (to as usize) < self.items.len()).then_some(to as usize)
+    }
+
+    /// The item to go on with at `index`, jumps taken.
+    fn next_index(&mut self, mut index: usize, take: bool) -> Option<usize> {
+        for _ in 0..=self.items.len() {
+            let item = self.items.get(index)?;
+            if item.command != JUMP {
+                return Some(index);
+            }
+            index = match self.jump_target(index) {
+                Some(to) => {
+                    if take && let Some(count) = self.jumps.get_mut(index) {
+                        *count = count.saturating_add(1);
+                    }
+                    to
+                }
+                None => index + 1,
+            };
+        }
+        None
     }
 }
 

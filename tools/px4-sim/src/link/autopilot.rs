@@ -7,9 +7,9 @@ use mavlink_link::frame::{self, Header, INCOMPAT_SIGNED, MAX_FRAME, Parser};
 use mavlink_link::service::Node;
 use mavlink_link::signing::{Stamp, sign};
 
-use super::config::Config;
-use super::signing::{Admission, Refusal, Setup, Signing};
-use super::vehicle::{Outgoing, Vehicle};
+use crate::config::Config;
+use crate::link::signing::{Admission, Refusal, Setup, Signing};
+use crate::vehicle::state::{Outgoing, Vehicle};
 
 /// What went over one link.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use mavlink::types::CharArray;
 
 /// The queue of texts. What does not fit is lost, as it is in PX4.
 #[derive(Debug, Clone)]
-pub(super) struct Texts {
+pub(crate) struct Texts {
     waiting: VecDeque<(MavSeverity, String)>,
     next_id: u16,
     due: f64,
@@ -16,7 +16,7 @@ pub(super) struct Texts {
 
 impl Texts {
     /// Nothing to say.
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             waiting: VecDeque::new(),
             next_id: 0,
@@ -25,14 +25,14 @@ impl Texts {
     }
 
     /// Says something.
-    pub(super) fn say(&mut self, severity: MavSeverity, text: impl Into<String>) {
+    pub(crate) fn say(&mut self, severity: MavSeverity, text: impl Into<String>) {
         if self.waiting.len() < CAPACITY {
             self.waiting.push_back((severity, text.into()));
         }
     }
 
     /// The next text that is due, as one message or several chunks.
-    pub(super) fn poll(&mut self, now: f64, mut send: impl FnMut(MavMessage)) {
+    pub(crate) fn poll(&mut self, now: f64, mut send: impl FnMut(MavMessage)) {
         if now < self.due {
             return;
         }

@@ -9,25 +9,24 @@ use mavlink::dialects::development::{
 use mavlink_link::service::Node;
 use mavlink_link::service::mission::Item;
 
-use super::body::{Body, Tuning};
 use super::command::Command;
-use super::commander::{Commander, Facts, boot};
-use super::config::{Airframe, Config};
-use super::estimator::Estimator;
-use super::fence::Fence;
-use super::geo::{Geodetic, LocalFrame, Ned};
-use super::guidance::{Guidance, Heading};
-use super::mode::Mode;
-use super::navigator::Navigator;
-use super::operator::Operator;
-use super::params::{Param, Params};
-use super::services::mission::{Limits, Server};
-use super::services::mission_rules::{Airframe as ParamUse, Px4Rules};
-use super::services::param;
-use super::steering::{Setpoint, Sticks};
-use super::streams::Streams;
-use super::texts::Texts;
-use super::view::{Note, View};
+use super::operator::OperatorControl;
+use crate::config::{Airframe, Config, Param, Params};
+use crate::flight::commander::{Commander, Facts, boot};
+use crate::flight::items::Fence;
+use crate::flight::mode::Mode;
+use crate::flight::navigator::Navigator;
+use crate::flight::steering::{Setpoint, Sticks};
+use crate::flight::view::{Note, View};
+use crate::physics::airframe::{Body, Tuning};
+use crate::physics::motion::{Geodetic, LocalFrame, Ned};
+use crate::physics::noise::Estimator;
+use crate::physics::trajectory::{Guidance, Heading};
+use crate::services::mission::{Limits, Server};
+use crate::services::mission_rules::{Airframe as ParamUse, Px4Rules};
+use crate::services::param;
+use crate::services::streams::Streams;
+use crate::services::texts::Texts;
 
 /// Something to put on the wire, from component 1 of the vehicle.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,40 +112,40 @@ pub struct VehicleCounters {
 /// A simulated PX4 v1.18.
 #[derive(Debug)]
 pub struct Vehicle {
-    pub(super) config: Config,
-    pub(super) frame: LocalFrame,
-    pub(super) body: Body,
-    pub(super) estimator: Estimator,
-    pub(super) commander: Commander,
-    pub(super) navigator: Navigator,
-    pub(super) params: Params,
-    pub(super) param_service: param::Server,
-    pub(super) streams: Streams,
-    pub(super) missions: Server<Px4Rules>,
-    pub(super) texts: Texts,
-    pub(super) commands: VecDeque<Command>,
-    pub(super) out: VecDeque<Outgoing>,
-    pub(super) home: Option<Ned>,
-    pub(super) home_at_us: u64,
-    pub(super) landed: bool,
-    pub(super) sticks: Sticks,
-    pub(super) setpoint: Option<Setpoint>,
-    pub(super) target: Ned,
-    pub(super) charge: f64,
-    pub(super) mission_state: MissionState,
-    pub(super) counters: VehicleCounters,
-    pub(super) fence: Fence,
-    pub(super) plan_checked: bool,
-    pub(super) navigated: (Mode, bool),
-    pub(super) course: (Guidance, Heading),
-    pub(super) ticks: u64,
-    carry: Duration,
-    pub(super) contact: f64,
-    pub(super) tuning: Tuning,
-    pub(super) reached: Option<(u16, u8)>,
-    pub(super) last_seq: usize,
-    pub(super) health_faults: HealthFaults,
-    pub(super) operator: Operator,
+    pub(crate) config: Config,
+    pub(crate) frame: LocalFrame,
+    pub(crate) body: Body,
+    pub(crate) estimator: Estimator,
+    pub(crate) commander: Commander,
+    pub(crate) navigator: Navigator,
+    pub(crate) params: Params,
+    pub(crate) param_service: param::Server,
+    pub(crate) streams: Streams,
+    pub(crate) missions: Server<Px4Rules>,
+    pub(crate) texts: Texts,
+    pub(crate) commands: VecDeque<Command>,
+    pub(crate) out: VecDeque<Outgoing>,
+    pub(crate) home: Option<Ned>,
+    pub(crate) home_at_us: u64,
+    pub(crate) landed: bool,
+    pub(crate) sticks: Sticks,
+    pub(crate) setpoint: Option<Setpoint>,
+    pub(crate) target: Ned,
+    pub(crate) charge: f64,
+    pub(crate) mission_state: MissionState,
+    pub(crate) counters: VehicleCounters,
+    pub(crate) fence: Fence,
+    pub(crate) plan_checked: bool,
+    pub(crate) navigated: (Mode, bool),
+    pub(crate) course: (Guidance, Heading),
+    pub(crate) ticks: u64,
+    pub(crate) carry: Duration,
+    pub(crate) contact: f64,
+    pub(crate) tuning: Tuning,
+    pub(crate) reached: Option<(u16, u8)>,
+    pub(crate) last_seq: usize,
+    pub(crate) health_faults: HealthFaults,
+    pub(crate) operator: OperatorControl,
 }
 
 impl Vehicle {
@@ -202,7 +201,7 @@ impl Vehicle {
             reached: None,
             last_seq: 0,
             health_faults: HealthFaults::default(),
-            operator: Operator::default(),
+            operator: OperatorControl::new(config.operator_control, config.system_id),
             config,
         }
     }
@@ -210,15 +209,6 @@ impl Vehicle {
     /// Component 1 of its system.
     pub fn node(&self) -> Node {
         Node::new(self.config.system_id, COMPONENT)
-    }
-
-    /// Lets time pass. Physics runs in steps of [`TICK`]; what is left over waits.
-    pub fn step(&mut self, dt: Duration) {
-        self.carry += dt;
-        while self.carry >= TICK {
-            self.carry -= TICK;
-            self.tick();
-        }
     }
 
     /// The next message to send.
@@ -248,25 +238,25 @@ impl Vehicle {
     }
 
     /// Time since boot, s.
-    pub(super) fn now(&self) -> f64 {
+    pub(crate) fn now(&self) -> f64 {
         self.ticks as f64 * DT
     }
 
-    pub(super) fn now_duration(&self) -> Duration {
+    pub(crate) fn now_duration(&self) -> Duration {
         Duration::from_micros(self.ticks * TICK.as_micros() as u64)
     }
 
     /// Position as the estimator has it.
-    pub(super) fn believed(&self) -> Ned {
+    pub(crate) fn believed(&self) -> Ned {
         self.body.motion().position + self.estimator.position_error()
     }
 
     /// The estimator has a global position.
-    pub(super) fn is_located(&self) -> bool {
+    pub(crate) fn is_located(&self) -> bool {
         self.now() >= boot::FIRST_HEARTBEAT
     }
 
-    pub(super) fn facts(&self) -> Facts<'_> {
+    pub(crate) fn facts(&self) -> Facts<'_> {
         Facts {
             now: self.now(),
             landed: self.landed,
@@ -276,7 +266,7 @@ impl Vehicle {
     }
 
     /// Ids of mission, fence and rally plan.
-    pub(super) fn plan_ids(&self) -> [u32; 3] {
+    pub(crate) fn plan_ids(&self) -> [u32; 3] {
         [
             MavMissionType::MAV_MISSION_TYPE_MISSION,
             MavMissionType::MAV_MISSION_TYPE_FENCE,
@@ -285,8 +275,15 @@ impl Vehicle {
         .map(|kind| self.missions.opaque_id(kind))
     }
 
+    /// Home is where the vehicle believes to be.
+    pub(crate) fn set_home(&mut self) {
+        self.home = Some(self.believed());
+        self.home_at_us = self.boot_us();
+        self.plan_checked = false;
+    }
+
     /// Calls the navigator with a view of the vehicle.
-    pub(super) fn navigate<T>(&mut self, call: impl FnOnce(&mut Navigator, &View<'_>) -> T) -> T {
+    pub(crate) fn navigate<T>(&mut self, call: impl FnOnce(&mut Navigator, &View<'_>) -> T) -> T {
         let motion = self.body.motion();
         let view = View {
             now: self.ticks as f64 * DT,
@@ -302,7 +299,7 @@ impl Vehicle {
         call(&mut self.navigator, &view)
     }
 
-    pub(super) fn send(&mut self, message: MavMessage) {
+    pub(crate) fn send(&mut self, message: MavMessage) {
         // An endless queue would be a leak where nobody polls.
         if self.out.len() < MAX_OUT {
             self.out.push_back(Outgoing::Message(message));
@@ -310,12 +307,12 @@ impl Vehicle {
     }
 
     /// Says a text of severity 2 that PX4 marks as an event's twin.
-    pub(super) fn critical(&mut self, text: &str) {
+    pub(crate) fn critical(&mut self, text: &str) {
         self.texts
             .say(MavSeverity::MAV_SEVERITY_CRITICAL, format!("{text}\t"));
     }
 
-    pub(super) fn take_notes(&mut self, notes: Vec<Note>) {
+    pub(crate) fn take_notes(&mut self, notes: Vec<Note>) {
         for note in notes {
             match note {
                 Note::Info(text) => self.texts.say(MavSeverity::MAV_SEVERITY_INFO, text),
@@ -349,6 +346,6 @@ impl Vehicle {
 
 /// Step of physics and control: 250 Hz.
 pub const TICK: Duration = Duration::from_millis(4);
-pub(super) const DT: f64 = 0.004;
+pub(crate) const DT: f64 = 0.004;
 const COMPONENT: u8 = 1;
 const MAX_OUT: usize = 4096;

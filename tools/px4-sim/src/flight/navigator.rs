@@ -1,17 +1,17 @@
 //! The modes in which the vehicle finds its own way: take-off, hold, mission, return, land, orbit.
 
-use super::config::Airframe;
-use super::geo::Ned;
-use super::guidance::{Guidance, Heading};
-use super::mission::Mission;
-use super::mode::Mode;
-use super::params::Param;
-use super::trajectory::Leg;
-use super::view::{Note, View, loiter};
+use crate::config::Airframe;
+use crate::config::Param;
+use crate::flight::mission::Mission;
+use crate::flight::mode::Mode;
+use crate::flight::view::{Note, View, loiter};
+use crate::physics::motion::Ned;
+use crate::physics::trajectory::Leg;
+use crate::physics::trajectory::{Guidance, Heading};
 
 /// DO_REPOSITION's wish.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Reposition {
+pub(crate) struct Reposition {
     /// Local target; a component that is NaN stays as it is.
     pub target: Ned,
     /// Heading, radians, NaN for toward the target.
@@ -24,7 +24,7 @@ pub(super) struct Reposition {
 
 /// DO_ORBIT's wish.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Orbit {
+pub(crate) struct Orbit {
     /// Centre in the local frame; down is the height to keep.
     pub centre: Ned,
     /// Radius, m; positive is clockwise.
@@ -35,7 +35,7 @@ pub(super) struct Orbit {
 
 /// What a step asks for.
 #[derive(Debug)]
-pub(super) struct Step {
+pub(crate) struct Step {
     /// Where to go.
     pub guidance: Guidance,
     /// Where to look.
@@ -56,7 +56,7 @@ enum Return {
 
 /// The navigator.
 #[derive(Debug, Clone)]
-pub(super) struct Navigator {
+pub(crate) struct Navigator {
     /// The mission and its progress.
     pub mission: Mission,
     active: Option<Mode>,
@@ -71,7 +71,7 @@ pub(super) struct Navigator {
 
 impl Navigator {
     /// Nothing active, no mission.
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             mission: Mission::new(),
             active: None,
@@ -86,12 +86,12 @@ impl Navigator {
     }
 
     /// NAV_TAKEOFF's altitude, AMSL; none is MIS_TAKEOFF_ALT above here.
-    pub(super) fn set_takeoff_altitude(&mut self, amsl: Option<f64>) {
+    pub(crate) fn set_takeoff_altitude(&mut self, amsl: Option<f64>) {
         self.takeoff_altitude = amsl;
     }
 
     /// DO_REPOSITION.
-    pub(super) fn set_reposition(&mut self, wish: Reposition, view: &View<'_>) {
+    pub(crate) fn set_reposition(&mut self, wish: Reposition, view: &View<'_>) {
         self.reposition = Some(wish);
         if self.active == Some(Mode::Loiter) {
             self.apply_reposition(view);
@@ -99,23 +99,23 @@ impl Navigator {
     }
 
     /// DO_ORBIT.
-    pub(super) fn set_orbit(&mut self, orbit: Orbit) {
+    pub(crate) fn set_orbit(&mut self, orbit: Orbit) {
         self.orbit = Some(orbit);
     }
 
     /// The orbit that is flown.
-    pub(super) fn orbit(&self) -> Option<Orbit> {
+    pub(crate) fn orbit(&self) -> Option<Orbit> {
         self.orbit
     }
 
     /// DO_CHANGE_SPEED by command: for the mode that is active.
-    pub(super) fn set_speed(&mut self, speed: Option<f64>) {
+    pub(crate) fn set_speed(&mut self, speed: Option<f64>) {
         self.speed = speed;
         self.mission.set_speed(speed);
     }
 
     /// One step in `mode`; `armed` decides whether anything moves at all.
-    pub(super) fn step(&mut self, mode: Mode, armed: bool, view: &View<'_>) -> Step {
+    pub(crate) fn step(&mut self, mode: Mode, armed: bool, view: &View<'_>) -> Step {
         let mut notes = Vec::new();
         let wanted = armed.then_some(mode);
         if wanted != self.active {

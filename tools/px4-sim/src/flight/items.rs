@@ -1,8 +1,78 @@
-//! The geofence, as far as PX4 checks a plan against it.
+//! What the items of an uploaded plan mean in the local frame: mission items and the geofence.
+//!
+//! Pure functions of an item and what the navigator knows; which item is current is [`Mission`](super::mission)'s.
 
 use mavlink_link::service::mission::Item;
 
-use super::geo::{Geodetic, LocalFrame, Ned};
+use super::view::View;
+use crate::config::Param;
+use crate::physics::motion::{GRAVITY, Geodetic, LocalFrame, Ned};
+
+/// Where an item is.
+pub(crate) fn place(item: &Item, view: &View<'_>) -> Ned {
+    let altitude_m = altitude_m(item, view);
+    // PX4 accepts INT32_MAX as latitude and longitude; such an item has no place of its own.
+    if item.x == i32::MAX || item.y == i32::MAX {
+        return Ned {
+            d: view.frame.origin().altitude_m - altitude_m,
+            ..view.position
+        };
+    }
+    view.frame.to_local(Geodetic {
+        latitude_deg: f64::from(item.x) * 1e-7,
+        longitude_deg: f64::from(item.y) * 1e-7,
+        altitude_m,
+    })
+}
+
+/// The altitude of an item, metres AMSL; one that is not a number is the present altitude.
+pub(crate) fn altitude_m(item: &Item, view: &View<'_>) -> f64 {
+    let z = f64::from(item.z);
+    let relative = matches!(item.frame, 3 | 6);
+    let home = view.frame.origin().altitude_m - view.home.d;
+    match (z.is_finite(), relative) {
+        (true, true) => home + z,
+        (true, false) => z,
+        (false, _) => view.frame.origin().altitude_m - view.position.d,
+    }
+}
+
+/// How long the vehicle stays at the item, s.
+pub(crate) fn hold_time(item: &Item) -> f64 {
+    match item.command {
+        WAYPOINT | LOITER_TIME => f64::from(item.params[0]).max(0.0),
+        _ => 0.0,
+    }
+}
+
+/// Loiter radius of an item for a plane, m; positive is clockwise.
+pub(crate) fn loiter_radius(item: &Item, view: &View<'_>) -> f64 {
+    let own = f64::from(if item.command == LOITER_TO_ALT {
+        item.params[1]
+    } else {
+        item.params[2]
+    });
+    if own.is_finite() && own.abs() > 1e-6 {
+        own
+    } else {
+        view.params.get(Param::NAV_LOITER_RAD)
+    }
+}
+
+/// How early a plane turns: the tangent of its turn circle, at least the acceptance radius.
+pub(crate) fn turn_switch_distance(view: &View<'_>) -> f64 {
+    let bank = view.params.get(Param::FW_R_LIM).to_radians().min(0.8);
+    let radius = view.velocity.horizontal().powi(2) / (GRAVITY * bank.tan());
+    view.acceptance().max(0.6 * radius)
+}
+
+/// Whether the item is flown to, rather than carried out where the vehicle is.
+pub(crate) fn has_place(item: &Item) -> bool {
+    matches!(
+        item.command,
+        WAYPOINT | LOITER_UNLIM | LOITER_TIME | LAND | TAKEOFF | LOITER_TO_ALT | 84 | 85
+    )
+}
 
 #[derive(Debug, Clone)]
 enum Area {
@@ -12,14 +82,14 @@ enum Area {
 
 /// The areas of a fence plan.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Fence {
+pub(crate) struct Fence {
     keep_in: Vec<Area>,
     keep_out: Vec<Area>,
 }
 
 impl Fence {
     /// From the stored items; what does not make an area is left out.
-    pub(super) fn new(items: &[Item], frame: &LocalFrame) -> Self {
+    pub(crate) fn new(items: &[Item], frame: &LocalFrame) -> Self {
         let mut fence = Self::default();
         let place = |item: &Item| {
             frame.to_local(Geodetic {
@@ -56,7 +126,7 @@ impl Fence {
     }
 
     /// Inside every area to stay in together, outside every area to stay out of.
-    pub(super) fn allows(&self, at: Ned) -> bool {
+    pub(crate) fn allows(&self, at: Ned) -> bool {
         (self.keep_in.is_empty() || self.keep_in.iter().any(|a| a.contains(at)))
             && !self.keep_out.iter().any(|a| a.contains(at))
     }
@@ -85,6 +155,17 @@ impl Area {
         }
     }
 }
+
+pub(crate) const WAYPOINT: u16 = 16;
+pub(crate) const LOITER_UNLIM: u16 = 17;
+pub(crate) const LOITER_TIME: u16 = 19;
+pub(crate) const RETURN_TO_LAUNCH: u16 = 20;
+pub(crate) const LAND: u16 = 21;
+pub(crate) const TAKEOFF: u16 = 22;
+pub(crate) const LOITER_TO_ALT: u16 = 31;
+pub(crate) const DELAY: u16 = 93;
+pub(crate) const JUMP: u16 = 177;
+pub(crate) const CHANGE_SPEED: u16 = 178;
 
 #[cfg(test)]
 mod tests {

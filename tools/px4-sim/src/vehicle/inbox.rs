@@ -10,8 +10,8 @@ use mavlink_link::service::Node;
 
 use super::command::Command;
 use super::operator::changes_state;
-use super::steering::{Setpoint, Sticks};
-use super::vehicle::{Outgoing, Vehicle};
+use super::state::{Outgoing, Vehicle};
+use crate::flight::steering::{Setpoint, Sticks};
 
 impl Vehicle {
     /// Takes a message of `from`.
@@ -19,13 +19,13 @@ impl Vehicle {
         use MavMessage as M;
         let own = self.node();
         let now = self.now();
-        if changes_state(message) && !self.obeys(from) {
+        if changes_state(message) && !self.operator.obeys(from) {
             self.counters.commands_ignored += 1;
             return;
         }
         match message {
             M::HEARTBEAT(m) => {
-                self.hear_operator(from);
+                self.operator.heartbeat(from, now);
                 let ground = m.mavtype == MavType::MAV_TYPE_GCS
                     || m.autopilot == MavAutopilot::MAV_AUTOPILOT_INVALID && from.component == 190;
                 if ground && from.system != own.system {

@@ -1,15 +1,15 @@
 //! A quadrotor: it follows a trajectory as PX4's controllers make it, a little late and a little
 //! off, tilts into its acceleration, and stands on flat ground at the height of its home.
 
-use super::attitude::{GRAVITY, Motion, tilt_for};
-use super::geo::{Ned, wrap_pi};
-use super::guidance::{Guidance, Heading};
-use super::rng::{Drift, Rng};
-use super::trajectory::{Limits, Trajectory, braking_speed};
+use crate::physics::motion::{GRAVITY, Motion, tilt_for};
+use crate::physics::motion::{Ned, wrap_pi};
+use crate::physics::noise::{Drift, Noise};
+use crate::physics::trajectory::{Guidance, Heading};
+use crate::physics::trajectory::{Limits, Trajectory, braking_speed};
 
 /// What the controllers need from the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct QuadTuning {
+pub(crate) struct QuadTuning {
     /// Limits of the trajectory.
     pub limits: Limits,
     /// MPC_XY_P, 1/s.
@@ -34,7 +34,7 @@ pub(super) struct QuadTuning {
 
 /// The airframe's state.
 #[derive(Debug, Clone)]
-pub(super) struct Quad {
+pub(crate) struct Quad {
     motion: Motion,
     trajectory: Trajectory,
     steering: Steering,
@@ -46,7 +46,7 @@ pub(super) struct Quad {
     trim: Ned,
     wind: [f64; 2],
     gusts: [Drift; 3],
-    rng: Rng,
+    noise: Noise,
     throttle: f64,
 }
 
@@ -59,7 +59,7 @@ enum Steering {
 
 impl Quad {
     /// Stands on the ground at the origin.
-    pub(super) fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
+    pub(crate) fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
         let motion = Motion {
             attitude: [0.0, 0.0, heading],
             ..Motion::default()
@@ -78,34 +78,34 @@ impl Quad {
                 Drift::new(1.0, 1.2),
                 Drift::new(1.0, 0.8),
             ],
-            rng: Rng::new(seed ^ 0x51AD),
+            noise: Noise::new(seed ^ 0x51AD),
             throttle: 0.0,
         }
     }
 
     /// The true motion.
-    pub(super) fn motion(&self) -> &Motion {
+    pub(crate) fn motion(&self) -> &Motion {
         &self.motion
     }
 
     /// The trajectory's present setpoint: position, velocity, acceleration.
-    pub(super) fn setpoint(&self) -> &Trajectory {
+    pub(crate) fn setpoint(&self) -> &Trajectory {
         &self.trajectory
     }
 
     /// Throttle, 0 to 1.
-    pub(super) fn throttle(&self) -> f64 {
+    pub(crate) fn throttle(&self) -> f64 {
         self.throttle
     }
 
     /// Heading setpoint, radians.
-    pub(super) fn heading_setpoint(&self) -> f64 {
+    pub(crate) fn heading_setpoint(&self) -> f64 {
         self.heading
     }
 
     /// One step. `error` is the estimator's present position error: the controllers steer by what
     /// they believe.
-    pub(super) fn step(
+    pub(crate) fn step(
         &mut self,
         dt: f64,
         guidance: &Guidance,
@@ -314,9 +314,9 @@ impl Quad {
         // A fast draggy vehicle is shaken more than a hovering one.
         let (rough_xy, rough_z) = (0.08 + 0.09 * v.horizontal(), 0.08 + 0.04 * v.horizontal());
         let gust = Ned::new(
-            rough_xy * gn.step(dt, &mut self.rng),
-            rough_xy * ge.step(dt, &mut self.rng),
-            rough_z * gd.step(dt, &mut self.rng),
+            rough_xy * gn.step(dt, &mut self.noise),
+            rough_xy * ge.step(dt, &mut self.noise),
+            rough_z * gd.step(dt, &mut self.noise),
         );
         let drag = Ned::new(v.n - self.wind[0], v.e - self.wind[1], v.d) * DRAG;
         self.motion.acceleration = self.push - drag + gust;

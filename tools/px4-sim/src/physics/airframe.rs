@@ -1,17 +1,17 @@
 //! The airframe, whichever it is, behind one set of calls.
 
-use super::attitude::Motion;
-use super::config::{Airframe, Config};
-use super::geo::Ned;
-use super::guidance::{Guidance, Heading};
-use super::params::{Param, Params};
-use super::plane::{Plane, PlaneTuning};
-use super::quad::{Quad, QuadTuning};
-use super::trajectory::{Limits, Trajectory};
+use crate::config::{Airframe, Config};
+use crate::config::{Param, Params};
+use crate::physics::motion::Motion;
+use crate::physics::motion::Ned;
+use crate::physics::plane::{Plane, PlaneTuning};
+use crate::physics::quad::{Quad, QuadTuning};
+use crate::physics::trajectory::{Guidance, Heading};
+use crate::physics::trajectory::{Limits, Trajectory};
 
 /// One of the airframes.
 #[derive(Debug, Clone)]
-pub(super) enum Body {
+pub(crate) enum Body {
     /// Quadrotor.
     Quad(Box<Quad>),
     /// Fixed wing.
@@ -20,7 +20,7 @@ pub(super) enum Body {
 
 impl Body {
     /// On the ground at the origin.
-    pub(super) fn new(config: &Config) -> Self {
+    pub(crate) fn new(config: &Config) -> Self {
         match config.airframe {
             Airframe::Quad => Self::Quad(Box::new(Quad::new(
                 config.heading_rad,
@@ -36,7 +36,7 @@ impl Body {
     }
 
     /// The true motion.
-    pub(super) fn motion(&self) -> &Motion {
+    pub(crate) fn motion(&self) -> &Motion {
         match self {
             Self::Quad(quad) => quad.motion(),
             Self::Plane(plane) => plane.motion(),
@@ -44,7 +44,7 @@ impl Body {
     }
 
     /// Setpoint of the trajectory.
-    pub(super) fn setpoint(&self) -> &Trajectory {
+    pub(crate) fn setpoint(&self) -> &Trajectory {
         match self {
             Self::Quad(quad) => quad.setpoint(),
             Self::Plane(plane) => plane.setpoint(),
@@ -52,7 +52,7 @@ impl Body {
     }
 
     /// Heading setpoint, radians.
-    pub(super) fn heading_setpoint(&self) -> f64 {
+    pub(crate) fn heading_setpoint(&self) -> f64 {
         match self {
             Self::Quad(quad) => quad.heading_setpoint(),
             Self::Plane(plane) => plane.motion().attitude[2],
@@ -60,7 +60,7 @@ impl Body {
     }
 
     /// Throttle, 0 to 1.
-    pub(super) fn throttle(&self) -> f64 {
+    pub(crate) fn throttle(&self) -> f64 {
         match self {
             Self::Quad(quad) => quad.throttle(),
             Self::Plane(plane) => plane.throttle(),
@@ -68,7 +68,7 @@ impl Body {
     }
 
     /// Airspeed, m/s, where there is a sensor.
-    pub(super) fn airspeed(&self) -> Option<f64> {
+    pub(crate) fn airspeed(&self) -> Option<f64> {
         match self {
             Self::Quad(_) => None,
             Self::Plane(plane) => Some(plane.airspeed()),
@@ -76,7 +76,7 @@ impl Body {
     }
 
     /// One step.
-    pub(super) fn step(
+    pub(crate) fn step(
         &mut self,
         dt: f64,
         guidance: &Guidance,
@@ -97,7 +97,7 @@ impl Body {
 
 /// The parameters that an airframe flies by.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Tuning {
+pub(crate) enum Tuning {
     /// Of a quadrotor.
     Quad(QuadTuning),
     /// Of a fixed wing.
@@ -106,7 +106,7 @@ pub(super) enum Tuning {
 
 impl Tuning {
     /// Reads them; a value that physics cannot have is replaced by the nearest that it can.
-    pub(super) fn read(airframe: Airframe, p: &Params) -> Self {
+    pub(crate) fn read(airframe: Airframe, p: &Params) -> Self {
         let above = |param: Param, least: f64| {
             let v = p.get(param);
             if v.is_finite() { v.max(least) } else { least }

@@ -11,10 +11,10 @@ struct Stream {
 
 /// The schedule of every stream.
 #[derive(Debug, Clone)]
-pub(super) struct Streams(Vec<Stream>);
+pub(crate) struct Streams(Vec<Stream>);
 
 /// Message ids of the streams.
-pub(super) mod id {
+pub(crate) mod id {
     #![allow(missing_docs, reason = "each has the name of its message")]
     pub(crate) const HEARTBEAT: u32 = 0;
     pub(crate) const SYS_STATUS: u32 = 1;
@@ -76,7 +76,7 @@ const DEFAULTS: &[(u32, i32)] = &[
 
 impl Streams {
     /// The defaults; everything is first due at `start` seconds.
-    pub(super) fn new(start: f64) -> Self {
+    pub(crate) fn new(start: f64) -> Self {
         Self(
             DEFAULTS
                 .iter()
@@ -91,7 +91,7 @@ impl Streams {
     }
 
     /// Calls `send` for every stream that is due.
-    pub(super) fn poll(&mut self, now: f64, mut send: impl FnMut(u32)) {
+    pub(crate) fn poll(&mut self, now: f64, mut send: impl FnMut(u32)) {
         for stream in &mut self.0 {
             if stream.interval_us > 0 && now >= stream.due {
                 let period = f64::from(stream.interval_us) * 1e-6;
@@ -106,7 +106,7 @@ impl Streams {
     }
 
     /// SET_MESSAGE_INTERVAL: microseconds, 0 the default, negative off. False for an unknown id.
-    pub(super) fn set(&mut self, id: i64, interval_us: f32, now: f64) -> bool {
+    pub(crate) fn set(&mut self, id: i64, interval_us: f32, now: f64) -> bool {
         let Some(stream) = self.0.iter_mut().find(|s| i64::from(s.id) == id) else {
             return false;
         };
@@ -122,7 +122,7 @@ impl Streams {
     }
 
     /// MESSAGE_INTERVAL.interval_us; 0 for an unknown id, as PX4 answers.
-    pub(super) fn interval_us(&self, id: u32) -> i32 {
+    pub(crate) fn interval_us(&self, id: u32) -> i32 {
         self.0
             .iter()
             .find(|s| s.id == id)
@@ -130,7 +130,7 @@ impl Streams {
     }
 
     /// True for a message that can be streamed.
-    pub(super) fn knows(&self, id: u32) -> bool {
+    pub(crate) fn knows(&self, id: u32) -> bool {
         self.0.iter().any(|s| s.id == id)
     }
 }

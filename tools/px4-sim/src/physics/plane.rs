@@ -1,15 +1,15 @@
 //! A fixed wing: it flies at an airspeed, turns by banking, drifts with the wind, and never stops
 //! before it has landed.
 
-use super::attitude::{GRAVITY, Motion};
-use super::geo::{Ned, wrap_pi};
-use super::guidance::Guidance;
-use super::rng::{Drift, Rng};
-use super::trajectory::{Leg, Trajectory};
+use crate::physics::motion::{GRAVITY, Motion};
+use crate::physics::motion::{Ned, wrap_pi};
+use crate::physics::noise::{Drift, Noise};
+use crate::physics::trajectory::Guidance;
+use crate::physics::trajectory::{Leg, Trajectory};
 
 /// What the guidance needs from the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct PlaneTuning {
+pub(crate) struct PlaneTuning {
     /// FW_AIRSPD_MIN, m/s.
     pub airspeed_min: f64,
     /// FW_AIRSPD_MAX, m/s.
@@ -24,7 +24,7 @@ pub(super) struct PlaneTuning {
 
 /// The airframe's state.
 #[derive(Debug, Clone)]
-pub(super) struct Plane {
+pub(crate) struct Plane {
     motion: Motion,
     target: Trajectory,
     airspeed: f64,
@@ -32,7 +32,7 @@ pub(super) struct Plane {
     bank: f64,
     wind: [f64; 2],
     turbulence: Drift,
-    rng: Rng,
+    noise: Noise,
     throttle: f64,
 }
 
@@ -45,7 +45,7 @@ struct Wish {
 
 impl Plane {
     /// Stands on the ground at the origin.
-    pub(super) fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
+    pub(crate) fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
         Self {
             motion: Motion {
                 attitude: [0.0, 0.0, heading],
@@ -57,33 +57,33 @@ impl Plane {
             bank: 0.0,
             wind,
             turbulence: Drift::new(0.01, 0.7),
-            rng: Rng::new(seed ^ 0xF1A9),
+            noise: Noise::new(seed ^ 0xF1A9),
             throttle: 0.0,
         }
     }
 
     /// The true motion.
-    pub(super) fn motion(&self) -> &Motion {
+    pub(crate) fn motion(&self) -> &Motion {
         &self.motion
     }
 
     /// Where it is going.
-    pub(super) fn setpoint(&self) -> &Trajectory {
+    pub(crate) fn setpoint(&self) -> &Trajectory {
         &self.target
     }
 
     /// Throttle, 0 to 1.
-    pub(super) fn throttle(&self) -> f64 {
+    pub(crate) fn throttle(&self) -> f64 {
         self.throttle
     }
 
     /// Airspeed, m/s.
-    pub(super) fn airspeed(&self) -> f64 {
+    pub(crate) fn airspeed(&self) -> f64 {
         self.airspeed
     }
 
     /// One step; `error` is the estimator's position error.
-    pub(super) fn step(&mut self, dt: f64, guidance: &Guidance, error: Ned, tuning: &PlaneTuning) {
+    pub(crate) fn step(&mut self, dt: f64, guidance: &Guidance, error: Ned, tuning: &PlaneTuning) {
         let believed = self.motion.position + error;
         let on_ground = self.motion.position.d >= 0.0;
         let wish = match guidance {
@@ -177,8 +177,8 @@ impl Plane {
         } else {
             0.0
         };
-        let bank =
-            bank.clamp(-tuning.bank_max, tuning.bank_max) + self.turbulence.step(dt, &mut self.rng);
+        let bank = bank.clamp(-tuning.bank_max, tuning.bank_max)
+            + self.turbulence.step(dt, &mut self.noise);
         let roll_rate = 60f64.to_radians();
         self.bank += (2.5 * (bank - self.bank) * dt).clamp(-roll_rate * dt, roll_rate * dt);
 

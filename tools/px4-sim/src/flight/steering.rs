@@ -4,13 +4,13 @@ use mavlink::dialects::development::{
     MANUAL_CONTROL_DATA, SET_POSITION_TARGET_GLOBAL_INT_DATA, SET_POSITION_TARGET_LOCAL_NED_DATA,
 };
 
-use super::geo::{Geodetic, LocalFrame, Ned};
-use super::guidance::{Guidance, Heading};
-use super::params::{Param, Params};
+use crate::config::{Param, Params};
+use crate::physics::motion::{Geodetic, LocalFrame, Ned};
+use crate::physics::trajectory::{Guidance, Heading};
 
 /// MANUAL_CONTROL, each axis from -1 to 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Sticks {
+pub(crate) struct Sticks {
     forward: f64,
     right: f64,
     up: f64,
@@ -19,7 +19,7 @@ pub(super) struct Sticks {
 
 impl Sticks {
     /// From the message; an axis that is INT16_MAX is not there and counts as centred.
-    pub(super) fn new(m: &MANUAL_CONTROL_DATA) -> Self {
+    pub(crate) fn new(m: &MANUAL_CONTROL_DATA) -> Self {
         let axis = |v: i16| {
             if v == i16::MAX {
                 0.0
@@ -41,12 +41,12 @@ impl Sticks {
     }
 
     /// Climbing is asked for: what it takes to leave the ground.
-    pub(super) fn wants_up(&self) -> bool {
+    pub(crate) fn wants_up(&self) -> bool {
         self.up > DEADZONE
     }
 
     /// The velocity that the sticks ask for, in the heading's frame.
-    pub(super) fn guidance(&self, yaw: f64, params: &Params) -> (Guidance, Heading) {
+    pub(crate) fn guidance(&self, yaw: f64, params: &Params) -> (Guidance, Heading) {
         let speed = params.get(Param::MPC_VEL_MANUAL);
         let (forward, right) = (dead(self.forward) * speed, dead(self.right) * speed);
         let up = dead(self.up);
@@ -75,7 +75,7 @@ impl Sticks {
 
 /// What OFFBOARD flies: local frame, NaN where not commanded.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Setpoint {
+pub(crate) struct Setpoint {
     position: [Option<f64>; 3],
     velocity: [Option<f64>; 3],
     heading: Heading,
@@ -84,7 +84,7 @@ pub(super) struct Setpoint {
 impl Setpoint {
     /// From SET_POSITION_TARGET_LOCAL_NED in LOCAL_NED (1) or BODY_NED (8) and BODY_FRD (12,
     /// velocity only). `None` where nothing in it can be flown.
-    pub(super) fn from_local(m: &SET_POSITION_TARGET_LOCAL_NED_DATA, yaw: f64) -> Option<Self> {
+    pub(crate) fn from_local(m: &SET_POSITION_TARGET_LOCAL_NED_DATA, yaw: f64) -> Option<Self> {
         let mask = m.type_mask.bits();
         let mut position = pick([m.x, m.y, m.z], mask, 0);
         let mut velocity = pick([m.vx, m.vy, m.vz], mask, 3);
@@ -104,7 +104,7 @@ impl Setpoint {
     }
 
     /// From SET_POSITION_TARGET_GLOBAL_INT, altitude AMSL (frames 0, 5) or above home (3, 6).
-    pub(super) fn from_global(
+    pub(crate) fn from_global(
         m: &SET_POSITION_TARGET_GLOBAL_INT_DATA,
         frame: &LocalFrame,
         home: Ned,
@@ -145,7 +145,7 @@ impl Setpoint {
     }
 
     /// What to fly.
-    pub(super) fn guidance(&self) -> (Guidance, Heading) {
+    pub(crate) fn guidance(&self) -> (Guidance, Heading) {
         (
             Guidance::Steer {
                 position: self.position,
@@ -156,7 +156,7 @@ impl Setpoint {
     }
 
     /// It asks for a climb: what it takes to leave the ground.
-    pub(super) fn wants_up(&self, down: f64) -> bool {
+    pub(crate) fn wants_up(&self, down: f64) -> bool {
         self.position[2].is_some_and(|d| d < down - 0.3)
             || self.velocity[2].is_some_and(|v| v < -0.1)
     }

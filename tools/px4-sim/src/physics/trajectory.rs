@@ -1,16 +1,60 @@
-//! The path that a multicopter is asked to follow: limited in speed, acceleration and jerk, along
-//! the line between two waypoints and round the corner to the next one.
+//! What the navigator requests of an airframe, and the path that a multicopter makes of it: limited in speed,
+//! acceleration and jerk, along the line between two waypoints and round the corner to the next one.
 //!
 //! The rules are PX4's position smoothing: the speed toward a waypoint is what still lets it brake
 //! or turn there; a vehicle that has not taken its waypoint steers to a point ahead on the leg's
 //! line, and that line has no end. Nothing tests whether a waypoint has been passed, so that a
 //! small acceptance radius can be missed and the line followed for good.
 
-use super::geo::Ned;
+use super::motion::Ned;
+
+/// Where to go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Guidance {
+    /// Motors off or idling on the ground.
+    Ground,
+    /// Along a leg.
+    Leg(Leg),
+    /// Along a leg that starts at the ground: slowly at first.
+    Climb(Leg),
+    /// Over the leg's target, coming down until the ground is there.
+    Land(Leg),
+    /// By a velocity, a position or both on each axis; an axis with neither stops.
+    Steer {
+        /// Local position, m.
+        position: [Option<f64>; 3],
+        /// Velocity, m/s.
+        velocity: [Option<f64>; 3],
+    },
+    /// Round a centre.
+    Circle {
+        /// Centre in the local frame.
+        centre: Ned,
+        /// Radius, m; positive is clockwise from above.
+        radius: f64,
+        /// Speed over ground, m/s.
+        speed: f64,
+        /// Height to keep, as local down.
+        altitude_d: f64,
+    },
+}
+
+/// Where to look.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Heading {
+    /// As now.
+    Hold,
+    /// Toward the waypoint, or the centre of a circle.
+    Along,
+    /// A heading, radians.
+    To(f64),
+    /// A turn rate, rad/s.
+    Rate(f64),
+}
 
 /// Limits, from the parameters named.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Limits {
+pub(crate) struct Limits {
     /// MPC_ACC_HOR, m/s2.
     pub acc_hor: f64,
     /// MPC_JERK_AUTO, m/s3.
@@ -37,7 +81,7 @@ pub(super) struct Limits {
 
 /// One leg of a flight in the local frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Leg {
+pub(crate) struct Leg {
     /// Where the leg's line comes from.
     pub from: Ned,
     /// Where it goes.
@@ -52,7 +96,7 @@ pub(super) struct Leg {
 
 impl Leg {
     /// A flight straight to `target`, to stay there.
-    pub(super) fn to(target: Ned, acceptance: f64, speed: f64) -> Self {
+    pub(crate) fn to(target: Ned, acceptance: f64, speed: f64) -> Self {
         Self {
             from: target,
             target,
@@ -69,7 +113,7 @@ impl Leg {
 
 /// The smoothed path: where the vehicle should be now.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Trajectory {
+pub(crate) struct Trajectory {
     /// Position, m.
     pub position: Ned,
     /// Velocity, m/s.
@@ -81,7 +125,7 @@ pub(super) struct Trajectory {
 
 impl Trajectory {
     /// Starts anew at a position and velocity, with no acceleration.
-    pub(super) fn reset(&mut self, position: Ned, velocity: Ned) {
+    pub(crate) fn reset(&mut self, position: Ned, velocity: Ned) {
         *self = Self {
             position,
             velocity,
@@ -91,13 +135,13 @@ impl Trajectory {
     }
 
     /// Follows a leg for `dt` seconds; `vehicle` is where the vehicle really is.
-    pub(super) fn follow(&mut self, dt: f64, leg: &Leg, vehicle: Ned, limits: &Limits) {
+    pub(crate) fn follow(&mut self, dt: f64, leg: &Leg, vehicle: Ned, limits: &Limits) {
         let wanted = self.velocity_along(leg, limits);
         self.advance(dt, wanted, vehicle, limits);
     }
 
     /// Follows a leg horizontally and comes down at `sink`, m/s.
-    pub(super) fn follow_and_sink(
+    pub(crate) fn follow_and_sink(
         &mut self,
         dt: f64,
         leg: &Leg,
@@ -113,7 +157,7 @@ impl Trajectory {
     }
 
     /// Goes at a velocity for `dt` seconds.
-    pub(super) fn advance(&mut self, dt: f64, wanted: Ned, vehicle: Ned, limits: &Limits) {
+    pub(crate) fn advance(&mut self, dt: f64, wanted: Ned, vehicle: Ned, limits: &Limits) {
         let lead = self.position - vehicle;
         let ahead = lead.n * self.velocity.n + lead.e * self.velocity.e >= 0.0;
         let dt_xy = dt
@@ -282,7 +326,7 @@ fn corner_speed(angle: f64, acc: f64, radius: f64) -> f64 {
 
 /// Highest speed from which `distance` is enough to come down to `arrival`, the time to build up
 /// the deceleration counted.
-pub(super) fn braking_speed(jerk: f64, acc: f64, distance: f64, arrival: f64) -> f64 {
+pub(crate) fn braking_speed(jerk: f64, acc: f64, distance: f64, arrival: f64) -> f64 {
     let b = 4.0 * acc * acc / jerk;
     let c = -2.0 * acc * distance - arrival * arrival;
     (0.5 * (-b + (b * b - 4.0 * c).sqrt())).max(arrival)
@@ -292,7 +336,7 @@ pub(super) fn braking_speed(jerk: f64, acc: f64, distance: f64, arrival: f64) ->
 mod tests {
     use super::*;
 
-    pub(super) const SITL: Limits = Limits {
+    pub(crate) const SITL: Limits = Limits {
         acc_hor: 3.0,
         jerk: 4.0,
         corner_gain: 0.5,

@@ -1,11 +1,11 @@
 //! Arming, the mode that is flown as against the mode that was asked for, and the failsafes.
 
-use super::mode::Mode;
-use super::params::{Param, Params};
-use super::view::Note;
+use crate::config::{Param, Params};
+use crate::flight::mode::Mode;
+use crate::flight::view::Note;
 
 /// Seconds after boot at which things come to life, as PX4's simulator has them.
-pub(super) mod boot {
+pub(crate) mod boot {
     /// First HEARTBEAT.
     pub(crate) const FIRST_HEARTBEAT: f64 = 1.95;
     /// "no heading reference" is said.
@@ -18,7 +18,7 @@ pub(super) mod boot {
 
 /// The facts that the commander decides on.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Facts<'a> {
+pub(crate) struct Facts<'a> {
     /// Time since boot, s.
     pub now: f64,
     /// On the ground.
@@ -48,7 +48,7 @@ struct Failsafe {
 
 /// The commander.
 #[derive(Debug, Clone)]
-pub(super) struct Commander {
+pub(crate) struct Commander {
     armed: bool,
     armed_at: f64,
     flown: bool,
@@ -66,7 +66,7 @@ pub(super) struct Commander {
 
 impl Commander {
     /// Disarmed, in hold, as PX4 boots.
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             armed: false,
             armed_at: 0.0,
@@ -85,32 +85,32 @@ impl Commander {
     }
 
     /// Motors enabled.
-    pub(super) fn is_armed(&self) -> bool {
+    pub(crate) fn is_armed(&self) -> bool {
         self.armed
     }
 
     /// When it was armed, seconds since boot.
-    pub(super) fn armed_at(&self) -> f64 {
+    pub(crate) fn armed_at(&self) -> f64 {
         self.armed_at
     }
 
     /// The mode that is flown: HEARTBEAT.custom_mode.
-    pub(super) fn mode(&self) -> Mode {
+    pub(crate) fn mode(&self) -> Mode {
         self.failsafe.map_or(self.intended, |f| f.mode)
     }
 
     /// The mode that was asked for: CURRENT_MODE.intended_custom_mode.
-    pub(super) fn intended(&self) -> Mode {
+    pub(crate) fn intended(&self) -> Mode {
         self.intended
     }
 
     /// A failsafe decides.
-    pub(super) fn in_failsafe(&self) -> bool {
+    pub(crate) fn in_failsafe(&self) -> bool {
         self.failsafe.is_some()
     }
 
     /// MANUAL_CONTROL has come.
-    pub(super) fn sticks(&mut self, now: f64) {
+    pub(crate) fn sticks(&mut self, now: f64) {
         self.sticks_at = Some(now);
         self.overridden[Cause::Sticks as usize] = false;
         if self.armed {
@@ -119,13 +119,13 @@ impl Commander {
     }
 
     /// A setpoint that OFFBOARD can fly has come.
-    pub(super) fn setpoint(&mut self, now: f64) {
+    pub(crate) fn setpoint(&mut self, now: f64) {
         self.setpoints_at = Some(now);
         self.overridden[Cause::Setpoints as usize] = false;
     }
 
     /// A ground station's HEARTBEAT has come.
-    pub(super) fn ground_station(&mut self, now: f64, notes: &mut Vec<Note>) {
+    pub(crate) fn ground_station(&mut self, now: f64, notes: &mut Vec<Note>) {
         if self.ground_station_lost {
             self.ground_station_lost = false;
             self.overridden[Cause::GroundStation as usize] = false;
@@ -145,7 +145,7 @@ impl Commander {
     }
 
     /// The estimator serves for flying.
-    pub(super) fn is_ready(facts: &Facts<'_>) -> bool {
+    pub(crate) fn is_ready(facts: &Facts<'_>) -> bool {
         facts.now >= boot::READY
     }
 
@@ -170,7 +170,7 @@ impl Commander {
     }
 
     /// HEARTBEAT.system_status on the ground: standby or uninitialised.
-    pub(super) fn can_arm(&self, facts: &Facts<'_>) -> bool {
+    pub(crate) fn can_arm(&self, facts: &Facts<'_>) -> bool {
         let mode = self.intended;
         !matches!(
             mode,
@@ -180,7 +180,7 @@ impl Commander {
 
     /// Asks for a mode. On the ground every mode is taken, flyable or not. In the air only one
     /// that can be flown; it ends a failsafe.
-    pub(super) fn request(&mut self, mode: Mode, force: bool, facts: &Facts<'_>) -> bool {
+    pub(crate) fn request(&mut self, mode: Mode, force: bool, facts: &Facts<'_>) -> bool {
         if self.armed && !force && !self.can_run(mode, facts) {
             return false;
         }
@@ -196,7 +196,7 @@ impl Commander {
     }
 
     /// The navigator hands over to another mode.
-    pub(super) fn hand_over(&mut self, mode: Mode) {
+    pub(crate) fn hand_over(&mut self, mode: Mode) {
         match &mut self.failsafe {
             Some(failsafe) => failsafe.mode = mode,
             None => self.intended = mode,
@@ -204,7 +204,7 @@ impl Commander {
     }
 
     /// Arms, or says why not.
-    pub(super) fn arm(&mut self, reason: &str, facts: &Facts<'_>, notes: &mut Vec<Note>) -> bool {
+    pub(crate) fn arm(&mut self, reason: &str, facts: &Facts<'_>, notes: &mut Vec<Note>) -> bool {
         if self.armed {
             return true;
         }
@@ -225,7 +225,7 @@ impl Commander {
     }
 
     /// Disarms; in the air only by force.
-    pub(super) fn disarm(
+    pub(crate) fn disarm(
         &mut self,
         reason: &str,
         force: bool,
@@ -249,7 +249,7 @@ impl Commander {
     }
 
     /// The land detector has changed its mind.
-    pub(super) fn landed(&mut self, landed: bool, now: f64, notes: &mut Vec<Note>) {
+    pub(crate) fn landed(&mut self, landed: bool, now: f64, notes: &mut Vec<Note>) {
         if landed {
             self.landed_at = Some(now);
             notes.push(Note::Info("Landing detected\t".into()));
@@ -261,7 +261,7 @@ impl Commander {
     }
 
     /// One step: time-outs and failsafes.
-    pub(super) fn step(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
+    pub(crate) fn step(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
         if !self.preflight_text_said && facts.now >= boot::PREFLIGHT_TEXT {
             self.preflight_text_said = true;
             notes.push(Note::Critical(

@@ -1,30 +1,20 @@
 //! Commands: what each does, and what is answered.
 
-use mavlink::dialects::development::{MESSAGE_INTERVAL_DATA, MavMessage};
+use mavlink::dialects::development::{MESSAGE_INTERVAL_DATA, MavMessage, MavSeverity};
 use mavlink::{MavlinkVersion, Message as _};
 
-use super::command::Command;
-use super::config::Airframe;
-use super::mode::{Mode, UnknownMode};
-use super::operator::REQUEST;
-use super::services::mission_rules::{Airframe as ParamUse, first_unused_param_set};
-use super::streams::id;
-use super::vehicle::{Outgoing, Vehicle};
-
-/// COMMAND_ACK.result, as far as PX4 gives it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Answer {
-    Accepted = 0,
-    TemporarilyRejected = 1,
-    Denied = 2,
-    Unsupported = 3,
-    Failed = 4,
-    NotInControl = 10,
-}
+use super::command::{Answer, Command, REQUEST_OPERATOR_CONTROL};
+use super::state::{Outgoing, Vehicle};
+use crate::config::Airframe;
+use crate::flight::mode::{Mode, UnknownMode};
+use crate::flight::navigator::{Orbit, Reposition};
+use crate::physics::motion::{Geodetic, Ned};
+use crate::services::mission_rules::{Airframe as ParamUse, first_unused_param_set};
+use crate::services::streams::id;
 
 impl Vehicle {
     /// Takes a command in. Only so many wait; when one more comes, the oldest is lost, silently.
-    pub(super) fn queue_command(&mut self, command: Command) {
+    pub(crate) fn queue_command(&mut self, command: Command) {
         let own = self.node();
         let system = command.target.system == 0 || command.target.system == own.system;
         let component = command.target.component == 0 || command.target.component == own.component;
@@ -40,10 +30,10 @@ impl Vehicle {
         self.commands.push_back(command);
     }
 
-    pub(super) fn execute(&mut self, command: &Command) {
+    pub(crate) fn execute(&mut self, command: &Command) {
         let answer = if command.garbled || self.sets_unused(command) {
             Some(Answer::Denied)
-        } else if let Some(refused) = self.refuse_stranger(command) {
+        } else if let Some(refused) = self.operator.refuse(command) {
             Some(refused)
         } else {
             self.carry_out(command)
@@ -133,7 +123,11 @@ impl Vehicle {
                 }
             }
             512 => self.request_message((c.param(1).round()).clamp(0.0, 1e7) as u32, c),
-            REQUEST => self.request_operator_control(c),
+            REQUEST_OPERATOR_CONTROL => {
+                let (answer, forwarded) = self.operator.request(c, self.now());
+                forwarded.into_iter().for_each(|message| self.send(message));
+                answer
+            }
             // Nobody is there to answer: no gimbal, no camera.
             203 | 205 | 1000 | 1001 => return None,
             _ => Answer::Unsupported,
@@ -141,7 +135,7 @@ impl Vehicle {
     }
 
     /// Asks the commander for a mode; `said` is the text on success.
-    pub(super) fn switch(&mut self, mode: Mode, said: Option<&str>) -> Answer {
+    pub(crate) fn switch(&mut self, mode: Mode, said: Option<&str>) -> Answer {
         if self.request(mode, false) {
             if let Some(text) = said {
                 self.info(text);
@@ -156,7 +150,7 @@ impl Vehicle {
         }
     }
 
-    pub(super) fn request(&mut self, mode: Mode, force: bool) -> bool {
+    pub(crate) fn request(&mut self, mode: Mode, force: bool) -> bool {
         let mut commander = std::mem::take(&mut self.commander);
         let taken = commander.request(mode, force, &self.facts());
         self.commander = commander;
@@ -164,10 +158,8 @@ impl Vehicle {
     }
 
     fn info(&mut self, text: &str) {
-        self.texts.say(
-            mavlink::dialects::development::MavSeverity::MAV_SEVERITY_INFO,
-            format!("{text}\t"),
-        );
+        self.texts
+            .say(MavSeverity::MAV_SEVERITY_INFO, format!("{text}\t"));
     }
 
     fn force_land(&mut self) -> Answer {
@@ -331,6 +323,150 @@ impl Vehicle {
                 None => Answer::Denied,
             },
         }
+    }
+
+    pub(crate) fn reposition(&mut self, c: &Command) -> Answer {
+        let change_mode = c.param(2) as i64 & 1 == 1;
+        let holding = self.commander.mode() == Mode::Loiter;
+        let answer = if change_mode {
+            self.switch(Mode::Loiter, None)
+        } else if holding {
+            Answer::Accepted
+        } else {
+            Answer::Denied
+        };
+        // Disarmed, the place is not kept: a later switch to hold must not fly there.
+        if answer == Answer::Accepted && self.commander.is_armed() {
+            let target = self.local_target_of(c);
+            let wish = Reposition {
+                target,
+                yaw: c.param(4),
+                speed: c.given(1).filter(|s| *s > 0.0),
+                radius: c.given(3).filter(|r| r.abs() > 1e-6),
+            };
+            self.navigate(|nav, view| nav.set_reposition(wish, view));
+        }
+        answer
+    }
+
+    pub(crate) fn change_altitude(&mut self, c: &Command) -> Answer {
+        if self.commander.mode() != Mode::Loiter {
+            return Answer::TemporarilyRejected;
+        }
+        if self.commander.is_armed() {
+            let d = self.frame.origin().altitude_m - c.param(1);
+            let target = Ned::new(f64::NAN, f64::NAN, d);
+            let wish = Reposition {
+                target,
+                yaw: f64::NAN,
+                speed: None,
+                radius: None,
+            };
+            self.navigate(|nav, view| nav.set_reposition(wish, view));
+        }
+        Answer::Accepted
+    }
+
+    pub(crate) fn orbit(&mut self, c: &Command) -> Answer {
+        if self.config.airframe == Airframe::Plane {
+            let wish = Reposition {
+                target: self.local_target_of(c),
+                yaw: f64::NAN,
+                speed: None,
+                radius: c.given(1),
+            };
+            if !self.request(Mode::Loiter, false) {
+                self.critical("Orbit command rejected");
+                return Answer::TemporarilyRejected;
+            }
+            if self.commander.is_armed() {
+                self.navigate(|nav, view| nav.set_reposition(wish, view));
+            }
+            return Answer::Accepted;
+        }
+        if !self.request(Mode::Orbit, false) {
+            self.texts
+                .say(MavSeverity::MAV_SEVERITY_CRITICAL, "Orbit command rejected");
+            return Answer::TemporarilyRejected;
+        }
+        let target = self.local_target_of(c);
+        let here = self.believed();
+        let or = |v: f64, other: f64| if v.is_finite() { v } else { other };
+        let radius = c.given(1).unwrap_or(1.0);
+        if !(1.0..=1000.0).contains(&radius.abs()) {
+            self.critical("Orbit radius limit exceeded");
+            return Answer::Accepted;
+        }
+        // No more than 2 m/s2 toward the centre.
+        let speed = c
+            .given(2)
+            .unwrap_or(1.0)
+            .abs()
+            .min((2.0 * radius.abs()).sqrt());
+        self.navigator.set_orbit(Orbit {
+            centre: Ned::new(
+                or(target.n, here.n),
+                or(target.e, here.e),
+                or(target.d, here.d),
+            ),
+            radius: if c.given(2).unwrap_or(1.0) < 0.0 {
+                -radius
+            } else {
+                radius
+            },
+            speed,
+        });
+        Answer::Accepted
+    }
+
+    /// param5 to param7 in the local frame, NaN where not given. The altitude is AMSL, whatever
+    /// frame a COMMAND_INT names.
+    pub(crate) fn local_target_of(&self, c: &Command) -> Ned {
+        let d = self.frame.origin().altitude_m - c.param(7);
+        match (c.given(5), c.given(6)) {
+            (Some(latitude_deg), Some(longitude_deg)) => {
+                let at = self.frame.to_local(Geodetic {
+                    latitude_deg,
+                    longitude_deg,
+                    altitude_m: 0.0,
+                });
+                Ned { d, ..at }
+            }
+            _ => Ned::new(f64::NAN, f64::NAN, d),
+        }
+    }
+
+    pub(crate) fn change_speed(&mut self, c: &Command) -> Answer {
+        let speed = c.given(2).filter(|s| *s > 0.0);
+        self.navigator.set_speed(speed);
+        Answer::Accepted
+    }
+
+    pub(crate) fn set_home_here(&mut self, c: &Command) -> Answer {
+        if c.param(1) > 0.5 {
+            self.set_home();
+            return Answer::Accepted;
+        }
+        match (c.given(5), c.given(6), c.given(7)) {
+            (Some(latitude_deg), Some(longitude_deg), Some(altitude_m)) => {
+                self.set_home();
+                self.home = Some(self.frame.to_local(Geodetic {
+                    latitude_deg,
+                    longitude_deg,
+                    altitude_m,
+                }));
+                Answer::Accepted
+            }
+            _ => Answer::Denied,
+        }
+    }
+
+    pub(crate) fn terminate(&mut self, c: &Command) -> Answer {
+        if c.param(1) > 0.5 && self.commander.is_armed() {
+            self.request(Mode::Termination, true);
+            return Answer::Accepted;
+        }
+        Answer::Denied
     }
 }
 

@@ -1,0 +1,19 @@
+//! PX4's flight stack: which mode is flown, and where the vehicle goes in it.
+//!
+//! - [`mode`]: PX4's modes with their names and numbers.
+//! - [`view`]: what the navigator knows of the vehicle, and the notes that it leaves for it.
+//! - [`commander`]: arming, the mode that is flown as against the mode that was requested, failsafes.
+//! - [`items`]: what the items of an uploaded plan mean in the local frame; the geofence.
+//! - [`mission`]: which item is current, where it leads, when it is done.
+//! - [`navigator`]: the modes in which the vehicle finds its own way.
+//! - [`steering`]: sticks and OFFBOARD setpoints.
+//!
+//! Nothing here sends a message: texts and mode changes leave as notes, which the vehicle delivers.
+
+pub(crate) mod commander;
+pub(crate) mod items;
+pub(crate) mod mission;
+pub(crate) mod mode;
+pub(crate) mod navigator;
+pub(crate) mod steering;
+pub(crate) mod view;

@@ -1,0 +1,92 @@
+//! The two kinds of key file.
+//!
+//! `--key-file` is this project's own: 32 bytes in hex, readable by its owner alone. `--signing-file` is PX4's
+//! `mavlink/mavlink-signing-key.bin`: 32 bytes of key and the first timestamp as u64 little-endian.
+
+use std::fs::OpenOptions;
+use std::io::{self, Write as _};
+use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
+use std::path::{Path, PathBuf};
+
+use mavlink_link::signing::SigningKey;
+use thiserror::Error;
+
+use crate::link::signing::Signing;
+
+/// Why a key file cannot be used.
+#[derive(Debug, Error)]
+#[error("key file {}: {reason}", path.display())]
+pub struct KeyFileError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it, and what to do.
+    pub reason: String,
+}
+
+/// Reads a key file: 32 bytes in hex, a trailing newline is allowed.
+///
+/// # Errors
+/// The file cannot be read, others may read or write it, or it holds no key.
+pub fn read_key_file(path: &Path) -> Result<SigningKey, KeyFileError> {
+    let fault = |reason: String| KeyFileError {
+        path: path.to_owned(),
+        reason,
+    };
+    let unreadable = |cause: io::Error| match cause.kind() {
+        io::ErrorKind::NotFound => {
+            let create = format!("create one with `vsm keygen {}`", path.display());
+            fault(format!("no such file; {create}"))
+        }
+        _ => fault(cause.to_string()),
+    };
+    let metadata = std::fs::metadata(path).map_err(unreadable)?;
+    let mode = metadata.permissions().mode() & 0o7777;
+    if mode & 0o077 != 0 {
+        return Err(fault(format!(
+            "mode {mode:04o} lets other users in; expected 0600"
+        )));
+    }
+    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    SigningKey::from_hex(text.trim_end()).map_err(|cause| fault(cause.to_string()))
+}
+
+/// Key and timestamp as PX4 finds them when it starts; signing is off where the file is missing, short or zero.
+///
+/// # Errors
+/// The file exists and cannot be read.
+pub(crate) fn read_px4_key(path: &Path) -> io::Result<Signing> {
+    let bytes = match std::fs::read(path) {
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(Signing::off()),
+        read => read?,
+    };
+    let (Some(key), Some(stamp)) = (bytes.first_chunk::<32>(), bytes.last_chunk::<8>()) else {
+        return Ok(Signing::off());
+    };
+    if bytes.len() != PX4_LEN || (key == &[0; 32] && stamp == &[0; 8]) {
+        return Ok(Signing::off());
+    }
+    let key = SigningKey::new_allowing_zero(*key);
+    Ok(Signing::with_key(key, u64::from_le_bytes(*stamp)))
+}
+
+/// Writes the key in force as the real PX4 does: truncated in place and not synchronised, so that a power cut leaves
+/// an empty file, which is no key. The bridge must be able to recover from that; a careful write would hide it.
+///
+/// # Errors
+/// The file cannot be written.
+pub(crate) fn write_px4_key(path: &Path, signing: &Signing) -> io::Result<()> {
+    let mut bytes = [0; PX4_LEN];
+    if let Some(key) = signing.key() {
+        bytes[..32].copy_from_slice(key.expose());
+        bytes[32..].copy_from_slice(&signing.stored_stamp().to_le_bytes());
+    }
+    OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(true)
+        .mode(0o600)
+        .open(path)?
+        .write_all(&bytes)
+}
+
+const PX4_LEN: usize = 40;

@@ -1,0 +1,5 @@
+//! The vehicle as its links see it: [`signing`] judges frames as PX4 v1.18 does, [`autopilot`] frames, signs and
+//! delivers them.
+
+pub(crate) mod autopilot;
+pub(crate) mod signing;

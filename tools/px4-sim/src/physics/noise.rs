@@ -1,0 +1,92 @@
+//! Noise: what makes the vehicle's belief differ from the truth, and its flight from the planned path.
+//!
+//! Everything random in a vehicle comes from generators seeded by [`Config::seed`](crate::Config::seed), one for each
+//! part, so that the same settings give the same flight to the last bit.
+
+use fastrand::Rng;
+
+use super::motion::Ned;
+
+/// A seeded source of normally distributed numbers.
+#[derive(Debug, Clone)]
+pub(crate) struct Noise(Rng);
+
+impl Noise {
+    /// Starts at `seed`.
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(Rng::with_seed(seed))
+    }
+
+    /// Close to normal, standard deviation one: the sum of twelve uniforms, so at most six. The tails of a true normal
+    /// distribution would now and then give a gust that no test bound allows for.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.0.f64()).sum::<f64>() - 6.0
+    }
+}
+
+/// Noise with a memory: first-order Gauss-Markov.
+#[derive(Debug, Clone)]
+pub(crate) struct Drift {
+    value: f64,
+    sigma: f64,
+    tau_s: f64,
+}
+
+impl Drift {
+    /// Zero now; wanders with deviation `sigma` and correlation time `tau_s`.
+    pub(crate) fn new(sigma: f64, tau_s: f64) -> Self {
+        Self {
+            value: 0.0,
+            sigma,
+            tau_s,
+        }
+    }
+
+    /// Steps by `dt_s` and gives the new value.
+    pub(crate) fn step(&mut self, dt_s: f64, noise: &mut Noise) -> f64 {
+        let keep = (-dt_s / self.tau_s).exp();
+        self.value = self.value * keep + noise.normal() * self.sigma * (1.0 - keep * keep).sqrt();
+        self.value
+    }
+}
+
+/// What the vehicle believes of its position: the truth, and errors that wander slowly.
+#[derive(Debug, Clone)]
+pub(crate) struct Estimator {
+    position: [Drift; 3],
+    gnss: [Drift; 3],
+    noise: Noise,
+}
+
+impl Estimator {
+    /// Errors as a GNSS and inertial solution has them: decimetres, over tens of seconds.
+    pub(crate) fn new(seed: u64) -> Self {
+        let drifts = |all: [(f64, f64); 3]| all.map(|(sigma, tau_s)| Drift::new(sigma, tau_s));
+        Self {
+            position: drifts([(0.08, 20.0), (0.08, 20.0), (0.05, 15.0)]),
+            gnss: drifts([(0.25, 5.0), (0.25, 5.0), (0.4, 8.0)]),
+            noise: Noise::new(seed ^ 0xE5F1),
+        }
+    }
+
+    /// One step.
+    pub(crate) fn step(&mut self, dt: f64) {
+        for drift in self.position.iter_mut().chain(&mut self.gnss) {
+            drift.step(dt, &mut self.noise);
+        }
+    }
+
+    /// Believed position less true position.
+    pub(crate) fn position_error(&self) -> Ned {
+        error(&self.position)
+    }
+
+    /// Error of the raw GNSS fix.
+    pub(crate) fn gnss_error(&self) -> Ned {
+        error(&self.gnss)
+    }
+}
+
+fn error([n, e, d]: &[Drift; 3]) -> Ned {
+    Ned::new(n.value, e.value, d.value)
+}

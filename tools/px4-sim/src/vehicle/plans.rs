@@ -1,0 +1,109 @@
+//! Plans and parameters as they are uploaded: what the servers of MAVLink's services store takes effect here.
+
+use mavlink::dialects::development::{MavMissionType, MavSeverity};
+
+use super::state::Vehicle;
+use crate::flight::items::Fence;
+use crate::flight::mode::Mode;
+use crate::physics::airframe::Tuning;
+use crate::services::mission::ServerEvent;
+use crate::services::param;
+
+impl Vehicle {
+    pub(crate) fn serve(&mut self) {
+        let now = self.now_duration();
+        if self.missions.poll_timeout().is_some_and(|at| at <= now) {
+            self.missions.handle_timeout(now);
+        }
+        if !self.plan_checked && self.home.is_some() {
+            self.plan_checked = true;
+            self.check_plan();
+        }
+        let current =
+            (self.navigator.mission.count() > 0).then(|| self.navigator.mission.index() as u16);
+        self.missions.set_current(current);
+        self.drain_services();
+        if self
+            .param_service
+            .poll_timeout()
+            .is_some_and(|at| at <= now)
+        {
+            self.param_service.handle_timeout(now);
+        }
+    }
+
+    /// Takes what the mission server has to send and to say.
+    pub(crate) fn drain_services(&mut self) {
+        while let Some(message) = self.missions.poll_transmit() {
+            self.send(message);
+        }
+        while let Some(event) = self.missions.poll_event() {
+            self.take_event(event);
+        }
+        while let Some(message) = self.param_service.poll_transmit() {
+            self.send(message);
+        }
+        while let Some(param::ServerEvent::Set { name, value }) = self.param_service.poll_event() {
+            self.params.store(name, value);
+            self.tuning = Tuning::read(self.config.airframe, &self.params);
+        }
+    }
+
+    fn take_event(&mut self, event: ServerEvent) {
+        let active = self.commander.is_armed() && self.commander.mode() == Mode::Mission;
+        match event {
+            ServerEvent::Text(text) => self.texts.say(MavSeverity::MAV_SEVERITY_CRITICAL, text),
+            ServerEvent::CurrentSet(seq) => {
+                let (_, notes) =
+                    self.navigate(|nav, view| nav.mission.select(usize::from(seq), active, view));
+                self.take_notes(notes);
+            }
+            ServerEvent::Stored {
+                kind: MavMissionType::MAV_MISSION_TYPE_MISSION,
+                start,
+                ..
+            } => {
+                self.counters.plans_stored += 1;
+                let items = self
+                    .missions
+                    .items(MavMissionType::MAV_MISSION_TYPE_MISSION)
+                    .to_vec();
+                let start = start.map(usize::from);
+                let notes =
+                    self.navigate(|nav, view| nav.mission.replace(items, start, active, view));
+                self.reached = None;
+                self.plan_checked = false;
+                self.take_notes(notes);
+            }
+            ServerEvent::Stored { kind, .. } => {
+                self.counters.plans_stored += 1;
+                if kind == MavMissionType::MAV_MISSION_TYPE_FENCE {
+                    self.fence = Fence::new(self.missions.items(kind), &self.frame);
+                    self.plan_checked = false;
+                }
+            }
+        }
+    }
+
+    /// What little PX4 checks of a plan, once it has a home.
+    fn check_plan(&mut self) {
+        let fence = self.fence.clone();
+        let notes = self.navigate(|nav, view| {
+            let mut notes = Vec::new();
+            nav.mission.check(view, &mut notes);
+            let outside = nav
+                .mission
+                .places(view)
+                .find(|(_, at)| !fence.allows(*at))
+                .map(|(i, _)| i);
+            if let Some(index) = outside {
+                notes.push(
+                    nav.mission
+                        .reject(format!("Geofence violation for waypoint {}\t", index + 1)),
+                );
+            }
+            notes
+        });
+        self.take_notes(notes);
+    }
+}
