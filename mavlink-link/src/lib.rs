@@ -11,12 +11,10 @@
 
 #![forbid(unsafe_code)]
 
-pub mod clock;
 pub mod exchange;
 pub mod frame;
 pub mod link;
 pub mod provisioning;
-pub mod receiver;
 pub mod service;
 pub mod signing;
 mod time;
@@ -24,4 +22,8 @@ pub mod tlog;
 
 pub use mavlink::dialects::development as dialect;
 
+#[doc(inline)]
+pub use self::link::receiver;
+#[doc(inline)]
+pub use self::signing::clock;
 pub use self::time::Now;

@@ -1,4 +1,4 @@
-//! Who talks: static keys, their fingerprints, and the ids that both ends must agree about.
+//! Static keys and their fingerprints, and the caller's random bytes.
 
 use core::fmt;
 
@@ -7,8 +7,6 @@ use subtle::ConstantTimeEq as _;
 use thiserror::Error;
 use x25519_dalek::StaticSecret;
 use zeroize::Zeroizing;
-
-use super::message::{Node, Suite};
 
 /// Random bytes from the caller: this crate has no source of its own.
 pub trait Random {
@@ -130,73 +128,3 @@ impl fmt::Display for Fingerprint {
         Ok(())
     }
 }
-
-/// What both ends must hold the same, or nothing decrypts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Parties {
-    /// The ground side, which begins.
-    pub initiator: Node,
-    /// The air side, which answers.
-    pub responder: Node,
-    /// The VSM's DLI identification number.
-    pub vsm_id: u32,
-    /// The vehicle's DLI identification number.
-    pub vehicle_id: u32,
-    /// SHA-256 of the canonical policy text, [`policy_digest`].
-    pub policy: [u8; 32],
-}
-
-impl Parties {
-    /// Both ends under the policy of this version, [`POLICY`].
-    #[must_use]
-    pub fn new(initiator: Node, responder: Node, vsm_id: u32, vehicle_id: u32) -> Self {
-        Self {
-            initiator,
-            responder,
-            vsm_id,
-            vehicle_id,
-            policy: policy_digest(POLICY),
-        }
-    }
-
-    /// Both ends' system and component ids, then VSM and vehicle id, big-endian.
-    pub(super) fn ids(&self) -> [u8; 12] {
-        let mut ids = [0; 12];
-        ids[0] = self.initiator.system;
-        ids[1] = self.initiator.component;
-        ids[2] = self.responder.system;
-        ids[3] = self.responder.component;
-        ids[4..8].copy_from_slice(&self.vsm_id.to_be_bytes());
-        ids[8..].copy_from_slice(&self.vehicle_id.to_be_bytes());
-        ids
-    }
-
-    /// The Noise prologue of one session.
-    pub(super) fn prologue(&self, suite: Suite, session: u32) -> [u8; PROLOGUE] {
-        let mut prologue = [0; PROLOGUE];
-        let (label, rest) = prologue.split_at_mut(LABEL.len());
-        label.copy_from_slice(LABEL);
-        // rest[0] is the zero that ends the label.
-        rest[1] = suite.to_wire();
-        rest[2..14].copy_from_slice(&self.ids());
-        rest[14..18].copy_from_slice(&session.to_le_bytes());
-        rest[18..].copy_from_slice(&self.policy);
-        prologue
-    }
-}
-
-/// SHA-256 of a policy text, as both ends must have it.
-#[must_use]
-pub fn policy_digest(text: &str) -> [u8; 32] {
-    Sha256::digest(text.as_bytes()).into()
-}
-
-/// The canonical policy text of this version: what a key that comes out of an exchange is for. Two programs that would
-/// use it differently never agree about one.
-pub const POLICY: &str = "vsm policy 1\n\
-    signing: MAVLink 2, required in both directions\n\
-    unsigned: RADIO_STATUS, KEY_EXCHANGE\n\
-    provisioning: air-side agent, disarmed\n";
-
-const LABEL: &[u8] = b"vsm-key-agreement/1";
-const PROLOGUE: usize = LABEL.len() + 2 + 12 + 4 + 32;

@@ -7,10 +7,10 @@ use hmac::{Hmac, KeyInit as _, Mac as _};
 use sha2::Sha256;
 use zeroize::{Zeroize as _, Zeroizing};
 
-use super::facts::Wanted;
-use super::identity::{Parties, PublicKey};
+use super::identity::PublicKey;
 use super::message::Status;
 use super::noise::Finished;
+use super::terms::Terms;
 use crate::signing::SigningKey;
 
 /// A key that both ends hold once the exchange is through.
@@ -50,17 +50,6 @@ pub(super) struct Confirmation {
     responder: Zeroizing<[u8; 32]>,
     hash: [u8; 32],
     session: u32,
-}
-
-/// What is agreed about beside the secrets.
-pub(super) struct Terms<'a> {
-    pub(super) parties: &'a Parties,
-    pub(super) session: u32,
-    /// What both ends want.
-    pub(super) wanted: [Wanted; 2],
-    /// The epochs that both ends have stored.
-    pub(super) epochs: [u32; 2],
-    pub(super) peer: PublicKey,
 }
 
 /// Derives all keys; `None` where the signing key would be all zero, or the epochs are used up.

@@ -7,10 +7,10 @@
 use core::fmt;
 use core::time::Duration;
 
-use super::Ignored;
 use super::identity::{Identity, PublicKey};
-use super::message::{MAX_MESSAGE, Message, Node, Received};
-use super::stats::ExchangeStats;
+use super::message::{MAX_MESSAGE, Message, Received};
+use super::stats::{ExchangeStats, Ignored};
+use crate::frame::Node;
 use crate::signing::SigningKey;
 
 /// One end of the bare exchange; both are the same.

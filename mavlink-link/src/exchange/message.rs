@@ -9,6 +9,7 @@ use subtle::ConstantTimeEq as _;
 use thiserror::Error;
 
 use super::identity::PublicKey;
+use crate::frame::Node;
 
 /// The longest payload of KEY_EXCHANGE, bytes.
 pub const MAX_MESSAGE: usize = 203;
@@ -16,15 +17,6 @@ pub const MAX_MESSAGE: usize = 203;
 pub const MAX_DATA: usize = 160;
 /// The version of the exchange that is spoken here.
 pub const VERSION: u8 = 1;
-
-/// The sender's or receiver's MAVLink system and component.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Node {
-    /// System id, 1 to 255.
-    pub system: u8,
-    /// Component id, 1 to 255.
-    pub component: u8,
-}
 
 /// What was received: an exchange of this version, or the bare public key of old.
 #[derive(Debug, Clone, PartialEq, Eq)]

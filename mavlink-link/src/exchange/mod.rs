@@ -80,7 +80,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod facts;
 mod identity;
 mod initiator;
 mod keys;
@@ -91,17 +90,14 @@ mod pairing;
 mod responder;
 mod stats;
 mod store;
+mod terms;
 
-pub use self::facts::{VehicleState, Wanted};
-pub use self::identity::{
-    Fingerprint, Identity, NoRandom, POLICY, Parties, PublicKey, Random, policy_digest,
-};
+pub use self::identity::{Fingerprint, Identity, NoRandom, PublicKey, Random};
 pub use self::initiator::{Initiator, InitiatorConfig, InitiatorEvent, Trust};
 pub use self::keys::{Agreed, ConfidentialKeys};
 pub use self::legacy::Legacy;
 pub use self::message::{
-    Data, MAX_DATA, MAX_MESSAGE, Message, MessageError, Node, Received, Status, Step, Suite,
-    VERSION,
+    Data, MAX_DATA, MAX_MESSAGE, Message, MessageError, Received, Status, Step, Suite, VERSION,
 };
 pub use self::pairing::{CodeError, PairingCode};
 pub use self::responder::{
@@ -112,3 +108,5 @@ pub use self::store::{
     InitiatorMemory, InitiatorStore, PinnedPeer, ResponderMemory, ResponderStore, StagedKey,
     StoreError,
 };
+pub use self::terms::{POLICY, Parties, VehicleState, Wanted, policy_digest};
+pub use crate::frame::Node;

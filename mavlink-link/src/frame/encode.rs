@@ -3,7 +3,9 @@
 use mavlink::{MavlinkVersion, Message as _};
 use thiserror::Error;
 
-use super::{CRC_LEN, HEADER_LEN, Header, MAX_FRAME, MAX_PAYLOAD, STX, checksum, crc_extra};
+use super::layout::{
+    CRC_LEN, HEADER_LEN, Header, MAX_FRAME, MAX_PAYLOAD, STX, checksum, crc_extra,
+};
 use crate::dialect::MavMessage;
 
 /// Writes `msg` as an unsigned frame and returns its length.

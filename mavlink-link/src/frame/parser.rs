@@ -3,7 +3,8 @@
 //! Promised: at most one frame's worth of bytes is kept between calls; after noise, a bad checksum or
 //! a refused frame the search goes on one byte later, so that a good frame behind it is never lost.
 
-use super::{FrameError, FrameView, MAX_FRAME, STX, STX_V1, Verdict, examine};
+use super::layout::{MAX_FRAME, STX, STX_V1};
+use super::view::{FrameError, FrameView, Verdict, examine};
 
 /// Finds frames in a stream of bytes.
 #[derive(Debug)]

@@ -1,8 +1,8 @@
 //! What one link needs to know of itself and of its vehicle.
 
 use super::peer::Endpoint;
+use super::receiver::AllowedStreams;
 use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
-use crate::receiver::AllowedStreams;
 
 /// Whether frames must be signed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

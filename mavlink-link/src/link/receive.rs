@@ -2,14 +2,15 @@
 
 use core::time::Duration;
 
+use super::config::Security;
 use super::event::{Alert, Event, KeyExchangeFrame};
 use super::freshness::Age;
-use super::{Auth, Core, Hold, Link, Pin, Security};
+use super::machine::{Auth, Core, Link};
+use super::receiver::{AUTOPILOT, Expected, Refusal};
 use crate::Now;
 use crate::dialect::MavMessage;
+use crate::frame::Stamp;
 use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, Undecoded};
-use crate::receiver::{AUTOPILOT, Expected, Refusal};
-use crate::signing::Stamp;
 
 /// A frame handed on, each at most once.
 #[derive(Debug)]
@@ -111,7 +112,7 @@ impl<A: Copy + Eq> Core<A> {
         let expected = Expected {
             own_system: self.config.own_system,
             system: self.config.vehicle_system,
-            autopilot_link: self.pinned_link(now.mono),
+            autopilot_link: self.pin.expected(now.mono),
             only: self.config.only,
         };
         if !frame.is_signed() && frame.header().system_id != self.config.own_system {
@@ -148,7 +149,9 @@ impl<A: Copy + Eq> Core<A> {
         let header = frame.header();
         let age = self.heartbeats.age(stamp, now.mono);
         if let (AUTOPILOT, Some(signature)) = (header.component_id, frame.signature()) {
-            self.pin(signature.link_id, age, now.mono);
+            if self.pin.record(signature.link_id, age, now.mono) {
+                self.events.alert(Alert::LinkIdMoved, now.mono);
+            }
         }
         if let Some((before, to)) = self.peer.confirm(from, now.mono) {
             self.events.push(Event::PeerChanged { from: before, to });
@@ -165,6 +168,13 @@ impl<A: Copy + Eq> Core<A> {
         self.stats.delivered_verified += 1;
         self.stats.late += u64::from(age.is_late());
         self.hand_on(frame, Some(stamp), age, deliver);
+    }
+
+    fn may_move_pin(&self, mono: Duration, frame: &FrameView<'_>) -> bool {
+        frame.signature().is_some_and(|signature| {
+            let age = self.heartbeats.age(signature.stamp, mono);
+            self.pin.may_move(signature.link_id, age, mono)
+        })
     }
 
     fn refuse(&mut self, now: Now, from: A, frame: &FrameView<'_>, refusal: Refusal) -> Trust {
@@ -188,7 +198,7 @@ impl<A: Copy + Eq> Core<A> {
             Refusal::NotListed => stats.not_listed += 1,
             Refusal::UnexpectedLink => {
                 stats.unexpected_link += 1;
-                if self.pin.is_some_and(|pin| pin.hold != Hold::Configured) {
+                if self.pin.is_movable() {
                     // The vehicle may have come back with another link id: lifted, it can show that it lives.
                     self.fallen_back(now.mono, from);
                 }
@@ -366,68 +376,8 @@ impl<A: Copy + Eq> Core<A> {
             age,
         });
     }
-
-    /// The link id that the autopilot must use. One that is only assumed is let go after a silence.
-    fn pinned_link(&self, mono: Duration) -> Option<u8> {
-        let held = |pin: &Pin| match pin.hold {
-            Hold::Assumed(heard) => mono.saturating_sub(heard) <= ASSUMED_FOR,
-            Hold::Proven { .. } | Hold::Configured => true,
-        };
-        self.pin.filter(held).map(|pin| pin.link_id)
-    }
-
-    /// Whether a frame of the autopilot's, which uses another link id than it is known to use here, is one that
-    /// it can only have made just now. A recording of another link, played in first or in a silence, is not; one
-    /// that is carried over from there at once is, and so it must find a silence, and yields to whom it displaced.
-    fn may_move_pin(&self, mono: Duration, frame: &FrameView<'_>) -> bool {
-        let (Some(pin), Some(signature)) = (self.pin, frame.signature()) else {
-            return false;
-        };
-        let gives_way = match pin.hold {
-            Hold::Configured => false,
-            Hold::Assumed(_) => true,
-            Hold::Proven { heard, before } => {
-                before == Some(signature.link_id) || mono.saturating_sub(heard) >= PROVEN_FOR
-            }
-        };
-        gives_way && self.heartbeats.age(signature.stamp, mono).is_now()
-    }
-
-    fn pin(&mut self, link_id: u8, age: Age, mono: Duration) {
-        let same = self.pin.filter(|pin| pin.link_id == link_id);
-        if self.pin.is_some() && same.is_none() {
-            self.events.alert(Alert::LinkIdMoved, mono);
-        }
-        let hold = match (same.map(|pin| pin.hold), self.pin) {
-            (Some(Hold::Configured), _) => Hold::Configured,
-            (Some(Hold::Proven { before, .. }), _) => Hold::Proven {
-                heard: mono,
-                before,
-            },
-            _ if !age.is_now() => Hold::Assumed(mono),
-            (None, Some(displaced)) => Hold::Proven {
-                heard: mono,
-                before: match displaced.hold {
-                    // Whoever comes back is not displaced again at once.
-                    Hold::Proven { before, .. } if before != Some(link_id) => {
-                        Some(displaced.link_id)
-                    }
-                    _ => None,
-                },
-            },
-            _ => Hold::Proven {
-                heard: mono,
-                before: None,
-            },
-        };
-        self.pin = Some(Pin { link_id, hold });
-    }
 }
 
 const HEARTBEAT_ID: u32 = 0;
 /// How long the start of a frame waits for its end.
 const PARTIAL_FRAME_LIFE: Duration = Duration::from_millis(500);
-/// How long the autopilot must be silent before a link id that is only assumed may be another one.
-const ASSUMED_FOR: Duration = Duration::from_secs(5);
-/// How long it must be silent before one that is proven may be another one.
-const PROVEN_FOR: Duration = Duration::from_secs(1);

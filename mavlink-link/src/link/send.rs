@@ -3,14 +3,15 @@
 use mavlink::Message as _;
 use thiserror::Error;
 
+use super::config::Security;
 use super::event::Alert;
-use super::{Auth, Core, Link, Security};
+use super::machine::{Auth, Core, Link};
 use crate::Now;
-use crate::clock::{ClockError, WallState};
 use crate::dialect::MavMessage;
 use crate::frame::{
     EncodeError, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode, encode_raw,
 };
+use crate::signing::clock::{ClockError, WallState};
 use crate::signing::{SignError, Stamp, sign};
 
 /// A frame that stands ready in the caller's buffer.

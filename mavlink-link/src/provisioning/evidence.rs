@@ -2,13 +2,12 @@
 
 use core::time::Duration;
 
-use super::{Event, Handover, KeySlot, NewKey, Outcome, State};
+use super::rollover::{Event, KeyRollover, KeySlot, NewKey, Outcome, State};
 use crate::Now;
-use crate::clock::CeilingStore;
 use crate::dialect::{MavAutopilot, MavMessage, MavModeFlag};
-use crate::frame::FrameView;
-use crate::receiver::{AUTOPILOT, Expected, Refusal};
-use crate::signing::Stamp;
+use crate::frame::{FrameView, Stamp};
+use crate::link::receiver::{AUTOPILOT, Expected, Refusal};
+use crate::signing::clock::CeilingStore;
 
 /// What one frame of the vehicle's autopilot turned out to be.
 enum Proof {
@@ -20,7 +19,7 @@ enum Proof {
     Foreign,
 }
 
-impl<A: Copy + Eq> Handover<A> {
+impl<A: Copy + Eq> KeyRollover<A> {
     /// Takes a datagram, or what a serial port had.
     pub fn handle_datagram(
         &mut self,

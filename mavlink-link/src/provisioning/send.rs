@@ -4,12 +4,12 @@ use core::time::Duration;
 
 use zeroize::Zeroizing;
 
-use super::{ASK_FAST_FOR, Handover, KeySlot, NewKey, State};
+use super::rollover::{ASK_FAST_FOR, KeyRollover, KeySlot, NewKey, State};
 use crate::Now;
-use crate::clock::{CeilingStore, ClockError, Origin};
 use crate::dialect::MavMessage;
 use crate::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, SETUP_SIGNING_ID, encode, encode_raw};
-use crate::receiver::{AUTOPILOT, KeyState};
+use crate::link::receiver::{AUTOPILOT, KeyState};
+use crate::signing::clock::{CeilingStore, ClockError, Origin};
 use crate::signing::{Stamp, sign};
 
 /// A frame that stands ready in the caller's buffer.
@@ -23,7 +23,7 @@ pub struct Transmit<A> {
     pub secret: bool,
 }
 
-impl<A: Copy + Eq> Handover<A> {
+impl<A: Copy + Eq> KeyRollover<A> {
     /// The next frame that is due, if any. Call it until it gives `None`, after each call of the other
     /// two.
     pub fn poll_transmit(

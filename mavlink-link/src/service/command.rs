@@ -16,7 +16,8 @@ use mavlink::dialects::development::{
     COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, MavCmd, MavFrame, MavMessage, MavResult,
 };
 
-use super::{Bounded, Node};
+use super::bounded::Bounded;
+use crate::frame::Node;
 
 /// Waits and repeats.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -20,28 +20,5 @@ pub mod mission;
 pub mod param;
 pub mod text;
 
+pub use crate::frame::Node;
 pub use bounded::Bounded;
-
-/// One MAVLink node: a system and a component of it.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
-pub struct Node {
-    /// System id, 1..=255; 0 addresses every system.
-    pub system: u8,
-    /// Component id, 1..=255; 0 addresses every component of the system.
-    pub component: u8,
-}
-
-impl Node {
-    /// The node with this system and component id.
-    pub const fn new(system: u8, component: u8) -> Self {
-        Self { system, component }
-    }
-
-    /// Whether a message with these target fields is meant for this node alone.
-    ///
-    /// Component 0 is every component of the system; system 0 is everybody and therefore
-    /// never an answer to us.
-    pub const fn is_target(self, system: u8, component: u8) -> bool {
-        self.system == system && (component == 0 || self.component == component)
-    }
-}

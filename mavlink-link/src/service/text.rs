@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use mavlink::dialects::development::{MavMessage, MavSeverity, STATUSTEXT_DATA};
 
-use super::{Bounded, Node};
+use super::bounded::Bounded;
+use crate::frame::Node;
 
 /// A whole text.
 #[derive(Clone, PartialEq, Debug)]

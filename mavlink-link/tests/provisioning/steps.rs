@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use mavlink_link::clock::Origin;
-use mavlink_link::provisioning::{Event, Handover, HandoverConfig, Outcome, StartError, State};
+use mavlink_link::provisioning::{
+    Event, KeyRollover, KeyRolloverConfig, Outcome, StartError, State,
+};
 use mavlink_link::receiver::KeyState;
 
 use super::px4::Px4;
@@ -156,12 +158,12 @@ fn who_may_not_send_the_key_finds_out_which_one_the_vehicle_has() {
         let mut world = World::new(Some(key()));
         world.px4 = Px4::new(Some(vehicle_has));
         let current = KeyState::start(key(), Origin::KeyFile, BUILD, world.now, &mut world.disk);
-        let asks = HandoverConfig {
+        let asks = KeyRolloverConfig {
             may_send_key: false,
             ..config()
         };
         let (now, disk) = (world.now, &mut world.disk);
-        world.ours = Handover::start(asks, current.ok(), other_key(), now, disk).unwrap();
+        world.ours = KeyRollover::start(asks, current.ok(), other_key(), now, disk).unwrap();
         assert_eq!(world.settle(60), Some(expected), "{:?}", world.history);
         assert_eq!(world.secrets, 0, "no key was sent");
     }
@@ -171,7 +173,7 @@ fn who_may_not_send_the_key_finds_out_which_one_the_vehicle_has() {
 fn the_same_key_again_is_no_handover() {
     let mut disk = Disk::default();
     let old = KeyState::start(key(), Origin::KeyFile, BUILD, at(0), &mut disk).unwrap();
-    let refused = Handover::start(config(), Some(old), key(), at(0), &mut disk);
+    let refused = KeyRollover::start(config(), Some(old), key(), at(0), &mut disk);
     assert_eq!(refused.map(|_| ()).unwrap_err(), StartError::SameKey);
 }
 

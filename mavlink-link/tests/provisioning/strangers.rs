@@ -3,7 +3,7 @@
 use mavlink_link::clock::Origin;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::{Endpoint, LinkConfig, Security};
-use mavlink_link::provisioning::{Handover, HandoverConfig, Outcome, State};
+use mavlink_link::provisioning::{KeyRollover, KeyRolloverConfig, Outcome, State};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{SigningKey, Stamp};
 
@@ -19,12 +19,12 @@ impl World {
         world.disk.ceilings.insert(key().id(), ceiling);
         let (now, disk) = (world.now, &mut world.disk);
         let old = KeyState::start(key(), Origin::KeyFile, BUILD, now, disk).unwrap();
-        let listens = HandoverConfig {
+        let listens = KeyRolloverConfig {
             link: LinkConfig::new(1, Security::Signed, Endpoint::Listen),
             may_send_key,
             ..config()
         };
-        world.ours = Handover::start(listens, Some(old), other_key(), now, disk).unwrap();
+        world.ours = KeyRollover::start(listens, Some(old), other_key(), now, disk).unwrap();
         world
     }
 
@@ -165,11 +165,11 @@ fn a_rotation_sends_no_key_to_who_has_proved_nothing() {
 fn of_two_unsigned_who_say_that_they_are_the_vehicle_neither_gets_its_first_key() {
     let mut world = World::new(None);
     world.ours = {
-        let listens = HandoverConfig {
+        let listens = KeyRolloverConfig {
             link: LinkConfig::new(1, Security::Signed, Endpoint::Listen),
             ..config()
         };
-        Handover::start(listens, None, other_key(), world.now, &mut world.disk).unwrap()
+        KeyRollover::start(listens, None, other_key(), world.now, &mut world.disk).unwrap()
     };
     let mut stranger = Px4::new(None);
     for _ in 0..200 {

@@ -7,7 +7,7 @@ use mavlink_link::Now;
 use mavlink_link::clock::{CeilingStore, Origin, StoreError};
 use mavlink_link::frame::{FrameView, MAX_FRAME};
 use mavlink_link::link::{Endpoint, LinkConfig, Security};
-use mavlink_link::provisioning::{Event, Handover, HandoverConfig, Outcome, State};
+use mavlink_link::provisioning::{Event, KeyRollover, KeyRolloverConfig, Outcome, State};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 
@@ -59,7 +59,7 @@ impl Disk {
 pub(super) struct World {
     pub(super) px4: Px4,
     pub(super) disk: Disk,
-    pub(super) ours: Handover<u16>,
+    pub(super) ours: KeyRollover<u16>,
     pub(super) now: Now,
     pub(super) tick: u64,
     /// Datagrams so far, both ways, to name the one that is lost.
@@ -73,8 +73,8 @@ pub(super) struct World {
     pub(super) mute: bool,
 }
 
-pub(super) fn config() -> HandoverConfig<u16> {
-    HandoverConfig {
+pub(super) fn config() -> KeyRolloverConfig<u16> {
+    KeyRolloverConfig {
         link: LinkConfig::new(1, Security::Signed, Endpoint::Fixed(VEHICLE)),
         not_before: BUILD,
         may_send_key: true,
@@ -82,11 +82,11 @@ pub(super) fn config() -> HandoverConfig<u16> {
     }
 }
 
-pub(super) fn start(disk: &mut Disk, now: Now) -> Handover<u16> {
+pub(super) fn start(disk: &mut Disk, now: Now) -> KeyRollover<u16> {
     let old = disk.current.as_ref().map(SigningKey::duplicate);
     let old = old.map(|old| KeyState::start(old, Origin::KeyFile, BUILD, now, disk).unwrap());
     let new = disk.next.as_ref().unwrap().duplicate();
-    Handover::start(config(), old, new, now, disk).unwrap()
+    KeyRollover::start(config(), old, new, now, disk).unwrap()
 }
 
 impl World {

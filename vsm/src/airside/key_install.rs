@@ -7,7 +7,7 @@ use mavlink_link::dialect::MavSeverity;
 use mavlink_link::exchange::Status;
 use mavlink_link::link::Endpoint;
 use mavlink_link::provisioning::{
-    Event, Handover, HandoverConfig, KeySlot, Outcome, StartError, State,
+    Event, KeyRollover, KeyRolloverConfig, KeySlot, Outcome, StartError, State,
 };
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::SigningKey;
@@ -32,14 +32,14 @@ impl Agent {
         if let Some(peer) = self.px4.peer() {
             link.endpoint = Endpoint::Fixed(peer);
         }
-        let config = HandoverConfig {
+        let config = KeyRolloverConfig {
             link,
             not_before: self.settings.not_before,
             may_send_key: true,
             // The line to PX4 is its own and the agent's.
             believe_unsigned: true,
         };
-        let handover = Handover::start(config, old, new, now, keys)?;
+        let handover = KeyRollover::start(config, old, new, now, keys)?;
         self.phase = Phase::HandingOver(Box::new(HandingOver {
             handover,
             cause,

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use mavlink_link::link::Auth;
-use mavlink_link::provisioning::{Handover, KeySlot, State};
+use mavlink_link::provisioning::{KeyRollover, KeySlot, State};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{KeyId, SigningKey};
 
@@ -32,7 +32,7 @@ pub(super) struct Relaying {
 
 #[derive(Debug)]
 pub(super) struct HandingOver {
-    pub(super) handover: Handover<Peer>,
+    pub(super) handover: KeyRollover<Peer>,
     pub(super) cause: Cause,
     /// The key before the one in force, where that is handed over again.
     pub(super) previous: Option<SigningKey>,

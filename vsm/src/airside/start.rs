@@ -50,7 +50,7 @@ pub enum AgentError {
     AllowedStreams(usize),
     /// A handover that is not finished.
     #[error(transparent)]
-    Handover(#[from] provisioning::StartError),
+    KeyRollover(#[from] provisioning::StartError),
     /// A clock.
     #[error("the signing clock cannot be read: {0}")]
     Clock(#[from] clock::StoreError),

@@ -7,7 +7,7 @@ use mavlink_link::Now;
 use mavlink_link::clock::CeilingStore;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::{Alert, LinkState};
-use mavlink_link::provisioning::{Event, Handover, HandoverConfig, Outcome, StartError};
+use mavlink_link::provisioning::{Event, KeyRollover, KeyRolloverConfig, Outcome, StartError};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{SigningKey, Stamp};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
@@ -31,7 +31,7 @@ pub enum KeyChange {
 /// The machine, and what it wants done with the files.
 #[derive(Debug, Default)]
 pub(super) struct KeyRecovery {
-    handover: Option<Box<Handover<Peer>>>,
+    handover: Option<Box<KeyRollover<Peer>>>,
     /// That the vehicle sends unsigned has been told.
     told_open: bool,
     pub(super) change: Option<KeyChange>,
@@ -107,13 +107,13 @@ impl VehicleLink {
         now: Now,
         store: &mut dyn CeilingStore,
     ) -> Result<(), StartError> {
-        let config = HandoverConfig {
+        let config = KeyRolloverConfig {
             link: *self.link.config(),
             not_before,
             may_send_key: false,
             believe_unsigned: false,
         };
-        let handover = Handover::start(config, self.key.take(), next, now, store)?;
+        let handover = KeyRollover::start(config, self.key.take(), next, now, store)?;
         self.key_recovery.handover = Some(Box::new(handover));
         Ok(())
     }

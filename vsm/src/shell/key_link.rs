@@ -9,7 +9,9 @@ use std::time::Duration;
 use mavlink_link::clock::Origin;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::{Endpoint, LinkConfig, Security};
-use mavlink_link::provisioning::{Event, Handover, HandoverConfig, Outcome, StartError, State};
+use mavlink_link::provisioning::{
+    Event, KeyRollover, KeyRolloverConfig, Outcome, StartError, State,
+};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use tokio::time::{Instant, sleep_until};
@@ -96,7 +98,7 @@ pub enum Ending {
 /// A handover on its way.
 #[derive(Debug)]
 pub struct KeyLink {
-    handover: Handover<Peer>,
+    handover: KeyRollover<Peer>,
     keys: KeyStore,
     /// The key is the one in force already: the files stay as they are, however it ends.
     again: bool,
@@ -164,13 +166,13 @@ impl KeyLink {
         link.own_component = config.mavlink.component_id;
         link.link_id = vehicle.link_id;
         link.vehicle_link_id = vehicle.vehicle_link_id;
-        let settings = HandoverConfig {
+        let settings = KeyRolloverConfig {
             link,
             not_before,
             may_send_key: true,
             believe_unsigned: trust.lost_key,
         };
-        let handover = Handover::start(settings, old, new, now, &mut ceilings)?;
+        let handover = KeyRollover::start(settings, old, new, now, &mut ceilings)?;
         Ok(KeyLink {
             handover,
             keys,

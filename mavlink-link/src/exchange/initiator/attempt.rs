@@ -1,41 +1,34 @@
-//! One attempt of the initiator: step 1 out, step 2 in, step 3 out, step 4 in.
+//! One attempt: what has been sent of it, and when it is sent again, given up and begun again.
 
 use core::fmt;
 use core::time::Duration;
 
-use super::{FOLLOW_EVERY, Follow, Initiator, InitiatorEvent, Phase, Trust};
-use crate::Now;
-use crate::exchange::Ignored;
-use crate::exchange::facts::{Facts, VehicleState};
-use crate::exchange::identity::{PublicKey, Random};
-use crate::exchange::initiator::schedule::Attempt;
-use crate::exchange::keys::{Agreed, Confirmation, Terms, derive};
-use crate::exchange::message::{Data, Message, Status, Step, Suite, VERSION};
-use crate::exchange::noise::{Noise, Setup};
-use crate::exchange::store::{InitiatorStore, StoreError};
+use crate::exchange::identity::{NoRandom, PublicKey, Random};
+use crate::exchange::keys::Confirmation;
+use crate::exchange::message::Message;
+use crate::exchange::noise::Noise;
 use crate::signing::KeyId;
-use zeroize::Zeroizing;
 
 /// Step 1 is out.
 #[derive(Debug)]
 pub(super) struct Asking {
-    noise: Noise,
+    pub(super) noise: Noise,
     pub(super) message: Message,
     /// As on disk; for suite 2 it goes out with step 3.
-    counter: u64,
+    pub(super) counter: u64,
 }
 
 /// Step 2 has been read, and `next` is on disk.
 pub(super) struct Confirming {
     pub(super) message: Message,
     pub(super) agreed: Promise,
-    confirmation: Confirmation,
+    pub(super) confirmation: Confirmation,
     /// The responder's ephemeral key, which it repeats in step 4.
-    ephemeral: [u8; 32],
+    pub(super) ephemeral: [u8; 32],
     /// When step 2 came.
     pub(super) since: Duration,
     /// The sequence number of the last step 4.
-    seq: Option<u32>,
+    pub(super) seq: Option<u32>,
 }
 
 impl fmt::Debug for Confirming {
@@ -54,317 +47,115 @@ pub(super) struct Promise {
     pub(super) epoch: u32,
 }
 
-impl Promise {
-    pub(super) fn event(self) -> InitiatorEvent {
-        let Self { key, peer, epoch } = self;
-        InitiatorEvent::Agreed { key, peer, epoch }
+/// One attempt: the same payload again after 0.5, 1, 2 and 4 s, given up 10 s after the first.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Attempt {
+    give_up_at: Duration,
+    next_at: Duration,
+    sent: usize,
+}
+
+impl Attempt {
+    pub(super) fn begin(now: Duration) -> Self {
+        Self {
+            give_up_at: now.saturating_add(GIVE_UP),
+            next_at: now,
+            sent: 0,
+        }
+    }
+
+    /// The next step of the same attempt: at once, and again at the same intervals; the end stays.
+    pub(super) fn next_step(&mut self, now: Duration) {
+        (self.next_at, self.sent) = (now, 0);
+    }
+
+    /// Whether it is time to send; counts the sending.
+    pub(super) fn take_due(&mut self, now: Duration) -> bool {
+        if now < self.next_at {
+            return false;
+        }
+        let pause = RESEND.get(self.sent).copied().unwrap_or(RESEND_LAST);
+        self.sent += 1;
+        self.next_at = now.saturating_add(pause);
+        true
+    }
+
+    pub(super) fn is_over(&self, now: Duration) -> bool {
+        now >= self.give_up_at
+    }
+
+    pub(super) fn poll_timeout(&self) -> Duration {
+        self.next_at.min(self.give_up_at)
     }
 }
 
-impl Initiator {
-    /// Begins an attempt: the counter is on disk before step 1 is made.
-    pub(super) fn begin(
-        &mut self,
-        now: Now,
-        random: &mut dyn Random,
-        store: &mut dyn InitiatorStore,
-    ) {
-        let wall_ms = u64::try_from(now.wall.as_millis()).unwrap_or(u64::MAX);
-        let counter = self.memory.counter.saturating_add(1).max(wall_ms);
-        if let Err(cause) = store.store_counter(counter) {
-            let pause = self.pauses.next(random);
-            self.not_stored(now.mono, cause, pause);
-            return;
-        }
-        self.memory.counter = counter;
-        let Some(asking) = self.first_message(counter, random) else {
-            let pause = self.pauses.next(random);
-            self.fail(now.mono, pause);
-            self.events.push_back(InitiatorEvent::NoRandom);
-            self.keep_few_events();
-            return;
-        };
-        let session = asking.message.session;
-        let mut attempt = Attempt::begin(now.mono);
-        self.due = attempt.take_due(now.mono);
-        self.phase = Phase::Asking(Box::new(asking), attempt);
-        self.events.push_back(InitiatorEvent::Begun { session });
-        self.keep_few_events();
+/// The pauses between attempts: 1, 2, 4 .. 30 s, 20 % more or less.
+#[derive(Debug, Default)]
+pub(super) struct Pauses {
+    failures: u32,
+}
+
+impl Pauses {
+    pub(super) fn reset(&mut self) {
+        self.failures = 0;
     }
 
-    /// Step 1; `None` without random bytes.
-    fn first_message(&self, counter: u64, random: &mut dyn Random) -> Option<Asking> {
-        let mut bytes = [0; 4];
-        random.fill(&mut bytes).ok()?;
-        let session = u32::from_le_bytes(bytes).max(1);
-        let mut ephemeral = Zeroizing::new([0; 32]);
-        random.fill(&mut *ephemeral).ok()?;
-        let suite = self.config.trust.suite();
-        let psk = match &self.config.trust {
-            Trust::Pinned(_) => None,
-            Trust::Pairing(code) => Some(code.psk()),
-        };
-        let mut noise = Noise::initiator(&Setup {
-            suite,
-            own: &self.config.identity,
-            peer: match &self.config.trust {
-                Trust::Pinned(peer) => Some(peer),
-                Trust::Pairing(_) => None,
-            },
-            psk: psk.as_deref(),
-            prologue: &self.config.parties.prologue(suite, session),
-            ephemeral: &ephemeral,
-        })
-        .ok()?;
-        let facts = self.facts(counter).to_bytes();
-        let payload = match suite {
-            Suite::Pinned => facts.as_slice(),
-            // Whatever it is "encrypted" with here, anyone can compute.
-            Suite::Pairing => &[],
-        };
-        let written = noise.write(payload).ok()?;
-        let (public_key, data) = written.as_slice().split_first_chunk::<32>()?;
-        let message = self.message(session, Step::Offer, *public_key, Data::new(data)?);
-        Some(Asking {
-            noise,
-            message,
-            counter,
-        })
+    pub(super) fn next(&mut self, random: &mut dyn Random) -> Duration {
+        let whole = Duration::from_secs(1 << self.failures.min(5)).min(LONGEST);
+        self.failures = self.failures.saturating_add(1);
+        // Without random bytes two initiators may step on each other's toes; there is only one.
+        let jitter = byte(random).unwrap_or(128);
+        whole * 8 / 10 + whole * 4 / 10 * u32::from(jitter) / 255
+    }
+}
+
+fn byte(random: &mut dyn Random) -> Result<u8, NoRandom> {
+    let mut byte = [0];
+    random.fill(&mut byte)?;
+    Ok(byte[0])
+}
+
+const RESEND: [Duration; 4] = [
+    Duration::from_millis(500),
+    Duration::from_secs(1),
+    Duration::from_secs(2),
+    Duration::from_secs(4),
+];
+const RESEND_LAST: Duration = Duration::from_secs(4);
+const GIVE_UP: Duration = Duration::from_secs(10);
+const LONGEST: Duration = Duration::from_secs(30);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_attempt_is_sent_five_times_in_ten_seconds() {
+        let mut attempt = Attempt::begin(Duration::ZERO);
+        let mut sent = Vec::new();
+        for ms in (0..10_000).step_by(100) {
+            let now = Duration::from_millis(ms);
+            assert!(!attempt.is_over(now));
+            if attempt.take_due(now) {
+                sent.push(ms);
+            }
+        }
+        assert_eq!(sent, [0, 500, 1_500, 3_500, 7_500]);
+        assert!(attempt.is_over(Duration::from_secs(10)));
     }
 
-    fn facts(&self, counter: u64) -> Facts {
-        Facts {
-            counter,
-            wanted: self.config.wanted,
-            state: VehicleState::default(),
-            epoch: self.memory.epoch,
-            current: self.memory.current,
-        }
-    }
-
-    fn message(&self, session: u32, step: Step, public_key: [u8; 32], data: Data) -> Message {
-        Message {
-            public_key,
-            session,
-            version: VERSION,
-            step,
-            suite: self.config.trust.suite().to_wire(),
-            status: Status::Ok,
-            target: self.config.parties.responder,
-            data,
-        }
-    }
-
-    /// Step 2: the keys are derived, and `next` is on disk before step 3 is made.
-    pub(super) fn answered(
-        &mut self,
-        now: Now,
-        message: &Message,
-        store: &mut dyn InitiatorStore,
-    ) -> Result<(), Ignored> {
-        let Phase::Asking(asking, _) = &mut self.phase else {
-            return Err(Ignored::Session);
-        };
-        if message.session != asking.message.session || message.suite != asking.message.suite {
-            return Err(Ignored::Session);
-        }
-        // Its first mixing sets the key of what follows, so a forged message leaves nothing behind.
-        let payload = asking
-            .noise
-            .read([&message.public_key, message.data.as_slice()])
-            .map_err(|_| Ignored::Forged)?;
-        let theirs = Facts::parse(payload.as_slice()).ok_or(Ignored::Forged)?;
-        // From here on it is the peer who speaks, or in a pairing whoever will have to know the code.
-        let Phase::Asking(asking, mut attempt) = core::mem::replace(&mut self.phase, Phase::Idle)
-        else {
-            return Err(Ignored::Session);
-        };
-        match self.confirm(now, *asking, &theirs, message, store) {
-            Ok(confirming) => {
-                let key = confirming.agreed.key;
-                attempt.next_step(now.mono);
-                self.due = attempt.take_due(now.mono);
-                self.phase = Phase::Confirming(Box::new(confirming), attempt);
-                self.events.push_back(InitiatorEvent::NextStored { key });
-                self.keep_few_events();
+    #[test]
+    fn pauses_double_to_thirty_seconds_within_a_fifth() {
+        for (byte, factor) in [(0, 0.8), (255, 1.2)] {
+            let mut random = |out: &mut [u8]| {
+                out.fill(byte);
                 Ok(())
-            }
-            Err(Some(cause)) => {
-                self.not_stored(now.mono, cause, PAUSE);
-                Ok(())
-            }
-            Err(None) => {
-                self.fail(now.mono, PAUSE);
-                Err(Ignored::Forged)
-            }
-        }
-    }
-
-    /// Step 3, once all that must be on disk is there. `Err(None)`: the handshake did not come to an end.
-    fn confirm(
-        &mut self,
-        now: Now,
-        asking: Asking,
-        theirs: &Facts,
-        answer: &Message,
-        store: &mut dyn InitiatorStore,
-    ) -> Result<Confirming, Option<StoreError>> {
-        let Asking {
-            mut noise,
-            message: offer,
-            counter,
-        } = asking;
-        let last = match self.config.trust {
-            Trust::Pinned(_) => None,
-            Trust::Pairing(_) => {
-                let facts = self.facts(counter).to_bytes();
-                Some(noise.write(&facts).map_err(|_| None)?)
-            }
-        };
-        let peer = noise.peer().ok_or(None)?;
-        let finished = noise.finish().ok_or(None)?;
-        let terms = Terms {
-            parties: &self.config.parties,
-            session: offer.session,
-            wanted: [self.config.wanted, theirs.wanted],
-            epochs: [self.memory.epoch, theirs.epoch],
-            peer,
-        };
-        let (agreed, confirmation) = derive(&finished, &terms).ok_or(None)?;
-        drop(finished);
-        let data = match &last {
-            Some(last) => Data::new(last.as_slice()),
-            None => Data::new(&confirmation.of_initiator()),
-        };
-        // The key that waits here is in force there: it must not be lost to the new one.
-        if self.memory.next.is_some() && self.memory.next == theirs.current {
-            store.promote_next().map_err(Some)?;
-            self.memory.current = self.memory.next.take();
-            self.events.push_back(InitiatorEvent::Promoted);
-        }
-        self.store_next(&agreed, store)?;
-        Ok(Confirming {
-            message: self.message(
-                offer.session,
-                Step::Confirm,
-                offer.public_key,
-                data.ok_or(None)?,
-            ),
-            agreed: Promise {
-                key: agreed.key.id(),
-                peer,
-                epoch: agreed.epoch,
-            },
-            confirmation,
-            ephemeral: answer.public_key,
-            since: now.mono,
-            seq: None,
-        })
-    }
-
-    fn store_next(
-        &mut self,
-        agreed: &Agreed,
-        store: &mut dyn InitiatorStore,
-    ) -> Result<(), Option<StoreError>> {
-        store.store_next(agreed).map_err(Some)?;
-        self.memory.next = Some(agreed.key.id());
-        self.memory.epoch = agreed.epoch;
-        Ok(())
-    }
-
-    /// Step 4: the peer has the key too, and says what has become of it.
-    pub(super) fn outcome(
-        &mut self,
-        now: Now,
-        message: &Message,
-        store: &mut dyn InitiatorStore,
-    ) -> Result<(), Ignored> {
-        let (Phase::Confirming(confirming, _) | Phase::Following(confirming, _)) = &mut self.phase
-        else {
-            return Err(Ignored::Session);
-        };
-        if message.session != confirming.message.session
-            || message.suite != confirming.message.suite
-            || message.public_key != confirming.ephemeral
-        {
-            return Err(Ignored::Session);
-        }
-        let outcome = confirming
-            .confirmation
-            .read_outcome(message.data.as_slice())
-            .ok_or(Ignored::Forged)?;
-        let seq = confirming.seq;
-        if seq.is_some_and(|seq| outcome.seq < seq) {
-            return Err(Ignored::Repeated);
-        }
-        if let Phase::Following(confirming, follow) = &mut self.phase {
-            follow.heard = now.mono;
-            if seq == Some(outcome.seq) {
-                return Ok(());
-            }
-            confirming.seq = Some(outcome.seq);
-        }
-        let gone = matches!(
-            outcome.status,
-            Status::Busy | Status::RolledBack | Status::UnknownSession | Status::Refused
-        );
-        if let Phase::Confirming(confirming, _) = &self.phase
-            && !gone
-        {
-            let agreed = confirming.agreed;
-            if let Err(cause) = self.pin(&agreed.peer, store) {
-                // Step 3 is sent again, and answered again.
-                self.events.push_back(InitiatorEvent::NotStored(cause));
-                self.keep_few_events();
-                return Ok(());
-            }
-            self.events.push_back(agreed.event());
-            self.follow(now.mono, outcome.seq);
-        }
-        let (status, reason) = (outcome.status, outcome.reason);
-        self.events
-            .push_back(InitiatorEvent::Status { status, reason });
-        if gone {
-            self.drop_next(now, status, store);
-        } else if status == Status::CannotSign {
-            self.rest();
-        }
-        self.keep_few_events();
-        Ok(())
-    }
-
-    fn drop_next(&mut self, now: Now, status: Status, store: &mut dyn InitiatorStore) {
-        if let Err(cause) = store.drop_next() {
-            self.not_stored(now.mono, cause, PAUSE);
-            return;
-        }
-        self.memory.next = None;
-        self.rest();
-        self.events.push_back(InitiatorEvent::Dropped { status });
-    }
-
-    fn follow(&mut self, now: Duration, seq: u32) {
-        self.wanted = false;
-        self.pauses.reset();
-        if let Phase::Confirming(mut confirming, _) =
-            core::mem::replace(&mut self.phase, Phase::Idle)
-        {
-            confirming.seq = Some(seq);
-            let follow = Follow {
-                ask_at: now.saturating_add(FOLLOW_EVERY),
-                heard: now,
             };
-            self.phase = Phase::Following(confirming, follow);
+            let mut pauses = Pauses::default();
+            for whole in [1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0] {
+                let pause = pauses.next(&mut random).as_secs_f64();
+                assert!((pause - whole * factor).abs() < 0.01, "{pause} of {whole}");
+            }
         }
     }
-
-    fn not_stored(&mut self, now: Duration, cause: StoreError, pause: Duration) {
-        self.fail(now, pause);
-        self.events.push_back(InitiatorEvent::NotStored(cause));
-        self.keep_few_events();
-    }
 }
-
-/// The pause after a failure of our own disk.
-const PAUSE: Duration = Duration::from_secs(5);

@@ -12,14 +12,15 @@
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-use mavlink::dialects::development::{MavMessage, MavMissionType};
+use mavlink::dialects::development::{MavMessage, MavMissionResult, MavMissionType};
 
 use super::download::Download;
 use super::event::{Event, Failure, Operation, StartError, Timing};
 use super::item::Item;
-use super::job::{Context, Job, Repeat, cancel, clear_all, set_current};
+use super::transfer::{Context, Repeat, cancel, clear_all, set_current};
 use super::upload::Upload;
-use crate::service::{Bounded, Node};
+use crate::frame::Node;
+use crate::service::bounded::Bounded;
 
 /// The mission services of one vehicle, as a ground station uses them.
 #[derive(Debug)]
@@ -249,6 +250,112 @@ impl Client {
         if request {
             self.out
                 .push(cancel(self.vehicle, kind.unwrap_or_default()));
+        }
+    }
+}
+
+/// The present operation.
+#[derive(Debug)]
+enum Job {
+    Upload(Upload),
+    Download(Download),
+    Clear {
+        kind: MavMissionType,
+        repeat: Repeat,
+    },
+    SetCurrent {
+        /// The one to be set, and what shows that it was.
+        items: RangeInclusive<u16>,
+        repeat: Repeat,
+    },
+}
+
+impl Job {
+    fn operation(&self) -> Operation {
+        match self {
+            Self::Upload(_) => Operation::Upload,
+            Self::Download(_) => Operation::Download,
+            Self::Clear { .. } => Operation::Clear,
+            Self::SetCurrent { .. } => Operation::SetCurrent,
+        }
+    }
+
+    fn kind(&self) -> MavMissionType {
+        match self {
+            Self::Upload(upload) => upload.kind(),
+            Self::Download(download) => download.kind(),
+            Self::Clear { kind, .. } => *kind,
+            Self::SetCurrent { .. } => MavMissionType::MAV_MISSION_TYPE_MISSION,
+        }
+    }
+
+    fn expects(&self, message: &MavMessage) -> bool {
+        use MavMessage as M;
+        match (self, message) {
+            (Self::Upload(_), M::MISSION_REQUEST(_) | M::MISSION_REQUEST_INT(_))
+            | (Self::Download(_), M::MISSION_COUNT(_))
+            | (Self::Download(_), M::MISSION_ITEM_INT(_) | M::MISSION_ITEM(_))
+            | (Self::SetCurrent { .. }, M::MISSION_CURRENT(_)) => true,
+            (Self::SetCurrent { .. }, _) => false,
+            (_, M::MISSION_ACK(_)) => true,
+            _ => false,
+        }
+    }
+
+    fn handle_message(
+        &mut self,
+        now: Duration,
+        message: &MavMessage,
+        context: &mut Context<'_>,
+    ) -> Option<Result<Event, Failure>> {
+        match (self, message) {
+            (Self::Upload(upload), _) => upload.handle_message(now, message, context),
+            (Self::Download(download), _) => download.handle_message(now, message, context),
+            (Self::Clear { kind, .. }, MavMessage::MISSION_ACK(ack)) => match ack.mavtype {
+                // The acknowledgement of an upload names a plan, and is a late one.
+                MavMissionResult::MAV_MISSION_ACCEPTED if ack.opaque_id == 0 => {
+                    Some(Ok(Event::Cleared { kind: *kind }))
+                }
+                MavMissionResult::MAV_MISSION_ACCEPTED
+                | MavMissionResult::MAV_MISSION_ERROR
+                | MavMissionResult::MAV_MISSION_INVALID_SEQUENCE => None,
+                result => Some(Err(Failure::Refused { result, seq: None })),
+            },
+            (Self::SetCurrent { items, .. }, MavMessage::MISSION_CURRENT(current)) => items
+                .contains(&current.seq)
+                .then_some(Ok(Event::CurrentSet {
+                    seq: *items.start(),
+                })),
+            _ => None,
+        }
+    }
+
+    fn handle_timeout(
+        &mut self,
+        now: Duration,
+        context: &mut Context<'_>,
+    ) -> Option<Result<Event, Failure>> {
+        let (repeat, message, seq) = match self {
+            Self::Upload(upload) => return upload.handle_timeout(now, context),
+            Self::Download(download) => return download.handle_timeout(now, context),
+            Self::Clear { kind, repeat } => (repeat, clear_all(context.vehicle, *kind), None),
+            Self::SetCurrent { items, repeat } => {
+                let seq = *items.start();
+                (repeat, set_current(context.vehicle, seq), Some(seq))
+            }
+        };
+        if !repeat.again(now, &context.timing) {
+            return Some(Err(Failure::NoAnswer { seq }));
+        }
+        context.out.push(message);
+        None
+    }
+
+    fn deadline(&self) -> Duration {
+        match self {
+            Self::Upload(upload) => upload.deadline(),
+            Self::Download(download) => download.deadline(),
+            Self::Clear { repeat, .. } | Self::SetCurrent { repeat, .. } => repeat.at,
         }
     }
 }

@@ -7,9 +7,9 @@ use mavlink::dialects::development::{
     MavMessage, MavMissionResult, MavMissionType,
 };
 
-use super::Item;
 use super::event::{Event, Failure, Operation};
-use super::job::{Context, Repeat, ack};
+use super::item::Item;
+use super::transfer::{Context, Repeat, ack};
 
 /// The state of one download.
 #[derive(Debug)]

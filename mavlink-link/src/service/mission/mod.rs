@@ -13,17 +13,15 @@ mod client;
 mod download;
 mod event;
 mod item;
-mod job;
-mod plan_id;
 mod readback;
+mod transfer;
 mod upload;
 
 pub use client::Client;
 pub use event::{Event, Failure, Operation, StartError, Timing};
 pub use item::{
     FRAME_GLOBAL, FRAME_GLOBAL_INT, FRAME_GLOBAL_RELATIVE, FRAME_GLOBAL_RELATIVE_INT,
-    FRAME_MISSION, Item, UnknownInDialect,
+    FRAME_MISSION, Item, UnknownInDialect, extend_plan_id, plan_id,
 };
 pub use mavlink::dialects::development::{MavMissionResult, MavMissionType};
-pub use plan_id::{extend_plan_id, plan_id};
 pub use readback::{Difference, Field, px4_read_back, verify};

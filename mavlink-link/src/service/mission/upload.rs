@@ -7,8 +7,8 @@ use mavlink::dialects::development::{
 };
 
 use super::event::{Event, Failure, Operation};
-use super::job::{Context, Repeat};
-use super::{Item, plan_id};
+use super::item::{Item, plan_id};
+use super::transfer::{Context, Repeat};
 
 /// The state of one upload.
 #[derive(Debug)]

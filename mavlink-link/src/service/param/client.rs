@@ -8,8 +8,11 @@ use mavlink::dialects::development::{
     PARAM_SET_DATA, PARAM_VALUE_DATA,
 };
 
-use super::{HASH_CHECK, NO_INDEX, Name, Value};
-use crate::service::{Bounded, Node};
+use mavlink::types::CharArray;
+
+use super::value::{HASH_CHECK, NO_INDEX, Name, Value};
+use crate::frame::Node;
+use crate::service::bounded::Bounded;
 
 /// Waits and repeats.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -381,7 +384,7 @@ impl Client {
 
     fn send(&mut self, job: &Job) {
         match job {
-            Job::Read(name) => self.request_read(*name, -1),
+            Job::Read(name) => self.request_read(Some(*name), -1),
             Job::Set { name, value, .. } => {
                 self.out.push(MavMessage::PARAM_SET(PARAM_SET_DATA {
                     param_value: value.to_wire(),
@@ -403,19 +406,19 @@ impl Client {
                 for index in list.missing().take(window) {
                     // An index above 32767 cannot be asked for; the list then fails.
                     if let Ok(index) = i16::try_from(index) {
-                        self.request_read(Name([0; 16]), index);
+                        self.request_read(None, index);
                     }
                 }
             }
         }
     }
 
-    fn request_read(&mut self, name: Name, param_index: i16) {
+    fn request_read(&mut self, name: Option<Name>, param_index: i16) {
         let request = PARAM_REQUEST_READ_DATA {
             param_index,
             target_system: self.vehicle.system,
             target_component: self.vehicle.component,
-            param_id: name.to_wire(),
+            param_id: name.map_or(CharArray::new([0; 16]), Name::to_wire),
         };
         self.out.push(MavMessage::PARAM_REQUEST_READ(request));
     }

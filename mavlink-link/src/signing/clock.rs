@@ -10,8 +10,9 @@ use core::time::Duration;
 
 use thiserror::Error;
 
+use super::key::KeyId;
 use crate::Now;
-use crate::signing::{KeyId, Stamp};
+use crate::frame::Stamp;
 
 /// Keeps one ceiling a key where a power cut does not reach it.
 pub trait CeilingStore {

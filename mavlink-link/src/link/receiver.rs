@@ -7,8 +7,10 @@
 use thiserror::Error;
 
 use crate::Now;
-use crate::clock::{CeilingStore, ClockError, Origin, SigningClock, StoreError, WallState};
 use crate::frame::FrameView;
+use crate::signing::clock::{
+    CeilingStore, ClockError, Origin, SigningClock, StoreError, WallState,
+};
 use crate::signing::{KeyId, SigningKey, Stamp, verify};
 
 /// A key, its clock and all the streams heard under it.

@@ -1,0 +1,405 @@
+//! The state of the ground side, and what time and messages do to it.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use super::attempt::{Asking, Attempt, Confirming, Pauses, Promise};
+use crate::Now;
+use crate::exchange::identity::{Identity, PublicKey, Random};
+use crate::exchange::message::{Message, Received, Status, Step, Suite, VERSION};
+use crate::exchange::pairing::PairingCode;
+use crate::exchange::stats::{ExchangeStats, Ignored};
+use crate::exchange::store::{InitiatorMemory, InitiatorStore, StoreError};
+use crate::exchange::terms::{Parties, Wanted};
+use crate::frame::Node;
+use crate::signing::KeyId;
+
+/// Whom the initiator speaks to, and how they know each other.
+#[derive(Debug)]
+pub enum Trust {
+    /// Suite 1: the peer's static key, pinned by an earlier pairing.
+    Pinned(PublicKey),
+    /// Suite 2: both have been given the same code.
+    Pairing(PairingCode),
+}
+
+impl Trust {
+    pub(super) fn suite(&self) -> Suite {
+        match self {
+            Self::Pinned(_) => Suite::Pinned,
+            Self::Pairing(_) => Suite::Pairing,
+        }
+    }
+}
+
+/// What an initiator is told once.
+#[derive(Debug)]
+pub struct InitiatorConfig {
+    /// Both ends' ids.
+    pub parties: Parties,
+    /// This end's static key.
+    pub identity: Identity,
+    /// How the peer is known.
+    pub trust: Trust,
+    /// What the keys are wanted for.
+    pub wanted: Wanted,
+}
+
+/// Something a person or the bridge should know.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum InitiatorEvent {
+    /// An attempt has begun: step 1 may be sent.
+    Begun {
+        /// Its session.
+        session: u32,
+    },
+    /// `next` is on disk, and frames of the vehicle may come under it from now on.
+    NextStored {
+        /// Its name.
+        key: KeyId,
+    },
+    /// The peer holds the same key.
+    Agreed {
+        /// The key's name.
+        key: KeyId,
+        /// The peer's static key, proven now.
+        peer: PublicKey,
+        /// The epoch of the exchange.
+        epoch: u32,
+    },
+    /// What the peer says has become of the key, under the keys of the exchange.
+    Status {
+        /// What.
+        status: Status,
+        /// More of the cause; 0 where there is none.
+        reason: u8,
+    },
+    /// The peer does not have the key, and it is dropped here too.
+    Dropped {
+        /// Its status.
+        status: Status,
+    },
+    /// The responder had `next` in force already: it is the current key now.
+    Promoted,
+    /// No answer within 10 s; it begins anew after a pause.
+    GaveUp {
+        /// The step that was not answered.
+        unanswered: Step,
+    },
+    /// Somebody in the peer's name says no. Unauthenticated: shown, and nothing else.
+    Rejected {
+        /// The status given.
+        status: Status,
+    },
+    /// The disk failed; the attempt has ended.
+    NotStored(StoreError),
+    /// No random bytes; the attempt has ended.
+    NoRandom,
+}
+
+impl Promise {
+    pub(super) fn event(self) -> InitiatorEvent {
+        let Self { key, peer, epoch } = self;
+        InitiatorEvent::Agreed { key, peer, epoch }
+    }
+}
+
+/// The ground side of the exchange with one peer.
+#[derive(Debug)]
+pub struct Initiator {
+    pub(super) config: InitiatorConfig,
+    pub(super) memory: InitiatorMemory,
+    pub(super) wanted: bool,
+    pub(super) phase: Phase,
+    pub(super) not_before: Duration,
+    pub(super) pauses: Pauses,
+    pub(super) hinted_at: Option<Duration>,
+    pub(super) due: bool,
+    pub(super) events: VecDeque<InitiatorEvent>,
+    pub(super) stats: ExchangeStats,
+}
+
+#[derive(Debug)]
+pub(super) enum Phase {
+    Idle,
+    Asking(Box<Asking>, Attempt),
+    /// Step 3 is out and not answered.
+    Confirming(Box<Confirming>, Attempt),
+    /// Step 4 is in; step 3 is sent now and then to hear what becomes of the key.
+    Following(Box<Confirming>, Follow),
+}
+
+/// When step 3 is sent next, and when step 4 was heard last.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Follow {
+    pub(super) ask_at: Duration,
+    pub(super) heard: Duration,
+}
+
+impl Initiator {
+    /// An initiator that rests until [`want`](Self::want) is called.
+    #[must_use]
+    pub fn new(config: InitiatorConfig, memory: InitiatorMemory, now: Duration) -> Self {
+        // An earlier process may have left a session of a pairing half-open at the peer; see `NO_MORE_HALF_OPEN`.
+        let pairing = matches!(config.trust, Trust::Pairing(_));
+        let not_before = if pairing && memory.next.is_some() {
+            now.saturating_add(NO_MORE_HALF_OPEN)
+        } else {
+            now
+        };
+        Self {
+            config,
+            memory,
+            wanted: false,
+            phase: Phase::Idle,
+            not_before,
+            pauses: Pauses::default(),
+            hinted_at: None,
+            due: false,
+            events: VecDeque::new(),
+            stats: ExchangeStats::default(),
+        }
+    }
+
+    /// Asks for an exchange; attempts are made until one succeeds. Does nothing where one is on its way.
+    pub fn want(&mut self) {
+        self.wanted |= !matches!(self.phase, Phase::Following(..));
+    }
+
+    /// Whether an exchange is wanted or on its way.
+    #[must_use]
+    pub fn is_busy(&self) -> bool {
+        self.wanted || !matches!(self.phase, Phase::Idle)
+    }
+
+    /// What it knows of the stored keys.
+    #[must_use]
+    pub fn memory(&self) -> &InitiatorMemory {
+        &self.memory
+    }
+
+    /// What it was told.
+    #[must_use]
+    pub fn config(&self) -> &InitiatorConfig {
+        &self.config
+    }
+
+    /// What was received and what was passed over.
+    #[must_use]
+    pub fn stats(&self) -> &ExchangeStats {
+        &self.stats
+    }
+
+    /// A frame of the vehicle has verified under `next`, and the caller has made it the current key: that proves the
+    /// peer as well as step 4 does.
+    ///
+    /// # Errors
+    /// The peer of a pairing could not be pinned; call it again.
+    pub fn key_in_use(&mut self, store: &mut dyn InitiatorStore) -> Result<(), StoreError> {
+        if let Phase::Confirming(confirming, _) = &self.phase {
+            let agreed = confirming.agreed;
+            self.pin(&agreed.peer, store)?;
+            self.events.push_back(agreed.event());
+        }
+        if let Some(next) = self.memory.next.take() {
+            self.memory.current = Some(next);
+        }
+        if matches!(self.phase, Phase::Confirming(..) | Phase::Following(..)) {
+            self.rest();
+        }
+        Ok(())
+    }
+
+    /// Takes a KEY_EXCHANGE payload that came from the vehicle's link.
+    ///
+    /// # Errors
+    /// Why it was passed over; counted, and nothing has changed.
+    pub fn handle(
+        &mut self,
+        now: Now,
+        source: Node,
+        payload: &[u8],
+        store: &mut dyn InitiatorStore,
+    ) -> Result<(), Ignored> {
+        let result = self.judge(now, source, payload, store);
+        self.stats.count(result);
+        result
+    }
+
+    fn judge(
+        &mut self,
+        now: Now,
+        source: Node,
+        payload: &[u8],
+        store: &mut dyn InitiatorStore,
+    ) -> Result<(), Ignored> {
+        let parties = &self.config.parties;
+        if source != parties.responder {
+            return Err(Ignored::Source);
+        }
+        let message = match Message::parse(payload).map_err(Ignored::Message)? {
+            Received::Exchange(message) => message,
+            Received::Legacy(_) => return Err(Ignored::Legacy),
+        };
+        if message.target != parties.initiator {
+            return Err(Ignored::Target);
+        }
+        if message.version != VERSION {
+            return Err(Ignored::Version);
+        }
+        match message.step {
+            Step::Please => self.hinted(now.mono),
+            Step::Reject => {
+                let status = message.status;
+                self.events.push_back(InitiatorEvent::Rejected { status });
+                self.keep_few_events();
+                Ok(())
+            }
+            Step::Answer => self.answered(now, &message, store),
+            Step::Outcome => self.outcome(now, &message, store),
+            // Our own messages, come back.
+            Step::Offer | Step::Confirm => Err(Ignored::Reflected),
+            Step::Unknown(_) => Err(Ignored::Step),
+        }
+    }
+
+    /// Step 0 is a hint that anyone can send: at most one attempt in 10 s comes of it.
+    fn hinted(&mut self, now: Duration) -> Result<(), Ignored> {
+        let lately = self
+            .hinted_at
+            .is_some_and(|at| now.saturating_sub(at) < HINT_EVERY);
+        if lately || self.is_busy() {
+            return Err(Ignored::Limited);
+        }
+        self.hinted_at = Some(now);
+        self.wanted = true;
+        Ok(())
+    }
+
+    /// Does what is due by now. Calling it early or late does no harm.
+    pub fn handle_timeout(
+        &mut self,
+        now: Now,
+        random: &mut dyn Random,
+        store: &mut dyn InitiatorStore,
+    ) {
+        match &mut self.phase {
+            Phase::Idle if self.wanted && now.mono >= self.not_before => {
+                self.begin(now, random, store);
+            }
+            Phase::Idle => {}
+            Phase::Asking(_, attempt) if attempt.is_over(now.mono) => {
+                self.give_up(now.mono, Step::Offer, random);
+            }
+            Phase::Confirming(_, attempt) if attempt.is_over(now.mono) => {
+                self.give_up(now.mono, Step::Confirm, random);
+            }
+            Phase::Asking(_, attempt) | Phase::Confirming(_, attempt) => {
+                self.due |= attempt.take_due(now.mono);
+            }
+            Phase::Following(_, follow) => {
+                let silent = now.mono.saturating_sub(follow.heard) >= FOLLOW_SILENCE;
+                if silent {
+                    // The peer may have lost the session, or the key: another exchange tells.
+                    self.fail(now.mono, Duration::ZERO);
+                } else if now.mono >= follow.ask_at {
+                    follow.ask_at = now.mono.saturating_add(FOLLOW_EVERY);
+                    self.due = true;
+                }
+            }
+        }
+    }
+
+    /// The message to send now, if any; it goes to the peer, signed where there is a key.
+    pub fn poll_transmit(&mut self) -> Option<Message> {
+        if !core::mem::take(&mut self.due) {
+            return None;
+        }
+        match &self.phase {
+            Phase::Idle => None,
+            Phase::Asking(asking, _) => Some(asking.message.clone()),
+            Phase::Confirming(confirming, _) | Phase::Following(confirming, _) => {
+                Some(confirming.message.clone())
+            }
+        }
+    }
+
+    /// What has happened since the last call.
+    pub fn poll_event(&mut self) -> Option<InitiatorEvent> {
+        self.events.pop_front()
+    }
+
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        match &self.phase {
+            Phase::Idle => self.wanted.then_some(self.not_before),
+            Phase::Asking(_, attempt) | Phase::Confirming(_, attempt) => {
+                Some(attempt.poll_timeout())
+            }
+            Phase::Following(_, follow) => Some(
+                follow
+                    .ask_at
+                    .min(follow.heard.saturating_add(FOLLOW_SILENCE)),
+            ),
+        }
+    }
+
+    /// The peer is proven: after a pairing, only suite 1 with this key.
+    pub(super) fn pin(
+        &mut self,
+        peer: &PublicKey,
+        store: &mut dyn InitiatorStore,
+    ) -> Result<(), StoreError> {
+        if matches!(self.config.trust, Trust::Pairing(_)) {
+            store.pin(peer)?;
+            self.config.trust = Trust::Pinned(*peer);
+        }
+        Ok(())
+    }
+
+    fn give_up(&mut self, now: Duration, unanswered: Step, random: &mut dyn Random) {
+        let pause = self.pauses.next(random);
+        self.fail(now, pause);
+        self.events.push_back(InitiatorEvent::GaveUp { unanswered });
+        self.keep_few_events();
+    }
+
+    /// Ends the attempt; the next one begins after a pause.
+    pub(super) fn fail(&mut self, now: Duration, pause: Duration) {
+        self.not_before = now.saturating_add(pause);
+        if let (Phase::Confirming(confirming, _), Trust::Pairing(_)) =
+            (&self.phase, &self.config.trust)
+        {
+            let dead = confirming.since.saturating_add(NO_MORE_HALF_OPEN);
+            self.not_before = self.not_before.max(dead);
+        }
+        (self.phase, self.due, self.wanted) = (Phase::Idle, false, true);
+    }
+
+    /// Nothing more to do until it is wanted again.
+    pub(super) fn rest(&mut self) {
+        (self.phase, self.due, self.wanted) = (Phase::Idle, false, false);
+        self.pauses.reset();
+    }
+
+    /// Strangers can cause some of the events, so they may not pile up.
+    pub(super) fn keep_few_events(&mut self) {
+        while self.events.len() > MAX_EVENTS {
+            self.events.pop_front();
+        }
+    }
+}
+
+/// Step 0 starts at most one attempt in this time.
+const HINT_EVERY: Duration = Duration::from_secs(10);
+/// How often it is asked what has become of a key.
+pub(super) const FOLLOW_EVERY: Duration = Duration::from_secs(5);
+/// How long step 4 may stay away before another exchange is begun. A key that the autopilot has been sent is not
+/// replaced by it.
+const FOLLOW_SILENCE: Duration = Duration::from_secs(60);
+/// After this a session whose step 2 has arrived can no longer be completed at the responder, which lets it go after
+/// 10 s. In a pairing several sessions are half-open side by side, so that a stranger cannot end an honest one; a late
+/// step 3 could complete an older session than the one whose key is `next` here.
+const NO_MORE_HALF_OPEN: Duration = Duration::from_secs(12);
+const MAX_EVENTS: usize = 16;

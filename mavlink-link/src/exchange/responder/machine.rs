@@ -1,0 +1,399 @@
+//! The state of the air side, and what time and messages do to it.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use zeroize::Zeroizing;
+
+use super::limits::Limits;
+use super::sessions::{Done, HalfOpen, PairingSlots};
+use crate::exchange::identity::{Identity, PublicKey, Random};
+use crate::exchange::message::{Data, Message, Received, Status, Step, Suite, VERSION};
+use crate::exchange::pairing::PairingCode;
+use crate::exchange::stats::{ExchangeStats, Ignored};
+use crate::exchange::store::{ResponderMemory, ResponderStore, StoreError};
+use crate::exchange::terms::{Parties, VehicleState, Wanted};
+use crate::frame::Node;
+use crate::signing::KeyId;
+
+/// What a responder is told once.
+#[derive(Debug)]
+pub struct ResponderConfig {
+    /// Both ends' ids.
+    pub parties: Parties,
+    /// This end's static key.
+    pub identity: Identity,
+    /// What the keys are wanted for.
+    pub wanted: Wanted,
+}
+
+/// A message as it came from the radio.
+#[derive(Debug, Clone, Copy)]
+pub struct Inbound<'a, A> {
+    /// Where the answer goes.
+    pub from: A,
+    /// System and component of the frame's header.
+    pub source: Node,
+    /// Whether the frame was verified under the current key.
+    pub verified: bool,
+    /// The payload, trailing zeros trimmed.
+    pub payload: &'a [u8],
+}
+
+/// A message to send.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Outbound<A> {
+    /// To whom.
+    pub to: A,
+    /// What; signed where there is a key.
+    pub message: Message,
+}
+
+/// Something the agent should do or a person should know.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ResponderEvent {
+    /// A key is staged on disk: hand it to the autopilot.
+    Staged {
+        /// Its name.
+        key: KeyId,
+        /// The epoch of its exchange.
+        epoch: u32,
+    },
+    /// The staged key is given up; it must not be sent.
+    Withdrawn,
+    /// A pairing has succeeded, and its window is closed.
+    Paired {
+        /// The ground side's static key.
+        peer: PublicKey,
+    },
+    /// The pairing window has closed without a pairing.
+    WindowClosed,
+    /// Somebody in the window did not know the code.
+    WrongCode,
+    /// The disk failed; nothing was answered.
+    NotStored(StoreError),
+}
+
+/// Why a pairing window cannot be opened.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum WindowError {
+    /// A key is on its way to the autopilot; wait until it is known what became of it.
+    #[error("a key is on its way to the autopilot")]
+    Busy,
+    /// The staged key could not be withdrawn.
+    #[error("the staged key cannot be withdrawn: {0}")]
+    Store(#[from] StoreError),
+}
+
+/// The air side of the exchange. `A` is an address on the radio's side.
+#[derive(Debug)]
+pub struct Responder<A> {
+    pub(super) config: ResponderConfig,
+    pub(super) memory: ResponderMemory,
+    /// The highest counter that a first message of the pinned peer had.
+    pub(super) highest: u64,
+    pub(super) vehicle: VehicleState,
+    pub(super) half_open: Option<HalfOpen<A>>,
+    pub(super) pairing: Option<Window<A>>,
+    pub(super) done: Option<Done>,
+    pub(super) limits: Limits<A>,
+    pub(super) pleased_at: Option<Duration>,
+    pub(super) out: VecDeque<Outbound<A>>,
+    pub(super) events: VecDeque<ResponderEvent>,
+    pub(super) stats: ExchangeStats,
+}
+
+/// An open pairing window.
+pub(super) struct Window<A> {
+    pub(super) psk: Zeroizing<[u8; 32]>,
+    pub(super) until: Duration,
+    pub(super) slots: PairingSlots<A>,
+}
+
+impl<A> core::fmt::Debug for Window<A> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Window")
+            .field("until", &self.until)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<A: Copy + Eq> Responder<A> {
+    /// A responder with what an earlier process has stored.
+    #[must_use]
+    pub fn new(config: ResponderConfig, memory: ResponderMemory, now: Duration) -> Self {
+        Self {
+            config,
+            highest: memory.peer.map_or(0, |peer| peer.counter),
+            memory,
+            vehicle: VehicleState::default(),
+            half_open: None,
+            pairing: None,
+            done: None,
+            limits: Limits::new(now),
+            pleased_at: None,
+            out: VecDeque::new(),
+            events: VecDeque::new(),
+            stats: ExchangeStats::default(),
+        }
+    }
+
+    /// What it knows of peer and keys.
+    #[must_use]
+    pub fn memory(&self) -> &ResponderMemory {
+        &self.memory
+    }
+
+    /// What was received and what was passed over.
+    #[must_use]
+    pub fn stats(&self) -> &ExchangeStats {
+        &self.stats
+    }
+
+    /// Tells it of the vehicle; goes out with step 2.
+    pub fn set_vehicle(&mut self, vehicle: VehicleState) {
+        self.vehicle = vehicle;
+    }
+
+    /// Opens the window for one pairing with this code, for 10 minutes; another open window is closed. Only a person at
+    /// this computer may cause it. A staged key that was not sent is withdrawn, and suite 1 waits meanwhile.
+    ///
+    /// # Errors
+    /// A key is on its way to the autopilot, or the disk failed; no window is open then.
+    pub fn open_window(
+        &mut self,
+        now: Duration,
+        code: &PairingCode,
+        store: &mut dyn ResponderStore,
+    ) -> Result<(), WindowError> {
+        self.pairing = None;
+        if self.memory.next.is_some_and(|next| next.sent) {
+            return Err(WindowError::Busy);
+        }
+        self.withdraw(store)?;
+        self.half_open = None;
+        self.pairing = Some(Window {
+            psk: code.psk(),
+            until: now.saturating_add(WINDOW),
+            slots: PairingSlots::default(),
+        });
+        Ok(())
+    }
+
+    /// Closes the window.
+    pub fn close_window(&mut self) {
+        self.pairing = None;
+    }
+
+    /// How long the window is still open.
+    #[must_use]
+    pub fn window(&self, now: Duration) -> Option<Duration> {
+        let until = self.pairing.as_ref()?.until;
+        until.checked_sub(now).filter(|left| !left.is_zero())
+    }
+
+    /// The staged key is about to be sent to the autopilot: from now on it is not replaced. Call it before
+    /// SETUP_SIGNING leaves.
+    pub fn key_sent(&mut self) {
+        if let Some(next) = &mut self.memory.next {
+            next.sent = true;
+        }
+        self.tell(Status::Sent, 0);
+    }
+
+    /// The autopilot signs with the staged key, which the caller has made the current one.
+    pub fn key_active(&mut self) {
+        if let Some(next) = self.memory.next.take() {
+            self.memory.current = Some(next.id);
+        }
+        self.tell(Status::Active, 0);
+    }
+
+    /// The autopilot has not taken the key, and the caller has dropped it.
+    pub fn key_dropped(&mut self) {
+        self.memory.next = None;
+        self.tell(Status::RolledBack, 0);
+    }
+
+    /// What else has become of the staged key: waiting for disarm, the autopilot silent, unable to sign. Goes out with
+    /// the next answer to step 3; a responder never sends it unasked.
+    pub fn tell(&mut self, status: Status, reason: u8) {
+        if status == Status::CannotSign
+            && let Some(next) = &mut self.memory.next
+        {
+            // An autopilot that cannot sign has not taken it.
+            next.sent = false;
+        }
+        if let Some(done) = &mut self.done {
+            done.tell(status, reason);
+        }
+    }
+
+    /// A hint that an exchange would be welcome, at most one in 10 s; to be sent to where the ground was last heard.
+    pub fn please(&mut self, now: Duration) -> Option<Message> {
+        let lately = self
+            .pleased_at
+            .is_some_and(|at| now.saturating_sub(at) < PLEASE_EVERY);
+        let possible = self.memory.peer.is_some() || self.window(now).is_some();
+        if lately || !possible {
+            return None;
+        }
+        self.pleased_at = Some(now);
+        let suite = if self.pairing.is_some() {
+            Suite::Pairing
+        } else {
+            Suite::Pinned
+        };
+        Some(self.message(suite.to_wire(), 0, Step::Please, Status::Ok))
+    }
+
+    /// Takes a KEY_EXCHANGE payload from the radio.
+    ///
+    /// # Errors
+    /// Why it was passed over; counted. Some of these are answered by step 15.
+    pub fn handle(
+        &mut self,
+        now: Duration,
+        inbound: Inbound<'_, A>,
+        random: &mut dyn Random,
+        store: &mut dyn ResponderStore,
+    ) -> Result<(), Ignored> {
+        self.handle_timeout(now);
+        let result = self.judge(now, inbound, random, store);
+        self.stats.count(result);
+        result
+    }
+
+    fn judge(
+        &mut self,
+        now: Duration,
+        inbound: Inbound<'_, A>,
+        random: &mut dyn Random,
+        store: &mut dyn ResponderStore,
+    ) -> Result<(), Ignored> {
+        let parties = &self.config.parties;
+        if inbound.source != parties.initiator {
+            return Err(Ignored::Source);
+        }
+        let message = match Message::parse(inbound.payload).map_err(Ignored::Message)? {
+            Received::Exchange(message) => message,
+            Received::Legacy(_) => return Err(Ignored::Legacy),
+        };
+        if message.target != parties.responder {
+            return Err(Ignored::Target);
+        }
+        match message.step {
+            Step::Offer | Step::Confirm => {}
+            Step::Reject => return Err(Ignored::Repeated),
+            Step::Please | Step::Answer | Step::Outcome => return Err(Ignored::Reflected),
+            Step::Unknown(_) => return Err(Ignored::Step),
+        }
+        let known = message.version == VERSION;
+        let suite = Suite::from_wire(message.suite).filter(|_| known);
+        let result = match (suite, message.step) {
+            (None, _) if !known => Err(Ignored::Version),
+            (None, _) => Err(Ignored::Suite),
+            (Some(suite), Step::Offer) => {
+                self.offered(now, &inbound, suite, &message, random, store)
+            }
+            (Some(_), _) => self.confirmed(now, &inbound, &message, store),
+        };
+        self.answer_refusal(now, &inbound, &message, result);
+        result
+    }
+
+    /// Step 15, where it helps an honest peer to know; strangers learn nothing that they could not find out.
+    fn answer_refusal(
+        &mut self,
+        now: Duration,
+        inbound: &Inbound<'_, A>,
+        message: &Message,
+        result: Result<(), Ignored>,
+    ) {
+        let status = match result {
+            Err(Ignored::Busy) => Status::Busy,
+            Err(Ignored::Session) => Status::UnknownSession,
+            Err(Ignored::Version | Ignored::Suite | Ignored::Window | Ignored::OldCounter) => {
+                Status::Refused
+            }
+            _ => return,
+        };
+        // What was admitted once has been paid for; the others pay here.
+        let paid = matches!(result, Err(Ignored::OldCounter));
+        if paid || self.limits.admit(inbound.from, inbound.verified, now) {
+            let refusal = self.message(message.suite, message.session, Step::Reject, status);
+            self.send(inbound.from, refusal);
+        }
+    }
+
+    /// Lets go what is over. Calling it early or late does no harm.
+    pub fn handle_timeout(&mut self, now: Duration) {
+        self.half_open.take_if(|open| open.is_over(now));
+        if let Some(window) = &mut self.pairing {
+            window.slots.expire(now);
+            if now >= window.until {
+                self.pairing = None;
+                self.note(ResponderEvent::WindowClosed);
+            }
+        }
+    }
+
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        let half_open = self.half_open.as_ref().map(HalfOpen::until);
+        let window = self.pairing.as_ref().map(|window| window.until);
+        half_open.into_iter().chain(window).min()
+    }
+
+    /// The next message to send, if any.
+    pub fn poll_transmit(&mut self) -> Option<Outbound<A>> {
+        self.out.pop_front()
+    }
+
+    /// What has happened since the last call.
+    pub fn poll_event(&mut self) -> Option<ResponderEvent> {
+        self.events.pop_front()
+    }
+
+    pub(super) fn withdraw(&mut self, store: &mut dyn ResponderStore) -> Result<(), StoreError> {
+        if self.memory.next.is_some() {
+            store.withdraw_next()?;
+            self.memory.next = None;
+            self.note(ResponderEvent::Withdrawn);
+        }
+        self.done = None;
+        Ok(())
+    }
+
+    pub(super) fn message(&self, suite: u8, session: u32, step: Step, status: Status) -> Message {
+        Message {
+            public_key: [0; 32],
+            session,
+            version: VERSION,
+            step,
+            suite,
+            status,
+            target: self.config.parties.initiator,
+            data: Data::EMPTY,
+        }
+    }
+
+    pub(super) fn send(&mut self, to: A, message: Message) {
+        if self.out.len() < MAX_WAITING {
+            self.out.push_back(Outbound { to, message });
+        }
+    }
+
+    pub(super) fn note(&mut self, event: ResponderEvent) {
+        self.events.push_back(event);
+        while self.events.len() > MAX_WAITING {
+            self.events.pop_front();
+        }
+    }
+}
+
+/// How long a pairing window is open.
+const WINDOW: Duration = Duration::from_secs(600);
+const PLEASE_EVERY: Duration = Duration::from_secs(10);
+const MAX_WAITING: usize = 16;

@@ -1,0 +1,293 @@
+//! A checked view over the bytes of one frame.
+
+use mavlink::error::ParserError;
+use mavlink::{MavlinkVersion, Message as _};
+use thiserror::Error;
+
+use super::layout::{
+    CRC_LEN, HEADER_LEN, Header, INCOMPAT_SIGNED, SIGNATURE_LEN, STX, STX_V1, TAG_LEN, checksum,
+    crc_extra,
+};
+use super::stamp::Stamp;
+use crate::dialect::MavMessage;
+
+/// The signature trailer of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Signature {
+    /// Link id: with system and component it names the sender's stream.
+    pub link_id: u8,
+    /// The sender's signing clock, in 10 us since 2015-01-01 UTC.
+    pub stamp: Stamp,
+    /// The first 6 bytes of the keyed hash.
+    pub tag: [u8; 6],
+}
+
+/// One whole frame, borrowed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameView<'a> {
+    bytes: &'a [u8],
+    checked: bool,
+}
+
+impl<'a> FrameView<'a> {
+    /// Reads the frame that starts at the first byte of `bytes`; what follows it is ignored.
+    ///
+    /// # Errors
+    /// Says why there is no usable frame at that place.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, FrameError> {
+        match examine(bytes) {
+            Verdict::Frame(len) => Ok(Self::from_parts(&bytes[..len], true)),
+            Verdict::Unchecked(len) => Ok(Self::from_parts(&bytes[..len], false)),
+            Verdict::Refused(_, error) => Err(error),
+            Verdict::Incomplete => Err(FrameError::Truncated),
+            Verdict::Garbage => Err(FrameError::NoFrame),
+        }
+    }
+
+    /// `bytes` is exactly one frame that [`examine`] has measured.
+    pub(super) fn from_parts(bytes: &'a [u8], checked: bool) -> Self {
+        debug_assert!(bytes.len() >= HEADER_LEN + CRC_LEN);
+        Self { bytes, checked }
+    }
+
+    /// The header's fields.
+    #[must_use]
+    pub fn header(&self) -> Header {
+        let b = self.bytes;
+        Header {
+            incompat: b[2],
+            compat: b[3],
+            seq: b[4],
+            system_id: b[5],
+            component_id: b[6],
+            message_id: u32::from_le_bytes([b[7], b[8], b[9], 0]),
+        }
+    }
+
+    /// The payload as on the wire, trailing zeros trimmed by the sender.
+    #[must_use]
+    pub fn payload(&self) -> &'a [u8] {
+        &self.bytes[HEADER_LEN..self.crc_at()]
+    }
+
+    /// The checksum as on the wire.
+    #[must_use]
+    pub fn crc(&self) -> u16 {
+        let at = self.crc_at();
+        u16::from_le_bytes([self.bytes[at], self.bytes[at + 1]])
+    }
+
+    /// False where CRC_EXTRA is unknown: then only a verified signature vouches for the bytes.
+    #[must_use]
+    pub fn is_checked(&self) -> bool {
+        self.checked
+    }
+
+    /// Whether a signature trailer is there; says nothing of its worth.
+    #[must_use]
+    pub fn is_signed(&self) -> bool {
+        self.bytes[2] & INCOMPAT_SIGNED != 0
+    }
+
+    /// The signature trailer, if there is one.
+    #[must_use]
+    pub fn signature(&self) -> Option<Signature> {
+        if !self.is_signed() {
+            return None;
+        }
+        let t = &self.bytes[self.bytes.len() - SIGNATURE_LEN..];
+        Some(Signature {
+            link_id: t[0],
+            stamp: Stamp::from_le_bytes([t[1], t[2], t[3], t[4], t[5], t[6]]),
+            tag: [t[7], t[8], t[9], t[10], t[11], t[12]],
+        })
+    }
+
+    /// What the signature covers after the key: header, payload, checksum, link id and stamp.
+    #[must_use]
+    pub(crate) fn signed_bytes(&self) -> Option<&'a [u8]> {
+        self.is_signed()
+            .then(|| &self.bytes[..self.bytes.len() - TAG_LEN])
+    }
+
+    /// The whole frame, from the start byte to the last of its checksum or trailer.
+    #[must_use]
+    pub fn as_bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    /// The message as the dialect's structs see it.
+    ///
+    /// # Errors
+    /// The dialect does not know the id, or one of its enums does not know a value; the payload is
+    /// still there to be passed raw.
+    pub fn message(&self) -> Result<MavMessage, Undecoded> {
+        let id = self.header().message_id;
+        MavMessage::parse(MavlinkVersion::V2, id, self.payload()).map_err(Undecoded::from)
+    }
+
+    fn crc_at(&self) -> usize {
+        HEADER_LEN + usize::from(self.bytes[1])
+    }
+}
+
+/// Why bytes are not a frame that can be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum FrameError {
+    /// The checksum is not that of the bytes: noise, or another layout of the message.
+    #[error("message {message_id}: checksum {found:#06x}, expected {expected:#06x}")]
+    BadCrc {
+        /// The message id as read.
+        message_id: u32,
+        /// The checksum of the bytes as they are.
+        expected: u16,
+        /// The checksum in the frame.
+        found: u16,
+    },
+    /// An incompatibility flag that is not known: the frame must not be read.
+    #[error("incompatibility flags {flags:#04x}, only 0x01 is known")]
+    UnknownIncompat {
+        /// All incompatibility flags of the frame.
+        flags: u8,
+    },
+    /// A MAVLink 1 frame with a right checksum: it cannot be signed and is refused.
+    #[error("MAVLink 1 frame of message {message_id}, expected MAVLink 2")]
+    Mavlink1 {
+        /// Its message id, 0 to 255.
+        message_id: u8,
+    },
+    /// An unsigned frame whose CRC_EXTRA is unknown: nothing vouches for its bytes.
+    #[error("unsigned message {message_id} is not in the dialect and cannot be checked")]
+    UnknownId {
+        /// The message id as read.
+        message_id: u32,
+    },
+    /// The bytes end inside the frame.
+    #[error("the bytes end inside a frame")]
+    Truncated,
+    /// The bytes do not start with a frame.
+    #[error("no frame starts here")]
+    NoFrame,
+}
+
+/// Why a good frame has no message of the dialect; its payload is passed raw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum Undecoded {
+    /// The dialect has no such message.
+    #[error("message {0} is not in the dialect")]
+    UnknownId(u32),
+    /// An enum of the dialect has no such value: the sender is newer.
+    #[error("{enum_type} has no value {value}")]
+    UnknownValue {
+        /// The dialect's name of the enum.
+        enum_type: &'static str,
+        /// The value on the wire.
+        value: u64,
+    },
+    /// The payload does not have the size the dialect expects.
+    #[error("the payload's size does not fit the dialect's message")]
+    Size,
+}
+
+impl From<ParserError> for Undecoded {
+    fn from(error: ParserError) -> Self {
+        match error {
+            ParserError::UnknownMessage { id } => Self::UnknownId(id),
+            ParserError::InvalidEnum { enum_type, value } => {
+                Self::UnknownValue { enum_type, value }
+            }
+            ParserError::InvalidPayloadSize { .. } | ParserError::BytesError(_) => Self::Size,
+        }
+    }
+}
+
+/// What stands at the first byte of a slice.
+pub(super) enum Verdict {
+    /// A frame of this length with a right checksum.
+    Frame(usize),
+    /// A signed frame of this length whose CRC_EXTRA is unknown.
+    Unchecked(usize),
+    /// A frame that is refused, and how many bytes to pass over.
+    Refused(usize, FrameError),
+    /// Perhaps a frame, the end is missing.
+    Incomplete,
+    /// Nothing; the next byte may start a frame.
+    Garbage,
+}
+
+/// Judges the candidate at the first byte.
+///
+/// Only a frame that could be used in the end is worth waiting for: of all bytes that happen to look
+/// like a start, almost none then hold up what follows them.
+pub(super) fn examine(bytes: &[u8]) -> Verdict {
+    match bytes.first() {
+        None => Verdict::Incomplete,
+        Some(&STX) => examine_v2(bytes),
+        Some(&STX_V1) => examine_v1(bytes),
+        Some(_) => Verdict::Garbage,
+    }
+}
+
+fn examine_v2(bytes: &[u8]) -> Verdict {
+    if bytes.len() < HEADER_LEN {
+        return Verdict::Incomplete;
+    }
+    let flags = bytes[2];
+    let signed = flags & INCOMPAT_SIGNED != 0;
+    let message_id = u32::from_le_bytes([bytes[7], bytes[8], bytes[9], 0]);
+    let crc_at = HEADER_LEN + usize::from(bytes[1]);
+    let len = crc_at + CRC_LEN + if signed { SIGNATURE_LEN } else { 0 };
+    let whole = bytes.len() >= len;
+    let known_flags = flags & !INCOMPAT_SIGNED == 0;
+
+    let Some(extra) = crc_extra(message_id) else {
+        return match (known_flags, signed, whole) {
+            (true, true, true) => Verdict::Unchecked(len),
+            (true, true, false) => Verdict::Incomplete,
+            (true, false, true) => Verdict::Refused(1, FrameError::UnknownId { message_id }),
+            _ => Verdict::Garbage,
+        };
+    };
+    if !whole {
+        return if known_flags {
+            Verdict::Incomplete
+        } else {
+            Verdict::Garbage
+        };
+    }
+    let expected = checksum(&bytes[1..crc_at], extra);
+    let found = u16::from_le_bytes([bytes[crc_at], bytes[crc_at + 1]]);
+    match (known_flags, expected == found) {
+        (true, true) => Verdict::Frame(len),
+        (true, false) => Verdict::Refused(
+            1,
+            FrameError::BadCrc {
+                message_id,
+                expected,
+                found,
+            },
+        ),
+        (false, true) => Verdict::Refused(len, FrameError::UnknownIncompat { flags }),
+        (false, false) => Verdict::Garbage,
+    }
+}
+
+fn examine_v1(bytes: &[u8]) -> Verdict {
+    const HEADER_V1_LEN: usize = 6;
+    let Some(&payload_len) = bytes.get(1) else {
+        return Verdict::Garbage;
+    };
+    let crc_at = HEADER_V1_LEN + usize::from(payload_len);
+    let len = crc_at + CRC_LEN;
+    if bytes.len() < len {
+        return Verdict::Garbage;
+    }
+    let message_id = bytes[5];
+    let found = u16::from_le_bytes([bytes[crc_at], bytes[crc_at + 1]]);
+    match crc_extra(u32::from(message_id)) {
+        Some(extra) if checksum(&bytes[1..crc_at], extra) == found => {
+            Verdict::Refused(len, FrameError::Mavlink1 { message_id })
+        }
+        _ => Verdict::Garbage,
+    }
+}

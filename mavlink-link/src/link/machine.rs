@@ -1,0 +1,187 @@
+//! The state of one link, and what time does to it.
+
+use core::time::Duration;
+
+use super::config::LinkConfig;
+use super::event::{Alert, Event, Events};
+use super::freshness::HeartbeatLog;
+use super::peer::PeerLock;
+use super::pin::LinkIdPin;
+use super::presence::{LinkState, Presence};
+use super::receiver::KeyState;
+use super::stats::LinkStats;
+use crate::Now;
+use crate::frame::Parser;
+use crate::signing::clock::CeilingStore;
+
+/// What a link signs and verifies with, lent for one call.
+pub enum Auth<'a> {
+    /// The key's state, shared by all links of the key, and the store of its clock.
+    Signed {
+        /// Key, clock and streams.
+        key: &'a mut KeyState,
+        /// Where the clock's ceiling is kept.
+        store: &'a mut dyn CeilingStore,
+    },
+    /// For a link with [`Security::Off`](super::Security::Off); a signed link neither sends nor takes anything without key.
+    Off,
+}
+
+/// One link. `A` is an address: a socket address, or `()` on a serial port.
+#[derive(Debug)]
+pub struct Link<A> {
+    pub(super) config: LinkConfig<A>,
+    /// Joins frames that the peer split over two datagrams.
+    pub(super) parser: Parser,
+    /// For everybody else's datagrams, each on its own, so that nobody can hold up the peer's frames.
+    pub(super) strange: Parser,
+    pub(super) bytes_at: Duration,
+    pub(super) core: Core<A>,
+}
+
+/// All of a link but its parsers, which lend out the frames it works on.
+#[derive(Debug)]
+pub(super) struct Core<A> {
+    pub(super) config: LinkConfig<A>,
+    pub(super) peer: PeerLock<A>,
+    pub(super) presence: Presence,
+    pub(super) pin: LinkIdPin,
+    pub(super) heartbeats: HeartbeatLog,
+    pub(super) seq: u8,
+    pub(super) heartbeat_at: Duration,
+    pub(super) heartbeat_due: bool,
+    /// Where a heartbeat must go at once to lift stamps: to somebody else, to the peer.
+    pub(super) lift: [Option<A>; 2],
+    pub(super) bad_signatures: Burst,
+    pub(super) events: Events<A>,
+    pub(super) stats: LinkStats,
+}
+
+/// Tells many in a short time from a few now and then.
+#[derive(Debug, Default)]
+pub(super) struct Burst {
+    since: Duration,
+    count: u32,
+}
+
+impl Burst {
+    /// Counts one more; true from the tenth within ten seconds on.
+    pub(super) fn one_more(&mut self, mono: Duration) -> bool {
+        if mono.saturating_sub(self.since) > Duration::from_secs(10) {
+            (self.since, self.count) = (mono, 0);
+        }
+        self.count = self.count.saturating_add(1);
+        self.count >= 10
+    }
+}
+
+impl<A: Copy + Eq> Link<A> {
+    /// A link that has heard nothing; its first heartbeat is due at once.
+    #[must_use]
+    pub fn new(config: LinkConfig<A>) -> Self {
+        Self {
+            config,
+            parser: Parser::new(),
+            strange: Parser::new(),
+            bytes_at: Duration::ZERO,
+            core: Core {
+                config,
+                peer: PeerLock::new(config.endpoint),
+                presence: Presence::new(),
+                pin: LinkIdPin::new(config.vehicle_link_id, config.known_link_id),
+                heartbeats: HeartbeatLog::new(),
+                seq: 0,
+                heartbeat_at: Duration::ZERO,
+                heartbeat_due: false,
+                lift: [None; 2],
+                bad_signatures: Burst::default(),
+                events: Events::new(),
+                stats: LinkStats::default(),
+            },
+        }
+    }
+
+    /// The settings.
+    #[must_use]
+    pub fn config(&self) -> &LinkConfig<A> {
+        &self.config
+    }
+
+    /// To whom messages go; `None` on a listening link that has not heard its vehicle yet.
+    #[must_use]
+    pub fn peer(&self) -> Option<A> {
+        self.core.peer.peer()
+    }
+
+    /// How the link stands.
+    #[must_use]
+    pub fn state(&self) -> LinkState {
+        self.core.presence.state()
+    }
+
+    /// The link id of the vehicle's component 1, where it was learned for certain. Kept and given as
+    /// [`LinkConfig::known_link_id`] to the next run, it refuses captures of another link from the start.
+    #[must_use]
+    pub fn learned_link_id(&self) -> Option<u8> {
+        self.core.pin.learned()
+    }
+
+    /// When the last frame was accepted, in the caller's monotonic time.
+    #[must_use]
+    pub fn accepted_at(&self) -> Option<Duration> {
+        self.core.presence.accepted_at()
+    }
+
+    /// The next thing to tell, in the order it happened.
+    pub fn poll_event(&mut self) -> Option<Event<A>> {
+        self.core.events.pop()
+    }
+
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Duration {
+        let heartbeat = self.core.heartbeat_at;
+        self.core
+            .presence
+            .alert_at()
+            .map_or(heartbeat, |alert| alert.min(heartbeat))
+    }
+
+    /// Does what is due by now. Calling it early or late does no harm.
+    pub fn handle_timeout(&mut self, now: Now) {
+        let core = &mut self.core;
+        if core.heartbeat_at <= now.mono {
+            core.heartbeat_due = true;
+            let next = core.heartbeat_at.saturating_add(HEARTBEAT_EVERY);
+            // After a long pause the beat starts anew, without making up for what was missed.
+            core.heartbeat_at = if next > now.mono {
+                next
+            } else {
+                now.mono.saturating_add(HEARTBEAT_EVERY)
+            };
+        }
+        if core.presence.take_alert(now.mono) {
+            core.events.alert(Alert::StaysBehind, now.mono);
+        }
+    }
+
+    /// The counters as they stand.
+    #[must_use]
+    pub fn stats(&self) -> LinkStats {
+        let (own, strange) = (self.parser.counts(), self.strange.counts());
+        let mut stats = self.core.stats;
+        stats.events_lost = self.core.events.lost;
+        for counts in [own, strange] {
+            stats.good_frames += counts.good;
+            stats.bad_crc += counts.bad_crc;
+            stats.unknown_incompat += counts.unknown_incompat;
+            stats.mavlink1 += counts.mavlink1;
+            stats.unknown_id += counts.unknown_id;
+            stats.truncated += counts.truncated;
+            stats.garbage_bytes += counts.garbage_bytes;
+        }
+        stats
+    }
+}
+
+const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
