@@ -148,10 +148,10 @@ impl<A: Copy + Eq> Core<A> {
     ) {
         let header = frame.header();
         let age = self.heartbeats.age(stamp, now.mono);
-        if let (AUTOPILOT, Some(signature)) = (header.component_id, frame.signature()) {
-            if self.pin.record(signature.link_id, age, now.mono) {
-                self.events.alert(Alert::LinkIdMoved, now.mono);
-            }
+        if let (AUTOPILOT, Some(signature)) = (header.component_id, frame.signature())
+            && self.pin.record(signature.link_id, age, now.mono)
+        {
+            self.events.alert(Alert::LinkIdMoved, now.mono);
         }
         if let Some((before, to)) = self.peer.confirm(from, now.mono) {
             self.events.push(Event::PeerChanged { from: before, to });
