@@ -1,30 +1,26 @@
 //! `cargo xtask ci`: what must hold before anything is merged.
 
+use std::process::Command;
+
 use anyhow::Result;
 
 use crate::dependencies;
 use crate::fuzz;
-use crate::r#gen;
 use crate::licences;
-use crate::steps::{Steps, cargo, is_there, root};
+use crate::steps::{Steps, built, cargo, is_there};
 use crate::tests;
 
 /// Formatting, lints, documentation, dependencies, tests, a minute of fuzzing; the first that fails ends it.
 pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     steps.run(&mut cargo(["fmt", "--all", "--check"]))?;
-    let clippy = [
+    steps.run(cargo(["fmt", "--all", "--check"]).args(FUZZ))?;
+    steps.run(&mut denying_warnings(&[
         "clippy",
         "--workspace",
         "--all-targets",
-        "--locked",
-        "--",
-        "-D",
-        "warnings",
-    ];
-    steps.run(&mut cargo(clippy))?;
+    ]))?;
     let doc = ["doc", "--workspace", "--no-deps", "--locked"];
     steps.run(cargo(doc).env("RUSTDOCFLAGS", "-D warnings"))?;
-    steps.step("generated files are current", || r#gen::run(&root(), true))?;
     if is_there(&mut cargo(["deny", "--version"])) {
         steps.run(&mut cargo(["--locked", "deny", "check"]))?;
     } else {
@@ -35,6 +31,18 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         steps.step("licences and sources of all dependencies", licences::check)?;
     }
     steps.step("every declared dependency is used", dependencies::check)?;
+    tests::build(steps)?;
+    // Built with everything else: started by `cargo run` it would be built again, with other features of dependencies.
+    steps.run(built("generate")?.args(["files", "--check"]))?;
     tests::run(steps)?;
     fuzz::run(steps, fuzz::A_MINUTE)
 }
+
+fn denying_warnings(what: &[&str]) -> Command {
+    let mut command = cargo(what.iter().copied());
+    command.args(["--locked", "--", "-D", "warnings"]);
+    command
+}
+
+/// The workspace of the fuzz targets.
+const FUZZ: [&str; 2] = ["--manifest-path", "tests/fuzz/Cargo.toml"];

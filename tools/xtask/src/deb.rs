@@ -7,8 +7,7 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
 
-use crate::man;
-use crate::steps::{Steps, cargo, is_there, option, root};
+use crate::steps::{Steps, cargo, generate, is_there, option, root};
 
 /// Builds release programs and packs them into `target/deb`; `--bins DIR` packs those of a folder, uncompressed, and
 /// `--out DIR` puts the package elsewhere.
@@ -35,6 +34,14 @@ pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
         .clone()
         .unwrap_or_else(|| root().join("target/release"));
     lay_out(&tree, &programs)?;
+    let beside = programs.join("generate");
+    let mut manual = if beside.exists() {
+        Command::new(beside)
+    } else {
+        generate()
+    };
+    steps.run(manual.arg("man").arg(&tree))?;
+    open_to_all(&tree.join("usr/share"))?;
     let architecture = Command::new("dpkg").arg("--print-architecture").output();
     let architecture = architecture.context("dpkg")?.stdout;
     let architecture = String::from_utf8_lossy(&architecture).trim().to_owned();
@@ -68,8 +75,7 @@ fn lay_out(tree: &Path, programs: &Path) -> Result<()> {
     for (from, to) in FILES {
         copy(&root().join(from), tree, to, PLAIN)?;
     }
-    man::write(tree)?;
-    open_to_all(&tree.join("usr/share"))
+    Ok(())
 }
 
 fn copy(from: &Path, tree: &Path, to: &str, mode: u32) -> Result<()> {

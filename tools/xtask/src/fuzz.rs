@@ -1,7 +1,7 @@
 //! `cargo xtask fuzz`: every target of `tests/fuzz/`, from the seeds of recordings and golden vectors, for a while.
 //!
-//! The targets are those of cargo-fuzz, and its flags are used, so that it can go on where this stopped; but nothing has
-//! to be installed. Input that breaks a target stays in `tests/fuzz/artifacts`.
+//! The targets are those of cargo-fuzz, built with its flags, so that it can continue from the same corpus; but nothing
+//! has to be installed. Input that breaks a target stays in `tests/fuzz/artifacts`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,10 +11,10 @@ use anyhow::{Context as _, Result, bail};
 
 use crate::steps::{Steps, cargo, is_there, option, root};
 
-/// What CI gives to all targets together, in seconds.
+/// Seconds of fuzzing in CI, all targets together; as many run at once as there are cores.
 pub(crate) const A_MINUTE: u32 = 60;
 
-/// What `--seconds` says, or a minute.
+/// The value of `--seconds`, or a minute.
 pub(crate) fn seconds() -> Result<u32> {
     let Some(given) = option("--seconds") else {
         return Ok(A_MINUTE);
@@ -24,16 +24,15 @@ pub(crate) fn seconds() -> Result<u32> {
         .with_context(|| format!("--seconds {text}: expected a whole number"))
 }
 
-/// Builds the targets and runs each for its part of the time.
+/// Builds the targets and runs each for its share of the time.
 pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
     let host = host()?;
     if !host.contains("linux") || !is_there(Command::new("c++").arg("--version")) {
-        steps.leave_out("fuzzing: it needs Linux and a C++ compiler `c++`");
-        return Ok(());
+        return steps.missing("fuzzing needs Linux and a C++ compiler `c++`");
     }
     let fuzz = root().join("tests/fuzz");
     let corpus = fuzz.join("corpus");
-    // Of the workspace: of one package alone it would be built anew, with that package's features.
+    // With the whole workspace, as built before: for one package alone the dependencies' features differ.
     let seeds = [
         "test",
         "--locked",
@@ -60,21 +59,35 @@ pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
         .env("RUSTFLAGS", FLAGS.join(" "));
     steps.run(&mut build)?;
     let programs = fuzz.join("target").join(&host).join("release");
-    for (target, longest) in TARGETS {
-        let each = seconds / u32::try_from(TARGETS.len())?;
-        run_one(steps, &programs.join(target), &fuzz, target, longest, each)?;
+    let each = seconds / u32::try_from(TARGETS.len())?;
+    let at_once = std::thread::available_parallelism().map_or(1, usize::from);
+    for targets in TARGETS.chunks(at_once) {
+        let names: Vec<&str> = targets.iter().map(|(name, _)| *name).collect();
+        steps.step(&format!("fuzz {}", names.join(", ")), || {
+            let start = |(name, longest): &(&str, u32)| {
+                let mut command = command(&programs.join(name), &fuzz, name, *longest, each)?;
+                command.spawn().with_context(|| (*name).to_owned())
+            };
+            let started: Result<Vec<_>> = targets.iter().map(start).collect();
+            for (mut child, name) in started?.into_iter().zip(names) {
+                let status = child.wait().context("a fuzz target")?;
+                if !status.success() {
+                    bail!("{name} ended with {status}: see tests/fuzz/artifacts/{name}");
+                }
+            }
+            Ok(())
+        })?;
     }
     Ok(())
 }
 
-fn run_one(
-    steps: &mut Steps,
+fn command(
     program: &Path,
     fuzz: &Path,
     target: &str,
     longest: u32,
     seconds: u32,
-) -> Result<()> {
+) -> Result<Command> {
     let folder = |kind: &str| -> Result<PathBuf> {
         let folder = fuzz.join(kind).join(target);
         fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
@@ -83,6 +96,7 @@ fn run_one(
     let (corpus, artifacts) = (folder("corpus")?, folder("artifacts")?);
     let mut command = Command::new(program);
     command
+        .current_dir(root())
         .arg(format!("-max_total_time={}", seconds.max(1)))
         .arg(format!("-max_len={longest}"))
         .args([
@@ -95,14 +109,14 @@ fn run_one(
         .arg(corpus)
         // What leaks is memory of the process's whole life, which the sanitizer cannot tell apart under ptrace.
         .env("ASAN_OPTIONS", "detect_leaks=0");
-    steps.run(&mut command)
+    Ok(command)
 }
 
 /// The compiler's own target: with it named, programs that run while building are not instrumented.
 fn host() -> Result<String> {
     let output = Command::new("rustc").arg("-vV").output().context("rustc")?;
-    let said = String::from_utf8_lossy(&output.stdout);
-    let host = said.lines().find_map(|line| line.strip_prefix("host: "));
+    let text = String::from_utf8_lossy(&output.stdout);
+    let host = text.lines().find_map(|line| line.strip_prefix("host: "));
     match host {
         Some(host) => Ok(host.to_owned()),
         None => bail!("rustc -vV names no host"),
@@ -121,8 +135,9 @@ const TARGETS: [(&str, u32); 8] = [
     ("key_exchange_responder", 4_096),
 ];
 
-/// Those of cargo-fuzz.
-const FLAGS: [&str; 9] = [
+/// Those of cargo-fuzz, and warnings as everywhere.
+const FLAGS: [&str; 10] = [
+    "-Dwarnings",
     "-Cpasses=sancov-module",
     "-Cllvm-args=-sanitizer-coverage-level=4",
     "-Cllvm-args=-sanitizer-coverage-inline-8bit-counters",

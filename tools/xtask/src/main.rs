@@ -1,6 +1,6 @@
 //! The entry of tests and CI: `cargo xtask test` and `cargo xtask ci`.
 //!
-//! The local check is the CI check. What cannot be run on a machine is left out aloud, never silently.
+//! The local check is the CI check. What cannot be run on a machine is reported, and is an error where `CI` is set.
 
 #![expect(clippy::print_stderr, reason = "a program for people to read")]
 
@@ -9,9 +9,7 @@ mod ci;
 mod deb;
 mod dependencies;
 mod fuzz;
-mod r#gen;
 mod licences;
-mod man;
 mod metrics;
 mod peers;
 mod steps;
@@ -25,14 +23,14 @@ fn main() -> ExitCode {
     let task = std::env::args().nth(1).unwrap_or_default();
     let mut steps = Steps::new();
     let result = match task.as_str() {
-        "test" => tests::run(&mut steps),
+        "test" => tests::build(&mut steps).and_then(|()| tests::run(&mut steps)),
         "ci" => ci::run(&mut steps),
         "gen" => generate(&mut steps),
         "bench" => bench::run(&mut steps),
         "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
         "metrics" => metrics::run(),
-        "man" => man::run().map(|tree| eprintln!("{}", tree.display())),
+        "man" => manual(&mut steps),
         "peers" => peers::install(&mut steps).map(drop),
         _ => {
             eprintln!("{USAGE}");
@@ -49,21 +47,30 @@ fn main() -> ExitCode {
     }
 }
 
-/// Writes what is made from the message table; with `--check` only says what is stale.
+/// Writes the generated files, or with `--check` only reports which are stale.
 fn generate(steps: &mut Steps) -> anyhow::Result<()> {
     let check = std::env::args().any(|argument| argument == "--check");
-    steps.step("generated files", || r#gen::run(&steps::root(), check))
+    let check = check.then_some("--check");
+    steps.run(steps::generate().arg("files").args(check))
+}
+
+/// Writes manual pages and completions.
+fn manual(steps: &mut Steps) -> anyhow::Result<()> {
+    let out = steps::option("--out").unwrap_or_else(|| steps::root().join("target/man"));
+    steps.run(steps::generate().arg("man").arg(&out))?;
+    eprintln!("{}", out.display());
+    Ok(())
 }
 
 const USAGE: &str = "\
 usage: cargo xtask TASK
 
   test    install the Python peers, build every program, run all tests
-  ci      formatting, lints, documentation, generated files, licences and advisories, then `test`
-  gen     write the dissector, the support table and the reference; --check: only say what is stale
-  bench   run every bench, the C library and pymavlink beside, and print the figures as Markdown
-  fuzz    build every fuzz target and run all of them for a minute together; --seconds N: for so long
-  deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: of programs that are built; --out DIR
+  ci      check formatting, lints, documentation, generated files, dependencies and licences, then `test` and `fuzz`
+  gen     write the dissector, the support table and the reference; --check: only list what is stale
+  bench   run every bench, the C library and pymavlink for comparison; print the figures as Markdown
+  fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all
+  deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: pack the programs of DIR; --out DIR
   man     write manual pages and completions of bash, zsh and fish to target/man; --out DIR: elsewhere
-  metrics print sizes, cycles of modules, test binaries and words to replace; --root DIR, --edges, --check
-  peers   only install the Python peers into tests/interop/.venv";
+  metrics print code sizes, module cycles, test binaries and words to replace; --root DIR, --edges, --check
+  peers   install the Python peers into tests/interop/.venv";

@@ -45,7 +45,17 @@ impl Steps {
         result
     }
 
-    /// Says aloud, now and again at the end, that something was not done.
+    /// Reports that something cannot be checked here: an error in CI, which must not pass because a tool is missing.
+    pub(crate) fn missing(&mut self, what: impl Into<String>) -> Result<()> {
+        let what = what.into();
+        if std::env::var_os("CI").is_some() {
+            bail!("{what}; with `CI` set nothing may be left out");
+        }
+        self.leave_out(what);
+        Ok(())
+    }
+
+    /// Reports, now and again at the end, that something was not done.
     pub(crate) fn leave_out(&mut self, what: impl Into<String>) {
         let what = what.into();
         eprintln!("\nxtask: LEFT OUT: {what}");
@@ -68,6 +78,26 @@ pub(crate) fn cargo<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Command
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.args(arguments);
     command
+}
+
+/// The program `generate`, as cargo builds it first.
+pub(crate) fn generate() -> Command {
+    cargo([
+        "run",
+        "--quiet",
+        "--locked",
+        "--package",
+        "xtask",
+        "--bin",
+        "generate",
+        "--",
+    ])
+}
+
+/// A program of the workspace that was built beside this one.
+pub(crate) fn built(name: &str) -> Result<Command> {
+    let own = std::env::current_exe().context("the path of xtask")?;
+    Ok(Command::new(own.with_file_name(name)))
 }
 
 /// Whether a command is there: it starts and ends with 0.

@@ -7,14 +7,26 @@ use anyhow::Result;
 use crate::peers;
 use crate::steps::{Steps, cargo, is_there};
 
-/// Installs the peers, builds the programs that tests start, and runs all tests.
+/// Builds the programs that tests start as processes, and the tests.
+///
+/// Both in one command, so that they share one build of every dependency: of programs alone, cargo would build the
+/// dependencies once more, without the features that only tests need.
+pub(crate) fn build(steps: &mut Steps) -> Result<()> {
+    steps.run(&mut cargo([
+        "build",
+        "--workspace",
+        "--bins",
+        "--tests",
+        "--locked",
+    ]))
+}
+
+/// Installs the peers and runs all tests, which must be built.
 pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     peers::install(steps)?;
     for what in cannot_be_tried(is_there) {
-        steps.leave_out(what);
+        steps.missing(what)?;
     }
-    // The tests start the programs of the workspace as processes: cargo builds them for no test.
-    steps.run(&mut cargo(["build", "--workspace", "--bins", "--locked"]))?;
     if is_there(&mut cargo(["nextest", "--version"])) {
         steps.run(&mut cargo(["nextest", "run", "--workspace", "--locked"]))?;
     } else {
@@ -31,7 +43,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     steps.run(&mut cargo(["test", "--workspace", "--locked", "--doc"]))
 }
 
-/// What tests pass over here for want of something. A test that passes is not heard, so it is said in its place.
+/// What tests skip here because a program is missing.
 fn cannot_be_tried(there: impl Fn(&mut Command) -> bool) -> Vec<String> {
     let programs = [
         ("tshark", "the Wireshark dissector is not tested"),
@@ -44,12 +56,12 @@ fn cannot_be_tried(there: impl Fn(&mut Command) -> bool) -> Vec<String> {
         .map(|(name, so)| format!("{name} is not installed: {so}"));
     let disk = "mount -t tmpfs tmpfs /mnt && command -v nsenter";
     let small = !there(Command::new("unshare").args(["-rm", "sh", "-c", disk]));
-    let no_disk = "no mount namespace is to be had (unshare -rm): `vsm run` is not tried on a full and on a read-only disk";
+    let no_disk = "no mount namespace is available (unshare -rm): `vsm run` is not tested on a full and on a read-only disk";
     missing.chain(small.then(|| no_disk.to_owned())).collect()
 }
 
 #[cfg(test)]
-mod of_what_is_missing {
+mod what_is_missing {
     use super::*;
 
     #[test]

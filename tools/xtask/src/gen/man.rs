@@ -1,4 +1,4 @@
-//! `cargo xtask man`: the manual page and the shell completions of each program, made from its command line.
+//! The manual page and the shell completions of each program, made from its command line.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,16 +7,7 @@ use anyhow::{Context as _, Result};
 use clap::Command;
 use clap_complete::Shell;
 
-use crate::steps::{option, root};
-
-/// Writes them below `--out DIR`, or below `target/man`, where a Unix system looks for them below `/usr`.
-pub(crate) fn run() -> Result<PathBuf> {
-    let out = option("--out").unwrap_or_else(|| root().join("target/man"));
-    write(&out)?;
-    Ok(out)
-}
-
-/// Writes all into `tree`, as into the root of a file system.
+/// Writes them into `tree`, as into the root of a file system.
 pub(crate) fn write(tree: &Path) -> Result<()> {
     for command in commands() {
         let name = command.get_name().to_owned();

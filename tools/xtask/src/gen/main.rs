@@ -1,25 +1,49 @@
-//! `cargo xtask gen`: everything that is made from tables of the code: messages, support facts, what becomes of
-//! each message on the other side, and the keys of the configuration.
+//! `generate`: what is made from the code by running it. It links the whole workspace, so it is a program of its own, and
+//! `cargo xtask gen`, `man` and `deb` start it.
 //!
-//! The files are checked in, so that a reader needs no build; `--check` says which of them are not what would be made
-//! now, and changes nothing.
+//!     generate files [--check]    tables, references and the Wireshark dissector, checked in for readers without a build
+//!     generate man TREE           manual pages and shell completions, below TREE as below the root of a file system
+
+#![expect(clippy::print_stderr, reason = "a program for people to read")]
 
 mod crossing;
 mod dissector;
 mod lua;
+mod man;
 mod reference;
 mod support;
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 
-/// Writes the generated files, or with `check` only tells whether they are stale.
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = own.ancestors().nth(2).unwrap_or(own);
+    let result = match arguments[..] {
+        ["files"] => run(root, false),
+        ["files", "--check"] => run(root, true),
+        ["man", tree] => man::write(Path::new(tree)),
+        _ => Err(anyhow!("usage: generate files [--check] | man TREE")),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("generate: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Writes the generated files, or with `check` only reports which are stale.
 ///
 /// # Errors
 /// A file cannot be read or written; or, with `check`, some are stale.
-pub(crate) fn run(root: &Path, check: bool) -> Result<()> {
+fn run(root: &Path, check: bool) -> Result<()> {
     let made = outputs();
     let stale: Vec<&Output> = made
         .iter()
