@@ -16,27 +16,15 @@ use blake2::digest::Mac as _;
 use criterion::{Criterion, criterion_group, criterion_main};
 use ed25519_dalek::Signer as _;
 use mavlink_link::Now;
-use mavlink_link::clock::{CeilingStore, Origin, StoreError};
+use mavlink_link::clock::Origin;
 use mavlink_link::dialect::{ATTITUDE_DATA, FILE_TRANSFER_PROTOCOL_DATA, MavMessage};
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
-use mavlink_link::signing::{KeyId, SigningKey, Stamp, sign};
+use mavlink_link::signing::{SigningKey, Stamp, sign};
+use mavlink_link::store::MemoryDisk;
 use poly1305::universal_hash::KeyInit as _;
 use sha2::{Digest as _, Sha256};
-
-/// A store for clocks that live as long as the run.
-struct Nowhere;
-
-impl CeilingStore for Nowhere {
-    fn load(&mut self, _: &KeyId) -> Result<Option<Stamp>, StoreError> {
-        Ok(None)
-    }
-
-    fn store(&mut self, _: &KeyId, _: Stamp) -> Result<(), StoreError> {
-        Ok(())
-    }
-}
 
 fn now() -> Now {
     Now {
@@ -88,7 +76,7 @@ fn ours(c: &mut Criterion) {
     for (bytes, message) in messages() {
         c.bench_function(&format!("ours receive {bytes}"), |b| {
             b.iter_custom(|iterations| {
-                let mut store = Nowhere;
+                let mut store = MemoryDisk::default();
                 let mut keys =
                     KeyState::start(key(), Origin::KeyFile, Stamp::ZERO, now(), &mut store)
                         .unwrap();
@@ -129,7 +117,7 @@ fn ours(c: &mut Criterion) {
             });
         });
         c.bench_function(&format!("ours send {bytes}"), |b| {
-            let mut store = Nowhere;
+            let mut store = MemoryDisk::default();
             let mut keys =
                 KeyState::start(key(), Origin::KeyFile, Stamp::ZERO, now(), &mut store).unwrap();
             let mut link =

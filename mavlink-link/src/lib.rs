@@ -5,9 +5,8 @@
 //! one machine a physical link, and [`service`] speaks PX4's mission, command and parameter protocols
 //! over it. [`provisioning`] gives a vehicle a key, [`exchange`] agrees about one over the air. [`frame`] and [`signing`] are usable alone.
 //!
-//! Nothing here owns a socket, a clock, a disk or randomness: time comes in as [`Now`], the signing
-//! clock's ceiling goes out through [`clock::CeilingStore`]. Foreign input never panics and never makes
-//! memory grow. The message structs are those of the `mavlink` crate's `development` [`dialect`].
+//! Nothing here owns a socket, a clock, a disk or randomness: time comes in as [`Now`], what must survive a restart
+//! goes out through [`store::Disk`]. Foreign input never panics and never makes memory grow. The message structs are those of the `mavlink` crate's `development` [`dialect`].
 
 #![forbid(unsafe_code)]
 
@@ -17,6 +16,7 @@ pub mod link;
 pub mod provisioning;
 pub mod service;
 pub mod signing;
+pub mod store;
 mod time;
 pub mod tlog;
 

@@ -8,11 +8,12 @@ use std::collections::HashSet;
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::clock::Origin;
+use mavlink_link::clock::{Ceiling, Origin};
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::{Endpoint, Link, LinkConfig, LinkState, Security};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::Stamp;
+use mavlink_link::store::Store as _;
 use proptest::prelude::*;
 use support::*;
 
@@ -79,7 +80,7 @@ struct World {
     now: Now,
     links: [Link<Addr>; 2],
     keys: KeyState,
-    store: MemoryStore,
+    store: MemoryDisk,
     vehicles: [Vehicle; 2],
     in_flight: [Vec<Vec<u8>>; 2],
     recorder: Vec<Vec<u8>>,
@@ -101,7 +102,7 @@ fn links() -> [Link<Addr>; 2] {
 
 impl World {
     fn new() -> Self {
-        let mut store = MemoryStore::default();
+        let mut store = MemoryDisk::default();
         let keys = KeyState::start(key(), Origin::KeyFile, BUILD, at(0), &mut store).unwrap();
         Self {
             now: at(0),
@@ -137,14 +138,14 @@ impl World {
         count
     }
 
+    fn stored(&self) -> Stamp {
+        let stored = self.store.load(&key().id()).unwrap();
+        stored.map_or(Stamp::ZERO, |Ceiling(stamp)| stamp)
+    }
+
     /// Everything sent or accepted lies at or below what is on the disk.
     fn check_ceiling(&self) {
-        let stored = self
-            .store
-            .ceilings
-            .get(&key().id())
-            .copied()
-            .unwrap_or(Stamp::ZERO);
+        let stored = self.stored();
         assert!(self.sent <= stored && self.accepted <= stored);
     }
 
@@ -219,12 +220,7 @@ impl World {
                 }
             }
             Step::VehicleAhead { link, minutes } => {
-                let stored = self
-                    .store
-                    .ceilings
-                    .get(&key().id())
-                    .copied()
-                    .unwrap_or(Stamp::ZERO);
+                let stored = self.stored();
                 // Less than an hour ahead of any base of ours, now or after a restart: one that pushes
                 // further is refused, and that is meant.
                 let ours = stored.min(self.keys.clock().base(self.now));
@@ -247,7 +243,7 @@ impl World {
                     self.now.wall + span
                 };
             }
-            Step::Disk { broken } => self.store.broken = broken,
+            Step::Disk { broken } => self.store.full = broken.then_some(""),
         }
     }
 }
@@ -275,7 +271,7 @@ proptest! {
             world.step(step);
         }
         // The line is clean and the disk works from here on; what was in flight is gone.
-        world.store.broken = false;
+        world.store.full = None;
         world.in_flight = [vec![], vec![]];
         // As long as a failed store is not tried again.
         world.now = world.now.after(Duration::from_secs(1));

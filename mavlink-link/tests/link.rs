@@ -5,7 +5,7 @@ mod support;
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::clock::{CeilingStore, Origin};
+use mavlink_link::clock::{Ceiling, Origin};
 use mavlink_link::dialect::MavMessage;
 use mavlink_link::frame::{FrameView, KEY_EXCHANGE_ID, MAX_FRAME};
 use mavlink_link::link::{
@@ -13,6 +13,7 @@ use mavlink_link::link::{
 };
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{Stamp, verify};
+use mavlink_link::store::Store as _;
 use support::*;
 
 fn events(station: &mut Station) -> Vec<Event<Addr>> {
@@ -277,7 +278,7 @@ fn a_signed_link_without_its_key_neither_sends_nor_takes() {
 #[test]
 fn a_store_that_fails_ends_sending_and_accepting_at_the_old_ceiling() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
-    station.store.broken = true;
+    station.store.full = Some("");
     let ceiling = station.keys.clock().ceiling();
     let writes = station.store.writes;
     let mut out = [0; MAX_FRAME];
@@ -305,7 +306,7 @@ fn a_store_that_fails_ends_sending_and_accepting_at_the_old_ceiling() {
     assert!(station.store.writes - writes <= 11);
     assert!(events(&mut station).contains(&Event::Alert(Alert::CeilingNotStored)));
 
-    station.store.broken = false;
+    station.store.full = None;
     assert!(
         !station
             .receive(at(22_000), VEHICLE, &{
@@ -321,7 +322,7 @@ fn the_ceiling_is_stored_before_it_is_needed_and_about_every_ten_seconds() {
     let (mut station, _) = live_pair(Endpoint::Listen);
     for n in 0..6_000 {
         let (_, sent) = station.send(at(n * 10), &ack());
-        let stored = station.store.load(&key().id()).unwrap().unwrap();
+        let Ceiling(stored) = station.store.load(&key().id()).unwrap().unwrap();
         assert!(sent.stamp.unwrap() <= stored);
     }
     assert!(
@@ -333,8 +334,10 @@ fn the_ceiling_is_stored_before_it_is_needed_and_about_every_ten_seconds() {
 
 #[test]
 fn a_wall_clock_far_ahead_is_used_once_a_person_accepts_it() {
-    let mut store = MemoryStore::default();
-    store.ceilings.insert(key().id(), Stamp::from_unix(WALL));
+    let mut store = MemoryDisk::default();
+    store
+        .save(&key().id(), &Ceiling(Stamp::from_unix(WALL)))
+        .unwrap();
     let now = Now {
         mono: Duration::ZERO,
         wall: WALL + 400 * DAY,
@@ -359,8 +362,10 @@ fn a_wall_clock_far_ahead_is_used_once_a_person_accepts_it() {
 #[test]
 fn the_wall_clock_set_right_after_a_start_without_one_is_taken_over() {
     // A computer without a battery starts in 1970 and gets the time later.
-    let mut store = MemoryStore::default();
-    store.ceilings.insert(key().id(), Stamp::from_unix(WALL));
+    let mut store = MemoryDisk::default();
+    store
+        .save(&key().id(), &Ceiling(Stamp::from_unix(WALL)))
+        .unwrap();
     let boot = Now {
         mono: Duration::from_secs(5),
         wall: Duration::from_secs(9),
@@ -382,7 +387,7 @@ fn the_wall_clock_set_right_after_a_start_without_one_is_taken_over() {
         Origin::KeyFile,
         BUILD,
         boot,
-        &mut MemoryStore::default(),
+        &mut MemoryDisk::default(),
     )
     .unwrap();
     assert!(keys.clock().reading(boot).since(BUILD) < Duration::from_secs(1));

@@ -6,9 +6,10 @@ use mavlink_link::Now;
 use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage};
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::signing::{SigningKey, Stamp, sign, verify};
+use mavlink_link::store::{Disk as _, Durability};
 use vsm::config::Config;
-use vsm::session::{Bridge, Durability, KeyChange, LinkEnd, Peer, Store as _};
-use vsm::shell::file_store::FileStore;
+use vsm::session::{Bridge, KeyChange, LinkEnd, Peer};
+use vsm::shell::disk::FileDisk;
 
 const NOT_BEFORE: Duration = Duration::from_secs(1_767_225_600);
 const VEHICLE: u16 = 14_580;
@@ -31,7 +32,7 @@ fn peer(port: u16) -> Peer {
 
 struct Ground {
     bridge: Bridge,
-    store: FileStore,
+    store: FileDisk,
     _folder: tempfile::TempDir,
 }
 
@@ -43,12 +44,12 @@ impl Ground {
                     link = \"udpin:127.0.0.1:0\"\nsystem_id = 1\nsigning = { key_file = \"1.key\" }\n\
                     [store]\ndir = \"state\"\n";
         let config = Config::parse(text, folder.path()).unwrap();
-        let mut store = FileStore::open(&folder.path().join("state")).unwrap();
+        let mut store = FileDisk::open(&folder.path().join("state")).unwrap();
         if let Some(seen) = seen {
             let name = format!("clock-{}", key(2).id());
             let text = seen.get().to_string();
             store
-                .save(&name, text.as_bytes(), Durability::Power)
+                .replace(&name, text.as_bytes(), Durability::Power)
                 .unwrap();
         }
         let end = LinkEnd {

@@ -15,7 +15,7 @@ use mavlink_link::{Now, frame::FrameView};
 use stanag_msgs::json;
 use stanag_msgs::messages::CucsAuthorisationRequest;
 use stanag_msgs::{enums::LoiBitmap, frames};
-use support::{MemoryStore, Station, VSM, cucs, orders, station_address, vehicle_id};
+use support::{MemoryDisk, Station, VSM, cucs, orders, station_address, vehicle_id};
 use vsm::config::Config;
 use vsm::session::{Bridge, Destination, LinkEnd, Peer};
 
@@ -76,7 +76,7 @@ impl Play {
         let config = Config::parse(&text, Path::new("/nowhere")).expect("a good configuration");
         let key = self.key.map(|key| SigningKey::new(key).expect("a key"));
         let ends = vec![LinkEnd { key, peer: None }];
-        let mut store = MemoryStore::default();
+        let mut store = MemoryDisk::default();
         let wall = |mono: Duration| Duration::from_micros(begun) + mono;
         let now = |mono: Duration| Now {
             mono,

@@ -29,7 +29,7 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Bam32, Message};
 use support::{Station, VSM, cucs, key, orders, station_address, vehicle_address, vehicle_id};
 use vsm::config::Config;
-use vsm::session::{Bridge, Datagram, Destination, Durability, LinkEnd, Peer, Store, StoreError};
+use vsm::session::{Bridge, Datagram, Destination, LinkEnd, Peer};
 
 use self::disk::RecordingDisk;
 
@@ -37,7 +37,8 @@ use self::disk::RecordingDisk;
 mod disk {
     use std::collections::BTreeMap;
 
-    use super::{Durability, Store, StoreError};
+    use mavlink_link::store::{Disk, Durability, StoreError};
+    use zeroize::Zeroizing;
 
     #[derive(Debug, Default)]
     pub(crate) struct RecordingDisk {
@@ -63,8 +64,12 @@ mod disk {
         }
     }
 
-    impl Store for RecordingDisk {
-        fn save(&mut self, name: &str, bytes: &[u8], to: Durability) -> Result<(), StoreError> {
+    impl Disk for RecordingDisk {
+        fn read(&self, name: &str, _: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+            Ok(self.records.get(name).cloned().map(Zeroizing::new))
+        }
+
+        fn replace(&mut self, name: &str, bytes: &[u8], to: Durability) -> Result<(), StoreError> {
             self.note("save", name, to)?;
             self.records.insert(name.to_owned(), bytes.to_vec());
             Ok(())
@@ -77,8 +82,18 @@ mod disk {
             Ok(())
         }
 
-        fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-            Ok(self.records.get(name).cloned())
+        fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
+            self.note("rename", from, Durability::Power)?;
+            if let Some(bytes) = self.records.remove(from) {
+                self.records.insert(to.to_owned(), bytes);
+            }
+            Ok(())
+        }
+
+        fn remove(&mut self, name: &str) -> Result<(), StoreError> {
+            self.note("remove", name, Durability::Power)?;
+            self.records.remove(name);
+            Ok(())
         }
     }
 }

@@ -7,12 +7,14 @@ mod support;
 use std::time::Duration;
 
 use mavlink_link::frame::{FrameView, MAX_FRAME};
+use mavlink_link::store::{Disk, Durability, MemoryDisk, StoreError};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
 use stanag_msgs::messages::UaStickCommand;
 use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, TimeStamp};
 use support::heap::{Counting, allocations};
-use support::{MemoryStore, Rig, cucs, orders, vehicle_id};
-use vsm::session::{Durability, Peer, Store, StoreError};
+use support::{Rig, cucs, orders, vehicle_id};
+use vsm::session::Peer;
+use zeroize::Zeroizing;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -39,21 +41,36 @@ impl Passed {
 
 /// A store whose own use of memory does not count.
 struct Apart<'a> {
-    store: &'a mut MemoryStore,
+    disk: &'a mut MemoryDisk,
     allocations: u64,
     written: u64,
 }
 
-impl Store for Apart<'_> {
-    fn save(&mut self, name: &str, bytes: &[u8], kept: Durability) -> Result<(), StoreError> {
-        let (count, done) = allocations(|| self.store.save(name, bytes, kept));
+impl Disk for Apart<'_> {
+    fn read(&self, name: &str, max_bytes: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+        self.disk.read(name, max_bytes)
+    }
+
+    fn replace(&mut self, name: &str, bytes: &[u8], kept: Durability) -> Result<(), StoreError> {
+        let (count, done) = allocations(|| self.disk.replace(name, bytes, kept));
         self.allocations += count;
         self.written += 1;
         done
     }
 
-    fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        self.store.load(name)
+    fn append(&mut self, name: &str, bytes: &[u8], kept: Durability) -> Result<(), StoreError> {
+        let (count, done) = allocations(|| self.disk.append(name, bytes, kept));
+        self.allocations += count;
+        self.written += 1;
+        done
+    }
+
+    fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
+        self.disk.rename(from, to)
+    }
+
+    fn remove(&mut self, name: &str) -> Result<(), StoreError> {
+        self.disk.remove(name)
     }
 }
 
@@ -71,7 +88,7 @@ fn pass(rig: &mut Rig, seconds: f64, sticks: bool) -> Passed {
         let datagram = (sticks && tick.is_multiple_of(2)).then(|| centred(now.wall));
         let bridge = rig.bridge.as_mut().expect("it runs");
         let mut store = Apart {
-            store: &mut rig.store,
+            disk: &mut rig.store,
             allocations: 0,
             written: 0,
         };

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use mavlink_link::signing::SigningKey;
-use vsm::session::{Durability, Store as _};
-use vsm::shell::durable::{Disk, SystemDisk};
-use vsm::shell::file_store::FileStore;
+use mavlink_link::store::{Disk as _, Durability};
+use vsm::shell::disk::FileDisk;
+use vsm::shell::disk::{FileSystem, NativeFileSystem};
 use vsm::shell::key_file;
 use vsm::shell::key_store::{KeyStore, KeyStoreError};
 use zeroize::Zeroizing;
@@ -52,13 +52,13 @@ impl Failing {
     }
 }
 
-impl Disk for Failing {
+impl FileSystem for Failing {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         if !self.fails() {
-            return SystemDisk.write(path, bytes);
+            return NativeFileSystem.write(path, bytes);
         }
         if self.fault == Fault::Full {
-            SystemDisk.write(path, &bytes[..bytes.len() / 2])?;
+            NativeFileSystem.write(path, &bytes[..bytes.len() / 2])?;
         }
         Err(self.error())
     }
@@ -67,7 +67,7 @@ impl Disk for Failing {
         if self.fails() {
             Err(self.error())
         } else {
-            SystemDisk.sync(path)
+            NativeFileSystem.sync(path)
         }
     }
 
@@ -75,7 +75,7 @@ impl Disk for Failing {
         if self.fails() {
             Err(self.error())
         } else {
-            SystemDisk.rename(from, to)
+            NativeFileSystem.rename(from, to)
         }
     }
 
@@ -83,12 +83,12 @@ impl Disk for Failing {
         if self.fails() {
             Err(self.error())
         } else {
-            SystemDisk.remove(path)
+            NativeFileSystem.remove(path)
         }
     }
 
     fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
-        SystemDisk.read(path, most)
+        NativeFileSystem.read(path, most)
     }
 }
 
@@ -167,18 +167,18 @@ fn a_clock_that_cannot_be_stored_stays_at_its_old_value() {
         for step in 0..4 {
             let folder = tempfile::tempdir().unwrap();
             let dir = folder.path().join("state");
-            FileStore::open(&dir)
+            FileDisk::open(&dir)
                 .unwrap()
-                .save("clock-1", b"100\n", Durability::Power)
+                .replace("clock-1", b"100\n", Durability::Power)
                 .unwrap();
-            let mut store = FileStore::open_on(&dir, Box::new(Failing::new(step, fault))).unwrap();
+            let mut store = FileDisk::open_on(&dir, Box::new(Failing::new(step, fault))).unwrap();
             store
-                .save("clock-1", b"200\n", Durability::Power)
+                .replace("clock-1", b"200\n", Durability::Power)
                 .unwrap_err();
-            let found = store.load("clock-1").unwrap().unwrap();
+            let found = store.read("clock-1", 64).unwrap().unwrap();
             // Only where the rename was done and the folder not synchronised the new one stands: it is the higher.
             let expected: &[u8] = if step == 3 { b"200\n" } else { b"100\n" };
-            assert_eq!(found, expected, "{fault:?} at step {step}");
+            assert_eq!(*found, expected, "{fault:?} at step {step}");
         }
     }
 }

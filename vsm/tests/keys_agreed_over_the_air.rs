@@ -17,8 +17,8 @@ use mavlink_link::signing::{SigningKey, Stamp, sign};
 use tokio::net::UdpSocket;
 use vsm::config::Config;
 use vsm::session::Status;
+use vsm::shell::disk::FileDisk;
 use vsm::shell::exchange_record::{ExchangeRecord, identity, system_random};
-use vsm::shell::file_store::FileStore;
 use vsm::shell::key_file;
 use vsm::shell::server::Server;
 
@@ -152,7 +152,7 @@ async fn a_key_that_is_too_old_is_replaced_in_flight() {
     let old = key_file::read(&key_path).unwrap();
     let (old_id, air) = (old.id(), Identity::new([3; 32]));
     let ground = {
-        let mut store = FileStore::open(&config.store.dir).unwrap();
+        let mut store = FileDisk::open(&config.store.dir).unwrap();
         let mut record = ExchangeRecord {
             peer: Some(*air.public().bytes()),
             ..ExchangeRecord::default()

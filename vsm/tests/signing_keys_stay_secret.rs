@@ -12,10 +12,11 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use mavlink_link::Now;
-use mavlink_link::clock::{CeilingStore, Origin, StoreError};
+use mavlink_link::clock::Origin;
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
-use mavlink_link::signing::{KeyId, SigningKey, Stamp};
+use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::store::MemoryDisk;
 use program_support::{Running, VSM, free_port, run};
 use px4_sim::{LinkAddress, Simulator, SimulatorConfig};
 
@@ -188,7 +189,7 @@ fn replay_at_ground(folder: &Path) {
         mono: Duration::ZERO,
         wall: Duration::from_secs(1_795_219_200),
     };
-    let mut store = Nowhere;
+    let mut store = MemoryDisk::default();
     let mut keys = KeyState::start(key, Origin::KeyFile, Stamp::ZERO, now, &mut store).unwrap();
     for frame in recorded(folder) {
         now = now.after(Duration::from_millis(1));
@@ -365,17 +366,5 @@ fn await_text(log: &Path, text: &str) {
     while !fs::read_to_string(log).is_ok_and(|said| said.contains(text)) {
         assert!(Instant::now() < end, "{text} is not in {}", log.display());
         std::thread::sleep(Duration::from_millis(50));
-    }
-}
-
-struct Nowhere;
-
-impl CeilingStore for Nowhere {
-    fn load(&mut self, _: &KeyId) -> Result<Option<Stamp>, StoreError> {
-        Ok(None)
-    }
-
-    fn store(&mut self, _: &KeyId, _: Stamp) -> Result<(), StoreError> {
-        Ok(())
     }
 }

@@ -12,7 +12,7 @@ use super::receiver::KeyState;
 use super::stats::LinkStats;
 use crate::Now;
 use crate::frame::Parser;
-use crate::signing::clock::CeilingStore;
+use crate::store::Disk;
 
 /// What a link signs and verifies with, lent for one call.
 pub enum Auth<'a> {
@@ -21,7 +21,7 @@ pub enum Auth<'a> {
         /// Key, clock and streams.
         key: &'a mut KeyState,
         /// Where the clock's ceiling is kept.
-        store: &'a mut dyn CeilingStore,
+        store: &'a mut dyn Disk,
     },
     /// For a link with [`Security::Off`](super::Security::Off); a signed link neither sends nor takes anything without key.
     Off,

@@ -8,10 +8,9 @@ use thiserror::Error;
 
 use crate::Now;
 use crate::frame::FrameView;
-use crate::signing::clock::{
-    CeilingStore, ClockError, Origin, SigningClock, StoreError, WallState,
-};
+use crate::signing::clock::{Ceiling, ClockError, Origin, SigningClock, WallState};
 use crate::signing::{KeyId, SigningKey, Stamp, verify};
+use crate::store::{Disk, Store as _, StoreError};
 
 /// A key, its clock and all the streams heard under it.
 ///
@@ -37,10 +36,10 @@ impl KeyState {
         origin: Origin,
         not_before: Stamp,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) -> Result<Self, StoreError> {
         let id = key.id();
-        let stored = store.load(&id)?;
+        let stored = store.load(&id)?.map(|Ceiling(stamp)| stamp);
         let clock = SigningClock::start(id, origin, stored, not_before, now);
         Ok(Self {
             key,
@@ -72,11 +71,7 @@ impl KeyState {
     ///
     /// # Errors
     /// See [`SigningClock::take`].
-    pub fn take_stamp(
-        &mut self,
-        now: Now,
-        store: &mut dyn CeilingStore,
-    ) -> Result<Stamp, ClockError> {
+    pub fn take_stamp(&mut self, now: Now, store: &mut dyn Disk) -> Result<Stamp, ClockError> {
         self.clock.take(now, store)
     }
 
@@ -88,7 +83,7 @@ impl KeyState {
         &mut self,
         stamp: Stamp,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) -> Result<(), ClockError> {
         self.clock.follow(stamp, now, store)
     }
@@ -112,7 +107,7 @@ impl KeyState {
         frame: &FrameView<'_>,
         expected: Expected,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) -> Result<Stamp, Refusal> {
         let header = frame.header();
         if header.system_id == expected.own_system {

@@ -7,7 +7,7 @@ use crate::Now;
 use crate::dialect::{MavAutopilot, MavMessage, MavModeFlag};
 use crate::frame::{FrameView, Stamp};
 use crate::link::receiver::{AUTOPILOT, Expected, Refusal};
-use crate::signing::clock::CeilingStore;
+use crate::store::Disk;
 
 /// What one frame of the vehicle's autopilot turned out to be.
 enum Proof {
@@ -21,13 +21,7 @@ enum Proof {
 
 impl<A: Copy + Eq> KeyRollover<A> {
     /// Takes a datagram, or what a serial port had.
-    pub fn handle_datagram(
-        &mut self,
-        now: Now,
-        from: A,
-        bytes: &[u8],
-        store: &mut dyn CeilingStore,
-    ) {
+    pub fn handle_datagram(&mut self, now: Now, from: A, bytes: &[u8], store: &mut dyn Disk) {
         self.handle_and_pass(now, from, bytes, store, &mut |_, _| {});
     }
 
@@ -39,7 +33,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         now: Now,
         from: A,
         bytes: &[u8],
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
         pass: &mut dyn FnMut(KeySlot, &FrameView<'_>),
     ) {
         // Taken out while its frames are looked at; it is a few hundred bytes.
@@ -61,7 +55,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         now: Now,
         from: A,
         frame: &FrameView<'_>,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
         pass: &mut dyn FnMut(KeySlot, &FrameView<'_>),
     ) {
         let header = frame.header();
@@ -123,7 +117,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         }
     }
 
-    fn prove(&mut self, now: Now, frame: &FrameView<'_>, store: &mut dyn CeilingStore) -> Proof {
+    fn prove(&mut self, now: Now, frame: &FrameView<'_>, store: &mut dyn Disk) -> Proof {
         if !frame.is_signed() {
             return Proof::Unsigned;
         }

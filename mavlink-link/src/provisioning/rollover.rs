@@ -9,8 +9,9 @@ use crate::Now;
 use crate::frame::{Parser, Stamp};
 use crate::link::receiver::KeyState;
 use crate::link::{Endpoint, LinkConfig};
-use crate::signing::clock::{CeilingStore, Origin, StoreError};
+use crate::signing::clock::{Ceiling, Origin};
 use crate::signing::{KeyId, SigningKey};
+use crate::store::{Disk, Store as _, StoreError};
 
 /// The settings of a handover.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -175,13 +176,13 @@ impl<A: Copy + Eq> KeyRollover<A> {
         old: Option<KeyState>,
         new: SigningKey,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) -> Result<Self, StartError> {
         if old.as_ref().is_some_and(|old| old.key().same_as(&new)) {
             return Err(StartError::SameKey);
         }
         // Who may not send the key only asks, and cannot tell a key that was never sent from one whose clock was lost.
-        let known = !config.may_send_key || store.load(&new.id())?.is_some();
+        let known = !config.may_send_key || store.load::<Ceiling>(&new.id())?.is_some();
         let (new, state) = if known {
             let key = KeyState::start(new, Origin::KeyFile, config.not_before, now, store)?;
             (NewKey::Offered(Box::new(key)), State::Unknown)

@@ -9,8 +9,9 @@ use crate::Now;
 use crate::dialect::MavMessage;
 use crate::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, SETUP_SIGNING_ID, encode, encode_raw};
 use crate::link::receiver::{AUTOPILOT, KeyState};
-use crate::signing::clock::{CeilingStore, ClockError, Origin};
+use crate::signing::clock::{ClockError, Origin};
 use crate::signing::{Stamp, sign};
+use crate::store::Disk;
 
 /// A frame that stands ready in the caller's buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,7 +30,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
     pub fn poll_transmit(
         &mut self,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit<A>> {
         if let (true, Some(to)) = (self.setup_due, self.peer) {
@@ -97,7 +98,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         &mut self,
         under: KeySlot,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
         out: &mut [u8; MAX_FRAME],
     ) -> Result<usize, ClockError> {
         let under = match (under, &self.new) {
@@ -121,7 +122,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
     fn setup_signing(
         &mut self,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
         out: &mut [u8; MAX_FRAME],
     ) -> Result<usize, ClockError> {
         let initial = self.offer(now, store)?;
@@ -146,7 +147,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
 
     /// Starts the new key's clock, and gives its first stamp: above every one seen or sent, and stored
     /// before anything leaves.
-    fn offer(&mut self, now: Now, store: &mut dyn CeilingStore) -> Result<Stamp, ClockError> {
+    fn offer(&mut self, now: Now, store: &mut dyn Disk) -> Result<Stamp, ClockError> {
         let seen = self
             .old
             .as_ref()
@@ -182,7 +183,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         &mut self,
         under: KeySlot,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) -> Result<Stamp, ClockError> {
         let new = match &mut self.new {
             NewKey::Offered(new) => Some(&mut **new),

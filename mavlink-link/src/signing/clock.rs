@@ -13,28 +13,45 @@ use thiserror::Error;
 use super::key::KeyId;
 use crate::Now;
 use crate::frame::Stamp;
+use crate::store::{Disk, Durability, Record, Store as _, StoreError};
 
-/// Keeps one ceiling a key where a power cut does not reach it.
-pub trait CeilingStore {
-    /// The stored ceiling of a key, `None` where there has never been one.
+/// The stored ceiling of a key: a power cut does not reach it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ceiling(pub Stamp);
+
+impl Ceiling {
+    /// Stores the ceiling of a key, unless a higher one is stored: it is never lowered, whoever writes it.
     ///
     /// # Errors
-    /// The store cannot be read; the clock must not be started then.
-    fn load(&mut self, key: &KeyId) -> Result<Option<Stamp>, StoreError>;
-
-    /// Stores the ceiling; returns only when it would survive a power cut.
-    ///
-    /// # Errors
-    /// It could not be made durable. The old ceiling stays in force.
-    fn store(&mut self, key: &KeyId, ceiling: Stamp) -> Result<(), StoreError>;
+    /// It could not be read or made durable. The old ceiling stays in force.
+    pub fn raise(disk: &mut dyn Disk, key: &KeyId, to: Stamp) -> Result<(), StoreError> {
+        match disk.load::<Ceiling>(key)? {
+            Some(Ceiling(stored)) if stored >= to => Ok(()),
+            _ => disk.save(key, &Ceiling(to)),
+        }
+    }
 }
 
-/// A ceiling could not be read or made durable.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("the signing clock's ceiling: {reason}")]
-pub struct StoreError {
-    /// What the store says, for a person.
-    pub reason: String,
+impl Record for Ceiling {
+    type Key = KeyId;
+    const DURABILITY: Durability = Durability::Power;
+
+    fn name(key: &KeyId) -> String {
+        format!("clock-{key}")
+    }
+
+    fn encode(&self) -> Vec<u8> {
+        format!("{}\n", self.0.get()).into_bytes()
+    }
+
+    // A ceiling that cannot be read is not a missing one: starting below it would repeat stamps.
+    fn decode(bytes: &[u8]) -> Result<Self, String> {
+        let text = String::from_utf8_lossy(bytes);
+        match text.trim().parse::<u64>() {
+            Ok(units) if units <= Stamp::MAX.get() => Ok(Ceiling(Stamp::new(units))),
+            _ => Err(format!("it holds {text:?}, expected a number below 2^48")),
+        }
+    }
 }
 
 /// Where a key came from, which decides the first floor.
@@ -158,7 +175,7 @@ impl SigningClock {
     ///
     /// # Errors
     /// The ceiling cannot be raised, or the last stamp has been used. Nothing may be sent then.
-    pub fn take(&mut self, now: Now, store: &mut dyn CeilingStore) -> Result<Stamp, ClockError> {
+    pub fn take(&mut self, now: Now, store: &mut dyn Disk) -> Result<Stamp, ClockError> {
         if self.least > Stamp::MAX.get() {
             return Err(ClockError::Exhausted);
         }
@@ -182,7 +199,7 @@ impl SigningClock {
         &mut self,
         stamp: Stamp,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) -> Result<(), ClockError> {
         self.raise_ceiling(stamp, now, store)?;
         // One above, not at it: a vehicle that then falls back is lifted by our next frame to that
@@ -226,7 +243,7 @@ impl SigningClock {
         &mut self,
         stamp: Stamp,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) -> Result<(), ClockError> {
         if stamp.get() <= self.ceiling {
             return Ok(());
@@ -236,7 +253,7 @@ impl SigningClock {
             return Err(ClockError::Ceiling);
         }
         let ceiling = stamp.plus(WRITE_AHEAD);
-        if store.store(&self.key, ceiling).is_err() {
+        if Ceiling::raise(store, &self.key, ceiling).is_err() {
             self.retry_at = now.mono.saturating_add(STORE_RETRY);
             return Err(ClockError::Ceiling);
         }
@@ -277,3 +294,22 @@ const WALL_AHEAD: Duration = Duration::from_secs(366 * 86_400);
 const WALL_STEP: Duration = Duration::from_secs(1);
 /// The pause after a failed store.
 const STORE_RETRY: Duration = Duration::from_secs(1);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::MemoryDisk;
+
+    #[test]
+    fn a_ceiling_is_never_lowered() {
+        let mut disk = MemoryDisk::default();
+        let key = KeyId::from_bytes([7; 8]);
+        for (written, held) in [(100, 100), (50, 100), (101, 101)] {
+            Ceiling::raise(&mut disk, &key, Stamp::new(written)).unwrap();
+            let stored = disk.load::<Ceiling>(&key).unwrap();
+            assert_eq!(stored, Some(Ceiling(Stamp::new(held))));
+        }
+        disk.records.insert(Ceiling::name(&key), b"half".to_vec());
+        Ceiling::raise(&mut disk, &key, Stamp::new(200)).unwrap_err();
+    }
+}

@@ -9,7 +9,7 @@ use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::Stamp;
 
 use super::support::{
-    BUILD, DAY, MemoryStore, STRANGER, Station, VEHICLE, Vehicle, WALL, ack, at, heartbeat, key,
+    BUILD, DAY, MemoryDisk, STRANGER, Station, VEHICLE, Vehicle, WALL, ack, at, heartbeat, key,
     live_pair, ms, other_key,
 };
 
@@ -146,7 +146,7 @@ fn fall_13_a_forgers_stamp_is_not_kept() {
 
 #[test]
 fn a_new_key_of_ours_begins_at_its_initial_stamp() {
-    let mut store = MemoryStore::default();
+    let mut store = MemoryDisk::default();
     let initial = Stamp::from_unix(WALL).plus(Duration::from_secs(5));
     let origin = Origin::Provisioned { initial };
     let keys = KeyState::start(key(), origin, BUILD, at(0), &mut store).unwrap();

@@ -2,9 +2,11 @@
 
 use std::time::Duration;
 
+use mavlink_link::clock::Ceiling;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::provisioning::{Event, Outcome};
 use mavlink_link::signing::Stamp;
+use mavlink_link::store::Store as _;
 
 use super::support::{VEHICLE, at, key, ms, other_key};
 use super::world::{World, start};
@@ -73,7 +75,7 @@ fn a_dragged_clock_and_a_lost_datagram_are_mended_over_a_restart_too() {
             while let Some(event) = world.ours.poll_event() {
                 assert_ne!(event, Event::Ended(Outcome::RolledBack));
                 if event == Event::Commit {
-                    world.disk.commit();
+                    world.keys.commit();
                 }
             }
         }
@@ -91,12 +93,13 @@ fn a_dragged_clock_and_a_lost_datagram_are_mended_over_a_restart_too() {
 fn a_wall_clock_ten_years_ahead_is_not_believed_by_way_of_a_new_key() {
     let mut world = World::new(Some(key()));
     let ceiling = Stamp::from_unix(at(0).wall);
-    world.disk.ceilings.insert(key().id(), ceiling);
+    world.disk.save(&key().id(), &Ceiling(ceiling)).unwrap();
     world.now.wall += Duration::from_secs(3_652 * 86_400);
-    world.ours = start(&mut world.disk, world.now);
+    world.ours = start(&world.keys, &mut world.disk, world.now);
     assert_eq!(world.settle(30), Some(Outcome::Committed));
     for id in [key().id(), other_key().id()] {
-        let ahead = world.disk.ceilings[&id].since(ceiling);
+        let Ceiling(stored) = world.disk.load(&id).unwrap().unwrap();
+        let ahead = stored.since(ceiling);
         assert!(ahead < Duration::from_secs(120), "{ahead:?}");
     }
 }

@@ -62,7 +62,7 @@ fn must_come_back(current: Option<&SigningKey>, faults: &[Fault]) {
                 _ => {}
             }
         }
-        world.disk.full = tick < full_until;
+        world.disk.full = (tick < full_until).then_some("");
         if tick < cut_until {
             world.lost.extend(world.datagrams + 1..world.datagrams + 20);
         }
@@ -82,7 +82,7 @@ fn must_come_back(current: Option<&SigningKey>, faults: &[Fault]) {
         world.ours.outcome(),
         world.history
     );
-    let current = world.disk.current.as_ref().expect("a key in force");
+    let current = world.keys.current.as_ref().expect("a key in force");
     assert!(world.px4.has(current), "{faults:?}");
 }
 

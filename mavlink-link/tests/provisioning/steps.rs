@@ -7,17 +7,18 @@ use mavlink_link::provisioning::{
     Event, KeyRollover, KeyRolloverConfig, Outcome, StartError, State,
 };
 use mavlink_link::receiver::KeyState;
+use mavlink_link::store::MemoryDisk;
 
 use super::px4::Px4;
 use super::support::{BUILD, at, key, other_key};
-use super::world::{Disk, World, config};
+use super::world::{World, config};
 
 #[test]
 fn a_first_key_goes_to_an_unsigned_vehicle() {
     let mut world = World::new(None);
     assert_eq!(world.settle(30), Some(Outcome::Committed));
     assert!(world.px4.has(&other_key()));
-    assert!(world.disk.current.as_ref().unwrap().same_as(&other_key()));
+    assert!(world.keys.current.as_ref().unwrap().same_as(&other_key()));
     use State::{Committed, Sent, Staged, WaitDisarm};
     assert_eq!(world.states(), [Staged, WaitDisarm, Sent, Committed]);
     assert!(
@@ -32,7 +33,7 @@ fn a_key_is_rotated_and_the_link_goes_on_under_the_new_one() {
     let mut world = World::new(Some(key()));
     assert_eq!(world.settle(30), Some(Outcome::Committed));
     assert!(world.px4.has(&other_key()));
-    assert!(world.disk.previous.as_ref().unwrap().same_as(&key()));
+    assert!(world.keys.previous.as_ref().unwrap().same_as(&key()));
     let keys = world.ours.into_key_in_force().unwrap();
     assert_eq!(keys.id(), other_key().id());
     assert!(keys.clock().floor() < keys.clock().reading(world.now));
@@ -46,7 +47,7 @@ fn fall_14_signing_is_not_switched_over_before_the_vehicle_has_taken_the_key() {
     world.mute = true;
     world.until_sent();
     assert_eq!(world.ours.state(), State::Sent);
-    assert!(world.disk.current.as_ref().unwrap().same_as(&key()));
+    assert!(world.keys.current.as_ref().unwrap().same_as(&key()));
     world.mute = false;
     assert_eq!(world.settle(60), Some(Outcome::Committed));
     assert!(
@@ -54,7 +55,7 @@ fn fall_14_signing_is_not_switched_over_before_the_vehicle_has_taken_the_key() {
         "and sent again: {:?}",
         world.states()
     );
-    assert!(world.disk.current.as_ref().unwrap().same_as(&other_key()));
+    assert!(world.keys.current.as_ref().unwrap().same_as(&other_key()));
 }
 
 #[test]
@@ -82,7 +83,7 @@ fn fall_27_silence_is_no_refusal_and_the_key_that_was_taken_is_kept() {
         (world.ours.state(), world.ours.outcome()),
         (State::Unknown, None)
     );
-    assert!(world.disk.holds(&key()) && world.disk.holds(&other_key()));
+    assert!(world.keys.holds(&key()) && world.keys.holds(&other_key()));
     world.lost.clear();
     assert_eq!(world.settle(15), Some(Outcome::Committed));
     assert_eq!(world.secrets, 1, "nothing was sent into the silence");
@@ -127,7 +128,7 @@ fn a_vehicle_that_never_signs_is_told_apart() {
     assert_eq!(world.settle(60), Some(Outcome::NeverSigns));
     assert_eq!(world.secrets, 3);
     assert!(
-        world.disk.next.is_some(),
+        world.keys.next.is_some(),
         "unsigned frames prove nothing: the key stays"
     );
 }
@@ -138,7 +139,7 @@ fn a_vehicle_that_keeps_its_key_has_the_new_one_taken_back_after_half_a_minute()
     world.px4.can_sign = false;
     assert_eq!(world.settle(120), Some(Outcome::RolledBack));
     assert_eq!(world.secrets, 3);
-    assert!(world.disk.next.is_none() && world.disk.current.as_ref().unwrap().same_as(&key()));
+    assert!(world.keys.next.is_none() && world.keys.current.as_ref().unwrap().same_as(&key()));
     let back = world
         .states()
         .iter()
@@ -171,7 +172,7 @@ fn who_may_not_send_the_key_finds_out_which_one_the_vehicle_has() {
 
 #[test]
 fn the_same_key_again_is_no_handover() {
-    let mut disk = Disk::default();
+    let mut disk = MemoryDisk::default();
     let old = KeyState::start(key(), Origin::KeyFile, BUILD, at(0), &mut disk).unwrap();
     let refused = KeyRollover::start(config(), Some(old), key(), at(0), &mut disk);
     assert_eq!(refused.map(|_| ()).unwrap_err(), StartError::SameKey);
@@ -181,12 +182,12 @@ fn the_same_key_again_is_no_handover() {
 fn a_disk_that_fails_holds_the_key_back_until_it_works() {
     let mut world = World::new(Some(key()));
     world.run(5);
-    world.disk.full = true;
+    world.disk.full = Some("");
     world.run(20);
     assert_eq!(
         world.secrets, 0,
         "a key whose clock is not stored is never sent"
     );
-    world.disk.full = false;
+    world.disk.full = None;
     assert_eq!(world.settle(30), Some(Outcome::Committed));
 }

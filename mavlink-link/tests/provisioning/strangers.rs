@@ -1,11 +1,12 @@
 //! What others on the line can say, and who is not told a key.
 
-use mavlink_link::clock::Origin;
+use mavlink_link::clock::{Ceiling, Origin};
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::{Endpoint, LinkConfig, Security};
 use mavlink_link::provisioning::{KeyRollover, KeyRolloverConfig, Outcome, State};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::store::Store as _;
 
 use super::px4::Px4;
 use super::support::{BUILD, STRANGER, VEHICLE, ack, at, heartbeat, key, ms, other_key};
@@ -16,7 +17,7 @@ impl World {
     fn listening(may_send_key: bool) -> Self {
         let mut world = Self::new(Some(key()));
         let ceiling = Stamp::from_unix(at(0).wall);
-        world.disk.ceilings.insert(key().id(), ceiling);
+        world.disk.save(&key().id(), &Ceiling(ceiling)).unwrap();
         let (now, disk) = (world.now, &mut world.disk);
         let old = KeyState::start(key(), Origin::KeyFile, BUILD, now, disk).unwrap();
         let listens = KeyRolloverConfig {

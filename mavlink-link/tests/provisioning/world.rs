@@ -1,46 +1,28 @@
 //! Our disk, our end and the vehicle's under one clock, and the faults between them.
 
-use std::collections::HashMap;
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::clock::{CeilingStore, Origin, StoreError};
+use mavlink_link::clock::Origin;
 use mavlink_link::frame::{FrameView, MAX_FRAME};
 use mavlink_link::link::{Endpoint, LinkConfig, Security};
 use mavlink_link::provisioning::{Event, KeyRollover, KeyRolloverConfig, Outcome, State};
 use mavlink_link::receiver::KeyState;
-use mavlink_link::signing::{KeyId, SigningKey, Stamp};
+use mavlink_link::signing::SigningKey;
+use mavlink_link::store::MemoryDisk;
 
 use super::px4::Px4;
 use super::support::{BUILD, VEHICLE, at, ms, other_key};
 
-/// What is on our disk.
+/// Our keys.
 #[derive(Default)]
-pub(super) struct Disk {
-    pub(super) ceilings: HashMap<KeyId, Stamp>,
+pub(super) struct Keys {
     pub(super) current: Option<SigningKey>,
     pub(super) next: Option<SigningKey>,
     pub(super) previous: Option<SigningKey>,
-    pub(super) full: bool,
 }
 
-impl CeilingStore for Disk {
-    fn load(&mut self, key: &KeyId) -> Result<Option<Stamp>, StoreError> {
-        Ok(self.ceilings.get(key).copied())
-    }
-
-    fn store(&mut self, key: &KeyId, ceiling: Stamp) -> Result<(), StoreError> {
-        if self.full {
-            return Err(StoreError {
-                reason: "disk full".into(),
-            });
-        }
-        self.ceilings.insert(*key, ceiling);
-        Ok(())
-    }
-}
-
-impl Disk {
+impl Keys {
     pub(super) fn commit(&mut self) {
         if let Some(next) = self.next.take() {
             self.previous = self.current.replace(next);
@@ -58,7 +40,8 @@ impl Disk {
 /// Both ends under one clock, and the faults between them.
 pub(super) struct World {
     pub(super) px4: Px4,
-    pub(super) disk: Disk,
+    pub(super) keys: Keys,
+    pub(super) disk: MemoryDisk,
     pub(super) ours: KeyRollover<u16>,
     pub(super) now: Now,
     pub(super) tick: u64,
@@ -82,24 +65,26 @@ pub(super) fn config() -> KeyRolloverConfig<u16> {
     }
 }
 
-pub(super) fn start(disk: &mut Disk, now: Now) -> KeyRollover<u16> {
-    let old = disk.current.as_ref().map(SigningKey::duplicate);
+pub(super) fn start(keys: &Keys, disk: &mut MemoryDisk, now: Now) -> KeyRollover<u16> {
+    let old = keys.current.as_ref().map(SigningKey::duplicate);
     let old = old.map(|old| KeyState::start(old, Origin::KeyFile, BUILD, now, disk).unwrap());
-    let new = disk.next.as_ref().unwrap().duplicate();
+    let new = keys.next.as_ref().unwrap().duplicate();
     KeyRollover::start(config(), old, new, now, disk).unwrap()
 }
 
 impl World {
     pub(super) fn new(current: Option<SigningKey>) -> Self {
-        let mut disk = Disk {
+        let keys = Keys {
             current: current.as_ref().map(SigningKey::duplicate),
             next: Some(other_key()),
-            ..Disk::default()
+            ..Keys::default()
         };
+        let mut disk = MemoryDisk::default();
         let now = at(0);
         Self {
             px4: Px4::new(current),
-            ours: start(&mut disk, now),
+            ours: start(&keys, &mut disk, now),
+            keys,
             disk,
             now,
             tick: 0,
@@ -146,8 +131,8 @@ impl World {
         }
         while let Some(event) = self.ours.poll_event() {
             match event {
-                Event::Commit => self.disk.commit(),
-                Event::Ended(Outcome::RolledBack) => self.disk.next = None,
+                Event::Commit => self.keys.commit(),
+                Event::Ended(Outcome::RolledBack) => self.keys.next = None,
                 _ => {}
             }
             self.history.push(event);
@@ -156,7 +141,7 @@ impl World {
         let file = self.px4.file.as_ref().map(|(key, _)| key);
         for key in self.px4.running.iter().chain(file) {
             assert!(
-                self.disk.holds(key),
+                self.keys.holds(key),
                 "a key of the vehicle is lost: {:?}",
                 self.history
             );
@@ -194,9 +179,9 @@ impl World {
     /// We are killed and start again with what is on the disk; where nothing is staged, there is
     /// nothing to go on with.
     pub(super) fn kill(&mut self) {
-        if self.disk.next.is_some() {
+        if self.keys.next.is_some() {
             self.now.mono = Duration::from_secs(1);
-            self.ours = start(&mut self.disk, self.now);
+            self.ours = start(&self.keys, &mut self.disk, self.now);
         }
     }
 

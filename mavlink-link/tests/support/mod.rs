@@ -8,12 +8,13 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::clock::{CeilingStore, Origin, StoreError};
+use mavlink_link::clock::Origin;
 use mavlink_link::dialect::{COMMAND_ACK_DATA, HEARTBEAT_DATA, MavMessage};
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::link::{Auth, Delivery, Endpoint, Link, LinkConfig, Security, Sent};
 use mavlink_link::receiver::KeyState;
-use mavlink_link::signing::{KeyId, SigningKey, Stamp, sign, verify};
+use mavlink_link::signing::{SigningKey, Stamp, sign, verify};
+pub(crate) use mavlink_link::store::MemoryDisk;
 
 /// An address in the tests: a number.
 pub(crate) type Addr = u16;
@@ -46,36 +47,11 @@ pub(crate) fn other_key() -> SigningKey {
     SigningKey::new([0xa5; 32]).unwrap()
 }
 
-/// Survives restarts of what uses it; can be made to fail.
-#[derive(Default)]
-pub(crate) struct MemoryStore {
-    pub(crate) ceilings: HashMap<KeyId, Stamp>,
-    pub(crate) broken: bool,
-    pub(crate) writes: u32,
-}
-
-impl CeilingStore for MemoryStore {
-    fn load(&mut self, key: &KeyId) -> Result<Option<Stamp>, StoreError> {
-        Ok(self.ceilings.get(key).copied())
-    }
-
-    fn store(&mut self, key: &KeyId, ceiling: Stamp) -> Result<(), StoreError> {
-        self.writes += 1;
-        if self.broken {
-            return Err(StoreError {
-                reason: "disk full".into(),
-            });
-        }
-        self.ceilings.insert(*key, ceiling);
-        Ok(())
-    }
-}
-
 /// Our side: a link, its key and its disk.
 pub(crate) struct Station {
     pub(crate) link: Link<Addr>,
     pub(crate) keys: KeyState,
-    pub(crate) store: MemoryStore,
+    pub(crate) store: MemoryDisk,
 }
 
 /// What a delivery was, owned.
@@ -102,10 +78,10 @@ impl Got {
 
 impl Station {
     pub(crate) fn new(endpoint: Endpoint<Addr>, now: Now) -> Self {
-        Self::with_store(endpoint, now, MemoryStore::default())
+        Self::with_store(endpoint, now, MemoryDisk::default())
     }
 
-    pub(crate) fn with_store(endpoint: Endpoint<Addr>, now: Now, mut store: MemoryStore) -> Self {
+    pub(crate) fn with_store(endpoint: Endpoint<Addr>, now: Now, mut store: MemoryDisk) -> Self {
         let keys = KeyState::start(key(), Origin::KeyFile, BUILD, now, &mut store).unwrap();
         let link = Link::new(LinkConfig::new(1, Security::Signed, endpoint));
         Self { link, keys, store }
@@ -116,7 +92,7 @@ impl Station {
         Self::with_store(self.link.config().endpoint, now, self.store)
     }
 
-    pub(crate) fn auth<'a>(keys: &'a mut KeyState, store: &'a mut MemoryStore) -> Auth<'a> {
+    pub(crate) fn auth<'a>(keys: &'a mut KeyState, store: &'a mut MemoryDisk) -> Auth<'a> {
         Auth::Signed { key: keys, store }
     }
 

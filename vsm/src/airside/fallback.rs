@@ -32,7 +32,14 @@ impl Agent {
             self.fallback = None;
         }
         let Fallback { link, key } = self.fallback.as_mut()?;
-        let sent = link.poll_transmit(now, Auth::Signed { key, store: keys }, out)?;
+        let sent = link.poll_transmit(
+            now,
+            Auth::Signed {
+                key,
+                store: keys.disk(),
+            },
+            out,
+        )?;
         Some(Transmit {
             side: Side::Px4,
             to: sent.to,
@@ -76,7 +83,10 @@ impl Agent {
         let Some(Fallback { link, key }) = &mut self.fallback else {
             return false;
         };
-        let auth = Auth::Signed { key, store: keys };
+        let auth = Auth::Signed {
+            key,
+            store: keys.disk(),
+        };
         let mut proven = false;
         link.handle_datagram(now, from, bytes, auth, &mut |delivery| {
             proven |= delivery.verified && delivery.header.component_id == AUTOPILOT;

@@ -39,7 +39,7 @@ impl Agent {
             // The line to PX4 is its own and the agent's.
             believe_unsigned: true,
         };
-        let handover = KeyRollover::start(config, old, new, now, keys)?;
+        let handover = KeyRollover::start(config, old, new, now, keys.disk())?;
         self.phase = Phase::HandingOver(Box::new(HandingOver {
             handover,
             cause,
@@ -129,7 +129,7 @@ impl Agent {
             to_ground: &mut self.to_ground,
         };
         on.handover
-            .handle_and_pass(now, from, bytes, keys, &mut |under, frame| {
+            .handle_and_pass(now, from, bytes, keys.disk(), &mut |under, frame| {
                 // KeySlot the key before PX4 has fallen back: that is not delivered.
                 if under == KeySlot::New || cause == Cause::NewKey {
                     forwarder.pass(frame);

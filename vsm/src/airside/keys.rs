@@ -1,12 +1,15 @@
 //! What the agent needs of a disk: the ceilings of its signing clocks, and the keys with their order.
 
-use mavlink_link::clock::{CeilingStore, StoreError};
 use mavlink_link::exchange::{PinnedPeer, ResponderStore};
 use mavlink_link::signing::SigningKey;
+use mavlink_link::store::{Disk, StoreError};
 
 /// The key files beside the clocks and what the exchange keeps. Each call returns only when a power cut could not undo
 /// it.
-pub trait Keys: CeilingStore {
+pub trait Keys {
+    /// Where the ceilings of the signing clocks are.
+    fn disk(&mut self) -> &mut dyn Disk;
+
     /// The same disk as the exchange sees it.
     fn for_exchange(&mut self) -> &mut dyn ResponderStore;
 

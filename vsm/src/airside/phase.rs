@@ -71,7 +71,10 @@ impl Phase {
             Phase::Relaying(relaying) => Some(&mut relaying.key),
             Phase::HandingOver(on) => on.handover.key_mut(on.cause.of_ground()),
         };
-        key.map_or(Auth::Off, |key| Auth::Signed { key, store: keys })
+        key.map_or(Auth::Off, |key| Auth::Signed {
+            key,
+            store: keys.disk(),
+        })
     }
 
     /// Whether a command must not reach PX4: one that has lost its key would carry out anybody's. `accepted` is when a

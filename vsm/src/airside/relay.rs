@@ -89,7 +89,7 @@ impl Agent {
         let bad_before = self.px4.stats().bad_signature;
         let auth = Auth::Signed {
             key: &mut relaying.key,
-            store: keys,
+            store: keys.disk(),
         };
         let mut forwarder = FrameForwarder {
             mono: now.mono,

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use mavlink_link::Now;
-use mavlink_link::clock::{self, Origin};
+use mavlink_link::clock::{Ceiling, Origin};
 use mavlink_link::exchange::{
     Identity, Node, Parties, Responder, ResponderConfig, ResponderMemory, StagedKey, Wanted,
 };
@@ -11,6 +11,7 @@ use mavlink_link::link::{Endpoint, Link, LinkConfig, Role, Security};
 use mavlink_link::provisioning;
 use mavlink_link::receiver::{AllowedStreams, KeyState, Stream};
 use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::store::{Store as _, StoreError};
 
 use super::phase::{Cause, Phase};
 use super::watch::Watch;
@@ -53,7 +54,7 @@ pub enum AgentError {
     KeyRollover(#[from] provisioning::StartError),
     /// A clock.
     #[error("the signing clock cannot be read: {0}")]
-    Clock(#[from] clock::StoreError),
+    Clock(#[from] StoreError),
 }
 
 impl Agent {
@@ -113,7 +114,7 @@ impl Agent {
             Some(next) => Some(StagedKey {
                 id: next.id(),
                 // A key with a clock has been sent.
-                sent: keys.load(&next.id())?.is_some(),
+                sent: keys.disk().load::<Ceiling>(&next.id())?.is_some(),
             }),
         };
         let memory = ResponderMemory {
@@ -171,8 +172,8 @@ impl Agent {
         key: SigningKey,
         now: Now,
         keys: &mut dyn Keys,
-    ) -> Result<KeyState, clock::StoreError> {
+    ) -> Result<KeyState, StoreError> {
         let not_before = self.settings.not_before;
-        KeyState::start(key, Origin::KeyFile, not_before, now, keys)
+        KeyState::start(key, Origin::KeyFile, not_before, now, keys.disk())
     }
 }

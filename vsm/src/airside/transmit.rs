@@ -1,7 +1,6 @@
 //! What goes out next, and on which link: first what passes through, then what the agent itself has to say.
 
 use mavlink_link::Now;
-use mavlink_link::clock::CeilingStore;
 use mavlink_link::dialect::{MavMessage, STATUSTEXT_DATA};
 use mavlink_link::frame::{MAX_FRAME, SETUP_SIGNING_ID};
 use mavlink_link::link::Auth;
@@ -44,7 +43,7 @@ impl Agent {
         let (to, len, secret) = match &mut self.phase {
             Phase::Keyless | Phase::CannotSign { .. } => return None,
             Phase::HandingOver(on) => {
-                let sent = on.handover.poll_transmit(now, keys, out)?;
+                let sent = on.handover.poll_transmit(now, keys.disk(), out)?;
                 (sent.to, sent.len, sent.secret)
             }
             Phase::Relaying(relaying)
@@ -53,15 +52,16 @@ impl Agent {
                 self.watch.restamped();
                 let key = &mut relaying.key;
                 // The same key with a stamp above all: what was recorded before PX4's start dies with it.
-                let initial = key
-                    .take_stamp(now, &mut *keys as &mut dyn CeilingStore)
-                    .ok()?;
+                let initial = key.take_stamp(now, keys.disk()).ok()?;
                 let mut payload = Zeroizing::new([0; 42]);
                 payload[..8].copy_from_slice(&initial.get().to_le_bytes());
                 payload[8] = self.settings.vehicle_system;
                 payload[9] = AUTOPILOT;
                 payload[10..].copy_from_slice(key.key().expose());
-                let auth = Auth::Signed { key, store: keys };
+                let auth = Auth::Signed {
+                    key,
+                    store: keys.disk(),
+                };
                 let sent = self
                     .px4
                     .send_raw(now, auth, SETUP_SIGNING_ID, &*payload, None, out)
@@ -75,7 +75,7 @@ impl Agent {
             Phase::Relaying(relaying) => {
                 let auth = Auth::Signed {
                     key: &mut relaying.key,
-                    store: keys,
+                    store: keys.disk(),
                 };
                 let sent = self.px4.poll_transmit(now, auth, out)?;
                 (sent.to, sent.len, false)

@@ -5,15 +5,17 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use crate::config::{Config, Exchange, Signing, Vehicle};
+use crate::shell::disk::FileDisk;
 use crate::shell::exchange_record::{ExchangeRecord, peek_identity};
-use crate::shell::file_store::FileStore;
 use crate::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust, What};
 use crate::shell::key_store::{KeyStore, real_path};
-use crate::shell::{key_clock, key_file, sitl_key_file};
+use crate::shell::{key_file, sitl_key_file};
 use anyhow::{Context as _, anyhow, bail};
 use clap::{Args, Subcommand};
+use mavlink_link::clock::Ceiling;
 use mavlink_link::provisioning::{Event, Outcome, State};
 use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::store::Store as _;
 
 use super::Failure;
 
@@ -346,7 +348,7 @@ fn write_sitl_file(
     key: SigningKey,
     file: &Path,
 ) -> anyhow::Result<()> {
-    let _store = FileStore::open(&config.store.dir)?;
+    let _store = FileDisk::open(&config.store.dir)?;
     let keys = KeyStore::open(path)?;
     if keys.current()?.is_none() {
         keys.stage(&key)?;
@@ -365,15 +367,15 @@ fn write_sitl_file(
 fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
     let (config, vehicle, path, _) = open(which)?;
     let shown = || -> anyhow::Result<()> {
-        let mut store = FileStore::open(&config.store.dir)?;
+        let mut store = FileDisk::open(&config.store.dir)?;
         let key = key_file::read(&path)?.id();
         let wall = wall_stamp()?;
-        match key_clock::ceiling(&mut store, &key)? {
+        match store.load(&key)? {
             None => say(&format!(
                 "vehicle {}: key {key} has not been used yet",
                 vehicle.id
             )),
-            Some(ceiling) => {
+            Some(Ceiling(ceiling)) => {
                 let days = |a: Stamp, b: Stamp| a.since(b).as_secs_f64() / 86_400.0;
                 let ahead = days(wall, ceiling) - days(ceiling, wall);
                 say(&format!(
@@ -385,7 +387,7 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
             }
         }
         if accept {
-            key_clock::accept_wall(&mut store, &key, wall)?;
+            Ceiling::raise(&mut store, &key, wall)?;
             say("the wall clock is accepted: the signing clock goes on from it, and never back");
         }
         Ok(())

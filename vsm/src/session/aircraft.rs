@@ -17,7 +17,6 @@ use stanag_msgs::messages::LoiterConfiguration;
 use super::alerts::{Alerts, Cause};
 use super::authority::Authority;
 use super::authority_record::AuthorityRecord;
-use super::ceiling::Ceilings;
 use super::configuration::Configuration;
 use super::desk::{Desk, Origin};
 use super::fence::Fence;
@@ -199,7 +198,7 @@ impl Aircraft {
         tap: &mut dyn FnMut(&FrameView<'_>),
     ) {
         self.mav
-            .handle_datagram(desk.now, from, bytes, &mut Ceilings(desk.store), tap);
+            .handle_datagram(desk.now, from, bytes, desk.store, tap);
         self.run_until_idle(desk);
         if let Some(aboard) = &self.aboard {
             self.route_progress
@@ -211,7 +210,7 @@ impl Aircraft {
 
     /// Does what is due.
     pub(super) fn handle_timeout(&mut self, desk: &mut Desk<'_>) {
-        self.mav.handle_timeout(desk.now, &mut Ceilings(desk.store));
+        self.mav.handle_timeout(desk.now, desk.store);
         self.watch_controller(desk);
         self.run_until_idle(desk);
         self.watch_modes(desk);
@@ -267,7 +266,7 @@ impl Aircraft {
             self.stream_set_points(desk);
             self.advance_maneuver(desk);
             self.advance_load(desk);
-            self.mav.flush(desk.now, &mut Ceilings(desk.store));
+            self.mav.flush(desk.now, desk.store);
             if idle {
                 break;
             }

@@ -10,12 +10,15 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::aircraft::Aircraft;
 use super::desk::{Desk, Origin};
-use super::store::{Durability, StoreError, record_name};
+use super::store::{record_fault, vehicle_record};
+use mavlink_link::store::{Store as _, StoreError};
 
 #[derive(Serialize, Deserialize)]
 struct Record {
     pascal: f64,
 }
+
+vehicle_record!(Record, "altimeter", Process);
 
 impl Aircraft {
     /// The setting that a command is judged by: its own where it has one, else the present one. 0 is what a full
@@ -51,13 +54,8 @@ impl Aircraft {
             return Ok(());
         }
         let pascal = altimeter.pascal();
-        let bytes = serde_json::to_vec(&Record { pascal }).unwrap_or_default();
         desk.store
-            .save(
-                &record_name("altimeter", self.id()),
-                &bytes,
-                Durability::Process,
-            )
+            .save(&self.id(), &Record { pascal })
             .map_err(|fault| format!("the altimeter setting cannot be stored: {fault}"))?;
         self.bounds.altimeter = altimeter;
         let changed: Vec<Message> = forced::altimeter(altimeter).into_iter().collect();
@@ -70,18 +68,11 @@ impl Aircraft {
     /// # Errors
     /// Its record is there and cannot be read.
     pub(super) fn restore_altimeter(&mut self, desk: &Desk<'_>) -> Result<(), StoreError> {
-        let name = record_name("altimeter", self.id());
-        let Some(bytes) = desk.store.load(&name)? else {
+        let Some(Record { pascal }) = desk.store.load(&self.id())? else {
             return Ok(());
         };
-        let unreadable = |cause: String| StoreError {
-            name: name.clone(),
-            cause,
-        };
-        let record: Record =
-            serde_json::from_slice(&bytes).map_err(|cause| unreadable(cause.to_string()))?;
         self.bounds.altimeter =
-            Altimeter::new(record.pascal).map_err(|cause| unreadable(cause.to_string()))?;
+            Altimeter::new(pascal).map_err(|cause| record_fault("altimeter", self.id(), cause))?;
         Ok(())
     }
 }

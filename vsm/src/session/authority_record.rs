@@ -13,7 +13,8 @@ use super::alerts::Cause;
 use super::audit::{Broken, Chain, Entry};
 use super::authority::{Authority, Change, Decision, Handover, Record, Rights};
 use super::desk::{Desk, Origin};
-use super::store::{Durability, StoreError, log_name, record_name};
+use super::store::vehicle_record;
+use mavlink_link::store::{Durability, Store as _, StoreError, log_name};
 
 /// Beside the rights of one vehicle.
 #[derive(Debug, Default)]
@@ -62,6 +63,8 @@ struct Stored {
     authority: Record,
     holders: Vec<Holder>,
 }
+
+vehicle_record!(Stored, "authority", Power);
 
 /// What is known of a holder, or of who takes part in a handover, beside its rights.
 #[derive(Serialize, Deserialize)]
@@ -174,9 +177,7 @@ impl Aircraft {
             authority: self.authority.record(),
             holders,
         };
-        let bytes = serde_json::to_vec(&stored).unwrap_or_default();
-        desk.store
-            .save(&record_name("authority", self.id()), &bytes, durability)
+        desk.store.save_as(&self.id(), &stored, durability)
     }
 
     /// That a holder sends heartbeats is stored once: its silence counts after a restart too.
@@ -193,13 +194,7 @@ impl Aircraft {
     /// What a restart finds of the authority.
     pub(super) fn restore_authority(&mut self, desk: &mut Desk<'_>) -> Result<(), StoreError> {
         let id = self.id();
-        let name = record_name("authority", id);
-        let unreadable = |cause: serde_json::Error| StoreError {
-            name: name.clone(),
-            cause: cause.to_string(),
-        };
-        if let Some(bytes) = desk.store.load(&name)? {
-            let stored: Stored = serde_json::from_slice(&bytes).map_err(unreadable)?;
+        if let Some(stored) = desk.store.load::<Stored>(&id)? {
             for station in desk.stations.iter_mut() {
                 let known = stored
                     .holders
@@ -231,7 +226,7 @@ impl Aircraft {
         let mut before: Option<Chain> = None;
         for number in (0..=MAX_AUDIT_LOGS).rev() {
             let name = log_name(&name, number);
-            let bytes = desk.store.load_whole(&name)?.unwrap_or_default();
+            let bytes = desk.store.read(&name, u64::MAX)?.unwrap_or_default();
             if bytes.is_empty() {
                 continue;
             }

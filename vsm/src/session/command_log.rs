@@ -21,8 +21,8 @@ use super::bridge::Bridge;
 use super::desk::{Desk, Origin};
 use super::duplicate::{DEPTH, Digest, Recent, Seen};
 use super::log::LogLevel;
-use super::store::{Durability, Store, StoreError};
 use mavlink_link::Now;
+use mavlink_link::store::{Disk, Durability, StoreError};
 
 impl Desk<'_> {
     /// Writes a command down, before it is carried out.
@@ -38,7 +38,7 @@ impl Desk<'_> {
         if of.journal_lines > MAX_LINES {
             let whole = text(of.recent.commands());
             self.store
-                .save(&name, whole.as_bytes(), Durability::Process)?;
+                .replace(&name, whole.as_bytes(), Durability::Process)?;
             of.journal_lines = of.recent.commands().count();
             return Ok(());
         }
@@ -59,7 +59,7 @@ impl Bridge {
     pub(super) fn restore_commands(
         &mut self,
         now: Now,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) -> Result<(), StoreError> {
         let (mut desk, aircraft) = self.desk(now, store);
         for index in 0..desk.stations.len() {
@@ -67,7 +67,7 @@ impl Bridge {
                 continue;
             };
             let name = journal_name(station.id());
-            let Some(bytes) = desk.store.load_whole(&name)? else {
+            let Some(bytes) = desk.store.read(&name, u64::MAX)? else {
                 continue;
             };
             let known = read(&bytes);
@@ -86,7 +86,7 @@ impl Bridge {
             station.journal_lines = station.recent.commands().count();
             if let Err(fault) = desk
                 .store
-                .save(&name, whole.as_bytes(), Durability::Process)
+                .replace(&name, whole.as_bytes(), Durability::Process)
             {
                 desk.note(LogLevel::Error, desk.vsm, fault.to_string());
             }

@@ -14,7 +14,7 @@ use super::counters::Counters;
 use super::log::{LogEntry, LogLevel};
 use super::outbox::{Destination, Outbox};
 use super::station::Station;
-use super::store::Store;
+use mavlink_link::store::Disk;
 
 /// Borrowed for one call.
 pub(crate) struct Desk<'a> {
@@ -29,7 +29,7 @@ pub(crate) struct Desk<'a> {
     pub(crate) outbox: &'a mut Outbox,
     pub(crate) counters: &'a mut Counters,
     pub(crate) log: &'a mut VecDeque<LogEntry>,
-    pub(crate) store: &'a mut dyn Store,
+    pub(crate) store: &'a mut dyn Disk,
 }
 
 /// A message of a CUCS that wants an answer.

@@ -20,8 +20,9 @@ use super::aircraft::Aircraft;
 use super::alerts::Cause;
 use super::desk::{Desk, Origin};
 use super::plan_record::{decode_messages, encode_messages};
-use super::store::{Durability, StoreError, record_name};
+use super::store::{record_fault, vehicle_record};
 use super::transfer::explain;
+use mavlink_link::store::{Store as _, StoreError};
 
 /// The machine.
 #[derive(Debug, Default)]
@@ -70,6 +71,8 @@ struct Record {
     loaded: Vec<String>,
     wanted: bool,
 }
+
+vehicle_record!(Record, "areas", Process);
 
 impl Fence {
     /// With the areas of the configuration.
@@ -434,9 +437,7 @@ impl Aircraft {
             loaded: lines(&self.fence.loaded),
             wanted: self.fence.wanted,
         };
-        let bytes = serde_json::to_vec(&record).unwrap_or_default();
-        let name = record_name("areas", self.id());
-        desk.store.save(&name, &bytes, Durability::Process)
+        desk.store.save(&self.id(), &record)
     }
 
     /// The areas of before a restart.
@@ -444,16 +445,11 @@ impl Aircraft {
     /// # Errors
     /// Their record is there and cannot be read.
     pub(super) fn restore_fence(&mut self, desk: &Desk<'_>) -> Result<(), StoreError> {
-        let name = record_name("areas", self.id());
-        let Some(bytes) = desk.store.load(&name)? else {
+        let Some(record) = desk.store.load::<Record>(&self.id())? else {
             return Ok(());
         };
-        let unreadable = |cause: String| StoreError {
-            name: name.clone(),
-            cause,
-        };
-        let record: Record =
-            serde_json::from_slice(&bytes).map_err(|cause| unreadable(cause.to_string()))?;
+        let id = self.id();
+        let unreadable = |cause: String| record_fault("areas", id, cause);
         let areas = |lines: &[String]| {
             let mut areas = Areas::default();
             for (_, message) in decode_messages(lines).map_err(|cause| cause.to_string())? {

@@ -8,19 +8,18 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::clock::{CeilingStore, Origin, StoreError};
+use mavlink_link::clock::Origin;
 use mavlink_link::frame::{KEY_EXCHANGE_ID, MAX_FRAME};
 use mavlink_link::link::{KeyExchangeFrame, Link, LinkState};
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
 use mavlink_link::signing::{KeyId, SigningKey, Stamp};
+use mavlink_link::store::{Disk, StoreError};
 use serde::Serialize;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use super::alerts::Cause;
 use super::bridge::Bridge;
-use super::ceiling::Ceilings;
 use super::key_recovery::KeyChange;
-use super::store::Store;
 use super::vehicle::{OutFrame, Peer, VehicleLink, auth};
 
 /// The part of the exchange that a vehicle's link holds.
@@ -107,11 +106,11 @@ impl Bridge {
         now: Now,
         payload: &[u8],
         otherwise: Option<Peer>,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) {
         if let Some(aircraft) = self.aircraft.get_mut(index) {
             let mav = &mut aircraft.mav;
-            mav.send_key_exchange(now, payload, otherwise, &mut Ceilings(store));
+            mav.send_key_exchange(now, payload, otherwise, store);
         }
     }
 
@@ -125,13 +124,12 @@ impl Bridge {
         key: SigningKey,
         now: Now,
         not_before: Duration,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) -> Result<(), StoreError> {
         let Some(aircraft) = self.aircraft.get_mut(index) else {
             return Ok(());
         };
         let not_before = Stamp::from_unix(not_before);
-        let store = &mut Ceilings(store);
         // Agreed about just now, or never used since: nothing older than this program is signed with it.
         let initial = not_before;
         let origin = Origin::Provisioned { initial };
@@ -142,9 +140,9 @@ impl Bridge {
     }
 
     /// The agent says, proven, that the vehicle signs with the next key already, and it is the current one on disk.
-    pub fn adopt_next_key(&mut self, index: usize, now: Now, store: &mut dyn Store) {
+    pub fn adopt_next_key(&mut self, index: usize, now: Now, store: &mut dyn Disk) {
         if let Some(aircraft) = self.aircraft.get_mut(index) {
-            aircraft.mav.adopt_next_key(now, &mut Ceilings(store));
+            aircraft.mav.adopt_next_key(now, store);
         }
     }
 
@@ -176,7 +174,7 @@ impl Bridge {
         index: usize,
         now: Now,
         notice: ExchangeNotice,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) {
         let (mut desk, aircraft) = self.desk(now, store);
         let Some(aircraft) = aircraft.get_mut(index) else {
@@ -206,7 +204,7 @@ impl VehicleLink {
         now: Now,
         from: Peer,
         bytes: &[u8],
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) -> bool {
         let Some(next) = &mut self.agreement.next else {
             return false;
@@ -236,7 +234,7 @@ impl VehicleLink {
         proven
     }
 
-    fn adopt_next_key(&mut self, now: Now, store: &mut dyn CeilingStore) {
+    fn adopt_next_key(&mut self, now: Now, store: &mut dyn Disk) {
         let Some(mut next) = self.agreement.next.take() else {
             return;
         };
@@ -253,7 +251,7 @@ impl VehicleLink {
         now: Now,
         payload: &[u8],
         otherwise: Option<Peer>,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) {
         let to = self.link.peer().or(otherwise);
         let mut bytes = [0; MAX_FRAME];

@@ -4,19 +4,17 @@
 use std::collections::BTreeMap;
 
 use mavlink_link::Now;
-use mavlink_link::clock::CeilingStore;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::{Alert, LinkState};
 use mavlink_link::provisioning::{Event, KeyRollover, KeyRolloverConfig, Outcome, StartError};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::store::Disk;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use super::aircraft::Aircraft;
 use super::bridge::Bridge;
-use super::ceiling::Ceilings;
 use super::desk::Desk;
-use super::store::Store;
 use super::vehicle::{OutFrame, Peer, VehicleLink};
 
 /// What the shell does with the key files.
@@ -63,12 +61,11 @@ impl Bridge {
         next: SigningKey,
         now: Now,
         not_before: std::time::Duration,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) -> Result<(), StartError> {
         let Some(aircraft) = self.aircraft.get_mut(index) else {
             return Ok(());
         };
-        let store = &mut Ceilings(store);
         aircraft
             .mav
             .settle(next, Stamp::from_unix(not_before), now, store)
@@ -105,7 +102,7 @@ impl VehicleLink {
         next: SigningKey,
         not_before: Stamp,
         now: Now,
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) -> Result<(), StartError> {
         let config = KeyRolloverConfig {
             link: *self.link.config(),
@@ -124,7 +121,7 @@ impl VehicleLink {
         now: Now,
         from: Peer,
         bytes: &[u8],
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
     ) -> bool {
         let Some(handover) = &mut self.key_recovery.handover else {
             return false;
@@ -135,14 +132,14 @@ impl VehicleLink {
     }
 
     /// Does what is due while the key is not known.
-    pub(super) fn settle_timeout(&mut self, now: Now, store: &mut dyn CeilingStore) {
+    pub(super) fn settle_timeout(&mut self, now: Now, store: &mut dyn Disk) {
         if let Some(handover) = &mut self.key_recovery.handover {
             handover.handle_timeout(now);
             self.settle_on(now, store);
         }
     }
 
-    fn settle_on(&mut self, now: Now, store: &mut dyn CeilingStore) {
+    fn settle_on(&mut self, now: Now, store: &mut dyn Disk) {
         let Some(handover) = &mut self.key_recovery.handover else {
             return;
         };

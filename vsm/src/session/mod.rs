@@ -1,12 +1,11 @@
 //! The sessions: sans-I/O machines that know time, and nothing of sockets, clocks or files.
 //!
 //! [`Bridge`] is the whole of it: datagrams of both sides and the time go in, datagrams and log entries come out.
-//! What must survive a restart goes through the [`Store`] that is handed in, before it is answered.
+//! What must survive a restart goes to the [`Disk`](mavlink_link::store::Disk) that is handed in, before it is answered.
 //!
 //! A CUCS asks for control, and is told what it holds before the vehicle has been heard at all:
 //!
 //! ```
-//! use std::collections::BTreeMap;
 //! use std::net::SocketAddr;
 //! use std::time::Duration;
 //!
@@ -15,22 +14,8 @@
 //! use stanag_msgs::messages::CucsAuthorisationRequest;
 //! use stanag_msgs::{Envelope, Id, Message};
 //! use vsm::config::Config;
-//! use vsm::session::{Bridge, Durability, LinkEnd, Store, StoreError};
-//!
-//! /// A store that forgets; the program's own is `vsm::shell::file_store::FileStore`.
-//! #[derive(Default)]
-//! struct Memory(BTreeMap<String, Vec<u8>>);
-//!
-//! impl Store for Memory {
-//!     fn save(&mut self, name: &str, bytes: &[u8], _: Durability) -> Result<(), StoreError> {
-//!         self.0.insert(name.to_owned(), bytes.to_vec());
-//!         Ok(())
-//!     }
-//!
-//!     fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-//!         Ok(self.0.get(name).cloned())
-//!     }
-//! }
+//! use mavlink_link::store::MemoryDisk;
+//! use vsm::session::{Bridge, LinkEnd};
 //!
 //! let text = r#"
 //!     [dli]
@@ -49,7 +34,7 @@
 //! "#;
 //! let config = Config::parse(text, std::path::Path::new("."))?;
 //! let now = Now { mono: Duration::ZERO, wall: Duration::from_secs(1_795_219_200) };
-//! let (mut store, end) = (Memory::default(), LinkEnd { key: None, peer: None });
+//! let (mut store, end) = (MemoryDisk::default(), LinkEnd { key: None, peer: None });
 //! let mut bridge = Bridge::new(&config, vec![end], now, Duration::ZERO, &mut store)?;
 //!
 //! let (cucs, vehicle) = (Id(0x1b00_00a0), Id(0x1b00_0101));
@@ -85,7 +70,6 @@ mod audit;
 mod authority;
 mod authority_record;
 mod bridge;
-mod ceiling;
 mod command_log;
 mod commanded;
 mod configuration;
@@ -124,7 +108,7 @@ mod route_progress;
 mod station;
 mod status;
 mod steering;
-mod store;
+pub(crate) mod store;
 mod transfer;
 mod vehicle;
 
@@ -135,13 +119,11 @@ pub use authority::{
     Ended, Handover, Outcome, Reason, Record, Refusal, Rights, Silence, Stage, Stations,
 };
 pub use bridge::{Bridge, BridgeError, LinkEnd, Tap};
-pub(crate) use ceiling::Ceilings;
 pub use counters::{ByType, Counters};
 pub use key_agreement::{ExchangeNotice, ExchangeStatus};
 pub use key_recovery::KeyChange;
 pub use log::{LogEntry, LogLevel};
 pub use outbox::{Datagram, Destination};
 pub use status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
-pub use store::{Durability, Store, StoreError};
-pub(crate) use store::{log_name, record_name};
+pub(crate) use store::vehicle_record;
 pub use vehicle::{OutFrame, Peer};

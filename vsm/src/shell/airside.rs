@@ -16,8 +16,8 @@ use zeroize::Zeroize;
 
 use super::airside_disk::AirsideDisk;
 use super::clock::Clock;
+use super::disk::{FileDisk, OpenError};
 use super::exchange_record::{self, system_random};
-use super::file_store::{FileStore, OpenError};
 use super::key_link;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::pairing_socket::{self, Asker};
@@ -26,7 +26,8 @@ use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
 use crate::airside::{Agent, AgentError, AirsideStatus, PairingNews, Settings, Side};
 use crate::config::airside::AirsideConfig;
-use crate::session::{LogLevel, Peer, StoreError};
+use crate::session::{LogLevel, Peer};
+use mavlink_link::store::StoreError;
 
 /// An agent that cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -95,7 +96,7 @@ impl AirsideServer {
             return Err(AirsideError::OpenLink { link });
         }
         let clock = Clock::default();
-        let mut store = FileStore::open(&config.store.dir)?;
+        let mut store = FileDisk::open(&config.store.dir)?;
         let keys = KeyStore::open(&own.key_file)?;
         let (radio_reader, radio_writer, ground) =
             sockets::open_link("radio.link", &radio.link, "port-radio", &mut store)?;

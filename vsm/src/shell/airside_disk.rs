@@ -1,21 +1,20 @@
 //! The agent's disk: the ceilings of its clocks in its store folder, its keys beside their file.
 
-use mavlink_link::clock::{CeilingStore, StoreError};
 use mavlink_link::exchange::{self, Agreed, PinnedPeer, ResponderStore};
-use mavlink_link::signing::{KeyId, SigningKey, Stamp};
+use mavlink_link::signing::SigningKey;
+use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
 
 use super::airside::AirsideError;
+use super::disk::FileDisk;
 use super::exchange_record::ExchangeRecord;
-use super::file_store::FileStore;
 use super::key_store::{KeyStore, KeyStoreError};
 use crate::airside::{Held, Keys};
-use crate::session::Ceilings;
 
 /// Both, locked for this process.
 #[derive(Debug)]
 pub struct AirsideDisk {
-    pub(super) store: FileStore,
+    pub(super) store: FileDisk,
     pub(super) keys: KeyStore,
     pub(super) vehicle: Id,
 }
@@ -51,16 +50,6 @@ impl AirsideDisk {
     }
 }
 
-impl CeilingStore for AirsideDisk {
-    fn load(&mut self, key: &KeyId) -> Result<Option<Stamp>, StoreError> {
-        Ceilings(&mut self.store).load(key)
-    }
-
-    fn store(&mut self, key: &KeyId, ceiling: Stamp) -> Result<(), StoreError> {
-        Ceilings(&mut self.store).store(key, ceiling)
-    }
-}
-
 impl ResponderStore for AirsideDisk {
     fn withdraw_next(&mut self) -> Result<(), exchange::StoreError> {
         self.keys.drop_next().map_err(exchange_fault)
@@ -86,6 +75,10 @@ fn exchange_fault(cause: impl std::fmt::Display) -> exchange::StoreError {
 }
 
 impl Keys for AirsideDisk {
+    fn disk(&mut self) -> &mut dyn Disk {
+        &mut self.store
+    }
+
     fn for_exchange(&mut self) -> &mut dyn ResponderStore {
         self
     }
@@ -108,7 +101,5 @@ impl Keys for AirsideDisk {
 }
 
 fn fault(cause: KeyStoreError) -> StoreError {
-    StoreError {
-        reason: cause.to_string(),
-    }
+    StoreError::new("key", cause)
 }

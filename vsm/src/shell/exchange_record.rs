@@ -9,9 +9,10 @@ use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 use zeroize::{Zeroize as _, Zeroizing};
 
-use super::durable::{Disk as _, SystemDisk};
-use super::file_store::FileStore;
-use crate::session::{Durability, Store as _, StoreError, record_name};
+use super::disk::FileDisk;
+use super::disk::{FileSystem as _, NativeFileSystem};
+use crate::session::vehicle_record;
+use mavlink_link::store::{Disk as _, Durability, Record as _, Store as _, StoreError};
 
 /// One vehicle's record. Public keys and key ids only.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -54,12 +55,8 @@ impl ExchangeRecord {
     ///
     /// # Errors
     /// It is there and cannot be read.
-    pub fn load(store: &FileStore, vehicle: Id) -> Result<ExchangeRecord, StoreError> {
-        let name = record_name(KIND, vehicle);
-        match store.load(&name)? {
-            None => Ok(ExchangeRecord::default()),
-            Some(bytes) => parse(name, &bytes),
-        }
+    pub fn load(store: &FileDisk, vehicle: Id) -> Result<ExchangeRecord, StoreError> {
+        Ok(store.load(&vehicle)?.unwrap_or_default())
     }
 
     /// The record of a vehicle in a store that another process may hold, to be shown.
@@ -67,9 +64,12 @@ impl ExchangeRecord {
     /// # Errors
     /// It is there and cannot be read.
     pub fn peek(folder: &Path, vehicle: Id) -> Result<Option<ExchangeRecord>, StoreError> {
-        let name = record_name(KIND, vehicle);
+        let name = ExchangeRecord::name(&vehicle);
         match std::fs::read(folder.join(&name)) {
-            Ok(bytes) => parse(name, &bytes).map(Some),
+            Ok(bytes) => match ExchangeRecord::decode(&bytes) {
+                Ok(record) => Ok(Some(record)),
+                Err(cause) => Err(StoreError { name, cause }),
+            },
             Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => Ok(None),
             Err(cause) => Err(StoreError {
                 name,
@@ -82,9 +82,8 @@ impl ExchangeRecord {
     ///
     /// # Errors
     /// It is not durable.
-    pub fn save(&self, store: &mut FileStore, vehicle: Id) -> Result<(), StoreError> {
-        let text = serde_json::to_vec(self).unwrap_or_default();
-        store.save(&record_name(KIND, vehicle), &text, Durability::Power)
+    pub fn save(&self, store: &mut FileDisk, vehicle: Id) -> Result<(), StoreError> {
+        store.save(&vehicle, self)
     }
 
     /// The paired agent.
@@ -103,23 +102,18 @@ impl ExchangeRecord {
     }
 }
 
-fn parse(name: String, bytes: &[u8]) -> Result<ExchangeRecord, StoreError> {
-    serde_json::from_slice(bytes).map_err(|cause| StoreError {
-        name,
-        cause: cause.to_string(),
-    })
-}
+vehicle_record!(ExchangeRecord, "exchange", Power);
 
 /// The static key of this VSM; made, and kept, where there is none yet.
 ///
 /// # Errors
 /// It cannot be read or made durable, or there are no random bytes.
-pub fn identity(store: &mut FileStore) -> Result<Identity, StoreError> {
+pub fn identity(store: &mut FileDisk) -> Result<Identity, StoreError> {
     let fault = |cause: &str| StoreError {
         name: IDENTITY.to_owned(),
         cause: cause.to_owned(),
     };
-    if let Some(bytes) = store.load(IDENTITY)?.map(Zeroizing::new) {
+    if let Some(bytes) = store.read(IDENTITY, MAX_BYTES)? {
         let mut key = Zeroizing::new([0; 32]);
         let text = std::str::from_utf8(&bytes).unwrap_or_default();
         if !hex::fill(text.trim_end(), &mut *key) {
@@ -129,14 +123,16 @@ pub fn identity(store: &mut FileStore) -> Result<Identity, StoreError> {
     }
     let identity = Identity::generate(&mut system_random).map_err(|_| fault("no random bytes"))?;
     let text = Zeroizing::new(hex::text(identity.expose()));
-    store.save(IDENTITY, text.as_bytes(), Durability::Power)?;
+    store.replace(IDENTITY, text.as_bytes(), Durability::Power)?;
     Ok(identity)
 }
 
 /// The static key of a VSM whose store another process may hold: its public half, to be shown.
 #[must_use]
 pub fn peek_identity(folder: &Path) -> Option<PublicKey> {
-    let bytes = SystemDisk.read(&folder.join(IDENTITY), MAX_BYTES).ok()??;
+    let bytes = NativeFileSystem
+        .read(&folder.join(IDENTITY), MAX_BYTES)
+        .ok()??;
     let text = std::str::from_utf8(&bytes).ok()?;
     let mut key = [0; 32];
     let identity = hex::fill(text.trim_end(), &mut key).then(|| Identity::new(key));
@@ -152,7 +148,6 @@ pub fn system_random(out: &mut [u8]) -> Result<(), NoRandom> {
     getrandom::fill(out).map_err(|_| NoRandom)
 }
 
-const KIND: &str = "exchange";
 const IDENTITY: &str = "exchange-identity";
 /// The identity is 64 digits; more than this is never read.
 const MAX_BYTES: u64 = 256;
@@ -226,7 +221,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let dir = folder.path().join("state");
         let vehicle = Id(0x1b00_0101);
-        let mut store = FileStore::open(&dir).unwrap();
+        let mut store = FileDisk::open(&dir).unwrap();
         assert_eq!(ExchangeRecord::peek(&dir, vehicle).unwrap(), None);
         let mut record = ExchangeRecord::load(&store, vehicle).unwrap();
         record.peer = Some([7; 32]);
@@ -244,7 +239,9 @@ mod tests {
         let made = identity(&mut store).unwrap().public();
         assert_eq!(identity(&mut store).unwrap().public(), made);
         assert_eq!(peek_identity(&dir), Some(made));
-        store.save(IDENTITY, b"short", Durability::Power).unwrap();
+        store
+            .replace(IDENTITY, b"short", Durability::Power)
+            .unwrap();
         assert!(identity(&mut store).is_err());
     }
 }

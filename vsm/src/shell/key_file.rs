@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use mavlink_link::signing::SigningKey;
 use zeroize::Zeroizing;
 
-use super::durable;
+use super::disk;
 
 /// A key file that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -138,7 +138,7 @@ pub(super) fn hex(key: &SigningKey) -> Zeroizing<String> {
 pub fn generate(path: &Path) -> Result<(), KeyFileError> {
     let io = |cause| io_fault(path, cause);
     let hex = hex(&random().map_err(io)?);
-    durable::create(path, hex.as_bytes()).map_err(|cause| match cause.kind() {
+    disk::create(path, hex.as_bytes()).map_err(|cause| match cause.kind() {
         io::ErrorKind::AlreadyExists => KeyFileError::Present {
             path: path.to_owned(),
         },

@@ -18,12 +18,12 @@ use tokio::time::{Instant, sleep_until};
 use zeroize::Zeroize;
 
 use super::clock::Clock;
-use super::file_store::{FileStore, OpenError};
+use super::disk::{FileDisk, OpenError};
 use super::key_store::{KeyStore, KeyStoreError};
 use super::server::NOT_BEFORE;
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use crate::config::{Config, LinkAddress, Vehicle};
-use crate::session::{Ceilings, Peer};
+use crate::session::Peer;
 
 /// Why a key cannot be handed over.
 #[derive(Debug, thiserror::Error)]
@@ -39,7 +39,7 @@ pub enum KeyLinkError {
     Socket(#[from] SocketError),
     /// The clocks.
     #[error("the signing clock cannot be read: {0}")]
-    Clock(#[from] mavlink_link::clock::StoreError),
+    Clock(#[from] mavlink_link::store::StoreError),
     /// The machine.
     #[error(transparent)]
     Start(#[from] StartError),
@@ -102,7 +102,7 @@ pub struct KeyLink {
     keys: KeyStore,
     /// The key is the one in force already: the files stay as they are, however it ends.
     again: bool,
-    store: FileStore,
+    store: FileDisk,
     clock: Clock,
     reader: VehicleReader,
     writer: VehicleWriter,
@@ -129,7 +129,7 @@ impl KeyLink {
         }
         let clock = Clock::default();
         let now = clock.now();
-        let mut store = FileStore::open(&config.store.dir)?;
+        let mut store = FileDisk::open(&config.store.dir)?;
         let keys = KeyStore::open(key_file)?;
         let record = format!("port-{:08x}", vehicle.id.0);
         let (reader, writer, peer) =
@@ -149,7 +149,6 @@ impl KeyLink {
             }
         };
         let not_before = Stamp::from_unix(NOT_BEFORE);
-        let mut ceilings = Ceilings(&mut store);
         let old = match old {
             None => None,
             Some(old) => Some(KeyState::start(
@@ -157,7 +156,7 @@ impl KeyLink {
                 Origin::KeyFile,
                 not_before,
                 now,
-                &mut ceilings,
+                &mut store,
             )?),
         };
         let endpoint = peer.map_or(Endpoint::Listen, Endpoint::Fixed);
@@ -172,7 +171,7 @@ impl KeyLink {
             may_send_key: true,
             believe_unsigned: trust.lost_key,
         };
-        let handover = KeyRollover::start(settings, old, new, now, &mut ceilings)?;
+        let handover = KeyRollover::start(settings, old, new, now, &mut store)?;
         Ok(KeyLink {
             handover,
             keys,
@@ -202,7 +201,7 @@ impl KeyLink {
                     Ok((length, from)) => {
                         let now = self.clock.now();
                         let bytes = bytes.get(..length).unwrap_or_default();
-                        self.handover.handle_datagram(now, from, bytes, &mut Ceilings(&mut self.store));
+                        self.handover.handle_datagram(now, from, bytes, &mut self.store);
                     }
                     Err(_) => tokio::time::sleep(LOOK).await,
                 },
@@ -259,9 +258,7 @@ impl KeyLink {
         let mut out = [0; MAX_FRAME];
         loop {
             let now = self.clock.now();
-            let sent = self
-                .handover
-                .poll_transmit(now, &mut Ceilings(&mut self.store), &mut out);
+            let sent = self.handover.poll_transmit(now, &mut self.store, &mut out);
             let Some(sent) = sent else { return };
             let frame = out.get(..sent.len).unwrap_or_default();
             // A frame that does not leave is a frame that is lost.

@@ -16,14 +16,14 @@ use std::path::{Path, PathBuf};
 use mavlink_link::signing::{KeyId, SigningKey};
 use zeroize::Zeroizing;
 
-use super::durable::{self, Disk, SystemDisk};
+use super::disk::{self, FileSystem, NativeFileSystem};
 use super::key_file::{self, KeyFileError};
 
 /// The key files of one vehicle, locked for this process.
 #[derive(Debug)]
 pub struct KeyStore {
     path: PathBuf,
-    disk: Box<dyn Disk>,
+    system: Box<dyn FileSystem>,
     /// Held open for its lock.
     _lock: Option<File>,
     /// The key file, held open for its lock; another one after each change.
@@ -64,19 +64,19 @@ impl KeyStore {
     /// # Errors
     /// The folder cannot be written, or another process has the lock.
     pub fn open(path: &Path) -> Result<KeyStore, KeyStoreError> {
-        KeyStore::open_on(path, Box::new(SystemDisk))
+        KeyStore::open_on(path, Box::new(NativeFileSystem))
     }
 
-    /// As [`KeyStore::open`], with all reading and writing of keys by `disk`.
+    /// As [`KeyStore::open`], with all reading and writing of keys by `system`.
     ///
     /// # Errors
     /// As [`KeyStore::open`].
-    pub fn open_on(path: &Path, disk: Box<dyn Disk>) -> Result<KeyStore, KeyStoreError> {
+    pub fn open_on(path: &Path, system: Box<dyn FileSystem>) -> Result<KeyStore, KeyStoreError> {
         let change = |cause| KeyStoreError::Change {
             path: path.to_owned(),
             cause,
         };
-        let locked = |file: File| match durable::lock(&file) {
+        let locked = |file: File| match disk::lock(&file) {
             Ok(true) => Ok(file),
             Ok(false) => Err(KeyStoreError::Locked {
                 path: path.to_owned(),
@@ -103,7 +103,7 @@ impl KeyStore {
         };
         let keys = KeyStore {
             path: real,
-            disk,
+            system,
             _lock: beside,
             key_lock: RefCell::new(key),
         };
@@ -155,7 +155,7 @@ impl KeyStore {
         };
         let path = with(&self.path, "revoked");
         let text = format!("{}\n", current.id());
-        durable::replace(&*self.disk, &path, text.as_bytes(), true)
+        disk::replace(&*self.system, &path, text.as_bytes(), true)
             .map_err(|cause| KeyStoreError::Change { path, cause })
     }
 
@@ -167,7 +167,7 @@ impl KeyStore {
 
     fn revoked(&self) -> Result<Option<String>, KeyStoreError> {
         let path = with(&self.path, "revoked");
-        let read = self.disk.read(&path, key_file::MAX_BYTES);
+        let read = self.system.read(&path, key_file::MAX_BYTES);
         let bytes = read.map_err(|cause| KeyFileError::Io { path, cause })?;
         Ok(bytes.map(|bytes| String::from_utf8_lossy(&bytes).trim().to_owned()))
     }
@@ -230,14 +230,14 @@ impl KeyStore {
         };
         // Locked before it bears its new name, so that at no time another process could lock the file of that name.
         let file = File::open(&next).map_err(change)?;
-        if !durable::lock(&file).map_err(change)? {
+        if !disk::lock(&file).map_err(change)? {
             let path = next;
             return Err(KeyStoreError::Locked { path });
         }
-        self.disk.rename(&next, &self.path).map_err(change)?;
+        self.system.rename(&next, &self.path).map_err(change)?;
         self.key_lock.replace(Some(file));
-        self.disk
-            .sync(durable::folder_of(&self.path))
+        self.system
+            .sync(disk::folder_of(&self.path))
             .map_err(change)?;
         self.finish_revocation()
     }
@@ -267,7 +267,7 @@ impl KeyStore {
             path: path.to_owned(),
             cause,
         };
-        let Some(text) = self.disk.read(path, key_file::MAX_BYTES).map_err(io)? else {
+        let Some(text) = self.system.read(path, key_file::MAX_BYTES).map_err(io)? else {
             return Ok(None);
         };
         let mode = fs::metadata(path).map_err(io)?.permissions().mode() & 0o777;
@@ -282,7 +282,7 @@ impl KeyStore {
 
     fn save(&self, path: &Path, key: &SigningKey) -> Result<(), KeyStoreError> {
         let text: Zeroizing<String> = key_file::hex(key);
-        durable::replace(&*self.disk, path, text.as_bytes(), true).map_err(|cause| {
+        disk::replace(&*self.system, path, text.as_bytes(), true).map_err(|cause| {
             KeyStoreError::Change {
                 path: path.to_owned(),
                 cause,
@@ -291,9 +291,9 @@ impl KeyStore {
     }
 
     fn delete(&self, path: &Path) -> Result<(), KeyStoreError> {
-        self.disk
+        self.system
             .remove(path)
-            .and_then(|()| self.disk.sync(durable::folder_of(path)))
+            .and_then(|()| self.system.sync(disk::folder_of(path)))
             .map_err(|cause| KeyStoreError::Change {
                 path: path.to_owned(),
                 cause,
@@ -308,7 +308,7 @@ impl KeyStore {
 pub fn real_path(path: &Path) -> io::Result<PathBuf> {
     match fs::canonicalize(path) {
         Err(cause) if cause.kind() == io::ErrorKind::NotFound && !path.is_symlink() => {
-            let folder = fs::canonicalize(durable::folder_of(path))?;
+            let folder = fs::canonicalize(disk::folder_of(path))?;
             Ok(folder.join(path.file_name().unwrap_or_default()))
         }
         found => found,

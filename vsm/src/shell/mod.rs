@@ -2,14 +2,11 @@
 
 pub mod airside;
 pub mod airside_disk;
-pub mod audit_log;
 pub mod clock;
+pub mod disk;
 pub mod dli_recording;
-pub mod durable;
 pub mod exchange_record;
-pub mod file_store;
 pub mod http;
-pub mod key_clock;
 pub mod key_exchange;
 pub mod key_file;
 pub mod key_guard;

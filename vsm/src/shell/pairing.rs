@@ -12,13 +12,14 @@ use mavlink_link::frame::{Header, KEY_EXCHANGE_ID, MAX_FRAME, Parser, encode_raw
 use tokio::time::{Instant, sleep_until};
 
 use super::clock::Clock;
+use super::disk::{FileDisk, OpenError};
 use super::exchange_record::{self, ExchangeRecord, system_random};
-use super::file_store::{FileStore, OpenError};
 use super::key_exchange::{Disk, WANTED, memory, parties};
 use super::key_store::{KeyStore, KeyStoreError};
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use crate::config::{Config, Exchange, Vehicle};
-use crate::session::{Peer, StoreError};
+use crate::session::Peer;
+use mavlink_link::store::StoreError;
 
 /// Why a pairing cannot be tried.
 #[derive(Debug, thiserror::Error)]
@@ -44,7 +45,7 @@ pub struct Pairing {
     parties: mavlink_link::exchange::Parties,
     record: ExchangeRecord,
     vehicle: stanag_msgs::Id,
-    store: FileStore,
+    store: FileDisk,
     keys: KeyStore,
     clock: Clock,
     reader: VehicleReader,
@@ -82,7 +83,7 @@ impl Pairing {
         code: PairingCode,
     ) -> Result<Pairing, PairingError> {
         let clock = Clock::default();
-        let mut store = FileStore::open(&config.store.dir)?;
+        let mut store = FileDisk::open(&config.store.dir)?;
         let keys = KeyStore::open(key_file)?;
         let port = format!("port-{:08x}", vehicle.id.0);
         let (reader, writer, peer) =

@@ -7,7 +7,7 @@ use std::path::Path;
 use mavlink_link::signing::{SigningKey, Stamp};
 use zeroize::Zeroizing;
 
-use super::durable::{self, SystemDisk};
+use super::disk::{self, NativeFileSystem};
 
 /// Writes the file, mode 0600.
 ///
@@ -18,5 +18,5 @@ pub fn write(path: &Path, key: &SigningKey, first: Stamp) -> io::Result<()> {
     let (key_part, stamp_part) = bytes.split_at_mut(32);
     key_part.copy_from_slice(key.expose());
     stamp_part.copy_from_slice(&first.get().to_le_bytes());
-    durable::replace(&SystemDisk, path, &*bytes, true)
+    disk::replace(&NativeFileSystem, path, &*bytes, true)
 }

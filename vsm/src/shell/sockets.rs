@@ -12,7 +12,8 @@ use tokio_serial::{SerialPortBuilderExt, SerialStream};
 use zeroize::Zeroizing;
 
 use crate::config::{Dli, LinkAddress};
-use crate::session::{Durability, Peer, Store};
+use crate::session::Peer;
+use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES};
 
 /// A socket that cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -211,7 +212,7 @@ pub fn open_link(
     key: &'static str,
     link: &LinkAddress,
     record: &str,
-    store: &mut dyn Store,
+    store: &mut dyn Disk,
 ) -> Result<(VehicleReader, VehicleWriter, Option<Peer>), SocketError> {
     let (socket, peer) = match link {
         LinkAddress::UdpIn(address) => {
@@ -256,17 +257,15 @@ pub fn open_link(
     ))
 }
 
-fn same_port(to: SocketAddr, record: &str, store: &mut dyn Store) -> io::Result<UdpSocket> {
+fn same_port(to: SocketAddr, record: &str, store: &mut dyn Disk) -> io::Result<UdpSocket> {
     let any: IpAddr = match (to.ip().is_loopback(), to.is_ipv4()) {
         (true, true) => Ipv4Addr::LOCALHOST.into(),
         (true, false) => Ipv6Addr::LOCALHOST.into(),
         (false, true) => Ipv4Addr::UNSPECIFIED.into(),
         (false, false) => Ipv6Addr::UNSPECIFIED.into(),
     };
-    let kept = store.load(record).ok().flatten();
-    let kept = kept
-        .and_then(|bytes| String::from_utf8(bytes).ok())
-        .and_then(|text| text.trim().parse().ok());
+    let kept = store.read(record, MAX_RECORD_BYTES).ok().flatten();
+    let kept = kept.and_then(|bytes| std::str::from_utf8(&bytes).ok()?.trim().parse().ok());
     if let Some(port) = kept {
         match udp(SocketAddr::new(any, port), false) {
             Ok(socket) => return Ok(socket),
@@ -277,7 +276,7 @@ fn same_port(to: SocketAddr, record: &str, store: &mut dyn Store) -> io::Result<
     }
     let socket = udp(SocketAddr::new(any, 0), false)?;
     let port = socket.local_addr()?.port();
-    if let Err(fault) = store.save(record, format!("{port}\n").as_bytes(), Durability::Process) {
+    if let Err(fault) = store.replace(record, format!("{port}\n").as_bytes(), Durability::Process) {
         tracing::warn!("the local port {port} cannot be kept for a restart: {fault}");
     }
     Ok(socket)

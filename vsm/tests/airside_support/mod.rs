@@ -2,18 +2,18 @@
 
 #![allow(dead_code, reason = "each test file uses its part")]
 
-use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::clock::{CeilingStore, Origin, StoreError};
+use mavlink_link::clock::Origin;
 use mavlink_link::dialect::MavMessage;
 use mavlink_link::exchange::{self, Agreed, Identity, PinnedPeer, ResponderStore};
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode, encode_raw};
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::{KeyState, Stream};
-use mavlink_link::signing::{KeyId, SigningKey, Stamp, sign};
+use mavlink_link::signing::{SigningKey, Stamp, sign};
+use mavlink_link::store::{MemoryDisk, StoreError};
 use px4_sim::{Autopilot, Config, Signing};
 use vsm::airside::{Agent, Held, Keys, Settings, Side, Transmit};
 use vsm::session::Peer;
@@ -33,7 +33,7 @@ pub(crate) const STRANGER: u16 = 1003;
 /// What lies on the agent's disk.
 #[derive(Default)]
 pub(crate) struct Disk {
-    pub(crate) ceilings: HashMap<KeyId, Stamp>,
+    pub(crate) ceilings: MemoryDisk,
     pub(crate) current: Option<SigningKey>,
     pub(crate) next: Option<SigningKey>,
     pub(crate) previous: Option<SigningKey>,
@@ -62,9 +62,8 @@ impl Disk {
     }
 
     fn writable(&self) -> Result<(), StoreError> {
-        let reason = "no space left".to_owned();
         if self.full {
-            Err(StoreError { reason })
+            Err(StoreError::new("key", "no space left"))
         } else {
             Ok(())
         }
@@ -72,20 +71,8 @@ impl Disk {
 
     fn exchange_writable(&self) -> Result<(), exchange::StoreError> {
         self.writable().map_err(|fault| exchange::StoreError {
-            reason: fault.reason,
+            reason: fault.cause,
         })
-    }
-}
-
-impl CeilingStore for Disk {
-    fn load(&mut self, key: &KeyId) -> Result<Option<Stamp>, StoreError> {
-        Ok(self.ceilings.get(key).copied())
-    }
-
-    fn store(&mut self, key: &KeyId, ceiling: Stamp) -> Result<(), StoreError> {
-        self.writable()?;
-        self.ceilings.insert(*key, ceiling);
-        Ok(())
     }
 }
 
@@ -111,6 +98,11 @@ impl ResponderStore for Disk {
 }
 
 impl Keys for Disk {
+    fn disk(&mut self) -> &mut dyn mavlink_link::store::Disk {
+        self.ceilings.full = self.full.then_some("");
+        &mut self.ceilings
+    }
+
     fn for_exchange(&mut self) -> &mut dyn ResponderStore {
         self
     }
@@ -144,7 +136,7 @@ impl Keys for Disk {
 pub(crate) struct Ground {
     pub(crate) link: Link<Peer>,
     pub(crate) key: KeyState,
-    disk: Disk,
+    disk: MemoryDisk,
     /// Ids of frames of component 1 delivered so far.
     pub(crate) heard: Vec<u32>,
     /// What the agent said.
@@ -155,7 +147,7 @@ impl Ground {
     pub(crate) fn new(key: SigningKey, now: Now) -> Ground {
         let endpoint = Endpoint::Fixed(at(9));
         let config = LinkConfig::new(1, Security::Signed, endpoint);
-        let mut disk = Disk::default();
+        let mut disk = MemoryDisk::default();
         let key = KeyState::start(key, Origin::KeyFile, BUILD, now, &mut disk).unwrap();
         Ground {
             link: Link::new(config),

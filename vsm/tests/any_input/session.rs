@@ -3,7 +3,6 @@
 //! A step is an operation, a length and that many bytes. Nothing panics; what goes out is well formed, goes to whom it
 //! may, and is bounded; time-outs come to an end.
 
-use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
@@ -11,10 +10,11 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::frame::{FrameView, Header, MAX_FRAME, encode_raw};
 use mavlink_link::signing::SigningKey;
+use mavlink_link::store::MemoryDisk;
 use stanag_msgs::wrapper::frames;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Profile};
 use vsm::config::Config;
-use vsm::session::{Bridge, Destination, Durability, LinkEnd, Peer, Store, StoreError};
+use vsm::session::{Bridge, Destination, LinkEnd, Peer};
 
 /// Bytes from a station's address as they are.
 pub(crate) const DATAGRAM: u8 = 0;
@@ -54,7 +54,7 @@ pub(crate) fn run(bytes: &[u8]) {
 struct World {
     config: Config,
     bridge: Bridge,
-    store: Memory,
+    store: MemoryDisk,
     clock: Duration,
     /// Of the last message of a station: stamps are part of the data, and need not rise.
     sequence: u8,
@@ -63,7 +63,7 @@ struct World {
 impl World {
     fn new() -> World {
         let config = Config::parse(CONFIGURATION, Path::new("/nowhere")).expect("it is good");
-        let mut store = Memory::default();
+        let mut store = MemoryDisk::default();
         let bridge = start(&config, Duration::ZERO, &mut store);
         World {
             config,
@@ -159,7 +159,7 @@ impl World {
     }
 }
 
-fn start(config: &Config, clock: Duration, store: &mut Memory) -> Bridge {
+fn start(config: &Config, clock: Duration, store: &mut MemoryDisk) -> Bridge {
     let key = SigningKey::new([0x41; 32]).expect("a key");
     let ends = vec![
         LinkEnd {
@@ -199,21 +199,6 @@ fn at(clock: Duration) -> Now {
 
 fn station() -> SocketAddr {
     SocketAddr::from(([127, 0, 0, 1], 40_000))
-}
-
-/// A store in memory.
-#[derive(Default)]
-struct Memory(BTreeMap<String, Vec<u8>>);
-
-impl Store for Memory {
-    fn save(&mut self, name: &str, bytes: &[u8], _: Durability) -> Result<(), StoreError> {
-        self.0.insert(name.to_owned(), bytes.to_vec());
-        Ok(())
-    }
-
-    fn load(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        Ok(self.0.get(name).cloned())
-    }
 }
 
 const STATION: Id = Id(0x1b00_00a0);

@@ -13,7 +13,6 @@ pub mod heap;
 pub mod orders;
 pub mod processes;
 pub mod station;
-pub mod store;
 pub mod wire;
 
 use std::collections::BTreeMap;
@@ -30,8 +29,8 @@ use stanag_msgs::{Id, Message};
 use vsm::config::Config;
 use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, Peer};
 
+pub use mavlink_link::store::MemoryDisk;
 pub use station::{Station, Ticket};
-pub use store::MemoryStore;
 pub use wire::Faults;
 
 /// What a rig is made with.
@@ -78,7 +77,7 @@ pub struct Rig {
     pub vehicles: Vec<Autopilot<SocketAddr>>,
     /// `None` while the bridge is down.
     pub bridge: Option<Bridge>,
-    pub store: MemoryStore,
+    pub store: MemoryDisk,
     pub dli: wire::Wire,
     pub mav: wire::Wire,
     pub log: Vec<LogEntry>,
@@ -134,7 +133,7 @@ impl Rig {
             stations,
             vehicles,
             bridge: None,
-            store: MemoryStore::default(),
+            store: MemoryDisk::default(),
             dli: wire::Wire::new(setup.seed ^ 0x00d1_1d11, setup.dli),
             mav: wire::Wire::new(setup.seed ^ 0x03a7_73a0, setup.mav),
             log: Vec::new(),

@@ -4,14 +4,15 @@ use std::fmt::Write as _;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use mavlink_link::Now;
-use mavlink_link::clock::{CeilingStore, Origin, StoreError};
+use mavlink_link::clock::Origin;
 use mavlink_link::dialect::{
     COMMAND_LONG_DATA, MISSION_ITEM_INT_DATA, MavCmd, MavMessage, STATUSTEXT_DATA,
 };
 use mavlink_link::frame::{FrameView, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
-use mavlink_link::signing::{KeyId, SigningKey, Stamp};
+use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::store::MemoryDisk;
 use serde_json::Value;
 
 use super::{filter, here, peers_python, seed_from_clock};
@@ -23,13 +24,13 @@ pub(crate) const OTHER_KEY: [u8; 32] = [0xa5; 32];
 pub(crate) struct End {
     pub(crate) link: Link<u16>,
     pub(crate) key: KeyState,
-    pub(crate) store: Nowhere,
+    pub(crate) store: MemoryDisk,
     pub(crate) now: Now,
 }
 
 impl End {
     pub(crate) fn new(key: [u8; 32]) -> Self {
-        let mut store = Nowhere;
+        let mut store = MemoryDisk::default();
         let now = Now {
             mono: Duration::ZERO,
             wall: SystemTime::now()
@@ -124,19 +125,6 @@ impl End {
                 delivered += 1;
             });
         delivered
-    }
-}
-
-/// A store for a key that lives as long as the test.
-pub(crate) struct Nowhere;
-
-impl CeilingStore for Nowhere {
-    fn load(&mut self, _key: &KeyId) -> Result<Option<Stamp>, StoreError> {
-        Ok(None)
-    }
-
-    fn store(&mut self, _key: &KeyId, _ceiling: Stamp) -> Result<(), StoreError> {
-        Ok(())
     }
 }
 

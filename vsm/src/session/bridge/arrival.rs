@@ -14,11 +14,11 @@ use stanag_msgs::{Id, Message, TimeStamp};
 use super::{Bridge, destination_as_source};
 use crate::session::desk::Origin;
 use crate::session::duplicate::Seen;
-use crate::session::store::Store;
+use mavlink_link::store::Disk;
 
 impl Bridge {
     /// Takes a datagram of the DLI side.
-    pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], store: &mut dyn Store) {
+    pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], store: &mut dyn Disk) {
         for frame in self.profile.frames(bytes) {
             match frame {
                 Ok(frame) => self.handle_frame(now, from, &frame, store),
@@ -32,7 +32,7 @@ impl Bridge {
         now: Now,
         from: SocketAddr,
         frame: &Frame<'_>,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) {
         let header = frame.header;
         let index = match self.admit(from, &header) {
@@ -128,7 +128,7 @@ impl Bridge {
         frame: &Frame<'_>,
         message: &Message,
         answer: Option<AckType>,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) {
         let destination = frame.header.destination;
         let (mut desk, aircraft) = self.desk(now, store);
@@ -159,7 +159,7 @@ impl Bridge {
         origin: &Origin,
         destination: Id,
         why: String,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) {
         let (mut desk, aircraft) = self.desk(now, store);
         if !origin.ack_requested {

@@ -8,7 +8,7 @@ use stanag_msgs::{Id, Message};
 use super::{Bridge, destination_as_source};
 use crate::session::aircraft::Aircraft;
 use crate::session::desk::{Desk, Origin};
-use crate::session::store::Store;
+use mavlink_link::store::Disk;
 
 impl Bridge {
     /// Carries out the message of a station that may speak.
@@ -18,7 +18,7 @@ impl Bridge {
         origin: Origin,
         destination: Id,
         message: &Message,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) {
         match message {
             Message::Heartbeat(_) => {
@@ -82,7 +82,7 @@ impl Bridge {
         origin: &Origin,
         destination: Id,
         request: &CucsAuthorisationRequest,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) {
         let (mut desk, aircraft) = self.desk(now, store);
         if destination == Id::BROADCAST && !desk.is_meant(request.vsm_id) {
@@ -117,7 +117,7 @@ impl Bridge {
         now: Now,
         origin: Origin,
         destination: Id,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
         mut ask: impl FnMut(&mut Aircraft, &mut Desk<'_>) -> Result<(), String>,
     ) {
         let asker = self.stations[origin.station].id();
@@ -154,7 +154,7 @@ impl Bridge {
         origin: Origin,
         destination: Id,
         message: &Message,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) {
         let cucs = self.stations[origin.station].id();
         let (mut desk, aircraft) = self.desk(now, store);
@@ -188,7 +188,7 @@ impl Bridge {
         origin: &Origin,
         destination: Id,
         answer: AckType,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) {
         let (mut desk, _) = self.desk(now, store);
         desk.acknowledge(destination_as_source(destination, desk.vsm), origin, answer);

@@ -18,7 +18,6 @@ use stanag_msgs::{Id, Profile};
 
 use super::aircraft::Aircraft;
 use super::alerts::Alerts;
-use super::ceiling::Ceilings;
 use super::configuration::Configuration;
 use super::counters::{ByType, Counters};
 use super::desk::Desk;
@@ -26,9 +25,9 @@ use super::link_id;
 use super::log::LogEntry;
 use super::outbox::{Datagram, Outbox};
 use super::station::Station;
-use super::store::{Store, StoreError};
 use super::vehicle::{OutFrame, Peer, VehicleLink};
 use crate::config::Config;
+use mavlink_link::store::{Disk, StoreError};
 
 /// The machine.
 #[derive(Debug)]
@@ -64,7 +63,7 @@ pub enum BridgeError {
         /// The vehicle.
         vehicle: Id,
         /// Why.
-        cause: mavlink_link::clock::StoreError,
+        cause: StoreError,
     },
 }
 
@@ -87,7 +86,7 @@ impl Bridge {
         ends: Vec<LinkEnd>,
         now: Now,
         not_before: Duration,
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
     ) -> Result<Bridge, BridgeError> {
         let own = Node::new(config.mavlink.system_id, config.mavlink.component_id);
         let mut bridge = Bridge {
@@ -122,17 +121,12 @@ impl Bridge {
                 None => None,
                 Some(key) => {
                     let origin = mavlink_link::clock::Origin::KeyFile;
-                    let started = KeyState::start(
-                        key,
-                        origin,
-                        Stamp::from_unix(not_before),
-                        now,
-                        &mut Ceilings(store),
-                    )
-                    .map_err(|cause| BridgeError::Clock {
-                        vehicle: vehicle.id,
-                        cause,
-                    })?;
+                    let started =
+                        KeyState::start(key, origin, Stamp::from_unix(not_before), now, store)
+                            .map_err(|cause| BridgeError::Clock {
+                                vehicle: vehicle.id,
+                                cause,
+                            })?;
                     Some(started)
                 }
             };
@@ -156,7 +150,7 @@ impl Bridge {
         index: usize,
         from: Peer,
         bytes: &[u8],
-        store: &mut dyn Store,
+        store: &mut dyn Disk,
         tap: Tap<'_>,
     ) {
         let (mut desk, aircraft) = self.desk(now, store);
@@ -166,7 +160,7 @@ impl Bridge {
     }
 
     /// Does what is due.
-    pub fn handle_timeout(&mut self, now: Now, store: &mut dyn Store) {
+    pub fn handle_timeout(&mut self, now: Now, store: &mut dyn Disk) {
         let (mut desk, aircraft) = self.desk(now, store);
         for aircraft in aircraft.iter_mut() {
             aircraft.handle_timeout(&mut desk);
@@ -225,7 +219,7 @@ impl Bridge {
     pub(super) fn desk<'a>(
         &'a mut self,
         now: Now,
-        store: &'a mut dyn Store,
+        store: &'a mut dyn Disk,
     ) -> (Desk<'a>, &'a mut Vec<Aircraft>) {
         let desk = Desk {
             now,

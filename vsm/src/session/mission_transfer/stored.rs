@@ -7,7 +7,8 @@ use crate::session::aircraft::Aircraft;
 use crate::session::alerts::Cause;
 use crate::session::desk::{Desk, Origin};
 use crate::session::plan_record;
-use crate::session::store::{Durability, StoreError, record_name};
+use crate::session::store::{record_fault, record_name};
+use mavlink_link::store::{Durability, MAX_RECORD_BYTES, StoreError};
 
 impl Aircraft {
     /// 13001, 13002, 13003, 50001, 50002: stored at once, flown after 13000.
@@ -57,7 +58,7 @@ impl Aircraft {
     pub(super) fn save_plan(&self, desk: &mut Desk<'_>, cucs: Id) -> Result<(), StoreError> {
         let bytes = plan_record::encode_plan(&self.plan, cucs, self.id());
         desk.store
-            .save(&record_name("plan", self.id()), &bytes, Durability::Process)
+            .replace(&record_name("plan", self.id()), &bytes, Durability::Process)
     }
 
     pub(super) fn save_aboard(&self, desk: &mut Desk<'_>) -> Result<(), StoreError> {
@@ -66,7 +67,7 @@ impl Aircraft {
                 plan_record::encode_aboard(route, self.id())
             });
             desk.store
-                .save(&record_name(kind, self.id()), &bytes, Durability::Power)?;
+                .replace(&record_name(kind, self.id()), &bytes, Durability::Power)?;
         }
         Ok(())
     }
@@ -77,27 +78,23 @@ impl Aircraft {
     /// A record is there and cannot be read: starting without it would lose what was promised.
     pub(crate) fn restore(&mut self, desk: &mut Desk<'_>) -> Result<(), StoreError> {
         let id = self.id();
-        let unreadable = |kind: &str, cause: String| StoreError {
-            name: record_name(kind, id),
-            cause,
-        };
         self.restore_authority(desk)?;
         if let Some(bytes) = desk
             .store
-            .load(&record_name("plan", id))?
+            .read(&record_name("plan", id), MAX_RECORD_BYTES)?
             .filter(|bytes| !bytes.is_empty())
         {
             self.plan = plan_record::decode_plan(&bytes, id)
-                .map_err(|cause| unreadable("plan", cause.to_string()))?;
+                .map_err(|cause| record_fault("plan", id, cause))?;
         }
         for (kind, route) in [
             ("aboard", &mut self.aboard),
             ("chosen", &mut self.loaded_mission),
         ] {
-            let bytes = desk.store.load(&record_name(kind, id))?;
+            let bytes = desk.store.read(&record_name(kind, id), MAX_RECORD_BYTES)?;
             if let Some(bytes) = bytes.filter(|bytes| !bytes.is_empty()) {
                 let read = plan_record::decode_aboard(&bytes, id)
-                    .map_err(|cause| unreadable(kind, cause.to_string()))?;
+                    .map_err(|cause| record_fault(kind, id, cause))?;
                 *route = Some(read);
             }
         }

@@ -1,10 +1,10 @@
 //! What a vehicle says, taken in: only what the link believes, and only what is fresh as an answer.
 
 use mavlink_link::Now;
-use mavlink_link::clock::CeilingStore;
 use mavlink_link::dialect::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
 use mavlink_link::frame::{FrameView, Header};
 use mavlink_link::service::{Node, param};
+use mavlink_link::store::Disk;
 
 use super::{Fresh, Peer, VehicleEvent, VehicleLink, auth};
 
@@ -15,7 +15,7 @@ impl VehicleLink {
         now: Now,
         from: Peer,
         bytes: &[u8],
-        store: &mut dyn CeilingStore,
+        store: &mut dyn Disk,
         tap: &mut dyn FnMut(&FrameView<'_>),
     ) {
         if self.settle_datagram(now, from, bytes, store) {

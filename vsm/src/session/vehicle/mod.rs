@@ -17,7 +17,6 @@ use std::time::Duration;
 
 use mapping::telemetry::Telemetry;
 use mavlink_link::Now;
-use mavlink_link::clock::CeilingStore;
 use mavlink_link::dialect::{MavMessage, MavSeverity};
 use mavlink_link::link::{Auth, Link, LinkStats};
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
@@ -25,6 +24,7 @@ use mavlink_link::service::interval::{Intervals, Rate};
 use mavlink_link::service::text::Texts;
 use mavlink_link::service::{Node, command, mission, param};
 use mavlink_link::signing::Stamp;
+use mavlink_link::store::Disk;
 
 use self::rates::RATES;
 use super::counters::ByType;
@@ -200,7 +200,7 @@ impl VehicleLink {
     }
 
     /// Does what is due.
-    pub(crate) fn handle_timeout(&mut self, now: Now, store: &mut dyn CeilingStore) {
+    pub(crate) fn handle_timeout(&mut self, now: Now, store: &mut dyn Disk) {
         self.settle_timeout(now, store);
         self.link.handle_timeout(now);
         self.missions.handle_timeout(now.mono);
@@ -275,7 +275,7 @@ impl VehicleLink {
 }
 
 /// How the link signs and verifies: by the key, or not at all where signing is off by configuration.
-pub(super) fn auth<'a>(key: Option<&'a mut KeyState>, store: &'a mut dyn CeilingStore) -> Auth<'a> {
+pub(super) fn auth<'a>(key: Option<&'a mut KeyState>, store: &'a mut dyn Disk) -> Auth<'a> {
     match key {
         Some(key) => Auth::Signed { key, store },
         None => Auth::Off,

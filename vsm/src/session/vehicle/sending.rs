@@ -2,16 +2,16 @@
 
 use mavlink::Message as _;
 use mavlink_link::Now;
-use mavlink_link::clock::CeilingStore;
 use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::signing::Stamp;
+use mavlink_link::store::Disk;
 
 use super::{OutFrame, VehicleEvent, VehicleLink, auth};
 
 impl VehicleLink {
     /// Signs and queues what the link and the services want sent; called after each change of theirs.
-    pub(crate) fn flush(&mut self, now: Now, store: &mut dyn CeilingStore) {
+    pub(crate) fn flush(&mut self, now: Now, store: &mut dyn Disk) {
         let mut bytes = [0; MAX_FRAME];
         while let Some(sent) =
             self.link
@@ -58,12 +58,7 @@ impl VehicleLink {
         }
     }
 
-    fn send(
-        &mut self,
-        now: Now,
-        message: &MavMessage,
-        store: &mut dyn CeilingStore,
-    ) -> Option<Stamp> {
+    fn send(&mut self, now: Now, message: &MavMessage, store: &mut dyn Disk) -> Option<Stamp> {
         let mut bytes = [0; MAX_FRAME];
         // Refusals are counted and alerted by the link; the service repeats or gives up by its own timing.
         let sent = self

@@ -4,8 +4,8 @@ use mavlink_link::exchange::{Agreed, InitiatorMemory, InitiatorStore, PublicKey,
 use mavlink_link::signing::SigningKey;
 use stanag_msgs::Id;
 
+use crate::shell::disk::FileDisk;
 use crate::shell::exchange_record::{ExchangeRecord, Pending};
-use crate::shell::file_store::FileStore;
 use crate::shell::key_store::KeyStore;
 
 /// What the machine must know of the stored keys.
@@ -21,7 +21,7 @@ pub(in crate::shell) fn memory(record: &ExchangeRecord, keys: &KeyStore) -> Init
 
 /// The files that an exchange writes.
 pub(in crate::shell) struct Disk<'a> {
-    pub(in crate::shell) store: &'a mut FileStore,
+    pub(in crate::shell) store: &'a mut FileDisk,
     pub(in crate::shell) keys: &'a KeyStore,
     pub(in crate::shell) record: &'a mut ExchangeRecord,
     pub(in crate::shell) vehicle: Id,

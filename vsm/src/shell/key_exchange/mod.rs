@@ -19,8 +19,8 @@ use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 use stanag_msgs::enums::AlertPriority;
 
+use super::disk::FileDisk;
 use super::exchange_record::{self, ExchangeRecord, system_random};
-use super::file_store::FileStore;
 use super::key_store::KeyStore;
 use super::server::NOT_BEFORE;
 use crate::config::{Config, Exchange, ExchangeMode, Vehicle};
@@ -58,7 +58,7 @@ pub struct Surroundings<'a> {
     /// The bridge.
     pub bridge: &'a mut Bridge,
     /// The records.
-    pub store: &'a mut FileStore,
+    pub store: &'a mut FileDisk,
     /// The key files.
     pub keys: &'a KeyStore,
 }
@@ -75,7 +75,7 @@ impl KeyExchange {
         settings: Exchange,
         now: Now,
         with: &mut Surroundings<'_>,
-    ) -> Result<KeyExchange, crate::session::StoreError> {
+    ) -> Result<KeyExchange, mavlink_link::store::StoreError> {
         let record = ExchangeRecord::load(with.store, vehicle.id)?;
         let current = with.keys.current().ok().flatten().map(|key| key.id());
         let settled = current.is_some_and(|id| record.key == Some(*id.bytes()));
@@ -112,7 +112,7 @@ impl KeyExchange {
         &mut self,
         now: Now,
         with: &mut Surroundings<'_>,
-    ) -> Result<(), crate::session::StoreError> {
+    ) -> Result<(), mavlink_link::store::StoreError> {
         let (Machine::Unpaired, Some(peer)) = (&self.machine, self.record.peer()) else {
             return Ok(());
         };
@@ -345,8 +345,8 @@ pub fn parties(config: &Config, vehicle: &Vehicle, settings: Exchange) -> Partie
     Parties::new(ground, air, config.dli.vsm_id.0, vehicle.id.0)
 }
 
-fn fresh_identity() -> Result<Identity, crate::session::StoreError> {
-    Identity::generate(&mut system_random).map_err(|fault| crate::session::StoreError {
+fn fresh_identity() -> Result<Identity, mavlink_link::store::StoreError> {
+    Identity::generate(&mut system_random).map_err(|fault| mavlink_link::store::StoreError {
         name: "legacy".to_owned(),
         cause: fault.to_string(),
     })

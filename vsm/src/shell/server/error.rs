@@ -9,7 +9,7 @@ use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 
 use crate::session::BridgeError;
-use crate::shell::file_store::OpenError;
+use crate::shell::disk::OpenError;
 use crate::shell::key_file::KeyFileError;
 use crate::shell::key_store::KeyStoreError;
 use crate::shell::sockets::SocketError;
@@ -75,12 +75,9 @@ pub enum StartError {
         /// The key file.
         path: PathBuf,
     },
-    /// The clock of a key.
+    /// The clock of a key, or a record of the key exchange.
     #[error(transparent)]
-    Clock(#[from] mavlink_link::clock::StoreError),
-    /// A record of the key exchange.
-    #[error(transparent)]
-    Record(#[from] crate::session::StoreError),
+    Record(#[from] mavlink_link::store::StoreError),
     /// No key can be made.
     #[error("the system has no random bytes: {0}")]
     Random(io::Error),

@@ -16,13 +16,15 @@ use super::{NOT_BEFORE, Server, StartError};
 use crate::config::{Config, ExchangeMode, Signing, Vehicle};
 use crate::session::{Bridge, LinkEnd};
 use crate::shell::clock::Clock;
+use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
-use crate::shell::file_store::FileStore;
 use crate::shell::key_exchange::{KeyExchange, Surroundings};
 use crate::shell::key_store::KeyStore;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::{self, DliSockets};
-use crate::shell::{key_clock, key_file, status_socket};
+use crate::shell::{key_file, status_socket};
+use mavlink_link::clock::Ceiling;
+use mavlink_link::store::Store as _;
 
 impl Server {
     /// Opens store, keys, sockets and recordings. Must be called within a tokio runtime.
@@ -32,7 +34,7 @@ impl Server {
     pub fn open(config: &Config) -> Result<Server, StartError> {
         let clock = Clock::default();
         let now = clock.now();
-        let mut store = FileStore::open(&config.store.dir)?;
+        let mut store = FileDisk::open(&config.store.dir)?;
         let dli = DliSockets::open(&config.dli)?;
         let (mut readers, mut writers, mut ends, mut recordings) = (vec![], vec![], vec![], vec![]);
         let (mut key_stores, mut key_ids) = (vec![], vec![]);
@@ -142,7 +144,7 @@ fn open_exchanges(
     key_stores: &[Option<KeyStore>],
     now: Now,
     bridge: &mut Bridge,
-    store: &mut FileStore,
+    store: &mut FileDisk,
 ) -> Result<Vec<(usize, KeyExchange)>, StartError> {
     let mut exchanges = vec![];
     for ((index, keys), vehicle) in key_stores.iter().enumerate().zip(config.vehicles()) {
@@ -184,14 +186,14 @@ fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
 fn vehicle_keys(
     path: &Path,
     mode: ExchangeMode,
-    store: &mut FileStore,
+    store: &mut FileDisk,
 ) -> Result<(SigningKey, KeyStore), StartError> {
     let keys = KeyStore::open(path)?;
     if keys.current()?.is_none() {
         // A key that is handed over has a clock on disk before it leaves.
         if mode == ExchangeMode::Off
             && let Some(next) = keys.next()?
-            && key_clock::ceiling(store, &next.id())?.is_none()
+            && store.load::<Ceiling>(&next.id())?.is_none()
         {
             let path = path.to_owned();
             return Err(StartError::NeverSent { path });

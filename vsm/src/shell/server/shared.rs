@@ -8,8 +8,8 @@ use tokio::sync::Notify;
 
 use crate::session::{Bridge, KeyChange, LogLevel, Status};
 use crate::shell::clock::Clock;
+use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
-use crate::shell::file_store::FileStore;
 use crate::shell::key_exchange::{KeyExchange, Surroundings};
 use crate::shell::key_store::KeyStore;
 use crate::shell::recording::Recording;
@@ -31,7 +31,7 @@ pub(super) struct Shared {
 #[derive(Debug)]
 pub(super) struct Core {
     pub(super) bridge: Bridge,
-    pub(super) store: FileStore,
+    pub(super) store: FileDisk,
     /// One a vehicle, where recordings are made.
     pub(super) recordings: Vec<Option<Recording>>,
     pub(super) dli_recording: Option<DliRecording>,

@@ -1,0 +1,300 @@
+//! The one way to persist: typed records over a disk that holds bytes by name.
+//!
+//! Every machine that must survive a restart borrows a [`Disk`] for the length of a call and writes before it answers.
+//! A [`Record`] says what its file is called, how its bytes read, and what it must survive; [`Store`] loads and saves it.
+//!
+//! ```
+//! use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, Record, Store as _, StoreError};
+//! use zeroize::Zeroizing;
+//!
+//! /// How often a vehicle was started.
+//! struct Starts(u32);
+//!
+//! impl Record for Starts {
+//!     type Key = u32;
+//!     const DURABILITY: Durability = Durability::Process;
+//!     fn name(vehicle: &u32) -> String { format!("starts-{vehicle:08x}") }
+//!     fn encode(&self) -> Vec<u8> { self.0.to_string().into_bytes() }
+//!     fn decode(bytes: &[u8]) -> Result<Self, String> {
+//!         let text = std::str::from_utf8(bytes).map_err(|cause| cause.to_string())?;
+//!         text.parse().map(Starts).map_err(|_| format!("{text:?} is not a number"))
+//!     }
+//! }
+//!
+//! fn started(disk: &mut dyn Disk, vehicle: u32) -> Result<u32, StoreError> {
+//!     let before = disk.load::<Starts>(&vehicle)?.map_or(0, |starts| starts.0);
+//!     disk.save(&vehicle, &Starts(before + 1))?;
+//!     Ok(before + 1)
+//! }
+//! ```
+
+use zeroize::Zeroizing;
+
+/// Files by name. A file that is replaced holds the old bytes or the new after a crash, never a part.
+pub trait Disk {
+    /// The first `max_bytes` of a file; `None` where there is none.
+    ///
+    /// Wiped when dropped: keys are among the files.
+    ///
+    /// # Errors
+    /// It exists and cannot be read.
+    fn read(&self, name: &str, max_bytes: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError>;
+
+    /// Replaces a file whole.
+    ///
+    /// # Errors
+    /// It was not made durable. The old bytes are still there, or, where only the folder could not be synchronised, the
+    /// new ones.
+    fn replace(
+        &mut self,
+        name: &str,
+        bytes: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError>;
+
+    /// Adds to the end of a file, which is made where there is none.
+    ///
+    /// # Errors
+    /// Nothing, or a part, has been added.
+    fn append(
+        &mut self,
+        name: &str,
+        bytes: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError>;
+
+    /// Puts a file in the place of another, durably; where there is none nothing happens.
+    ///
+    /// # Errors
+    /// Nothing has changed, or the new name is not durable yet.
+    fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError>;
+
+    /// Deletes a file, durably; where there is none nothing happens.
+    ///
+    /// # Errors
+    /// It is not deleted, or that is not durable yet.
+    fn remove(&mut self, name: &str) -> Result<(), StoreError>;
+
+    /// Puts a log aside, so that the next line is the first of a new one: `name` becomes `name.1`, that `name.2`, up
+    /// to `keep`; the one before is gone.
+    ///
+    /// # Errors
+    /// Not all of it has been done; no line has been lost but those of the oldest log.
+    fn rotate(&mut self, name: &str, keep: u32) -> Result<(), StoreError> {
+        // The oldest first: after a crash in the middle every log still has a name of its own.
+        for number in (0..keep).rev() {
+            self.rename(&log_name(name, number), &log_name(name, number + 1))?;
+        }
+        Ok(())
+    }
+}
+
+/// What a record must survive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Durability {
+    /// The end of this process, `kill -9` too.
+    Process,
+    /// A power cut as well: synchronised to the disk before the call returns.
+    Power,
+}
+
+/// A file that could not be written or read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("record {name}: {cause}")]
+pub struct StoreError {
+    /// The file.
+    pub name: String,
+    /// The system's reason, or what is wrong with the content.
+    pub cause: String,
+}
+
+impl StoreError {
+    /// Of a file, for a reason.
+    pub fn new(name: impl Into<String>, cause: impl core::fmt::Display) -> StoreError {
+        StoreError {
+            name: name.into(),
+            cause: cause.to_string(),
+        }
+    }
+}
+
+/// A value with a file of its own.
+pub trait Record: Sized {
+    /// What tells two files of this kind apart, such as a vehicle's id.
+    type Key: ?Sized;
+
+    /// What [`Store::save`] makes it survive.
+    const DURABILITY: Durability;
+
+    /// The file's name.
+    fn name(key: &Self::Key) -> String;
+
+    /// The file's content.
+    fn encode(&self) -> Vec<u8>;
+
+    /// The value of a file.
+    ///
+    /// # Errors
+    /// What is wrong with the content, for a person.
+    fn decode(bytes: &[u8]) -> Result<Self, String>;
+}
+
+/// Typed records, on every [`Disk`].
+pub trait Store: Disk {
+    /// Reads a record; `None` where it was never written.
+    ///
+    /// # Errors
+    /// It exists and cannot be read or decoded. A caller must not take that for a missing one: what it promised before
+    /// the restart would be lost.
+    fn load<R: Record>(&self, key: &R::Key) -> Result<Option<R>, StoreError> {
+        let name = R::name(key);
+        match self.read(&name, MAX_RECORD_BYTES)? {
+            None => Ok(None),
+            Some(bytes) => match R::decode(&bytes) {
+                Ok(record) => Ok(Some(record)),
+                Err(cause) => Err(StoreError { name, cause }),
+            },
+        }
+    }
+
+    /// Writes a record.
+    ///
+    /// # Errors
+    /// As [`Disk::replace`].
+    fn save<R: Record>(&mut self, key: &R::Key, record: &R) -> Result<(), StoreError> {
+        self.save_as(key, record, R::DURABILITY)
+    }
+
+    /// Writes a record that must survive more, or less, than its kind does.
+    ///
+    /// # Errors
+    /// As [`Disk::replace`].
+    fn save_as<R: Record>(
+        &mut self,
+        key: &R::Key,
+        record: &R,
+        durability: Durability,
+    ) -> Result<(), StoreError> {
+        self.replace(&R::name(key), &record.encode(), durability)
+    }
+}
+
+impl<D: Disk + ?Sized> Store for D {}
+
+/// The name of a log that was put aside so many times.
+#[must_use]
+pub fn log_name(name: &str, number: u32) -> String {
+    if number == 0 {
+        name.to_owned()
+    } else {
+        format!("{name}.{number}")
+    }
+}
+
+/// Bound on a record that is read back: a full plan of 10,000 waypoints is a quarter of it.
+pub const MAX_RECORD_BYTES: u64 = 16 << 20;
+
+#[cfg(any(test, feature = "test-util"))]
+pub use memory::MemoryDisk;
+
+#[cfg(any(test, feature = "test-util"))]
+mod memory {
+    use std::collections::BTreeMap;
+
+    use super::{Disk, Durability, StoreError};
+    use zeroize::Zeroizing;
+
+    /// A disk in memory, for tests: it outlives what writes to it, and can be full.
+    #[derive(Debug, Default, Clone)]
+    pub struct MemoryDisk {
+        /// The files.
+        pub records: BTreeMap<String, Vec<u8>>,
+        /// Files whose names start so cannot be changed: a full disk. An empty text is every file.
+        pub full: Option<&'static str>,
+        /// How many changes were tried.
+        pub writes: u64,
+        /// How many of them were refused.
+        pub refused: u64,
+        /// How many had to survive a power cut.
+        pub synced: u64,
+    }
+
+    impl MemoryDisk {
+        fn admit(&mut self, name: &str, durability: Durability) -> Result<(), StoreError> {
+            self.writes += 1;
+            if self.full.is_some_and(|prefix| name.starts_with(prefix)) {
+                self.refused += 1;
+                return Err(StoreError::new(name, "No space left on device"));
+            }
+            self.synced += u64::from(durability == Durability::Power);
+            Ok(())
+        }
+    }
+
+    impl Disk for MemoryDisk {
+        fn read(
+            &self,
+            name: &str,
+            max_bytes: u64,
+        ) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+            let max = usize::try_from(max_bytes).unwrap_or(usize::MAX);
+            let bytes = self.records.get(name);
+            Ok(bytes.map(|bytes| Zeroizing::new(bytes[..bytes.len().min(max)].to_vec())))
+        }
+
+        fn replace(
+            &mut self,
+            name: &str,
+            bytes: &[u8],
+            durability: Durability,
+        ) -> Result<(), StoreError> {
+            self.admit(name, durability)?;
+            self.records.insert(name.to_owned(), bytes.to_vec());
+            Ok(())
+        }
+
+        fn append(
+            &mut self,
+            name: &str,
+            bytes: &[u8],
+            durability: Durability,
+        ) -> Result<(), StoreError> {
+            self.admit(name, durability)?;
+            let file = self.records.entry(name.to_owned()).or_default();
+            file.extend_from_slice(bytes);
+            Ok(())
+        }
+
+        fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
+            self.admit(from, Durability::Power)?;
+            if let Some(bytes) = self.records.remove(from) {
+                self.records.insert(to.to_owned(), bytes);
+            }
+            Ok(())
+        }
+
+        fn remove(&mut self, name: &str) -> Result<(), StoreError> {
+            self.admit(name, Durability::Power)?;
+            self.records.remove(name);
+            Ok(())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rotated_log_keeps_so_many_and_begins_a_new_one() {
+        let mut disk = MemoryDisk::default();
+        for round in 0..4_u8 {
+            disk.append("log", &[round], Durability::Power).unwrap();
+            disk.rotate("log", 2).unwrap();
+        }
+        let read = |number| disk.read(&log_name("log", number), u64::MAX).unwrap();
+        assert!(read(0).is_none() && read(3).is_none());
+        assert_eq!(read(1).unwrap().as_slice(), [3]);
+        assert_eq!(read(2).unwrap().as_slice(), [2]);
+    }
+}

@@ -1,0 +1,323 @@
+//! The disk of the program: files that are replaced whole, in a folder that one process holds.
+//!
+//! After a power cut there are the old bytes or the new, never a part: written beside, synchronised, renamed, and the
+//! folder synchronised. Whatever step fails, the file that was there before can still be read. The steps go through
+//! [`FileSystem`], so that a test can let each of them fail.
+
+use std::fmt;
+use std::fs::{self, DirBuilder, File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use mavlink_link::store::{Disk, Durability, StoreError};
+use rustix::fs::FlockOperation;
+use rustix::io::Errno;
+use zeroize::Zeroizing;
+
+/// The folder of `[store] dir`. Only one process holds it at a time.
+#[derive(Debug)]
+pub struct FileDisk {
+    folder: PathBuf,
+    system: Box<dyn FileSystem>,
+    /// Held open for its lock.
+    _lock: File,
+}
+
+/// The store cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The folder cannot be made, entered or written.
+    #[error("[store] dir {folder}: {cause}", folder = folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// The system's reason.
+        cause: io::Error,
+    },
+    /// Others may read or write it: it holds what decides which frames are believed.
+    #[error("[store] dir {folder} is open to others (mode {mode:03o}), expected 0700: chmod 700 it", folder = folder.display())]
+    Permissions {
+        /// The folder.
+        folder: PathBuf,
+        /// Its mode.
+        mode: u32,
+    },
+    /// Another process has it.
+    #[error("[store] dir {folder} is in use by another vsm: two must not share one signing clock", folder = folder.display())]
+    Locked {
+        /// The folder.
+        folder: PathBuf,
+    },
+}
+
+impl FileDisk {
+    /// Opens a folder, made with mode 0700 where it is missing, and locks it for this process.
+    ///
+    /// # Errors
+    /// It cannot be made or written, others may use it, or another process has it.
+    pub fn open(folder: &Path) -> Result<FileDisk, OpenError> {
+        FileDisk::open_on(folder, Box::new(NativeFileSystem))
+    }
+
+    /// As [`FileDisk::open`], with all writing by `system`.
+    ///
+    /// # Errors
+    /// As [`FileDisk::open`].
+    pub fn open_on(folder: &Path, system: Box<dyn FileSystem>) -> Result<FileDisk, OpenError> {
+        let fault = |cause| OpenError::Folder {
+            folder: folder.to_owned(),
+            cause,
+        };
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(folder)
+            .map_err(fault)?;
+        let mode = fs::metadata(folder).map_err(fault)?.permissions().mode() & 0o777;
+        if mode & 0o077 != 0 {
+            return Err(OpenError::Permissions {
+                folder: folder.to_owned(),
+                mode,
+            });
+        }
+        let lock = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .open(folder.join("lock"))
+            .map_err(fault)?;
+        if !self::lock(&lock).map_err(fault)? {
+            return Err(OpenError::Locked {
+                folder: folder.to_owned(),
+            });
+        }
+        Ok(FileDisk {
+            folder: folder.to_owned(),
+            system,
+            _lock: lock,
+        })
+    }
+
+    fn replace_whole(&self, name: &str, bytes: &[u8], power: bool) -> io::Result<()> {
+        replace(&*self.system, &self.folder.join(name), bytes, power)
+    }
+
+    /// Opened to append only, mode 0600. After a failure a part may have been added: the next start finds a line
+    /// without end, and closes it.
+    fn append_to(&self, path: &Path, bytes: &[u8], power: bool) -> io::Result<()> {
+        let new = !path.exists();
+        let mut file = OpenOptions::new()
+            .append(true)
+            .create(true)
+            .mode(0o600)
+            .open(path)?;
+        file.write_all(bytes)?;
+        if power {
+            file.sync_data()?;
+        }
+        if new {
+            // The name of a new file is in its folder.
+            self.system.sync(&self.folder)?;
+        }
+        Ok(())
+    }
+
+    fn rename_durably(&self, from: &Path, to: &Path) -> io::Result<()> {
+        match self.system.rename(from, to) {
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(()),
+            Err(cause) => Err(cause),
+            Ok(()) => self.system.sync(&self.folder),
+        }
+    }
+
+    fn remove_durably(&self, path: &Path) -> io::Result<()> {
+        self.system.remove(path)?;
+        self.system.sync(&self.folder)
+    }
+}
+
+impl Disk for FileDisk {
+    fn read(&self, name: &str, max_bytes: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+        let read = self.system.read(&self.folder.join(name), max_bytes);
+        read.map_err(|cause| StoreError::new(name, cause))
+    }
+
+    fn replace(
+        &mut self,
+        name: &str,
+        bytes: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError> {
+        self.replace_whole(name, bytes, durability == Durability::Power)
+            .map_err(|cause| StoreError::new(name, cause))
+    }
+
+    fn append(
+        &mut self,
+        name: &str,
+        bytes: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError> {
+        let power = durability == Durability::Power;
+        self.append_to(&self.folder.join(name), bytes, power)
+            .map_err(|cause| StoreError::new(name, cause))
+    }
+
+    fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
+        self.rename_durably(&self.folder.join(from), &self.folder.join(to))
+            .map_err(|cause| StoreError::new(from, cause))
+    }
+
+    fn remove(&mut self, name: &str) -> Result<(), StoreError> {
+        self.remove_durably(&self.folder.join(name))
+            .map_err(|cause| StoreError::new(name, cause))
+    }
+}
+
+/// The steps of writing and reading a file.
+pub trait FileSystem: fmt::Debug + Send + Sync {
+    /// Writes a new file, mode 0600, in place of what bears its name.
+    ///
+    /// # Errors
+    /// The system's; part of the bytes may have been written.
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
+
+    /// Brings a file, or the names in a folder, to the disk.
+    ///
+    /// # Errors
+    /// The system's.
+    fn sync(&self, path: &Path) -> io::Result<()>;
+
+    /// Puts a file in the place of another.
+    ///
+    /// # Errors
+    /// The system's; nothing has changed then.
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
+
+    /// Deletes a file; one that is not there is deleted already.
+    ///
+    /// # Errors
+    /// The system's.
+    fn remove(&self, path: &Path) -> io::Result<()>;
+
+    /// The first `most` bytes of a file; `None` where there is none.
+    ///
+    /// # Errors
+    /// The system's.
+    fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>>;
+}
+
+/// The file system of this computer.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NativeFileSystem;
+
+impl FileSystem for NativeFileSystem {
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        // One that is there has a mode and an owner of its own, or is a link to somewhere else.
+        self.remove(path)?;
+        OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(path)?
+            .write_all(bytes)
+    }
+
+    fn sync(&self, path: &Path) -> io::Result<()> {
+        File::open(path)?.sync_all()
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        fs::rename(from, to)
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        match fs::remove_file(path) {
+            Err(cause) if cause.kind() != io::ErrorKind::NotFound => Err(cause),
+            _ => Ok(()),
+        }
+    }
+
+    fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
+        let file = match File::open(path) {
+            Ok(file) => file,
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(cause) => return Err(cause),
+        };
+        // Room from the start: a buffer that grows leaves copies of what it held behind.
+        let size = file.metadata()?.len().min(most);
+        let mut bytes = Zeroizing::new(Vec::with_capacity(usize::try_from(size).unwrap_or(0) + 1));
+        file.take(most).read_to_end(&mut bytes)?;
+        Ok(Some(bytes))
+    }
+}
+
+/// Replaces the file at `path`. With `power` it has survived a power cut when this returns.
+///
+/// # Errors
+/// The first step that fails. The old file is still there, or, where only the folder's names could not
+/// be synchronised, the new one.
+pub fn replace(system: &dyn FileSystem, path: &Path, bytes: &[u8], power: bool) -> io::Result<()> {
+    let beside = &beside(path);
+    let written = system
+        .write(beside, bytes)
+        .and_then(|()| if power { system.sync(beside) } else { Ok(()) })
+        .and_then(|()| system.rename(beside, path));
+    if written.is_err() {
+        // What lies there may be part of a key. On a disk that fails, that may fail too.
+        let _ = system.remove(beside);
+        return written;
+    }
+    if power {
+        system.sync(folder_of(path))?;
+    }
+    Ok(())
+}
+
+/// Makes a file that does not exist yet. It has survived a power cut when this returns, and is whole whenever it is
+/// there.
+///
+/// # Errors
+/// It exists, or a step fails; where only the folder's names could not be synchronised it is there.
+pub fn create(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let beside = &beside(path);
+    let system = NativeFileSystem;
+    // A second name, and not a new name: that would take the place of a file that is there.
+    let made = system
+        .write(beside, bytes)
+        .and_then(|()| system.sync(beside))
+        .and_then(|()| fs::hard_link(beside, path));
+    let removed = system.remove(beside);
+    made.and(removed)
+        .and_then(|()| system.sync(folder_of(path)))
+}
+
+/// `uav1.key` while it is being written: `uav1.key.new`.
+fn beside(path: &Path) -> PathBuf {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    PathBuf::from(beside)
+}
+
+/// Locks a file for this process, until it is closed. False where another process has it.
+///
+/// # Errors
+/// The system's.
+pub fn lock(file: &File) -> io::Result<bool> {
+    match rustix::fs::flock(file, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => Ok(true),
+        Err(Errno::WOULDBLOCK) => Ok(false),
+        Err(cause) => Err(cause.into()),
+    }
+}
+
+/// The folder that a file is in.
+#[must_use]
+pub fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
+}
