@@ -1,43 +1,44 @@
-//! STANAG 4586 Edition 4 (AEP-84 Vol II) DLI messages: wrapper, scalars, one message table, codec.
+#![doc = include_str!("../README.md")]
 //!
-//! Everything here is a pure function of bytes: no clock, no I/O, no allocation in the codec.
-//! Decoding is total: any bytes give a value or an error that says where and why.
+//! ## How the crate is built
 //!
-//! ```
-//! use stanag_msgs::{Bam32, Envelope, Id, Message, frames, messages::InertialStates};
+//! From the bottom, each module using only those before it:
 //!
-//! let states = InertialStates { latitude: Some(Bam32::from_degrees(47.5)), ..Default::default() };
-//! let mut datagram = [0; stanag_msgs::MAX_DATAGRAM];
-//! let length = Message::from(states.clone())
-//!     .encode(&Envelope::new(Id(0x1b00_0101), Id::BROADCAST), &mut datagram)?;
+//! | module | what it is |
+//! |---|---|
+//! | [`bytes`], [`field`], [`id`] | taking and putting bytes; what a type must do to be a field; identification numbers |
+//! | [`scalar`], [`enums`] | the types of fields |
+//! | [`error`] | why message data cannot be read or written |
+//! | [`wrapper`] | header and checksum; splitting a datagram |
+//! | [`table`], [`messages`] | one row a message, and the structs made of them |
+//! | [`packer`] | several messages in one datagram |
+//! | [`disputed`], [`profile`] | what sources disagree about, and a peer's reading of it |
+//! | [`json`], [`pcapng`] | messages as JSON; datagrams as a capture file |
 //!
-//! for frame in frames(&datagram[..length]) {
-//!     let frame = frame?;
-//!     let message = Message::decode(frame.header.message_type, frame.data)?;
-//!     assert_eq!(message, Message::InertialStates(states.clone()));
-//! }
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+//! Everything is a pure function of bytes: no clock, no I/O, and no allocation in the codec.
 
 #![forbid(unsafe_code)]
 
-pub mod codec;
+pub mod bytes;
 pub mod disputed;
 pub mod enums;
+pub mod error;
+pub mod field;
 pub mod id;
+#[cfg(feature = "json")]
 pub mod json;
+pub mod packer;
+#[cfg(feature = "pcapng")]
 pub mod pcapng;
 pub mod profile;
 pub mod scalar;
 pub mod table;
-pub mod vectors;
 pub mod wrapper;
 
-pub use codec::{DecodeError, EncodeError};
+pub use error::{DecodeError, EncodeError};
 pub use id::Id;
+pub use packer::Packer;
 pub use profile::Profile;
 pub use scalar::{Bam16, Bam32, I24, OutOfRange, Scaled, Text, TimeStamp, U24, U40};
-pub use table::{Body, Message, messages};
-pub use wrapper::{
-    ChecksumStyle, Envelope, Frame, Header, MAX_DATAGRAM, Packer, WrapperError, frames,
-};
+pub use table::{Message, messages};
+pub use wrapper::{ChecksumStyle, Envelope, Frame, Header, MAX_DATAGRAM, WrapperError, frames};

@@ -1,4 +1,4 @@
-//! The macros that make an enumeration or a bitmap of a table row.
+//! The macros that make a Rust type of an enumeration or a bitmap of the fact table.
 
 /// Declares enumerations: `Type(wire) = "table name", confidence, source "..", description ".." {
 /// Variant = value "text"; .. "range" "text"; }`.
@@ -20,10 +20,10 @@ macro_rules! enumerations {
 
         impl $Name {
             /// The row in the table.
-            pub const INFO: EnumInfo = EnumInfo {
+            pub const INFO: $crate::field::EnumInfo = $crate::field::EnumInfo {
                 name: $table,
-                kind: $crate::enums::EnumKind::Enumeration,
-                confidence: $confidence,
+                kind: $crate::field::EnumKind::Enumeration,
+                confidence: $crate::field::Confidence::$confidence,
                 source: $source,
                 description: concat!($($description)?),
                 values: &[$(($value, stringify!($Variant), $text)),*],
@@ -79,10 +79,10 @@ macro_rules! bitmaps {
             $(#[doc = concat!(stringify!($value), ": ", $text, ".")] pub const $BIT: Self = Self($value);)*
 
             /// The row in the table.
-            pub const INFO: EnumInfo = EnumInfo {
+            pub const INFO: $crate::field::EnumInfo = $crate::field::EnumInfo {
                 name: $table,
-                kind: $crate::enums::EnumKind::Bitmap,
-                confidence: $confidence,
+                kind: $crate::field::EnumKind::Bitmap,
+                confidence: $crate::field::Confidence::$confidence,
                 source: $source,
                 description: concat!($($description)?),
                 values: &[$(($value, stringify!($BIT), $text)),*],
@@ -153,7 +153,8 @@ macro_rules! bitmaps {
     )* };
 }
 
-/// What enumerations and bitmaps share: they are their value on the wire.
+/// What enumerations and bitmaps share: both are equal, hashed and coded as their value on the wire. Not derived, because
+/// `Unknown(1)` must equal the variant of value 1.
 macro_rules! value_impls {
     ($Name:ident($Raw:ident)) => {
         impl PartialEq for $Name {
@@ -170,24 +171,24 @@ macro_rules! value_impls {
             }
         }
 
-        impl $crate::scalar::Field for $Name {
-            const WIRE: $crate::table::Wire = <$Raw as $crate::scalar::Field>::WIRE;
-            const ENUMERATION: Option<&'static EnumInfo> = Some(&Self::INFO);
+        impl $crate::field::Field for $Name {
+            const WIRE: $crate::field::Wire = <$Raw as $crate::field::Field>::WIRE;
+            const ENUMERATION: Option<&'static $crate::field::EnumInfo> = Some(&Self::INFO);
 
             #[inline]
-            fn read(reader: &mut $crate::codec::Reader<'_>) -> Result<Self, $crate::codec::Fault> {
-                <$Raw as $crate::scalar::Field>::read(reader).map(Self::from_raw)
+            fn read(reader: &mut $crate::bytes::Reader<'_>) -> Result<Self, $crate::bytes::Fault> {
+                <$Raw as $crate::field::Field>::read(reader).map(Self::from_raw)
             }
 
             #[inline]
             fn write(
                 self,
-                writer: &mut $crate::codec::Writer<'_>,
-            ) -> Result<(), $crate::codec::Fault> {
-                $crate::scalar::Field::write(self.raw(), writer)
+                writer: &mut $crate::bytes::Writer<'_>,
+            ) -> Result<(), $crate::bytes::Fault> {
+                $crate::field::Field::write(self.raw(), writer)
             }
         }
     };
 }
 
-pub(crate) use {bitmaps, enumerations, value_impls};
+pub(super) use {bitmaps, enumerations, value_impls};

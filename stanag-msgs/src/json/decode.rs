@@ -3,14 +3,15 @@
 use serde_json::{Map, Value, json};
 
 use super::number::{f32_value, f64_value};
-use crate::codec::DecodeError;
-use crate::enums::{EnumInfo, EnumKind};
-use crate::table::{self, FieldInfo, MessageInfo, Wire};
+
+use crate::error::DecodeError;
+use crate::field::{EnumInfo, EnumKind, FieldInfo, Wire};
+use crate::table::{self, MessageInfo};
 use crate::wrapper::{Frame, HEADER_BYTES, frames};
 
-/// The messages of a datagram in hexadecimal, one object each; an object with `error` and
-/// `offset` for what is none. The offset counts bytes of the datagram, or characters of the
-/// line where that is not hexadecimal. A blank line has no messages.
+/// The messages of a datagram in hexadecimal, one object each; for a bad one, an object with `error`
+/// and `offset`. The offset counts bytes of the datagram, or characters of the line where that is not
+/// hexadecimal. A blank line has no messages.
 pub fn decode_line(hex: &str, raw: bool) -> Vec<Value> {
     let line = hex.trim();
     if line.is_empty() {
@@ -36,7 +37,10 @@ pub fn decode_line(hex: &str, raw: bool) -> Vec<Value> {
     }
 }
 
-/// A message as an object, its wrapper with it.
+/// A message and its wrapper as an object.
+///
+/// # Errors
+/// The data is not that of the header's message.
 pub fn frame(frame: &Frame<'_>, raw: bool) -> Result<Value, DecodeError> {
     let header = &frame.header;
     let message_type = header.message_type;
@@ -55,6 +59,9 @@ pub fn frame(frame: &Frame<'_>, raw: bool) -> Result<Value, DecodeError> {
 }
 
 /// The fields of message data, by name.
+///
+/// # Errors
+/// The data is not that of this message.
 pub fn fields(
     message: &'static MessageInfo,
     data: &[u8],
@@ -120,7 +127,7 @@ fn bits(info: &EnumInfo, number: i64) -> Value {
         .collect()
 }
 
-pub(super) fn error(text: impl ToString, offset: usize) -> Value {
+fn error(text: impl ToString, offset: usize) -> Value {
     json!({ "error": text.to_string(), "offset": offset })
 }
 

@@ -3,20 +3,23 @@
 use serde_json::{Map, Value, json};
 
 use super::number::{f32_of, f64_of, integer_of};
-use crate::codec::EncodeError;
-use crate::enums::{EnumInfo, EnumKind};
+use crate::error::EncodeError;
+use crate::field::{EnumInfo, EnumKind, FieldInfo, Wire};
 use crate::id::Id;
-use crate::table::{self, FieldInfo, MessageInfo, Wire};
+use crate::table::{self, MessageInfo};
 use crate::wrapper::{self, ChecksumStyle, Envelope, Header, MAX_DATAGRAM};
 
 /// The message of a JSON object, in hexadecimal.
 ///
-/// `id`, `source`, `destination` and `fields` must be there; `ack` is false, `idd` 32 and
-/// `checksum` 0 unless they are. `source` and `destination` may also be texts as `1b:00:00:01`.
-/// `name` and keys that this does not know are not looked at.
+/// `id`, `source`, `destination` and `fields` are required; by default `ack` is false, `idd` 32 and
+/// `checksum` 0. `source` and `destination` may also be texts as `1b:00:00:01`. `name` and unknown
+/// keys are ignored.
+///
+/// # Errors
+/// The line is not JSON, or not a message of the table with fields and values that it allows.
 pub fn encode_line(json: &str, raw: bool) -> Result<String, JsonError> {
     let value: Value = serde_json::from_str(json).map_err(|error| JsonError::Json {
-        // Columns count from 1; a line has but one row.
+        // Columns count from 1; the text is a single line.
         offset: error.column().saturating_sub(1),
         cause: error.to_string(),
     })?;
@@ -75,15 +78,15 @@ pub fn encode_line(json: &str, raw: bool) -> Result<String, JsonError> {
 /// Why a line is not a message.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum JsonError {
-    /// It is not JSON.
+    /// The line is not JSON.
     #[error("not JSON: {cause}")]
     Json {
-        /// The character of the line where that shows.
+        /// The character of the line where that was found.
         offset: usize,
         /// What is wrong.
         cause: String,
     },
-    /// Something that must be there is not.
+    /// A required key is missing.
     #[error("{key} is missing")]
     Missing {
         /// The key.
@@ -96,7 +99,7 @@ pub enum JsonError {
         place: String,
         /// The value.
         found: String,
-        /// What it should be.
+        /// What was expected.
         expected: String,
     },
     /// A value is outside its range.
@@ -106,9 +109,9 @@ pub enum JsonError {
         place: String,
         /// The value.
         found: String,
-        /// The least there may be.
+        /// The minimum.
         low: f64,
-        /// The greatest there may be.
+        /// The maximum.
         high: f64,
         /// The unit of both; may be empty.
         unit: &'static str,
@@ -127,14 +130,14 @@ pub enum JsonError {
         /// The name.
         name: String,
     },
-    /// It cannot be written.
+    /// The message cannot be written.
     #[error(transparent)]
     Encode(#[from] EncodeError),
 }
 
 impl JsonError {
-    /// The error as an object, with the character of the line where it shows: the first, unless
-    /// the line is not JSON.
+    /// The error as an object, with the character of the line where it was found: 0 unless the line
+    /// is not JSON.
     pub fn to_value(&self) -> Value {
         let offset = if let Self::Json { offset, .. } = self {
             *offset
@@ -220,8 +223,12 @@ fn data(
             Wire::F64 => bytes.extend(float(field, value, raw, f64_of)?.to_be_bytes()),
             Wire::Char(length) => bytes.extend(text(field, value, length.into(), raw)?),
             Wire::UnsizedText | Wire::UnsizedBytes => {
-                let (message_type, bit) = (message.id, field.bit);
-                return Err(EncodeError::UnknownLength { message_type, bit }.into());
+                let message_type = message.id;
+                return Err(EncodeError::UnknownLength {
+                    message_type,
+                    field,
+                }
+                .into());
             }
             _ => {
                 let number = number(field, value, raw)?;
@@ -276,7 +283,7 @@ fn number(field: &FieldInfo, value: &Value, raw: bool) -> Result<i64, JsonError>
     Ok(number)
 }
 
-/// Checks the range that sources give.
+/// Checks against the range that sources give.
 fn check(field: &FieldInfo, value: &Value, number: f64) -> Result<(), JsonError> {
     match field.range {
         Some((low, high)) if !(low..=high).contains(&number) => Err(JsonError::range(
@@ -329,23 +336,23 @@ fn float<T: Copy + Into<f64>>(
     Ok(number)
 }
 
-/// The bytes of a text: cut when raw, refused otherwise where it is too long.
+/// The bytes of a text: too long a text is cut when raw, and an error otherwise.
 fn text(field: &FieldInfo, value: &Value, length: usize, raw: bool) -> Result<Vec<u8>, JsonError> {
-    let most = length - 1;
+    let max = length - 1;
     let fitting = || {
         JsonError::value(
             field.name,
             value,
-            format!("a text of at most {most} characters"),
+            format!("a text of at most {max} characters"),
         )
     };
     let text = value.as_str().ok_or_else(fitting)?;
-    if !raw && text.chars().count() > most {
+    if !raw && text.chars().count() > max {
         return Err(fitting());
     }
     let mut bytes: Vec<u8> = text
         .chars()
-        .take(most)
+        .take(max)
         .map(|character| match u8::try_from(character) {
             Ok(byte) if raw || byte.is_ascii() => byte,
             _ => b'?',

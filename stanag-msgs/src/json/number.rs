@@ -1,11 +1,11 @@
-//! Floating-point numbers in JSON, which has no word for those that are no number.
+//! Numbers in JSON, which has no notation for NaN and the infinities.
 
 use serde_json::Value;
 
 const QUIET_32: u32 = 0x7FC0_0000;
 const QUIET_64: u64 = 0x7FF8_0000_0000_0000;
 
-/// The exact value, or the text of what is no number.
+/// The exact value, or a text for NaN and infinities.
 pub(super) fn f32_value(number: f32) -> Value {
     if number.is_nan() && number.to_bits() != QUIET_32 {
         return Value::from(format!("NaN:{:08x}", number.to_bits()));
@@ -13,7 +13,7 @@ pub(super) fn f32_value(number: f32) -> Value {
     f64_value(f64::from(number))
 }
 
-/// The exact value, or the text of what is no number.
+/// The exact value, or a text for NaN and infinities.
 pub(super) fn f64_value(number: f64) -> Value {
     match number {
         _ if number.is_finite() => Value::from(number),
@@ -24,8 +24,8 @@ pub(super) fn f64_value(number: f64) -> Value {
     }
 }
 
-/// The reverse of [`f32_value`]; a number is rounded to the nearest. `None` where it is too large
-/// or no such value.
+/// The reverse of [`f32_value`]; a number is rounded to the nearest. `None` if it is too large or
+/// no such value.
 pub(super) fn f32_of(value: &Value) -> Option<f32> {
     if let Some(number) = value.as_f64() {
         let narrow = number as f32;
@@ -60,7 +60,7 @@ pub(super) fn f64_of(value: &Value) -> Option<f64> {
 
 /// An integer, also where it is written `5.0`.
 pub(super) fn integer_of(value: &Value) -> Option<i64> {
-    // Beyond 2^53 a double no longer says which integer was meant; no field is that wide.
+    // Above 2^53 a double no longer identifies one integer; no field is that wide.
     const EXACT: f64 = 9_007_199_254_740_992.0;
     value.as_i64().or_else(|| {
         let number = value.as_f64()?;
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_such_number_is_none() {
+    fn values_that_are_not_such_a_number_are_refused() {
         assert_eq!(f32_of(&Value::from(1e39)), None);
         assert_eq!(f32_of(&Value::from("NaN:3f800000")), None);
         assert_eq!(f64_of(&Value::from("nan")), None);

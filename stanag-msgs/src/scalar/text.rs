@@ -1,15 +1,14 @@
-//! Texts of fixed length.
+//! Texts of fixed length, and fields whose length no source gives.
 
 use std::fmt;
 
-use super::Field;
-use crate::codec::{Fault, Reader, Writer};
-use crate::table::Wire;
+use crate::bytes::{Fault, Reader, Writer};
+use crate::field::{Field, Wire};
 
 /// `Character N`: 7-bit characters in `N` bytes, the last always NUL, the rest padded with NUL.
 ///
-/// Characters that are not 7-bit become `?`, on the way in as on the way out. What a sender puts
-/// behind the first NUL, or into the last byte, is dropped.
+/// Characters that are not 7-bit become `?`, when reading and when writing. What a sender puts
+/// after the first NUL, or into the last byte, is dropped.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Text<const N: usize>([u8; N]);
 
@@ -45,7 +44,7 @@ impl<const N: usize> Text<N> {
     /// The characters before the first NUL.
     pub fn as_str(&self) -> &str {
         let end = self.0.iter().position(|&byte| byte == 0).unwrap_or(N);
-        // All bytes are 7-bit by construction, so this never falls back.
+        // All bytes are 7-bit by construction, so the default is never used.
         std::str::from_utf8(&self.0[..end]).unwrap_or_default()
     }
 }
@@ -88,6 +87,36 @@ impl<const N: usize> Field for Text<N> {
     }
 }
 
+macro_rules! unsized_fields {
+    ($($(#[$doc:meta])* $Name:ident => $wire:ident;)*) => { $(
+        $(#[$doc])*
+        ///
+        /// The presence vector shows whether it is there, but not how long it is: a message that
+        /// carries it can be neither decoded nor encoded, and both are errors.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+        pub struct $Name;
+
+        impl Field for $Name {
+            const WIRE: Wire = Wire::$wire;
+
+            fn read(_: &mut Reader<'_>) -> Result<Self, Fault> {
+                Err(Fault::UnknownLength)
+            }
+
+            fn write(self, _: &mut Writer<'_>) -> Result<(), Fault> {
+                Err(Fault::UnknownLength)
+            }
+        }
+    )* };
+}
+
+unsized_fields! {
+    /// A text of unknown length.
+    UnsizedText => UnsizedText;
+    /// Bytes whose length another field is believed to give (32301).
+    UnsizedBytes => UnsizedBytes;
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -102,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_from_the_wire_are_made_a_text() {
+    fn any_bytes_from_the_wire_become_a_text() {
         let read = |bytes: &[u8; 4]| Text::<4>::read(&mut Reader::new(bytes)).unwrap();
         assert_eq!(read(b"ABCD"), Text::new("ABC"));
         assert_eq!(read(b"A\xE9C\0"), Text::new("A?C"));

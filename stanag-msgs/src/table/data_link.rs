@@ -2,13 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::info::Confidence::{B, C};
-use super::info::Direction::{ToCucs, ToVsm};
-use super::info::Layout::{Ed2Derived, Ed4};
-use super::info::Traffic::{Pull, Push, PushPull};
-use super::info::{FieldInfo, MessageInfo};
-use super::macros::messages;
-use crate::codec::{DataReader, DataWriter, DecodeError, EncodeError};
+use super::codec::messages;
 use crate::enums::{
     AccessGranted, AltitudeType, DlAntennaState, DlComsecMode, DlComsecState,
     DlControlAvailability, DlPriority, DlState, DlTerminal, DlType, HandoverStatus, PedestalMode,

@@ -2,13 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::info::Confidence::{A, C};
-use super::info::Direction::ToVsm;
-use super::info::Layout::{Ed2Derived, Ed4};
-use super::info::Traffic::Push;
-use super::info::{FieldInfo, MessageInfo};
-use super::macros::messages;
-use crate::codec::{DataReader, DataWriter, DecodeError, EncodeError};
+use super::codec::messages;
 use crate::enums::{
     AltitudeChangeBehaviour, AltitudeCommandType, AltitudeType, CommandedEngineState,
     FlightPathControlMode, FlyingBehaviour, FtMode, FtState, HeadingCommandType, HeadingReference,

@@ -2,13 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::info::Confidence::{A, B, C};
-use super::info::Direction::{Both, ToCucs, ToVsm};
-use super::info::Layout::{Ed2Derived, Ed4};
-use super::info::Traffic::{Push, PushPull};
-use super::info::{FieldInfo, MessageInfo};
-use super::macros::messages;
-use crate::codec::{DataReader, DataWriter, DecodeError, EncodeError};
+use super::codec::messages;
 use crate::enums::{
     AirframeFunction, AirframeState, AltitudeChangeBehaviour, AltitudeType, FlyingBehaviour,
     LimitType, LocationType, LoiterDirection, LoiterDurationUnits, LoiterLengthUnits, LoiterType,

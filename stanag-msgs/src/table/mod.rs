@@ -1,34 +1,31 @@
 //! The message table: every message that has a layout, one row a message.
 //!
-//! The rows make the structs, the codec, the JSON form, the dissector and the documents; there is
-//! no second list. The facts are those of public secondary sources, with their confidence.
+//! The rows make the structs, the codec, the JSON form, the dissector and the documents; there is no second list. The
+//! facts are those of public secondary sources, with their confidence.
+//!
+//! Bottom to top: `info` (what a row records), `codec` (reading and writing message data, and the macro that makes a
+//! struct of a row), one file of rows for each group of messages in the order of their types, and here [`Message`],
+//! which is any of them.
 
-mod auxiliary;
+mod alerts_and_requests;
+pub(crate) mod codec;
 mod configuration;
 mod data_link;
+mod equipment;
 mod flight_command;
 mod flight_status;
-mod iff;
-mod inertial;
-mod info;
-mod macros;
-mod miscellaneous;
+pub(crate) mod info;
 mod mission;
 mod payload;
 mod private;
-mod select;
-mod services;
-mod subsystem;
 mod system_id;
-mod vehicle_services;
-mod walk;
 
-pub use info::{Confidence, Direction, FieldInfo, Layout, MessageInfo, Traffic, Wire};
-pub use select::select;
-pub use walk::{Walk, walk};
+pub use crate::field::{Confidence, FieldInfo, Wire};
+pub use codec::walk;
+pub use info::{Direction, Layout, MessageInfo, Traffic};
 
-use crate::codec::{DecodeError, EncodeError};
-use crate::wrapper::{self, Envelope};
+use crate::error::{DecodeError, EncodeError};
+use crate::wrapper::{self, Envelope, MAX_DATA};
 
 /// The message of this type, where the table has it.
 pub fn message(message_type: u16) -> Option<&'static MessageInfo> {
@@ -36,25 +33,6 @@ pub fn message(message_type: u16) -> Option<&'static MessageInfo> {
         .binary_search_by_key(&message_type, |message| message.id)
         .ok()?;
     Some(&MESSAGES[index])
-}
-
-/// What every message struct can do, for code that is generic over them.
-pub trait Body: Sized + Into<Message> {
-    /// The Message Type.
-    const ID: u16;
-    /// The row in the table.
-    const INFO: MessageInfo;
-
-    /// Reads message data: presence vector and fields.
-    fn decode(data: &[u8]) -> Result<Self, DecodeError>;
-
-    /// Writes message data, presence vector and fields, and says how many bytes.
-    fn encode_data(&self, out: &mut [u8]) -> Result<usize, EncodeError>;
-
-    /// Writes wrapper, data and checksum, and says how many bytes.
-    fn encode(&self, envelope: &Envelope, out: &mut [u8]) -> Result<usize, EncodeError> {
-        wrapper::encode(Self::ID, envelope, out, |out| self.encode_data(out))
-    }
 }
 
 /// Gathers the messages of all groups, in the order of their types.
@@ -82,6 +60,9 @@ macro_rules! gather {
 
         impl Message {
             /// Reads the data, presence vector and fields, of a message of this type.
+            ///
+            /// # Errors
+            /// The table has no such message, or the bytes are not its data.
             pub fn decode(message_type: u16, data: &[u8]) -> Result<Self, DecodeError> {
                 match message_type {
                     $($($Name::ID => Ok(Self::$Name($Name::decode(data)?)),)*)*
@@ -89,7 +70,7 @@ macro_rules! gather {
                 }
             }
 
-            /// The message of this type with no field set.
+            /// The message of this type with no field set, where the table has it.
             pub fn empty(message_type: u16) -> Option<Self> {
                 match message_type {
                     $($($Name::ID => Some(Self::$Name($Name::default())),)*)*
@@ -104,17 +85,13 @@ macro_rules! gather {
                 }
             }
 
-            /// Writes message data, presence vector and fields, and says how many bytes.
+            /// Writes message data, presence vector and fields; returns how many bytes.
+            ///
+            /// # Errors
+            /// The buffer is too small, or a field is set whose length no source gives.
             pub fn encode_data(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
                 match self {
                     $($(Self::$Name(message) => message.encode_data(out),)*)*
-                }
-            }
-
-            /// Writes wrapper, data and checksum, and says how many bytes.
-            pub fn encode(&self, envelope: &Envelope, out: &mut [u8]) -> Result<usize, EncodeError> {
-                match self {
-                    $($(Self::$Name(message) => message.encode(envelope, out),)*)*
                 }
             }
         }
@@ -125,19 +102,6 @@ macro_rules! gather {
                     Self::$Name(message)
                 }
             }
-
-            impl Body for $Name {
-                const ID: u16 = $Name::ID;
-                const INFO: MessageInfo = $Name::INFO;
-
-                fn decode(data: &[u8]) -> Result<Self, DecodeError> {
-                    $Name::decode(data)
-                }
-
-                fn encode_data(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
-                    self.encode_data(out)
-                }
-            }
         )*)*
     };
 }
@@ -145,45 +109,34 @@ macro_rules! gather {
 gather! {
     system_id: CucsAuthorisationRequest, VsmAuthorisationResponse, VehicleId,
         PositiveHandoverAuthorisationRequest, PositiveHandoverAuthorisationGranted;
-    flight_command: VehicleConfigurationCommand, FlightTerminationCommand,
-        UnmannedAircraftLights, EngineCommand, UaStickCommand, VehicleOperatingModeCommand,
-        LoiterConfiguration;
-    flight_status: VehicleConfiguration, VehicleOperatingModeReport,
-        VehicleOperatingStates, LoiterConfigurationReport, FlightTerminationModeReport,
-        VehicleLightsState, EngineOperatingStates, AirAndGroundRelativeStates,
-        BodyRelativeSensedStates, UaStickStatus, RelativeRouteWaypointLocationReport;
-    inertial: InertialStates, FromToNextWaypointStates;
-    iff: IffSsrCodeCommand, IffSsrIdentSquawkCommand, IffSsrStatusReport;
-    auxiliary: ElectricalReport, BatteryReport;
-    mission: MissionTransferCommand, UaRoute, UaPositionWaypoint, UaLoiterWaypoint,
-        PayloadActionWaypoint, AirframeActionWaypoint, VehicleSpecificWaypoint,
-        MissionUploadDownloadStatus;
-    subsystem: SubsystemStatusRequest, SubsystemStatusDetailRequest, SubsystemStatusAlert,
-        SubsystemStatusReport, Heartbeat;
-    miscellaneous: MessageAcknowledgement, ScheduleMessageUpdateCommand,
-        GenericInformationRequestMessage, FileTransferNotification, MeteorologicalTableReport,
-        GpsStatusReport;
-    payload: PayloadSteeringCommand, EoIrLaserPayloadCommand, SarPayloadCommand,
-        PayloadConfiguration, EoIrConfigurationState, EoIrLaserOperatingState;
-    data_link: DataLinkControlRequest, DataLinkConfigurationAssignmentMessage,
-        DlToVehicleIdReport, DlControlStatusReport, RfCommandProcessingStatusReport,
-        LegacyDlStatusReport, LegacyDlControlCommandStatus, AntennaPedestalLocationStatusReport,
-        AntennaControlStatusReport, AntennaPositionReport, LegacyPedestalStatusReport,
-        LinkHealthStatus, DlFallbackStatus, DataLinkUdpCount, UaIpDisclosureMessage,
-        DlInControlReport, LostLinkDelayTimerReport, VehicleDataLinkTransitionCoordination,
-        HandoverStatusReport;
-    configuration: FieldConfigurationRequest, FieldConfigurationIntegerResponse,
-        FieldConfigurationFloatResponse, FieldConfigurationEnumeratedResponse,
-        FieldConfigurationUnsignedResponse, FieldConfigurationCharacterResponse,
-        ConfigurationComplete;
-    services: DisplayUnitRequest, ReportControllableElementMessage,
-        VsmServicesReportMessage, UaRouteConfiguration, RemoteWindowsGuiDefinition,
-        FieldChangeIntegerCommand, FieldChangeFloatCommand, FieldChangeEnumeratedCommand,
-        MessageParameterAvailability;
-    private: CurveSegmentPaper, CurveSegment;
-    vehicle_services: ParameterRequest, ParameterSetCommand, ParameterReport,
-        SoftwareVersionReport, PingRequest, PingResponse, AreaVertex, AreaTransferCommand,
-        AreaTransferStatus;
+    flight_command: VehicleConfigurationCommand, FlightTerminationCommand, UnmannedAircraftLights,
+        EngineCommand, UaStickCommand, VehicleOperatingModeCommand, LoiterConfiguration;
+    flight_status: VehicleConfiguration, VehicleOperatingModeReport, VehicleOperatingStates,
+        LoiterConfigurationReport, FlightTerminationModeReport, VehicleLightsState, EngineOperatingStates,
+        AirAndGroundRelativeStates, BodyRelativeSensedStates, UaStickStatus, RelativeRouteWaypointLocationReport,
+        InertialStates, FromToNextWaypointStates;
+    equipment: IffSsrCodeCommand, IffSsrIdentSquawkCommand, IffSsrStatusReport, ElectricalReport, BatteryReport;
+    mission: MissionTransferCommand, UaRoute, UaPositionWaypoint, UaLoiterWaypoint, PayloadActionWaypoint,
+        AirframeActionWaypoint, VehicleSpecificWaypoint, MissionUploadDownloadStatus;
+    alerts_and_requests: SubsystemStatusRequest, SubsystemStatusDetailRequest, SubsystemStatusAlert,
+        SubsystemStatusReport, Heartbeat, MessageAcknowledgement, ScheduleMessageUpdateCommand,
+        GenericInformationRequestMessage, FileTransferNotification, MeteorologicalTableReport, GpsStatusReport;
+    payload: PayloadSteeringCommand, EoIrLaserPayloadCommand, SarPayloadCommand, PayloadConfiguration,
+        EoIrConfigurationState, EoIrLaserOperatingState;
+    data_link: DataLinkControlRequest, DataLinkConfigurationAssignmentMessage, DlToVehicleIdReport,
+        DlControlStatusReport, RfCommandProcessingStatusReport, LegacyDlStatusReport,
+        LegacyDlControlCommandStatus, AntennaPedestalLocationStatusReport, AntennaControlStatusReport,
+        AntennaPositionReport, LegacyPedestalStatusReport, LinkHealthStatus, DlFallbackStatus,
+        DataLinkUdpCount, UaIpDisclosureMessage, DlInControlReport, LostLinkDelayTimerReport,
+        VehicleDataLinkTransitionCoordination, HandoverStatusReport;
+    configuration: FieldConfigurationRequest, FieldConfigurationIntegerResponse, FieldConfigurationFloatResponse,
+        FieldConfigurationEnumeratedResponse, FieldConfigurationUnsignedResponse,
+        FieldConfigurationCharacterResponse, ConfigurationComplete, DisplayUnitRequest,
+        ReportControllableElementMessage, VsmServicesReportMessage, UaRouteConfiguration,
+        RemoteWindowsGuiDefinition, FieldChangeIntegerCommand, FieldChangeFloatCommand,
+        FieldChangeEnumeratedCommand, MessageParameterAvailability;
+    private: CurveSegmentPaper, CurveSegment, ParameterRequest, ParameterSetCommand, ParameterReport,
+        SoftwareVersionReport, PingRequest, PingResponse, AreaVertex, AreaTransferCommand, AreaTransferStatus;
 }
 
 impl Message {
@@ -195,5 +148,81 @@ impl Message {
     /// The name.
     pub fn name(&self) -> &'static str {
         self.info().name
+    }
+
+    /// Writes wrapper, data and checksum; returns how many bytes.
+    ///
+    /// # Errors
+    /// As [`Message::encode_data`], or the envelope requests a version or a checksum that there is not.
+    pub fn encode(&self, envelope: &Envelope, out: &mut [u8]) -> Result<usize, EncodeError> {
+        wrapper::encode(self.id(), envelope, out, |out| self.encode_data(out))
+    }
+}
+
+/// The message with those fields only whose bits are set in `presence`; the time stamp, field 1, stays.
+///
+/// Bits of fields that the message does not have, or has not set, change nothing. A message with a field of unknown
+/// length is returned whole.
+pub fn select(message: &Message, presence: u64) -> Message {
+    try_select(message, presence | 1).unwrap_or_else(|| message.clone())
+}
+
+fn try_select(message: &Message, presence: u64) -> Option<Message> {
+    let info = message.info();
+    let (mut whole, mut part) = ([0; MAX_DATA], [0; MAX_DATA]);
+    let length = message.encode_data(&mut whole).ok()?;
+    let head = usize::from(info.presence_bytes);
+    let (mut kept, mut end) = (0_u64, head);
+    for field in walk(info, whole.get(..length)?) {
+        let (field, bytes) = field.ok()?;
+        if presence >> field.bit & 1 == 1 {
+            kept |= 1 << field.bit;
+            part.get_mut(end..end + bytes.len())?.copy_from_slice(bytes);
+            end += bytes.len();
+        }
+    }
+    let vector = kept.to_be_bytes();
+    part.get_mut(..head)?
+        .copy_from_slice(vector.get(8 - head..)?);
+    Message::decode(info.id, part.get(..end)?).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::messages::{InertialStates, VehicleId};
+    use crate::{Bam32, Text, TimeStamp};
+
+    #[test]
+    fn the_fields_asked_for_and_the_stamp_stay() {
+        let whole = Message::from(InertialStates {
+            time_stamp: Some(TimeStamp(7)),
+            latitude: Some(Bam32(1)),
+            longitude: Some(Bam32(-2)),
+            ..Default::default()
+        });
+        // Longitude, and an altitude that there is not.
+        let part = select(&whole, 0b1100);
+        let expected = InertialStates {
+            time_stamp: Some(TimeStamp(7)),
+            longitude: Some(Bam32(-2)),
+            ..Default::default()
+        };
+        assert_eq!(part, Message::from(expected));
+        assert_eq!(select(&whole, u64::MAX), whole);
+    }
+
+    #[test]
+    fn texts_are_kept_whole() {
+        let whole = Message::from(VehicleId {
+            tail_number: Some(Text::new("PX4-01")),
+            mission_id: Some(Text::new("M1")),
+            ..Default::default()
+        });
+        let Message::VehicleId(part) = select(&whole, 1 << 6) else {
+            panic!("another message")
+        };
+        assert_eq!(part.tail_number, Some(Text::new("PX4-01")));
+        assert_eq!(part.mission_id, None);
     }
 }

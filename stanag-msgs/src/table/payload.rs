@@ -2,13 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::info::Confidence::C;
-use super::info::Direction::{ToCucs, ToVsm};
-use super::info::Layout::Ed2Derived;
-use super::info::Traffic::{Pull, Push, PushPull};
-use super::info::{FieldInfo, MessageInfo};
-use super::macros::messages;
-use crate::codec::{DataReader, DataWriter, DecodeError, EncodeError};
+use super::codec::messages;
 use crate::enums::{
     AddressedSensor, AltitudeType, EoMode, EoirPointingMode, EoirSystemMode, FirstLastPulse,
     FocusType, ImageOutput, IrPolarity, LaserDesignatorCmd, LaserPointerCmd, LaserRfCmd,

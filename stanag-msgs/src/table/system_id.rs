@@ -1,12 +1,6 @@
 //! System identification and authorisation: 1 to 5.
 
-use super::info::Confidence::A;
-use super::info::Direction::{ToCucs, ToVsm};
-use super::info::Layout::Ed4;
-use super::info::Traffic::{Pull, Push, PushPull};
-use super::info::{FieldInfo, MessageInfo};
-use super::macros::messages;
-use crate::codec::{DataReader, DataWriter, DecodeError, EncodeError};
+use super::codec::messages;
 use crate::enums::{
     AccessGranted, FlightPathControlMode, LoiBitmap, PayloadType, PresenceVectorSupport,
     RequestedAccess, StationBitmap1To16, StationBitmap17To32, WaitTransition,

@@ -5,10 +5,10 @@ use crc::{CRC_16_IBM_3740, CRC_32_ISO_HDLC, Crc, Table};
 static CRC_16: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_IBM_3740);
 static CRC_32: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
 
-/// How a message is summed.
+/// The checksum of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ChecksumStyle {
-    /// Not at all (code 0).
+    /// None (code 0).
     #[default]
     None,
     /// All bytes added, 2 bytes (code 1).
@@ -30,7 +30,7 @@ pub enum Sum16Variant {
 }
 
 impl ChecksumStyle {
-    /// The style of bits 7 to 6 of the Message Properties; only the low two bits are looked at.
+    /// The style of bits 7 to 6 of the Message Properties; only the low two bits are used.
     pub const fn from_code(code: u8) -> Self {
         match code & 3 {
             0 => Self::None,
@@ -71,7 +71,7 @@ impl ChecksumStyle {
     }
 }
 
-// Inlined where only 16 bits are wanted, the narrower sum is compiled to slower code.
+// Not inlined: where only 16 bits of it are used, the compiler would make a narrower and slower loop.
 #[inline(never)]
 fn sum(bytes: &[u8]) -> u32 {
     bytes

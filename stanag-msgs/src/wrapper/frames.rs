@@ -1,17 +1,16 @@
-//! Taking a datagram apart into messages.
+//! Splitting a datagram into messages.
 
 use nom::number::complete::{be_u16, be_u32};
 use nom::{IResult, Parser};
 
-use super::{
-    ACK_REQUESTED, ChecksumStyle, HEADER_BYTES, Header, MAX_DATA, MAX_DATAGRAM, Sum16Variant,
-};
+use super::checksum::{ChecksumStyle, Sum16Variant};
+use super::header::{ACK_REQUESTED, HEADER_BYTES, Header, MAX_DATA, MAX_DATAGRAM};
 use crate::id::Id;
 
-/// A message in a datagram whose wrapper is sound.
+/// A message of a datagram with a valid wrapper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame<'a> {
-    /// What the header says.
+    /// The header.
     pub header: Header,
     /// The message data: presence vector and fields.
     pub data: &'a [u8],
@@ -22,14 +21,14 @@ pub struct Frame<'a> {
 /// Why a part of a datagram is not a message. `offset` counts from the start of the datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WrapperError {
-    /// The datagram is longer than any may be.
+    /// The datagram is longer than allowed.
     #[error("offset {offset}: a datagram of {value} bytes, expected at most {expected}")]
     Oversized {
-        /// Where the bytes that are too many start.
+        /// Where the excess bytes start.
         offset: usize,
         /// Bytes of the datagram.
         value: usize,
-        /// The most there may be.
+        /// The maximum.
         expected: usize,
     },
     /// There is no room for a header.
@@ -37,7 +36,7 @@ pub enum WrapperError {
     NoHeader {
         /// Where the header should start.
         offset: usize,
-        /// Bytes that are there.
+        /// Bytes available.
         value: usize,
         /// Bytes of a header.
         expected: usize,
@@ -45,11 +44,11 @@ pub enum WrapperError {
     /// The Message Length is impossible.
     #[error("offset {offset}: message length {value}, expected 1 to {expected}")]
     Length {
-        /// Where the length stands.
+        /// Where the length is.
         offset: usize,
         /// The length.
         value: usize,
-        /// The most there may be.
+        /// The maximum.
         expected: usize,
     },
     /// The datagram ends within data or checksum.
@@ -57,22 +56,22 @@ pub enum WrapperError {
     Truncated {
         /// Where the message starts.
         offset: usize,
-        /// Bytes that are there.
+        /// Bytes available.
         value: usize,
         /// Bytes by header and checksum style.
         expected: usize,
     },
-    /// The interface version is none that this wrapper is for.
+    /// The wrapper is not defined for this interface version.
     #[error(
         "offset {offset}: IDD version {value}, expected {} to {expected}",
         Header::IDD_ED3
     )]
     Idd {
-        /// Where the version stands.
+        /// Where the version is.
         offset: usize,
         /// The version.
         value: u8,
-        /// The greatest known.
+        /// The maximum known.
         expected: u8,
     },
     /// A checksum style that the edition does not have.
@@ -81,17 +80,17 @@ pub enum WrapperError {
         Header::IDD_ED3
     )]
     ChecksumStyle {
-        /// Where the style stands.
+        /// Where the style is.
         offset: usize,
         /// The style.
         value: u8,
-        /// The greatest that the edition has.
+        /// The maximum of the edition.
         expected: u8,
     },
     /// The checksum is wrong.
     #[error("offset {offset}: checksum {value:#x}, expected {expected:#x}")]
     Checksum {
-        /// Where the checksum stands.
+        /// Where the checksum is.
         offset: usize,
         /// The checksum received.
         value: u32,
@@ -101,7 +100,7 @@ pub enum WrapperError {
 }
 
 impl WrapperError {
-    /// Where in the datagram.
+    /// Where it is, in bytes of the datagram.
     pub const fn offset(&self) -> usize {
         match *self {
             Self::Oversized { offset, .. }
@@ -114,7 +113,7 @@ impl WrapperError {
         }
     }
 
-    /// A word for a counter of such errors.
+    /// The name of the reason, for a counter.
     pub const fn reason(&self) -> &'static str {
         match self {
             Self::Oversized { .. } => "oversized",
@@ -129,15 +128,14 @@ impl WrapperError {
 
 /// The messages of a datagram, in order.
 ///
-/// A message with a wrong checksum or IDD version is an error, and the next one follows. Where
-/// it cannot be known where the next one starts, the error is the last item. An empty datagram
-/// is an error too.
+/// A message with a wrong checksum or IDD version is an error, and the next one follows. If the
+/// start of the next one is unknown, the error is the last item. An empty datagram is an error too.
 pub fn frames(datagram: &[u8]) -> Frames<'_> {
     frames_with(Sum16Variant::Sum, datagram)
 }
 
 /// [`frames`] with a choice of what checksum style 1 means.
-pub fn frames_with(variant: Sum16Variant, datagram: &[u8]) -> Frames<'_> {
+pub(crate) fn frames_with(variant: Sum16Variant, datagram: &[u8]) -> Frames<'_> {
     Frames {
         variant,
         datagram,
@@ -166,7 +164,8 @@ impl<'a> Iterator for Frames<'a> {
             self.offset += bytes.len();
             self.check(prefix, bytes)
         });
-        // An error that leaves the offset where it was has no known end.
+        // After these errors the start of the next message is unknown: the length itself is in doubt, or the style
+        // that gives the checksum's length.
         self.ended = match outcome {
             Err(
                 WrapperError::Oversized { .. }
@@ -264,7 +263,7 @@ impl<'a> Frames<'a> {
     }
 }
 
-/// A header as it stands, its length with it.
+/// A header as received, with its length.
 struct Prefix {
     length: u16,
     header: Header,

@@ -63,7 +63,7 @@ fn property_words_are_the_known_ones() {
 }
 
 #[test]
-fn edition_3_fills_the_first_word_and_nobody_reads_it() {
+fn edition_3_fills_the_first_word_and_receivers_ignore_it() {
     let mut wire = encode(&Envelope {
         idd: 30,
         ..ENVELOPE
@@ -90,7 +90,7 @@ fn a_bad_message_does_not_hide_the_next() {
 }
 
 #[test]
-fn a_message_of_unknown_end_ends_the_datagram() {
+fn a_message_with_an_unknown_end_ends_the_datagram() {
     let beat = encode(&ENVELOPE);
     let with = |offset: usize, bytes: &[u8]| {
         let mut datagram = [&beat[..], &beat[..], &beat[..]].concat();
@@ -189,7 +189,7 @@ fn a_message_of_unknown_end_ends_the_datagram() {
 }
 
 #[test]
-fn versions_30_to_32_are_read_and_no_others() {
+fn only_versions_30_to_32_are_accepted() {
     let mut wire = encode(&ENVELOPE);
     for idd in 0..=127 {
         wire[14] = idd;
@@ -202,7 +202,7 @@ fn versions_30_to_32_are_read_and_no_others() {
 }
 
 #[test]
-fn what_cannot_be_written_is_refused() {
+fn messages_that_cannot_be_written_are_refused() {
     let message = Message::from(BEAT);
     let full = encode(&ENVELOPE.summed(ChecksumStyle::Sum32)).len();
     for length in 0..full {

@@ -1,20 +1,31 @@
 //! A peer's reading of what sources leave open, translated to and from this project's.
 //!
-//! The default profile is this project's own and costs one comparison a message. Any other
-//! changes values between the wire and the structs, so that nothing above ever sees them.
+//! The default profile is this project's own and costs one comparison a message. Any other translates values between
+//! the wire and the structs, so that nothing else ever sees the peer's.
+//!
+//! ```
+//! use stanag_msgs::{Profile, enums::AckType, messages::MessageAcknowledgement};
+//!
+//! // This peer numbers "received, carried out, refused" 0, 1, 2 where this project has 1, 2, 3.
+//! let mut profile = Profile::default();
+//! profile.set("ack_type", "0,1,2")?;
+//! let message = profile.decode(MessageAcknowledgement::ID, &[0b1000, 2])?;
+//! let refused = MessageAcknowledgement { acknowledgement_type: Some(AckType::Refused), ..Default::default() };
+//! assert_eq!(message, refused.into());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
-mod value_map;
-
-use crate::codec::{DecodeError, EncodeError};
-use crate::disputed::{Choices, Disputed};
-use crate::enums::LoiBitmap;
-use crate::messages::PositiveHandoverAuthorisationGranted as Message5;
+use crate::bytes::{Reader, Writer};
+use crate::disputed::{Choices, DISPUTED, Disputed};
+use crate::enums::{LoiBitmap, LoiterDurationUnits, LoiterLengthUnits};
+use crate::error::{DecodeError, EncodeError};
+use crate::field::Field;
 use crate::scalar::{FineAngularRate, Integer};
 use crate::table::Message;
+use crate::table::messages::PositiveHandoverAuthorisationGranted as Message5;
 use crate::wrapper::{self, Envelope, Frames, Sum16Variant, frames_with};
-use value_map::{ValueMap, Way};
 
-/// How a peer reads what [`DISPUTED`](crate::disputed::DISPUTED) lists.
+/// How a peer reads what [`DISPUTED`] lists.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     checksum_1: Sum16Variant,
@@ -53,8 +64,11 @@ impl Default for Profile {
 }
 
 impl Profile {
-    /// Sets the reading of one entry of [`DISPUTED`](crate::disputed::DISPUTED), in the form of
+    /// Sets the reading of one entry of [`DISPUTED`], in the form of
     /// its [`Disputed::default`].
+    ///
+    /// # Errors
+    /// There is no such entry, or the reading is not one of its choices.
     pub fn set(&mut self, name: &str, reading: &str) -> Result<(), ProfileError> {
         let unknown = || ProfileError::Name {
             name: name.to_owned(),
@@ -94,7 +108,7 @@ impl Profile {
             ("loiter_length_units", Some(map)) => self.loiter_length_units = map,
             ("presence_vector_support", Some(map)) => self.presence_vector_support = map,
             ("contingency_modes", Some(map)) => self.flight_mode = map,
-            // The rest has one choice only: there is nothing to keep.
+            // The other entries have one choice only: nothing to store.
             _ => {}
         }
         Ok(())
@@ -106,6 +120,9 @@ impl Profile {
     }
 
     /// [`Message::decode`] under this profile.
+    ///
+    /// # Errors
+    /// As [`Message::decode`].
     pub fn decode(&self, message_type: u16, data: &[u8]) -> Result<Message, DecodeError> {
         if *self == DEFAULT {
             return Message::decode(message_type, data);
@@ -131,6 +148,9 @@ impl Profile {
     }
 
     /// [`Message::encode`] under this profile.
+    ///
+    /// # Errors
+    /// As [`Message::encode`].
     pub fn encode(
         &self,
         message: &Message,
@@ -189,24 +209,21 @@ impl Profile {
                 .flight_mode
                 .translate(&mut m.select_flight_path_control_mode, way),
             Message::VehicleOperatingStates(m) => self.turn_rate(&mut m.commanded_turn_rate, way),
-            Message::LoiterConfiguration(m) => {
-                self.loiter_duration_units
-                    .translate(&mut m.loiter_duration_units, way);
-                self.loiter_length_units
-                    .translate(&mut m.loiter_length_units, way);
-            }
-            Message::LoiterConfigurationReport(m) => {
-                self.loiter_duration_units
-                    .translate(&mut m.loiter_duration_units, way);
-                self.loiter_length_units
-                    .translate(&mut m.loiter_length_units, way);
-            }
-            Message::UaLoiterWaypoint(m) => {
-                self.loiter_duration_units
-                    .translate(&mut m.loiter_duration_units, way);
-                self.loiter_length_units
-                    .translate(&mut m.loiter_length_units, way);
-            }
+            Message::LoiterConfiguration(m) => self.loiter(
+                &mut m.loiter_duration_units,
+                &mut m.loiter_length_units,
+                way,
+            ),
+            Message::LoiterConfigurationReport(m) => self.loiter(
+                &mut m.loiter_duration_units,
+                &mut m.loiter_length_units,
+                way,
+            ),
+            Message::UaLoiterWaypoint(m) => self.loiter(
+                &mut m.loiter_duration_units,
+                &mut m.loiter_length_units,
+                way,
+            ),
             Message::UaPositionWaypoint(m) => {
                 self.waypoint_type.translate(&mut m.waypoint_type, way);
                 self.limit_type.translate(&mut m.limit_type, way);
@@ -218,12 +235,22 @@ impl Profile {
         }
     }
 
+    fn loiter(
+        &self,
+        duration: &mut Option<LoiterDurationUnits>,
+        length: &mut Option<LoiterLengthUnits>,
+        way: Way,
+    ) {
+        self.loiter_duration_units.translate(duration, way);
+        self.loiter_length_units.translate(length, way);
+    }
+
     fn loi(&self, bits: &mut Option<LoiBitmap>, way: Way) {
         let (Some(bits), true) = (bits, self.loi_shift > 0) else {
             return;
         };
         *bits = LoiBitmap::from_raw(match (way, bits.raw()) {
-            // That reading has a bit of its own for "none".
+            // Reading "m" has a bit of its own for "none".
             (Way::Out, 0) => 1,
             (Way::Out, raw) => raw << self.loi_shift,
             (Way::In, raw) => raw >> self.loi_shift,
@@ -237,24 +264,24 @@ impl Profile {
             Way::In => raw * self.turn_rate_factor,
             Way::Out => (raw as f64 / self.turn_rate_factor as f64).round() as i64,
         };
-        // Beyond 3.2 rad/s the fine step has no values; the nearest is as good as any.
+        // A coarse rate above 3.2 rad/s does not fit the fine step: saturate rather than refuse the whole message.
         *rate = FineAngularRate::from_raw(Integer::clamped(translated));
     }
 }
 
-/// Why a profile cannot be set so.
+/// Why an entry of a profile cannot be set.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum ProfileError {
-    /// There is no such question.
+    /// There is no such entry.
     #[error("{name}: no such entry, expected one of {}", names())]
     Name {
         /// The name.
         name: String,
     },
-    /// The reading is none of those that there are.
+    /// The reading is not one of the choices.
     #[error("{}: found {found:?}, expected {}", disputed.name, expectation(disputed))]
     Reading {
-        /// The question.
+        /// The entry.
         disputed: &'static Disputed,
         /// The reading.
         found: String,
@@ -262,10 +289,7 @@ pub enum ProfileError {
 }
 
 fn names() -> String {
-    let names: Vec<_> = crate::disputed::DISPUTED
-        .iter()
-        .map(|disputed| disputed.name)
-        .collect();
+    let names: Vec<_> = DISPUTED.iter().map(|disputed| disputed.name).collect();
     names.join(", ")
 }
 
@@ -279,6 +303,76 @@ fn expectation(disputed: &Disputed) -> String {
                 meanings.join(", ")
             )
         }
+    }
+}
+
+/// The direction of a translation: from the wire, or to it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Way {
+    In,
+    Out,
+}
+
+/// Pairs of values, ours and the wire's. Values that only one side uses are paired with one another, so that the map is
+/// one to one: nothing is lost in translation, and no value gets two meanings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct ValueMap {
+    pairs: [(u8, u8); Self::MAX_PAIRS],
+}
+
+impl ValueMap {
+    const MAX_PAIRS: usize = 6;
+    /// Every value is itself.
+    const SAME: Self = Self {
+        pairs: [(0, 0); Self::MAX_PAIRS],
+    };
+
+    /// `None` unless `wire` lists as many different values as `ours`.
+    fn parse(ours: &str, wire: &str) -> Option<Self> {
+        let read = |text: &str| -> Option<Vec<u8>> {
+            text.split(',')
+                .map(|value| value.trim().parse().ok())
+                .collect()
+        };
+        let (ours, wire) = (read(ours)?, read(wire)?);
+        let twice = wire
+            .iter()
+            .enumerate()
+            .any(|(index, value)| wire[..index].contains(value));
+        if twice || ours.len() != wire.len() || 2 * ours.len() > Self::MAX_PAIRS {
+            return None;
+        }
+        // So that a profile set to the defaults equals the default profile, and takes its fast path.
+        if ours == wire {
+            return Some(Self::SAME);
+        }
+        let only_wire = wire.iter().filter(|value| !ours.contains(value));
+        let only_ours = ours.iter().filter(|value| !wire.contains(value));
+        let named = ours.iter().zip(&wire);
+        let mut pairs = [(ours[0], wire[0]); Self::MAX_PAIRS];
+        for (pair, (&ours, &wire)) in pairs.iter_mut().zip(named.chain(only_wire.zip(only_ours))) {
+            *pair = (ours, wire);
+        }
+        Some(Self { pairs })
+    }
+
+    /// Translates a field of one byte.
+    fn translate<T: Field>(&self, field: &mut Option<T>, way: Way) {
+        let Some(value) = field else { return };
+        let mut byte = [0];
+        if value.write(&mut Writer::new(&mut byte)).is_ok() {
+            byte[0] = self.apply(byte[0], way);
+            *field = T::read(&mut Reader::new(&byte)).ok();
+        }
+    }
+
+    fn apply(&self, value: u8, way: Way) -> u8 {
+        let mut pairs = self.pairs.iter();
+        let found = match way {
+            Way::Out => pairs.find(|pair| pair.0 == value).map(|pair| pair.1),
+            Way::In => pairs.find(|pair| pair.1 == value).map(|pair| pair.0),
+        };
+        found.unwrap_or(value)
     }
 }
 
@@ -363,7 +457,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_exchanged_and_none_is_lost() {
+    fn values_are_translated_and_none_is_lost() {
         let shifted = profile("ack_type", "0,1,2");
         let ack = |kind| MessageAcknowledgement {
             acknowledgement_type: Some(kind),
@@ -412,7 +506,7 @@ mod tests {
                 "{reading}"
             );
         }
-        for disputed in crate::disputed::DISPUTED {
+        for disputed in DISPUTED {
             profile.set(disputed.name, disputed.default).unwrap();
         }
         assert_eq!(profile, Profile::default());

@@ -1,14 +1,52 @@
-//! Integers of three and five bytes, which Rust has no type for.
+//! Integers of one to five bytes, floats, and identification numbers.
+//!
+//! STANAG 4586 uses integers of three and five bytes, which Rust has no types for: [`U24`], [`I24`] and [`U40`].
 
-use super::Field;
-use crate::codec::{Fault, Reader, Writer};
-use crate::table::Wire;
+use crate::bytes::{Fault, Reader, Writer};
+use crate::field::{Field, Wire};
+use crate::id::Id;
 
-/// An integer as it may stand on the wire: its bounds, and the way from and to `i64`.
+macro_rules! plain_fields {
+    ($($Type:ty => $wire:ident),*) => { $(
+        impl Field for $Type {
+            const WIRE: Wire = Wire::$wire;
+
+            #[inline]
+            fn read(reader: &mut Reader<'_>) -> Result<Self, Fault> {
+                reader.chunk().map(<$Type>::from_be_bytes)
+            }
+
+            #[inline]
+            fn write(self, writer: &mut Writer<'_>) -> Result<(), Fault> {
+                writer.put(self.to_be_bytes())
+            }
+        }
+    )* };
+}
+
+plain_fields!(u8 => U8, u16 => U16, u32 => U32, i8 => I8, i16 => I16, i32 => I32, f32 => F32, f64 => F64);
+
+/// Identification numbers in fields are `Integer 4`; the bits are those of the wrapper's.
+impl Field for Id {
+    const WIRE: Wire = Wire::I32;
+    const IDENTIFICATION: bool = true;
+
+    #[inline]
+    fn read(reader: &mut Reader<'_>) -> Result<Self, Fault> {
+        u32::read(reader).map(Id)
+    }
+
+    #[inline]
+    fn write(self, writer: &mut Writer<'_>) -> Result<(), Fault> {
+        self.0.write(writer)
+    }
+}
+
+/// An integer on the wire: its bounds, and conversion from and to `i64`.
 pub trait Integer: Field {
-    /// The least value.
+    /// The smallest value.
     const LOW: i64;
-    /// The greatest value.
+    /// The largest value.
     const HIGH: i64;
 
     /// The value.
@@ -47,9 +85,9 @@ macro_rules! wide_integers {
         pub struct $Name($Inner);
 
         impl $Name {
-            /// The least value.
+            /// The smallest value.
             pub const MIN: Self = Self($low);
-            /// The greatest value.
+            /// The largest value.
             pub const MAX: Self = Self($high);
 
             /// The integer of this value, where it fits.
@@ -78,7 +116,7 @@ macro_rules! wide_integers {
                 let bytes: [u8; $bytes] = reader.chunk()?;
                 let mut full = [0; $full];
                 full[..$bytes].copy_from_slice(&bytes);
-                // The bytes stand at the top, so that shifting down extends the sign.
+                // In the upper bytes, so that shifting down extends the sign.
                 Ok(Self($Inner::from_be_bytes(full) >> (8 * ($full - $bytes))))
             }
 
@@ -141,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_no_value() {
+    fn values_that_do_not_fit_are_refused() {
         assert_eq!(U24::new(1 << 24), None);
         assert_eq!(I24::new(1 << 23), None);
         assert_eq!(I24::new(-(1 << 23) - 1), None);

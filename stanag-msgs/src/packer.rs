@@ -1,10 +1,10 @@
-//! Putting several messages into a datagram.
+//! Packing several messages into one datagram, as the standard allows.
 
-use super::{Envelope, MAX_DATAGRAM};
-use crate::codec::EncodeError;
+use crate::error::EncodeError;
 use crate::table::Message;
+use crate::wrapper::{Envelope, MAX_DATAGRAM};
 
-/// Packs messages into datagrams of at most [`MAX_DATAGRAM`] bytes, in the order they come.
+/// Packs messages into datagrams of at most [`MAX_DATAGRAM`] bytes, in their order.
 ///
 /// ```
 /// use stanag_msgs::{Envelope, Id, Message, Packer, TimeStamp, messages::Heartbeat};
@@ -27,7 +27,7 @@ pub struct Packer {
 }
 
 impl Packer {
-    /// A packer with nothing in it.
+    /// An empty packer.
     pub const fn new() -> Self {
         Self {
             datagram: [0; MAX_DATAGRAM],
@@ -35,8 +35,10 @@ impl Packer {
         }
     }
 
-    /// Adds a message. Where it does not fit behind those before it, they are sent first. A
-    /// message that cannot be written changes nothing.
+    /// Adds a message. If it does not fit after those before it, they are sent first.
+    ///
+    /// # Errors
+    /// The message cannot be written; then nothing is sent or changed.
     pub fn push(
         &mut self,
         envelope: &Envelope,
@@ -49,6 +51,7 @@ impl Packer {
                 Ok(())
             }
             Err(EncodeError::BufferTooSmall { .. }) if self.length > 0 => {
+                // Written apart first, so that a message that fits no datagram does not flush the others.
                 let mut alone = [0; MAX_DATAGRAM];
                 let bytes = message.encode(envelope, &mut alone)?;
                 self.flush(send);

@@ -1,17 +1,64 @@
-//! Checking the codec against vectors of an independent implementation.
+//! The codec and an independent implementation agree, both ways, on every layout.
 //!
-//! A vector is a line of JSON: a message in the raw form of [`crate::json`], without its name,
+//! A vector is a line of JSON: a message in the raw form of `stanag_msgs::json`, without its name,
 //! and `wire`, the same in hexadecimal.
 
-use serde_json::Value;
+use std::collections::BTreeSet;
+use std::io::Read;
 
-use crate::codec::{DecodeError, EncodeError};
-use crate::json::{JsonError, decode_line, encode_line};
-use crate::table::Message;
-use crate::wrapper::{MAX_DATAGRAM, WrapperError, frames};
+use serde_json::Value;
+use stanag_msgs::json::{JsonError, decode_line, encode_line};
+use stanag_msgs::table::MESSAGES;
+use stanag_msgs::{DecodeError, EncodeError, MAX_DATAGRAM, Message, WrapperError, frames};
+
+fn vectors() -> String {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../tests/data/dli/vectors-4586.jsonl.gz"
+    );
+    let mut text = String::new();
+    let file = std::fs::File::open(path).unwrap();
+    flate2::read::GzDecoder::new(file)
+        .read_to_string(&mut text)
+        .unwrap();
+    text
+}
+
+#[test]
+fn every_vector_agrees_both_ways() {
+    let mut seen = BTreeSet::new();
+    for line in vectors().lines() {
+        check(line).unwrap_or_else(|mismatch| panic!("{mismatch}\n{line}"));
+        let value: Value = serde_json::from_str(line).unwrap();
+        seen.insert(value["id"].as_u64().unwrap());
+    }
+    let known = MESSAGES
+        .iter()
+        .filter(|info| info.fields.iter().all(|field| field.wire.bytes().is_some()));
+    assert_eq!(seen, known.map(|info| u64::from(info.id)).collect());
+}
+
+#[test]
+fn a_wrong_vector_is_detected() {
+    let vectors = vectors();
+    let line = vectors
+        .lines()
+        .find(|line| line.contains("\"id\": 4000,"))
+        .unwrap();
+    assert_eq!(check(line), Ok(()));
+    let mut value: Value = serde_json::from_str(line).unwrap();
+    value["fields"]["Altitude"] = 1.into();
+    assert!(matches!(
+        check(&value.to_string()),
+        Err(Mismatch::Differs { .. })
+    ));
+    value["fields"]["Altitude"] = (1 << 23).into();
+    assert!(matches!(check(&value.to_string()), Err(Mismatch::Json(_))));
+    assert!(matches!(check("{}"), Err(Mismatch::Vector { .. })));
+}
 
 /// Checks one vector in four ways: JSON to wire, wire to JSON, wire to struct, struct to wire.
-pub fn check(vector: &str) -> Result<(), Mismatch> {
+fn check(vector: &str) -> Result<(), Mismatch> {
     let mut expected: Value = serde_json::from_str(vector).map_err(|error| Mismatch::Vector {
         what: error.to_string(),
     })?;
@@ -53,7 +100,7 @@ pub fn check(vector: &str) -> Result<(), Mismatch> {
 
 /// How the codec and a vector differ.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Mismatch {
+enum Mismatch {
     /// The line is not a vector.
     #[error("not a vector: {what}")]
     Vector {

@@ -1,14 +1,8 @@
-//! Identification friend or foe: 5000 to 6000.
+//! Identification friend or foe, and electrical status: 5000 to 12101.
 
-use super::info::Confidence::C;
-use super::info::Direction::{ToCucs, ToVsm};
-use super::info::Layout::Ed2Derived;
-use super::info::Traffic::{Push, PushPull};
-use super::info::{FieldInfo, MessageInfo};
-use super::macros::messages;
-use crate::codec::{DataReader, DataWriter, DecodeError, EncodeError};
+use super::codec::messages;
 use crate::enums::{IffMode, IffOnoff};
-use crate::scalar::TimeStamp;
+use crate::scalar::{TimeStamp, U24};
 
 messages! {
     IffSsrCodeCommand = 5000, "IFF/SSR Code Command", presence bytes 2
@@ -59,5 +53,33 @@ messages! {
         mode_4_a_b: u8 = 8, "Mode 4 A/B", uid("1600.11");
         mode_4_hold: u8 = 9, "Mode 4 Hold", uid("1600.12");
         mode: IffMode = 10, "Mode", uid("1600.13");
+    }
+
+    ElectricalReport = 12001, "Electrical Report", presence bytes 1
+        sent(ToCucs, Push) layout(Ed4, B)
+        source("K")
+    {
+        time_stamp: TimeStamp = 0, "Time Stamp", uid("12001.01");
+        bus_id: u8 = 1, "Bus ID", uid("12001.02");
+        bus_voltage: u8 = 2, "Bus Voltage",
+            uid("12001.03"), note("K Byte; 12101 uses u16; scale not found");
+        bus_current: u16 = 3, "Bus Current", uid("12001.04"), note("scale not found");
+        battery_time_remaining: U24 = 4, "Battery Time Remaining",
+            uid("12001.05"), conf(C), width_inferred(), note("u24 or u32, unit probably s");
+    }
+
+    BatteryReport = 12101, "Battery Report", presence bytes 1
+        sent(ToCucs, Push) layout(Ed4, B)
+        source("K")
+        note("scales not found")
+    {
+        time_stamp: TimeStamp = 0, "Time Stamp", uid("12101.01");
+        bank_selected: u8 = 1, "Bank Selected", uid("12101.02");
+        connection_status: u8 = 2, "Connection Status", uid("12101.03");
+        bus_voltage: u16 = 3, "Bus Voltage", uid("12101.04");
+        battery_current: i16 = 4, "Battery Current", uid("12101.05");
+        battery_charge_remaining: u16 = 5, "Battery Charge Remaining", uid("12101.06");
+        battery_temperature: u16 = 6, "Battery Temperature",
+            uid("12101.07"), note("K, scale likely 0.5 K");
     }
 }

@@ -1,15 +1,20 @@
-//! Message data that is none: every kind of error, where it shows, and never a panic.
+//! Malformed message data: every kind of error, its place, and never a panic.
 
 use proptest::prelude::*;
-use stanag_msgs::codec::DecodeError::{self, *};
+use stanag_msgs::DecodeError::{self, *};
 use stanag_msgs::json::{decode_line, encode_line};
 use stanag_msgs::messages::FileTransferNotification;
 use stanag_msgs::scalar::UnsizedText;
-use stanag_msgs::table::{self, MESSAGES, MessageInfo};
+use stanag_msgs::table::{self, FieldInfo, MESSAGES, MessageInfo};
 use stanag_msgs::{EncodeError, Message, frames};
 
+/// The field of a presence bit.
+fn field(message_type: u16, bit: usize) -> &'static FieldInfo {
+    &table::message(message_type).unwrap().fields[bit]
+}
+
 #[test]
-fn every_error_says_where_and_why() {
+fn every_error_gives_place_and_reason() {
     let cases: &[(u16, &[u8], DecodeError, &str)] = &[
         (
             2009,
@@ -42,7 +47,7 @@ fn every_error_says_where_and_why() {
             &[0, 0, 0x0C, 1, 2, 3, 4, 5, 6],
             Truncated {
                 message_type: 4000,
-                bit: 3,
+                field: field(4000, 3),
                 offset: 7,
                 found: 2,
             },
@@ -53,7 +58,7 @@ fn every_error_says_where_and_why() {
             &[5, 0, 0, 0, 0, 0, 65],
             UnknownLength {
                 message_type: 17003,
-                bit: 2,
+                field: field(17003, 2),
                 offset: 6,
             },
             "message 17003 field 3 (File Name) at offset 6: its length is not known",
@@ -97,7 +102,7 @@ fn full(info: &MessageInfo) -> Vec<u8> {
 }
 
 #[test]
-fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
+fn every_message_refuses_each_kind_of_malformed_data_with_its_place() {
     for info in MESSAGES {
         let id = info.id;
         let head = usize::from(info.presence_bytes);
@@ -108,7 +113,7 @@ fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
             assert_eq!(error, walked, "{id}");
             error
         };
-        assert_eq!(error(&whole), None, "{id} is sound");
+        assert_eq!(error(&whole), None, "{id} is valid");
         // Cut within the presence vector.
         for length in 0..head {
             let expected = NoPresence {
@@ -127,7 +132,7 @@ fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
             for found in 0..bytes {
                 let expected = Truncated {
                     message_type: id,
-                    bit: field.bit,
+                    field,
                     offset,
                     found,
                 };
@@ -152,7 +157,7 @@ fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
             let mut odd = whole.clone();
             odd[head - 1 - bit / 8] |= 1 << (bit % 8);
             let Some(UnknownPresence { known: of, .. }) = error(&odd) else {
-                panic!("{id} takes bit {bit}");
+                panic!("{id} accepts bit {bit}");
             };
             assert_eq!(of, known);
         }
@@ -166,7 +171,7 @@ fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
             odd[head - 1 - usize::from(field.bit) / 8] |= 1 << (field.bit % 8);
             let expected = UnknownLength {
                 message_type: id,
-                bit: field.bit,
+                field,
                 offset: head,
             };
             assert_eq!(error(&odd), Some(expected));
@@ -175,19 +180,19 @@ fn every_message_refuses_each_kind_of_malformed_data_and_says_where() {
 }
 
 #[test]
-fn a_field_of_unknown_length_only_bars_messages_that_carry_it() {
+fn a_field_of_unknown_length_blocks_only_messages_that_carry_it() {
     let known = FileTransferNotification::decode(&[1, 0, 0, 0, 0, 7]).unwrap();
     assert_eq!(known.time_stamp.unwrap().0, 7);
     assert_eq!(known.file_name, None);
-    let barred = FileTransferNotification {
+    let blocked = FileTransferNotification {
         file_name: Some(UnsizedText),
         ..known
     };
     let error = EncodeError::UnknownLength {
         message_type: 17003,
-        bit: 2,
+        field: field(17003, 2),
     };
-    assert_eq!(barred.encode_data(&mut [0; 64]), Err(error));
+    assert_eq!(blocked.encode_data(&mut [0; 64]), Err(error));
     assert_eq!(
         error.to_string(),
         "message 17003 field 3 (File Name): its length is not known"

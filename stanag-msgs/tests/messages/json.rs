@@ -133,7 +133,7 @@ fn raw_texts_keep_every_byte_before_the_first_nul() {
 }
 
 #[test]
-fn floats_that_are_no_numbers_have_words() {
+fn nan_and_infinities_have_names() {
     let wire = encode(
         &message(
             3000,
@@ -173,7 +173,7 @@ fn several_messages_and_errors_share_a_line() {
 }
 
 #[test]
-fn lines_that_are_not_hexadecimal_say_where() {
+fn lines_that_are_not_hexadecimal_give_the_place() {
     assert_eq!(decode_line("  \n", true), [] as [Value; 0]);
     let error = |line| decode_line(line, true).remove(0);
     assert_eq!(
@@ -188,7 +188,7 @@ fn lines_that_are_not_hexadecimal_say_where() {
 }
 
 #[test]
-fn encode_says_what_it_expected() {
+fn encode_errors_name_what_was_expected() {
     let with = |key: &str, value: Value| {
         let mut message = message(13002, json!({}));
         message[key] = value;

@@ -1,0 +1,8 @@
+//! The table against the facts, the codec against vectors and against malformed data, the wrapper, the JSON form.
+
+mod json;
+mod malformed;
+mod round_trip;
+mod table;
+mod vectors;
+mod wrapper;
