@@ -7,40 +7,31 @@
 //!
 //! Nothing received can make any of them panic, block or grow without bound.
 
-mod alert;
-mod configuration;
-mod download;
 pub mod fence;
 mod operator;
-mod outcome;
 pub mod program;
-mod report;
 mod route;
-mod script;
-mod sender;
 mod session;
-mod stamping;
 mod station;
-mod time;
-mod traffic;
-mod vehicle;
-mod verb;
 
-pub use alert::Alert;
-pub use configuration::ConfigurationTable;
-pub use download::Download;
-pub use operator::{Operator, OperatorError, Style};
-pub use outcome::{Outcome, Refused, StationError, Timeouts};
-pub use route::{
-    Curve, CurveForm, Loiter, LoiterSpan, Loop, Place, Route, RouteError, RouteFileError, Waypoint,
-};
-pub use script::{Line, ScriptError, parse_line};
-pub use sender::{Delivery, Ticket};
-pub use session::{Event, Session, SessionConfig};
-pub use station::{Discovered, LoiterAt, Station};
-pub use time::Now;
-pub use traffic::{ByType, Traffic};
-pub use vehicle::{Position, Vehicle};
-pub use verb::{
+pub use operator::configuration::ConfigurationTable;
+pub use operator::console::{Operator, Style};
+pub use operator::error::OperatorError;
+pub use operator::script::{Line, ScriptError, parse_line};
+pub use operator::verb::{
     AltitudeName, Condition, Degrees, HandoverVerb, LoiList, ModeArguments, ModeName, Verb,
 };
+pub use route::model::{
+    Curve, CurveForm, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
+};
+pub use route::read::RouteFileError;
+pub use session::alert::Alert;
+pub use session::download::Download;
+pub use session::machine::{Event, Session, SessionConfig};
+pub use session::sender::{Delivery, Now, Ticket};
+pub use session::traffic::{ByType, Traffic};
+pub use session::vehicle::{Position, Vehicle};
+pub use station::command::LoiterAt;
+pub use station::endpoint::Station;
+pub use station::outcome::{Outcome, Refused, StationError, Timeouts};
+pub use station::rights::Discovered;

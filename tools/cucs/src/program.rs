@@ -13,7 +13,7 @@ use std::time::Duration;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use stanag_msgs::Id;
 
-use super::{Line, Operator, Station, Style, Verb, parse_line};
+use crate::{Line, Operator, Station, Style, Verb, parse_line};
 
 /// A scriptable STANAG 4586 ground station (CUCS).
 #[derive(Debug, Parser)]

@@ -67,7 +67,7 @@ impl Command {
             Style::People
         };
         let mut operator = Operator::new(station, self.vehicle, style, std::io::stdout());
-        let vehicle = operator.meet().await?;
+        let vehicle = operator.find_vehicle().await?;
         let held = operator
             .station()
             .vehicle(vehicle)
@@ -76,7 +76,7 @@ impl Command {
         if !held.contains(LoiBitmap::LOI4) || self.depose {
             let take = Verb::Take {
                 loi: Some(LoiList(LoiBitmap::LOI4)),
-                depose: self.depose,
+                override_holder: self.depose,
             };
             operator.run(&take, nowhere).await?;
         }

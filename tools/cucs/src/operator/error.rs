@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use stanag_msgs::Id;
 
 use crate::fence::FenceFileError;
-use crate::outcome::{Refused, StationError};
-use crate::route::RouteFileError;
+use crate::route::read::RouteFileError;
+use crate::station::outcome::{Refused, StationError};
 
 /// Why something was not done.
 #[derive(Debug, thiserror::Error)]
@@ -24,10 +24,10 @@ pub enum OperatorError {
     #[error("vehicles {0} are there: say which")]
     Ambiguous(String),
     /// The vehicle that was named does not answer.
-    #[error("vehicle {wanted} is not there, only {found}")]
+    #[error("vehicle {requested} is not there, only {found}")]
     NoSuchVehicle {
         /// The vehicle named.
-        wanted: Id,
+        requested: Id,
         /// Those that are there.
         found: String,
     },

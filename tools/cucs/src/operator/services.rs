@@ -1,30 +1,30 @@
-//! What this project adds to the DLI, in words: parameters, software version, ping, areas (50010 to 50018).
+//! Questions to the VSM and the vehicle: configuration (40000), parameters (50010, 50011), software (50013), ping
+//! (50014).
 
 use std::io::Write;
-use std::path::Path;
 
 use serde_json::json;
-use stanag_msgs::enums::{AreaPlanMode, ParameterKind, PingTarget};
+use stanag_msgs::enums::{ConfigRequestType, ParameterKind, PingTarget};
 use stanag_msgs::messages::{
-    AreaTransferCommand, AreaVertex, GenericInformationRequestMessage, ParameterReport,
-    ParameterRequest, ParameterSetCommand, PingRequest, SoftwareVersionReport,
+    FieldConfigurationRequest, GenericInformationRequestMessage, ParameterReport, ParameterRequest,
+    ParameterSetCommand, PingRequest, SoftwareVersionReport,
 };
-use stanag_msgs::{Id, Message, Text};
+use stanag_msgs::{Message, Text};
 
-use super::{Done, Operator, OperatorError, Style};
-use crate::fence;
-use crate::session::Event;
+use super::configuration::ConfigurationTable;
+use super::console::{Done, Operator, SETTLE, Style};
+use crate::session::machine::Event;
 
 impl<W: Write> Operator<W> {
     /// 50010, and what comes of it.
     pub(super) async fn parameters(&mut self, name: Option<&str>) -> Done {
-        let vehicle = self.meet().await?;
+        let vehicle = self.find_vehicle().await?;
         let request = ParameterRequest {
             parameter_name: name.map(Text::new),
             ..ParameterRequest::default()
         };
         let what = "parameters (50010)";
-        let answers = self.ask(vehicle, request, what).await?;
+        let answers = self.query(vehicle, request, what).await?;
         let mut told: Vec<&ParameterReport> = answers
             .iter()
             .filter_map(|message| match message {
@@ -34,28 +34,28 @@ impl<W: Write> Operator<W> {
             .collect();
         told.sort_by_key(|report| report.parameter_index);
         for report in told {
-            self.tell_parameter(report)?;
+            self.print_parameter(report)?;
         }
         Ok(self.out.flush()?)
     }
 
     /// 50011.
     pub(super) async fn set_parameter(&mut self, name: &str, value: f64) -> Done {
-        let vehicle = self.meet().await?;
+        let vehicle = self.find_vehicle().await?;
         let command = ParameterSetCommand {
             parameter_name: Some(Text::new(name)),
             commanded_value: Some(value),
             ..ParameterSetCommand::default()
         };
-        let answers = self.ask(vehicle, command, "parameter (50011)").await?;
+        let answers = self.query(vehicle, command, "parameter (50011)").await?;
         let told = answers.iter().rev().find_map(|message| match message {
             Message::ParameterReport(report) => Some(report),
             _ => None,
         });
-        told.map_or(Ok(()), |report| self.tell_parameter(report))
+        told.map_or(Ok(()), |report| self.print_parameter(report))
     }
 
-    fn tell_parameter(&mut self, report: &ParameterReport) -> Done {
+    fn print_parameter(&mut self, report: &ParameterReport) -> Done {
         let name = report
             .parameter_name
             .as_ref()
@@ -69,7 +69,7 @@ impl<W: Write> Operator<W> {
             (None, None) => String::new(),
             (low, high) => format!(" ({} to {})", number(low), number(high)),
         };
-        self.tell(
+        self.print(
             &format!("{name} = {}{range}", number(report.value)),
             json!({
                 "parameter": name,
@@ -83,12 +83,12 @@ impl<W: Write> Operator<W> {
 
     /// 17002 for 50013.
     pub(super) async fn software(&mut self) -> Done {
-        let vehicle = self.meet().await?;
+        let vehicle = self.find_vehicle().await?;
         let request = GenericInformationRequestMessage {
             message_type: Some(SoftwareVersionReport::ID),
             ..GenericInformationRequestMessage::default()
         };
-        self.ask(vehicle, request, "software version (17002)")
+        self.query(vehicle, request, "software version (17002)")
             .await?;
         let report = loop {
             match self
@@ -109,7 +109,7 @@ impl<W: Write> Operator<W> {
         let autopilot = text(report.autopilot_version.as_ref().map(|text| text.as_str()));
         let source = report.autopilot_source.as_ref().map(|text| text.as_str());
         let hardware = report.hardware_id.as_ref().map(|text| text.as_str());
-        self.tell(
+        self.print(
             &format!(
                 "{vehicle}: VSM {vsm}, autopilot {autopilot}, source {}, hardware {}",
                 text(source),
@@ -121,7 +121,7 @@ impl<W: Write> Operator<W> {
 
     /// 50014.
     pub(super) async fn ping(&mut self, through: bool) -> Done {
-        let vehicle = self.meet().await?;
+        let vehicle = self.find_vehicle().await?;
         let request = PingRequest {
             ping_number: Some(1),
             ping_target: Some(if through {
@@ -132,9 +132,9 @@ impl<W: Write> Operator<W> {
             ..PingRequest::default()
         };
         let began = tokio::time::Instant::now();
-        let answers = self.ask(vehicle, request, "ping (50014)").await?;
+        let answers = self.query(vehicle, request, "ping (50014)").await?;
         // What is waited for after the answer is no part of the way.
-        let ms = (began.elapsed().saturating_sub(super::configuring::SETTLE)).as_secs_f64() * 1e3;
+        let ms = (began.elapsed().saturating_sub(SETTLE)).as_secs_f64() * 1e3;
         let round_trip = answers.iter().find_map(|message| match message {
             Message::PingResponse(answer) => Some(answer.vehicle_round_trip),
             _ => None,
@@ -143,76 +143,38 @@ impl<W: Write> Operator<W> {
         let beyond = link.map_or_else(String::new, |ms| {
             format!(", {ms:.1} ms of it beyond the VSM")
         });
-        self.tell(
+        self.print(
             &format!("{vehicle}: answered in {ms:.1} ms{beyond}"),
             json!({"ping_ms": ms, "vehicle_round_trip_ms": link}),
         )
     }
 
-    /// 50016 and 50017: a file of areas goes aboard.
-    pub(super) async fn send_fence(&mut self, file: &Path) -> Done {
-        let vertices = fence::load(file)?;
-        let vehicle = self.meet().await?;
-        self.station.store(vehicle, &vertices).await?.accepted()?;
-        self.transfer_areas(vehicle, AreaPlanMode::Load).await?;
-        let count = vertices.len();
-        self.tell(
-            &format!(
-                "{vehicle}: {} with {count} vertices is aboard",
-                file.display()
-            ),
-            json!({"fence": file.display().to_string(), "vertices": count}),
-        )
-    }
-
-    /// 50017 mode 1.
-    pub(super) async fn clear_fence(&mut self) -> Done {
-        let vehicle = self.meet().await?;
-        self.transfer_areas(vehicle, AreaPlanMode::Clear).await?;
-        self.tell(
-            &format!("{vehicle}: areas cleared"),
-            json!({"done": "areas cleared"}),
-        )
-    }
-
-    /// 50017 mode 3.
-    pub(super) async fn download_fence(&mut self, path: Option<&Path>) -> Done {
-        let vehicle = self.meet().await?;
-        let answers = self.transfer_areas(vehicle, AreaPlanMode::Download).await?;
-        let vertices: Vec<&AreaVertex> = answers
-            .iter()
-            .filter_map(|message| match message {
-                Message::AreaVertex(vertex) => Some(vertex),
-                _ => None,
-            })
-            .collect();
-        let text = fence::to_toml(vertices);
-        match path {
-            None if self.style == Style::People => Ok(write!(self.out, "{text}")?),
-            None => Ok(writeln!(self.out, "{}", json!({"fence": text}))?),
-            Some(path) => {
-                std::fs::write(path, text).map_err(|source| OperatorError::Write {
-                    path: path.to_owned(),
-                    source,
-                })?;
-                self.tell(
-                    &format!("{vehicle}: areas written to {}", path.display()),
-                    json!({"written": path.display().to_string()}),
-                )
+    /// Asks what the vehicle is, level by level (40000), and prints the answers as one table.
+    pub(super) async fn configuration(&mut self, loi: Option<u8>) -> Done {
+        let vehicle = self.find_vehicle().await?;
+        let mut table = ConfigurationTable::default();
+        for level in loi.map_or(2..=5, |only| only..=only) {
+            let request = FieldConfigurationRequest {
+                request_type: Some(ConfigRequestType::from_raw(level - 1)),
+                ..FieldConfigurationRequest::default()
+            };
+            let what = format!("configuration for LOI {level} (40000)");
+            for message in self.query(vehicle, request, &what).await? {
+                table.take(&message);
             }
         }
-    }
-
-    async fn transfer_areas(
-        &mut self,
-        vehicle: Id,
-        mode: AreaPlanMode,
-    ) -> Result<Vec<Message>, OperatorError> {
-        let command = AreaTransferCommand {
-            area_plan_mode: Some(mode),
-            ..AreaTransferCommand::default()
-        };
-        let what = format!("areas (50017 mode {})", mode.raw());
-        self.ask(vehicle, command, &what).await
+        match self.style {
+            Style::People => {
+                for line in table.lines() {
+                    writeln!(self.out, "{line}")?;
+                }
+            }
+            Style::Json => {
+                for object in table.objects() {
+                    writeln!(self.out, "{object}")?;
+                }
+            }
+        }
+        Ok(self.out.flush()?)
     }
 }

@@ -1,79 +1,160 @@
-//! The form of a route file, each value with its place in the text.
+//! The form of a route file: its keys, each value with its place in the text, and its words for enumerations.
 
 use serde::Deserialize;
+use stanag_msgs::enums::{
+    AltitudeType, LimitType, LoiterDirection, LoiterType, RouteType, TurnType, WaypointSpeedType,
+};
 use toml::Spanned;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct File {
-    pub(super) mission_id: Option<String>,
-    pub(super) id: Option<String>,
+pub(crate) struct File {
+    pub(crate) mission_id: Option<String>,
+    pub(crate) id: Option<String>,
     #[serde(rename = "type")]
-    pub(super) route_type: Option<Spanned<String>>,
-    pub(super) initial: Option<Spanned<u16>>,
+    pub(crate) route_type: Option<Spanned<String>>,
+    pub(crate) initial: Option<Spanned<u16>>,
     #[serde(default)]
-    pub(super) defaults: FileDefaults,
-    pub(super) waypoint: Vec<FileWaypoint>,
+    pub(crate) defaults: FileDefaults,
+    pub(crate) waypoint: Vec<FileWaypoint>,
     #[serde(default)]
-    pub(super) curve: Vec<FileCurve>,
+    pub(crate) curve: Vec<FileCurve>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct FileDefaults {
-    pub(super) altitude: Option<Spanned<f64>>,
-    pub(super) altitude_type: Option<Spanned<String>>,
-    pub(super) speed: Option<Spanned<f64>>,
-    pub(super) speed_type: Option<Spanned<String>>,
-    pub(super) turn: Option<Spanned<String>>,
+pub(crate) struct FileDefaults {
+    pub(crate) altitude: Option<Spanned<f64>>,
+    pub(crate) altitude_type: Option<Spanned<String>>,
+    pub(crate) speed: Option<Spanned<f64>>,
+    pub(crate) speed_type: Option<Spanned<String>>,
+    pub(crate) turn: Option<Spanned<String>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct FileWaypoint {
-    pub(super) number: Spanned<u16>,
-    pub(super) latitude: Spanned<f64>,
-    pub(super) longitude: Spanned<f64>,
-    pub(super) altitude: Option<Spanned<f64>>,
-    pub(super) altitude_type: Option<Spanned<String>>,
-    pub(super) speed: Option<Spanned<f64>>,
-    pub(super) speed_type: Option<Spanned<String>>,
-    pub(super) next: Option<Spanned<u16>>,
-    pub(super) turn: Option<Spanned<String>>,
-    pub(super) loiter: Option<FileLoiter>,
+pub(crate) struct FileWaypoint {
+    pub(crate) number: Spanned<u16>,
+    pub(crate) latitude: Spanned<f64>,
+    pub(crate) longitude: Spanned<f64>,
+    pub(crate) altitude: Option<Spanned<f64>>,
+    pub(crate) altitude_type: Option<Spanned<String>>,
+    pub(crate) speed: Option<Spanned<f64>>,
+    pub(crate) speed_type: Option<Spanned<String>>,
+    pub(crate) next: Option<Spanned<u16>>,
+    pub(crate) turn: Option<Spanned<String>>,
+    pub(crate) loiter: Option<FileLoiter>,
     #[serde(rename = "loop")]
-    pub(super) repeat: Option<FileLoop>,
+    pub(crate) repeat: Option<FileLoop>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct FileLoiter {
+pub(crate) struct FileLoiter {
     #[serde(rename = "type")]
-    pub(super) pattern: Option<Spanned<String>>,
-    pub(super) radius: Option<Spanned<f64>>,
-    pub(super) length: Option<Spanned<f64>>,
-    pub(super) bearing: Option<Spanned<f64>>,
-    pub(super) direction: Option<Spanned<String>>,
-    pub(super) speed: Option<Spanned<f64>>,
-    pub(super) seconds: Option<Spanned<u16>>,
-    pub(super) turns: Option<Spanned<u16>>,
+    pub(crate) pattern: Option<Spanned<String>>,
+    pub(crate) radius: Option<Spanned<f64>>,
+    pub(crate) length: Option<Spanned<f64>>,
+    pub(crate) bearing: Option<Spanned<f64>>,
+    pub(crate) direction: Option<Spanned<String>>,
+    pub(crate) speed: Option<Spanned<f64>>,
+    pub(crate) seconds: Option<Spanned<u16>>,
+    pub(crate) turns: Option<Spanned<u16>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct FileLoop {
-    pub(super) limit: Spanned<u16>,
+pub(crate) struct FileLoop {
+    pub(crate) limit: Spanned<u16>,
     #[serde(rename = "type")]
-    pub(super) limit_type: Option<Spanned<String>>,
+    pub(crate) limit_type: Option<Spanned<String>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct FileCurve {
-    pub(super) from: Spanned<u16>,
-    pub(super) to: Spanned<u16>,
-    pub(super) p2: Spanned<Vec<f64>>,
-    pub(super) p3: Spanned<Vec<f64>>,
-    pub(super) altitude_type: Option<Spanned<String>>,
-    pub(super) message: Option<Spanned<u16>>,
+pub(crate) struct FileCurve {
+    pub(crate) from: Spanned<u16>,
+    pub(crate) to: Spanned<u16>,
+    pub(crate) p2: Spanned<Vec<f64>>,
+    pub(crate) p3: Spanned<Vec<f64>>,
+    pub(crate) altitude_type: Option<Spanned<String>>,
+    pub(crate) message: Option<Spanned<u16>>,
+}
+
+/// Words and values of one field, the first word of a value being the one that is written.
+pub(crate) struct Names<T: 'static>(&'static [(&'static str, T)]);
+
+impl<T: Copy + PartialEq> Names<T> {
+    pub(crate) fn value(&self, word: &str) -> Option<T> {
+        let found = self.0.iter().find(|(name, _)| *name == word);
+        found.map(|(_, value)| *value)
+    }
+
+    pub(crate) fn word(&self, value: T) -> Option<&'static str> {
+        let found = self.0.iter().find(|(_, known)| *known == value);
+        found.map(|(name, _)| *name)
+    }
+
+    /// `agl, wgs84, ...`, for a message.
+    pub(crate) fn expected(&self) -> String {
+        let words: Vec<&str> = self.0.iter().map(|(name, _)| *name).collect();
+        words.join(", ")
+    }
+}
+
+pub(crate) const ROUTE_TYPES: Names<RouteType> = Names(&[
+    ("launch", RouteType::Launch),
+    ("approach", RouteType::Approach),
+    ("flight", RouteType::Flight),
+    ("contingency-a", RouteType::ContingencyA),
+    ("contingency-b", RouteType::ContingencyB),
+]);
+
+pub(crate) const ALTITUDE_TYPES: Names<AltitudeType> = Names(&[
+    ("agl", AltitudeType::Agl),
+    ("wgs84", AltitudeType::Wgs84),
+    ("amsl", AltitudeType::Barometric),
+    ("pressure", AltitudeType::Pressure),
+]);
+
+pub(crate) const SPEED_TYPES: Names<WaypointSpeedType> = Names(&[
+    ("ground", WaypointSpeedType::Ground),
+    ("indicated", WaypointSpeedType::Indicated),
+    ("true", WaypointSpeedType::True),
+]);
+
+pub(crate) const TURNS: Names<TurnType> = Names(&[
+    ("short", TurnType::ShortTurn),
+    ("fly-over", TurnType::FlyOver),
+]);
+
+pub(crate) const LOITERS: Names<LoiterType> = Names(&[
+    ("circular", LoiterType::Circular),
+    ("racetrack", LoiterType::Racetrack),
+    ("figure-8", LoiterType::Figure8),
+    ("hover", LoiterType::Hover),
+]);
+
+pub(crate) const DIRECTIONS: Names<LoiterDirection> = Names(&[
+    ("clockwise", LoiterDirection::Clockwise),
+    ("counter-clockwise", LoiterDirection::CounterClockwise),
+    ("vehicle", LoiterDirection::VehicleDependent),
+    ("into-wind", LoiterDirection::IntoWind),
+]);
+
+pub(crate) const LIMITS: Names<LimitType> = Names(&[
+    ("none", LimitType::None),
+    ("count", LimitType::Count),
+    ("time", LimitType::Time),
+]);
+
+/// The altitude type that `agl`, `wgs84`, `amsl` or `pressure` means.
+pub(crate) fn altitude_type_named(word: &str) -> Option<AltitudeType> {
+    ALTITUDE_TYPES.value(word)
+}
+
+/// The word for an altitude type; its number where there is none.
+pub(crate) fn altitude_type_name(value: AltitudeType) -> String {
+    let word = ALTITUDE_TYPES.word(value).map(str::to_owned);
+    word.unwrap_or_else(|| format!("type {}", value.raw()))
 }

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use stanag_msgs::enums::AltitudeType;
 
-use super::names::{
+use super::form::{
     ALTITUDE_TYPES, DIRECTIONS, LIMITS, LOITERS, Names, ROUTE_TYPES, SPEED_TYPES, TURNS,
 };
-use super::{Curve, CurveForm, Loiter, LoiterSpan, Place, Route, Waypoint};
+use super::model::{Curve, CurveForm, Loiter, LoiterSpan, Place, Route, Waypoint};
 
 impl Route {
     /// The text of a route file that reads as this route. Angles carry 8 decimals, a millimetre; values that the file

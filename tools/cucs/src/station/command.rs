@@ -1,17 +1,14 @@
 //! Mode commands (2016): launch, fly a route, loiter, land.
 
 use stanag_msgs::enums::{
-    AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, LoiBitmap, SpeedType,
+    AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, SpeedType,
 };
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 use stanag_msgs::{Bam32, Id, Scaled};
-use tokio::time::Instant;
 
-use super::Station;
-use crate::outcome::{Outcome, Refused, StationError};
-use crate::sender::Delivery;
-use crate::session::Session;
-use crate::vehicle::Vehicle;
+use super::endpoint::Station;
+use super::outcome::{Outcome, StationError};
+use crate::session::sender::Delivery;
 
 /// Where to loiter; what is absent stays as it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -121,45 +118,6 @@ impl Station {
         let mut command = VehicleOperatingModeCommand::default();
         set_speed(&mut command, Some(speed_m_s))?;
         self.operate(vehicle, command).await
-    }
-
-    /// The place in the vehicle's alerts from which on a reason for a refusal may stand.
-    pub(super) fn alert_mark(&self, vehicle: Id) -> u64 {
-        self.vehicle(vehicle).map_or(0, |state| state.next_alert())
-    }
-
-    /// A refusal with the texts of the alerts since the mark that speak of one; of all of them where none does.
-    pub(super) async fn refusal(
-        &mut self,
-        vehicle: Id,
-        what: String,
-        waypoint: Option<u16>,
-        mark: u64,
-    ) -> Result<Refused, StationError> {
-        let deadline = Instant::now() + self.timeouts.reason;
-        let told = |session: &mut Session| {
-            let state = session.vehicle(vehicle)?;
-            let texts: Vec<String> = state
-                .alerts_from(mark)
-                .map(|alert| alert.text.clone())
-                .filter(|text| text.contains("refused"))
-                .collect();
-            (!texts.is_empty()).then_some(texts)
-        };
-        let reasons = match self.until(deadline, told).await? {
-            Some(texts) => texts,
-            None => self.vehicle(vehicle).map_or_else(Vec::new, |state| {
-                let texts = state.alerts_from(mark).map(|alert| alert.text.clone());
-                texts.collect()
-            }),
-        };
-        let state = self.vehicle(vehicle);
-        Ok(Refused {
-            what,
-            waypoint,
-            reasons,
-            held: state.map_or(LoiBitmap::NONE, Vehicle::granted),
-        })
     }
 }
 

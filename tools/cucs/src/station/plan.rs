@@ -8,12 +8,12 @@ use stanag_msgs::messages::MissionTransferCommand;
 use stanag_msgs::{Id, Message};
 use tokio::time::Instant;
 
-use super::Station;
-use crate::download::Download;
-use crate::outcome::{Outcome, StationError};
-use crate::route::Route;
-use crate::sender::Delivery;
-use crate::session::Session;
+use super::endpoint::Station;
+use super::outcome::{Outcome, StationError};
+use crate::route::model::Route;
+use crate::session::download::Download;
+use crate::session::machine::Session;
+use crate::session::sender::Delivery;
 
 impl Station {
     /// Sends a route (13001 and what belongs to it), then loads it (13000 mode 2), and waits until 14000 says that it
@@ -72,7 +72,7 @@ impl Station {
                 let refused = self.refusal(vehicle, what, None, mark).await?;
                 Ok(Outcome::Refused(refused))
             }
-            Some(_) if !self.heard => Err(self.no_vsm(within)),
+            Some(_) if !self.answered => Err(self.no_vsm(within)),
             Some((_, what)) => {
                 let tries = if ended.is_some() { "in any try" } else { "yet" };
                 let awaited = format!("acknowledgement (17000) of {what} {tries}");
@@ -225,7 +225,7 @@ impl Station {
                 let refused = self.refusal(vehicle, what, waypoint, mark).await?;
                 Ok(Outcome::Refused(refused))
             }
-            Some(End::Unanswered) if !self.heard => Err(self.no_vsm(within)),
+            Some(End::Unanswered) if !self.answered => Err(self.no_vsm(within)),
             Some(End::Unanswered) => Err(self.timed_out(
                 format!("acknowledgement (17000) of {what}"),
                 within,

@@ -58,7 +58,8 @@ impl Addresses {
         let unix_ms = u64::try_from(now().as_millis()).unwrap_or(u64::MAX);
         Ok(route
             .to_plan()?
-            .datagrams(self.vehicle, self.cucs, unix_ms)?)
+            .datagrams(self.vehicle, self.cucs, unix_ms)
+            .map_err(cucs::StationError::from)?)
     }
 }
 

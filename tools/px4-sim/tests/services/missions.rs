@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use kit::Random;
+use kit::network::Faults;
 use mavlink::dialects::development::{
     MISSION_ACK_DATA, MISSION_REQUEST_INT_DATA, MavMessage, MavMissionResult, MavMissionType,
 };
@@ -12,7 +14,7 @@ use mavlink_link::service::mission::{
 use px4_sim::services::mission::{Limits, Server, ServerEvent};
 use px4_sim::services::mission_rules::{Airframe, Px4Rules};
 
-use crate::network::{BAD, FAIR, Network, RADIO, WILD, Weather};
+use crate::network::{BAD, DEAD, End, FAIR, Network, RADIO, WILD, clear};
 use crate::{PX4, US};
 
 const MISSION: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
@@ -29,13 +31,13 @@ struct World {
 }
 
 impl World {
-    fn new(weather: Weather, seed: u64) -> Self {
+    fn new(faults: Faults, seed: u64) -> Self {
         let rules = Px4Rules {
             airframe: Airframe::RotaryWing,
         };
         Self {
             now: Duration::from_secs(100),
-            network: Network::new(weather, seed),
+            network: Network::new(seed, faults),
             client: mission::Client::new(US, PX4, mission::Timing::default()),
             server: Server::new(PX4, Limits::PX4_SITL, rules),
             texts: Vec::new(),
@@ -75,7 +77,7 @@ impl World {
 
     fn next_at(&self) -> Option<Duration> {
         let (client, server) = (self.client.poll_timeout(), self.server.poll_timeout());
-        [client, server, self.network.next_at()]
+        [client, server, self.network.next_arrival()]
             .into_iter()
             .flatten()
             .min()
@@ -86,12 +88,12 @@ impl World {
             .next_at()
             .expect("something is due while an operation runs");
         self.now = self.now.max(next);
-        while let Some((to_vehicle, message)) = self.network.arrive(self.now) {
-            if to_vehicle {
-                self.server.handle_message(self.now, US, &message);
-            } else {
-                self.client.handle_message(self.now, PX4, &message, true);
-            }
+        while let Some(packet) = self.network.receive(self.now) {
+            let message = &packet.payload;
+            match packet.to {
+                End::Vehicle => self.server.handle_message(self.now, US, message),
+                End::Ground => self.client.handle_message(self.now, PX4, message, true),
+            };
             self.exchange();
         }
         self.client.handle_timeout(self.now);
@@ -100,10 +102,12 @@ impl World {
 
     fn exchange(&mut self) {
         while let Some(message) = self.client.poll_transmit() {
-            self.network.send(self.now, true, &message);
+            self.network
+                .send_intact(self.now, End::Ground, End::Vehicle, message);
         }
         while let Some(message) = self.server.poll_transmit() {
-            self.network.send(self.now, false, &message);
+            self.network
+                .send_intact(self.now, End::Vehicle, End::Ground, message);
         }
         while let Some(event) = self.server.poll_event() {
             match event {
@@ -137,9 +141,9 @@ fn plan(count: u16, salt: i32) -> Vec<Item> {
 fn an_upload_ends_right_or_with_a_stated_failure_and_stores_no_other_plan() {
     let mut uploaded = 0;
     let mut runs = 0;
-    for (weather, seeds) in [(FAIR, 2), (RADIO, 20), (BAD, 30), (WILD, 60)] {
+    for (faults, seeds) in [(FAIR, 2), (RADIO, 20), (BAD, 30), (WILD, 60)] {
         for seed in 0..seeds {
-            let mut world = World::new(weather, seed);
+            let mut world = World::new(faults, seed);
             let items = plan(1 + (seed % 25) as u16, 0);
             let id = plan_id(&items);
             world
@@ -149,7 +153,7 @@ fn an_upload_ends_right_or_with_a_stated_failure_and_stores_no_other_plan() {
             runs += 1;
             match world.run() {
                 Event::Uploaded { kind, opaque_id } => {
-                    assert_eq!((kind, opaque_id), (MISSION, id), "{weather:?} {seed}");
+                    assert_eq!((kind, opaque_id), (MISSION, id), "{faults:?} {seed}");
                     assert_eq!(world.server.items(MISSION), items);
                     uploaded += 1;
                 }
@@ -157,11 +161,11 @@ fn an_upload_ends_right_or_with_a_stated_failure_and_stores_no_other_plan() {
                     operation: Operation::Upload,
                     ..
                 } => {}
-                event => panic!("{weather:?} {seed}: {event:?}"),
+                event => panic!("{faults:?} {seed}: {event:?}"),
             }
             assert!(
                 world.stored.iter().all(|stored| *stored == items),
-                "{weather:?} {seed}"
+                "{faults:?} {seed}"
             );
         }
     }
@@ -170,12 +174,13 @@ fn an_upload_ends_right_or_with_a_stated_failure_and_stores_no_other_plan() {
 }
 
 #[test]
-fn plan_after_plan_in_wild_weather_never_takes_one_for_another() {
+fn plan_after_plan_over_a_wild_network_never_takes_one_for_another() {
     let mut confirmed = 0;
     for seed in 0..25 {
         let mut world = World::new(WILD, 7000 + seed);
+        let mut random = Random::with_seed(seed);
         for round in 0..6 {
-            let items = plan(1 + (world.network.random() % 9) as u16, round + 1);
+            let items = plan(random.u16(1..=9), round + 1);
             world
                 .client
                 .upload(world.now, MISSION, items.clone())
@@ -185,7 +190,7 @@ fn plan_after_plan_in_wild_weather_never_takes_one_for_another() {
                 assert_eq!(world.server.items(MISSION), items, "{seed} {round}");
                 confirmed += 1;
             }
-            let pause = world.network.random() % 400;
+            let pause = random.u64(..400);
             world.wait(Duration::from_millis(pause));
         }
     }
@@ -195,10 +200,10 @@ fn plan_after_plan_in_wild_weather_never_takes_one_for_another() {
 #[test]
 fn a_download_brings_what_the_vehicle_holds_and_verifies() {
     let mut downloaded = 0;
-    for (weather, seeds) in [(FAIR, 2), (RADIO, 15), (BAD, 20), (WILD, 30)] {
+    for (faults, seeds) in [(FAIR, 2), (RADIO, 15), (BAD, 20), (WILD, 30)] {
         for seed in 0..seeds {
-            let mut world = World::new(weather, 500 + seed);
-            world.network.weather = FAIR;
+            let mut world = World::new(faults, 500 + seed);
+            world.network.faults = FAIR;
             let items = plan(1 + (seed % 12) as u16, 3);
             world
                 .client
@@ -207,7 +212,7 @@ fn a_download_brings_what_the_vehicle_holds_and_verifies() {
             assert!(matches!(world.run(), Event::Uploaded { .. }));
             world.wait(Duration::from_secs(1));
 
-            world.network.weather = weather;
+            world.network.faults = faults;
             world.client.download(world.now, MISSION).unwrap();
             match world.run() {
                 Event::Downloaded {
@@ -216,14 +221,14 @@ fn a_download_brings_what_the_vehicle_holds_and_verifies() {
                     opaque_id,
                 } => {
                     assert_eq!((kind, opaque_id), (MISSION, plan_id(&items)));
-                    assert_eq!(verify(MISSION, &items, &read), Ok(()), "{weather:?} {seed}");
+                    assert_eq!(verify(MISSION, &items, &read), Ok(()), "{faults:?} {seed}");
                     downloaded += 1;
                 }
                 Event::Failed {
                     operation: Operation::Download,
                     ..
                 } => {}
-                event => panic!("{weather:?} {seed}: {event:?}"),
+                event => panic!("{faults:?} {seed}: {event:?}"),
             }
         }
     }
@@ -237,7 +242,7 @@ fn an_upload_right_after_a_download_whose_last_word_was_lost_succeeds() {
     assert!(matches!(world.run(), Event::Uploaded { .. }));
     world.client.download(world.now, MISSION).unwrap();
     assert!(matches!(world.run(), Event::Downloaded { .. }));
-    world.network.flying.clear();
+    clear(&mut world.network);
     while world.client.poll_transmit().is_some() {}
     assert!(world.server.is_busy());
 
@@ -251,7 +256,7 @@ fn an_upload_right_after_a_download_whose_last_word_was_lost_succeeds() {
 }
 
 #[test]
-fn clearing_works_in_bad_weather_and_clears_what_it_says() {
+fn clearing_works_over_a_bad_network_and_clears_what_it_says() {
     for seed in 0..20 {
         let mut world = World::new(BAD, 900 + seed);
         world.client.clear(world.now, MISSION).unwrap();
@@ -316,11 +321,6 @@ fn too_many_items_are_refused_before_any_is_sent() {
 
 #[test]
 fn a_silent_vehicle_fails_every_operation_in_ten_seconds() {
-    let dead = Weather {
-        loss: 100,
-        double: 0,
-        delay_ms: (1, 1),
-    };
     let start = |world: &mut World, operation: Operation| match operation {
         Operation::Upload => world.client.upload(world.now, MISSION, plan(2, 0)),
         Operation::Download => world.client.download(world.now, MISSION),
@@ -333,7 +333,7 @@ fn a_silent_vehicle_fails_every_operation_in_ten_seconds() {
         Operation::Clear,
         Operation::SetCurrent,
     ] {
-        let mut world = World::new(dead, 1);
+        let mut world = World::new(DEAD, 1);
         let begun = world.now;
         start(&mut world, wanted).unwrap();
         assert_eq!(
@@ -361,7 +361,7 @@ fn a_link_that_dies_in_the_middle_is_stated_and_px4_gives_up_after_five_seconds(
         .unwrap();
     world.wait(Duration::from_millis(100));
     assert!(world.server.is_busy());
-    world.network.weather.loss = 100;
+    world.network.faults = DEAD;
     let Event::Failed { reason, .. } = world.run() else {
         panic!("a dead link cannot succeed");
     };

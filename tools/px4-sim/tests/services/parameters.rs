@@ -5,7 +5,7 @@ use std::time::Duration;
 use mavlink_link::service::param::{self, Name, Value};
 use px4_sim::services::param::{Parameter, Server};
 
-use crate::network::{BAD, FAIR, Network, RADIO, WILD};
+use crate::network::{BAD, End, FAIR, Network, RADIO, WILD, clear};
 use crate::{PX4, US};
 
 fn name(name: &str) -> Name {
@@ -36,10 +36,10 @@ fn run_params(
     let start = now;
     loop {
         while let Some(message) = client.poll_transmit() {
-            network.send(now, true, &message);
+            network.send_intact(now, End::Ground, End::Vehicle, message);
         }
         while let Some(message) = server.poll_transmit() {
-            network.send(now, false, &message);
+            network.send_intact(now, End::Vehicle, End::Ground, message);
         }
         while let Some(event) = client.poll_event() {
             if !matches!(event, param::Event::Progress { .. }) {
@@ -49,16 +49,16 @@ fn run_params(
         let due = [
             client.poll_timeout(),
             server.poll_timeout(),
-            network.next_at(),
+            network.next_arrival(),
         ];
         now = now.max(due.into_iter().flatten().min().unwrap());
         assert!(now - start < Duration::from_secs(300));
-        while let Some((to_vehicle, message)) = network.arrive(now) {
-            if to_vehicle {
-                server.handle_message(now, US, &message);
-            } else {
-                client.handle_message(now, PX4, &message, true);
-            }
+        while let Some(packet) = network.receive(now) {
+            let message = &packet.payload;
+            match packet.to {
+                End::Vehicle => server.handle_message(now, US, message),
+                End::Ground => client.handle_message(now, PX4, message, true),
+            };
         }
         client.handle_timeout(now);
         server.handle_timeout(now);
@@ -66,10 +66,10 @@ fn run_params(
 }
 
 #[test]
-fn a_parameter_list_is_complete_whatever_the_weather() {
-    for (weather, seeds) in [(FAIR, 1), (RADIO, 4), (BAD, 8), (WILD, 8)] {
+fn a_parameter_list_is_complete_however_bad_the_network() {
+    for (faults, seeds) in [(FAIR, 1), (RADIO, 4), (BAD, 8), (WILD, 8)] {
         for seed in 0..seeds {
-            let mut network = Network::new(weather, seed);
+            let mut network = Network::new(seed, faults);
             let mut server = Server::new(PX4, parameters(300));
             let mut client = param::Client::new(US, PX4, param::Timing::default());
             let now = Duration::from_secs(5);
@@ -77,7 +77,7 @@ fn a_parameter_list_is_complete_whatever_the_weather() {
             let param::Event::List { entries, .. } =
                 run_params(&mut client, &mut server, &mut network, now)
             else {
-                panic!("{weather:?} {seed}");
+                panic!("{faults:?} {seed}");
             };
             let expected = parameters(300);
             assert_eq!(entries.len(), expected.len());
@@ -90,7 +90,7 @@ fn a_parameter_list_is_complete_whatever_the_weather() {
 
 #[test]
 fn reading_and_setting_answer_as_px4_does() {
-    let mut network = Network::new(BAD, 11);
+    let mut network = Network::new(11, BAD);
     let mut server = Server::new(PX4, parameters(10));
     let mut client = param::Client::new(US, PX4, param::Timing::default());
     let mut now = Duration::from_secs(5);
@@ -98,7 +98,7 @@ fn reading_and_setting_answer_as_px4_does() {
         start(&mut client, now);
         let event = run_params(&mut client, &mut server, &mut network, now);
         now += Duration::from_secs(60);
-        network.flying.clear();
+        clear(&mut network);
         event
     };
     let unknown = name("NO_SUCH");

@@ -5,11 +5,9 @@
 )]
 
 use std::collections::BTreeMap;
-use std::io::Read as _;
-use std::path::Path;
 use std::time::Duration;
 
-use flate2::read::GzDecoder;
+use kit::captures;
 use mavlink::dialects::development::{MISSION_COUNT_DATA, MavMessage};
 use mavlink_link::frame::Parser;
 use mavlink_link::service::Node;
@@ -23,7 +21,7 @@ use crate::PX4;
 const SECOND: Node = Node::new(254, 190);
 
 /// A mission message of a recording.
-struct Heard {
+struct Recorded {
     from_px4: bool,
     at: Duration,
     from: Node,
@@ -32,24 +30,24 @@ struct Heard {
 
 #[test]
 fn the_uploads_good_and_bad_of_recording_02() {
-    let heard = read("02-params-mission-upload");
-    let (recorded, ours) = replay(&heard, PX4);
+    let messages = read("02-params-mission-upload");
+    let (recorded, ours) = replay(&messages, PX4);
     assert!(recorded.len() > 1500, "{}", recorded.len());
     compare(&recorded, &ours);
 }
 
 #[test]
 fn the_flight_plan_of_recording_03() {
-    let heard = read("03-arm-takeoff-mission-landa");
-    let (recorded, ours) = replay(&heard, PX4);
+    let messages = read("03-arm-takeoff-mission-landa");
+    let (recorded, ours) = replay(&messages, PX4);
     assert!(recorded.len() > 5, "{}", recorded.len());
     compare(&recorded, &ours);
 }
 
 #[test]
 fn the_lossy_upload_and_the_uploads_in_flight_of_recording_06() {
-    let heard = read("06-reupload-failsafe");
-    let (recorded, ours) = replay(&heard, Node::new(6, 1));
+    let messages = read("06-reupload-failsafe");
+    let (recorded, ours) = replay(&messages, Node::new(6, 1));
     assert!(recorded.len() > 60, "{}", recorded.len());
     compare(&recorded, &ours);
 }
@@ -64,17 +62,17 @@ fn every_acknowledged_plan_has_the_id_that_we_compute() {
         "20-px4-v1.17.0-flight",
     ] {
         let mut items: BTreeMap<u16, Item> = BTreeMap::new();
-        for heard in read(name) {
-            match heard.message {
-                MavMessage::MISSION_COUNT(_) if !heard.from_px4 => items.clear(),
-                MavMessage::MISSION_ITEM_INT(m) if !heard.from_px4 => {
+        for recorded in read(name) {
+            match recorded.message {
+                MavMessage::MISSION_COUNT(_) if !recorded.from_px4 => items.clear(),
+                MavMessage::MISSION_ITEM_INT(m) if !recorded.from_px4 => {
                     items.insert(m.seq, (&m).into());
                 }
                 // A plan of MISSION_ITEM has the floats of x and y in its id.
                 MavMessage::MISSION_ITEM(_) => items.clear(),
                 MavMessage::MISSION_ACK(m) if m.opaque_id != 0 && !items.is_empty() => {
                     let items: Vec<_> = items.values().copied().collect();
-                    assert_eq!(plan_id(&items), m.opaque_id, "{name} at {:?}", heard.at);
+                    assert_eq!(plan_id(&items), m.opaque_id, "{name} at {:?}", recorded.at);
                     plans += 1;
                 }
                 _ => {}
@@ -92,14 +90,14 @@ fn every_recorded_download_verifies_against_its_upload() {
     let mut sent: BTreeMap<(u32, u32), Vec<Item>> = BTreeMap::new();
     let mut sending: Vec<Item> = Vec::new();
     let mut told: BTreeMap<u32, (u32, usize, Vec<Item>)> = BTreeMap::new();
-    for heard in read(name) {
-        match heard.message {
-            MavMessage::MISSION_COUNT(m) if heard.from_px4 => {
+    for recorded in read(name) {
+        match recorded.message {
+            MavMessage::MISSION_COUNT(m) if recorded.from_px4 => {
                 let kind = m.mission_type as u32;
                 told.insert(kind, (m.opaque_id, m.count.into(), Vec::new()));
             }
             MavMessage::MISSION_COUNT(_) => sending.clear(),
-            MavMessage::MISSION_ITEM_INT(m) if heard.from_px4 => {
+            MavMessage::MISSION_ITEM_INT(m) if recorded.from_px4 => {
                 let kind = m.mission_type as u32;
                 let Some((id, count, items)) = told.get_mut(&kind) else {
                     continue;
@@ -117,7 +115,7 @@ fn every_recorded_download_verifies_against_its_upload() {
             MavMessage::MISSION_ITEM_INT(m) if sending.len() == usize::from(m.seq) => {
                 sending.push((&m).into());
             }
-            MavMessage::MISSION_ACK(m) if heard.from_px4 && m.opaque_id != 0 => {
+            MavMessage::MISSION_ACK(m) if recorded.from_px4 && m.opaque_id != 0 => {
                 sent.insert((m.mission_type as u32, m.opaque_id), sending.clone());
             }
             _ => {}
@@ -127,7 +125,7 @@ fn every_recorded_download_verifies_against_its_upload() {
 }
 
 /// What PX4 said, and what our server says to the same ground stations at the same times.
-fn replay(heard: &[Heard], px4: Node) -> (Vec<String>, Vec<String>) {
+fn replay(messages: &[Recorded], px4: Node) -> (Vec<String>, Vec<String>) {
     let rules = Px4Rules {
         airframe: Airframe::RotaryWing,
     };
@@ -144,22 +142,22 @@ fn replay(heard: &[Heard], px4: Node) -> (Vec<String>, Vec<String>) {
             }
         }
     };
-    for heard in heard {
-        while let Some(due) = server.poll_timeout().filter(|due| *due < heard.at) {
+    for entry in messages {
+        while let Some(due) = server.poll_timeout().filter(|due| *due < entry.at) {
             server.handle_timeout(due);
             say(&mut ours, &mut server);
         }
-        if heard.from_px4 {
-            if let MavMessage::MISSION_ACK(m) = &heard.message
+        if entry.from_px4 {
+            if let MavMessage::MISSION_ACK(m) = &entry.message
                 && m.target_system == SECOND.system
             {
                 // Its side was not recorded; PX4's answer says when it asked.
-                server.handle_message(heard.at, SECOND, &count_for(px4));
+                server.handle_message(entry.at, SECOND, &count_for(px4));
                 say(&mut ours, &mut server);
             }
-            note(&mut recorded, &heard.message);
+            note(&mut recorded, &entry.message);
         } else {
-            server.handle_message(heard.at, heard.from, &heard.message);
+            server.handle_message(entry.at, entry.from, &entry.message);
             say(&mut ours, &mut server);
         }
     }
@@ -209,26 +207,12 @@ fn compare(recorded: &[String], ours: &[String]) {
 }
 
 /// The mission messages of a recording that the dialect can carry.
-fn read(name: &str) -> Vec<Heard> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../tests/data/captures")
-        .join(format!("{name}.mvr.gz"));
-    let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let mut bytes = Vec::new();
-    GzDecoder::new(file).read_to_end(&mut bytes).unwrap();
-
-    let mut heard = Vec::new();
+fn read(name: &str) -> Vec<Recorded> {
+    let mut messages = Vec::new();
     let mut parsers = [Parser::new(), Parser::new()];
-    let mut rest = &bytes[..];
-    while let [direction, header @ ..] = rest {
-        let (time, body) = header.split_at(8);
-        let (len, body) = body.split_at(2);
-        let len = usize::from(u16::from_be_bytes(len.try_into().unwrap()));
-        let (datagram, next) = body.split_at(len);
-        rest = next;
-        let at = Duration::from_micros(u64::from_be_bytes(time.try_into().unwrap()));
-        let from_px4 = *direction == b'<';
-        let mut frames = parsers[usize::from(from_px4)].feed(datagram);
+    for datagram in captures::read(name) {
+        let (from_px4, at) = (datagram.from_autopilot, datagram.at);
+        let mut frames = parsers[usize::from(from_px4)].feed(&datagram.bytes);
         while let Some(frame) = frames.next() {
             let Ok(frame) = frame else { continue };
             let header = frame.header();
@@ -236,7 +220,7 @@ fn read(name: &str) -> Vec<Heard> {
             if let Ok(message) = frame.message()
                 && mission
             {
-                heard.push(Heard {
+                messages.push(Recorded {
                     from_px4,
                     at,
                     from: Node::new(header.system_id, header.component_id),
@@ -245,6 +229,6 @@ fn read(name: &str) -> Vec<Heard> {
             }
         }
     }
-    assert!(!heard.is_empty(), "{name}");
-    heard
+    assert!(!messages.is_empty(), "{name}");
+    messages
 }

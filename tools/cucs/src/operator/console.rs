@@ -1,0 +1,281 @@
+//! The operator's console: a station, the vehicle it commands, and where results are printed.
+//!
+//! What every subcommand needs: choosing the vehicle, a request with its answers, lines for people or JSON for programs.
+
+use std::io::Write;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use stanag_msgs::enums::AlertPriority;
+use stanag_msgs::{Id, Message};
+
+use super::error::OperatorError;
+use crate::session::machine::Event;
+use crate::session::sender::Delivery;
+use crate::session::traffic::ByType;
+use crate::session::vehicle::Vehicle;
+use crate::station::endpoint::Station;
+use crate::station::outcome::{Outcome, Refused, levels};
+use crate::station::report;
+
+/// For whom results are printed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Style {
+    /// Sentences.
+    #[default]
+    People,
+    /// A JSON object a line.
+    Json,
+}
+
+/// An operator at a station: carries out subcommands ([`Verb`](crate::Verb)) and prints what became of them.
+#[derive(Debug)]
+pub struct Operator<W> {
+    pub(super) station: Station,
+    pub(super) style: Style,
+    pub(super) out: W,
+    requested: Option<Id>,
+    /// The vehicle commanded, once discovery has found it.
+    vehicle: Option<Id>,
+}
+
+pub(super) type Done = Result<(), OperatorError>;
+
+impl<W: Write> Operator<W> {
+    /// At this station; commands `vehicle`, or the only one that is discovered.
+    pub fn new(station: Station, vehicle: Option<Id>, style: Style, out: W) -> Operator<W> {
+        Operator {
+            station,
+            style,
+            out,
+            requested: vehicle,
+            vehicle: None,
+        }
+    }
+
+    /// The station.
+    pub fn station(&mut self) -> &mut Station {
+        &mut self.station
+    }
+
+    /// Serves the station for a moment and prints alerts: between the lines of a shell.
+    ///
+    /// # Errors
+    /// The socket or the output fails.
+    pub async fn idle(&mut self, span: Duration) -> Result<(), OperatorError> {
+        self.station.idle(span).await?;
+        self.print_alerts("")
+    }
+
+    /// Discovers the vehicle that is commanded: the one requested, or the only one. By the discovery the VSM learns of
+    /// this station.
+    ///
+    /// # Errors
+    /// No VSM answers, the vehicle is not there, or there are several and none was requested.
+    pub async fn find_vehicle(&mut self) -> Result<Id, OperatorError> {
+        if let Some(vehicle) = self.vehicle {
+            return Ok(vehicle);
+        }
+        let discovered = self.station.discover().await?;
+        let found: Vec<Id> = discovered.iter().map(|found| found.vehicle).collect();
+        let names = || {
+            let names: Vec<String> = found.iter().map(Id::to_string).collect();
+            names.join(", ")
+        };
+        let vehicle = match (self.requested, found.as_slice()) {
+            (Some(requested), _) if found.contains(&requested) => requested,
+            (Some(requested), _) => {
+                return Err(OperatorError::NoSuchVehicle {
+                    requested,
+                    found: names(),
+                });
+            }
+            (None, [only]) => *only,
+            (None, _) => return Err(OperatorError::Ambiguous(names())),
+        };
+        self.vehicle = Some(vehicle);
+        Ok(vehicle)
+    }
+
+    /// As [`Self::find_vehicle`], for what needs the vehicle's status: a VSM sends none to a CUCS without LOI.
+    pub(super) async fn find_vehicle_with_status(&mut self) -> Result<Id, OperatorError> {
+        let vehicle = self.find_vehicle().await?;
+        let state = self.state(vehicle);
+        if state.is_none_or(|state| state.granted().is_empty()) {
+            return Err(OperatorError::NoRights(vehicle));
+        }
+        Ok(vehicle)
+    }
+
+    /// Commands another vehicle from now on.
+    pub(super) async fn select_vehicle(&mut self, vehicle: Id) -> Done {
+        self.requested = Some(vehicle);
+        self.vehicle = None;
+        self.find_vehicle().await.map(|_| ())
+    }
+
+    pub(super) fn state(&self, vehicle: Id) -> Option<&Vehicle> {
+        self.station.vehicle(vehicle)
+    }
+
+    /// Sends a message, waits until it is carried out, and returns what the vehicle sent meanwhile. Alerts that came
+    /// with it are printed.
+    ///
+    /// # Errors
+    /// It is refused, or there is no answer.
+    pub(super) async fn query(
+        &mut self,
+        vehicle: Id,
+        request: impl Into<Message>,
+        what: &str,
+    ) -> Result<Vec<Message>, OperatorError> {
+        let within = self.station.timeouts.command;
+        let delivery = self.station.send(vehicle, request, within).await?;
+        // The last answers, and the reason of a refusal, may overtake the acknowledgement.
+        self.station.idle(SETTLE).await?;
+        let mut answers = Vec::new();
+        let mut alerts = Vec::new();
+        while let Some(event) = self.station.session.poll_event() {
+            match event {
+                Event::Message { from, message } if from == vehicle => answers.push(*message),
+                Event::Alert { from, alert } => alerts.push((from, alert)),
+                _ => {}
+            }
+        }
+        if delivery != Delivery::CarriedOut {
+            let refused = Refused {
+                what: what.to_owned(),
+                waypoint: None,
+                reasons: alerts.into_iter().map(|(_, alert)| alert.text).collect(),
+                held: self
+                    .state(vehicle)
+                    .map(Vehicle::granted)
+                    .unwrap_or_default(),
+            };
+            return Err(refused.into());
+        }
+        for (from, alert) in alerts {
+            self.print(
+                &format!("{from}: 16000: {}", alert.text),
+                json!({"alert": alert.text, "vehicle": from.to_string()}),
+            )?;
+        }
+        Ok(answers)
+    }
+
+    /// Prints what was done, or returns the refusal.
+    pub(super) fn finish(&mut self, vehicle: Id, what: &str, outcome: Outcome) -> Done {
+        outcome.accepted()?;
+        self.print(&format!("{vehicle}: {what}"), json!({"done": what}))
+    }
+
+    pub(super) fn print(&mut self, line: &str, value: Value) -> Done {
+        match self.style {
+            Style::People => writeln!(self.out, "{line}")?,
+            Style::Json => writeln!(self.out, "{value}")?,
+        }
+        Ok(self.out.flush()?)
+    }
+
+    pub(super) fn print_state(&mut self, vehicle: Id) -> Done {
+        let Some(state) = self.station.vehicle(vehicle) else {
+            return Ok(());
+        };
+        let (line, value) = (report::line(state), report::state(state));
+        self.print(&line, value)
+    }
+
+    /// Prints alerts, and handovers that others request or offer. An alert whose text stands in `printed` already is
+    /// left out for people.
+    pub(super) fn print_alerts(&mut self, printed: &str) -> Done {
+        while let Some(event) = self.station.session.poll_event() {
+            match event {
+                Event::Alert { alert, .. }
+                    if self.style == Style::People && printed.contains(&alert.text) => {}
+                Event::Alert { from, alert } => {
+                    // As STANAG 4586 numbers it, 0 is the end of an alert.
+                    let priority = match alert.priority {
+                        AlertPriority::Cleared => "cleared".to_owned(),
+                        other => other.to_string(),
+                    };
+                    self.print(
+                        &format!("{from}: 16000 {priority}: {}", alert.text),
+                        json!({
+                            "alert": alert.text,
+                            "vehicle": from.to_string(),
+                            "priority": alert.priority.raw(),
+                            "id": alert.id,
+                            "first": alert.first,
+                        }),
+                    )?;
+                }
+                Event::HandoverRequested { vehicle, by, loi } => self.print(
+                    &format!(
+                        "{vehicle}: {by} asks for LOI {}: `consent` or `refuse`",
+                        levels(loi)
+                    ),
+                    json!({
+                        "vehicle": vehicle.to_string(),
+                        "asked_by": by.to_string(),
+                        "loi": report::loi_numbers(loi.raw()),
+                    }),
+                )?,
+                Event::HandoverOffered { vehicle, loi } => self.print(
+                    &format!(
+                        "{vehicle}: LOI {} is offered: `accept` or `decline`",
+                        levels(loi)
+                    ),
+                    json!({
+                        "vehicle": vehicle.to_string(),
+                        "offered": report::loi_numbers(loi.raw()),
+                    }),
+                )?,
+                Event::Message { .. } | Event::Answered { .. } => {}
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn print_traffic(&mut self) -> Done {
+        let traffic = self.station.session().traffic().clone();
+        let by_type = |counts: &ByType| -> String {
+            let counts = counts
+                .iter()
+                .map(|(kind, count)| format!("{kind}: {count}"));
+            counts.collect::<Vec<_>>().join(", ")
+        };
+        let object = |counts: &ByType| -> Value {
+            let counts = counts
+                .iter()
+                .map(|(kind, count)| (kind.to_string(), json!(count)));
+            counts.collect::<serde_json::Map<_, _>>().into()
+        };
+        let dropped: Vec<String> = traffic
+            .dropped
+            .iter()
+            .map(|(reason, count)| format!("{reason}: {count}"))
+            .collect();
+        self.print(
+            &format!(
+                "sent {} ({} again); received {}; dropped {}",
+                by_type(&traffic.sent),
+                traffic.retransmitted,
+                by_type(&traffic.received),
+                if dropped.is_empty() {
+                    "none".to_owned()
+                } else {
+                    dropped.join(", ")
+                }
+            ),
+            json!({
+                "sent": object(&traffic.sent),
+                "retransmitted": traffic.retransmitted,
+                "received": object(&traffic.received),
+                "dropped": traffic.dropped,
+            }),
+        )
+    }
+}
+
+/// How long the answers to a query may lag behind its acknowledgement.
+pub(super) const SETTLE: Duration = Duration::from_millis(100);

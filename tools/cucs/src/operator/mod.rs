@@ -1,0 +1,18 @@
+//! An operator at a station, in words: the subcommands of `cucs`, and the lines of its scripts.
+//!
+//! - [`verb`]: what can be requested; [`script`]: several of them in a file;
+//! - [`error`]: why one was not carried out, and the exit status for it;
+//! - [`console`]: the operator: station, vehicle, output;
+//! - [`configuration`]: the answers of the configuration phase as a table;
+//! - [`rights`], [`plans`], [`services`]: groups of subcommands;
+//! - [`run`]: carries out any of them.
+
+pub(crate) mod configuration;
+pub(crate) mod console;
+pub(crate) mod error;
+pub(crate) mod plans;
+pub(crate) mod rights;
+pub(crate) mod run;
+pub(crate) mod script;
+pub(crate) mod services;
+pub(crate) mod verb;

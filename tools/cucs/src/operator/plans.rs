@@ -1,0 +1,137 @@
+//! Plans as files: routes and areas sent aboard, and fetched back.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+use stanag_msgs::enums::AreaPlanMode;
+use stanag_msgs::messages::{AreaTransferCommand, AreaVertex};
+use stanag_msgs::{Id, Message};
+
+use super::console::{Done, Operator, Style};
+use super::error::OperatorError;
+use crate::fence;
+use crate::route::model::Route;
+
+impl<W: Write> Operator<W> {
+    pub(super) async fn send_route(&mut self, name: &str, route: &Route) -> Done {
+        let vehicle = self.find_vehicle().await?;
+        let waypoints = route.waypoints.len();
+        self.station.send_route(vehicle, route).await?.accepted()?;
+        self.print(
+            &format!("{vehicle}: {name} with {waypoints} waypoints is aboard"),
+            json!({"loaded": name, "waypoints": waypoints}),
+        )
+    }
+
+    pub(super) async fn download(&mut self, path: Option<&Path>) -> Done {
+        let vehicle = self.find_vehicle().await?;
+        let download = self.station.download(vehicle).await?;
+        let routes = Route::from_download(&download);
+        let text: Vec<String> = routes.iter().map(Route::to_toml).collect();
+        // Routes share waypoints and a file holds one route: further ones are told apart by their files.
+        for (index, text) in text.iter().enumerate() {
+            match path {
+                None if self.style == Style::People => write!(self.out, "{text}")?,
+                None => writeln!(self.out, "{}", json!({"route": text}))?,
+                Some(path) => {
+                    let path = numbered(path, index);
+                    std::fs::write(&path, text).map_err(|source| OperatorError::Write {
+                        path: path.clone(),
+                        source,
+                    })?;
+                    self.print(
+                        &format!("{vehicle}: route written to {}", path.display()),
+                        json!({"written": path.display().to_string()}),
+                    )?;
+                }
+            }
+        }
+        let missing: Vec<String> = download.missing().iter().map(u16::to_string).collect();
+        if missing.is_empty() {
+            Ok(())
+        } else {
+            Err(OperatorError::Incomplete(missing.join(", ")))
+        }
+    }
+
+    /// 50016 and 50017: a file of areas goes aboard.
+    pub(super) async fn send_fence(&mut self, file: &Path) -> Done {
+        let vertices = fence::load(file)?;
+        let vehicle = self.find_vehicle().await?;
+        self.station.store(vehicle, &vertices).await?.accepted()?;
+        self.transfer_areas(vehicle, AreaPlanMode::Load).await?;
+        let count = vertices.len();
+        self.print(
+            &format!(
+                "{vehicle}: {} with {count} vertices is aboard",
+                file.display()
+            ),
+            json!({"fence": file.display().to_string(), "vertices": count}),
+        )
+    }
+
+    /// 50017 mode 1.
+    pub(super) async fn clear_fence(&mut self) -> Done {
+        let vehicle = self.find_vehicle().await?;
+        self.transfer_areas(vehicle, AreaPlanMode::Clear).await?;
+        self.print(
+            &format!("{vehicle}: areas cleared"),
+            json!({"done": "areas cleared"}),
+        )
+    }
+
+    /// 50017 mode 3.
+    pub(super) async fn download_fence(&mut self, path: Option<&Path>) -> Done {
+        let vehicle = self.find_vehicle().await?;
+        let answers = self.transfer_areas(vehicle, AreaPlanMode::Download).await?;
+        let vertices: Vec<&AreaVertex> = answers
+            .iter()
+            .filter_map(|message| match message {
+                Message::AreaVertex(vertex) => Some(vertex),
+                _ => None,
+            })
+            .collect();
+        let text = fence::to_toml(vertices);
+        match path {
+            None if self.style == Style::People => Ok(write!(self.out, "{text}")?),
+            None => Ok(writeln!(self.out, "{}", json!({"fence": text}))?),
+            Some(path) => {
+                std::fs::write(path, text).map_err(|source| OperatorError::Write {
+                    path: path.to_owned(),
+                    source,
+                })?;
+                self.print(
+                    &format!("{vehicle}: areas written to {}", path.display()),
+                    json!({"written": path.display().to_string()}),
+                )
+            }
+        }
+    }
+
+    async fn transfer_areas(
+        &mut self,
+        vehicle: Id,
+        mode: AreaPlanMode,
+    ) -> Result<Vec<Message>, OperatorError> {
+        let command = AreaTransferCommand {
+            area_plan_mode: Some(mode),
+            ..AreaTransferCommand::default()
+        };
+        let what = format!("areas (50017 mode {})", mode.raw());
+        self.query(vehicle, command, &what).await
+    }
+}
+
+/// `plan.toml`, `plan-2.toml`, `plan-3.toml`.
+fn numbered(path: &Path, index: usize) -> PathBuf {
+    if index == 0 {
+        return path.to_owned();
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let name = match path.extension() {
+        Some(extension) => format!("{stem}-{}.{}", index + 1, extension.to_string_lossy()),
+        None => format!("{stem}-{}", index + 1),
+    };
+    path.with_file_name(name)
+}

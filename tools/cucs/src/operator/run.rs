@@ -1,0 +1,260 @@
+//! Carrying out a subcommand: which operation of the station it is, and waiting for what the vehicle reports.
+
+use std::io::Write;
+use std::path::Path;
+use std::time::Duration;
+
+use serde_json::json;
+use stanag_msgs::Bam32;
+use stanag_msgs::enums::FlightPathControlMode;
+use stanag_msgs::messages::VehicleOperatingModeCommand;
+
+use super::console::{Done, Operator, Style};
+use super::error::OperatorError;
+use super::verb::{Condition, ModeArguments, Verb};
+use crate::route::model::Route;
+use crate::session::vehicle::Vehicle;
+use crate::station::command::{LoiterAt, set_altitude, set_speed};
+use crate::station::outcome::levels;
+use crate::station::report;
+
+impl<W: Write> Operator<W> {
+    /// Does it, and tells. Files are relative to `folder`.
+    ///
+    /// # Errors
+    /// It was not done.
+    pub async fn run(&mut self, verb: &Verb, folder: &Path) -> Done {
+        let done = self.carry_out(verb, folder).await;
+        self.conclude(done)
+    }
+
+    /// Sends a route of this name and loads it aboard, and tells.
+    ///
+    /// # Errors
+    /// It was not done.
+    pub async fn load(&mut self, name: &str, route: &Route) -> Done {
+        let done = self.send_route(name, route).await;
+        self.conclude(done)
+    }
+
+    /// Tells the alerts that came with it.
+    fn conclude(&mut self, done: Done) -> Done {
+        // What the error says is not told twice.
+        let error = done.as_ref().err().map(ToString::to_string);
+        self.print_alerts(error.as_deref().unwrap_or_default())?;
+        if self.style == Style::Json
+            && let Some(error) = error
+        {
+            writeln!(self.out, "{}", json!({"error": error}))?;
+        }
+        done
+    }
+
+    async fn carry_out(&mut self, verb: &Verb, folder: &Path) -> Done {
+        match verb {
+            Verb::Discover => self.discover().await,
+            Verb::Take {
+                loi,
+                override_holder,
+            } => self.take(*loi, *override_holder).await,
+            Verb::Handover(verb) => self.hand_over(verb).await,
+            Verb::Release => self.release().await,
+            Verb::Send { file, mission_id } => {
+                let mut route = Route::load(&folder.join(file))?;
+                if mission_id.is_some() {
+                    route.mission_id.clone_from(mission_id);
+                }
+                self.send_route(&file.display().to_string(), &route).await
+            }
+            Verb::Clear => {
+                let vehicle = self.find_vehicle().await?;
+                let outcome = self.station.clear(vehicle).await?;
+                self.finish(vehicle, "plan cleared", outcome)
+            }
+            Verb::Cancel => {
+                let vehicle = self.find_vehicle().await?;
+                let outcome = self.station.cancel(vehicle).await?;
+                self.finish(vehicle, "transfer cancelled", outcome)
+            }
+            Verb::Download { output } => {
+                let path = output.as_ref().map(|path| folder.join(path));
+                self.download(path.as_deref()).await
+            }
+            Verb::Mode(arguments) => self.mode(arguments).await,
+            Verb::Launch {
+                altitude,
+                altitude_type,
+            } => {
+                let vehicle = self.find_vehicle().await?;
+                let launch = self.station.launch(vehicle, *altitude, altitude_type.0);
+                let outcome = launch.await?;
+                self.finish(vehicle, "launched", outcome)
+            }
+            Verb::Fly { from, speed } => {
+                let vehicle = self.find_vehicle().await?;
+                let outcome = self.station.fly_route(vehicle, *from, *speed).await?;
+                self.finish(vehicle, "flies its route", outcome)
+            }
+            Verb::Loiter {
+                position,
+                altitude,
+                altitude_type,
+                speed,
+            } => {
+                let vehicle = self.find_vehicle().await?;
+                let at = LoiterAt {
+                    position_deg: position.map(|at| (at.0, at.1)),
+                    altitude: altitude.map(|metres| (metres, altitude_type.0)),
+                    speed_m_s: *speed,
+                };
+                let outcome = self.station.loiter(vehicle, at).await?;
+                self.finish(vehicle, "loiters", outcome)
+            }
+            Verb::Speed { metres_per_second } => {
+                let vehicle = self.find_vehicle().await?;
+                let outcome = self
+                    .station
+                    .change_speed(vehicle, *metres_per_second)
+                    .await?;
+                self.finish(
+                    vehicle,
+                    &format!("{metres_per_second} m/s commanded"),
+                    outcome,
+                )
+            }
+            Verb::Land => {
+                let vehicle = self.find_vehicle().await?;
+                let outcome = self.station.land(vehicle).await?;
+                self.finish(vehicle, "lands", outcome)
+            }
+            Verb::Wait { condition, within } => self.wait(condition, seconds(*within)?).await,
+            Verb::Watch {
+                seconds: span,
+                every,
+            } => self.watch(seconds(*span)?, seconds(*every)?).await,
+            Verb::Sleep { seconds: span } => Ok(self.station.idle(seconds(*span)?).await?),
+            Verb::Heartbeats { switch } => {
+                self.station.set_heartbeats(switch == "on");
+                self.print(
+                    &format!("heartbeats {switch}"),
+                    json!({"heartbeats": switch}),
+                )
+            }
+            Verb::Vehicle { id } => self.select_vehicle(*id).await,
+            Verb::Traffic => self.print_traffic(),
+            Verb::Config { loi } => self.configuration(*loi).await,
+            Verb::Parameters { name } => self.parameters(name.as_deref()).await,
+            Verb::Set { name, value } => self.set_parameter(name, *value).await,
+            Verb::Software => self.software().await,
+            Verb::Ping { vehicle } => self.ping(*vehicle).await,
+            Verb::Fence {
+                file: Some(file), ..
+            } => self.send_fence(&folder.join(file)).await,
+            Verb::Fence { clear: true, .. } => self.clear_fence().await,
+            Verb::Fence { output, .. } => {
+                let path = output.as_ref().map(|path| folder.join(path));
+                self.download_fence(path.as_deref()).await
+            }
+        }
+    }
+
+    async fn mode(&mut self, arguments: &ModeArguments) -> Done {
+        let vehicle = self.find_vehicle().await?;
+        let mut command = VehicleOperatingModeCommand {
+            select_flight_path_control_mode: Some(arguments.mode.0),
+            commanded_waypoint_number: arguments.waypoint,
+            loiter_position_latitude: arguments.position.map(|at| Bam32::from_degrees(at.0)),
+            loiter_position_longitude: arguments.position.map(|at| Bam32::from_degrees(at.1)),
+            ..VehicleOperatingModeCommand::default()
+        };
+        if let Some(metres) = arguments.altitude {
+            set_altitude(&mut command, metres, arguments.altitude_type.0)?;
+        }
+        set_speed(&mut command, arguments.speed)?;
+        let outcome = self.station.operate(vehicle, command).await?;
+        let mode = arguments.mode.0;
+        let what = format!("mode {} ({}) entered", mode.raw(), report::mode_name(mode));
+        self.finish(vehicle, &what, outcome)
+    }
+
+    async fn wait(&mut self, condition: &Condition, within: Duration) -> Done {
+        // What concerns rights is told to those who have none too.
+        let vehicle = match condition {
+            Condition::Asked
+            | Condition::Offered
+            | Condition::Holds { .. }
+            | Condition::Lacks { .. } => self.find_vehicle().await?,
+            _ => self.find_vehicle_with_status().await?,
+        };
+        let mark = self.state(vehicle).map_or(0, Vehicle::next_alert);
+        let holds = |state: &Vehicle| match condition {
+            Condition::Mode { mode } => state.mode() == Some(mode.0),
+            Condition::Waypoint { number } => state.to_waypoint() == Some(*number),
+            Condition::RouteEnd => state.waypoints.is_some() && state.to_waypoint().is_none(),
+            Condition::Landed => state.landed() == Some(true),
+            Condition::Airborne => state.landed() == Some(false),
+            Condition::Above { altitude } => state
+                .position()
+                .is_some_and(|at| at.altitude_m >= *altitude),
+            Condition::Below { altitude } => state
+                .position()
+                .is_some_and(|at| at.altitude_m <= *altitude),
+            Condition::Alert { text } => state
+                .alerts_from(mark)
+                .any(|alert| alert.text.contains(text)),
+            Condition::Asked => state.handover_request().is_some(),
+            Condition::Offered => state.handover_offer().is_some(),
+            Condition::Holds { loi } => state.granted().contains(loi.0),
+            Condition::Lacks { loi } => !state.granted().intersects(loi.0),
+        };
+        self.station
+            .wait_until(&awaited(condition), within, |session| {
+                session.vehicle(vehicle).is_some_and(holds)
+            })
+            .await?;
+        self.print_state(vehicle)
+    }
+
+    async fn watch(&mut self, span: Duration, every: Duration) -> Done {
+        let vehicle = self.find_vehicle_with_status().await?;
+        let every = every.max(SHORTEST_LOOK);
+        let mut left = span;
+        loop {
+            let pause = left.min(every);
+            self.station.idle(pause).await?;
+            self.print_state(vehicle)?;
+            self.print_alerts("")?;
+            left -= pause;
+            if left.is_zero() {
+                return Ok(());
+            }
+        }
+    }
+}
+
+fn awaited(condition: &Condition) -> String {
+    match condition {
+        Condition::Mode { mode } => format!("mode {} (3001)", FlightPathControlMode::raw(mode.0)),
+        Condition::Waypoint { number } => format!("leg to waypoint {number} (4001)"),
+        Condition::RouteEnd => "end of the route (4001)".to_owned(),
+        Condition::Landed => "landing (3002)".to_owned(),
+        Condition::Airborne => "lift-off (3002)".to_owned(),
+        Condition::Above { altitude } => format!("altitude of at least {altitude} m (4000)"),
+        Condition::Below { altitude } => format!("altitude of at most {altitude} m (4000)"),
+        Condition::Alert { text } => format!("alert (16000) with {text:?}"),
+        Condition::Asked => "wish of another CUCS (4)".to_owned(),
+        Condition::Offered => "offer of the holder (5)".to_owned(),
+        Condition::Holds { loi } => format!("LOI {} (2)", levels(loi.0)),
+        Condition::Lacks { loi } => format!("loss of LOI {} (2)", levels(loi.0)),
+    }
+}
+
+fn seconds(value: f64) -> Result<Duration, OperatorError> {
+    if (0.0..=1e6).contains(&value) {
+        Ok(Duration::from_secs_f64(value))
+    } else {
+        Err(OperatorError::Seconds(value))
+    }
+}
+
+const SHORTEST_LOOK: Duration = Duration::from_millis(50);

@@ -1,0 +1,349 @@
+//! A route into 13001, 13002, 13003, 50001 and 50002, and back. Time stamps are set when the messages are sent.
+
+use std::collections::BTreeSet;
+
+use stanag_msgs::enums::{LimitType, LoiterDurationUnits, MissionPlanMode, WaypointType};
+use stanag_msgs::messages::{
+    CurveSegment, CurveSegmentPaper, MissionTransferCommand, UaLoiterWaypoint, UaPositionWaypoint,
+    UaRoute,
+};
+use stanag_msgs::scalar::{Integer, Scale};
+use stanag_msgs::{Bam16, Bam32, Envelope, Id, MAX_DATAGRAM, Message, Scaled, Text, TimeStamp};
+
+use super::model::{
+    Curve, CurveForm, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
+};
+use crate::session::download::Download;
+use crate::session::sender::stamped;
+
+impl Route {
+    /// The messages, in the order: route, each waypoint with its loiter, curves. 50001 names vehicle and CUCS too.
+    ///
+    /// # Errors
+    /// A value that its field cannot carry.
+    pub fn messages(&self, vehicle: Id, cucs: Id) -> Result<Vec<Message>, RouteError> {
+        let first = self.waypoints.first().ok_or(RouteError::Empty)?;
+        let mut messages = vec![Message::UaRoute(UaRoute {
+            initial_waypoint_number: Some(self.initial.unwrap_or(first.number)),
+            route_id: self.route_id()?,
+            route_type: self.route_type,
+            ..UaRoute::default()
+        })];
+        for waypoint in &self.waypoints {
+            messages.push(position(waypoint)?.into());
+            if let Some(loiter) = &waypoint.loiter {
+                messages.push(loiter_waypoint(waypoint.number, loiter)?.into());
+            }
+        }
+        for curve in &self.curves {
+            messages.push(segment(curve, vehicle, cucs)?);
+        }
+        Ok(messages)
+    }
+
+    /// What a station at `cucs` sends to load it, a message a datagram: [`Route::messages`] and the 13000, each stamped
+    /// a millisecond after the one before, the first at `unix_ms`, and each with an acknowledgement asked for.
+    ///
+    /// # Errors
+    /// A value that its field cannot carry, or a message longer than a datagram.
+    pub fn datagrams(
+        &self,
+        vehicle: Id,
+        cucs: Id,
+        unix_ms: u64,
+    ) -> Result<Vec<Vec<u8>>, RouteError> {
+        let mut messages = self.messages(vehicle, cucs)?;
+        messages.push(self.load_command()?.into());
+        let envelope = Envelope::new(cucs, vehicle).requesting_ack();
+        let mut bytes = [0; MAX_DATAGRAM];
+        let mut out = Vec::with_capacity(messages.len());
+        let stamps = TimeStamp::from_unix_ms(unix_ms).0..;
+        for (stamp, message) in stamps.zip(messages) {
+            let length = stamped(&message, TimeStamp(stamp)).encode(&envelope, &mut bytes)?;
+            out.extend(bytes.get(..length).map(<[u8]>::to_vec));
+        }
+        Ok(out)
+    }
+
+    /// The 13000 that loads it.
+    pub(crate) fn load_command(&self) -> Result<MissionTransferCommand, RouteError> {
+        Ok(MissionTransferCommand {
+            mission_id: self.mission_id()?,
+            mission_plan_mode: Some(MissionPlanMode::Load),
+            route_id: self.route_id()?,
+            ..MissionTransferCommand::default()
+        })
+    }
+
+    /// The Mission ID for the 13000 that loads it.
+    pub(crate) fn mission_id(&self) -> Result<Option<Text<20>>, RouteError> {
+        text("Mission ID", self.mission_id.as_deref())
+    }
+
+    /// The Route ID.
+    pub(crate) fn route_id(&self) -> Result<Option<Text<33>>, RouteError> {
+        text("Route ID", self.id.as_deref())
+    }
+
+    /// The routes of a download, each with the waypoints that it reaches, in flying order.
+    #[must_use]
+    pub fn from_download(download: &Download) -> Vec<Route> {
+        let all: Vec<Message> = download.messages().collect();
+        download
+            .routes()
+            .iter()
+            .map(|route| from(route, &all))
+            .collect()
+    }
+}
+
+/// A text for a field of `N` bytes, refused rather than cut.
+fn text<const N: usize>(
+    what: &'static str,
+    value: Option<&str>,
+) -> Result<Option<Text<N>>, RouteError> {
+    let Some(value) = value else { return Ok(None) };
+    let printable = value
+        .bytes()
+        .all(|byte| byte == b' ' || byte.is_ascii_graphic());
+    if value.len() < N && printable {
+        Ok(Some(Text::new(value)))
+    } else {
+        let value = value.to_owned();
+        Err(RouteError::Text {
+            what,
+            value,
+            most: N - 1,
+        })
+    }
+}
+
+fn position(waypoint: &Waypoint) -> Result<UaPositionWaypoint, RouteError> {
+    let what = |field: &str| format!("waypoint {}: {field}", waypoint.number);
+    Ok(UaPositionWaypoint {
+        waypoint_number: Some(waypoint.number),
+        waypoint_to_latitude_or_relative_y: Some(angle(what("latitude"), waypoint.latitude_deg)?),
+        waypoint_to_longitude_or_relative_x: Some(angle(
+            what("longitude"),
+            waypoint.longitude_deg,
+        )?),
+        waypoint_to_altitude: Some(scaled(what("altitude"), waypoint.altitude_m)?),
+        waypoint_altitude_type: waypoint.altitude_type,
+        waypoint_to_speed: maybe(what("speed"), waypoint.speed_m_s)?,
+        waypoint_speed_type: waypoint.speed_type,
+        next_waypoint: Some(waypoint.next),
+        turn_type: waypoint.turn,
+        waypoint_type: waypoint.repeat.map(|_| WaypointType::EndOfLoop),
+        limit_type: waypoint.repeat.map(|repeat| repeat.limit_type),
+        loop_limit: waypoint.repeat.map(|repeat| repeat.limit),
+        ..UaPositionWaypoint::default()
+    })
+}
+
+fn loiter_waypoint(number: u16, loiter: &Loiter) -> Result<UaLoiterWaypoint, RouteError> {
+    let what = |field: &str| format!("waypoint {number}: loiter.{field}");
+    let bearing = match loiter.bearing_deg {
+        None => None,
+        Some(value) if value.is_finite() => Some(Bam16::from_degrees(value)),
+        Some(value) => {
+            return Err(RouteError::Angle {
+                what: what("bearing"),
+                value,
+            });
+        }
+    };
+    let (duration, units) = match loiter.span {
+        None => (None, None),
+        Some(LoiterSpan::Seconds(s)) => (Some(s), Some(LoiterDurationUnits::Seconds)),
+        Some(LoiterSpan::Turns(turns)) => (Some(turns), Some(LoiterDurationUnits::Turns)),
+    };
+    Ok(UaLoiterWaypoint {
+        waypoint_number: Some(number),
+        waypoint_loiter_type: loiter.pattern,
+        loiter_radius: maybe(what("radius"), loiter.radius_m)?,
+        loiter_length: maybe(what("length"), loiter.length_m)?,
+        loiter_bearing: bearing,
+        loiter_direction: loiter.direction,
+        loiter_speed: maybe(what("speed"), loiter.speed_m_s)?,
+        loiter_duration: duration,
+        loiter_duration_units: units,
+        ..UaLoiterWaypoint::default()
+    })
+}
+
+fn segment(curve: &Curve, vehicle: Id, cucs: Id) -> Result<Message, RouteError> {
+    let what = |field: &str| format!("curve from waypoint {}: {field}", curve.from);
+    let (p2, p3) = (curve.p2, curve.p3);
+    match curve.form {
+        CurveForm::Native => Ok(Message::CurveSegment(CurveSegment {
+            p1_waypoint_no: Some(curve.from),
+            p4_waypoint_no: Some(curve.to),
+            p2_latitude: Some(angle(what("p2 latitude"), p2.latitude_deg)?),
+            p2_longitude: Some(angle(what("p2 longitude"), p2.longitude_deg)?),
+            p2_altitude: maybe(what("p2 altitude"), p2.altitude_m)?,
+            p3_latitude: Some(angle(what("p3 latitude"), p3.latitude_deg)?),
+            p3_longitude: Some(angle(what("p3 longitude"), p3.longitude_deg)?),
+            p3_altitude: maybe(what("p3 altitude"), p3.altitude_m)?,
+            altitude_type: curve.altitude_type,
+            ..CurveSegment::default()
+        })),
+        CurveForm::Paper if p2.altitude_m.is_some() || p3.altitude_m.is_some() => {
+            Err(RouteError::CurveAltitude { from: curve.from })
+        }
+        CurveForm::Paper => Ok(Message::CurveSegmentPaper(CurveSegmentPaper {
+            vehicle_id: Some(vehicle),
+            cucs_id: Some(cucs),
+            p1_waypoint_no: Some(curve.from),
+            p4_waypoint_no: Some(curve.to),
+            p2_latitude: Some(p2.latitude_deg.to_radians()),
+            p2_longitude: Some(p2.longitude_deg.to_radians()),
+            p3_latitude: Some(p3.latitude_deg.to_radians()),
+            p3_longitude: Some(p3.longitude_deg.to_radians()),
+            ..CurveSegmentPaper::default()
+        })),
+    }
+}
+
+fn angle(what: String, degrees: f64) -> Result<Bam32, RouteError> {
+    if degrees.is_finite() {
+        Ok(Bam32::from_degrees(degrees))
+    } else {
+        Err(RouteError::Angle {
+            what,
+            value: degrees,
+        })
+    }
+}
+
+fn scaled<R: Integer, S: Scale>(what: String, value: f64) -> Result<Scaled<R, S>, RouteError> {
+    Scaled::from_si(value).map_err(|fault| RouteError::Value { what, fault })
+}
+
+fn maybe<R: Integer, S: Scale>(
+    what: String,
+    value: Option<f64>,
+) -> Result<Option<Scaled<R, S>>, RouteError> {
+    value.map(|value| scaled(what, value)).transpose()
+}
+
+fn from(route: &UaRoute, all: &[Message]) -> Route {
+    let mut waypoints: Vec<Waypoint> = Vec::new();
+    let mut reached = BTreeSet::new();
+    let mut number = route.initial_waypoint_number.unwrap_or(0);
+    while number != 0 && reached.insert(number) {
+        let found = all.iter().find_map(|message| match message {
+            Message::UaPositionWaypoint(point) if point.waypoint_number == Some(number) => {
+                Some(point)
+            }
+            _ => None,
+        });
+        let Some(point) = found else { break };
+        let loiter = all.iter().find_map(|message| match message {
+            Message::UaLoiterWaypoint(loiter) if loiter.waypoint_number == Some(number) => {
+                Some(loiter)
+            }
+            _ => None,
+        });
+        waypoints.push(waypoint(number, point, loiter));
+        number = point.next_waypoint.unwrap_or(0);
+    }
+    let place = |curve: &Curve| {
+        waypoints
+            .iter()
+            .position(|point| point.number == curve.from)
+    };
+    let mut curves: Vec<Curve> = all.iter().filter_map(curve).collect();
+    curves.retain(|curve| place(curve).is_some());
+    curves.sort_by_key(place);
+    Route {
+        mission_id: None,
+        id: route.route_id.map(|id| id.as_str().to_owned()),
+        route_type: route.route_type,
+        initial: route.initial_waypoint_number,
+        waypoints,
+        curves,
+    }
+}
+
+fn waypoint(
+    number: u16,
+    point: &UaPositionWaypoint,
+    loiter_there: Option<&UaLoiterWaypoint>,
+) -> Waypoint {
+    Waypoint {
+        number,
+        latitude_deg: degrees(point.waypoint_to_latitude_or_relative_y),
+        longitude_deg: degrees(point.waypoint_to_longitude_or_relative_x),
+        altitude_m: point.waypoint_to_altitude.map_or(0.0, |m| m.si()),
+        altitude_type: point.waypoint_altitude_type,
+        speed_m_s: point.waypoint_to_speed.map(|speed| speed.si()),
+        speed_type: point.waypoint_speed_type,
+        next: point.next_waypoint.unwrap_or(0),
+        turn: point.turn_type,
+        loiter: loiter_there.map(loiter),
+        repeat: (point.waypoint_type == Some(WaypointType::EndOfLoop)).then(|| Loop {
+            limit_type: point.limit_type.unwrap_or(LimitType::None),
+            limit: point.loop_limit.unwrap_or(0),
+        }),
+    }
+}
+
+fn loiter(loiter: &UaLoiterWaypoint) -> Loiter {
+    Loiter {
+        pattern: loiter.waypoint_loiter_type,
+        radius_m: loiter.loiter_radius.map(|radius| radius.si()),
+        length_m: loiter.loiter_length.map(|length| length.si()),
+        bearing_deg: loiter.loiter_bearing.map(|bearing| bearing.degrees()),
+        direction: loiter.loiter_direction,
+        speed_m_s: loiter.loiter_speed.map(|speed| speed.si()),
+        span: loiter.loiter_duration.map(|duration| {
+            if loiter.loiter_duration_units == Some(LoiterDurationUnits::Turns) {
+                LoiterSpan::Turns(duration)
+            } else {
+                LoiterSpan::Seconds(duration)
+            }
+        }),
+    }
+}
+
+fn curve(message: &Message) -> Option<Curve> {
+    match message {
+        Message::CurveSegment(curve) => Some(Curve {
+            from: curve.p1_waypoint_no?,
+            to: curve.p4_waypoint_no?,
+            p2: Place {
+                latitude_deg: degrees(curve.p2_latitude),
+                longitude_deg: degrees(curve.p2_longitude),
+                altitude_m: curve.p2_altitude.map(|altitude| altitude.si()),
+            },
+            p3: Place {
+                latitude_deg: degrees(curve.p3_latitude),
+                longitude_deg: degrees(curve.p3_longitude),
+                altitude_m: curve.p3_altitude.map(|altitude| altitude.si()),
+            },
+            altitude_type: curve.altitude_type,
+            form: CurveForm::Native,
+        }),
+        Message::CurveSegmentPaper(curve) => Some(Curve {
+            from: curve.p1_waypoint_no?,
+            to: curve.p4_waypoint_no?,
+            p2: Place {
+                latitude_deg: curve.p2_latitude?.to_degrees(),
+                longitude_deg: curve.p2_longitude?.to_degrees(),
+                altitude_m: None,
+            },
+            p3: Place {
+                latitude_deg: curve.p3_latitude?.to_degrees(),
+                longitude_deg: curve.p3_longitude?.to_degrees(),
+                altitude_m: None,
+            },
+            altitude_type: None,
+            form: CurveForm::Paper,
+        }),
+        _ => None,
+    }
+}
+
+fn degrees(angle: Option<stanag_msgs::Bam32>) -> f64 {
+    angle.map_or(0.0, |angle| angle.degrees())
+}

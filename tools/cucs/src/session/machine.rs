@@ -1,0 +1,413 @@
+//! The CUCS as a machine: datagrams and the time in, datagrams and events out.
+//!
+//! Promises: stamps rise strictly; a message that wants an acknowledgement is sent again, the same bytes, until a
+//! 17000 of type 1, 2 or 3 came or all tries are used up; what is late, doubled or meant for others changes nothing;
+//! a 17000 is sent only for a message to this CUCS that asks for one, and never for a 17000.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use stanag_msgs::enums::{AckType, LoiBitmap};
+use stanag_msgs::messages::{Heartbeat, MessageAcknowledgement};
+use stanag_msgs::wrapper::{ChecksumStyle, Frame, frames};
+use stanag_msgs::{EncodeError, Id, Message, TimeStamp};
+
+use super::alert::Alert;
+use super::sender::Now;
+use super::sender::{Delivery, SendSettings, Sender, Ticket};
+use super::traffic::Traffic;
+use super::vehicle::{Change, Vehicle};
+
+/// What a session is made with.
+#[derive(Clone, Copy, Debug)]
+pub struct SessionConfig {
+    /// The id of this CUCS.
+    pub id: Id,
+    /// How its messages are summed.
+    pub checksum: ChecksumStyle,
+    /// After what time without any 17000 a message is sent again.
+    pub retry: Duration,
+    /// How often a message is sent at most.
+    pub tries: u32,
+}
+
+impl SessionConfig {
+    /// The defaults: no checksum, 5 tries, 0.5 s apart.
+    #[must_use]
+    pub fn new(id: Id) -> SessionConfig {
+        SessionConfig {
+            id,
+            checksum: ChecksumStyle::None,
+            retry: Duration::from_millis(500),
+            tries: 5,
+        }
+    }
+}
+
+/// What happened.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// A message was accepted; 16000 and 17000 too. Status that is pushed comes this way.
+    Message {
+        /// The vehicle or VSM that sent it.
+        from: Id,
+        /// The message.
+        message: Box<Message>,
+    },
+    /// An alert is there with all of its text.
+    Alert {
+        /// The vehicle that it is about.
+        from: Id,
+        /// The alert.
+        alert: Alert,
+    },
+    /// Another CUCS requests rights that this one holds: message 4.
+    HandoverRequested {
+        /// Over which vehicle.
+        vehicle: Id,
+        /// Who.
+        by: Id,
+        /// Which.
+        loi: LoiBitmap,
+    },
+    /// The holder offers rights to this CUCS: message 5.
+    HandoverOffered {
+        /// Over which vehicle.
+        vehicle: Id,
+        /// Which.
+        loi: LoiBitmap,
+    },
+    /// A message of ours has been answered.
+    Answered {
+        /// Which.
+        ticket: Ticket,
+        /// How far it is now.
+        delivery: Delivery,
+    },
+}
+
+/// The machine.
+#[derive(Debug)]
+pub struct Session {
+    config: SessionConfig,
+    sender: Sender,
+    vehicles: BTreeMap<Id, Vehicle>,
+    heartbeat_due: Option<Duration>,
+    events: VecDeque<Event>,
+    traffic: Traffic,
+}
+
+impl Session {
+    /// A session that knows nobody.
+    #[must_use]
+    pub fn new(config: SessionConfig) -> Session {
+        let settings = SendSettings {
+            own: config.id,
+            checksum: config.checksum,
+            retry: config.retry,
+            tries: config.tries,
+        };
+        Session {
+            config,
+            sender: Sender::new(settings),
+            vehicles: BTreeMap::new(),
+            heartbeat_due: None,
+            events: VecDeque::new(),
+            traffic: Traffic::default(),
+        }
+    }
+
+    /// The id of this CUCS.
+    #[must_use]
+    pub fn id(&self) -> Id {
+        self.config.id
+    }
+
+    /// Switches heartbeats (16002, 1 Hz) on or off. A CUCS that never sent one cannot lose control by silence.
+    pub fn set_heartbeats(&mut self, now: Now, on: bool) {
+        self.heartbeat_due = match self.heartbeat_due {
+            Some(due) if on => Some(due),
+            _ => on.then_some(now.mono),
+        };
+        self.handle_timeout(now);
+    }
+
+    /// Sends a message that wants an acknowledgement. Its Time Stamp is set when it is sent.
+    ///
+    /// # Errors
+    /// The message cannot be written.
+    pub fn send(
+        &mut self,
+        now: Now,
+        destination: Id,
+        message: impl Into<Message>,
+    ) -> Result<Ticket, EncodeError> {
+        let ticket = self.sender.submit(destination, message.into(), true)?;
+        self.sender.advance(now, &mut self.traffic);
+        Ok(ticket)
+    }
+
+    /// Sends several such messages, packed into as few datagrams as the window lets.
+    ///
+    /// # Errors
+    /// One of them cannot be written; none is sent.
+    pub fn send_all(
+        &mut self,
+        now: Now,
+        destination: Id,
+        messages: impl IntoIterator<Item = Message>,
+    ) -> Result<Vec<Ticket>, EncodeError> {
+        let mut tickets = Vec::new();
+        for message in messages {
+            match self.sender.submit(destination, message, true) {
+                Ok(ticket) => tickets.push(ticket),
+                Err(fault) => {
+                    for ticket in tickets {
+                        self.sender.withdraw(ticket);
+                    }
+                    return Err(fault);
+                }
+            }
+        }
+        self.sender.advance(now, &mut self.traffic);
+        Ok(tickets)
+    }
+
+    /// Sends a message once, with no acknowledgement asked for.
+    ///
+    /// # Errors
+    /// The message cannot be written.
+    pub fn send_unconfirmed(
+        &mut self,
+        now: Now,
+        destination: Id,
+        message: impl Into<Message>,
+    ) -> Result<Ticket, EncodeError> {
+        let ticket = self.sender.submit(destination, message.into(), false)?;
+        self.sender.advance(now, &mut self.traffic);
+        Ok(ticket)
+    }
+
+    /// How far a message has come.
+    #[must_use]
+    pub fn delivery(&self, ticket: Ticket) -> Delivery {
+        self.sender.delivery(ticket)
+    }
+
+    /// Message Type and Time Stamp of a message that was sent, not long ago.
+    #[must_use]
+    pub fn sent(&self, ticket: Ticket) -> Option<(u16, TimeStamp)> {
+        self.sender.sent(ticket)
+    }
+
+    /// How far a message of this type and stamp has come.
+    #[must_use]
+    pub fn acknowledgement(&self, message_type: u16, stamp: TimeStamp) -> Option<Delivery> {
+        self.sender.answer(message_type, stamp)
+    }
+
+    /// Gives a message up: it is not sent again.
+    pub fn withdraw(&mut self, ticket: Ticket) {
+        self.sender.withdraw(ticket);
+    }
+
+    /// Sends a message that was answered "received" once more, the same bytes: its end may have been lost.
+    pub fn resend(&mut self, ticket: Ticket) {
+        self.sender.resend(ticket, &mut self.traffic);
+    }
+
+    /// After what time a message is sent again.
+    pub(crate) fn retry(&self) -> Duration {
+        self.config.retry
+    }
+
+    /// Takes a datagram of the VSM.
+    pub fn handle_datagram(&mut self, now: Now, bytes: &[u8]) {
+        for frame in frames(bytes) {
+            match frame {
+                Ok(frame) => self.handle_frame(now, &frame),
+                Err(fault) => self.traffic.drop(fault.reason()),
+            }
+        }
+        self.sender.advance(now, &mut self.traffic);
+    }
+
+    fn handle_frame(&mut self, now: Now, frame: &Frame<'_>) {
+        let header = frame.header;
+        if header.source == self.config.id {
+            return self.traffic.drop("own");
+        }
+        if header.destination != self.config.id && header.destination != Id::BROADCAST {
+            return self.traffic.drop("misaddressed");
+        }
+        let message = match Message::decode(header.message_type, frame.data) {
+            Ok(message) => message,
+            Err(fault) => return self.traffic.drop(fault.reason()),
+        };
+        let to_us = header.destination == self.config.id;
+        match &message {
+            Message::MessageAcknowledgement(answer) => self.take_answer(header.source, answer),
+            // What everybody may hear of another's rights says nothing of ours.
+            Message::VsmAuthorisationResponse(_)
+            | Message::PositiveHandoverAuthorisationRequest(_)
+            | Message::PositiveHandoverAuthorisationGranted(_)
+                if !to_us =>
+            {
+                return self.traffic.drop("for others");
+            }
+            _ => match self.take_report(now, header.source, &message) {
+                Change::Taken | Change::Unused => {}
+                Change::Late => return self.traffic.drop("late"),
+                Change::Alert(alert) => self.push_event(Event::Alert {
+                    from: header.source,
+                    alert,
+                }),
+                Change::HandoverRequested(by, loi) => self.push_event(Event::HandoverRequested {
+                    vehicle: header.source,
+                    by,
+                    loi,
+                }),
+                Change::HandoverOffered(loi) => self.push_event(Event::HandoverOffered {
+                    vehicle: header.source,
+                    loi,
+                }),
+            },
+        }
+        self.traffic.received.count(header.message_type);
+        if header.ack_requested && to_us && header.message_type != MessageAcknowledgement::ID {
+            self.acknowledge(header.source, header.message_type, frame);
+        }
+        self.push_event(Event::Message {
+            from: header.source,
+            message: Box::new(message),
+        });
+    }
+
+    fn take_report(&mut self, now: Now, source: Id, message: &Message) -> Change {
+        let reports_vehicle = !matches!(message, Message::Heartbeat(_));
+        if !self.vehicles.contains_key(&source)
+            && (!reports_vehicle || self.vehicles.len() >= MAX_VEHICLES)
+        {
+            return Change::Unused;
+        }
+        let vehicle = self
+            .vehicles
+            .entry(source)
+            .or_insert_with(|| Vehicle::new(source, now.mono));
+        vehicle.last_received = now.mono;
+        vehicle.take(message)
+    }
+
+    fn take_answer(&mut self, source: Id, answer: &MessageAcknowledgement) {
+        let (Some(message_type), Some(stamp), Some(kind)) = (
+            answer.original_message_type,
+            answer.original_message_time_stamp,
+            answer.acknowledgement_type,
+        ) else {
+            return self.traffic.drop("incomplete acknowledgement");
+        };
+        match self.sender.acknowledged(source, message_type, stamp, kind) {
+            Some((ticket, delivery)) => self.push_event(Event::Answered { ticket, delivery }),
+            None => self.traffic.drop("unmatched acknowledgement"),
+        }
+    }
+
+    fn acknowledge(&mut self, to: Id, message_type: u16, frame: &Frame<'_>) {
+        let answer = MessageAcknowledgement {
+            original_message_time_stamp: stamp_of(frame),
+            original_message_type: Some(message_type),
+            acknowledgement_type: Some(AckType::Received),
+            ..MessageAcknowledgement::default()
+        };
+        // A 17000 always fits a datagram.
+        let _ = self.sender.submit(to, answer.into(), false);
+    }
+
+    /// Does what is due.
+    pub fn handle_timeout(&mut self, now: Now) {
+        if let Some(due) = self.heartbeat_due
+            && due <= now.mono
+        {
+            // In step, unless a pause was longer than the period.
+            let next = due + HEARTBEAT;
+            self.heartbeat_due = Some(if next > now.mono {
+                next
+            } else {
+                now.mono + HEARTBEAT
+            });
+            // A heartbeat always fits a datagram.
+            let _ = self
+                .sender
+                .submit(Id::BROADCAST, Heartbeat::default().into(), false);
+        }
+        self.sender.advance(now, &mut self.traffic);
+    }
+
+    /// When [`Session::handle_timeout`] is next needed.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        let again = self.sender.poll_timeout();
+        again.into_iter().chain(self.heartbeat_due).min()
+    }
+
+    /// The next datagram for the VSM.
+    pub fn poll_transmit(&mut self) -> Option<Vec<u8>> {
+        self.sender.poll_transmit()
+    }
+
+    /// The next event. Where nobody asks for them, the oldest are forgotten.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// A vehicle that was heard.
+    #[must_use]
+    pub fn vehicle(&self, id: Id) -> Option<&Vehicle> {
+        self.vehicles.get(&id)
+    }
+
+    /// All that were heard, by rising id.
+    pub fn vehicles(&self) -> impl Iterator<Item = &Vehicle> {
+        self.vehicles.values()
+    }
+
+    /// Forgets what a vehicle sent of its plan: what comes from now on is a new download.
+    pub fn start_download(&mut self, vehicle: Id) {
+        if let Some(vehicle) = self.vehicles.get_mut(&vehicle) {
+            vehicle.download.clear();
+        }
+    }
+
+    /// The counters.
+    #[must_use]
+    pub fn traffic(&self) -> &Traffic {
+        &self.traffic
+    }
+
+    fn push_event(&mut self, event: Event) {
+        if self.events.len() >= MAX_EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(event);
+    }
+}
+
+/// The Time Stamp as it stands on the wire: field 1 of every message.
+fn stamp_of(frame: &Frame<'_>) -> Option<TimeStamp> {
+    let info = stanag_msgs::table::message(frame.header.message_type)?;
+    let presence = usize::from(info.presence_bytes);
+    let (vector, fields) = frame.data.split_at_checked(presence)?;
+    if vector.last()? & 1 == 0 || info.fields.first()?.wire.bytes() != Some(5) {
+        return None;
+    }
+    let bytes = fields.get(..5)?;
+    Some(TimeStamp(
+        bytes
+            .iter()
+            .fold(0, |stamp, byte| stamp << 8 | u64::from(*byte)),
+    ))
+}
+
+const HEARTBEAT: Duration = Duration::from_secs(1);
+const MAX_VEHICLES: usize = 256;
+const MAX_EVENTS: usize = 4_096;

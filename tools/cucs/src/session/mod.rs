@@ -1,0 +1,15 @@
+//! The CUCS as a machine without socket or clock.
+//!
+//! - [`traffic`]: counters of messages sent, received and dropped;
+//! - [`sender`]: what is on its way to the VSM: time stamps, window, retransmission;
+//! - [`alert`]: 16000s whose text spans several messages;
+//! - [`download`]: a plan as a vehicle sends it;
+//! - [`vehicle`]: what one vehicle last reported;
+//! - [`machine`]: the session that joins them: datagrams and time in, datagrams and events out.
+
+pub(crate) mod alert;
+pub(crate) mod download;
+pub(crate) mod machine;
+pub(crate) mod sender;
+pub(crate) mod traffic;
+pub(crate) mod vehicle;

@@ -1,0 +1,403 @@
+//! What is on its way to the VSM: stamps that rise strictly, a window, the same bytes again until an answer comes.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use stanag_msgs::enums::AckType;
+use stanag_msgs::table::Wire;
+use stanag_msgs::wrapper::{ChecksumStyle, MAX_DATA};
+use stanag_msgs::{EncodeError, Envelope, Id, MAX_DATAGRAM, Message, Packer, TimeStamp};
+
+use super::traffic::Traffic;
+
+/// One moment on two clocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Now {
+    /// Since any fixed moment, never going back: for time-outs.
+    pub mono: Duration,
+    /// Unix time in ms: for stamps.
+    pub unix_ms: u64,
+}
+
+/// Names a message that was handed to a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Ticket(u64);
+
+/// How far a message has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Delivery {
+    /// It waits for room in the window.
+    Queued,
+    /// It has been sent so many times, and nothing was answered.
+    Sent(u32),
+    /// No answer was asked for.
+    Unconfirmed,
+    /// 17000 type 1: it arrived.
+    Received,
+    /// 17000 type 2.
+    CarriedOut,
+    /// 17000 type 3.
+    Refused,
+    /// Every try went without an answer.
+    Unanswered,
+}
+
+impl Delivery {
+    /// Whether nothing more will come by itself.
+    #[must_use]
+    pub fn is_final(self) -> bool {
+        matches!(
+            self,
+            Self::Unconfirmed | Self::CarriedOut | Self::Refused | Self::Unanswered
+        )
+    }
+
+    fn rank(self) -> u8 {
+        match self {
+            Self::Queued => 0,
+            Self::Sent(_) => 1,
+            Self::Unconfirmed | Self::Unanswered => 2,
+            Self::Received => 3,
+            Self::CarriedOut | Self::Refused => 4,
+        }
+    }
+}
+
+/// How messages are sent.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SendSettings {
+    pub(crate) own: Id,
+    pub(crate) checksum: ChecksumStyle,
+    pub(crate) retry: Duration,
+    pub(crate) tries: u32,
+}
+
+#[derive(Debug)]
+pub(crate) struct Sender {
+    settings: SendSettings,
+    queue: VecDeque<(Ticket, Id, Message, bool)>,
+    sent: BTreeMap<Ticket, Sent>,
+    out: VecDeque<Vec<u8>>,
+    next_ticket: u64,
+    last_stamp: u64,
+}
+
+#[derive(Debug)]
+struct Sent {
+    destination: Id,
+    message_type: u16,
+    stamp: TimeStamp,
+    bytes: Box<[u8]>,
+    tries: u32,
+    due: Duration,
+    delivery: Delivery,
+}
+
+impl Sender {
+    pub(crate) fn new(settings: SendSettings) -> Sender {
+        Sender {
+            settings,
+            queue: VecDeque::new(),
+            sent: BTreeMap::new(),
+            out: VecDeque::new(),
+            next_ticket: 0,
+            last_stamp: 0,
+        }
+    }
+
+    /// Takes a message in. It is stamped when it is sent.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(crate) fn submit(
+        &mut self,
+        destination: Id,
+        message: Message,
+        acknowledged: bool,
+    ) -> Result<Ticket, EncodeError> {
+        message.encode(
+            &self.envelope(destination, acknowledged),
+            &mut [0; MAX_DATAGRAM],
+        )?;
+        let ticket = Ticket(self.next_ticket);
+        self.next_ticket += 1;
+        self.queue
+            .push_back((ticket, destination, message, acknowledged));
+        Ok(ticket)
+    }
+
+    /// Sends what has room, several messages a datagram, and what is due again.
+    pub(crate) fn advance(&mut self, now: Now, traffic: &mut Traffic) {
+        self.retransmit(now.mono, traffic);
+        let mut room = WINDOW.saturating_sub(self.in_flight());
+        let mut packer = Packer::new();
+        while room > 0
+            && let Some((ticket, destination, message, acknowledged)) = self.queue.pop_front()
+        {
+            let stamp = self.stamp(now.unix_ms);
+            let message = stamped(&message, stamp);
+            let envelope = self.envelope(destination, acknowledged);
+            let mut bytes = [0; MAX_DATAGRAM];
+            let out = &mut self.out;
+            let written = message.encode(&envelope, &mut bytes).and_then(|length| {
+                packer.push(&envelope, &message, |full| out.push_back(full.to_vec()))?;
+                Ok(length)
+            });
+            let (length, delivery) = match written {
+                Ok(length) if acknowledged => (length, Delivery::Sent(1)),
+                Ok(_) => (0, Delivery::Unconfirmed),
+                // It could be written when it was handed in; a stamp more and it is too long.
+                Err(_) => (0, Delivery::Unanswered),
+            };
+            if delivery != Delivery::Unanswered {
+                traffic.sent.count(message.id());
+            }
+            room -= usize::from(acknowledged);
+            let sent = Sent {
+                destination,
+                message_type: message.id(),
+                stamp,
+                bytes: bytes[..length].into(),
+                tries: 1,
+                due: now.mono + self.settings.retry,
+                delivery,
+            };
+            self.sent.insert(ticket, sent);
+        }
+        packer.flush(|rest| self.out.push_back(rest.to_vec()));
+        self.forget_old();
+    }
+
+    fn retransmit(&mut self, now: Duration, traffic: &mut Traffic) {
+        for sent in self.sent.values_mut() {
+            let Delivery::Sent(_) = sent.delivery else {
+                continue;
+            };
+            if sent.due > now {
+                continue;
+            }
+            if sent.tries >= self.settings.tries {
+                sent.delivery = Delivery::Unanswered;
+                continue;
+            }
+            sent.tries += 1;
+            sent.delivery = Delivery::Sent(sent.tries);
+            sent.due = now + self.settings.retry;
+            traffic.sent.count(sent.message_type);
+            traffic.retransmitted += 1;
+            self.out.push_back(sent.bytes.to_vec());
+        }
+    }
+
+    /// Takes a 17000: (its source, Original Message Type, Original Message Time Stamp, Acknowledgement Type). The
+    /// ticket that it is for, and how far that is now.
+    pub(crate) fn acknowledged(
+        &mut self,
+        source: Id,
+        message_type: u16,
+        stamp: TimeStamp,
+        answer: AckType,
+    ) -> Option<(Ticket, Delivery)> {
+        let delivery = match answer {
+            AckType::Received => Delivery::Received,
+            AckType::CarriedOut => Delivery::CarriedOut,
+            AckType::Refused => Delivery::Refused,
+            AckType::Unknown(_) => return None,
+        };
+        let (ticket, sent) = self.sent.iter_mut().rev().find(|(_, sent)| {
+            let from_there = sent.destination == source || sent.destination == Id::BROADCAST;
+            sent.message_type == message_type && sent.stamp == stamp && from_there
+        })?;
+        // What came late and says less than is known changes nothing.
+        if delivery.rank() > sent.delivery.rank() {
+            sent.delivery = delivery;
+        }
+        Some((*ticket, sent.delivery))
+    }
+
+    pub(crate) fn delivery(&self, ticket: Ticket) -> Delivery {
+        match self.sent.get(&ticket) {
+            Some(sent) => sent.delivery,
+            None if self.queue.iter().any(|(queued, ..)| *queued == ticket) => Delivery::Queued,
+            // Long since over, and forgotten.
+            None => Delivery::Unconfirmed,
+        }
+    }
+
+    /// Message Type and stamp of a message that was sent.
+    pub(crate) fn sent(&self, ticket: Ticket) -> Option<(u16, TimeStamp)> {
+        let sent = self.sent.get(&ticket)?;
+        Some((sent.message_type, sent.stamp))
+    }
+
+    /// The latest answer to a message of this type and stamp.
+    pub(crate) fn answer(&self, message_type: u16, stamp: TimeStamp) -> Option<Delivery> {
+        let mut latest = self.sent.values().rev();
+        latest
+            .find(|sent| sent.message_type == message_type && sent.stamp == stamp)
+            .map(|sent| sent.delivery)
+    }
+
+    /// Sends the very bytes once more, where they want an answer: what is decided later may have been lost.
+    pub(crate) fn resend(&mut self, ticket: Ticket, traffic: &mut Traffic) {
+        if let Some(sent) = self.sent.get(&ticket)
+            && !sent.bytes.is_empty()
+        {
+            traffic.sent.count(sent.message_type);
+            traffic.retransmitted += 1;
+            self.out.push_back(sent.bytes.to_vec());
+        }
+    }
+
+    /// Nothing of this is sent again, or for the first time.
+    pub(crate) fn withdraw(&mut self, ticket: Ticket) {
+        self.queue.retain(|(queued, ..)| *queued != ticket);
+        if let Some(sent) = self.sent.get_mut(&ticket)
+            && !sent.delivery.is_final()
+        {
+            sent.delivery = Delivery::Unanswered;
+        }
+    }
+
+    pub(crate) fn poll_transmit(&mut self) -> Option<Vec<u8>> {
+        self.out.pop_front()
+    }
+
+    /// When [`Sender::advance`] is next needed.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        self.waiting().map(|sent| sent.due).min()
+    }
+
+    fn in_flight(&self) -> usize {
+        self.waiting().count()
+    }
+
+    fn waiting(&self) -> impl Iterator<Item = &Sent> {
+        self.sent
+            .values()
+            .filter(|sent| matches!(sent.delivery, Delivery::Sent(_)))
+    }
+
+    /// Later than every stamp before.
+    fn stamp(&mut self, unix_ms: u64) -> TimeStamp {
+        self.last_stamp = TimeStamp::from_unix_ms(unix_ms).0.max(self.last_stamp + 1);
+        TimeStamp(self.last_stamp)
+    }
+
+    fn envelope(&self, destination: Id, acknowledged: bool) -> Envelope {
+        let envelope = Envelope::new(self.settings.own, destination).summed(self.settings.checksum);
+        if acknowledged {
+            envelope.requesting_ack()
+        } else {
+            envelope
+        }
+    }
+
+    fn forget_old(&mut self) {
+        while self.sent.len() > MAX_REMEMBERED {
+            let Some(oldest) = self
+                .sent
+                .iter()
+                .find(|(_, sent)| sent.delivery.is_final())
+                .map(|(ticket, _)| *ticket)
+            else {
+                return;
+            };
+            self.sent.remove(&oldest);
+        }
+    }
+}
+
+/// The same message with this stamp. A message whose first field is no stamp, or that cannot be written, is returned
+/// as it is: writing it will say why.
+pub(crate) fn stamped(message: &Message, stamp: TimeStamp) -> Message {
+    rewritten(message, stamp).unwrap_or_else(|| message.clone())
+}
+
+fn rewritten(message: &Message, stamp: TimeStamp) -> Option<Message> {
+    let info = message.info();
+    let presence = usize::from(info.presence_bytes);
+    let mut value = [0; 8];
+    let wide = match info.fields.first()?.wire {
+        Wire::U40 => {
+            value[..5].copy_from_slice(&stamp.0.to_be_bytes()[3..]);
+            5
+        }
+        // 50001 carries the same milliseconds as a double.
+        Wire::F64 => {
+            value = (stamp.0 as f64).to_be_bytes();
+            8
+        }
+        _ => return None,
+    };
+    let mut old = [0; MAX_DATA];
+    let length = message.encode_data(&mut old).ok()?;
+    let (vector, fields) = old.get(..length)?.split_at_checked(presence)?;
+    let was_stamped = vector.last()? & 1 != 0;
+    let others = fields.get(if was_stamped { wide } else { 0 }..)?;
+
+    let mut new = Vec::with_capacity(length + wide);
+    new.extend_from_slice(vector);
+    *new.last_mut()? |= 1;
+    new.extend_from_slice(value.get(..wide)?);
+    new.extend_from_slice(others);
+    Message::decode(info.id, &new).ok()
+}
+
+/// Messages on their way without an answer: what a socket's buffer takes in acknowledgements.
+const WINDOW: usize = 32;
+const MAX_REMEMBERED: usize = 4_096;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use stanag_msgs::enums::FlightPathControlMode;
+    use stanag_msgs::messages::{CurveSegmentPaper, VehicleOperatingModeCommand};
+    use stanag_msgs::table;
+
+    #[test]
+    fn a_stamp_is_put_in_and_replaced_and_nothing_else_changes() {
+        let bare = VehicleOperatingModeCommand {
+            select_flight_path_control_mode: Some(FlightPathControlMode::Loiter),
+            commanded_waypoint_number: Some(7),
+            ..Default::default()
+        };
+        for stamp in [TimeStamp(1), TimeStamp(0xFF_FFFF_FFFF)] {
+            let once = stamped(&bare.clone().into(), TimeStamp(99));
+            let expected = VehicleOperatingModeCommand {
+                time_stamp: Some(stamp),
+                ..bare.clone()
+            };
+            assert_eq!(stamped(&once, stamp), expected.into());
+        }
+    }
+
+    #[test]
+    fn every_message_of_the_table_can_be_stamped_but_is_otherwise_empty() {
+        for info in table::MESSAGES {
+            let Some(empty) = Message::empty(info.id) else {
+                panic!("{} is not in the table", info.id)
+            };
+            let message = stamped(&empty, TimeStamp(0x12_3456_789A));
+            let mut bytes = [0; MAX_DATA];
+            let length = message.encode_data(&mut bytes).unwrap();
+            let wide = info.fields[0].wire.bytes().unwrap();
+            assert_eq!(
+                length,
+                usize::from(info.presence_bytes) + wide,
+                "{}",
+                info.id
+            );
+        }
+    }
+
+    #[test]
+    fn the_papers_curve_carries_the_stamp_as_a_double() {
+        let message = stamped(&CurveSegmentPaper::default().into(), TimeStamp(1234));
+        let Message::CurveSegmentPaper(curve) = message else {
+            panic!("another message");
+        };
+        assert_eq!(curve.time_stamp, Some(1234.0));
+    }
+}

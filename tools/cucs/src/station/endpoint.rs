@@ -1,0 +1,378 @@
+//! A session on a UDP socket, and what an operator does with it.
+//!
+//! Every method waits at most its time ([`Timeouts`]) and tells, when it waited in vain, what for and what was seen
+//! instead. Nothing is spawned: the station is served while one of its methods runs, so one thread is enough, and
+//! [`Station::idle`] is how to wait. A method that is dropped half way leaves the station usable.
+
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs as _};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::{Id, Message};
+use tokio::net::UdpSocket;
+use tokio::time::{Instant, timeout_at};
+
+use super::outcome::{Refused, StationError, Timeouts};
+use super::report;
+use crate::session::machine::{Event, Session, SessionConfig};
+use crate::session::sender::Now;
+use crate::session::sender::{Delivery, Ticket};
+use crate::session::vehicle::Vehicle;
+
+/// A CUCS that runs.
+#[derive(Debug)]
+pub struct Station {
+    pub(crate) session: Session,
+    socket: UdpSocket,
+    vsm: SocketAddr,
+    started: Instant,
+    /// How long its methods wait. May be changed at any time.
+    pub timeouts: Timeouts,
+    /// Anything has been received from the VSM.
+    pub(super) answered: bool,
+    unreachable: bool,
+}
+
+impl Station {
+    /// A station with this id: listens on `local`, speaks to the VSM at `vsm`.
+    ///
+    /// # Errors
+    /// The address is taken or cannot be used.
+    pub async fn bind(id: Id, local: SocketAddr, vsm: SocketAddr) -> Result<Station, StationError> {
+        Station::with_config(SessionConfig::new(id), local, vsm).await
+    }
+
+    /// A station that speaks to the VSM at `vsm`, HOST:PORT. Without `local` it listens on any port, on the loopback
+    /// where the VSM is there.
+    ///
+    /// # Errors
+    /// The VSM's address is none, or the own one is taken or cannot be used.
+    pub async fn reach(
+        id: Id,
+        local: Option<SocketAddr>,
+        vsm: &str,
+    ) -> Result<Station, StationError> {
+        let address = |reason: String| StationError::Address {
+            address: vsm.to_owned(),
+            reason,
+        };
+        let mut found = vsm
+            .to_socket_addrs()
+            .map_err(|fault| address(fault.to_string()))?;
+        let vsm = found
+            .next()
+            .ok_or_else(|| address("no such host".to_owned()))?;
+        Station::bind(id, local.unwrap_or_else(|| any_port(vsm)), vsm).await
+    }
+
+    /// [`Station::bind`] with a session of another kind.
+    ///
+    /// # Errors
+    /// The address is taken or cannot be used.
+    pub async fn with_config(
+        config: SessionConfig,
+        local: SocketAddr,
+        vsm: SocketAddr,
+    ) -> Result<Station, StationError> {
+        let failed = |what: String| move |source| StationError::Socket { what, source };
+        let socket = UdpSocket::bind(local)
+            .await
+            .map_err(failed(format!("listen on {local}")))?;
+        // Connected: the system keeps strangers out, and says when nobody listens there.
+        socket
+            .connect(vsm)
+            .await
+            .map_err(failed(format!("reach {vsm} from {local}")))?;
+        Ok(Station {
+            session: Session::new(config),
+            socket,
+            vsm,
+            started: Instant::now(),
+            timeouts: Timeouts::default(),
+            answered: false,
+            unreachable: false,
+        })
+    }
+
+    /// The machine: what vehicles reported, the counters.
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// What a vehicle last reported.
+    #[must_use]
+    pub fn vehicle(&self, id: Id) -> Option<&Vehicle> {
+        self.session.vehicle(id)
+    }
+
+    /// The address that it listens on.
+    ///
+    /// # Errors
+    /// The system does not tell.
+    pub fn local_addr(&self) -> Result<SocketAddr, StationError> {
+        self.socket
+            .local_addr()
+            .map_err(|source| StationError::Socket {
+                what: "own address".to_owned(),
+                source,
+            })
+    }
+
+    /// The VSM's address.
+    #[must_use]
+    pub fn vsm_addr(&self) -> SocketAddr {
+        self.vsm
+    }
+
+    /// Switches heartbeats (16002, 1 Hz) on or off; they are sent while a method runs.
+    pub fn set_heartbeats(&mut self, on: bool) {
+        let now = self.now();
+        self.session.set_heartbeats(now, on);
+    }
+
+    /// Waits until `reached` holds; it is asked at first and after everything that comes in.
+    ///
+    /// # Errors
+    /// It does not hold within that time.
+    pub async fn wait_until(
+        &mut self,
+        description: &str,
+        within: Duration,
+        mut reached: impl FnMut(&Session) -> bool,
+    ) -> Result<(), StationError> {
+        let deadline = Instant::now() + within;
+        let found = self
+            .until(deadline, |session| reached(session).then_some(()))
+            .await?;
+        found.ok_or_else(|| StationError::TimedOut {
+            awaited: description.to_owned(),
+            within,
+            seen: self.seen_of_all(),
+        })
+    }
+
+    /// The next event. Events that came while another method ran are told first.
+    ///
+    /// # Errors
+    /// There is none within that time.
+    pub async fn next_event(&mut self, within: Duration) -> Result<Event, StationError> {
+        let deadline = Instant::now() + within;
+        let event = self.until(deadline, Session::poll_event).await?;
+        event.ok_or_else(|| StationError::TimedOut {
+            awaited: "event".to_owned(),
+            within,
+            seen: self.seen_of_all(),
+        })
+    }
+
+    /// Serves for a while: status comes in, heartbeats go out.
+    ///
+    /// # Errors
+    /// The socket fails.
+    pub async fn idle(&mut self, span: Duration) -> Result<(), StationError> {
+        let deadline = Instant::now() + span;
+        let _: Option<()> = self.until(deadline, |_| None).await?;
+        Ok(())
+    }
+
+    /// Sends any message, with an acknowledgement asked for, and waits for a final one.
+    ///
+    /// # Errors
+    /// It cannot be written, or there is no answer.
+    pub async fn send(
+        &mut self,
+        destination: Id,
+        message: impl Into<Message>,
+        within: Duration,
+    ) -> Result<Delivery, StationError> {
+        let now = self.now();
+        let ticket = self.session.send(now, destination, message)?;
+        self.delivered(ticket, destination, within).await
+    }
+
+    /// Waits until a message is carried out or refused.
+    pub(super) async fn delivered(
+        &mut self,
+        ticket: Ticket,
+        destination: Id,
+        within: Duration,
+    ) -> Result<Delivery, StationError> {
+        let deadline = Instant::now() + within;
+        let delivery = self
+            .until(deadline, |session| {
+                let delivery = session.delivery(ticket);
+                delivery.is_final().then_some(delivery)
+            })
+            .await?;
+        let last = self.session.delivery(ticket);
+        let message_type = self.session.sent(ticket).map_or(0, |(kind, _)| kind);
+        self.session.withdraw(ticket);
+        match delivery {
+            Some(Delivery::Unanswered) if !self.answered => Err(self.no_vsm(within)),
+            Some(Delivery::Unanswered) => {
+                let waited = format!("acknowledgement (17000) of {message_type}");
+                Err(self.timed_out(waited, within, destination))
+            }
+            Some(delivery) => Ok(delivery),
+            None => {
+                let what = if last == Delivery::Received {
+                    "it was received, but is not finished; "
+                } else {
+                    ""
+                };
+                Err(StationError::TimedOut {
+                    awaited: format!("outcome (17000 type 2 or 3) of {message_type}"),
+                    within,
+                    seen: format!("{what}{}", self.seen_of(destination)),
+                })
+            }
+        }
+    }
+
+    /// Serves until `check` has a result, or the time is up.
+    pub(super) async fn until<T>(
+        &mut self,
+        deadline: Instant,
+        mut check: impl FnMut(&mut Session) -> Option<T>,
+    ) -> Result<Option<T>, StationError> {
+        let mut buffer = [0; RECEIVE_BYTES];
+        loop {
+            let now = self.now();
+            self.session.handle_timeout(now);
+            self.flush().await?;
+            if let Some(found) = check(&mut self.session) {
+                return Ok(Some(found));
+            }
+            if Instant::now() >= deadline {
+                return Ok(None);
+            }
+            let due = self.session.poll_timeout().map(|due| self.started + due);
+            let wake = due.map_or(deadline, |due| due.min(deadline));
+            match timeout_at(wake, self.socket.recv(&mut buffer)).await {
+                Err(_) => {}
+                Ok(Ok(bytes)) => {
+                    self.answered = true;
+                    self.unreachable = false;
+                    let now = self.now();
+                    let datagram = buffer.get(..bytes).unwrap_or_default();
+                    self.session.handle_datagram(now, datagram);
+                }
+                Ok(Err(source)) => self.tolerate_refused("receive", source)?,
+            }
+        }
+    }
+
+    /// The place in the vehicle's alerts from which on a reason for a refusal may stand.
+    pub(super) fn alert_mark(&self, vehicle: Id) -> u64 {
+        self.vehicle(vehicle).map_or(0, |state| state.next_alert())
+    }
+
+    /// A refusal with the texts of the alerts since the mark that speak of one; of all of them where none does.
+    pub(super) async fn refusal(
+        &mut self,
+        vehicle: Id,
+        what: String,
+        waypoint: Option<u16>,
+        mark: u64,
+    ) -> Result<Refused, StationError> {
+        let deadline = Instant::now() + self.timeouts.reason;
+        let told = |session: &mut Session| {
+            let state = session.vehicle(vehicle)?;
+            let texts: Vec<String> = state
+                .alerts_from(mark)
+                .map(|alert| alert.text.clone())
+                .filter(|text| text.contains("refused"))
+                .collect();
+            (!texts.is_empty()).then_some(texts)
+        };
+        let reasons = match self.until(deadline, told).await? {
+            Some(texts) => texts,
+            None => self.vehicle(vehicle).map_or_else(Vec::new, |state| {
+                let texts = state.alerts_from(mark).map(|alert| alert.text.clone());
+                texts.collect()
+            }),
+        };
+        let state = self.vehicle(vehicle);
+        Ok(Refused {
+            what,
+            waypoint,
+            reasons,
+            held: state.map_or(LoiBitmap::NONE, Vehicle::granted),
+        })
+    }
+
+    async fn flush(&mut self) -> Result<(), StationError> {
+        while let Some(datagram) = self.session.poll_transmit() {
+            if let Err(source) = self.socket.send(&datagram).await {
+                self.tolerate_refused("send", source)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A port that is closed may open yet: a VSM that restarts. Everything else ends the operation.
+    fn tolerate_refused(&mut self, what: &str, source: std::io::Error) -> Result<(), StationError> {
+        if source.kind() == std::io::ErrorKind::ConnectionRefused {
+            self.unreachable = true;
+            return Ok(());
+        }
+        let what = format!("{what} ({})", self.vsm);
+        Err(StationError::Socket { what, source })
+    }
+
+    pub(super) fn now(&self) -> Now {
+        let unix = SystemTime::now().duration_since(UNIX_EPOCH);
+        Now {
+            mono: self.started.elapsed(),
+            unix_ms: unix.map_or(0, |unix| {
+                u64::try_from(unix.as_millis()).unwrap_or(u64::MAX)
+            }),
+        }
+    }
+
+    pub(super) fn no_vsm(&self, within: Duration) -> StationError {
+        StationError::NoVsm {
+            vsm: self.vsm,
+            within,
+            unreachable: self.unreachable,
+        }
+    }
+
+    pub(super) fn timed_out(&self, awaited: String, within: Duration, vehicle: Id) -> StationError {
+        StationError::TimedOut {
+            awaited,
+            within,
+            seen: self.seen_of(vehicle),
+        }
+    }
+
+    fn seen_of(&self, vehicle: Id) -> String {
+        match self.session.vehicle(vehicle) {
+            Some(vehicle) => format!("seen: {}", report::line(vehicle)),
+            None => format!("nothing was heard of vehicle {vehicle}"),
+        }
+    }
+
+    fn seen_of_all(&self) -> String {
+        let lines: Vec<String> = self.session.vehicles().map(report::line).collect();
+        if lines.is_empty() {
+            "no vehicle was heard".to_owned()
+        } else {
+            format!("seen: {}", lines.join(" | "))
+        }
+    }
+}
+
+fn any_port(vsm: SocketAddr) -> SocketAddr {
+    let ip: IpAddr = match vsm.ip() {
+        IpAddr::V4(ip) if ip.is_loopback() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(ip) if ip.is_loopback() => Ipv6Addr::LOCALHOST.into(),
+        IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+        IpAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+    };
+    SocketAddr::new(ip, 0)
+}
+
+/// More than any datagram may have: one that is too long is seen to be.
+const RECEIVE_BYTES: usize = 2_048;

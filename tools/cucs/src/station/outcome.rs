@@ -1,0 +1,210 @@
+//! How an operation ends: carried out, refused with the reasons that were given, or not at all within its time.
+
+use std::fmt;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::{EncodeError, Id, OutOfRange};
+
+use crate::route::model::RouteError;
+
+/// What became of a command or a transfer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// 17000 type 2, or 14000 status 1.
+    CarriedOut,
+    /// 17000 type 3, or 14000 status 2.
+    Refused(Refused),
+}
+
+impl Outcome {
+    /// The refusal as an error, for those who need the command carried out.
+    ///
+    /// # Errors
+    /// It was refused.
+    pub fn accepted(self) -> Result<(), Refused> {
+        match self {
+            Outcome::CarriedOut => Ok(()),
+            Outcome::Refused(refused) => Err(refused),
+        }
+    }
+
+    /// Whether it was carried out.
+    #[must_use]
+    pub fn is_carried_out(&self) -> bool {
+        matches!(self, Outcome::CarriedOut)
+    }
+}
+
+/// A refusal.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refused {
+    /// What was refused.
+    pub what: String,
+    /// The waypoint that 14000 names (Waypoint Request).
+    pub waypoint: Option<u16>,
+    /// The texts of the 16000s that came with it.
+    pub reasons: Vec<String>,
+    /// The rights that this CUCS held: a VSM need not say that one was missing.
+    pub held: LoiBitmap,
+}
+
+impl std::error::Error for Refused {}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is refused", self.what)?;
+        if let Some(waypoint) = self.waypoint {
+            write!(f, " for waypoint {waypoint}")?;
+        }
+        if self.reasons.is_empty() {
+            let held = levels(self.held);
+            return write!(f, " (no reason given; this CUCS holds LOI {held})");
+        }
+        write!(f, ": {}", self.reasons.join("; "))
+    }
+}
+
+/// Why an operation did not come to an end.
+#[derive(Debug, thiserror::Error)]
+pub enum StationError {
+    /// An address that is none.
+    #[error("{address}: {reason}, expected HOST:PORT")]
+    Address {
+        /// What was given.
+        address: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The socket.
+    #[error("{what}: {source}")]
+    Socket {
+        /// What was done with it.
+        what: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Nothing of what was awaited came in time.
+    #[error("no {awaited} within {} s; {seen}", within.as_secs_f64())]
+    TimedOut {
+        /// What was awaited.
+        awaited: String,
+        /// How long.
+        within: Duration,
+        /// What was seen instead.
+        seen: String,
+    },
+    /// Nobody answers at all.
+    #[error("no answer of a VSM at {vsm} within {} s{}", within.as_secs_f64(), if *unreachable { ": nothing listens on that port" } else { "" })]
+    NoVsm {
+        /// Where it should be.
+        vsm: SocketAddr,
+        /// How long was waited.
+        within: Duration,
+        /// The system said that the port is closed.
+        unreachable: bool,
+    },
+    /// The rights asked for are not granted.
+    #[error(
+        "vehicle {vehicle}: LOI {} asked for, {} granted; this CUCS may have {}{}",
+        levels(*asked), levels(*granted), levels(*authorised),
+        reasons_text(reasons)
+    )]
+    NotGranted {
+        /// The vehicle.
+        vehicle: Id,
+        /// What was asked for.
+        asked: LoiBitmap,
+        /// What this CUCS holds.
+        granted: LoiBitmap,
+        /// What it may have by the VSM's configuration.
+        authorised: LoiBitmap,
+        /// The texts of the 16000s that came with the answer.
+        reasons: Vec<String>,
+    },
+    /// A command was refused.
+    #[error(transparent)]
+    Refused(#[from] Refused),
+    /// A route cannot be put into messages.
+    #[error(transparent)]
+    Route(#[from] RouteError),
+    /// A value that its field cannot express.
+    #[error(transparent)]
+    Value(#[from] OutOfRange),
+    /// A message cannot be written.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+}
+
+impl StationError {
+    /// 2 where the question was wrong, 1 where the answer is no.
+    #[must_use]
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::Address { .. } | Self::Route(_) | Self::Value(_) => 2,
+            _ => 1,
+        }
+    }
+}
+
+fn reasons_text(reasons: &[String]) -> String {
+    if reasons.is_empty() {
+        " (no reason given)".to_owned()
+    } else {
+        format!(": {}", reasons.join("; "))
+    }
+}
+
+/// Levels of interoperability as people write them: `2,4,5`; `none`.
+pub(crate) fn levels(bits: LoiBitmap) -> String {
+    let all = [
+        (LoiBitmap::LOI2, "2"),
+        (LoiBitmap::LOI3, "3"),
+        (LoiBitmap::LOI4, "4"),
+        (LoiBitmap::LOI5, "5"),
+    ];
+    let named: Vec<&str> = all
+        .iter()
+        .filter(|(bit, _)| bits.contains(*bit))
+        .map(|(_, name)| *name)
+        .collect();
+    if named.is_empty() {
+        "none".to_owned()
+    } else {
+        named.join(",")
+    }
+}
+
+/// How long a station waits for what.
+#[derive(Clone, Copy, Debug)]
+pub struct Timeouts {
+    /// For the first answer to a discovery, and for message 2.
+    pub answer: Duration,
+    /// After the last vehicle discovered: another may answer so much later.
+    pub quiet: Duration,
+    /// For all parts of a route to be stored.
+    pub store: Duration,
+    /// For 14000 to say that a transfer is over.
+    pub transfer: Duration,
+    /// For 17000 to say that a mode command is carried out or refused.
+    pub command: Duration,
+    /// For the end of a handover: the VSM gives holder and successor 20 s.
+    pub consent: Duration,
+    /// For the 16000 that says why, after a refusal.
+    pub reason: Duration,
+}
+
+impl Default for Timeouts {
+    fn default() -> Self {
+        Timeouts {
+            answer: Duration::from_secs(3),
+            quiet: Duration::from_millis(250),
+            store: Duration::from_secs(20),
+            transfer: Duration::from_secs(60),
+            command: Duration::from_secs(40),
+            consent: Duration::from_secs(25),
+            reason: Duration::from_millis(400),
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! The state of a vehicle in one line, and as JSON.
+
+use serde_json::{Map, Value, json};
+use stanag_msgs::enums::FlightPathControlMode as Mode;
+
+use super::outcome::levels;
+use crate::route::form::altitude_type_name;
+use crate::session::vehicle::Vehicle;
+
+/// `1b:00:01:01 LOI 2,4,5, mode 11 (waypoint), airborne, 47.3977412 8.5455939 518.2 m wgs84, 5.0 m/s, to waypoint 20`
+pub(crate) fn line(vehicle: &Vehicle) -> String {
+    let mut parts = vec![format!("{} LOI {}", vehicle.id, levels(vehicle.granted()))];
+    match vehicle.mode() {
+        Some(mode) => parts.push(format!("mode {} ({})", mode.raw(), mode_name(mode))),
+        None => parts.push("mode unknown".to_owned()),
+    }
+    match vehicle.landed() {
+        Some(true) => parts.push("on the ground".to_owned()),
+        Some(false) => parts.push("airborne".to_owned()),
+        None => parts.push("state unknown".to_owned()),
+    }
+    match vehicle.position() {
+        Some(at) => parts.push(format!(
+            "{:.7} {:.7} {:.1} m {}",
+            at.latitude_deg,
+            at.longitude_deg,
+            at.altitude_m,
+            altitude_type_name(at.altitude_type)
+        )),
+        None => parts.push("no position".to_owned()),
+    }
+    if let Some(speed) = vehicle.ground_speed_m_s() {
+        parts.push(format!("{speed:.1} m/s"));
+    }
+    if let Some(number) = vehicle.to_waypoint() {
+        parts.push(format!("to waypoint {number}"));
+    }
+    if let Some((status, percent)) = vehicle.transfer_status() {
+        parts.push(format!("transfer {status} {percent} %"));
+    }
+    parts.join(", ")
+}
+
+/// The same for programs; what is unknown is null.
+pub(crate) fn state(vehicle: &Vehicle) -> Value {
+    let position = vehicle.position();
+    let mut out = Map::new();
+    let mut put = |key: &str, value: Value| {
+        out.insert(key.to_owned(), value);
+    };
+    put("vehicle", json!(vehicle.id.to_string()));
+    put("loi", json!(loi_numbers(vehicle.granted().raw())));
+    put("mode", json!(vehicle.mode().map(Mode::raw)));
+    put(
+        "ua_state",
+        json!(vehicle.ua_state().map(|state| state.raw())),
+    );
+    put("landed", json!(vehicle.landed()));
+    put("latitude_deg", json!(position.map(|at| at.latitude_deg)));
+    put("longitude_deg", json!(position.map(|at| at.longitude_deg)));
+    put("altitude_m", json!(position.map(|at| at.altitude_m)));
+    put(
+        "altitude_type",
+        json!(position.map(|at| at.altitude_type.raw())),
+    );
+    put("ground_speed_m_s", json!(vehicle.ground_speed_m_s()));
+    put("from_waypoint", json!(vehicle.from_waypoint()));
+    put("to_waypoint", json!(vehicle.to_waypoint()));
+    Value::Object(out)
+}
+
+/// LOI bits as numbers: 2 to 5.
+pub(crate) fn loi_numbers(bits: u8) -> Vec<u8> {
+    (0..4)
+        .filter(|bit| bits >> bit & 1 == 1)
+        .map(|bit| bit + 2)
+        .collect()
+}
+
+/// The name of a mode, those of the VSM's own range too.
+pub(crate) fn mode_name(mode: Mode) -> String {
+    match mode {
+        Mode::Autopilot => "autopilot".to_owned(),
+        Mode::FlightDirector => "manual".to_owned(),
+        Mode::ContingencyA => "contingency A".to_owned(),
+        Mode::ContingencyB => "contingency B".to_owned(),
+        Mode::Unknown(32) => "return".to_owned(),
+        Mode::Unknown(number @ 33..) => format!("VSM's own {number}"),
+        mode => mode.to_string(),
+    }
+}

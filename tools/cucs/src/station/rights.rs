@@ -1,0 +1,260 @@
+//! Discovery, rights over a vehicle (messages 1 and 2) and positive handover (message 4).
+//!
+//! Whom a message 4 names decides what it is. This CUCS: a request, the acceptance of an offer, or with no level the end
+//! of either. Another: consent to its request, or the naming of a successor; with no level a refusal, or the end of the
+//! offer.
+
+use std::time::Duration;
+
+use stanag_msgs::Id;
+use stanag_msgs::enums::{LoiBitmap, RequestedAccess, StationBitmap1To16};
+use stanag_msgs::messages::{CucsAuthorisationRequest, PositiveHandoverAuthorisationRequest};
+use tokio::time::Instant;
+
+use super::endpoint::Station;
+use super::outcome::{Outcome, StationError};
+use crate::session::machine::Session;
+use crate::session::sender::Delivery;
+use crate::session::vehicle::Vehicle;
+
+/// A vehicle that a VSM offers: message 2.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Discovered {
+    /// The vehicle.
+    pub vehicle: Id,
+    /// The VSM that it is behind.
+    pub vsm: Option<Id>,
+    /// What this CUCS may have.
+    pub authorised: LoiBitmap,
+    /// What it holds already.
+    pub granted: LoiBitmap,
+    /// Vehicle Type, 0 where it is not known.
+    pub vehicle_type: u16,
+}
+
+impl Station {
+    /// Asks who is there: #1 to everybody, until the vehicles that answer #2 are told.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    pub async fn discover(&mut self) -> Result<Vec<Discovered>, StationError> {
+        let within = self.timeouts.answer;
+        let quiet = self.timeouts.quiet;
+        let deadline = Instant::now() + within;
+        let before: Vec<(Id, u64)> = self
+            .session
+            .vehicles()
+            .map(|vehicle| (vehicle.id, vehicle.authorisations))
+            .collect();
+        let answered = |session: &Session| -> Vec<Discovered> {
+            let known = |id| before.iter().find(|(known, _)| *known == id);
+            session
+                .vehicles()
+                .filter(|vehicle| {
+                    vehicle.authorisations > known(vehicle.id).map_or(0, |(_, count)| *count)
+                })
+                .map(discovered)
+                .collect()
+        };
+        while Instant::now() < deadline {
+            let question = CucsAuthorisationRequest {
+                vsm_id: Some(Id::BROADCAST),
+                data_link_id: Some(Id::NULL),
+                requested_handover_loi: Some(LoiBitmap::NONE),
+                requested_handover_access: Some(RequestedAccess::Relinquish),
+                ..CucsAuthorisationRequest::default()
+            };
+            let now = self.now();
+            self.session
+                .send_unconfirmed(now, Id::BROADCAST, question)?;
+            let again = (Instant::now() + ASK_AGAIN).min(deadline);
+            let first = self
+                .until(again, |session| {
+                    (!answered(session).is_empty()).then_some(())
+                })
+                .await?;
+            if first.is_none() {
+                continue;
+            }
+            let mut found = answered(&self.session).len();
+            while self
+                .until(Instant::now() + quiet, |session| {
+                    (answered(session).len() > found).then_some(())
+                })
+                .await?
+                .is_some()
+            {
+                found = answered(&self.session).len();
+            }
+            return Ok(answered(&self.session));
+        }
+        Err(self.no_vsm(within))
+    }
+
+    /// Asks for rights over a vehicle and returns everything that this CUCS then holds, at least what was asked for.
+    /// `access` is [`RequestedAccess::Request`], or `Override` to take them from another.
+    ///
+    /// # Errors
+    /// Not all of it is granted, or nobody answers.
+    pub async fn request(
+        &mut self,
+        vehicle: Id,
+        loi: LoiBitmap,
+        access: RequestedAccess,
+    ) -> Result<LoiBitmap, StationError> {
+        let mark = self.alert_mark(vehicle);
+        self.authorise(vehicle, loi, access).await?;
+        let granted = |station: &Station| {
+            let state = station.session.vehicle(vehicle);
+            state.map_or(LoiBitmap::NONE, Vehicle::granted)
+        };
+        let held = granted(self);
+        if held.contains(loi) {
+            return Ok(held);
+        }
+        let what = "request (message 1)".to_owned();
+        let refused = self.refusal(vehicle, what, None, mark).await?;
+        let state = self.session.vehicle(vehicle);
+        Err(StationError::NotGranted {
+            vehicle,
+            asked: loi,
+            granted: refused.held,
+            authorised: state.map_or(LoiBitmap::NONE, Vehicle::authorised),
+            reasons: refused.reasons,
+        })
+    }
+
+    /// Gives all rights over a vehicle back.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    pub async fn release(&mut self, vehicle: Id) -> Result<(), StationError> {
+        self.authorise(vehicle, LoiBitmap::NONE, RequestedAccess::Relinquish)
+            .await
+    }
+
+    /// Sends #1 to a vehicle until its #2 is there.
+    async fn authorise(
+        &mut self,
+        vehicle: Id,
+        loi: LoiBitmap,
+        access: RequestedAccess,
+    ) -> Result<(), StationError> {
+        let within = self.timeouts.answer;
+        let deadline = Instant::now() + within;
+        let count = |session: &Session| {
+            session
+                .vehicle(vehicle)
+                .map_or(0, |vehicle| vehicle.authorisations)
+        };
+        while Instant::now() < deadline {
+            let before = count(&self.session);
+            let vsm_id = self
+                .session
+                .vehicle(vehicle)
+                .and_then(|state| state.authorisation.as_ref()?.vsm_id);
+            let request = CucsAuthorisationRequest {
+                vsm_id: Some(vsm_id.unwrap_or(Id::BROADCAST)),
+                data_link_id: Some(Id::NULL),
+                requested_handover_loi: Some(loi),
+                requested_handover_access: Some(access),
+                controlled_station_1_16: Some(StationBitmap1To16::NONE),
+                ..CucsAuthorisationRequest::default()
+            };
+            let now = self.now();
+            let ticket = self.session.send(now, vehicle, request)?;
+            let again = (Instant::now() + ASK_AGAIN * 2).min(deadline);
+            // An old #2 may still be under way: what answers comes with, or just before, the 17000.
+            let answer = self
+                .until(again, |session| {
+                    let answered = !matches!(
+                        session.delivery(ticket),
+                        Delivery::Queued | Delivery::Sent(_)
+                    );
+                    (answered && count(session) > before).then_some(())
+                })
+                .await?;
+            self.session.withdraw(ticket);
+            // A VSM that sends no 17000 for #1 has answered by #2 alone.
+            if answer.is_some() || count(&self.session) > before {
+                return Ok(());
+            }
+        }
+        if !self.answered {
+            return Err(self.no_vsm(within));
+        }
+        Err(self.timed_out(
+            format!("answer of vehicle {vehicle} (message 2)"),
+            within,
+            vehicle,
+        ))
+    }
+
+    /// Sends message 4 that names `acquirer` and these levels, and waits for the end of what it began: the same
+    /// bytes again and again, since a decision that was lost on its way is only told to who asks.
+    ///
+    /// # Errors
+    /// There is no end to it within [`Timeouts::consent`](crate::Timeouts).
+    pub async fn hand_over(
+        &mut self,
+        vehicle: Id,
+        acquirer: Id,
+        levels: LoiBitmap,
+    ) -> Result<Outcome, StationError> {
+        let within = self.timeouts.consent;
+        let mark = self.alert_mark(vehicle);
+        let vsm_id = self
+            .vehicle(vehicle)
+            .and_then(|state| state.authorisation.as_ref()?.vsm_id);
+        let message = PositiveHandoverAuthorisationRequest {
+            vsm_id: Some(vsm_id.unwrap_or(Id::BROADCAST)),
+            data_link_id: Some(Id::NULL),
+            requested_handover_loi: Some(levels),
+            requesting_cucs_id: Some(acquirer),
+            ..PositiveHandoverAuthorisationRequest::default()
+        };
+        let now = self.now();
+        let ticket = self.session.send(now, vehicle, message)?;
+        let deadline = Instant::now() + within;
+        while Instant::now() < deadline {
+            let again = (Instant::now() + self.session.retry()).min(deadline);
+            let ended = self
+                .until(again, |session| match session.delivery(ticket) {
+                    end @ (Delivery::CarriedOut | Delivery::Refused) => Some(end),
+                    _ => None,
+                })
+                .await?;
+            match ended {
+                Some(Delivery::Refused) => {
+                    let what = "handover (message 4)".to_owned();
+                    let refused = self.refusal(vehicle, what, None, mark).await?;
+                    return Ok(Outcome::Refused(refused));
+                }
+                Some(_) => return Ok(Outcome::CarriedOut),
+                None => self.session.resend(ticket),
+            }
+        }
+        self.session.withdraw(ticket);
+        if !self.answered {
+            return Err(self.no_vsm(within));
+        }
+        let awaited = "end of the handover (17000 type 2 or 3 of 4)".to_owned();
+        Err(self.timed_out(awaited, within, vehicle))
+    }
+}
+
+fn discovered(vehicle: &Vehicle) -> Discovered {
+    let response = vehicle.authorisation.as_ref();
+    Discovered {
+        vehicle: vehicle.id,
+        vsm: response.and_then(|response| response.vsm_id),
+        authorised: vehicle.authorised(),
+        granted: vehicle.granted(),
+        vehicle_type: response
+            .and_then(|response| response.vehicle_type)
+            .unwrap_or(0),
+    }
+}
+
+/// A question without acknowledgement is repeated after this time.
+const ASK_AGAIN: Duration = Duration::from_millis(500);

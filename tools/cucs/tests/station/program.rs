@@ -1,0 +1,128 @@
+//! The program `cucs`: exit status 0 done, 1 refused or no answer, 2 a wrong question or file; one clear line why.
+
+use std::net::UdpSocket;
+use std::process::{Command, Output};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use crate::support::*;
+
+fn cucs(vsm: &str, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cucs"));
+    command.args(["--vsm", vsm]).args(arguments);
+    command.output().unwrap()
+}
+
+fn told(output: &Output) -> (Option<i32>, String, String) {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (
+        output.status.code(),
+        text(&output.stdout),
+        text(&output.stderr),
+    )
+}
+
+/// Serves a VSM on a thread while `work` runs with its address.
+fn with_vsm(mut vsm: FakeVsm, work: impl FnOnce(&str)) {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket
+        .set_read_timeout(Some(Duration::from_millis(20)))
+        .unwrap();
+    let address = socket.local_addr().unwrap().to_string();
+    let over = Arc::new(AtomicBool::new(false));
+    let ends = Arc::clone(&over);
+    let serving = std::thread::spawn(move || {
+        let mut buffer = [0; 2_048];
+        while !ends.load(Ordering::Relaxed) {
+            if let Ok((bytes, from)) = socket.recv_from(&mut buffer) {
+                for answer in vsm.handle(&buffer[..bytes]) {
+                    socket.send_to(&answer, from).unwrap();
+                }
+            }
+        }
+    });
+    work(&address);
+    over.store(true, Ordering::Relaxed);
+    serving.join().unwrap();
+}
+
+#[test]
+fn no_vsm_is_status_1_and_says_so() {
+    let free = UdpSocket::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .to_string();
+    let (status, _, error) = told(&cucs(&free, &["discover"]));
+    assert_eq!(status, Some(1));
+    assert!(
+        error.contains(&format!("no answer of a VSM at {free} within 3 s")),
+        "{error}"
+    );
+}
+
+#[test]
+fn wrong_questions_are_status_2() {
+    for arguments in [
+        &["mode", "flop"][..],
+        &["launch"],
+        &["send", "no-such-file.toml"],
+        &["script", "no-such-file"],
+        &["take", "--loi", "9"],
+        &["--id", "1b:0", "discover"],
+    ] {
+        let (status, out, error) = told(&cucs("127.0.0.1:9", arguments));
+        assert_eq!(status, Some(2), "{arguments:?}: {error}");
+        assert!(out.is_empty() && !error.is_empty());
+    }
+    assert_eq!(told(&cucs("nowhere", &["discover"])).0, Some(2));
+}
+
+#[test]
+fn each_subcommand_may_be_a_process_of_its_own() {
+    with_vsm(FakeVsm::new(), |vsm| {
+        let done = |arguments: &[&str]| {
+            let (status, out, error) = told(&cucs(vsm, arguments));
+            assert_eq!(status, Some(0), "{arguments:?}: {error}");
+            out
+        };
+        assert!(done(&["discover"]).contains("1b:00:01:01 behind VSM 1b:00:00:01"));
+        assert!(done(&["take", "--loi", "4,5"]).contains("LOI 4,5 granted"));
+        let route = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../examples/square.route.toml"
+        );
+        assert!(done(&["send", route, "--mission-id", "M2"]).contains("4 waypoints is aboard"));
+        assert!(done(&["--json", "launch", "30"]).contains("{\"done\":\"launched\"}"));
+        assert!(done(&["download"]).contains("[[waypoint]]\nnumber = 10\n"));
+        done(&["mode", "12", "--altitude", "40", "--position=-33.9,18.4"]);
+        done(&["release"]);
+        let (status, _, error) = told(&cucs(vsm, &["watch"]));
+        assert_eq!(status, Some(1));
+        assert!(error.contains("take it first"), "{error}");
+    });
+}
+
+#[test]
+fn a_refusal_is_status_1_with_its_reason_and_stops_a_script() {
+    let mut vsm = FakeVsm::new();
+    vsm.refuse_mode = Some("mode 20 cannot be flown".into());
+    with_vsm(vsm, |vsm| {
+        let script = std::env::temp_dir().join(format!("{}.cucs", std::process::id()));
+        std::fs::write(&script, "take\n\nmode 20 # no\nrelease\n").unwrap();
+        let path = script.to_string_lossy().into_owned();
+        let (status, out, error) = told(&cucs(vsm, &["script", &path]));
+        std::fs::remove_file(&script).unwrap();
+        assert_eq!(status, Some(1));
+        assert!(
+            error.contains(".cucs:3: mode 20 # no: mode 20 (2016) is refused: "),
+            "{error}"
+        );
+        assert!(error.contains("mode 20 cannot be flown"), "{error}");
+        assert!(
+            out.contains("granted") && !out.contains("released"),
+            "{out}"
+        );
+    });
+}

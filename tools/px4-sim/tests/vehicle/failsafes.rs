@@ -1,0 +1,165 @@
+//! What the vehicle does when what it is steered by falls silent.
+
+use crate::support::*;
+use mavlink::dialects::development as mav;
+use mavlink::dialects::development::{MavMessage, MavState};
+use px4_sim::{Mode, Param};
+
+fn airborne() -> Flight {
+    let mut flight = Flight::ready();
+    assert_eq!(
+        flight.command(22, &[0.0, 0.0, 0.0, f32::NAN, f32::NAN, f32::NAN, 508.0]),
+        Some(0)
+    );
+    assert_eq!(flight.arm(), Some(0));
+    assert!(flight.until(60.0, |t| t.mode == Mode::Loiter && !t.landed));
+    flight.run(2.0);
+    flight
+}
+
+fn sticks(x: i16) -> MavMessage {
+    MavMessage::MANUAL_CONTROL(mav::MANUAL_CONTROL_DATA {
+        x,
+        z: 500,
+        target: 1,
+        ..Default::default()
+    })
+}
+
+fn setpoint(north: f32) -> MavMessage {
+    MavMessage::SET_POSITION_TARGET_LOCAL_NED(mav::SET_POSITION_TARGET_LOCAL_NED_DATA {
+        x: north,
+        y: 0.0,
+        z: -20.0,
+        type_mask: mav::PositionTargetTypemask::from_bits_retain(0xdf8),
+        target_system: 1,
+        target_component: 1,
+        coordinate_frame: mav::MavFrame::MAV_FRAME_LOCAL_NED,
+        ..Default::default()
+    })
+}
+
+/// Sends a message at 20 Hz for some seconds.
+fn stream(flight: &mut Flight, seconds: f64, message: &MavMessage) {
+    for _ in 0..(seconds * 20.0) as u32 {
+        flight.send(message);
+        flight.run(0.05);
+    }
+}
+
+#[test]
+fn sticks_fly_and_their_loss_is_hold_then_return() {
+    let mut flight = airborne();
+    stream(&mut flight, 1.0, &sticks(0));
+    assert_eq!(flight.set_mode(Mode::PosCtl), Some(0));
+    stream(&mut flight, 6.0, &sticks(1000));
+    let out = flight.vehicle.truth();
+    assert_eq!(out.mode, Mode::PosCtl);
+    assert!(
+        out.velocity.n > 7.0 && out.velocity.e.abs() < 1.0,
+        "{:?}",
+        out.velocity
+    );
+    flight.run(0.4);
+    assert_eq!(flight.vehicle.truth().mode, Mode::PosCtl);
+    flight.run(1.4);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+    assert!(flight.said("Failsafe activated: entering Hold for 5 seconds"));
+    assert_eq!(
+        flight.heartbeat().system_status,
+        MavState::MAV_STATE_CRITICAL
+    );
+    let intended = flight.last(|m| match m {
+        MavMessage::CURRENT_MODE(c) => Some((c.custom_mode, c.intended_custom_mode)),
+        _ => None,
+    });
+    flight.run(2.0);
+    let now = flight.last(|m| match m {
+        MavMessage::CURRENT_MODE(c) => Some((c.custom_mode, c.intended_custom_mode)),
+        _ => None,
+    });
+    assert_eq!(now, Some((0x0304_0000, 0x0003_0000)), "was {intended:?}");
+    flight.run(3.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
+}
+
+#[test]
+fn the_pilot_decides_anew_and_is_not_overruled() {
+    let mut flight = airborne();
+    stream(&mut flight, 1.0, &sticks(0));
+    assert_eq!(flight.set_mode(Mode::PosCtl), Some(0));
+    stream(&mut flight, 1.0, &sticks(0));
+    flight.run(2.0);
+    assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
+    flight.run(10.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+    assert_eq!(flight.heartbeat().system_status, MavState::MAV_STATE_ACTIVE);
+}
+
+#[test]
+fn setpoints_fly_and_their_loss_is_a_return_at_once() {
+    let mut flight = airborne();
+    stream(&mut flight, 1.0, &setpoint(30.0));
+    assert_eq!(flight.set_mode(Mode::Offboard), Some(0));
+    stream(&mut flight, 20.0, &setpoint(30.0));
+    let there = flight.vehicle.truth();
+    assert_eq!(there.mode, Mode::Offboard);
+    assert!(
+        (there.position.n - 30.0).abs() < 1.0,
+        "{:?}",
+        there.position
+    );
+    flight.run(0.8);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Offboard);
+    flight.run(0.6);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
+    assert!(flight.said("Failsafe activated"));
+}
+
+#[test]
+fn a_lost_ground_station_is_a_return_only_where_it_is_set() {
+    let mut flight = airborne();
+    flight.heartbeats = false;
+    flight.run(30.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+    assert_eq!(flight.heartbeat().system_status, MavState::MAV_STATE_ACTIVE);
+
+    let mut flight = airborne();
+    flight.send(&MavMessage::PARAM_SET(mav::PARAM_SET_DATA {
+        param_value: f32::from_bits(2),
+        target_system: 1,
+        target_component: 1,
+        param_id: "NAV_DLL_ACT".into(),
+        param_type: mav::MavParamType::MAV_PARAM_TYPE_INT32,
+    }));
+    assert_eq!(flight.vehicle.params().int(Param::NAV_DLL_ACT), 2);
+    flight.heartbeats = false;
+    flight.run(12.2);
+    assert_eq!(
+        flight.heartbeat().system_status,
+        MavState::MAV_STATE_CRITICAL
+    );
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+    flight.run(5.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
+    // It comes back, and nothing resumes by itself.
+    flight.heartbeats = true;
+    flight.run(3.0);
+    assert!(flight.said("GCS connection regained"));
+    assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
+    assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
+    flight.run(1.2);
+    assert_eq!(flight.heartbeat().system_status, MavState::MAV_STATE_ACTIVE);
+}
+
+#[test]
+fn motors_stopped_by_force_in_the_air_bring_it_down() {
+    let mut flight = airborne();
+    assert_eq!(flight.command(400, &[0.0, 21196.0]), Some(0));
+    assert!(!flight.vehicle.truth().armed);
+    assert!(
+        flight.until(5.0, |t| t.landed),
+        "{:?}",
+        flight.vehicle.truth()
+    );
+}
