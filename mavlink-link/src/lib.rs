@@ -10,6 +10,7 @@
 
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "key-exchange")]
 pub mod exchange;
 pub mod frame;
 pub mod link;
@@ -27,3 +28,8 @@ pub use self::link::receiver;
 #[doc(inline)]
 pub use self::signing::clock;
 pub use self::time::Now;
+
+/// The example of the README is a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -153,7 +153,7 @@ fn machine() -> String {
 
 const BENCHES: [(&str, &str); 4] = [
     ("stanag-msgs", "codec"),
-    ("mavlink-link", "signing"),
+    ("comparison-benches", "signing"),
     ("vsm", "bridge"),
     ("vsm", "sockets"),
 ];

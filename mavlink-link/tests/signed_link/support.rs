@@ -1,9 +1,5 @@
 //! What the tests share: a virtual clock, a store in memory, and a vehicle that signs as PX4 does.
 
-#![allow(dead_code, reason = "each test file uses its part")]
-
-pub(crate) mod captures;
-
 use std::collections::HashMap;
 use std::time::Duration;
 

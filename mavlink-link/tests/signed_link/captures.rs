@@ -1,13 +1,11 @@
 //! Every frame of the PX4 1.18 recordings is framed and checked, and the signed ones verify.
 
-mod support;
-
 use std::collections::BTreeMap;
 
 use mavlink_link::frame::{FrameError, Parser, Undecoded};
 use mavlink_link::signing::{SigningKey, verify};
 
-use support::captures::read;
+use kit::captures::read;
 
 /// What a recording holds in one direction.
 #[derive(Debug, Default, PartialEq, Eq)]

@@ -8,8 +8,8 @@ use mavlink_link::provisioning::{Event, Outcome};
 use mavlink_link::signing::Stamp;
 use mavlink_link::store::Store as _;
 
-use super::support::{VEHICLE, at, key, ms, other_key};
 use super::world::{World, start};
+use crate::support::{VEHICLE, at, key, ms, other_key};
 
 #[test]
 fn a_clock_that_was_dragged_years_ahead_is_mended_by_a_new_key() {

@@ -1,17 +1,13 @@
 //! The C library as oracle and adversary: what it signs we take, what we sign it takes, both refuse the replayed, the
 //! bent and the wrongly signed; and what it falls for, we do not.
 
-#[path = "support/c_library.rs"]
-mod c_library;
-mod support;
-
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::support::*;
 use mavlink_link::link::Endpoint;
 use mavlink_link::signing::Stamp;
-use support::*;
 
 /// A second after the station's start, so that it lies above the floor of a key file.
 fn stamp() -> Stamp {
@@ -21,7 +17,7 @@ fn stamp() -> Stamp {
 /// Without the library there is nothing to compare with: that is a failure, as for the other peers.
 fn harness(test: &str) -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(test);
-    c_library::harness(&folder).unwrap_or_else(|missing| panic!("{missing}"))
+    comparison_benches::harness(&folder).unwrap_or_else(|missing| panic!("{missing}"))
 }
 
 fn hex(bytes: &[u8]) -> String {
@@ -40,7 +36,7 @@ fn bytes(hex: &str) -> Vec<u8> {
 fn signed_by_c(program: &std::path::Path, stamp: Stamp, count: usize) -> Vec<Vec<u8>> {
     let key = hex(key().expose());
     let (stamp, count) = (stamp.get().to_string(), count.to_string());
-    c_library::ask(program, &["sign", &key, &stamp, &count], "")
+    comparison_benches::ask(program, &["sign", &key, &stamp, &count], "")
         .lines()
         .map(bytes)
         .collect()
@@ -50,7 +46,8 @@ fn signed_by_c(program: &std::path::Path, stamp: Stamp, count: usize) -> Vec<Vec
 fn judged_by_c(program: &std::path::Path, stamp: Stamp, frames: &[Vec<u8>]) -> Vec<bool> {
     let input: String = frames.iter().map(|frame| hex(frame) + "\n").collect();
     let key = hex(key().expose());
-    let verdicts = c_library::ask(program, &["verify", &key, &stamp.get().to_string()], &input);
+    let verdicts =
+        comparison_benches::ask(program, &["verify", &key, &stamp.get().to_string()], &input);
     let verdicts: Vec<_> = verdicts
         .lines()
         .map(|v| v.starts_with("accepted"))
@@ -99,7 +96,7 @@ fn any_bit_that_is_bent_is_refused_by_both() {
     // Each alone, at a fresh receiver of the library: an empty line between them.
     let key = hex(key().expose());
     let input: String = bent.iter().map(|frame| hex(frame) + "\n\n").collect();
-    let verdicts = c_library::ask(
+    let verdicts = comparison_benches::ask(
         &program,
         &["verify", &key, &stamp().get().to_string()],
         &input,

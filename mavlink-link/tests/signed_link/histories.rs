@@ -2,11 +2,10 @@
 //! two links with one key. No frame is ever delivered twice, and an honest vehicle is heard again
 //! within one round trip of a heartbeat.
 
-mod support;
-
 use std::collections::HashSet;
 use std::time::Duration;
 
+use crate::support::*;
 use mavlink_link::Now;
 use mavlink_link::clock::{Ceiling, Origin};
 use mavlink_link::frame::MAX_FRAME;
@@ -15,7 +14,6 @@ use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::Stamp;
 use mavlink_link::store::Store as _;
 use proptest::prelude::*;
-use support::*;
 
 /// One thing that happens.
 #[derive(Debug, Clone)]

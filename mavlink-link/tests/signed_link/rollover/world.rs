@@ -12,7 +12,7 @@ use mavlink_link::signing::SigningKey;
 use mavlink_link::store::MemoryDisk;
 
 use super::px4::Px4;
-use super::support::{BUILD, VEHICLE, at, ms, other_key};
+use crate::support::{BUILD, VEHICLE, at, ms, other_key};
 
 /// Our keys.
 #[derive(Default)]

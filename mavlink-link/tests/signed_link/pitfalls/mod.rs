@@ -3,9 +3,6 @@
 //! in `vsm/tests/key_store_survives_failures.rs`; `c_library.rs` shows 7, 12 and 19 beside the C library
 //! that falls for them.
 
-#[path = "../support/mod.rs"]
-mod support;
-
 mod clocks;
 mod replays;
 mod secrets;

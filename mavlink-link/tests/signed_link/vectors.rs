@@ -1,7 +1,5 @@
 //! pymavlink's signed frames verify here, and ours of the same message are the same bytes.
 
-mod support;
-
 use mavlink_link::dialect::MavMessage;
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode, encode_raw};
 use mavlink_link::signing::{SigningKey, Stamp, VerifyError, sign, verify};
@@ -15,7 +13,7 @@ struct Vector {
 }
 
 fn vectors() -> Vec<Vector> {
-    let text = include_str!("data/pymavlink_vectors.txt");
+    let text = include_str!("../data/pymavlink_vectors.txt");
     let vectors: Vec<_> = text.lines().map(vector).collect();
     assert_eq!(vectors.len(), 21);
     vectors

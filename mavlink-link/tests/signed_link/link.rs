@@ -1,9 +1,8 @@
 //! How one link finds, keeps, loses and lifts its vehicle.
 
-mod support;
-
 use std::time::Duration;
 
+use crate::support::*;
 use mavlink_link::Now;
 use mavlink_link::clock::{Ceiling, Origin};
 use mavlink_link::dialect::MavMessage;
@@ -14,7 +13,6 @@ use mavlink_link::link::{
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{Stamp, verify};
 use mavlink_link::store::Store as _;
-use support::*;
 
 fn events(station: &mut Station) -> Vec<Event<Addr>> {
     std::iter::from_fn(|| station.link.poll_event()).collect()

@@ -10,8 +10,8 @@ use mavlink_link::receiver::KeyState;
 use mavlink_link::store::MemoryDisk;
 
 use super::px4::Px4;
-use super::support::{BUILD, at, key, other_key};
 use super::world::{World, config};
+use crate::support::{BUILD, at, key, other_key};
 
 #[test]
 fn a_first_key_goes_to_an_unsigned_vehicle() {

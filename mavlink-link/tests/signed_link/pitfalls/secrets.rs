@@ -8,7 +8,7 @@ use mavlink_link::signing::{KeyError, SigningKey, verify};
 use mavlink_link::tlog::{MAX_RECORD, record};
 use zeroize::{Zeroize as _, ZeroizeOnDrop};
 
-use super::support::{Station, VEHICLE, WALL, ack, at, key, live_pair};
+use crate::support::{Station, VEHICLE, WALL, ack, at, key, live_pair};
 
 #[test]
 fn fall_16_the_key_is_not_shown_and_its_own_bytes_are_wiped() {

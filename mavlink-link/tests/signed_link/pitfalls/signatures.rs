@@ -4,7 +4,7 @@ use mavlink_link::dialect::{MavMessage, RADIO_STATUS_DATA};
 use mavlink_link::frame::checksum;
 use mavlink_link::link::{Alert, Endpoint, Event, Link, LinkConfig, LinkState, Security};
 
-use super::support::{
+use crate::support::{
     Got, STRANGER, Station, VEHICLE, ack, at, heartbeat, key, live_pair, other_key,
 };
 

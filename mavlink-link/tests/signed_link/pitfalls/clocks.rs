@@ -8,7 +8,7 @@ use mavlink_link::link::{Alert, Endpoint, Event, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::Stamp;
 
-use super::support::{
+use crate::support::{
     BUILD, DAY, MemoryDisk, STRANGER, Station, VEHICLE, Vehicle, WALL, ack, at, heartbeat, key,
     live_pair, ms, other_key,
 };

@@ -1,9 +1,6 @@
 //! Handing over a key: each step, and every history of one or two faults, against a vehicle that does with
 //! SETUP_SIGNING what PX4 was seen to do.
 
-#[path = "../support/mod.rs"]
-mod support;
-
 mod clocks;
 mod faults;
 mod px4;

@@ -1,13 +1,11 @@
 //! The stream parser finds every good frame, however the bytes arrive.
 
-mod support;
-
+use crate::support::{Vehicle, heartbeat, key};
 use mavlink_link::frame::{
     FrameCounts, FrameError, FrameView, Header, KEY_EXCHANGE_ID, MAX_FRAME, Parser, checksum,
     encode_raw,
 };
 use proptest::prelude::*;
-use support::{Vehicle, heartbeat, key};
 
 use mavlink_link::signing::{Stamp, verify};
 

@@ -5,9 +5,6 @@
 
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
-#[path = "../tests/support/c_library.rs"]
-mod c_library;
-
 use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -190,17 +187,17 @@ fn others(c: &mut Criterion) {
 /// Not criterion's own figures: these programs time themselves, in the same run.
 fn other_programs(_: &mut Criterion) {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("bench");
-    match c_library::harness(&folder) {
+    match comparison_benches::harness(&folder) {
         Ok(program) => {
-            for line in c_library::ask(&program, &["bench"], "").lines() {
+            for line in comparison_benches::ask(&program, &["bench"], "").lines() {
                 println!("C library {line} (bytes, ns a frame, median)");
             }
         }
         Err(missing) => println!("C library LEFT OUT: {missing}"),
     }
-    match c_library::python() {
+    match comparison_benches::python() {
         Ok(python) => {
-            for line in c_library::ask(&python, &["-c", PYMAVLINK], "").lines() {
+            for line in comparison_benches::ask(&python, &["-c", PYMAVLINK], "").lines() {
                 println!("pymavlink {line} (bytes, ns a frame, median)");
             }
         }

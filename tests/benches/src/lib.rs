@@ -6,8 +6,8 @@ use std::process::{Command, Stdio};
 
 /// The Python of the tests' environment with pymavlink in it: `VSM_PEERS_PYTHON`, or what `cargo xtask peers` makes; or
 /// what to do where there is none.
-pub(crate) fn python() -> Result<PathBuf, String> {
-    let made = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/interop/.venv/bin/python");
+pub fn python() -> Result<PathBuf, String> {
+    let made = Path::new(env!("CARGO_MANIFEST_DIR")).join("../interop/.venv/bin/python");
     let named = std::env::var_os("VSM_PEERS_PYTHON").map(PathBuf::from);
     let python = named.unwrap_or(made);
     let works = Command::new(&python)
@@ -26,7 +26,7 @@ pub(crate) fn python() -> Result<PathBuf, String> {
 }
 
 /// The compiled harness; or what is missing: a C compiler, or pymavlink.
-pub(crate) fn harness(folder: &Path) -> Result<PathBuf, String> {
+pub fn harness(folder: &Path) -> Result<PathBuf, String> {
     let python = python()?;
     let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".into());
     if Command::new(&compiler).arg("--version").output().is_err() {
@@ -55,7 +55,7 @@ pub(crate) fn harness(folder: &Path) -> Result<PathBuf, String> {
         String::from_utf8_lossy(&generated.stderr)
     );
     let program = folder.join("harness");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/c_library/harness.c");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("c_library/harness.c");
     let compiled = Command::new(&compiler)
         .args(["-O2", "-w", "-I"])
         .arg(&headers)
@@ -73,7 +73,7 @@ pub(crate) fn harness(folder: &Path) -> Result<PathBuf, String> {
 }
 
 /// What a program answers to `input`.
-pub(crate) fn ask(program: &Path, arguments: &[&str], input: &str) -> String {
+pub fn ask(program: &Path, arguments: &[&str], input: &str) -> String {
     let mut child = Command::new(program)
         .args(arguments)
         .stdin(Stdio::piped())

@@ -4,7 +4,7 @@ use mavlink_link::frame::FrameView;
 use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
 use mavlink_link::signing::Stamp;
 
-use super::support::{
+use crate::support::{
     Addr, STRANGER, Station, VEHICLE, Vehicle, ack, at, heartbeat, live_pair, other_key,
 };
 

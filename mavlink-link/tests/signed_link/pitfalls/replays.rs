@@ -7,7 +7,7 @@ use mavlink_link::dialect::{MavMessage, STATUSTEXT_DATA};
 use mavlink_link::link::{Endpoint, Link, LinkConfig, LinkState, Security};
 use mavlink_link::signing::Stamp;
 
-use super::support::{DAY, STRANGER, Station, VEHICLE, Vehicle, WALL, ack, at, live_pair, ms};
+use crate::support::{DAY, STRANGER, Station, VEHICLE, Vehicle, WALL, ack, at, live_pair, ms};
 
 #[test]
 fn fall_02_a_retry_is_signed_anew() {

@@ -9,7 +9,7 @@ use mavlink_link::dialect::{
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::signing::{SigningKey, Stamp, sign, verify};
 
-use super::support::ack;
+use crate::support::ack;
 
 /// The vehicle's side: key in memory and in its file, one table of streams for its life.
 pub(super) struct Px4 {

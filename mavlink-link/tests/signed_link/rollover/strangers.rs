@@ -9,8 +9,8 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::Store as _;
 
 use super::px4::Px4;
-use super::support::{BUILD, STRANGER, VEHICLE, ack, at, heartbeat, key, ms, other_key};
 use super::world::{World, config};
+use crate::support::{BUILD, STRANGER, VEHICLE, ack, at, heartbeat, key, ms, other_key};
 
 /// On a link that listens, what is sent arrives only where it was sent to.
 impl World {

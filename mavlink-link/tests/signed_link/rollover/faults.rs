@@ -3,8 +3,8 @@
 use mavlink_link::provisioning::{Outcome, State};
 use mavlink_link::signing::SigningKey;
 
-use super::support::{key, other_key};
 use super::world::World;
+use crate::support::{key, other_key};
 
 /// One thing that goes wrong.
 #[derive(Debug, Clone, Copy)]

@@ -1,13 +1,11 @@
 //! Nothing is allocated for a message, received or sent.
 
-mod support;
-
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+use crate::support::*;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
-use support::*;
 
 struct Counting;
 
@@ -40,7 +38,7 @@ fn no_message_costs_an_allocation() {
     // Everything that PX4 sent in a recording, over a signed link, with noise and refusals between.
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let mut open: Link<Addr> = Link::new(LinkConfig::new(1, Security::Off, Endpoint::Listen));
-    let recording = captures::read("01-boot-heartbeats");
+    let recording = kit::captures::read("01-boot-heartbeats");
     let messages: Vec<_> = recording
         .iter()
         .filter_map(|d| {

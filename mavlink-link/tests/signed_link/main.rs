@@ -1,0 +1,12 @@
+//! One link between a station and a vehicle: frames, signatures, the clock, the peer lock, and a change of its key.
+
+mod allocations;
+mod c_library;
+mod captures;
+mod histories;
+mod link;
+mod parser;
+mod pitfalls;
+mod rollover;
+mod support;
+mod vectors;
