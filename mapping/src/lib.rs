@@ -11,7 +11,6 @@
 //! - [`status`]: messages 3000, 3004 to 3010, 12101 and 16001.
 //! - [`alert`]: texts and faults to message 16000.
 //! - [`configuration`]: the answers of the configuration phase, from what the vehicle is.
-//! - [`crossing`]: what becomes of each message on the other side, for the documents.
 //! - [`health`]: what is wrong with a vehicle, by its own messages.
 //! - [`performance`]: how fast the vehicle can be commanded to fly, and what it flies by itself.
 //! - [`parameter`]: the vehicle's parameters, what may be written to each, and message 50012.
@@ -67,7 +66,6 @@ pub mod alert;
 pub mod altitude;
 pub mod area;
 pub mod configuration;
-pub mod crossing;
 pub mod health;
 pub mod limits;
 pub mod mode;

@@ -1,21 +1,103 @@
-//! One field, one message: the answers of their kinds.
+//! The answers to a 40000: a field, a message, or a level of interoperability.
 
 use stanag_msgs::enums::{
-    EnumIndexEnable, EnumInfo, EnumKind, FieldAvailable, FieldSupported, SubsystemId,
+    EnumIndexEnable, EnumInfo, EnumKind, FieldAvailable, FieldSupported, RouteType, SubsystemId,
 };
 use stanag_msgs::messages::{
-    FieldConfigurationCharacterResponse, FieldConfigurationEnumeratedResponse,
-    FieldConfigurationFloatResponse, FieldConfigurationIntegerResponse,
-    FieldConfigurationUnsignedResponse, MessageParameterAvailability,
+    ConfigurationComplete, FieldConfigurationCharacterResponse,
+    FieldConfigurationEnumeratedResponse, FieldConfigurationFloatResponse,
+    FieldConfigurationIntegerResponse, FieldConfigurationUnsignedResponse,
+    MessageParameterAvailability, UaRouteConfiguration, VsmServicesReportMessage,
 };
-use stanag_msgs::table::{FieldInfo, MessageInfo, Wire};
+use stanag_msgs::table::{self, FieldInfo, MessageInfo, Wire};
 use stanag_msgs::{Id, Message, Text};
 
-use super::bounds::{Bounds, bounds, default_value};
-use super::{Subject, is_supported, is_used};
+use super::bounds::{Bounds, Subject, bounds, default_value};
+use super::request::{Request, Scope};
 use crate::mode::MODES;
+use crate::plan::MAX_ROUTES;
 use crate::report;
-use crate::support;
+use crate::support::{self, Received};
+
+/// The answers to a request, all without their stamps, the last a 41005.
+#[must_use]
+pub fn answers(subject: &Subject<'_>, request: &Request) -> Vec<Message> {
+    let mut answers = Vec::new();
+    match request.scope {
+        Scope::Field { message, field } => {
+            self::field(subject, message, field, &mut answers);
+        }
+        Scope::Message(message) => self::message(subject, message, &mut answers),
+        Scope::Level(level) => {
+            for message in table::MESSAGES.iter().filter(|info| level.has(info)) {
+                self::message(subject, message, &mut answers);
+            }
+            if level.is_status() {
+                answers.push(services(subject));
+            }
+            if level.is_control() {
+                answers.extend(routes(subject));
+            }
+        }
+        Scope::Abort => {}
+    }
+    answers.push(Message::ConfigurationComplete(ConfigurationComplete {
+        vsm_id: Some(subject.vsm),
+        data_link_id: Some(Id::NULL),
+        station_number_1_16: Some(0),
+        vehicle_type: Some(subject.vehicle_type),
+        vehicle_subtype: Some(0),
+        ..ConfigurationComplete::default()
+    }));
+    answers
+}
+
+/// Whether any field of a message is used by this VSM, on receipt or in sending.
+fn is_supported(message: &MessageInfo) -> bool {
+    support::message(message.id).is_some_and(|row| !row.taken.is_empty() || !row.sends.is_empty())
+}
+
+/// Whether a field is used: acted on, or filled.
+pub(super) fn is_used(message: &'static MessageInfo, field: &table::FieldInfo) -> bool {
+    let does = support::field(message, field);
+    match does.received {
+        Received::Honoured(_) => true,
+        // Kept and given back on download is not used.
+        Received::Ignored | Received::Refused => false,
+        Received::Never => does.sent.is_some(),
+    }
+}
+
+/// 43000.
+fn services(subject: &Subject<'_>) -> Message {
+    Message::VsmServicesReportMessage(VsmServicesReportMessage {
+        vsm_home_web_page_url: Some(Text::new(subject.web_page.unwrap_or(""))),
+        ftp_url: Some(Text::new("")),
+        ..VsmServicesReportMessage::default()
+    })
+}
+
+/// 43001, one a route type.
+fn routes(subject: &Subject<'_>) -> impl Iterator<Item = Message> {
+    let waypoints = u16::try_from(subject.limits.items).unwrap_or(u16::MAX);
+    [
+        RouteType::Launch,
+        RouteType::Approach,
+        RouteType::Flight,
+        RouteType::ContingencyA,
+        RouteType::ContingencyB,
+    ]
+    .map(|route_type| {
+        Message::UaRouteConfiguration(UaRouteConfiguration {
+            route_type: Some(route_type),
+            instances: Some(u8::try_from(MAX_ROUTES).unwrap_or(u8::MAX)),
+            maximum_number_of_waypoints: Some(waypoints),
+            location_type_support: Some(ABSOLUTE_ONLY),
+            ..UaRouteConfiguration::default()
+        })
+    })
+    .into_iter()
+}
 
 /// All of a message: 44003 where it is not supported, else its fields.
 pub(super) fn message(
@@ -264,6 +346,8 @@ fn number(field: &FieldInfo) -> u8 {
     field.bit + 1
 }
 
+/// Location Type Support: no source gives its values; this is the one Location Type that is flown.
+const ABSOLUTE_ONLY: u8 = 0;
 /// Modes above it are the VSM's own.
 const LAST_STANDARD_MODE: u8 = 31;
 /// Subsystem ID of what the autopilot says of itself.

@@ -2,12 +2,34 @@
 
 use std::f64::consts::PI;
 
+use stanag_msgs::Id;
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiterType, SpeedType};
 
-use super::Subject;
 use crate::altitude::Agl;
-use crate::limits::Performance;
-use crate::limits::WIDEST_CIRCLE_M;
+use crate::limits::{Limits, Performance, WIDEST_CIRCLE_M};
+use crate::parameter::Parameters;
+use crate::telemetry::Place;
+
+/// What the vehicle is.
+#[derive(Debug, Clone, Copy)]
+pub struct Subject<'a> {
+    /// Of this VSM.
+    pub vsm: Id,
+    /// HEARTBEAT.type; 0 before it is heard.
+    pub vehicle_type: u16,
+    /// Whether it can stand still.
+    pub hovers: bool,
+    /// Once it has told one.
+    pub home: Option<Place>,
+    /// Bounds of routes.
+    pub limits: Limits,
+    /// Whether heights above home are flown.
+    pub agl: Agl,
+    /// Its own parameters, as far as they have been read.
+    pub parameters: &'a Parameters,
+    /// The status page, where one is served.
+    pub web_page: Option<&'a str>,
+}
 
 /// Bounds of a field in its unit; what is not known is absent.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -3,7 +3,15 @@
 use stanag_msgs::enums::{ConfigRequestType, EnumIndexEnable, FieldAvailable};
 use stanag_msgs::messages::FieldConfigurationRequest;
 
-use super::*;
+use stanag_msgs::{Id, Message, table};
+
+use super::answer::{answers, is_used};
+use super::bounds::{Subject, bounds};
+use super::request::{Request, RequestError};
+use crate::altitude::Agl;
+use crate::limits::Limits;
+use crate::parameter::Parameters;
+use crate::telemetry::Place;
 
 fn parameters() -> Parameters {
     let mut parameters = Parameters::default();

@@ -3,7 +3,7 @@
 //! The setting stays until another is commanded, over restarts too; 1013.25 hPa until one was.
 
 use mapping::altitude::Altimeter;
-use mapping::configuration::forced;
+use mapping::configuration::changes;
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Message;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
@@ -58,7 +58,7 @@ impl Aircraft {
             .save(&self.id(), &Record { pascal })
             .map_err(|fault| format!("the altimeter setting cannot be stored: {fault}"))?;
         self.bounds.altimeter = altimeter;
-        let changed: Vec<Message> = forced::altimeter(altimeter).into_iter().collect();
+        let changed: Vec<Message> = changes::altimeter(altimeter).into_iter().collect();
         self.tell_the_configured(desk, &changed, by.map(|origin| origin.station));
         Ok(())
     }

@@ -2,7 +2,7 @@
 //!
 //! PX4 forgets speeds, places and altitudes when it changes its mode; so does this VSM, whoever has changed it.
 
-use mapping::configuration::forced;
+use mapping::configuration::changes;
 use mapping::mode::Px4Mode;
 use mapping::report::{self, Commanded};
 
@@ -23,7 +23,7 @@ impl Aircraft {
         self.watch_commanded();
         self.report_on_change(desk);
         let mode = self.mav.telemetry.mode.map(Px4Mode::reported);
-        if let Some(told) = mode.and_then(forced::mode) {
+        if let Some(told) = mode.and_then(changes::mode) {
             self.tell_the_configured(desk, &[told], None);
         }
     }

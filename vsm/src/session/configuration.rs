@@ -7,7 +7,8 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use mapping::configuration::{self, Level, Request, RequestError, Scope, Subject, modes};
+use mapping::configuration::changes::Available;
+use mapping::configuration::{self, Level, Request, RequestError, Scope, Subject};
 use mapping::limits::Performance;
 use mapping::parameter::{NAMES, Parameters};
 use mavlink_link::dialect::MavType;
@@ -35,7 +36,7 @@ pub(crate) struct Configuration {
     /// Stations that have been configured: changes are told to them.
     told: BTreeSet<usize>,
     /// What they were told of the modes that can be commanded now.
-    modes: Option<modes::Available>,
+    modes: Option<Available>,
 }
 
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
@@ -354,8 +355,8 @@ impl Aircraft {
             && names.any(|name| self.parameter(name).is_none())
     }
 
-    fn available_modes(&self) -> modes::Available {
-        modes::Available {
+    fn available_modes(&self) -> Available {
+        Available {
             launch: !self.mav.telemetry.airborne(),
             waypoint: self.aboard.is_some(),
         }

@@ -3,7 +3,7 @@
 //! What PX4 cannot fly is refused here, at once, and changes nothing: kept, it would only be found out by the 2016 that
 //! is to stop the vehicle somewhere.
 
-use mapping::configuration::forced;
+use mapping::configuration::changes;
 use mapping::limits::WIDEST_CIRCLE_M;
 use stanag_msgs::enums::{AckType, LoiterDirection, LoiterType};
 use stanag_msgs::messages::LoiterConfiguration;
@@ -23,7 +23,7 @@ impl Aircraft {
         if let Err(why) = circle(&merged, self.mav.telemetry.hovers()) {
             return self.refuse(desk, Some(origin), why);
         }
-        let changed: Vec<_> = forced::loiter(&merged, &self.loiter).collect();
+        let changed: Vec<_> = changes::loiter(&merged, &self.loiter).collect();
         self.loiter = merged;
         desk.acknowledge(self.id(), &origin, AckType::CarriedOut);
         self.tell_the_configured(desk, &changed, Some(origin.station));

@@ -1,7 +1,6 @@
 //! The configuration phase: 40000 to 49999.
 
-use super::{HEARD_STAMP, NULL_LINK, STAMP};
-use crate::support::MessageSupport;
+use crate::support::row::{HEARD_STAMP, MessageSupport, NULL_LINK, STAMP};
 
 /// Of 41000.
 const BOUNDED: &[(&str, &str)] = &[

@@ -1,7 +1,6 @@
 //! Status of the flight vehicle: 3000 to 12999.
 
-use super::STAMP;
-use crate::support::MessageSupport;
+use crate::support::row::{MessageSupport, STAMP};
 
 pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
@@ -41,7 +40,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Altitude Type",
-                "3 once the geoid separation is known, else 1",
+                "3 once the geoid separation is known (GPS_RAW_INT), else 1",
             ),
             ("Commanded Speed", "the last command that the vehicle took"),
             (
@@ -55,7 +54,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "UA State",
-                "landed and armed state, failsafe; 10 and up are described by 41002",
+                "EXTENDED_SYS_STATE.landed_state, HEARTBEAT: armed, failsafe; 10 and up are described by 41002",
             ),
             (
                 "Commanded Loiter Position Latitude",
@@ -87,7 +86,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Loiter Altitude", "the last command that the vehicle took"),
             (
                 "Altitude Type",
-                "3 once the geoid separation is known, else 1",
+                "3 once the geoid separation is known (GPS_RAW_INT), else 1",
             ),
             ("Loiter Speed", "the last command that the vehicle took"),
             ("Speed Type", "as commanded"),
@@ -122,7 +121,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         sent: &[
             ("Time Stamp", STAMP),
             ("Engine Number", "from 1"),
-            ("Engine Status", "armed or not"),
+            ("Engine Status", "HEARTBEAT: armed or not"),
             ("Reported Engine Command", "the last 2008"),
             ("Engine Power Setting", "VFR_HUD.throttle; 0 when disarmed"),
         ],
@@ -190,7 +189,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Altitude", "GLOBAL_POSITION_INT and the geoid separation"),
             (
                 "Altitude Type",
-                "3 once the geoid separation is known, else 1",
+                "3 once the geoid separation is known (GPS_RAW_INT), else 1",
             ),
             ("U_Speed", "LOCAL_POSITION_NED, north"),
             ("V_Speed", "LOCAL_POSITION_NED, east"),
@@ -212,18 +211,24 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Time Stamp", STAMP),
             (
                 "Altitude Type",
-                "3 once the geoid separation is known, else 1",
+                "3 once the geoid separation is known (GPS_RAW_INT), else 1",
             ),
             ("Speed Type", "2"),
-            ("From Waypoint - Latitude", "the route aboard"),
+            (
+                "From Waypoint - Latitude",
+                "the route aboard, once MISSION_ITEM_REACHED",
+            ),
             ("From Waypoint - Longitude", "the route aboard"),
-            ("From Waypoint Altitude", "the route aboard"),
+            ("From Waypoint Altitude", "the route aboard, HOME_POSITION"),
             ("From Waypoint Number", "0: none"),
             ("To Waypoint - Latitude", "the route aboard"),
             ("To Waypoint - Longitude", "the route aboard"),
             ("To Waypoint Altitude", "the route aboard"),
             ("To Waypoint Speed", "where the route gives one"),
-            ("To Waypoint Time", "distance over present ground speed"),
+            (
+                "To Waypoint Time",
+                "distance over present ground speed (VFR_HUD)",
+            ),
             ("To Waypoint Number", "MISSION_CURRENT; 0: none"),
             ("Next Waypoint - Latitude", "the route aboard"),
             ("Next Waypoint - Longitude", "the route aboard"),
@@ -243,8 +248,14 @@ pub(super) static ROWS: &[MessageSupport] = &[
         honoured: &[],
         sent: &[
             ("Time Stamp", STAMP),
-            ("Bus Voltage", "steps of 0.01 V: no source gives one"),
-            ("Battery Current", "steps of 0.01 A: no source gives one"),
+            (
+                "Bus Voltage",
+                "BATTERY_STATUS, SYS_STATUS; steps of 0.01 V: no source gives one",
+            ),
+            (
+                "Battery Current",
+                "BATTERY_STATUS; steps of 0.01 A: no source gives one",
+            ),
             ("Battery Charge Remaining", "steps of 0.0016 %"),
             ("Battery Temperature", "steps of 0.5 K"),
         ],

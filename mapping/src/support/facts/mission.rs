@@ -1,12 +1,11 @@
 //! Routes and their transfer: 13000 to 14999.
 
-use super::{AS_RECEIVED, HEARD_STAMP, STAMP};
-use crate::support::MessageSupport;
+use crate::support::row::{AS_RECEIVED, HEARD_STAMP, MessageSupport, STAMP};
 
 pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
         id: 13000,
-        taken: "clears, loads, downloads or cancels; answered by 14000",
+        taken: "clears (MISSION_CLEAR_ALL), loads (MISSION_COUNT, MISSION_ITEM_INT, read back by MISSION_REQUEST_LIST, MISSION_REQUEST_INT; then MISSION_CURRENT shows it), downloads or cancels; answered by 14000",
         sends: "",
         honoured: &[
             ("Time Stamp", HEARD_STAMP),
@@ -49,7 +48,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
     },
     MessageSupport {
         id: 13002,
-        taken: "stored; checked and flown after 13000",
+        taken: "stored; checked and flown after 13000 as NAV_WAYPOINT",
         sends: "on download",
         honoured: &[
             ("Time Stamp", HEARD_STAMP),
@@ -121,7 +120,10 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             ("Loiter Speed", "within the circle of a fixed wing"),
             ("Speed Type", "0, 1 and 2 alike; others are refused"),
-            ("Loiter Duration", "NAV_LOITER_TIME; absent or 0: for good"),
+            (
+                "Loiter Duration",
+                "NAV_LOITER_TIME; absent or 0: for good (NAV_LOITER_UNLIM)",
+            ),
             (
                 "Loiter Duration Units",
                 "0 seconds; 1 turns of a fixed wing, where radius and speed are given",
@@ -154,7 +156,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Mission ID", "of the 13000"),
             (
                 "Status",
-                "complete once the vehicle holds the plan, read back",
+                "MISSION_ACK; complete once the vehicle holds the plan, read back",
             ),
             ("Percent Complete", "items that went over"),
             ("Waypoint Request", "the waypoint that a refusal is about"),

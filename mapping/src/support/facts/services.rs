@@ -1,7 +1,6 @@
 //! Alerts, acknowledgements, requests, handover: 15000 to 39999.
 
-use super::{HEARD_STAMP, NULL_LINK, STAMP};
-use crate::support::MessageSupport;
+use crate::support::row::{HEARD_STAMP, MessageSupport, NULL_LINK, STAMP};
 
 pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
@@ -30,7 +29,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
         id: 16000,
         taken: "",
-        sends: "when something happens, changes or is over; of a refusal with its reason, cleared 15 s later",
+        sends: "when something happens (STATUSTEXT, SYS_STATUS, ESTIMATOR_STATUS, BATTERY_STATUS, GPS_RAW_INT, HEARTBEAT), changes or is over; of a refusal with its reason (COMMAND_ACK, PARAM_ERROR), cleared 15 s later",
         honoured: &[],
         sent: &[
             ("Time Stamp", STAMP),
@@ -92,13 +91,13 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Original Message Type", "of the message"),
             (
                 "Acknowledgement Type",
-                "1 received, 2 carried out, 3 refused",
+                "1 received, 2 carried out (shown by the vehicle, not by COMMAND_ACK alone), 3 refused",
             ),
         ],
     },
     MessageSupport {
         id: 17001,
-        taken: "a report is sent so often",
+        taken: "a report is sent so often, its sources asked for by SET_MESSAGE_INTERVAL",
         sends: "",
         honoured: &[
             ("Time Stamp", HEARD_STAMP),

@@ -6,7 +6,6 @@
 
 #![expect(clippy::print_stderr, reason = "a program for people to read")]
 
-mod crossing;
 mod dissector;
 mod lua;
 mod man;
@@ -107,7 +106,6 @@ fn outputs() -> Vec<Output> {
             "docs/reference/configuration.md",
             vsm::config::reference::markdown(),
         ),
-        Output::new("docs/reference/mapping-tables.md", crossing::markdown()),
     ];
     made.extend(
         reference::pages()

@@ -1,8 +1,11 @@
 //! The support table: message by field, what is sent, honoured, ignored and refused, and how well each is known.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use mapping::support::{self, MessageSupport, Received};
+use mavlink::Message as _;
+use mavlink_link::dialect::MavMessage;
 use stanag_msgs::table::{FieldInfo, MESSAGES, MessageInfo};
 
 /// `docs/reference/support.md`.
@@ -26,6 +29,7 @@ pub(super) fn markdown() -> String {
             message.confidence.letter(),
         );
     }
+    mavlink(&mut page);
     page.push_str("\n## Fields\n");
     for message in MESSAGES {
         let row = support::message(message.id);
@@ -53,6 +57,26 @@ pub(super) fn markdown() -> String {
         }
     }
     page
+}
+
+/// For each message of MAVLink the messages of the DLI whose row names it, by the texts of the row.
+fn mavlink(page: &mut String) {
+    let mut by_name: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for row in support::rows() {
+        let fields = row.honoured.iter().chain(row.sent).map(|(_, text)| *text);
+        let texts = fields.chain([row.taken, row.sends]);
+        let names: BTreeSet<&str> = texts
+            .flat_map(|text| text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_')))
+            .filter(|word| MavMessage::message_id_from_name(word).is_some())
+            .collect();
+        for name in names {
+            by_name.entry(name).or_default().push(row.id.to_string());
+        }
+    }
+    page.push_str("\n## By message of MAVLink\n\n| MAVLink | DLI |\n|---|---|\n");
+    for (name, ids) in by_name {
+        let _ = writeln!(page, "| {name} | {} |", ids.join(", "));
+    }
 }
 
 /// What is done with a whole message: on receipt, and whether it is sent.

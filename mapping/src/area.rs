@@ -1,0 +1,564 @@
+//! Areas to stay inside or outside, as they come (50016, or the configuration), and as PX4's geofence.
+//!
+//! | area | PX4 |
+//! |---|---|
+//! | polygon to stay inside, outside | NAV_FENCE_POLYGON_VERTEX_INCLUSION, _EXCLUSION, one item a corner |
+//! | circle to stay inside, outside | NAV_FENCE_CIRCLE_INCLUSION, _EXCLUSION |
+//!
+//! PX4 holds 64 corners in all. Of several areas to stay inside it allows every one: a further one makes the space
+//! larger, so that a CUCS adds none where the configuration has set one.
+
+use std::collections::BTreeMap;
+
+use geo::{Contains, LineString, Point, Polygon, Validation};
+use mavlink_link::service::mission::{FRAME_GLOBAL, Item};
+use stanag_msgs::Message;
+use stanag_msgs::enums::AreaType;
+use stanag_msgs::messages::AreaVertex;
+
+use crate::limits::metres;
+use crate::route::degrees_e7;
+
+/// What PX4 holds of a geofence: corners and circles together.
+pub const MAX_VERTICES: usize = 64;
+
+/// One area, whole.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Area {
+    /// Whether the vehicle stays inside, else outside.
+    pub keep_in: bool,
+    /// Its outline.
+    pub shape: Shape,
+}
+
+/// The outline of an area, degrees north and east.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// The corners in turn, 3 and more.
+    Polygon(Vec<(f64, f64)>),
+    /// A circle.
+    Circle {
+        /// Its centre.
+        centre: (f64, f64),
+        /// Metres, above 0.
+        radius_m: f64,
+    },
+}
+
+impl Area {
+    /// Whether a place, degrees north and east, lies within the outline.
+    #[must_use]
+    pub fn contains(&self, at: (f64, f64)) -> bool {
+        match &self.shape {
+            Shape::Polygon(corners) => outline(corners).contains(&Point::new(at.1, at.0)),
+            Shape::Circle { centre, radius_m } => metres(*centre, at) <= *radius_m,
+        }
+    }
+}
+
+fn outline(corners: &[(f64, f64)]) -> Polygon {
+    let ring = corners.iter().map(|(north, east)| (*east, *north));
+    Polygon::new(ring.collect::<LineString>(), Vec::new())
+}
+
+/// The areas that a CUCS has sent, as it sent them, by Area ID and Vertex Number.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Areas(BTreeMap<u16, BTreeMap<u8, AreaVertex>>);
+
+impl Areas {
+    /// Stores one corner; a later one of the same numbers replaces it.
+    ///
+    /// # Errors
+    /// By itself it is none: the areas are as before.
+    pub fn store(&mut self, vertex: &AreaVertex) -> Result<(), AreaError> {
+        let id = vertex.area_id.unwrap_or(0);
+        let number = vertex.vertex_number;
+        checked(vertex).map_err(|reason| AreaError {
+            area: id,
+            vertex: number,
+            reason,
+        })?;
+        let total: usize = self.0.values().map(BTreeMap::len).sum();
+        let known = number.is_some_and(|number| {
+            self.0
+                .get(&id)
+                .is_some_and(|area| area.contains_key(&number))
+        });
+        // A bound on memory: what no vehicle holds need not be stored.
+        if total >= MAX_VERTICES && !known {
+            return Err(AreaError {
+                area: id,
+                vertex: number,
+                reason: Reason::TooMany(total + 1),
+            });
+        }
+        let area = self.0.entry(id).or_default();
+        let what = |vertex: &AreaVertex| (vertex.area_type, vertex.vertex_count);
+        // Corners of what the area was before are none of what it is now.
+        area.retain(|_, known| what(known) == what(vertex));
+        area.insert(number.unwrap_or(1), vertex.clone());
+        Ok(())
+    }
+
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// As messages, by area and vertex.
+    pub fn messages(&self) -> impl Iterator<Item = Message> + '_ {
+        let vertices = self.0.values().flat_map(BTreeMap::values);
+        vertices.cloned().map(Message::AreaVertex)
+    }
+
+    /// The areas, whole.
+    ///
+    /// # Errors
+    /// The first that is not whole.
+    pub fn whole(&self) -> Result<Vec<(u16, Area)>, AreaError> {
+        self.0
+            .iter()
+            .map(|(id, vertices)| Ok((*id, whole(*id, vertices)?)))
+            .collect()
+    }
+}
+
+/// What can be told of one corner by itself.
+fn checked(vertex: &AreaVertex) -> Result<(), Reason> {
+    if vertex.area_id.is_none_or(|id| id == 0) {
+        return Err(Reason::Missing("Area ID above 0"));
+    }
+    let kind = vertex.area_type.ok_or(Reason::Missing("Area Type"))?;
+    let count = vertex.vertex_count.ok_or(Reason::Missing("Vertex Count"))?;
+    let number = vertex
+        .vertex_number
+        .ok_or(Reason::Missing("Vertex Number"))?;
+    let latitude = vertex
+        .latitude
+        .ok_or(Reason::Missing("Latitude"))?
+        .degrees();
+    vertex.longitude.ok_or(Reason::Missing("Longitude"))?;
+    if !(-90.0..=90.0).contains(&latitude) {
+        return Err(Reason::Latitude(latitude));
+    }
+    match kind {
+        AreaType::KeepInPolygon | AreaType::KeepOutPolygon => {
+            if count < 3 || usize::from(count) > MAX_VERTICES {
+                return Err(Reason::Count(count, "3 to 64"));
+            }
+        }
+        AreaType::KeepInCircle | AreaType::KeepOutCircle => {
+            if count != 1 {
+                return Err(Reason::Count(count, "1 of a circle"));
+            }
+            radius(vertex.radius)?;
+        }
+        AreaType::Unknown(value) => return Err(Reason::Type(value)),
+    }
+    if !(1..=count).contains(&number) {
+        return Err(Reason::Number(number, count));
+    }
+    Ok(())
+}
+
+fn radius(radius: Option<f32>) -> Result<f64, Reason> {
+    let radius_m = f64::from(radius.ok_or(Reason::Missing("Radius"))?);
+    if radius_m > 0.0 && radius_m <= WIDEST_M {
+        Ok(radius_m)
+    } else {
+        Err(Reason::Radius(radius_m))
+    }
+}
+
+fn whole(area: u16, vertices: &BTreeMap<u8, AreaVertex>) -> Result<Area, AreaError> {
+    let fault = |vertex, reason| AreaError {
+        area,
+        vertex: Some(vertex),
+        reason,
+    };
+    let any = vertices.values().next();
+    let count = any.and_then(|vertex| vertex.vertex_count).unwrap_or(1);
+    let kind = any.and_then(|vertex| vertex.area_type);
+    let mut corners = Vec::with_capacity(usize::from(count));
+    for number in 1..=count {
+        let vertex = vertices
+            .get(&number)
+            .ok_or(fault(number, Reason::NotReceived))?;
+        let (Some(latitude), Some(longitude)) = (vertex.latitude, vertex.longitude) else {
+            return Err(fault(number, Reason::Missing("Latitude or Longitude")));
+        };
+        corners.push((latitude.degrees(), longitude.degrees()));
+    }
+    let keep_in = matches!(kind, Some(AreaType::KeepInPolygon | AreaType::KeepInCircle));
+    let shape = match (kind, corners.first()) {
+        (Some(AreaType::KeepInCircle | AreaType::KeepOutCircle), Some(centre)) => Shape::Circle {
+            centre: *centre,
+            radius_m: radius(any.and_then(|vertex| vertex.radius))
+                .map_err(|reason| fault(1, reason))?,
+        },
+        _ => Shape::Polygon(corners),
+    };
+    Ok(Area { keep_in, shape })
+}
+
+/// Beyond it a radius is a mistake, m.
+const WIDEST_M: f64 = 100_000.0;
+
+/// A corner or circle of a fence.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FencePoint {
+    /// Area ID; 0 is one of the configuration.
+    pub area: u16,
+    /// Vertex Number.
+    pub vertex: u8,
+    /// As PX4 takes it.
+    pub item: Item,
+}
+
+/// The fence of the configured areas and those of a CUCS, checked: what is sent to PX4.
+///
+/// `vehicle` is where it is, where it has told so.
+///
+/// # Errors
+/// The first area that cannot be flown with, and its vertex.
+pub fn fence(
+    configured: &[Area],
+    sent: &[(u16, Area)],
+    vehicle: Option<(f64, f64)>,
+) -> Result<Vec<FencePoint>, AreaError> {
+    let all = configured.iter().map(|area| (0, area));
+    let all: Vec<(u16, &Area)> = all
+        .chain(sent.iter().map(|(id, area)| (*id, area)))
+        .collect();
+    let mut items: Vec<FencePoint> = Vec::new();
+    for (id, area) in &all {
+        let fault = |vertex, reason| AreaError {
+            area: *id,
+            vertex,
+            reason,
+        };
+        if *id != 0 && area.keep_in && configured.iter().any(|area| area.keep_in) {
+            return Err(fault(None, Reason::Widens));
+        }
+        if let Shape::Polygon(corners) = &area.shape
+            && !outline(corners).is_valid()
+        {
+            return Err(fault(None, Reason::Outline));
+        }
+        if let (Some(at), false) = (vehicle, area.keep_in)
+            && area.contains(at)
+        {
+            return Err(fault(None, Reason::Breached("inside")));
+        }
+        let room = MAX_VERTICES - items.len();
+        let new = area.items();
+        if new.len() > room {
+            let vertex = u8::try_from(room + 1).ok();
+            return Err(fault(vertex, Reason::TooMany(items.len() + new.len())));
+        }
+        items.extend((1..).zip(new).map(|(vertex, item)| FencePoint {
+            area: *id,
+            vertex,
+            item,
+        }));
+    }
+    let inside: Vec<_> = all.iter().filter(|(_, area)| area.keep_in).collect();
+    if let (Some(at), Some((id, _))) = (vehicle, inside.last())
+        && !inside.iter().any(|(_, area)| area.contains(at))
+    {
+        return Err(AreaError {
+            area: *id,
+            vertex: None,
+            reason: Reason::Breached("outside"),
+        });
+    }
+    Ok(items)
+}
+
+impl Area {
+    fn items(&self) -> Vec<Item> {
+        let item = |command: u16, first: f64, (latitude, longitude): (f64, f64)| Item {
+            frame: FRAME_GLOBAL,
+            command: if self.keep_in { command } else { command + 1 },
+            current: false,
+            autocontinue: false,
+            params: [first as f32, 0.0, 0.0, 0.0],
+            x: degrees_e7(latitude),
+            y: degrees_e7(longitude),
+            z: 0.0,
+        };
+        match &self.shape {
+            Shape::Polygon(corners) => corners
+                .iter()
+                .map(|at| item(POLYGON_INCLUSION, corners.len() as f64, *at))
+                .collect(),
+            Shape::Circle { centre, radius_m } => {
+                vec![item(CIRCLE_INCLUSION, *radius_m, *centre)]
+            }
+        }
+    }
+}
+
+/// MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION; the exclusion is the next number.
+const POLYGON_INCLUSION: u16 = 5001;
+/// MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION; the exclusion is the next number.
+const CIRCLE_INCLUSION: u16 = 5003;
+
+/// Areas that make no fence, or a message that makes no area. Area 0 is one of the configuration.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("area {area}{}: {reason}", of(.vertex))]
+pub struct AreaError {
+    /// Area ID.
+    pub area: u16,
+    /// Vertex Number, where it is about one.
+    pub vertex: Option<u8>,
+    /// Why.
+    pub reason: Reason,
+}
+
+/// What is wrong with an area.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Reason {
+    /// A field that must be there is not.
+    #[error("{0} is missing")]
+    Missing(&'static str),
+    /// A type that there is not.
+    #[error("Area Type {0}, expected 0 to 3")]
+    Type(u8),
+    /// A number of corners that the type does not have.
+    #[error("Vertex Count {0}, expected {1}")]
+    Count(u8, &'static str),
+    /// A corner beyond the count.
+    #[error("Vertex Number {0}, expected 1 to {1}")]
+    Number(u8, u8),
+    /// No place on earth.
+    #[error("latitude {0:.4} deg, expected -90 to 90")]
+    Latitude(f64),
+    /// A circle without size.
+    #[error("Radius {0} m, expected more than 0 and at most 100000")]
+    Radius(f64),
+    /// A corner that has not been received.
+    #[error("it has not been received")]
+    NotReceived,
+    /// The same place twice in turn, or sides that cross.
+    #[error("its sides cross, or it has no inside")]
+    Outline,
+    /// More than the vehicle holds.
+    #[error("{0} vertices with the areas before it, the vehicle holds 64")]
+    TooMany(usize),
+    /// It would make the configured space larger.
+    #[error("areas to stay inside are set by the configuration of this VSM")]
+    Widens,
+    /// The vehicle would break the fence where it is.
+    #[error("the vehicle is {0} it now")]
+    Breached(&'static str),
+    /// Nothing at all to load.
+    #[error("no area has been received (50016)")]
+    None,
+}
+
+fn of(vertex: &Option<u8>) -> String {
+    vertex.map_or_else(String::new, |number| format!(" vertex {number}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::Bam32;
+
+    use super::*;
+
+    fn vertex(area: u16, kind: AreaType, count: u8, number: u8, at: (f64, f64)) -> AreaVertex {
+        AreaVertex {
+            area_id: Some(area),
+            area_type: Some(kind),
+            vertex_count: Some(count),
+            vertex_number: Some(number),
+            latitude: Some(Bam32::from_degrees(at.0)),
+            longitude: Some(Bam32::from_degrees(at.1)),
+            ..AreaVertex::default()
+        }
+    }
+
+    const CORNERS: [(f64, f64); 4] = [(47.0, 8.0), (47.0, 8.1), (47.1, 8.1), (47.1, 8.0)];
+
+    fn square(kind: AreaType) -> Areas {
+        let mut areas = Areas::default();
+        // In any order.
+        for number in [3, 1, 4, 2] {
+            let at = CORNERS[usize::from(number) - 1];
+            areas.store(&vertex(7, kind, 4, number, at)).unwrap();
+        }
+        areas
+    }
+
+    #[test]
+    fn a_square_becomes_four_items_and_a_circle_one() {
+        let mut areas = square(AreaType::KeepInPolygon);
+        let circle = AreaVertex {
+            radius: Some(250.0),
+            ..vertex(8, AreaType::KeepOutCircle, 1, 1, (47.05, 8.05))
+        };
+        areas.store(&circle).unwrap();
+        let items = fence(&[], &areas.whole().unwrap(), Some((47.01, 8.01))).unwrap();
+        let told: Vec<_> = items
+            .iter()
+            .map(|point| (point.item.command, point.item.params[0]))
+            .collect();
+        assert_eq!(
+            told,
+            [
+                (5001, 4.0),
+                (5001, 4.0),
+                (5001, 4.0),
+                (5001, 4.0),
+                (5004, 250.0)
+            ]
+        );
+        assert!((i64::from(items[2].item.x) - 471_000_000).abs() <= 1);
+    }
+
+    #[test]
+    fn what_is_not_whole_is_refused_with_its_vertex() {
+        let mut areas = Areas::default();
+        for number in [1, 2, 4] {
+            let at = CORNERS[usize::from(number) - 1];
+            areas
+                .store(&vertex(7, AreaType::KeepInPolygon, 4, number, at))
+                .unwrap();
+        }
+        let fault = areas.whole().unwrap_err();
+        assert_eq!(
+            (fault.area, fault.vertex, fault.reason),
+            (7, Some(3), Reason::NotReceived)
+        );
+        assert_eq!(
+            fault.to_string(),
+            "area 7 vertex 3: it has not been received"
+        );
+        // Another definition takes the place of the first.
+        for number in [3, 1, 2] {
+            let at = CORNERS[usize::from(number) - 1];
+            let triangle = vertex(7, AreaType::KeepInPolygon, 3, number, at);
+            areas.store(&triangle).unwrap();
+        }
+        assert_eq!(fence(&[], &areas.whole().unwrap(), None).unwrap().len(), 3);
+    }
+
+    #[test]
+    fn a_fence_that_the_vehicle_breaks_already_is_refused() {
+        let stays_in = square(AreaType::KeepInPolygon).whole().unwrap();
+        let stays_out = square(AreaType::KeepOutPolygon).whole().unwrap();
+        let inside = Some((47.05, 8.05));
+        let outside = Some((47.2, 8.05));
+        assert!(fence(&[], &stays_in, inside).is_ok());
+        assert_eq!(
+            fence(&[], &stays_in, outside).unwrap_err().reason,
+            Reason::Breached("outside")
+        );
+        assert_eq!(
+            fence(&[], &stays_out, inside).unwrap_err().reason,
+            Reason::Breached("inside")
+        );
+        assert!(fence(&[], &stays_out, outside).is_ok());
+    }
+
+    #[test]
+    fn a_station_cannot_widen_what_the_configuration_sets() {
+        let area = Area {
+            keep_in: true,
+            shape: Shape::Circle {
+                centre: (47.05, 8.05),
+                radius_m: 500.0,
+            },
+        };
+        let stays_in = square(AreaType::KeepInPolygon).whole().unwrap();
+        let fault = fence(std::slice::from_ref(&area), &stays_in, None).unwrap_err();
+        assert_eq!((fault.area, fault.reason), (7, Reason::Widens));
+        let stays_out = square(AreaType::KeepOutPolygon).whole().unwrap();
+        assert_eq!(fence(&[area], &stays_out, None).unwrap().len(), 5);
+    }
+
+    #[test]
+    fn crossed_sides_and_too_many_corners_are_refused() {
+        let mut areas = Areas::default();
+        for (number, corner) in [(1, 0), (2, 2), (3, 1), (4, 3)] {
+            let at = CORNERS[corner];
+            areas
+                .store(&vertex(1, AreaType::KeepInPolygon, 4, number, at))
+                .unwrap();
+        }
+        assert_eq!(
+            fence(&[], &areas.whole().unwrap(), None)
+                .unwrap_err()
+                .reason,
+            Reason::Outline
+        );
+        let many = |from: usize| -> Area {
+            let corner = |n: usize| {
+                let angle = std::f64::consts::TAU * n as f64 / 33.0;
+                (47.0 + 0.1 * angle.sin(), from as f64 + 0.1 * angle.cos())
+            };
+            Area {
+                keep_in: false,
+                shape: Shape::Polygon((0..33).map(corner).collect()),
+            }
+        };
+        let two = [(1, many(8)), (2, many(9))];
+        let fault = fence(&[], &two, None).unwrap_err();
+        assert_eq!(
+            (fault.area, fault.vertex, fault.reason),
+            (2, Some(32), Reason::TooMany(66))
+        );
+    }
+
+    #[test]
+    fn a_corner_that_is_none_is_refused_at_once() {
+        let mut areas = Areas::default();
+        let good = vertex(1, AreaType::KeepInPolygon, 4, 1, CORNERS[0]);
+        let refused = |areas: &mut Areas, vertex: AreaVertex| areas.store(&vertex).unwrap_err();
+        for (vertex, reason) in [
+            (
+                AreaVertex {
+                    area_id: Some(0),
+                    ..good.clone()
+                },
+                Reason::Missing("Area ID above 0"),
+            ),
+            (
+                AreaVertex {
+                    vertex_count: Some(2),
+                    ..good.clone()
+                },
+                Reason::Count(2, "3 to 64"),
+            ),
+            (
+                AreaVertex {
+                    vertex_number: Some(5),
+                    ..good.clone()
+                },
+                Reason::Number(5, 4),
+            ),
+            (
+                AreaVertex {
+                    area_type: Some(AreaType::Unknown(9)),
+                    ..good.clone()
+                },
+                Reason::Type(9),
+            ),
+        ] {
+            assert_eq!(refused(&mut areas, vertex).reason, reason);
+        }
+        let circle = vertex(1, AreaType::KeepInCircle, 1, 1, CORNERS[0]);
+        assert_eq!(
+            refused(&mut areas, circle).reason,
+            Reason::Missing("Radius")
+        );
+        assert!(areas.is_empty());
+    }
+}

@@ -1,0 +1,22 @@
+//! The form of a fact: one row a message, and the words that many of them share.
+
+/// What is done with one message.
+#[derive(Debug, Clone, Copy)]
+pub struct MessageSupport {
+    /// Its Message Type.
+    pub id: u16,
+    /// What it leads to when it comes from a CUCS; empty where it is not taken.
+    pub taken: &'static str,
+    /// When it is sent; empty where it never is.
+    pub sends: &'static str,
+    /// The fields that change what is done, and how. The others are looked at by nobody.
+    pub honoured: &'static [(&'static str, &'static str)],
+    /// The fields that are filled, and from what. The others are absent.
+    pub sent: &'static [(&'static str, &'static str)],
+}
+
+pub(super) const STAMP: &str = "rises strictly";
+pub(super) const HEARD_STAMP: &str = "tells a duplicate, and is returned in 17000";
+pub(super) const NULL_LINK: &str = "the null id: data links are the link's own matter";
+pub(super) const ECHO: &str = "returned in 2";
+pub(super) const AS_RECEIVED: &str = "as it was received";
