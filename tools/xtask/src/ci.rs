@@ -1,24 +1,27 @@
 //! `cargo xtask ci`: what must hold before anything is merged.
 
-use std::process::Command;
-
 use anyhow::Result;
 
 use crate::dependencies;
 use crate::fuzz;
 use crate::licences;
-use crate::steps::{Steps, built, cargo, is_there};
+use crate::metrics::packages;
+use crate::steps::{Steps, built, cargo, is_there, root};
 use crate::tests;
 
 /// Formatting, lints, documentation, dependencies, tests, a minute of fuzzing; the first that fails ends it.
 pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     steps.run(&mut cargo(["fmt", "--all", "--check"]))?;
     steps.run(cargo(["fmt", "--all", "--check"]).args(FUZZ))?;
-    steps.run(&mut denying_warnings(&[
-        "clippy",
-        "--workspace",
-        "--all-targets",
-    ]))?;
+    let clippy = ["clippy", "--workspace", "--all-targets", "--locked"];
+    steps.run(cargo(clippy).args(DENY))?;
+    steps.run(
+        cargo(["clippy", "--bins", "--locked", "--target-dir", "target"])
+            .args(FUZZ)
+            .args(DENY)
+            // Nothing is linked by clippy: spare it the build of libFuzzer.
+            .env("CUSTOM_LIBFUZZER_PATH", "/unused/libfuzzer.a"),
+    )?;
     let doc = ["doc", "--workspace", "--no-deps", "--locked"];
     steps.run(cargo(doc).env("RUSTDOCFLAGS", "-D warnings"))?;
     if is_there(&mut cargo(["deny", "--version"])) {
@@ -31,6 +34,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         steps.step("licences and sources of all dependencies", licences::check)?;
     }
     steps.step("every declared dependency is used", dependencies::check)?;
+    publish(steps)?;
     tests::build(steps)?;
     // Built with everything else: started by `cargo run` it would be built again, with other features of dependencies.
     steps.run(built("generate")?.args(["files", "--check"]))?;
@@ -38,11 +42,26 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     fuzz::run(steps, fuzz::A_MINUTE)
 }
 
-fn denying_warnings(what: &[&str]) -> Command {
-    let mut command = cargo(what.iter().copied());
-    command.args(["--locked", "--", "-D", "warnings"]);
-    command
+/// Packs the crates that are meant to be published, and builds each from its package alone.
+fn publish(steps: &mut Steps) -> Result<()> {
+    let mut command = cargo(["publish", "--dry-run", "--locked", "--allow-dirty"]);
+    let mut found = false;
+    for package in packages(&root())? {
+        // An empty list of registries is `publish = false`.
+        if package["publish"].is_null() {
+            let name = package["name"].as_str().unwrap_or_default();
+            command.args(["--package", name]);
+            found = true;
+        }
+    }
+    if found {
+        steps.run(&mut command)
+    } else {
+        Ok(())
+    }
 }
+
+const DENY: [&str; 3] = ["--", "-D", "warnings"];
 
 /// The workspace of the fuzz targets.
 const FUZZ: [&str; 2] = ["--manifest-path", "tests/fuzz/Cargo.toml"];
