@@ -32,7 +32,9 @@ fuzz_target!(|bytes: &[u8]| {
         let mut packer = Packer::new();
         let mut sent = 0;
         packer
-            .push(&header.envelope(), &message, |datagram| sent += datagram.len())
+            .push(&header.envelope(), &message, |datagram| {
+                sent += datagram.len()
+            })
             .expect("it came in a datagram");
         packer.flush(|datagram| sent += datagram.len());
         assert!(sent <= MAX_DATAGRAM);
