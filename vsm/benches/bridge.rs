@@ -3,16 +3,13 @@
 
 #![allow(missing_docs, reason = "a bench has no callers")]
 
-#[path = "../tests/support/mod.rs"]
-mod support;
-
 use std::time::{Duration, Instant};
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use kit::bridge::{Rig, cucs, vehicle_id};
 use mavlink_link::frame::MAX_FRAME;
 use stanag_msgs::messages::UaStickCommand;
 use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, TimeStamp};
-use support::{Rig, cucs, vehicle_id};
 use vsm::session::Peer;
 
 /// Lets the bridge do what is due, and drains what it says.
@@ -31,11 +28,11 @@ fn telemetry(iterations: u64) -> Duration {
     rig.take_off(20.0);
     let (mut left, mut spent, mut frame) = (iterations, Duration::ZERO, [0; MAX_FRAME]);
     while left > 0 {
-        rig.clock += STEP;
+        rig.clock.advance(STEP);
         let now = rig.now();
         rig.vehicles[0].step(STEP);
         while let Some(sent) = rig.vehicles[0].poll_transmit(&mut frame) {
-            let peer = Peer::Udp(support::vehicle_address(0));
+            let peer = Peer::Udp(kit::bridge::vehicle_address(0));
             let bytes = &frame[..sent.len];
             let begun = Instant::now();
             let bridge = rig.bridge.as_mut().expect("it runs");
@@ -52,7 +49,7 @@ fn sticks(iterations: u64) -> Duration {
     let mut rig = Rig::ready();
     let mut spent = Duration::ZERO;
     for _ in 0..iterations {
-        rig.clock += STEP;
+        rig.clock.advance(STEP);
         let now = rig.now();
         let message = Message::UaStickCommand(UaStickCommand {
             time_stamp: Some(TimeStamp::from_unix_ms(now.wall.as_millis() as u64)),
@@ -63,7 +60,7 @@ fn sticks(iterations: u64) -> Duration {
         let mut bytes = [0; MAX_DATAGRAM];
         let envelope = Envelope::new(cucs(0), vehicle_id(0));
         let length = message.encode(&envelope, &mut bytes).expect("it fits");
-        let from = support::station_address(0);
+        let from = kit::bridge::station_address(0);
         let begun = Instant::now();
         let bridge = rig.bridge.as_mut().expect("it runs");
         bridge.handle_dli(now, from, &bytes[..length], &mut rig.store);

@@ -55,9 +55,9 @@ impl VirtualClock {
         self.elapsed += by;
     }
 
-    /// Steps the wall clock by seconds, forwards or backwards.
-    pub fn step_wall(&mut self, seconds: f64) {
-        self.wall_step_s += seconds;
+    /// Steps the wall clock: from now on it is wrong by so many seconds, forwards or backwards.
+    pub fn set_wall_step(&mut self, seconds: f64) {
+        self.wall_step_s = seconds;
     }
 
     /// The process is started again: its monotonic clock begins at zero.
@@ -74,7 +74,7 @@ mod tests {
     fn a_restart_resets_the_monotonic_clock_and_a_step_moves_the_wall_clock() {
         let mut clock = VirtualClock::default();
         clock.advance(Duration::from_secs(5));
-        clock.step_wall(-3600.0);
+        clock.set_wall_step(-3600.0);
         clock.restart_process();
         clock.advance(Duration::from_secs(2));
         assert_eq!(clock.elapsed(), Duration::from_secs(7));

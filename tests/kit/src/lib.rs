@@ -8,6 +8,8 @@
 //! | [`process`] | programs under test: start, wait for a line, terminate by process id; free ports, key files |
 //! | [`relay`] | the simulated network between two real UDP sockets |
 //! | [`serial`] | serial lines made of pseudo terminals |
+//! | [`heap`] | an allocator that counts |
+//! | `bridge` (feature `bridge`) | the bridge with simulated vehicles and ground stations |
 //! | [`tools`] | other people's programs that a test needs, and what happens where one is missing |
 //!
 //! Randomness comes from [`Random`]: the same seed gives the same history.
@@ -31,8 +33,11 @@
     reason = "a panic is how a test's support reports a failure"
 )]
 
+#[cfg(feature = "bridge")]
+pub mod bridge;
 pub mod captures;
 pub mod clock;
+pub mod heap;
 pub mod network;
 pub mod process;
 pub mod relay;

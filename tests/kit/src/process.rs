@@ -30,11 +30,36 @@ pub fn program(name: &str) -> PathBuf {
     path
 }
 
-/// A process that is killed, by its id, when this value is dropped; what it prints is kept.
+/// Runs a program of the workspace to its end in this folder, with the most detailed log: whether it succeeded, and all
+/// that it printed.
+pub fn run_in(folder: &Path, name: &str, arguments: &[&str]) -> (bool, Vec<u8>) {
+    let output = Command::new(program(name))
+        .args(arguments)
+        .env("RUST_LOG", "trace")
+        .current_dir(folder)
+        .output()
+        .unwrap_or_else(|error| panic!("{name}: {error}"));
+    let printed = [output.stdout, output.stderr].concat();
+    (output.status.success(), printed)
+}
+
+/// A child process that is killed, by its id, when this value is dropped.
+#[derive(Debug)]
+pub struct KillOnDrop(pub Child);
+
+impl Drop for KillOnDrop {
+    fn drop(&mut self) {
+        // It may have ended by itself; what counts is that nothing stays behind.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A process that is killed when this value is dropped; what it prints is kept.
 #[derive(Debug)]
 pub struct Running {
     name: String,
-    child: Child,
+    child: KillOnDrop,
     output: Arc<Mutex<String>>,
     readers: Vec<JoinHandle<()>>,
 }
@@ -77,7 +102,7 @@ impl Running {
         ];
         Self {
             name,
-            child,
+            child: KillOnDrop(child),
             output,
             readers,
         }
@@ -85,7 +110,7 @@ impl Running {
 
     /// Its process id.
     pub fn id(&self) -> u32 {
-        self.child.id()
+        self.child.0.id()
     }
 
     /// All that it has printed so far, both streams in order of arrival.
@@ -96,7 +121,7 @@ impl Running {
 
     /// Types a line.
     pub fn type_line(&mut self, line: &str) {
-        let input = self.child.stdin.as_mut().expect("started as a shell");
+        let input = self.child.0.stdin.as_mut().expect("started as a shell");
         writeln!(input, "{line}").expect("it reads");
     }
 
@@ -140,7 +165,7 @@ impl Running {
     pub fn wait(&mut self, limit: Duration) -> Option<ExitStatus> {
         let end = Instant::now() + limit;
         loop {
-            if let Some(status) = self.child.try_wait().expect("its state") {
+            if let Some(status) = self.child.0.try_wait().expect("its state") {
                 for reader in self.readers.drain(..) {
                     let _ = reader.join();
                 }
@@ -172,16 +197,8 @@ impl Running {
 
     /// Kills it (SIGKILL), as a crash would.
     pub fn kill(&mut self) {
-        self.child.kill().expect("it runs");
-        self.child.wait().expect("its end");
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // It may have ended by itself; what counts is that nothing stays behind.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.child.0.kill().expect("it runs");
+        self.child.0.wait().expect("its end");
     }
 }
 

@@ -1,6 +1,6 @@
 //! Who has which rights over one vehicle: a machine without clock, messages or store.
 //!
-//! Promised, and checked by `tests/authority_model.rs` over every state that can be reached:
+//! Promised, and checked by `tests/authority/every_state.rs` over every state that can be reached:
 //! - LOI 4 and 5 have one holder together, the controller. LOI 3 has one holder a payload station. LOI 2 may be held
 //!   by any number.
 //! - Rights change hands in one step, told as a [`Change`]: the changes alone say who holds what at any moment.

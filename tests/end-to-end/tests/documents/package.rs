@@ -1,0 +1,174 @@
+//! The Debian package: unpacked into a scratch root its programs run, its configuration is good, its unit is accepted.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::net::UnixDatagram;
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use kit::process::{Running, program, write_key};
+use kit::tools::is_installed;
+use vsm_tests::ground::Ground;
+
+#[test]
+fn the_package_unpacks_and_its_programs_run() {
+    if !is_installed("dpkg-deb") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let bins = program("vsm").parent().expect("a folder").to_owned();
+    let out = folder.path().join("out");
+    let built = Command::new(program("xtask"))
+        .args(["deb", "--bins"])
+        .arg(&bins)
+        .arg("--out")
+        .arg(&out)
+        .output()
+        .expect("xtask");
+    assert!(
+        built.status.success(),
+        "{}",
+        String::from_utf8_lossy(&built.stderr)
+    );
+    let package = fs::read_dir(&out)
+        .expect("the folder")
+        .map(|entry| entry.expect("an entry").path())
+        .find(|path| path.extension().is_some_and(|e| e == "deb"))
+        .expect("a package");
+
+    let root = folder.path().join("root");
+    run(Command::new("dpkg-deb").arg("-x").arg(&package).arg(&root));
+    for name in ["vsm", "cucs", "px4-sim", "curve-plan"] {
+        let said = run(Command::new(root.join("usr/bin").join(name)).arg("--help"));
+        assert!(
+            said.contains("Usage") || said.contains("usage"),
+            "{name}: {said}"
+        );
+    }
+    for place in [
+        "usr/share/man/man1/vsm-run.1",
+        "usr/share/man/man1/curve-plan-send.1",
+        "usr/share/bash-completion/completions/cucs",
+        "usr/share/zsh/vendor-completions/_px4-sim",
+        "usr/share/fish/vendor_completions.d/curve-plan.fish",
+    ] {
+        let text = fs::read_to_string(root.join(place)).expect(place);
+        assert!(text.len() > 200, "{place}: {text}");
+    }
+    let mode = |path: &str| {
+        fs::metadata(root.join(path))
+            .expect(path)
+            .permissions()
+            .mode()
+            & 0o777
+    };
+    assert_eq!(
+        (mode("usr/bin/vsm"), mode("etc/vsm/vsm.toml")),
+        (0o755, 0o644)
+    );
+
+    // The configuration, with the places of this machine's root turned into those of the scratch root.
+    let state = root.join("var/lib/vsm");
+    fs::create_dir_all(&state).expect("the state folder");
+    write_key(&state.join("uav1.key"), &[0x5a; 32]);
+    let text = fs::read_to_string(root.join("etc/vsm/vsm.toml")).expect("the configuration");
+    let text = text.replace("/var/lib/vsm", &state.display().to_string());
+    let config = root.join("etc/vsm/scratch.toml");
+    fs::write(&config, text).expect("the configuration");
+    run(Command::new(root.join("usr/bin/vsm"))
+        .arg("check-config")
+        .arg(&config));
+
+    verify_unit(&root);
+}
+
+/// systemd reads the unit without a word; where it rates it, it rates it safe.
+fn verify_unit(root: &Path) {
+    if !is_installed("systemd-analyze") {
+        return;
+    }
+    let unit = root.join("usr/lib/systemd/system/vsm.service");
+    // It looks for the program where the unit says: in the scratch root.
+    let text = fs::read_to_string(&unit).expect("the unit");
+    let program = root.join("usr/bin/vsm").display().to_string();
+    let scratch = root.join("vsm.service");
+    fs::write(&scratch, text.replace("/usr/bin/vsm", &program)).expect("the unit");
+    let verified = Command::new("systemd-analyze")
+        .args(["verify", "--man=no"])
+        .arg(&scratch)
+        .output()
+        .expect("systemd-analyze");
+    let said = String::from_utf8_lossy(&verified.stderr);
+    let ours: Vec<_> = said
+        .lines()
+        .filter(|line| line.contains("vsm.service"))
+        .collect();
+    assert!(verified.status.success() && ours.is_empty(), "{said}");
+
+    let rated = Command::new("systemd-analyze")
+        .args(["security", "--offline=true", "--threshold=20"])
+        .arg(&scratch)
+        .output()
+        .expect("systemd-analyze");
+    assert!(
+        rated.status.success(),
+        "an exposure above 2.0:\n{}{}",
+        String::from_utf8_lossy(&rated.stdout),
+        String::from_utf8_lossy(&rated.stderr)
+    );
+}
+
+#[test]
+fn the_service_manager_is_told_ready_and_alive() {
+    let ground = Ground::new();
+    let socket = ground.path("notify");
+    let manager = UnixDatagram::bind(&socket).expect("a socket");
+    let wait = Some(Duration::from_secs(10));
+    manager.set_read_timeout(wait).expect("a time-out");
+    // The shell becomes the bridge, as a service manager's child does: its process id is the bridge's.
+    let script = format!(
+        "NOTIFY_SOCKET='{}' WATCHDOG_USEC=200000 WATCHDOG_PID=$$ exec '{}' run --config '{}'",
+        socket.display(),
+        program("vsm").display(),
+        ground.path("vsm.toml").display()
+    );
+    let bridge = Running::start(Path::new("sh"), ["-c", &script]);
+    let mut said = Vec::new();
+    while said.iter().filter(|text| *text == "WATCHDOG=1").count() < 5
+        || !said.iter().any(|text| text == "READY=1")
+    {
+        let mut bytes = [0; 256];
+        let length = manager
+            .recv(&mut bytes)
+            .expect("a word of the bridge within 10 s");
+        said.extend(
+            String::from_utf8_lossy(&bytes[..length])
+                .lines()
+                .map(str::to_owned),
+        );
+    }
+    bridge.terminate();
+    while said.last().is_some_and(|text| text != "STOPPING=1") {
+        let mut bytes = [0; 256];
+        let length = manager.recv(&mut bytes).expect("its last word within 10 s");
+        said.extend(
+            String::from_utf8_lossy(&bytes[..length])
+                .lines()
+                .map(str::to_owned),
+        );
+    }
+}
+
+fn run(command: &mut Command) -> String {
+    let output = command
+        .output()
+        .unwrap_or_else(|e| panic!("{command:?}: {e}"));
+    let said = format!(
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    assert!(output.status.success(), "{command:?}: {said}");
+    said
+}

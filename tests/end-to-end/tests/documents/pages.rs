@@ -1,0 +1,270 @@
+//! The documents: the commands of the README and of the quick start do what they say, in their order; every link leads
+//! somewhere; every `cargo xtask` task, source file and test that is named is there.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use kit::process::{Running, free_udp_port, program};
+
+#[test]
+fn the_commands_of_the_readme_fly_the_vehicle() {
+    run_all("README.md");
+}
+
+#[test]
+fn the_commands_of_the_quick_start_fly_the_vehicle() {
+    run_all("docs/guide/quick-start.md");
+}
+
+/// Runs the commands of a page's `sh` blocks in a copy of the examples, on ports of its own; a command that is not known
+/// here is a failure, so that none goes untried.
+fn run_all(page: &str) {
+    let scratch = Scratch::new();
+    let text = fs::read_to_string(root().join(page)).expect(page);
+    let lines = commands(&text);
+    assert!(lines.len() > 5, "{page}: {lines:?}");
+    let mut running = Vec::new();
+    for line in lines {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["cargo", "build", ..] => {}
+            ["cargo", "xtask", task, ..] => assert!(tasks().contains(&task.to_owned()), "{line}"),
+            ["cargo", "run", "--release", "--", "demo"] => {
+                let said = scratch.run("vsm", &["demo"]);
+                let folder = said.lines().last().expect("the folder");
+                assert!(Path::new(folder).is_dir(), "{said}");
+            }
+            [name, ref rest @ ..] if name.starts_with("./target/release/") => {
+                let name = &name["./target/release/".len()..];
+                match (name, rest.first()) {
+                    ("vsm", Some(&"run")) | ("px4-sim", _) => {
+                        let mut started = scratch.start(name, rest);
+                        started.wait_for("ready", Duration::from_secs(10));
+                        running.push(started);
+                        scratch.let_it_boot(name);
+                    }
+                    _ => drop(scratch.run(name, rest)),
+                }
+            }
+            _ => panic!("{page}: nobody tries `{line}`"),
+        }
+    }
+    assert_eq!(running.len(), 2, "{page}: a bridge and a vehicle");
+}
+
+/// The lines of a page's `sh` blocks, without remarks.
+fn commands(text: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut within = false;
+    for line in text.lines() {
+        match line.trim() {
+            "```sh" => within = true,
+            "```" => within = false,
+            line if within => {
+                let command = line.split(" #").next().unwrap_or_default().trim();
+                let command = command.trim_end_matches('&').trim();
+                if !command.is_empty() && !command.starts_with('#') {
+                    found.push(command.to_owned());
+                }
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+/// A copy of the examples whose ports nobody has.
+struct Scratch {
+    folder: tempfile::TempDir,
+    dli: String,
+    mavlink: String,
+}
+
+impl Scratch {
+    fn new() -> Scratch {
+        let scratch = Scratch {
+            folder: tempfile::tempdir().expect("a folder"),
+            dli: format!("127.0.0.1:{}", free_udp_port()),
+            mavlink: format!("127.0.0.1:{}", free_udp_port()),
+        };
+        let to = scratch.folder.path().join("examples");
+        fs::create_dir(&to).expect("the folder");
+        for entry in fs::read_dir(root().join("examples")).expect("the examples") {
+            let path = entry.expect("an entry").path();
+            if path.extension().is_some_and(|e| e == "toml" || e == "cucs") {
+                let text = fs::read_to_string(&path).expect("an example");
+                let name = path.file_name().expect("a name");
+                fs::write(to.join(name), scratch.here(&text)).expect("its copy");
+            }
+        }
+        scratch
+    }
+
+    fn here(&self, text: &str) -> String {
+        text.replace("127.0.0.1:4586", &self.dli)
+            .replace("127.0.0.1:14550", &self.mavlink)
+    }
+
+    fn arguments(&self, name: &str, rest: &[&str]) -> Vec<String> {
+        let mut arguments: Vec<String> = rest.iter().map(|word| self.here(word)).collect();
+        if name == "cucs" {
+            arguments.extend(["--vsm".to_owned(), self.dli.clone()]);
+        }
+        arguments
+    }
+
+    fn run(&self, name: &str, rest: &[&str]) -> String {
+        let arguments = self.arguments(name, rest);
+        let output = Command::new(program(name))
+            .args(&arguments)
+            .current_dir(self.folder.path())
+            .output()
+            .expect(name);
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(
+            output.status.success(),
+            "{name} {arguments:?}: {said}{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        said
+    }
+
+    fn start(&self, name: &str, rest: &[&str]) -> Running {
+        // A shell changes to the folder and becomes the program.
+        let mut line = format!(
+            "cd '{}' && exec '{}'",
+            self.folder.path().display(),
+            program(name).display()
+        );
+        for word in self.arguments(name, rest) {
+            line += &format!(" '{word}'");
+        }
+        Running::start(Path::new("sh"), ["-c", &line])
+    }
+
+    /// A person who types the next command takes longer than a vehicle to boot.
+    fn let_it_boot(&self, name: &str) {
+        if name == "px4-sim" {
+            std::thread::sleep(Duration::from_secs(10));
+        }
+    }
+}
+
+/// What `cargo xtask` can do, as it says itself.
+fn tasks() -> Vec<String> {
+    let output = Command::new(program("xtask")).output().expect("xtask");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let words = said.lines().filter_map(|line| {
+        let rest = line.strip_prefix("  ")?;
+        rest.split_whitespace().next().map(str::to_owned)
+    });
+    words.collect()
+}
+
+#[test]
+fn every_link_and_every_file_that_a_page_names_is_there() {
+    let tasks = tasks();
+    let mut rust = Vec::new();
+    sources(root(), &mut rust);
+    for page in pages() {
+        let text = fs::read_to_string(&page).expect("a page");
+        let folder = page.parent().expect("a folder");
+        for link in links(&text) {
+            let place = link.split('#').next().unwrap_or_default();
+            if place.is_empty() || place.contains("://") {
+                continue;
+            }
+            assert!(
+                folder.join(place).exists(),
+                "{}: there is no {place}",
+                page.display()
+            );
+        }
+        for code in text.split('`').skip(1).step_by(2) {
+            if let Some(rest) = code.strip_prefix("cargo xtask ") {
+                let task = rest.split_whitespace().next().unwrap_or_default();
+                assert!(
+                    tasks.iter().any(|t| t == task),
+                    "{}: {code}",
+                    page.display()
+                );
+            }
+            if code.ends_with(".rs") && !code.contains(' ') {
+                let there = rust.iter().any(|source| source.ends_with(code));
+                assert!(there, "{}: there is no file {code}", page.display());
+            }
+            if let Some((name, filter)) = test_named(code) {
+                let files: Vec<&PathBuf> = rust
+                    .iter()
+                    .filter(|source| is_test_of(source, name))
+                    .collect();
+                assert!(
+                    !files.is_empty(),
+                    "{}: there is no test {name}",
+                    page.display()
+                );
+                let found = files.iter().any(|file| {
+                    let text = fs::read_to_string(file).expect("a test");
+                    file.file_stem().is_some_and(|stem| stem == filter) || text.contains(filter)
+                });
+                assert!(found, "{}: no test matches: {code}", page.display());
+            }
+        }
+    }
+}
+
+/// The name after `--test`, and the word behind it that selects tests, or nothing.
+fn test_named(code: &str) -> Option<(&str, &str)> {
+    let mut words = code.split_whitespace().skip_while(|word| *word != "--test");
+    let name = words.nth(1)?;
+    let filter = words.next().filter(|word| !word.starts_with('-'));
+    Some((name, filter.unwrap_or_default()))
+}
+
+/// Whether a source file belongs to the test program of this name.
+fn is_test_of(source: &Path, name: &str) -> bool {
+    let mut folders = source.ancestors().skip(1);
+    source.ends_with(format!("tests/{name}.rs"))
+        || folders.any(|folder| folder.ends_with(format!("tests/{name}")))
+}
+
+/// The Rust files of the workspace.
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if path.is_dir() && name != "target" && !name.starts_with('.') {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+fn links(text: &str) -> Vec<&str> {
+    let after = text.split("](").skip(1);
+    let found = after.filter_map(|rest| rest.split_once(')').map(|(link, _)| link));
+    // Code in a page is no link.
+    found
+        .filter(|link| !link.contains([' ', '\n', '`']))
+        .collect()
+}
+
+fn pages() -> Vec<PathBuf> {
+    let mut found = vec![root().join("README.md"), root().join("ARCHITECTURE.md")];
+    for folder in ["docs/guide", "docs/reference", "docs/reference/dli"] {
+        for entry in fs::read_dir(root().join(folder)).expect("the documents") {
+            let path = entry.expect("an entry").path();
+            if path.extension().is_some_and(|e| e == "md") {
+                found.push(path);
+            }
+        }
+    }
+    found
+}
+
+fn root() -> &'static Path {
+    kit::workspace()
+}

@@ -1,0 +1,13 @@
+//! Our programs and other people's: a ground station in Python that shares no code with the bridge (`cucs`), the
+//! reference codec of the DLI (`dli`), pymavlink (`signing`, `pitfalls`), MAVSDK, MAVProxy, and Wireshark (`dissector`,
+//! `wireshark`).
+
+mod cucs;
+mod dissector;
+mod dli;
+mod mavproxy;
+mod mavsdk;
+mod pitfalls;
+mod pymavlink;
+mod signing;
+mod wireshark;

@@ -1,0 +1,7 @@
+//! The programs of this project together, each as a process of its own: the air-side agent, three ground stations, a
+//! planned route, and what outlives the end of a process.
+
+mod airside;
+mod handover;
+mod planned_route;
+mod survives;

@@ -1,0 +1,33 @@
+//! The bridge between simulated vehicles and ground stations, in one process under a virtual clock. No socket, no thread,
+//! no wall clock: the same seed gives the same history.
+//!
+//! - [`Rig`]: the bridge with its vehicles (`px4-sim`) and stations; both links can be as bad as [`Faults`] says, bridge
+//!   and vehicles restarted at any moment, the disk full
+//! - [`Station`]: a ground station that records everything that it receives
+//! - [`orders`]: the messages that a station sends
+//! - [`flight`]: a whole flight, the same in a [`Rig`] and between processes
+//! - [`Processes`]: `vsm run` between real sockets or on a serial line, in real time
+//! - [`parties`]: ids, addresses and keys of all of them
+//!
+//! ```
+//! use kit::bridge::{Rig, orders};
+//! use stanag_msgs::enums::AckType;
+//!
+//! let mut rig = Rig::ready();
+//! assert_eq!(rig.carry_out(orders::launch(20.0)), Some(AckType::CarriedOut));
+//! assert!(rig.until(30.0, |rig| !rig.truth().landed));
+//! ```
+
+pub mod flight;
+pub mod orders;
+pub mod parties;
+
+mod real_time;
+mod rig;
+mod station;
+
+pub use crate::network::Faults;
+pub use parties::{VSM, bridge_mav, cucs, key, station_address, vehicle_address, vehicle_id};
+pub use real_time::Processes;
+pub use rig::{Restart, Rig, Setup};
+pub use station::{Station, Ticket};

@@ -1,0 +1,437 @@
+//! The bridge with its vehicles and stations, and the links between them.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::path::Path;
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::frame::MAX_FRAME;
+use px4_sim::{Autopilot, Signing, Truth};
+use stanag_msgs::Message;
+use stanag_msgs::enums::AckType;
+use vsm::config::Config;
+use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, Peer};
+
+use super::orders;
+use super::parties::{
+    VSM, bridge_dli, bridge_mav, cucs, key, station_address, vehicle_address, vehicle_id,
+};
+use super::station::{Station, Ticket};
+use crate::clock::{START, VirtualClock};
+use crate::network::{Faults, Network};
+use mavlink_link::store::MemoryDisk;
+
+/// What a rig is made with.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// Of both links and of the vehicles.
+    pub seed: u64,
+    /// Between the stations and the bridge.
+    pub dli: Faults,
+    /// Between the bridge and the vehicles.
+    pub mav: Faults,
+    /// One for each vehicle.
+    pub vehicles: Vec<px4_sim::Config>,
+    /// How many stations; each may have every level of interoperability.
+    pub stations: u8,
+    /// Further keys of `[dli]`, as TOML.
+    pub dli_keys: &'static str,
+    /// Keys of each `[[vehicle]]`, as TOML.
+    pub vehicle_keys: &'static str,
+    /// Further tables, as TOML.
+    pub tables: &'static str,
+}
+
+impl Default for Setup {
+    fn default() -> Self {
+        Setup {
+            seed: 1,
+            dli: Faults::NONE,
+            mav: Faults::NONE,
+            vehicles: vec![px4_sim::Config::default()],
+            stations: 1,
+            dli_keys: "",
+            vehicle_keys: "",
+            tables: "",
+        }
+    }
+}
+
+/// Everything together.
+pub struct Rig {
+    /// Virtual time since the start of the test, and the clocks of the bridge.
+    pub clock: VirtualClock,
+    /// The ground stations.
+    pub stations: Vec<Station>,
+    /// The vehicles.
+    pub vehicles: Vec<Autopilot<SocketAddr>>,
+    /// `None` while the bridge is down.
+    pub bridge: Option<Bridge>,
+    /// The bridge's disk.
+    pub store: MemoryDisk,
+    /// Between the stations and the bridge.
+    pub dli: Network<SocketAddr, Vec<u8>>,
+    /// Between the bridge and the vehicles.
+    pub mav: Network<SocketAddr, Vec<u8>>,
+    /// What the bridge logged.
+    pub log: Vec<LogEntry>,
+    /// What went to the group, where the configuration has one.
+    pub group: Vec<Vec<u8>>,
+    /// MAVLink messages that arrived at the vehicles, by their ids.
+    pub arrived: BTreeMap<u32, u64>,
+    /// What the flight has come to.
+    pub phase: &'static str,
+    /// Something is restarted once, at this time.
+    pub restart_at: Option<(Duration, Restart)>,
+    /// In which phase that was.
+    pub restarted_in: Option<&'static str>,
+    /// When a bridge that was killed comes back.
+    back_at: Option<Duration>,
+    config: Config,
+}
+
+/// What is restarted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Restart {
+    /// The bridge is killed, and comes back from its store a second later.
+    Bridge,
+    /// The vehicle starts anew: a simulated one on the ground at home.
+    Vehicle,
+}
+
+impl Rig {
+    /// Everything has just been switched on.
+    pub fn new(setup: Setup) -> Rig {
+        let config = Config::parse(&toml(&setup), Path::new("/nowhere"))
+            .expect("the configuration of the test is good");
+        let vehicles = setup.vehicles.iter().enumerate().map(|(index, vehicle)| {
+            let vehicle = px4_sim::Config {
+                system_id: index as u8 + 1,
+                seed: setup.seed.wrapping_mul(31).wrapping_add(index as u64),
+                ..vehicle.clone()
+            };
+            // A real PX4 starts from whatever stamp its key file holds.
+            Autopilot::new(
+                vehicle,
+                Signing::with_key(key(index), 0),
+                vec![Some(bridge_mav(index))],
+            )
+        });
+        let vehicles = vehicles.collect();
+        let stations = (0..setup.stations)
+            .map(|index| Station::new(cucs(index.into()), station_address(index.into())))
+            .collect();
+        let mut rig = Rig {
+            clock: VirtualClock::default(),
+            stations,
+            vehicles,
+            bridge: None,
+            store: MemoryDisk::default(),
+            dli: Network::new(setup.seed ^ 0x00d1_1d11, setup.dli),
+            mav: Network::new(setup.seed ^ 0x03a7_73a0, setup.mav),
+            log: Vec::new(),
+            group: Vec::new(),
+            arrived: BTreeMap::new(),
+            phase: "",
+            restart_at: None,
+            restarted_in: None,
+            back_at: None,
+            config,
+        };
+        rig.start_bridge();
+        rig
+    }
+
+    /// One vehicle, one station, good links, ready to arm, all rights granted.
+    pub fn ready() -> Rig {
+        Rig::ready_with(Setup::default())
+    }
+
+    /// The same with another setup.
+    pub fn ready_with(setup: Setup) -> Rig {
+        let mut rig = Rig::new(setup);
+        rig.run(9.0);
+        let end = rig.carry_out(orders::request_control());
+        assert_eq!(
+            end,
+            Some(AckType::CarriedOut),
+            "{:?}",
+            rig.station().alerts()
+        );
+        rig.run(1.0);
+        rig
+    }
+
+    /// Starts the bridge anew from its store: as after `kill -9`.
+    pub fn restart_bridge(&mut self) {
+        self.stop_bridge();
+        self.start_bridge();
+    }
+
+    /// The bridge is gone; what it has not written is lost.
+    pub fn stop_bridge(&mut self) {
+        self.bridge = None;
+    }
+
+    /// Starts the bridge.
+    pub fn start_bridge(&mut self) {
+        self.clock.restart_process();
+        let ends = (0..self.vehicles.len())
+            .map(|index| LinkEnd {
+                key: Some(key(index)),
+                peer: None,
+            })
+            .collect();
+        let now = self.now();
+        let bridge = Bridge::new(&self.config, ends, now, START, &mut self.store);
+        self.bridge = Some(bridge.expect("the bridge starts from its store"));
+    }
+
+    /// Lets seconds pass.
+    pub fn run(&mut self, seconds: f64) {
+        let end = self.clock.elapsed() + Duration::from_secs_f64(seconds);
+        while self.clock.elapsed() < end {
+            self.step();
+        }
+    }
+
+    /// Lets time pass until it is so; false after `limit` seconds.
+    pub fn until(&mut self, limit: f64, so: impl Fn(&Rig) -> bool) -> bool {
+        let end = self.clock.elapsed() + Duration::from_secs_f64(limit);
+        while self.clock.elapsed() < end {
+            if so(self) {
+                return true;
+            }
+            self.step();
+        }
+        so(self)
+    }
+
+    /// Sends a message of station 0 to vehicle 0 until it is answered.
+    pub fn tell(&mut self, message: impl Into<Message>) -> Ticket {
+        self.tell_as(0, 0, message)
+    }
+
+    /// Sends a message of a station to a vehicle until it is answered.
+    pub fn tell_as(
+        &mut self,
+        station: usize,
+        vehicle: usize,
+        message: impl Into<Message>,
+    ) -> Ticket {
+        let now = self.station_now();
+        self.stations[station].tell(now, vehicle_id(vehicle), message.into())
+    }
+
+    /// Sends a message of station 0 to vehicle 0 once.
+    pub fn say(&mut self, message: impl Into<Message>) {
+        let now = self.station_now();
+        self.stations[0].say(now, vehicle_id(0), message.into());
+    }
+
+    /// Sends a message and waits for its end, 90 s at most.
+    pub fn carry_out(&mut self, message: impl Into<Message>) -> Option<AckType> {
+        let ticket = self.tell(message);
+        self.end(ticket)
+    }
+
+    /// Lets these bytes arrive from station 0.
+    pub fn hear_from_station(&mut self, bytes: &[u8]) {
+        let from = self.stations[0].address;
+        let now = self.clock.elapsed();
+        self.dli.send(now, from, bridge_dli(), bytes.to_vec());
+    }
+
+    /// Sends every message of a plan, then waits until each is carried out.
+    pub fn send_plan(&mut self, plan: Vec<Message>) {
+        let tickets: Vec<_> = plan.into_iter().map(|message| self.tell(message)).collect();
+        for ticket in tickets {
+            let end = self.end(ticket);
+            assert_eq!(
+                end,
+                Some(AckType::CarriedOut),
+                "{:?}",
+                self.station().alerts()
+            );
+        }
+    }
+
+    /// Launches to metres above home, and waits until it is there.
+    pub fn take_off(&mut self, height_m: f64) {
+        let end = self.carry_out(orders::launch(height_m));
+        assert_eq!(
+            end,
+            Some(AckType::CarriedOut),
+            "{:?}",
+            self.station().alerts()
+        );
+        assert!(self.until(60.0, |rig| -rig.truth().position.d > height_m - 1.0));
+    }
+
+    /// Waits for the end of a message, 90 s at most.
+    pub fn end(&mut self, ticket: Ticket) -> Option<AckType> {
+        self.until(90.0, |rig| rig.station().end(ticket).is_some());
+        self.station().end(ticket)
+    }
+
+    /// Waits for the end of a message of a station, 90 s at most.
+    pub fn end_as(&mut self, station: usize, ticket: Ticket) -> Option<AckType> {
+        self.until(90.0, |rig| rig.stations[station].end(ticket).is_some());
+        self.stations[station].end(ticket)
+    }
+
+    /// Station 0.
+    pub fn station(&self) -> &Station {
+        &self.stations[0]
+    }
+
+    /// What is really so of vehicle 0.
+    pub fn truth(&self) -> Truth {
+        self.vehicles[0].vehicle().truth()
+    }
+
+    /// Both clocks as the bridge reads them.
+    pub fn now(&self) -> Now {
+        self.clock.now()
+    }
+
+    /// Both clocks of the stations: they do not restart with the bridge.
+    pub fn station_now(&self) -> Now {
+        Now {
+            mono: self.clock.elapsed(),
+            ..self.clock.now()
+        }
+    }
+
+    fn step(&mut self) {
+        self.clock.advance(STEP);
+        self.restart_what_is_due();
+        let (clock, now) = (self.clock.elapsed(), self.now());
+        let station_now = self.station_now();
+        let mut frame = [0; MAX_FRAME];
+        for (index, vehicle) in self.vehicles.iter_mut().enumerate() {
+            vehicle.step(STEP);
+            while let Some(sent) = vehicle.poll_transmit(&mut frame) {
+                let bytes = frame[..sent.len].to_vec();
+                self.mav.send(clock, vehicle_address(index), sent.to, bytes);
+            }
+        }
+        for station in &mut self.stations {
+            for bytes in station.advance(station_now) {
+                self.dli.send(clock, station.address, bridge_dli(), bytes);
+            }
+        }
+        while let Some(packet) = self.dli.receive(clock) {
+            if packet.to == bridge_dli() {
+                if let Some(bridge) = &mut self.bridge {
+                    bridge.handle_dli(now, packet.from, &packet.payload, &mut self.store);
+                }
+            } else if let Some(station) = self
+                .stations
+                .iter_mut()
+                .find(|station| station.address == packet.to)
+            {
+                station.receive(station_now, &packet.payload);
+            }
+        }
+        while let Some(packet) = self.mav.receive(clock) {
+            let to = |address: fn(usize) -> SocketAddr| {
+                (0..self.vehicles.len()).find(|index| address(*index) == packet.to)
+            };
+            if let (Some(index), Some(bridge)) = (to(bridge_mav), &mut self.bridge) {
+                bridge.handle_vehicle(
+                    now,
+                    index,
+                    Peer::Udp(packet.from),
+                    &packet.payload,
+                    &mut self.store,
+                    &mut |_| {},
+                );
+            } else if let Some(index) = to(vehicle_address) {
+                if let Some([a, b, c]) = packet.payload.get(7..10) {
+                    *self
+                        .arrived
+                        .entry(u32::from_le_bytes([*a, *b, *c, 0]))
+                        .or_default() += 1;
+                }
+                self.vehicles[index].handle_datagram(0, packet.from, &packet.payload);
+            }
+        }
+        let Some(bridge) = &mut self.bridge else {
+            return;
+        };
+        if bridge.poll_timeout(now.mono) <= now.mono {
+            bridge.handle_timeout(now, &mut self.store);
+        }
+        while let Some(datagram) = bridge.poll_dli() {
+            match datagram.to {
+                Destination::Unicast(to) => {
+                    self.dli
+                        .send(clock, bridge_dli(), to, datagram.bytes().to_vec());
+                }
+                Destination::Multicast => self.group.push(datagram.bytes().to_vec()),
+            }
+        }
+        while let Some((index, frame)) = bridge.poll_vehicle() {
+            if let Peer::Udp(to) = frame.to {
+                let bytes = frame.bytes().to_vec();
+                self.mav.send(clock, bridge_mav(index), to, bytes);
+            }
+        }
+        while let Some(entry) = bridge.poll_log() {
+            self.log.push(entry);
+        }
+    }
+}
+
+impl Rig {
+    fn restart_what_is_due(&mut self) {
+        if let Some((_, what)) = self
+            .restart_at
+            .take_if(|(at, _)| *at <= self.clock.elapsed())
+        {
+            self.restarted_in = Some(self.phase);
+            match what {
+                Restart::Vehicle => self.vehicles[0].restart(),
+                Restart::Bridge => {
+                    self.stop_bridge();
+                    self.back_at = Some(self.clock.elapsed() + Duration::from_secs(1));
+                }
+            }
+        }
+        if self
+            .back_at
+            .take_if(|at| *at <= self.clock.elapsed())
+            .is_some()
+        {
+            self.restart_bridge();
+        }
+    }
+}
+
+fn toml(setup: &Setup) -> String {
+    let mut text = format!(
+        "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"{}\"\n{}\n",
+        bridge_dli(),
+        setup.dli_keys
+    );
+    for index in 0..setup.stations {
+        let id = cucs(index.into());
+        text += &format!("[[cucs]]\nid = \"{id}\"\nloi = [2, 3, 4, 5]\n");
+    }
+    for index in 0..setup.vehicles.len() {
+        text += &format!(
+            "[[vehicle]]\nid = \"{}\"\nlink = \"udpin:{}\"\nsystem_id = {}\n\
+             signing = {{ key_file = \"uav.key\" }}\n{}\n",
+            vehicle_id(index),
+            bridge_mav(index),
+            index + 1,
+            setup.vehicle_keys
+        );
+    }
+    text + "[store]\ndir = \"state\"\n" + setup.tables
+}
+
+/// How far time goes in one step: less than anything that is measured here.
+const STEP: Duration = Duration::from_millis(10);

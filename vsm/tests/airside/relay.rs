@@ -1,0 +1,260 @@
+//! The air-side agent as a relay: what passes, byte by byte, and each thing that does not.
+
+use crate::world::{GROUND, STRANGER, VSM, World, at, encoded, frame, key};
+use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::receiver::Stream;
+use mavlink_link::signing::Stamp;
+use px4_sim::Signing;
+
+const COMMAND_LONG: u32 = 76;
+const SETUP_SIGNING: u32 = 256;
+const KEY_EXCHANGE: u32 = 229;
+
+fn command() -> MavMessage {
+    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+        target_system: 1,
+        target_component: 1,
+        param1: 1.0,
+        ..COMMAND_LONG_DATA::default()
+    })
+}
+
+/// How many PX4 has answered.
+fn commands(world: &World) -> u64 {
+    let counters = world.px4.vehicle().counters();
+    counters.commands_accepted + counters.commands_refused
+}
+
+fn forged(world: &mut World, stream: Stream, id: u32) -> Vec<u8> {
+    let now = world.now;
+    let stamp = world.ground.as_mut().unwrap().stamp(now);
+    frame(stream, id, &[1; 42], Some((&key(5), stamp)))
+}
+
+#[test]
+fn a_signed_command_of_the_listed_talker_passes_unaltered() {
+    let mut world = World::live();
+    let now = world.now;
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    assert!(world.passes(GROUND, &bytes));
+    world.run(0.2);
+    assert_eq!(commands(&world), 1);
+}
+
+#[test]
+fn frames_of_the_autopilot_pass_to_the_ground_and_lift_its_clock() {
+    let world = World::live();
+    assert!(world.heard().contains(&0), "{:?}", world.heard());
+    assert_eq!(world.state(), "relaying");
+}
+
+#[test]
+fn an_unsigned_frame_is_dropped() {
+    let mut world = World::live();
+    let bytes = encoded(VSM, &command());
+    assert!(!world.passes(GROUND, &bytes));
+    assert_eq!(world.refused("unsigned_vehicle"), 1);
+    // Not even the four that PX4 takes unsigned.
+    for id in [0, 109, 246, 247] {
+        let bytes = frame(VSM, id, &[3; 9], None);
+        assert!(!world.passes(GROUND, &bytes), "{id}");
+    }
+}
+
+#[test]
+fn a_frame_under_another_key_is_dropped() {
+    let mut world = World::live();
+    let now = world.now;
+    let stamp = world.ground.as_mut().unwrap().stamp(now);
+    let bytes = frame(VSM, COMMAND_LONG, &[1; 33], Some((&key(6), stamp)));
+    assert!(!world.passes(GROUND, &bytes));
+    assert_eq!(world.refused("bad_signature"), 1);
+}
+
+#[test]
+fn a_bent_frame_is_dropped_wherever_it_is_bent() {
+    let mut world = World::live();
+    let now = world.now;
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    for at in 0..bytes.len() {
+        let mut bent = bytes.clone();
+        bent[at] ^= 0x10;
+        assert!(!world.passes(GROUND, &bent), "byte {at}");
+    }
+    assert!(world.passes(GROUND, &bytes), "and unbent it passes");
+}
+
+#[test]
+fn mavlink_1_is_dropped() {
+    let mut world = World::live();
+    let mut bytes = vec![0xfe, 9, 0, 245, 190, 0, 0, 0, 0, 0, 6, 8, 0, 4, 3];
+    let crc = mavlink_link::frame::checksum(&bytes[1..], 50);
+    bytes.extend(crc.to_le_bytes());
+    assert!(!world.passes(GROUND, &bytes));
+    assert_eq!(world.refused("mavlink1"), 1);
+}
+
+#[test]
+fn setup_signing_never_passes_however_well_signed() {
+    let mut world = World::live();
+    let bytes = forged(&mut world, VSM, SETUP_SIGNING);
+    assert!(!world.passes(GROUND, &bytes));
+    assert_eq!(world.held_back("SETUP_SIGNING from the ground"), 1);
+    assert!(world.px4_has(&key(5)));
+}
+
+#[test]
+fn key_exchange_never_passes() {
+    let mut world = World::live();
+    let bytes = forged(&mut world, VSM, KEY_EXCHANGE);
+    assert!(!world.passes(GROUND, &bytes));
+    let bytes = frame(VSM, KEY_EXCHANGE, &[1; 50], None);
+    assert!(!world.passes(GROUND, &bytes));
+    assert_eq!(world.refused("key_exchange"), 2);
+}
+
+#[test]
+fn the_vehicles_own_system_id_is_dropped_whatever_its_signature() {
+    let mut world = World::live();
+    for component in [1, 191, 7] {
+        let own = Stream {
+            system: 1,
+            component,
+            link: 0,
+        };
+        let bytes = forged(&mut world, own, COMMAND_LONG);
+        assert!(!world.passes(GROUND, &bytes));
+    }
+    assert_eq!(world.refused("reflected"), 3);
+}
+
+#[test]
+fn a_talker_that_is_not_listed_is_dropped() {
+    let mut world = World::live();
+    for (system, component, link) in [(244, 190, 0), (245, 191, 0), (245, 190, 1)] {
+        let stranger = Stream {
+            system,
+            component,
+            link,
+        };
+        let bytes = forged(&mut world, stranger, COMMAND_LONG);
+        assert!(!world.passes(GROUND, &bytes), "{stranger:?}");
+    }
+    assert_eq!(world.refused("unexpected_system"), 1);
+    assert_eq!(world.refused("not_listed"), 2);
+}
+
+#[test]
+fn a_frame_passes_once() {
+    let mut world = World::live();
+    let now = world.now;
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    assert!(world.passes(GROUND, &bytes));
+    assert!(!world.passes(GROUND, &bytes));
+    assert!(!world.passes(STRANGER, &bytes));
+    assert_eq!(world.refused("stale"), 2);
+}
+
+#[test]
+fn a_recording_passes_neither_after_a_restart_of_the_agent_nor_of_px4_nor_of_both() {
+    let mut world = World::live();
+    let now = world.now;
+    let recorded = world.ground.as_mut().unwrap().frame(now, &command());
+    world.run(1.0);
+    world.px4.restart();
+    assert!(!world.passes(STRANGER, &recorded));
+    world.restart_agent();
+    assert!(!world.passes(STRANGER, &recorded));
+    world.px4.restart();
+    world.restart_agent();
+    assert!(!world.passes(STRANGER, &recorded));
+}
+
+#[test]
+fn a_stamp_a_year_ahead_is_dropped_and_moves_nothing() {
+    let mut world = World::live();
+    let ahead = Stamp::new(37_517_586_000_000 + 366 * 86_400 * 100_000);
+    let bytes = frame(VSM, COMMAND_LONG, &[1; 33], Some((&key(5), ahead)));
+    assert!(!world.passes(GROUND, &bytes));
+    assert_eq!(world.refused("future"), 1);
+    let now = world.now;
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    assert!(world.passes(GROUND, &bytes));
+}
+
+#[test]
+fn a_stranger_moves_neither_peer_nor_state() {
+    let mut world = World::live();
+    let bytes = frame(VSM, COMMAND_LONG, &[1; 33], None);
+    for _ in 0..50 {
+        world.radio(STRANGER, &bytes);
+    }
+    let status = world.agent.status(String::new(), world.now.mono);
+    assert_eq!(status.radio.peer, Some(at(GROUND).to_string()));
+}
+
+#[test]
+fn px4s_unsigned_frames_and_setup_signing_do_not_reach_the_ground() {
+    let mut world = World::live();
+    let before = world.heard().len();
+    let px4 = Stream {
+        system: 1,
+        component: 1,
+        link: 0,
+    };
+    // An unsigned heartbeat is anyone's.
+    let unsigned = frame(px4, 0, &[2; 9], None);
+    let (now, from) = (world.now, at(crate::world::PX4));
+    world
+        .agent
+        .handle_px4(now, from, &unsigned, &mut world.disk);
+    let stamp = world.ground.as_mut().unwrap().stamp(now);
+    let setup = frame(px4, SETUP_SIGNING, &[2; 42], Some((&key(5), stamp)));
+    world.agent.handle_px4(now, from, &setup, &mut world.disk);
+    world.drain();
+    assert_eq!(world.heard().len(), before);
+    assert_eq!(world.held_back("SETUP_SIGNING from PX4"), 1);
+    assert_eq!(world.state(), "relaying");
+}
+
+#[test]
+fn without_a_key_nothing_passes_either_way() {
+    let mut world = World::new(None, Signing::off());
+    let now = world.now;
+    let mut ground = crate::world::Ground::new(key(5), now);
+    let bytes = ground.frame(now, &command());
+    world.run(3.0);
+    assert!(!world.passes(GROUND, &bytes));
+    assert!(!world.passes(GROUND, &encoded(VSM, &command())));
+    assert_eq!(world.state(), "no key");
+    world.run(0.2);
+    assert_eq!(commands(&world), 0);
+}
+
+#[test]
+fn a_flood_is_bounded() {
+    let mut world = World::live();
+    let now = world.now;
+    let mut datagram = Vec::new();
+    for _ in 0..1_500 {
+        datagram.extend(world.ground.as_mut().unwrap().frame(now, &command()));
+    }
+    world.radio(GROUND, &datagram);
+    assert_eq!(world.held_back("too much at once"), 1_500 - 1_024);
+}
+
+#[test]
+fn a_disk_that_is_full_lets_nothing_pass_beyond_the_stored_ceiling() {
+    let mut world = World::live();
+    world.disk.full = true;
+    world.run(15.0);
+    let now = world.now;
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    assert!(!world.passes(GROUND, &bytes));
+    world.disk.full = false;
+    world.run(2.0);
+    let now = world.now;
+    let bytes = world.ground.as_mut().unwrap().frame(now, &command());
+    assert!(world.passes(GROUND, &bytes));
+}

@@ -1,0 +1,297 @@
+//! What the table says is sent, is sent, and nothing else is: every message that a station hears in all trials, and in a
+//! flight that asks for everything, is held against it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use mapping::status;
+use mapping::support::{self, rows};
+use mapping::telemetry::Telemetry;
+use mavlink_link::dialect::{
+    AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, HIGHRES_IMU_DATA, MavMessage,
+};
+use px4_sim::{Airframe, HealthFaults};
+use stanag_msgs::enums::{
+    AckType, AreaPlanMode, CommandedEngineState, ConfigRequestType, FlightPathControlMode as Mode,
+    LoiterDirection, LoiterType, MissionPlanMode, PingTarget, SpeedType, WaypointSpeedType,
+};
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, EngineCommand, FieldConfigurationRequest,
+    GenericInformationRequestMessage, LoiterConfiguration, ParameterRequest, PingRequest,
+    PositiveHandoverAuthorisationRequest, SubsystemStatusDetailRequest, SubsystemStatusRequest,
+    UaLoiterWaypoint, UaPositionWaypoint, VehicleOperatingModeCommand,
+};
+use stanag_msgs::{Bam32, Message, Scaled, TimeStamp, table};
+
+use super::scene::{altered, done, raw_fields};
+use super::trials::messages::{areas, circle, corner, curve, paper_curve, sticks};
+use super::trials::trials;
+use kit::bridge::{Rig, Setup, VSM, cucs, orders};
+
+#[test]
+fn sent_fields_are_sent_and_no_others() {
+    let mut seen: BTreeMap<u16, BTreeSet<String>> = BTreeMap::new();
+    let seen = &mut seen;
+    let mut keep_messages = |messages: &[Message]| {
+        for message in messages {
+            let fields = raw_fields(message);
+            let kept = seen.entry(message.id()).or_default();
+            kept.extend(fields.into_iter().map(|(name, _)| name));
+        }
+    };
+    let heard = |rig: &Rig| -> Vec<Message> {
+        let heard = rig.stations.iter().flat_map(|station| &station.heard);
+        heard.map(|(_, _, message)| message.clone()).collect()
+    };
+    for trial in trials() {
+        let mut rig = trial.prepared();
+        (trial.act)(&mut rig, &(trial.base)());
+        rig.run(1.0);
+        keep_messages(&heard(&rig));
+    }
+    keep_messages(&heard(&everything(Airframe::Quad)));
+    keep_messages(&heard(&everything(Airframe::Plane)));
+    keep_messages(&heard(&services()));
+    keep_messages(&of_other_sensors());
+    // 17000 is taken off by the stations: each of its fields is looked at there.
+    let acknowledged = &table::message(17_000).expect("17000").fields;
+    seen.insert(
+        17_000,
+        acknowledged
+            .iter()
+            .map(|field| field.name.to_owned())
+            .collect(),
+    );
+
+    let mut faults = Vec::new();
+    for (id, fields) in seen.iter() {
+        let row = support::message(*id);
+        for name in fields {
+            let listed = row.is_some_and(|row| row.sent.iter().any(|(known, _)| known == name));
+            if !listed {
+                faults.push(format!("{id} {name} is sent, and not listed"));
+            }
+        }
+    }
+    for row in rows() {
+        for (name, _) in row.sent {
+            if !seen
+                .get(&row.id)
+                .is_some_and(|fields| fields.contains(*name))
+            {
+                faults.push(format!("{} {name} is listed, and not sent", row.id));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+/// A flight in which a station asks for all that there is.
+fn everything(airframe: Airframe) -> Rig {
+    let mut rig = Rig::ready_with(Setup {
+        stations: 2,
+        vehicles: vec![px4_sim::Config {
+            airframe,
+            ..px4_sim::Config::default()
+        }],
+        ..Setup::default()
+    });
+    for kind in 1..=5 {
+        for station in [0, 1] {
+            let request = FieldConfigurationRequest {
+                vsm_id: Some(VSM),
+                request_type: Some(ConfigRequestType::from_raw(kind)),
+                ..FieldConfigurationRequest::default()
+            };
+            let ticket = rig.tell_as(station, 0, request);
+            assert_eq!(rig.end_as(station, ticket), Some(AckType::CarriedOut));
+        }
+    }
+    let circle = filled(
+        LoiterConfiguration {
+            loiter_type: Some(LoiterType::Circular),
+            loiter_radius: Some(Scaled::saturating_from_si(60.0)),
+            loiter_direction: Some(LoiterDirection::Clockwise),
+            ..LoiterConfiguration::default()
+        }
+        .into(),
+    );
+    done(&mut rig, circle);
+    // Every field, also those that are only kept and given back.
+    let waypoint = UaPositionWaypoint {
+        waypoint_to_speed: Some(Scaled::saturating_from_si(11.0)),
+        waypoint_speed_type: Some(WaypointSpeedType::Ground),
+        ..orders::waypoint(1, 2, 150.0, 0.0, 30.0)
+    };
+    let loiter = UaLoiterWaypoint {
+        waypoint_number: Some(2),
+        waypoint_loiter_type: Some(LoiterType::Circular),
+        loiter_duration: Some(5),
+        speed_type: Some(SpeedType::Ground),
+        loiter_speed: Some(Scaled::saturating_from_si(12.0)),
+        loiter_radius: Some(Scaled::saturating_from_si(60.0)),
+        ..UaLoiterWaypoint::default()
+    };
+    rig.send_plan(vec![
+        filled(orders::route(1).into()),
+        filled(waypoint.into()),
+        orders::waypoint(2, 3, 200.0, 150.0, 30.0).into(),
+        filled(loiter.into()),
+        orders::waypoint(3, 0, 0.0, 150.0, 30.0).into(),
+    ]);
+    done(&mut rig, orders::load());
+    let named = CucsAuthorisationRequest {
+        cucs_type: Some(1),
+        cucs_subtype: Some(1),
+        ..orders::request_control()
+    };
+    done(&mut rig, named);
+    for command in [CommandedEngineState::Start, CommandedEngineState::Stop] {
+        let engine = EngineCommand {
+            engine_command: Some(command),
+            ..EngineCommand::default()
+        };
+        done(&mut rig, engine);
+        done(&mut rig, request(3007));
+    }
+    rig.take_off(30.0);
+    rig.say(sticks());
+    let altimeter = VehicleOperatingModeCommand {
+        altimeter_setting: Some(Scaled::saturating_from_si(101_500.0)),
+        ..orders::mode(Mode::Loiter)
+    };
+    done(&mut rig, altimeter);
+    let speed = VehicleOperatingModeCommand {
+        commanded_speed: Some(Scaled::saturating_from_si(11.0)),
+        ..orders::mode(Mode::Waypoint)
+    };
+    done(&mut rig, speed);
+    rig.run(6.0);
+    for round in 0..2 {
+        for row in rows().filter(|row| !row.sends.is_empty()) {
+            // Those that are no report are refused.
+            let _ = rig.carry_out(request(row.id));
+        }
+        rig.run(if round == 0 { 3.0 } else { 1.0 });
+    }
+    for mode in [MissionPlanMode::Download, MissionPlanMode::Load] {
+        done(&mut rig, orders::transfer(mode));
+    }
+    done(&mut rig, ParameterRequest::default());
+    // Places and altitudes that were commanded.
+    let (latitude, longitude) = orders::place(80.0, 0.0);
+    let loiter = VehicleOperatingModeCommand {
+        loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
+        loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
+        commanded_speed: Some(Scaled::saturating_from_si(11.0)),
+        ..orders::mode(Mode::Loiter)
+    };
+    let _ = rig.carry_out(loiter);
+    rig.run(2.0);
+    done(&mut rig, request(3004));
+    // An alert that stands, and what is behind it; a long text in parts.
+    rig.vehicles[0].vehicle_mut().ail(HealthFaults {
+        unhealthy: 0x4,
+        ..HealthFaults::default()
+    });
+    rig.run(4.0);
+    done(&mut rig, SubsystemStatusRequest::default());
+    for reference in 1..10 {
+        let _ = rig.carry_out(SubsystemStatusDetailRequest {
+            subsystem_state_report_reference: Some(reference),
+            ..SubsystemStatusDetailRequest::default()
+        });
+    }
+    // A plan that cannot be loaded.
+    rig.send_plan(vec![orders::waypoint(3, 99, 0.0, 150.0, 30.0).into()]);
+    let _ = rig.carry_out(orders::load());
+    // Control is wished for by the other, and passes.
+    let wish = PositiveHandoverAuthorisationRequest {
+        requested_handover_loi: orders::request_control().requested_handover_loi,
+        requesting_cucs_id: Some(cucs(1)),
+        ..PositiveHandoverAuthorisationRequest::default()
+    };
+    let _ = rig.tell_as(1, 0, wish.clone());
+    rig.run(2.0);
+    let _ = rig.tell(wish);
+    rig.run(5.0);
+    rig
+}
+
+fn request(message: u16) -> GenericInformationRequestMessage {
+    GenericInformationRequestMessage {
+        message_type: Some(message),
+        ..GenericInformationRequestMessage::default()
+    }
+}
+
+/// Curves and areas, given back, and a ping of the vehicle.
+fn services() -> Rig {
+    let mut rig = Rig::ready();
+    for curve in [filled(curve().into()), paper_curve().into()] {
+        done(&mut rig, curve);
+        done(&mut rig, orders::transfer(MissionPlanMode::Download));
+    }
+    done(&mut rig, filled(circle().into()));
+    for mode in [AreaPlanMode::Load, AreaPlanMode::Download] {
+        done(&mut rig, areas(mode));
+    }
+    // An area of which corners are missing.
+    done(&mut rig, corner(1, (300.0, 0.0)));
+    let _ = rig.carry_out(areas(AreaPlanMode::Load));
+    let ping = PingRequest {
+        ping_target: Some(PingTarget::Vehicle),
+        ..PingRequest::default()
+    };
+    done(&mut rig, filled(ping.into()));
+    rig
+}
+
+/// Reports of what a vehicle has told that the simulated one does not.
+fn of_other_sensors() -> Vec<Message> {
+    let mut vehicle = Telemetry::default();
+    let told = [
+        MavMessage::HIGHRES_IMU(HIGHRES_IMU_DATA::default()),
+        MavMessage::BATTERY_STATUS(BATTERY_STATUS_DATA {
+            current_battery: 1_200,
+            temperature: 2_500,
+            ..BATTERY_STATUS_DATA::default()
+        }),
+        MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
+            flight_custom_version: *b"1a2b3c4d",
+            ..AUTOPILOT_VERSION_DATA::default()
+        }),
+    ];
+    for message in &told {
+        assert!(vehicle.update(message));
+    }
+    let stamp = TimeStamp(1);
+    vec![
+        status::body_sensed(&vehicle, stamp).into(),
+        status::battery(&vehicle, stamp).into(),
+        status::software("1.0.0", vehicle.software.as_ref(), stamp).into(),
+    ]
+}
+
+/// A message with every field that is not set yet: 1, or 0 where 1 would ask for another flight.
+fn filled(message: Message) -> Message {
+    let set = raw_fields(&message);
+    let fields = message.info().fields.iter();
+    let open = fields.filter(|field| !set.contains_key(field.name));
+    open.fold(message.clone(), |message, field| {
+        let value = if AS_USUAL.contains(&field.name) {
+            "0"
+        } else {
+            "1"
+        };
+        altered(&message, field.name, value)
+    })
+}
+
+/// Fields whose 1 asks for something else than a leg from here to there.
+const AS_USUAL: &[&str] = &[
+    "Waypoint Type",
+    "Limit Type",
+    "Turn Type",
+    "Location Type",
+    "Loiter Duration Units",
+];

@@ -1,0 +1,142 @@
+//! Messages that fly the vehicle: engine, sticks, modes and loiters.
+
+use stanag_msgs::Scaled;
+use stanag_msgs::enums::{
+    AltitudeType, CommandedEngineState, FlightPathControlMode as Mode, HeadingCommandType,
+    LoiterDirection, LoiterType, SpeedType,
+};
+use stanag_msgs::messages::{EngineCommand, LoiterConfiguration, VehicleOperatingModeCommand};
+
+use super::messages::{loiter_there, steering, sticks};
+use super::scenes::{
+    airborne, airborne_with_route, control, one, stream, then_5_s, then_20_s, then_loiter,
+};
+use crate::scene::Trial;
+use kit::bridge::orders;
+
+pub(super) fn flight() -> Vec<Trial> {
+    vec![
+        trial!(
+            one,
+            control,
+            then_5_s,
+            EngineCommand {
+                engine_command: Some(CommandedEngineState::Start),
+                ..EngineCommand::default()
+            },
+            [
+                "Engine Number" = "9",
+                "Engine Command" = "0",
+                "Reverse Thrust Power" = "1",
+                "Reverse Thrust" = "1",
+                "Ignition Switch Power" = "1",
+                "Ignition Switch Activation" = "1",
+            ]
+        ),
+        trial!(
+            one,
+            airborne,
+            stream,
+            sticks(),
+            [
+                "Lateral Stick" = "60",
+                "Longitudinal Stick" = "40",
+                "Rotational Stick (Rudder)" = "50",
+                "Throttle Stick - Engine 1" = "80",
+            ]
+        ),
+        trial!(
+            one,
+            control,
+            then_20_s,
+            orders::launch(20.0),
+            [
+                "Select Flight Path Control Mode" = "12",
+                "Altitude Command Type" = "2",
+                "Commanded Altitude" = "+500",
+            ]
+        ),
+        trial!(
+            one,
+            control,
+            then_20_s,
+            VehicleOperatingModeCommand {
+                altitude_type: Some(AltitudeType::Wgs84),
+                ..orders::launch(560.0)
+            },
+            ["Altitude Type" = "1"]
+        ),
+        trial!(
+            one,
+            control,
+            then_20_s,
+            VehicleOperatingModeCommand {
+                altitude_type: Some(AltitudeType::Pressure),
+                altimeter_setting: Some(Scaled::saturating_from_si(101_325.0)),
+                ..orders::launch(520.0)
+            },
+            ["Altimeter Setting" = "10150"]
+        ),
+        trial!(
+            one,
+            airborne,
+            then_20_s,
+            VehicleOperatingModeCommand {
+                commanded_speed: Some(Scaled::saturating_from_si(5.0)),
+                speed_type: Some(SpeedType::Ground),
+                ..loiter_there(60.0, 0.0)
+            },
+            [
+                "Loiter Position Latitude" = "+3000",
+                "Loiter Position Longitude" = "+3000",
+                "Commanded Speed" = "4",
+                "Speed Type" = "3",
+                "Heading Command Type" = "1",
+            ]
+        ),
+        trial!(
+            one,
+            airborne,
+            then_5_s,
+            steering(HeadingCommandType::HeadingAndCourse),
+            [
+                "Commanded Vertical Speed" = "-10",
+                "Commanded Altitude" = "-500",
+                "Heading Command Type" = "1",
+                "Heading Reference" = "1",
+                "Commanded Heading" = "9000",
+                "Commanded Course" = "-9000",
+            ]
+        ),
+        trial!(
+            one,
+            airborne,
+            then_5_s,
+            steering(HeadingCommandType::TurnRate),
+            ["Commanded Turn Rate" = "+2000",]
+        ),
+        trial!(
+            one,
+            airborne_with_route,
+            then_5_s,
+            orders::mode(Mode::Waypoint),
+            ["Commanded Waypoint Number" = "103",]
+        ),
+        trial!(
+            one,
+            airborne,
+            then_loiter,
+            LoiterConfiguration {
+                loiter_type: Some(LoiterType::Circular),
+                loiter_radius: Some(Scaled::saturating_from_si(30.0)),
+                loiter_direction: Some(LoiterDirection::Clockwise),
+                ..LoiterConfiguration::default()
+            },
+            [
+                "Loiter Type" = "4",
+                "Loiter Radius" = "40",
+                "Loiter Direction" = "2"
+            ]
+        ),
+    ]
+}

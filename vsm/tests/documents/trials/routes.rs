@@ -1,0 +1,113 @@
+//! Plans: 13000 to 13003.
+
+use stanag_msgs::Scaled;
+use stanag_msgs::enums::{
+    LimitType, LoiterDirection, LoiterDurationUnits, LoiterType, MissionPlanMode, SpeedType,
+    WaypointType,
+};
+use stanag_msgs::messages::{MissionTransferCommand, UaLoiterWaypoint, UaPositionWaypoint};
+
+use super::messages::waypoint_2;
+use super::scenes::{
+    as_loiter, as_route, as_waypoint, control, one, plane, then_5_s, with_two_routes,
+};
+use crate::scene::Trial;
+use kit::bridge::orders;
+
+pub(super) fn routes() -> Vec<Trial> {
+    vec![
+        trial!(
+            one,
+            with_two_routes,
+            then_5_s,
+            orders::load(),
+            [
+                "Mission ID" = "\"M2\"",
+                "Mission Plan Mode" = "1",
+                "Route ID" = "\"R1\"",
+            ]
+        ),
+        trial!(
+            one,
+            with_two_routes,
+            then_5_s,
+            MissionTransferCommand {
+                waypoint_number: Some(101),
+                ..orders::transfer(MissionPlanMode::DownloadWaypoint)
+            },
+            ["Waypoint Number" = "102"]
+        ),
+        trial!(
+            one,
+            control,
+            as_route,
+            orders::route(101),
+            [
+                "Initial Waypoint Number" = "102",
+                "Route ID" = "\"R9\"",
+                "Route Type" = "3",
+            ]
+        ),
+        trial!(
+            one,
+            control,
+            as_waypoint,
+            waypoint_2(),
+            [
+                "Waypoint Number" = "9",
+                "Waypoint to Latitude or Relative Y" = "+3000",
+                "Waypoint to Longitude or Relative X" = "+3000",
+                "Location Type" = "1",
+                "Waypoint to Altitude" = "+250",
+                "Waypoint Altitude Type" = "1",
+                "Waypoint to Speed" = "12",
+                "Waypoint Speed Type" = "3",
+                "Next Waypoint" = "0",
+                "Turn Type" = "1",
+            ]
+        ),
+        trial!(
+            one,
+            control,
+            as_waypoint,
+            UaPositionWaypoint {
+                next_waypoint: Some(1),
+                waypoint_type: Some(WaypointType::EndOfLoop),
+                limit_type: Some(LimitType::Count),
+                loop_limit: Some(3),
+                ..waypoint_2()
+            },
+            [
+                "Waypoint Type" = "0",
+                "Limit Type" = "0",
+                "Loop Limit" = "5"
+            ]
+        ),
+        trial!(
+            plane,
+            control,
+            as_loiter,
+            UaLoiterWaypoint {
+                waypoint_number: Some(1),
+                waypoint_loiter_type: Some(LoiterType::Circular),
+                loiter_radius: Some(Scaled::saturating_from_si(60.0)),
+                loiter_direction: Some(LoiterDirection::Clockwise),
+                loiter_speed: Some(Scaled::saturating_from_si(15.0)),
+                speed_type: Some(SpeedType::Ground),
+                loiter_duration: Some(60),
+                loiter_duration_units: Some(LoiterDurationUnits::Seconds),
+                ..UaLoiterWaypoint::default()
+            },
+            [
+                "Waypoint Number" = "2",
+                "Waypoint Loiter Type" = "4",
+                "Loiter Radius" = "60",
+                "Loiter Direction" = "2",
+                "Loiter Speed" = "36",
+                "Speed Type" = "9",
+                "Loiter Duration" = "90",
+                "Loiter Duration Units" = "1",
+            ]
+        ),
+    ]
+}

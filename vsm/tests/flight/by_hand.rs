@@ -1,0 +1,263 @@
+//! Manual flight and steering: what the vehicle does with sticks, what becomes of it when they stop, and that set
+//! points never starve.
+
+use kit::bridge::{Faults, Rig, Setup, orders};
+use px4_sim::Mode as Px4;
+use stanag_msgs::enums::{
+    AckType, AltitudeCommandType, AltitudeType, CommandedEngineState,
+    FlightPathControlMode as Mode, HeadingCommandType, LightsBitmap,
+};
+use stanag_msgs::messages::{
+    EngineCommand, UaStickCommand, UnmannedAircraftLights, VehicleOperatingModeCommand,
+};
+use stanag_msgs::{Bam16, Scaled};
+
+fn sticks(forward: i8, right: i8, throttle: u8) -> UaStickCommand {
+    UaStickCommand {
+        longitudinal_stick: Some(forward),
+        lateral_stick: Some(right),
+        rotational_stick_rudder: Some(0),
+        throttle_stick_engine_1: Some(throttle),
+        ..UaStickCommand::default()
+    }
+}
+
+/// Sends these sticks ten times a second for so long.
+fn fly(rig: &mut Rig, seconds: f64, held: &UaStickCommand) {
+    for _ in 0..(seconds * 10.0) as u32 {
+        rig.say(held.clone());
+        rig.run(0.1);
+    }
+}
+
+/// Sends a command while sticks go on coming, and gives how it ended.
+fn command_while(
+    rig: &mut Rig,
+    held: &UaStickCommand,
+    command: VehicleOperatingModeCommand,
+) -> Option<AckType> {
+    let ticket = rig.tell(command);
+    for _ in 0..150 {
+        fly(rig, 0.1, held);
+        if let Some(end) = rig.station().end(ticket) {
+            return Some(end);
+        }
+    }
+    None
+}
+
+fn steer() -> VehicleOperatingModeCommand {
+    orders::mode(Mode::Autopilot)
+}
+
+#[test]
+fn sticks_fly_and_their_loss_is_the_vehicles_own_to_treat() {
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    // Without sticks the mode is not entered: nothing is sent to the vehicle for it.
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::FlightDirector)),
+        Some(AckType::Refused)
+    );
+    assert!(rig.station().was_told("no sticks"));
+    assert_ne!(rig.truth().mode, Px4::PosCtl);
+
+    let centred = sticks(0, 0, 50);
+    fly(&mut rig, 0.5, &centred);
+    let entered = command_while(&mut rig, &centred, orders::mode(Mode::FlightDirector));
+    assert_eq!(
+        entered,
+        Some(AckType::CarriedOut),
+        "{:?}",
+        rig.station().alerts()
+    );
+    assert_eq!(rig.truth().mode, Px4::PosCtl);
+    let start = rig.truth().position;
+    fly(&mut rig, 4.0, &sticks(100, 0, 50));
+    let north = rig.truth().position.n - start.n;
+    assert!(
+        north > 8.0,
+        "forward is the way the nose points, north: {north}"
+    );
+    fly(&mut rig, 4.0, &sticks(0, 100, 50));
+    let east = rig.truth().position.e - start.e;
+    assert!(east > 5.0, "right: {east}");
+    fly(&mut rig, 4.0, &sticks(0, 0, 100));
+    let up = start.d - rig.truth().position.d;
+    assert!(up > 4.0, "throttle up: {up}");
+
+    // They stop: the vehicle sees the loss as it is.
+    assert!(rig.until(10.0, |rig| rig.truth().mode != Px4::PosCtl));
+    assert!(rig.station().was_told("have stopped"));
+    let mode = rig.truth().mode;
+    fly(&mut rig, 2.0, &sticks(100, 0, 50));
+    assert_eq!(rig.truth().mode, mode, "sticks alone take nothing back");
+}
+
+#[test]
+fn a_mission_is_not_broken_off_by_sticks_that_nobody_asked_for() {
+    let mut rig = Rig::ready();
+    rig.send_plan(orders::square());
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.take_off(20.0);
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Waypoint)),
+        Some(AckType::CarriedOut)
+    );
+    fly(&mut rig, 3.0, &sticks(100, 100, 100));
+    assert_eq!(rig.truth().mode, Px4::Mission);
+    let wild = sticks(101, 0, 50);
+    assert_eq!(rig.carry_out(wild), Some(AckType::Refused));
+}
+
+#[test]
+fn steering_holds_course_speed_altitude_and_turns() {
+    let mut rig = Rig::ready();
+    rig.take_off(30.0);
+    let mut east = steer();
+    east.heading_command_type = Some(HeadingCommandType::Course);
+    east.commanded_course = Some(Bam16::from_degrees(90.0));
+    east.commanded_speed = Some(Scaled::saturating_from_si(4.0));
+    assert_eq!(
+        rig.carry_out(east),
+        Some(AckType::CarriedOut),
+        "{:?}",
+        rig.station().alerts()
+    );
+    assert_eq!(rig.truth().mode, Px4::Offboard);
+    rig.run(15.0);
+    let truth = rig.truth();
+    assert!((truth.velocity.e - 4.0).abs() < 0.3, "{truth:?}");
+    assert!(truth.velocity.n.abs() < 0.3, "{truth:?}");
+    assert!((-truth.position.d - 30.0).abs() < 1.5, "{truth:?}");
+
+    // An altitude alone: course and speed stay.
+    let mut climb = steer();
+    climb.altitude_command_type = Some(AltitudeCommandType::Altitude);
+    climb.commanded_altitude = Some(Scaled::saturating_from_si(45.0));
+    climb.altitude_type = Some(AltitudeType::Agl);
+    assert_eq!(rig.carry_out(climb), Some(AckType::CarriedOut));
+    rig.run(25.0);
+    let truth = rig.truth();
+    assert!((-truth.position.d - 45.0).abs() < 1.0, "{truth:?}");
+    assert!((truth.velocity.e - 4.0).abs() < 0.3, "{truth:?}");
+
+    // A quarter turn a bit over 5 s, clockwise: from east to south.
+    let mut turn = steer();
+    turn.heading_command_type = Some(HeadingCommandType::TurnRate);
+    turn.commanded_turn_rate = Some(Scaled::saturating_from_si(0.3));
+    assert_eq!(rig.carry_out(turn), Some(AckType::CarriedOut));
+    assert!(
+        rig.until(8.0, |rig| rig.truth().velocity.n < -3.0),
+        "{:?}",
+        rig.truth()
+    );
+
+    // Nose and track apart, and down at a rate.
+    let mut apart = steer();
+    apart.heading_command_type = Some(HeadingCommandType::HeadingAndCourse);
+    apart.commanded_heading = Some(Bam16::from_degrees(0.0));
+    apart.commanded_course = Some(Bam16::from_degrees(270.0));
+    apart.altitude_command_type = Some(AltitudeCommandType::VerticalSpeed);
+    apart.commanded_vertical_speed = Some(Scaled::saturating_from_si(-1.0));
+    assert_eq!(rig.carry_out(apart), Some(AckType::CarriedOut));
+    rig.run(14.0);
+    let truth = rig.truth();
+    assert!((truth.velocity.e + 4.0).abs() < 0.8, "{truth:?}");
+    assert!((truth.velocity.d - 1.0).abs() < 0.3, "{truth:?}");
+    assert!(
+        truth.attitude[2].sin().abs() < 0.1 && truth.attitude[2].cos() > 0.0,
+        "{truth:?}"
+    );
+
+    // It ends with the next mode, and no loss of set points is seen on the way.
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Loiter)),
+        Some(AckType::CarriedOut)
+    );
+    rig.run(15.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    assert!(
+        !rig.station().was_told("Failsafe"),
+        "{:?}",
+        rig.station().alerts()
+    );
+}
+
+#[test]
+fn set_points_do_not_starve_while_the_ground_station_says_nothing_or_the_link_is_bad() {
+    let mut rig = Rig::ready();
+    rig.take_off(30.0);
+    let mut north = steer();
+    north.commanded_speed = Some(Scaled::saturating_from_si(2.0));
+    assert_eq!(rig.carry_out(north), Some(AckType::CarriedOut));
+    rig.mav.faults = Faults::lossy(0.3);
+    rig.run(60.0);
+    assert_eq!(
+        rig.truth().mode,
+        Px4::Offboard,
+        "{:?}",
+        rig.station().alerts()
+    );
+    // The bridge gone, they end: the vehicle returns by itself.
+    rig.mav.faults = Faults::NONE;
+    rig.stop_bridge();
+    assert!(rig.until(15.0, |rig| rig.truth().mode == Px4::Rtl));
+}
+
+#[test]
+fn steering_that_cannot_be_flown_is_refused_with_the_reason() {
+    let mut rig = Rig::ready();
+    assert_eq!(rig.carry_out(steer()), Some(AckType::Refused));
+    assert!(rig.station().was_told("needs an airborne vehicle"));
+    rig.take_off(20.0);
+    let mut roll = steer();
+    roll.heading_command_type = Some(HeadingCommandType::Roll);
+    assert_eq!(rig.carry_out(roll), Some(AckType::Refused));
+    let mut nowhere = steer();
+    nowhere.heading_command_type = Some(HeadingCommandType::Course);
+    assert_eq!(rig.carry_out(nowhere), Some(AckType::Refused));
+    assert!(rig.station().was_told("Commanded Course is missing"));
+    assert_ne!(rig.truth().mode, Px4::Offboard);
+}
+
+#[test]
+fn engines_start_and_stop_by_the_vehicles_rules() {
+    let mut rig = Rig::ready_with(Setup::default());
+    let engine = |wanted| EngineCommand {
+        engine_command: Some(wanted),
+        ..EngineCommand::default()
+    };
+    assert_eq!(
+        rig.carry_out(engine(CommandedEngineState::Start)),
+        Some(AckType::CarriedOut),
+        "{:?}",
+        rig.station().alerts()
+    );
+    assert!(rig.truth().armed && rig.truth().landed);
+    assert_eq!(
+        rig.carry_out(engine(CommandedEngineState::Stop)),
+        Some(AckType::CarriedOut)
+    );
+    assert!(!rig.truth().armed);
+    rig.take_off(15.0);
+    assert_eq!(
+        rig.carry_out(engine(CommandedEngineState::Stop)),
+        Some(AckType::Refused)
+    );
+    assert!(rig.truth().armed, "it flies");
+    assert!(
+        rig.station()
+            .was_told("disarming: the vehicle says temporarily rejected")
+    );
+    let mut fifth = engine(CommandedEngineState::Start);
+    fifth.engine_number = Some(5);
+    assert_eq!(rig.carry_out(fifth), Some(AckType::Refused));
+
+    let lights = UnmannedAircraftLights {
+        set_lights: Some(LightsBitmap::NAV),
+        ..UnmannedAircraftLights::default()
+    };
+    assert_eq!(rig.carry_out(lights), Some(AckType::Refused));
+    assert!(rig.station().was_told("no command for lights"));
+}

@@ -1,0 +1,160 @@
+//! 3002 and 3004 tell what the vehicle was commanded in the mode that it is in, and nothing of before; a speed on a
+//! circle is flown before it is acknowledged.
+
+use kit::bridge::{Rig, orders, vehicle_id};
+use stanag_msgs::enums::{
+    AckType, FlightPathControlMode as Mode, LoiterDirection, LoiterType, SpeedType,
+};
+use stanag_msgs::messages::{
+    LoiterConfiguration, UaPositionWaypoint, VehicleOperatingModeCommand, VehicleOperatingStates,
+};
+use stanag_msgs::{Bam32, Message, Scaled};
+
+fn states(rig: &mut Rig) -> VehicleOperatingStates {
+    rig.run(0.6);
+    let states = rig
+        .station()
+        .last(vehicle_id(0), 3002, |message| match message {
+            Message::VehicleOperatingStates(states) => Some(states.clone()),
+            _ => None,
+        });
+    states.expect("a 3002")
+}
+
+fn speed(rig: &mut Rig) -> Option<f64> {
+    states(rig).commanded_speed.map(|speed| speed.si())
+}
+
+fn done(rig: &mut Rig, message: impl Into<Message>) {
+    let end = rig.carry_out(message);
+    assert_eq!(
+        end,
+        Some(AckType::CarriedOut),
+        "{:?}",
+        rig.station().alerts()
+    );
+}
+
+fn at_speed(mode: Mode, speed_m_s: f64) -> VehicleOperatingModeCommand {
+    VehicleOperatingModeCommand {
+        commanded_speed: Some(Scaled::saturating_from_si(speed_m_s)),
+        speed_type: Some(SpeedType::Ground),
+        ..orders::mode(mode)
+    }
+}
+
+fn there(north: f64, east: f64) -> VehicleOperatingModeCommand {
+    let (latitude, longitude) = orders::place(north, east);
+    VehicleOperatingModeCommand {
+        loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
+        loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
+        ..orders::mode(Mode::Loiter)
+    }
+}
+
+#[test]
+fn a_speed_ends_with_the_mode_that_it_was_commanded_in() {
+    let mut rig = Rig::ready();
+    rig.send_plan(orders::square());
+    done(&mut rig, orders::load());
+    rig.take_off(20.0);
+    rig.run(3.0);
+    let states = states(&mut rig);
+    assert!(
+        states.commanded_altitude.is_some(),
+        "where it has taken off to"
+    );
+    done(&mut rig, at_speed(Mode::Loiter, 3.0));
+    assert_eq!(speed(&mut rig), Some(3.0));
+    done(&mut rig, orders::mode(Mode::Waypoint));
+    assert_eq!(speed(&mut rig), None);
+    done(&mut rig, at_speed(Mode::Waypoint, 4.0));
+    assert_eq!(speed(&mut rig), Some(4.0));
+    // The route is over: the vehicle holds by itself.
+    assert!(rig.until(200.0, |rig| rig.truth().mode == px4_sim::Mode::Loiter));
+    rig.run(1.5);
+    assert_eq!(speed(&mut rig), None);
+    done(&mut rig, at_speed(Mode::Loiter, 3.0));
+    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    let landing = self::states(&mut rig);
+    assert_eq!(landing.commanded_speed, None);
+    assert_eq!(landing.commanded_altitude, None);
+}
+
+#[test]
+fn a_speed_of_the_route_takes_the_place_of_one_commanded_before_it() {
+    let mut rig = Rig::ready();
+    let slow = UaPositionWaypoint {
+        waypoint_to_speed: Some(Scaled::saturating_from_si(2.0)),
+        ..orders::waypoint(3, 0, 40.0, 60.0, 20.0)
+    };
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 40.0, 0.0, 20.0).into(),
+        orders::waypoint(2, 3, 40.0, 30.0, 20.0).into(),
+        slow.into(),
+    ]);
+    done(&mut rig, orders::load());
+    rig.take_off(20.0);
+    done(&mut rig, at_speed(Mode::Waypoint, 6.0));
+    assert_eq!(speed(&mut rig), Some(6.0));
+    let to = |rig: &Rig| {
+        rig.station()
+            .last(vehicle_id(0), 3002, |message| match message {
+                Message::VehicleOperatingStates(states) => states.commanded_waypoint_number,
+                _ => None,
+            })
+    };
+    assert!(rig.until(90.0, |rig| to(rig) == Some(3)));
+    assert_eq!(speed(&mut rig), Some(2.0));
+}
+
+#[test]
+fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    done(
+        &mut rig,
+        LoiterConfiguration {
+            loiter_type: Some(LoiterType::Circular),
+            loiter_radius: Some(Scaled::saturating_from_si(30.0)),
+            loiter_direction: Some(LoiterDirection::CounterClockwise),
+            ..LoiterConfiguration::default()
+        },
+    );
+    let circle = VehicleOperatingModeCommand {
+        commanded_speed: Some(Scaled::saturating_from_si(4.0)),
+        ..there(40.0, 0.0)
+    };
+    done(&mut rig, circle);
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit);
+    rig.run(40.0);
+    let flown = |rig: &Rig| {
+        let velocity = rig.truth().velocity;
+        velocity.n.hypot(velocity.e)
+    };
+    assert!((flown(&rig) - 4.0).abs() < 0.5, "{}", flown(&rig));
+    let before = states(&mut rig);
+    assert!(before.commanded_loiter_position_latitude.is_some());
+    for wanted in [2.0, 5.0_f64] {
+        done(&mut rig, at_speed(Mode::Loiter, wanted));
+        let slack = (0.25 * wanted).max(0.5) + 0.1;
+        assert!((flown(&rig) - wanted).abs() < slack, "{}", flown(&rig));
+        let after = states(&mut rig);
+        assert_eq!(after.commanded_speed.map(|it| it.si()), Some(wanted));
+        // The circle is the same.
+        assert_eq!(
+            after.commanded_loiter_position_latitude,
+            before.commanded_loiter_position_latitude
+        );
+        assert_eq!(after.commanded_altitude, before.commanded_altitude);
+        assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit);
+    }
+    // PX4 would fly no faster than the circle allows.
+    let end = rig.carry_out(at_speed(Mode::Loiter, 8.0));
+    assert_eq!(end, Some(AckType::Refused));
+    assert!(
+        rig.station()
+            .was_told("speed 8.0 m/s on a circle of 30 m, at most 7.7")
+    );
+}

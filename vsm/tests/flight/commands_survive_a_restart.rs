@@ -1,0 +1,169 @@
+//! What was commanded before `kill -9` is known after it: a repetition is answered and not carried out again, and what
+//! was cut off is said, and not gone on with.
+
+use kit::bridge::{Rig, orders};
+use stanag_msgs::Message;
+use stanag_msgs::enums::{
+    AckType, FlightPathControlMode as Mode, MissionPlanMode, RequestedAccess,
+};
+use stanag_msgs::messages::CucsAuthorisationRequest;
+
+const DONE: Option<AckType> = Some(AckType::CarriedOut);
+
+/// The answers to the very bytes of a message, sent once more.
+fn answers_again(rig: &mut Rig, ticket: kit::bridge::Ticket) -> Vec<AckType> {
+    let before = rig.station().answers(ticket).len();
+    rig.stations[0].repeat(ticket);
+    rig.run(3.0);
+    rig.station().answers(ticket)[before..].to_vec()
+}
+
+#[test]
+fn a_mode_replayed_after_a_restart_is_answered_and_not_flown() {
+    let mut rig = Rig::ready();
+    rig.send_plan(orders::square());
+    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.take_off(20.0);
+    let hold = rig.tell(orders::mode(Mode::Loiter));
+    assert_eq!(rig.end(hold), DONE);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.restart_bridge();
+    rig.run(2.0);
+    assert_eq!(answers_again(&mut rig, hold), [AckType::CarriedOut]);
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Mission, "it flies on");
+}
+
+#[test]
+fn a_refused_command_and_a_clear_replayed_after_a_restart_do_nothing() {
+    let mut rig = Rig::ready();
+    let early = rig.tell(orders::mode(Mode::Waypoint));
+    assert_eq!(rig.end(early), Some(AckType::Refused));
+    let clear = rig.tell(orders::transfer(MissionPlanMode::Clear));
+    assert_eq!(rig.end(clear), DONE);
+    rig.send_plan(orders::square());
+    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.take_off(20.0);
+    rig.restart_bridge();
+    rig.run(2.0);
+    let plans = rig.vehicles[0].vehicle().counters().plans_stored;
+    assert_eq!(answers_again(&mut rig, early), [AckType::Refused]);
+    assert_eq!(answers_again(&mut rig, clear), [AckType::CarriedOut]);
+    assert_ne!(rig.truth().mode, px4_sim::Mode::Mission);
+    assert_eq!(rig.vehicles[0].vehicle().counters().plans_stored, plans);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+}
+
+#[test]
+fn a_release_and_a_request_replayed_after_a_restart_move_no_right() {
+    let mut rig = Rig::ready();
+    let release = CucsAuthorisationRequest {
+        requested_handover_access: Some(RequestedAccess::Relinquish),
+        ..orders::request_control()
+    };
+    let release = rig.tell(release);
+    assert_eq!(rig.end(release), DONE);
+    assert_eq!(rig.carry_out(orders::request_control()), DONE);
+    rig.restart_bridge();
+    rig.run(2.0);
+    answers_again(&mut rig, release);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+}
+
+#[test]
+fn a_launch_that_a_restart_cuts_off_is_said_and_leaves_no_running_motors() {
+    let mut rig = Rig::ready();
+    let launch = rig.tell(orders::launch(20.0));
+    assert!(rig.until(3.0, |rig| rig.truth().armed));
+    rig.stations[0].give_up(launch);
+    rig.restart_bridge();
+    assert!(
+        rig.until(5.0, |rig| !rig.truth().armed),
+        "{:?}",
+        rig.station().alerts()
+    );
+    rig.run(0.5);
+    assert_eq!(rig.station().end(launch), Some(AckType::Refused));
+    for text in ["started anew", "left the vehicle armed on the ground"] {
+        assert!(
+            rig.station().was_told(text),
+            "{text}: {:?}",
+            rig.station().alerts()
+        );
+    }
+    // It is not gone on with, nor does a repetition launch.
+    assert_eq!(answers_again(&mut rig, launch), [AckType::Refused]);
+    assert!(rig.truth().landed && !rig.truth().armed);
+    rig.take_off(20.0);
+}
+
+#[test]
+fn a_launch_that_took_the_vehicle_up_before_the_restart_is_said_and_goes_on() {
+    let mut rig = Rig::ready();
+    let launch = rig.tell(orders::launch(20.0));
+    // Off the ground, and the VSM has not been told yet.
+    assert!(rig.until(20.0, |rig| !rig.truth().landed));
+    assert_eq!(rig.station().end(launch), None, "too late for this test");
+    rig.stations[0].give_up(launch);
+    rig.restart_bridge();
+    assert!(
+        rig.until(8.0, |rig| rig
+            .station()
+            .was_told("has taken the vehicle up")),
+        "{:?}",
+        rig.station().alerts()
+    );
+    assert!(rig.until(30.0, |rig| -rig.truth().position.d > 19.0));
+    assert!(rig.truth().armed);
+}
+
+#[test]
+fn an_upload_that_a_restart_cuts_off_is_said_and_can_be_given_again() {
+    let mut rig = Rig::ready();
+    rig.send_plan(orders::square());
+    let load = rig.tell(orders::load());
+    rig.run(0.05);
+    assert_eq!(rig.station().end(load), None, "too late for this test");
+    rig.restart_bridge();
+    assert_eq!(rig.end(load), Some(AckType::Refused));
+    assert!(
+        rig.station()
+            .was_told("13000 refused: the VSM was started anew")
+    );
+    // PX4 waits 5 s for the rest of the one that was cut off.
+    rig.run(6.0);
+    assert_eq!(rig.carry_out(orders::load()), DONE);
+}
+
+#[test]
+fn a_command_is_carried_out_where_it_cannot_be_written_down_and_that_is_said() {
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    rig.store.full = Some("commands");
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    assert!(rig.station().was_told("commands cannot be written down"));
+    rig.store.full = None;
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.run(0.5);
+    assert!(rig.station().was_told("commands are written down again"));
+}
+
+#[test]
+fn the_record_of_commands_is_bounded_and_sticks_take_no_room_in_it() {
+    let mut rig = Rig::ready();
+    let hold = rig.tell(orders::mode(Mode::AutolandWaveOff));
+    assert_eq!(rig.end(hold), Some(AckType::Refused));
+    // More sticks than are remembered of one kind of message, and some commands.
+    for n in 0..1_500 {
+        let sticks = stanag_msgs::messages::UaStickCommand::default();
+        rig.say(Message::from(sticks));
+        if n % 10 == 0 {
+            rig.say(orders::waypoint(200, 0, f64::from(n), 0.0, 20.0));
+        }
+        rig.run(0.01);
+    }
+    let command_log = &rig.store.records["commands-1b0000a0.log"];
+    assert!(command_log.len() < 4_096 * 90, "{}", command_log.len());
+    rig.restart_bridge();
+    rig.run(2.0);
+    assert_eq!(answers_again(&mut rig, hold), [AckType::Refused]);
+}

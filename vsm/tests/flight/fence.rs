@@ -1,0 +1,270 @@
+//! The geofence: areas from a station and from the configuration, on the vehicle, read back and compared.
+
+use kit::bridge::{Rig, Setup, orders, vehicle_id};
+use mavlink_link::dialect::{MISSION_CLEAR_ALL_DATA, MavMessage, MavMissionType};
+use mavlink_link::service::Node;
+use stanag_msgs::enums::{AckType, AreaPlanMode, AreaType, MissionTransferStatus};
+use stanag_msgs::messages::{AreaTransferCommand, AreaTransferStatus, AreaVertex};
+use stanag_msgs::{Bam32, Message};
+
+/// Corners of a square about home, metres north and east.
+const SQUARE: [(f64, f64); 4] = [
+    (300.0, 300.0),
+    (300.0, -300.0),
+    (-300.0, -300.0),
+    (-300.0, 300.0),
+];
+
+fn vertex(area: u16, kind: AreaType, count: u8, number: u8, at: (f64, f64)) -> AreaVertex {
+    let (latitude, longitude) = orders::place(at.0, at.1);
+    AreaVertex {
+        area_id: Some(area),
+        area_type: Some(kind),
+        vertex_count: Some(count),
+        vertex_number: Some(number),
+        latitude: Some(Bam32::from_degrees(latitude)),
+        longitude: Some(Bam32::from_degrees(longitude)),
+        ..AreaVertex::default()
+    }
+}
+
+fn polygon(area: u16, kind: AreaType, corners: &[(f64, f64)]) -> Vec<Message> {
+    let count = corners.len() as u8;
+    let corners = (1..).zip(corners);
+    corners
+        .map(|(number, at)| vertex(area, kind, count, number, *at).into())
+        .collect()
+}
+
+fn circle(area: u16, kind: AreaType, at: (f64, f64), radius_m: f32) -> Message {
+    AreaVertex {
+        radius: Some(radius_m),
+        ..vertex(area, kind, 1, 1, at)
+    }
+    .into()
+}
+
+fn order(mode: AreaPlanMode) -> AreaTransferCommand {
+    AreaTransferCommand {
+        area_plan_mode: Some(mode),
+        ..AreaTransferCommand::default()
+    }
+}
+
+fn status(rig: &Rig) -> AreaTransferStatus {
+    let told = rig
+        .station()
+        .last(vehicle_id(0), 50018, |message| match message {
+            Message::AreaTransferStatus(status) => Some(status.clone()),
+            _ => None,
+        });
+    told.expect("a 50018")
+}
+
+fn carried_out(rig: &mut Rig, message: impl Into<Message>) {
+    let end = rig.carry_out(message);
+    assert_eq!(
+        end,
+        Some(AckType::CarriedOut),
+        "{:?}",
+        rig.station().alerts()
+    );
+}
+
+/// Commands of the fence items that the vehicle holds.
+fn aboard(rig: &Rig) -> Vec<u16> {
+    let vehicle = rig.vehicles[0].vehicle();
+    let items = vehicle.plan(MavMissionType::MAV_MISSION_TYPE_FENCE);
+    items.iter().map(|item| item.command).collect()
+}
+
+#[test]
+fn areas_go_aboard_whole_and_bound_the_routes_that_the_vehicle_takes() {
+    let mut rig = Rig::ready();
+    let mut areas = polygon(1, AreaType::KeepInPolygon, &SQUARE);
+    areas.push(circle(2, AreaType::KeepOutCircle, (150.0, 0.0), 40.0));
+    rig.send_plan(areas);
+    assert!(aboard(&rig).is_empty(), "stored, not loaded");
+    carried_out(&mut rig, order(AreaPlanMode::Load));
+    assert_eq!(aboard(&rig), [5001, 5001, 5001, 5001, 5004]);
+    rig.run(0.1);
+    assert_eq!(status(&rig).status, Some(MissionTransferStatus::Complete));
+    assert!(
+        rig.station()
+            .was_told("where it breaks the fence the vehicle holds")
+    );
+    // A route through the circle is one that the vehicle itself refuses.
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 80.0, 0.0, 20.0).into(),
+        orders::waypoint(2, 0, 150.0, 10.0, 20.0).into(),
+    ]);
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
+    rig.run(0.5);
+    assert!(
+        rig.station().was_told("Geofence violation"),
+        "{:?}",
+        rig.station().alerts()
+    );
+    rig.send_plan(vec![orders::waypoint(2, 0, 250.0, 10.0, 20.0).into()]);
+    carried_out(&mut rig, orders::load());
+}
+
+#[test]
+fn what_makes_no_fence_is_refused_with_the_vertex_and_nothing_goes_aboard() {
+    let mut rig = Rig::ready();
+    let mut areas = polygon(7, AreaType::KeepInPolygon, &SQUARE);
+    areas.remove(2);
+    rig.send_plan(areas);
+    assert_eq!(
+        rig.carry_out(order(AreaPlanMode::Load)),
+        Some(AckType::Refused)
+    );
+    rig.run(0.1);
+    let told = status(&rig);
+    assert_eq!((told.area_id, told.vertex_number), (Some(7), Some(3)));
+    assert_eq!(told.status, Some(MissionTransferStatus::Aborted));
+    assert!(
+        rig.station()
+            .was_told("area 7 vertex 3: it has not been received")
+    );
+    carried_out(&mut rig, order(AreaPlanMode::Clear));
+    // The vehicle stands within it.
+    rig.send_plan(vec![circle(8, AreaType::KeepOutCircle, (0.0, 0.0), 50.0)]);
+    assert_eq!(
+        rig.carry_out(order(AreaPlanMode::Load)),
+        Some(AckType::Refused)
+    );
+    rig.run(0.1);
+    assert!(
+        rig.station()
+            .was_told("area 8: the vehicle is inside it now")
+    );
+    assert!(aboard(&rig).is_empty());
+    // By itself no corner of anything.
+    let none = vertex(9, AreaType::KeepInPolygon, 2, 1, (0.0, 0.0));
+    assert_eq!(rig.carry_out(none), Some(AckType::Refused));
+    assert_eq!(
+        rig.carry_out(order(AreaPlanMode::Unknown(9))),
+        Some(AckType::Refused)
+    );
+}
+
+#[test]
+fn sixty_four_vertices_go_aboard_and_one_more_does_not() {
+    let mut rig = Rig::ready();
+    let ring = |radius_m: f64, corners: u8| -> Vec<(f64, f64)> {
+        let angle = |n: u8| std::f64::consts::TAU * f64::from(n) / f64::from(corners);
+        let corner = |n| (radius_m * angle(n).cos(), radius_m * angle(n).sin());
+        (0..corners).map(corner).collect()
+    };
+    rig.send_plan(polygon(1, AreaType::KeepInPolygon, &ring(500.0, 63)));
+    rig.send_plan(vec![circle(2, AreaType::KeepOutCircle, (200.0, 0.0), 20.0)]);
+    carried_out(&mut rig, order(AreaPlanMode::Load));
+    assert_eq!(aboard(&rig).len(), 64);
+    let more = circle(3, AreaType::KeepOutCircle, (-200.0, 0.0), 20.0);
+    assert_eq!(rig.carry_out(more), Some(AckType::Refused));
+    rig.run(0.1);
+    assert!(
+        rig.station().was_told("65 vertices"),
+        "{:?}",
+        rig.station().alerts()
+    );
+    assert_eq!(aboard(&rig).len(), 64);
+}
+
+#[test]
+fn areas_come_back_as_they_were_sent_and_survive_a_restart() {
+    let mut rig = Rig::ready();
+    let sent = polygon(3, AreaType::KeepInPolygon, &SQUARE);
+    rig.send_plan(sent.clone());
+    carried_out(&mut rig, order(AreaPlanMode::Load));
+    rig.restart_bridge();
+    rig.run(8.0);
+    let mark = rig.station().heard.len();
+    carried_out(&mut rig, order(AreaPlanMode::Download));
+    let came: Vec<AreaVertex> = rig.station().heard[mark..]
+        .iter()
+        .filter_map(|(_, _, message)| match message {
+            Message::AreaVertex(vertex) => Some(vertex.clone()),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(came.len(), 4);
+    for (came, sent) in came.iter().zip(&sent) {
+        let Message::AreaVertex(sent) = sent else {
+            unreachable!()
+        };
+        let unstamped = AreaVertex {
+            time_stamp: None,
+            ..came.clone()
+        };
+        assert_eq!(unstamped, *sent);
+    }
+    carried_out(&mut rig, order(AreaPlanMode::Clear));
+    assert!(aboard(&rig).is_empty());
+    assert_eq!(
+        rig.carry_out(order(AreaPlanMode::Download)),
+        Some(AckType::Refused)
+    );
+}
+
+fn configured() -> Setup {
+    // 0.01 degrees of latitude are 1.1 km.
+    Setup {
+        vehicle_keys: "[[vehicle.area]]\nkeep = \"in\"\ncentre = [47.3977434, 8.5455939]\nradius_m = 900.0\n",
+        ..Setup::default()
+    }
+}
+
+#[test]
+fn areas_of_the_configuration_are_aboard_before_anybody_asks_and_stay() {
+    let mut rig = Rig::ready_with(configured());
+    assert!(rig.until(10.0, |rig| aboard(rig) == [5003]));
+    rig.send_plan(vec![circle(1, AreaType::KeepOutCircle, (200.0, 0.0), 20.0)]);
+    carried_out(&mut rig, order(AreaPlanMode::Load));
+    assert_eq!(aboard(&rig), [5003, 5004]);
+    // A station cannot widen them, nor take them away.
+    rig.send_plan(vec![circle(2, AreaType::KeepInCircle, (0.0, 0.0), 9_000.0)]);
+    assert_eq!(
+        rig.carry_out(order(AreaPlanMode::Load)),
+        Some(AckType::Refused)
+    );
+    rig.run(0.1);
+    assert!(rig.station().was_told("set by the configuration"));
+    assert_eq!(aboard(&rig), [5003, 5004]);
+    carried_out(&mut rig, order(AreaPlanMode::Clear));
+    assert_eq!(aboard(&rig), [5003]);
+}
+
+#[test]
+fn a_fence_that_is_aboard_is_not_sent_again() {
+    let mut rig = Rig::ready_with(configured());
+    assert!(rig.until(10.0, |rig| aboard(rig) == [5003]));
+    let stored = rig.vehicles[0].vehicle().counters().plans_stored;
+    rig.restart_bridge();
+    rig.run(15.0);
+    assert_eq!(rig.vehicles[0].vehicle().counters().plans_stored, stored);
+}
+
+#[test]
+fn a_fence_that_another_station_takes_away_is_warned_of_until_it_is_back() {
+    let mut rig = Rig::ready();
+    rig.send_plan(polygon(1, AreaType::KeepInPolygon, &SQUARE));
+    carried_out(&mut rig, order(AreaPlanMode::Load));
+    rig.run(5.0);
+    assert!(!rig.station().was_told("is not the one that was loaded"));
+    let clear = MavMessage::MISSION_CLEAR_ALL(MISSION_CLEAR_ALL_DATA {
+        target_system: 1,
+        target_component: 1,
+        mission_type: MavMissionType::MAV_MISSION_TYPE_FENCE,
+    });
+    rig.vehicles[0]
+        .vehicle_mut()
+        .handle_message(Node::new(255, 190), &clear);
+    assert!(rig.until(5.0, |rig| {
+        rig.station().was_told("is not the one that was loaded")
+    }));
+    carried_out(&mut rig, order(AreaPlanMode::Load));
+    assert!(rig.until(5.0, |rig| rig.station().was_told("the fence is aboard")));
+}

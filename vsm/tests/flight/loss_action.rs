@@ -1,0 +1,188 @@
+//! What is configured for a lost controller is flown until the vehicle shows it, or something that brings it home.
+
+use kit::bridge::{Rig, Setup, orders};
+use px4_sim::Mode as Px4;
+use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, RouteType};
+use stanag_msgs::messages::UaRoute;
+use stanag_msgs::{Message, Text};
+
+/// In the air, by a station that has sent heartbeats and sends them no more; B only listens.
+fn abandoned(tables: &'static str, plan: Vec<Message>) -> Rig {
+    let mut rig = Rig::ready_with(Setup {
+        tables,
+        stations: 2,
+        ..Setup::default()
+    });
+    let listen = stanag_msgs::messages::CucsAuthorisationRequest {
+        requested_handover_loi: Some(stanag_msgs::enums::LoiBitmap::LOI2),
+        ..orders::request_control()
+    };
+    let ticket = rig.tell_as(1, 0, listen);
+    rig.until(5.0, |rig| rig.stations[1].end(ticket).is_some());
+    rig.send_plan(plan);
+    rig.take_off(20.0);
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Loiter)),
+        Some(AckType::CarriedOut)
+    );
+    rig.stations[0].heartbeats = true;
+    rig.run(2.0);
+    rig.stations[0].heartbeats = false;
+    rig
+}
+
+fn contingency(first_north_m: f64) -> Vec<Message> {
+    let route = UaRoute {
+        route_id: Some(Text::new("CA")),
+        route_type: Some(RouteType::ContingencyA),
+        ..orders::route(7)
+    };
+    vec![
+        route.into(),
+        orders::waypoint(7, 8, first_north_m, 0.0, 30.0).into(),
+        orders::waypoint(8, 0, first_north_m, 50.0, 30.0).into(),
+    ]
+}
+
+fn told(text: &'static str) -> impl Fn(&Rig) -> bool {
+    move |rig| rig.stations[1].was_told(text)
+}
+
+#[test]
+fn a_contingency_route_is_flown() {
+    let mut rig = abandoned(
+        "[authority]\non_loss = \"contingency\"\n",
+        contingency(60.0),
+    );
+    assert!(
+        rig.until(30.0, |rig| rig.truth().mode == Px4::Mission),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
+    rig.run(20.0);
+    assert!(!rig.stations[1].was_told("does not fly contingency A"));
+}
+
+#[test]
+fn a_contingency_route_that_cannot_be_flown_gives_way_to_the_return() {
+    // Its first point is farther from home than the limits allow.
+    let mut rig = abandoned(
+        "[authority]\non_loss = \"contingency\"\n",
+        contingency(20_000.0),
+    );
+    assert!(
+        rig.until(40.0, |rig| rig.truth().mode == Px4::Rtl),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
+    for text in ["try 2", "does not fly contingency A: it is to return"] {
+        assert!(
+            rig.stations[1].was_told(text),
+            "{text}: {:?}",
+            rig.stations[1].alerts()
+        );
+    }
+    rig.run(2.0);
+    assert!(rig.stations[1].was_told("the vehicle does what is to be done"));
+}
+
+#[test]
+fn a_vehicle_that_is_silent_at_the_loss_is_brought_home_when_it_is_heard() {
+    let mut rig = abandoned("[authority]\non_loss = \"rtl\"\n", Vec::new());
+    rig.run(4.0);
+    rig.mav.faults.loss = 1.0;
+    assert!(
+        rig.until(20.0, told("is lost")),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
+    rig.run(1.0);
+    rig.mav.faults.loss = 0.0;
+    assert!(
+        rig.until(30.0, |rig| rig.truth().mode == Px4::Rtl),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
+}
+
+#[test]
+fn what_is_said_of_a_loss_is_what_is_flown() {
+    let mut rig = abandoned("[authority]\non_loss = \"contingency\"\n", Vec::new());
+    assert!(
+        rig.until(30.0, |rig| rig.truth().mode == Px4::Rtl),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
+    assert!(
+        rig.stations[1].was_told("no contingency A is known, the vehicle is to return"),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
+    for wrong in ["contingency A is flown", "control has passed on"] {
+        assert!(!rig.stations[1].was_told(wrong), "{wrong}");
+    }
+}
+
+#[test]
+fn of_a_vehicle_that_stands_it_is_said_that_nothing_is_flown() {
+    let mut rig = Rig::ready_with(Setup {
+        tables: "[authority]\non_loss = \"contingency\"\n",
+        ..Setup::default()
+    });
+    rig.stations[0].heartbeats = true;
+    rig.run(2.0);
+    rig.stations[0].heartbeats = false;
+    assert!(
+        rig.until(20.0, |rig| rig.station().was_told(
+            "is lost, nobody controls the vehicle: the vehicle stands"
+        )),
+        "{:?}",
+        rig.station().alerts()
+    );
+    rig.run(5.0);
+    assert!(rig.truth().landed && !rig.truth().armed);
+}
+
+#[test]
+fn the_main_route_is_flown_again_after_the_contingency() {
+    let mut plan = orders::square();
+    plan.extend(contingency(60.0));
+    plan.push(orders::load().into());
+    let mut rig = abandoned("[authority]\non_loss = \"contingency\"\n", plan);
+    assert!(rig.until(30.0, |rig| rig.truth().mode == Px4::Mission));
+    assert!(rig.stations[1].was_told("the vehicle is to fly contingency A"));
+    assert_eq!(
+        rig.carry_out(orders::request_control()),
+        Some(AckType::CarriedOut)
+    );
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Waypoint)),
+        Some(AckType::CarriedOut),
+        "{:?}",
+        rig.station().alerts()
+    );
+    let to = |rig: &Rig| {
+        rig.station()
+            .last(kit::bridge::vehicle_id(0), 4001, |m| match m {
+                Message::FromToNextWaypointStates(states) => states.to_waypoint_number,
+                _ => None,
+            })
+    };
+    assert!(rig.until(5.0, |rig| to(rig) == Some(101)));
+}
+
+#[test]
+fn who_takes_control_ends_what_was_flown_for_nobody() {
+    let mut rig = abandoned(
+        "[authority]\non_loss = \"contingency\"\n",
+        contingency(20_000.0),
+    );
+    assert!(rig.until(40.0, told("is lost")));
+    let taken = rig.tell_as(1, 0, orders::request_control());
+    assert!(rig.until(5.0, |rig| rig.stations[1].end(taken).is_some()));
+    let hold = rig.tell_as(1, 0, orders::mode(Mode::Loiter));
+    assert!(rig.until(20.0, |rig| rig.stations[1].end(hold).is_some()));
+    assert_eq!(rig.stations[1].end(hold), Some(AckType::CarriedOut));
+    rig.run(20.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+}

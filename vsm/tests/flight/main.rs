@@ -1,0 +1,46 @@
+//! The bridge between simulated vehicles and ground stations, in one process under a virtual clock (`kit::bridge`).
+//!
+//! One file for each behaviour:
+//!
+//! - whole flights: `whole_route`, `lossy_links`, `restarts`, `full_disk`, `faults`, `many_at_once`,
+//!   `captures_as_vehicles`
+//! - routes: `routes_by_type`, `route_refusals`, `route_progress`, `curves`, `climbs`, `after_a_return`,
+//!   `mission_watchdog`, `fence`
+//! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
+//!   `commands_survive_a_restart`
+//! - the order of effects: `effects_order`
+//! - who may command: `operator_control`, `loss_of_authority`, `loss_action`
+//! - reports: `status`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
+//!   `vehicle_services`
+
+mod after_a_return;
+mod by_hand;
+mod captures_as_vehicles;
+mod climbs;
+mod commanded_values;
+mod commands_survive_a_restart;
+mod commands_without_a_mode;
+mod configuration_phase;
+mod curves;
+mod effects_order;
+mod faults;
+mod fence;
+mod full_disk;
+mod health_alerts;
+mod loss_action;
+mod loss_of_authority;
+mod lossy_links;
+mod many_at_once;
+mod mission_watchdog;
+mod mode_retries;
+mod operator_control;
+mod overtaken_commands;
+mod refusals_have_reasons;
+mod reports_in_time;
+mod restarts;
+mod route_progress;
+mod route_refusals;
+mod routes_by_type;
+mod status;
+mod vehicle_services;
+mod whole_route;

@@ -1,0 +1,286 @@
+//! A route that cannot be flown is refused whole, with the waypoint's number and the reason; the vehicle keeps what
+//! it has.
+
+use kit::bridge::{Faults, Rig, Setup, orders, vehicle_id};
+use px4_sim::{Airframe, Config, Param};
+use stanag_msgs::Message;
+use stanag_msgs::enums::{
+    AckType, AltitudeType, LimitType, LocationType, LoiterDurationUnits, MissionTransferStatus,
+    WaypointType,
+};
+use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
+use stanag_msgs::{Bam32, Scaled};
+
+/// Loads a plan that must be refused; the number in 14000, and what 16000 says.
+fn refused(rig: &mut Rig, plan: Vec<Message>) -> (Option<u16>, String) {
+    let cleared = rig.station().heard.len();
+    rig.send_plan(plan);
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
+    rig.run(0.5);
+    let heard = &rig.station().heard[cleared..];
+    let number = heard
+        .iter()
+        .rev()
+        .find_map(|(_, _, message)| match message {
+            Message::MissionUploadDownloadStatus(status)
+                if status.status == Some(MissionTransferStatus::Aborted) =>
+            {
+                Some(status.waypoint_request)
+            }
+            _ => None,
+        });
+    let why = heard
+        .iter()
+        .rev()
+        .find_map(|(_, from, message)| match message {
+            Message::SubsystemStatusAlert(_) => {
+                assert_eq!(*from, vehicle_id(0));
+                Some(rig.station().alerts().pop().unwrap_or_default())
+            }
+            _ => None,
+        });
+    (
+        number.expect("a 14000 with status 2"),
+        why.unwrap_or_default(),
+    )
+}
+
+fn first(change: impl FnOnce(&mut UaPositionWaypoint)) -> Vec<Message> {
+    let mut waypoint = orders::waypoint(7, 8, 50.0, 0.0, 20.0);
+    change(&mut waypoint);
+    vec![
+        orders::route(7).into(),
+        waypoint.into(),
+        orders::waypoint(8, 0, 50.0, 50.0, 20.0).into(),
+    ]
+}
+
+#[test]
+fn every_fault_is_named_with_its_waypoint_and_the_vehicle_keeps_its_mission() {
+    let mut rig = Rig::ready();
+    rig.send_plan(orders::square());
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    let stored = rig.vehicles[0].vehicle().counters().plans_stored;
+
+    let cases: Vec<(Vec<Message>, u16, &str)> = vec![
+        (first(|w| w.next_waypoint = Some(99)), 99, "not received"),
+        (vec![orders::route(77).into()], 77, "not received"),
+        (
+            vec![
+                orders::route(7).into(),
+                orders::waypoint(7, 8, 50.0, 0.0, 20.0).into(),
+                orders::waypoint(8, 7, 50.0, 50.0, 20.0).into(),
+            ],
+            7,
+            "Waypoint Type 1",
+        ),
+        (
+            first(|w| w.waypoint_altitude_type = None),
+            7,
+            "without its type",
+        ),
+        (
+            first(|w| w.waypoint_to_altitude = None),
+            7,
+            "Altitude is missing",
+        ),
+        (
+            first(|w| w.waypoint_to_altitude = Some(Scaled::saturating_from_si(9_000.0))),
+            7,
+            "9000 m above home",
+        ),
+        (
+            first(|w| w.waypoint_altitude_type = Some(AltitudeType::from_raw(9))),
+            7,
+            "altitude type 9",
+        ),
+        (
+            first(|w| {
+                w.waypoint_to_latitude_or_relative_y = Some(Bam32::from_degrees(48.5));
+            }),
+            7,
+            "m from home, at most 5000",
+        ),
+        (
+            first(|w| {
+                w.waypoint_to_latitude_or_relative_y = Some(Bam32::from_degrees(120.0));
+            }),
+            7,
+            "latitude 120",
+        ),
+        (
+            first(|w| w.location_type = Some(LocationType::Relative)),
+            7,
+            "relative coordinates",
+        ),
+        (
+            first(|w| w.waypoint_to_speed = Some(Scaled::saturating_from_si(0.0))),
+            7,
+            "speed 0.0",
+        ),
+        (
+            first(|w| w.waypoint_type = Some(WaypointType::EndOfLoop)),
+            7,
+            "leads to 8, expected a waypoint flown before",
+        ),
+    ];
+    for (plan, number, why) in cases {
+        let (named, said) = refused(&mut rig, plan);
+        assert_eq!(named, Some(number), "{why}: {said}");
+        assert!(said.contains(why), "{why}: {said}");
+    }
+    assert_eq!(rig.vehicles[0].vehicle().counters().plans_stored, stored);
+}
+
+/// A plan whose second waypoint is come to at this speed.
+fn at_speed(speed_m_s: f64) -> Vec<Message> {
+    let mut plan = first(|w| w.next_waypoint = Some(9));
+    let mut fast = orders::waypoint(9, 0, 50.0, 50.0, 20.0);
+    fast.waypoint_to_speed = Some(Scaled::saturating_from_si(speed_m_s));
+    plan.push(fast.into());
+    plan
+}
+
+fn with(airframe: Airframe, params: &[(Param, f64)]) -> Setup {
+    let vehicle = Config {
+        airframe,
+        params: params.to_vec(),
+        ..Config::default()
+    };
+    Setup {
+        vehicles: vec![vehicle],
+        ..Setup::default()
+    }
+}
+
+#[test]
+fn a_speed_that_the_vehicle_does_not_fly_is_refused_with_waypoint_value_and_range() {
+    use Airframe::{Plane, Quad};
+    let faster = [(Param::MPC_XY_VEL_MAX, 15.0)];
+    for (airframe, params, beyond_m_s, fine_m_s, range) in [
+        (Quad, &[][..], 12.5, 12.0, "0.5 to 12.0"),
+        (Quad, &faster[..], 15.5, 15.0, "0.5 to 15.0"),
+        (Plane, &[][..], 20.5, 20.0, "10.0 to 20.0"),
+        (Plane, &[][..], 9.5, 10.0, "10.0 to 20.0"),
+    ] {
+        let mut rig = Rig::ready_with(with(airframe, params));
+        let (named, said) = refused(&mut rig, at_speed(beyond_m_s));
+        assert_eq!(named, Some(9), "{said}");
+        let why = format!("waypoint 9: speed {beyond_m_s:.1} m/s, expected {range}");
+        assert!(said.contains(&why), "{why}: {said}");
+        rig.send_plan(at_speed(fine_m_s));
+        let end = rig.carry_out(orders::load());
+        assert_eq!(end, Some(AckType::CarriedOut), "{airframe:?} {fine_m_s}");
+    }
+}
+
+#[test]
+fn a_load_waits_for_the_parameters_that_bound_it() {
+    // Home and parameters are asked for at once: where packets are lost either may come first.
+    let mut too_fast = 0;
+    for seed in 1..=20 {
+        let mut rig = Rig::new(Setup {
+            seed,
+            mav: Faults {
+                loss: 0.25,
+                ..Faults::NONE
+            },
+            ..Setup::default()
+        });
+        let end = rig.carry_out(orders::request_control());
+        assert_eq!(end, Some(AckType::CarriedOut));
+        let live = |rig: &Rig| {
+            let bridge = rig.bridge.as_ref().expect("it runs");
+            bridge.status(String::new(), rig.now().mono).vehicles[0].live
+        };
+        assert!(rig.until(20.0, live), "the vehicle is heard");
+        let (_, said) = refused(&mut rig, at_speed(20.0));
+        let why = "waypoint 9: speed 20.0 m/s, expected 0.5 to 12.0";
+        too_fast += u32::from(said.contains(why));
+        let homeless = said.contains("has not told its home position");
+        assert!(said.contains(why) || homeless, "{seed}: {said}");
+    }
+    assert!(too_fast > 10, "{too_fast} of 20");
+}
+
+fn lap(limit: LimitType, times: Option<u16>) -> Vec<Message> {
+    let mut end = orders::waypoint(43, 42, 0.0, 60.0, 20.0);
+    end.waypoint_type = Some(WaypointType::EndOfLoop);
+    end.limit_type = Some(limit);
+    end.loop_limit = times;
+    vec![
+        orders::route(41).into(),
+        orders::waypoint(41, 42, 30.0, 0.0, 20.0).into(),
+        orders::waypoint(42, 43, 60.0, 60.0, 20.0).into(),
+        end.into(),
+    ]
+}
+
+#[test]
+fn loops_that_px4_cannot_fly_are_refused() {
+    let mut rig = Rig::ready();
+    for (limit, times, why) in [
+        (LimitType::Time, Some(60), "does not time them"),
+        (LimitType::Count, Some(0), "Loop Limit 0"),
+        (LimitType::Count, None, "Loop Limit is missing"),
+        (LimitType::from_raw(7), Some(1), "Limit Type 7"),
+    ] {
+        let (named, said) = refused(&mut rig, lap(limit, times));
+        assert_eq!(named, Some(43), "{said}");
+        assert!(said.contains(why), "{why}: {said}");
+    }
+}
+
+#[test]
+fn a_loop_is_flown_so_often_as_its_limit_says() {
+    let mut rig = Rig::ready();
+    rig.send_plan(lap(LimitType::Count, Some(3)));
+    assert_eq!(
+        rig.carry_out(orders::load()),
+        Some(AckType::CarriedOut),
+        "{:?}",
+        rig.station().alerts()
+    );
+    rig.take_off(20.0);
+    let waypoint = orders::mode(stanag_msgs::enums::FlightPathControlMode::Waypoint);
+    assert_eq!(rig.carry_out(waypoint), Some(AckType::CarriedOut));
+    let (mut passes, mut before) = (0, None);
+    for _ in 0..3_000 {
+        rig.run(0.1);
+        let to = rig
+            .station()
+            .last(vehicle_id(0), 4001, |message| match message {
+                Message::FromToNextWaypointStates(states) => states.to_waypoint_number,
+                _ => None,
+            });
+        passes += u32::from(to == Some(42) && before != Some(42));
+        before = to;
+        if to == Some(0) {
+            break;
+        }
+    }
+    assert_eq!((passes, before), (3, Some(0)));
+}
+
+#[test]
+fn turns_are_refused_on_a_multicopter_and_times_are_not() {
+    let mut rig = Rig::ready();
+    let plan = |units| {
+        let mut plan = first(|_| {});
+        plan.push(
+            UaLoiterWaypoint {
+                waypoint_number: Some(8),
+                loiter_duration: Some(4),
+                loiter_duration_units: Some(units),
+                ..UaLoiterWaypoint::default()
+            }
+            .into(),
+        );
+        plan
+    };
+    let (named, said) = refused(&mut rig, plan(LoiterDurationUnits::Turns));
+    assert_eq!(named, Some(8));
+    assert!(said.contains("turns"), "{said}");
+    rig.send_plan(plan(LoiterDurationUnits::Seconds));
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+}

@@ -1,0 +1,313 @@
+//! Others on the link, with and without the key: what they cannot bring about, and what is told of them.
+
+use std::fs;
+use std::net::UdpSocket;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage, STATUSTEXT_DATA};
+use mavlink_link::frame::{
+    FrameView, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode, encode_raw,
+};
+use mavlink_link::signing::{SigningKey, Stamp, sign};
+use serde_json::Value;
+
+use crate::ground::{FIRST, Ground, SECOND, id, is_live_under, key};
+use kit::process::{KillOnDrop, program};
+
+/// What a stranger can say in the vehicle's name: unsigned, or a replay from long ago.
+fn strangers(with: Option<[u8; 32]>) -> Vec<u8> {
+    let mut out = [0; MAX_FRAME];
+    let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA::default());
+    let header = Header {
+        system_id: 1,
+        component_id: 1,
+        incompat: if with.is_some() { INCOMPAT_SIGNED } else { 0 },
+        ..Header::default()
+    };
+    let mut len = encode(&text, header, &mut out);
+    if let Some(bytes) = with {
+        len = sign(&key(bytes), 0, Stamp::new(7), &mut out, len).unwrap();
+    }
+    out[..len].to_vec()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn no_stranger_ends_the_search_for_the_key_or_keeps_the_vehicle_down() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    ground.write_key("uav1.key.next", SECOND);
+    let _bridge = ground.start_bridge();
+    ground
+        .link_status("key_recovery", |link| link["state"] == "key_recovery")
+        .await;
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    for frame in [strangers(None), strangers(None), strangers(Some(FIRST))] {
+        socket.send_to(&frame, ("127.0.0.1", ground.link)).unwrap();
+    }
+    ground
+        .link_status("the refused are counted", |link| {
+            link["refused"]["not signed"] == 2
+        })
+        .await;
+    let _vehicle = ground.vehicle(Some(SECOND), 0).await;
+    ground
+        .link_status("the next key", |link| is_live_under(link, &id(SECOND)))
+        .await;
+}
+
+/// A holder of the key has signed in the VSM's own name, a day ahead: the vehicle keeps that as our last stamp.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_thief_on_our_own_stream_is_told_and_shaken_off_by_a_restart_of_the_vehicle() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    let vehicle = ground.vehicle(Some(FIRST), 0).await;
+    let header = Header {
+        system_id: 245,
+        component_id: 190,
+        incompat: INCOMPAT_SIGNED,
+        ..Header::default()
+    };
+    let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+    let ahead = Stamp::from_unix(wall + Duration::from_secs(86_400));
+    let mut out = [0; MAX_FRAME];
+    let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+    let length = encode(&beat, header, &mut out);
+    let length = sign(&key(FIRST), 0, ahead, &mut out, length).unwrap();
+    let thief = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let to = vehicle.address(0).unwrap();
+    {
+        // The vehicle answers whom it has heard first.
+        let _bridge = ground.start_bridge();
+        ground
+            .link_status("a signed link", |link| is_live_under(link, &id(FIRST)))
+            .await;
+        thief.send_to(&out[..length], to).unwrap();
+        ground
+            .link_status("a dragged clock", |link| {
+                link["frames"]["future"].as_u64() > Some(10)
+            })
+            .await;
+    }
+
+    let (done, said) = ground.command(&["key", "revoke", "--wait-s", "25"]).await;
+    assert!(!done && said.contains("on our own stream"), "{said}");
+    assert!(ground.key("uav1.key").same_as(&key(FIRST)) && ground.has("uav1.key.next"));
+    vehicle.restart();
+    let (done, said) = ground.command(&["key", "revoke", "--wait-s", "60"]).await;
+    assert!(done, "{said}");
+    assert!(!ground.key("uav1.key").same_as(&key(FIRST)));
+    assert!(!ground.has("uav1.key.previous"), "{said}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_status_page_names_what_was_refused_and_the_peer_stays() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    let _vehicle = ground.vehicle(Some(FIRST), 0).await;
+    let _bridge = ground.start_bridge();
+    let before = ground
+        .link_status("a signed link", |link| is_live_under(link, &id(FIRST)))
+        .await;
+
+    // A stranger speaks in the vehicle's name: seven unsigned texts, five signed with another key; and three heartbeats
+    // of a system of its own, which a vehicle might have passed on.
+    let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA::default());
+    let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+    let mut out = [0; MAX_FRAME];
+    for _ in 0..7 {
+        let len = encode(
+            &text,
+            Header {
+                system_id: 1,
+                component_id: 1,
+                ..Header::default()
+            },
+            &mut out,
+        );
+        stranger
+            .send_to(&out[..len], ("127.0.0.1", ground.link))
+            .unwrap();
+    }
+    for n in 0..5 {
+        let header = Header {
+            system_id: 1,
+            component_id: 1,
+            incompat: INCOMPAT_SIGNED,
+            ..Header::default()
+        };
+        let len = encode(&text, header, &mut out);
+        let wrong = SigningKey::new(SECOND).unwrap();
+        let len = sign(
+            &wrong,
+            0,
+            Stamp::new(1 << 47).plus(Duration::from_secs(n)),
+            &mut out,
+            len,
+        )
+        .unwrap();
+        stranger
+            .send_to(&out[..len], ("127.0.0.1", ground.link))
+            .unwrap();
+    }
+    for _ in 0..3 {
+        let len = encode(
+            &beat,
+            Header {
+                system_id: 77,
+                component_id: 1,
+                ..Header::default()
+            },
+            &mut out,
+        );
+        stranger
+            .send_to(&out[..len], ("127.0.0.1", ground.link))
+            .unwrap();
+    }
+
+    let after = ground
+        .link_status("the refused are counted", |link| {
+            let refused: u64 = link["refused"]
+                .as_object()
+                .map_or(0, |by| by.values().filter_map(Value::as_u64).sum());
+            refused >= 12 && link["strangers"].as_u64() >= Some(3)
+        })
+        .await;
+    assert_eq!(after["refused"]["not signed"], 7, "{after:#}");
+    assert_eq!(
+        after["refused"]["signature does not fit the key"], 5,
+        "{after:#}"
+    );
+    assert_eq!(after["strangers"], 3, "{after:#}");
+    assert_eq!(
+        after["peer"], before["peer"],
+        "the peer is the vehicle still"
+    );
+    assert_eq!(after["state"], "live");
+
+    // The same in words, by the command.
+    let (done, said) = ground.command(&["status"]).await;
+    assert!(
+        done && said.contains("signed with key") && said.contains("signature does not fit"),
+        "{said}"
+    );
+}
+
+/// A bare public key in the agent's name, as anybody can send one.
+fn public_key(byte: u8) -> Vec<u8> {
+    let header = Header {
+        system_id: 1,
+        component_id: 191,
+        message_id: KEY_EXCHANGE_ID,
+        ..Header::default()
+    };
+    let mut out = [0; MAX_FRAME];
+    let len = encode_raw(header, &[byte; 32], &mut out).unwrap();
+    out[..len].to_vec()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_legacy_exchange_replaces_no_key_that_the_vehicle_signs_with() {
+    let ground = Ground::new();
+    let file = ground.path().join("vsm.toml");
+    let config = fs::read_to_string(&file).unwrap();
+    let legacy = config.replace("\"uav1.key\"", "\"uav1.key\", exchange = \"legacy\"");
+    assert_ne!(legacy, config);
+    fs::write(&file, legacy).unwrap();
+    ground.write_key("uav1.key", FIRST);
+    let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
+    {
+        let _vehicle = ground.vehicle(Some(FIRST), 0).await;
+        let _bridge = ground.start_bridge();
+        ground
+            .link_status("a signed link", |link| is_live_under(link, &id(FIRST)))
+            .await;
+        // Until it is on disk that this key has been in use.
+        tokio::time::sleep(Duration::from_millis(1_500)).await;
+        stranger
+            .send_to(&public_key(9), ("127.0.0.1", ground.link))
+            .unwrap();
+        tokio::time::sleep(Duration::from_millis(500)).await;
+        assert!(!ground.has("uav1.key.next"), "in the same run");
+    }
+    let _bridge = ground.start_bridge();
+    ground
+        .link_status("a bridge", |link| link["state"] == "waiting")
+        .await;
+    stranger
+        .send_to(&public_key(7), ("127.0.0.1", ground.link))
+        .unwrap();
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    assert!(!ground.has("uav1.key.next"), "by what the store says");
+}
+
+/// Whether a KEY_EXCHANGE frame comes to this socket within 5 s.
+fn is_asked(socket: &UdpSocket) -> bool {
+    let end = Instant::now() + Duration::from_secs(5);
+    let mut bytes = [0; 2_048];
+    while Instant::now() < end {
+        if let Ok(length) = socket.recv(&mut bytes)
+            && FrameView::parse(&bytes[..length])
+                .is_ok_and(|frame| frame.header().message_id == KEY_EXCHANGE_ID)
+        {
+            return true;
+        }
+    }
+    false
+}
+
+#[test]
+fn a_pairing_goes_on_with_the_agent_whoever_has_spoken_before_it() {
+    let ground = Ground::new();
+    let mut command = Command::new(program("vsm"));
+    command
+        .args(["pair", "--wait-s", "40"])
+        .current_dir(ground.path());
+    let command = command.stdout(Stdio::null()).stderr(Stdio::null());
+    let _pairing = KillOnDrop(command.spawn().unwrap());
+    let socket = || {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.connect(("127.0.0.1", ground.link)).unwrap();
+        let wait = Some(Duration::from_millis(100));
+        socket.set_read_timeout(wait).unwrap();
+        socket
+    };
+    let (stranger, agent) = (socket(), socket());
+    let header = Header {
+        system_id: 1,
+        component_id: 1,
+        ..Header::default()
+    };
+    let mut beat = [0; MAX_FRAME];
+    let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+    let length = encode(&message, header, &mut beat);
+    let beat = &beat[..length];
+    // Until the command listens, and has taken the stranger for the vehicle.
+    let end = Instant::now() + Duration::from_secs(20);
+    loop {
+        let _ = stranger.send(beat);
+        let mut bytes = [0; 2_048];
+        if stranger.recv(&mut bytes).is_ok() {
+            break;
+        }
+        assert!(Instant::now() < end, "nobody is asked");
+    }
+    // Step 0 of suite 2, to the VSM.
+    let mut please = [0; 42];
+    please[32] = 7;
+    (please[36], please[38], please[40], please[41]) = (1, 2, 245, 190);
+    let header = Header {
+        system_id: 1,
+        component_id: 191,
+        message_id: KEY_EXCHANGE_ID,
+        ..Header::default()
+    };
+    let mut out = [0; MAX_FRAME];
+    let length = encode_raw(header, &please, &mut out).unwrap();
+    agent.send(&out[..length]).unwrap();
+    // The stranger goes on speaking.
+    std::thread::sleep(Duration::from_millis(100));
+    stranger.send(beat).unwrap();
+    assert!(is_asked(&agent));
+}

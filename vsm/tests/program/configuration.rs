@@ -1,0 +1,311 @@
+//! A configuration is refused with the line, the key, what was found and what was expected; the examples are good.
+
+use std::path::Path;
+
+use vsm::config::airside::AirsideConfig;
+use vsm::config::{Config, Exchange, Signing};
+
+const GOOD: &str = r#"
+[dli]
+vsm_id = "1b:00:00:01"
+listen = "127.0.0.1:4586"
+multicast = "225.200.1.0:51017"
+interface = "127.0.0.1"
+provisional = "status"
+[[cucs]]
+id = "1b:00:00:a0"
+loi = [2, 3, 4, 5]
+address = "127.0.0.1"
+override = false
+[[vehicle]]
+id = "1b:00:01:01"
+link = "udpin:127.0.0.1:14550"
+system_id = 1
+tail_number = "PX4-01"
+signing = { key_file = "uav1.key" }
+curve = { tolerance_m = 1.0, max_items = 500, policy = "slow" }
+[store]
+dir = "state"
+[http]
+listen = "127.0.0.1:8586"
+"#;
+
+fn refusal(text: &str) -> String {
+    Config::parse(text, Path::new(""))
+        .expect_err("should be refused")
+        .to_string()
+}
+
+#[test]
+fn every_key_of_the_contract_is_read() {
+    let config = Config::parse(GOOD, Path::new("/etc/vsm")).expect("good");
+    assert_eq!(config.store.dir, Path::new("/etc/vsm/state"));
+    let vehicle = config.vehicles().next().expect("one");
+    assert_eq!(
+        vehicle.signing,
+        Signing::KeyFile("/etc/vsm/uav1.key".into(), Exchange::default())
+    );
+    assert_eq!(config.stations().count(), 1);
+}
+
+#[test]
+fn interface_without_multicast_is_legal() {
+    let text = GOOD.replace("multicast = \"225.200.1.0:51017\"\n", "");
+    assert!(Config::parse(&text, Path::new("")).is_ok());
+}
+
+#[test]
+fn nobody_listed_is_legal() {
+    let text =
+        "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:4586\"\n[store]\ndir = \"s\"\n";
+    assert!(Config::parse(text, Path::new("")).is_ok());
+}
+
+#[test]
+fn what_is_wrong_is_said_with_its_place() {
+    // (what is replaced, by what, what the message must hold)
+    let table: &[(&str, &str, &[&str])] = &[
+        (
+            "listen = \"127.0.0.1:4586\"",
+            "lisen = \"127.0.0.1:4586\"",
+            &["line 4", "lisen", "listen"],
+        ),
+        ("listen = \"127.0.0.1:4586\"", "", &["listen", "missing"]),
+        (
+            "vsm_id = \"1b:00:00:01\"",
+            "vsm_id = \"1b:00:00\"",
+            &["line 3", "vsm_id", "four bytes"],
+        ),
+        (
+            "vsm_id = \"1b:00:00:01\"",
+            "vsm_id = \"ff:ff:ff:ff\"",
+            &["line 3", "ff is reserved"],
+        ),
+        (
+            "225.200.1.0:51017",
+            "10.0.0.1:51017",
+            &["line 5", "multicast"],
+        ),
+        (
+            "provisional = \"status\"",
+            "provisional = \"maybe\"",
+            &["line 7", "maybe", "all"],
+        ),
+        ("loi = [2, 3, 4, 5]", "loi = [1]", &["line 10", "2 to 5"]),
+        (
+            "id = \"1b:00:00:a0\"",
+            "id = \"1b:00:00:01\"",
+            &["line 8", "cucs.id", "nothing else"],
+        ),
+        (
+            "id = \"1b:00:01:01\"",
+            "id = \"1b:00:00:a0\"",
+            &["line 13", "vehicle.id", "nothing else"],
+        ),
+        (
+            "udpin:127.0.0.1:14550",
+            "tcp:127.0.0.1:14550",
+            &["line 15", "udpin:ADDRESS:PORT"],
+        ),
+        (
+            "udpin:127.0.0.1:14550",
+            "udpin:localhost",
+            &["line 15", "udpin:ADDRESS:PORT"],
+        ),
+        (
+            "system_id = 1",
+            "system_id = 0",
+            &["vehicle.system_id", "1 to 255"],
+        ),
+        (
+            "system_id = 1",
+            "system_id = 245",
+            &["vehicle.system_id", "not the VSM's own"],
+        ),
+        ("system_id = 1", "system_id = 256", &["line 16", "256"]),
+        (
+            "system_id = 1",
+            "system_id = 1\nstall_s = 5",
+            &["line 17", "10 to 3600"],
+        ),
+        (
+            "policy = \"slow\"",
+            "policy = \"slow\", vertices = \"off\"",
+            &["vertices", "off", "free"],
+        ),
+        (
+            "PX4-01",
+            "a tail number that is too long",
+            &["vehicle.tail_number", "15"],
+        ),
+        (
+            "signing = { key_file = \"uav1.key\" }",
+            "",
+            &["signing", "missing"],
+        ),
+        (
+            "signing = { key_file = \"uav1.key\" }",
+            "signing = \"on\"",
+            &["line 18", "key_file", "off"],
+        ),
+        (
+            "key_file = \"uav1.key\"",
+            "pass_phrase = \"secret\"",
+            &["line 18", "pass_phrase", "key_file"],
+        ),
+        (
+            "tolerance_m = 1.0",
+            "tolerance_m = 0.0",
+            &["vehicle.curve.tolerance_m", "0.1 to 100"],
+        ),
+        (
+            "tolerance_m = 1.0",
+            "tolerance_m = nan",
+            &["vehicle.curve.tolerance_m", "0.1 to 100"],
+        ),
+        (
+            "policy = \"slow\"",
+            "policy = \"fast\"",
+            &["line 19", "fast", "refuse"],
+        ),
+        (
+            "[http]",
+            "[authority]\nwarn_s = 6\noffer_s = 5\n[http]",
+            &["authority", "warn_s <= offer_s"],
+        ),
+        (
+            "[http]",
+            "[authority]\nact_s = 0\n[http]",
+            &["line 23", "0.5 to 3600"],
+        ),
+        ("[http]", "[https]", &["line 22", "https"]),
+        ("[store]\ndir = \"state\"", "", &["store", "missing"]),
+    ];
+    for (from, to, wanted) in table {
+        let text = GOOD.replacen(from, to, 1);
+        assert_ne!(text, GOOD, "{from} is not in the sample");
+        let message = refusal(&text);
+        for part in *wanted {
+            assert!(
+                message.contains(part),
+                "{to:?} is refused without {part:?}:\n{message}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let message = Config::load(Path::new("no/such/vsm.toml"))
+        .expect_err("missing")
+        .to_string();
+    assert!(message.contains("no/such/vsm.toml"), "{message}");
+}
+
+#[test]
+fn the_examples_are_good() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
+    let mut seen = 0;
+    for entry in std::fs::read_dir(&folder).expect("examples") {
+        let path = entry.expect("entry").path();
+        let name = path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        if name.ends_with(".toml")
+            && !name.ends_with(".route.toml")
+            && !name.ends_with(".fence.toml")
+        {
+            let loaded = match name.as_str() {
+                "airside.toml" => AirsideConfig::load(&path).map(drop),
+                _ => Config::load(&path).map(drop),
+            };
+            loaded.unwrap_or_else(|fault| panic!("{fault}"));
+            seen += 1;
+        }
+    }
+    assert!(seen >= 3, "{seen} examples in {}", folder.display());
+}
+
+#[test]
+fn the_reference_names_every_key() {
+    let reference = include_str!("../../../docs/reference/configuration.md");
+    let keys = "dli.vsm_id dli.listen dli.multicast dli.interface dli.provisional cucs.id cucs.loi cucs.address \
+                cucs.override vehicle.id vehicle.link vehicle.system_id vehicle.tail_number vehicle.signing vehicle.signing.exchange vehicle.signing.agent vehicle.signing.rotate_days \
+                vehicle.link_id vehicle.agl vehicle.curve.tolerance_m vehicle.curve.max_items vehicle.curve.policy \
+                vehicle.limits.first_m vehicle.limits.leg_m vehicle.limits.lowest_m vehicle.limits.highest_m \
+                vehicle.limits.speed_m_s store.dir http.listen authority.warn_s authority.offer_s authority.act_s \
+                authority.on_loss mavlink.system_id mavlink.component_id record.dir";
+    for key in keys.split_whitespace() {
+        assert!(
+            reference.contains(&format!("`{key}`")),
+            "{key} is not in docs/reference/configuration.md"
+        );
+    }
+}
+
+const AGENT: &str = r#"
+[agent]
+vehicle_id = "1b:00:01:01"
+vsm_id = "1b:00:00:01"
+key_file = "uav1.key"
+[radio]
+link = "udpin:127.0.0.1:14560"
+talkers = [{ system_id = 245, component_id = 190 }]
+[px4]
+link = "udpin:127.0.0.1:14550"
+system_id = 1
+[store]
+dir = "state"
+"#;
+
+#[test]
+fn the_agents_file_is_refused_with_the_key_and_what_was_expected() {
+    let good = AirsideConfig::parse(AGENT, Path::new("/etc/vsm")).expect("good");
+    assert_eq!(good.store.dir, Path::new("/etc/vsm/state"));
+    assert!(good.px4.get_ref().restamp && !good.px4.get_ref().i_trust_this_link);
+    assert!(AirsideConfig::is_meant_by(AGENT) && !AirsideConfig::is_meant_by(GOOD));
+    let nine = "[{ system_id = 9, component_id = 1 }, ".to_owned()
+        + &"{ system_id = 9, component_id = 1 }, ".repeat(8)
+        + "]";
+    let bad = [
+        ("dir = \"state\"", "dir = \"state\"\nkeep = 1", "keep"),
+        ("system_id = 1\n", "system_id = 0\n", "px4.system_id"),
+        ("system_id = 1\n", "system_id = 246\n", "agent.system_id"),
+        (
+            "key_file = \"uav1.key\"",
+            "key_file = \"k\"\ncomponent_id = 1",
+            "agent.component_id",
+        ),
+        ("udpin:127.0.0.1:14550", "udpin:127.0.0.1:14560", "px4.link"),
+        (
+            "vsm_id = \"1b:00:00:01\"",
+            "vsm_id = \"1b:00:01:01\"",
+            "agent.vsm_id",
+        ),
+        ("{ system_id = 245,", "{ system_id = 1,", "radio.talkers"),
+        (
+            "[{ system_id = 245, component_id = 190 }]",
+            "[]",
+            "radio.talkers",
+        ),
+        (
+            "[{ system_id = 245, component_id = 190 }]",
+            &nine,
+            "radio.talkers",
+        ),
+        ("[px4]\nlink", "[px4]\nlinc", "linc"),
+    ];
+    for (from, to, key) in bad {
+        let text = AGENT.replace(from, to);
+        assert_ne!(text, AGENT, "{from}");
+        let fault = AirsideConfig::parse(&text, Path::new(""))
+            .expect_err(to)
+            .to_string();
+        assert!(
+            fault.contains(key) && fault.contains("line"),
+            "{to}: {fault}"
+        );
+    }
+}

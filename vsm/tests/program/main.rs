@@ -1,0 +1,9 @@
+//! The program `vsm` itself: its configuration, its demos, and whole flights between real sockets, over a serial line and
+//! from a disk that is full or read-only.
+
+mod bad_sockets;
+mod configuration;
+mod demo_attack;
+mod demo_curves;
+mod serial_line;
+mod small_disk;
