@@ -13,8 +13,8 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     let mut tables = String::new();
     for (package, bench) in BENCHES {
         let what = format!("cargo bench -p {package} --bench {bench}");
-        let said = steps.step(&what, || output(package, bench))?;
-        for line in said.lines() {
+        let text = steps.step(&what, || output(package, bench))?;
+        for line in text.lines() {
             if line.starts_with('|') {
                 tables.push_str(line);
                 tables.push('\n');
@@ -22,7 +22,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
                 rows.extend(found);
             }
         }
-        rows.extend(criterion(&said));
+        rows.extend(criterion(&text));
     }
     println!("| what | time |\n|---|---|");
     for (what, time) in &rows {
@@ -53,10 +53,10 @@ fn output(package: &str, bench: &str) -> Result<String> {
 }
 
 /// Criterion's results: a name, on the same line or the one before, and `time: [low middle high]`.
-fn criterion(said: &str) -> Vec<(String, String)> {
+fn criterion(text: &str) -> Vec<(String, String)> {
     let mut found = Vec::new();
     let mut before = "";
-    for line in said.lines() {
+    for line in text.lines() {
         if let Some((name, rest)) = line.split_once("time:") {
             let name = if name.trim().is_empty() { before } else { name };
             let figures: Vec<&str> = rest.trim().trim_matches(['[', ']']).split(' ').collect();
@@ -164,10 +164,10 @@ mod tests {
 
     #[test]
     fn figures_of_criterion_and_of_peers_are_read() {
-        let said = "decode 4000   time:   [1.0 ns 2.5 ns 3.0 ns]\na long name\n          time:   [1 us 2 us 3 us]\n";
+        let text = "decode 4000   time:   [1.0 ns 2.5 ns 3.0 ns]\na long name\n          time:   [1 us 2 us 3 us]\n";
         let pair = |a: &str, b: &str| (a.to_owned(), b.to_owned());
         let expected = [pair("decode 4000", "2.5 ns"), pair("a long name", "2 us")];
-        assert_eq!(criterion(said), expected);
+        assert_eq!(criterion(text), expected);
         let line = "C library 40 receive 812 send 700 (bytes, ns a frame, median)";
         let expected = vec![
             pair("C library receive 40", "812 ns"),
@@ -184,10 +184,10 @@ mod tests {
             row("ours receive 40", "0.3 µs"),
             row("C library receive 40", "1000 ns"),
         ];
-        let said = receive_path(&rows);
+        let text = receive_path(&rows);
         assert!(
-            said.ends_with("0.30 at 40 bytes, not measured at 266 bytes"),
-            "{said}"
+            text.ends_with("0.30 at 40 bytes, not measured at 266 bytes"),
+            "{text}"
         );
         let table = "| mode change to 3001, 1000/s | 60 us | 120 us | 20 us | 21 us | 40 us | 99 us | 30 us | 0 of 3000 |\n";
         assert!(added(table).ends_with(": 99 us "), "{}", added(table));

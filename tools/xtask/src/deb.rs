@@ -127,7 +127,7 @@ fn control(version: &str, architecture: &str) -> String {
         "Package: vsm\nVersion: {version}\nArchitecture: {architecture}\nMaintainer: the vsm project <vsm@localhost>\n\
          Depends: libc6\nSection: net\nPriority: optional\n\
          Description: Bridge from STANAG 4586 to PX4 over signed MAVLink 2\n \
-         A Vehicle Specific Module: ground stations speak the Data Link Interface (Edition 4) to it, and it flies a\n \
+         A Vehicle Specific Module: ground stations use the Data Link Interface (Edition 4), and it flies a\n \
          stock PX4. With a simulated PX4, a ground station and a planner of curved routes.\n"
     )
 }

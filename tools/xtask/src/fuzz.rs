@@ -107,7 +107,7 @@ fn command(
         ])
         .arg(format!("-artifact_prefix={}/", artifacts.display()))
         .arg(corpus)
-        // What leaks is memory of the process's whole life, which the sanitizer cannot tell apart under ptrace.
+        // What leaks is memory of the process's whole life, which the sanitizer cannot distinguish under ptrace.
         .env("ASAN_OPTIONS", "detect_leaks=0");
     Ok(command)
 }

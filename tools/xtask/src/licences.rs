@@ -46,7 +46,7 @@ pub(crate) fn check() -> Result<()> {
         match package["license"].as_str() {
             Some(licence) if is_allowed(licence, &allowed) => {}
             Some(licence) => faults.push(format!("{name}: licence {licence} is not allowed")),
-            None => faults.push(format!("{name}: says no licence")),
+            None => faults.push(format!("{name}: declares no licence")),
         }
     }
     if faults.is_empty() {

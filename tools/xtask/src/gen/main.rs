@@ -48,14 +48,14 @@ fn run(root: &Path, check: bool) -> Result<()> {
         .iter()
         .filter(|output| !output.is_current(root))
         .collect();
-    let strays = strays(root, &made)?;
+    let leftovers = leftovers(root, &made)?;
     if check {
-        if stale.is_empty() && strays.is_empty() {
+        if stale.is_empty() && leftovers.is_empty() {
             return Ok(());
         }
         let names = stale.iter().map(|output| output.path.display().to_string());
-        let strays = strays.iter().map(|path| path.display().to_string());
-        let list: Vec<String> = names.chain(strays).collect();
+        let leftovers = leftovers.iter().map(|path| path.display().to_string());
+        let list: Vec<String> = names.chain(leftovers).collect();
         bail!(
             "stale, run `cargo xtask gen` and commit:\n  {}",
             list.join("\n  ")
@@ -64,8 +64,8 @@ fn run(root: &Path, check: bool) -> Result<()> {
     for output in stale {
         output.write(root)?;
     }
-    for stray in strays {
-        fs::remove_file(root.join(&stray)).with_context(|| stray.display().to_string())?;
+    for leftover in leftovers {
+        fs::remove_file(root.join(&leftover)).with_context(|| leftover.display().to_string())?;
     }
     Ok(())
 }
@@ -115,20 +115,20 @@ fn outputs() -> Vec<Output> {
     made
 }
 
-/// Pages of groups that there are no longer.
-fn strays(root: &Path, made: &[Output]) -> Result<Vec<PathBuf>> {
+/// Pages of groups that no longer exist.
+fn leftovers(root: &Path, made: &[Output]) -> Result<Vec<PathBuf>> {
     let folder = root.join(REFERENCE);
     if !folder.exists() {
         return Ok(Vec::new());
     }
-    let mut strays = Vec::new();
+    let mut leftovers = Vec::new();
     for entry in fs::read_dir(&folder).with_context(|| folder.display().to_string())? {
         let path = Path::new(REFERENCE).join(entry?.file_name());
         if made.iter().all(|output| output.path != path) {
-            strays.push(path);
+            leftovers.push(path);
         }
     }
-    Ok(strays)
+    Ok(leftovers)
 }
 
 const REFERENCE: &str = "docs/reference/dli";
