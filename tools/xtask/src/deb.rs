@@ -24,6 +24,17 @@ pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
             "--bins",
             "--locked",
         ]))?;
+        // Once more for the flight binary, which has no simulator in it: in one build with the tools the feature is on.
+        steps.run(&mut cargo([
+            "build",
+            "--release",
+            "--package",
+            "vsm",
+            "--bin",
+            "vsm",
+            "--no-default-features",
+            "--locked",
+        ]))?;
     }
     let out = option("--out").unwrap_or_else(|| root().join("target/deb"));
     let tree = out.join("tree");

@@ -2,6 +2,7 @@
 
 mod airside;
 mod check_config;
+#[cfg(feature = "demo")]
 mod demo;
 mod dli_lines;
 mod key;
@@ -27,21 +28,8 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Flies the bridge, a simulated PX4 and a CUCS on loopback, and leaves a picture and a recording
-    Demo {
-        /// The folder for picture and recording
-        #[arg(long, value_name = "DIR", default_value = "demo-out")]
-        out: PathBuf,
-        /// How much faster than time the simulator runs
-        #[arg(long, default_value_t = 10.0)]
-        speed: f64,
-        /// Show an attack instead: false commands pull a hovering vehicle down, with and without protection
-        #[arg(long)]
-        attack: bool,
-        /// A section of the Everland Speedway by nine curved legs, instead of a route of straight ones
-        #[arg(long, conflicts_with = "attack")]
-        curve: bool,
-    },
+    #[cfg(feature = "demo")]
+    Demo(demo::Arguments),
     /// Serves the vehicles of a configuration until SIGTERM or SIGINT
     Run {
         /// The configuration, such as examples/vsm.toml
@@ -122,15 +110,8 @@ pub fn main() -> ExitCode {
         key_guard::no_core_files();
     }
     let done = match arguments.command {
-        Command::Demo {
-            out,
-            speed,
-            attack: true,
-            ..
-        } => demo::attack::run(&out, speed),
-        Command::Demo {
-            out, speed, curve, ..
-        } => demo::run(&out, speed, curve),
+        #[cfg(feature = "demo")]
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Run { config } => run::run(&config),
         Command::Airside(arguments) => airside::run(arguments),
         Command::CheckConfig { file } => check_config::check(&file),

@@ -29,7 +29,8 @@ pub(crate) fn write(tree: &Path) -> Result<()> {
 
 fn commands() -> [Command; 4] {
     [
-        vsm::program::command(),
+        // The packaged program is built without its demo.
+        vsm::program::command().mut_subcommand("demo", |demo| demo.hide(true)),
         cucs::program::command(),
         px4_sim::program::command(),
         curve_plan::command(),

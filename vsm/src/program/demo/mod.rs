@@ -29,13 +29,34 @@ use self::track::{Point, Track};
 use self::world::{Protection, Remains, World};
 use super::Failure;
 
-/// Flies the demo and leaves picture and recording in `out`; with `curve` the Everland section instead of a route of
-/// straight legs.
-pub(crate) fn run(out: &Path, speed: f64, curve: bool) -> Result<(), Failure> {
-    let flown = if curve {
-        fly_curves(out, speed)
-    } else {
-        fly(out, speed)
+/// Fly the bridge, a simulated PX4 and a CUCS on loopback, and leave a picture and a recording
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Write picture and recording to this folder
+    #[arg(long, value_name = "DIR", default_value = "demo-out")]
+    out: PathBuf,
+    /// Run the simulator this many times faster than real time
+    #[arg(long, default_value_t = 10.0)]
+    speed: f64,
+    /// Show an attack instead: false commands pull a hovering vehicle down, with and without protection
+    #[arg(long)]
+    attack: bool,
+    /// Fly a section of the Everland Speedway by nine curved legs instead of a route of straight ones
+    #[arg(long, conflicts_with = "attack")]
+    curve: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let Arguments {
+        out,
+        speed,
+        attack,
+        curve,
+    } = arguments;
+    let flown = match (attack, curve) {
+        (true, _) => return attack::run(out, *speed),
+        (false, true) => fly_curves(out, *speed),
+        (false, false) => fly(out, *speed),
     };
     flown.map_err(Failure::Failed)
 }
