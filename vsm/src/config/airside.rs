@@ -7,7 +7,7 @@ use serde::Deserialize;
 use stanag_msgs::Id;
 use toml::Spanned;
 
-use super::Store;
+use super::bridge::Store;
 use super::error::{ConfigError, Fault, fault};
 use super::value::{LinkAddress, id};
 

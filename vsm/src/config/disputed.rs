@@ -6,6 +6,8 @@ use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor};
 use stanag_msgs::Profile;
 use stanag_msgs::disputed::DISPUTED;
 
+use super::key::{Key, WhenAbsent};
+
 /// The readings in force.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Readings {
@@ -15,6 +17,15 @@ pub struct Readings {
 }
 
 impl Readings {
+    pub(super) const KEYS: &'static [Key] = &[Key {
+        name: "NAME",
+        absent: WhenAbsent::Nothing("this project's"),
+        meaning: &[
+            "How peers read what the sources leave open: names and choices in [dli/disputed.md](dli/disputed.md), listed by \
+             `vsm check-config`",
+        ],
+    }];
+
     /// Every open question, the reading in force, and whether the file has set it.
     pub fn all(&self) -> impl Iterator<Item = (&'static str, &str, bool)> {
         DISPUTED.iter().map(|disputed| {

@@ -4,10 +4,14 @@ use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
+use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 use stanag_msgs::enums::LoiBitmap;
+
+use super::key::WhenAbsent::{Required, Value};
+use super::key::table;
 
 /// Where a vehicle's MAVLink is: `udpin:127.0.0.1:14550`, `udpout:host:port` or `serial:/dev/ttyACM0:57600`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -71,7 +75,7 @@ impl<'de> Deserialize<'de> for LinkAddress {
 pub enum Signing {
     /// The file that holds 32 bytes in hex.
     KeyFile(PathBuf, Exchange),
-    /// Nothing is signed and nothing is verified: said aloud in the log and in 16000.
+    /// Nothing is signed and nothing is verified: logged and raised as a 16000 alert.
     Off,
 }
 
@@ -84,6 +88,35 @@ pub struct Exchange {
     pub agent: u8,
     /// Days after which a key in use is replaced, 0.0001 to 3650. It is never stopped.
     pub rotate_days: f64,
+}
+
+table! {
+    /// `vehicle.signing` as a table.
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub(super) struct SigningTable {
+        /// File of the signing key: 32 bytes in hex, mode 0600, written by `vsm keygen`
+        pub(super) key_file: PathBuf => Required,
+        /// Keys agreed over the air (KEY_EXCHANGE 229): `"off"`, `"on"` with an air-side agent that has been paired by
+        /// `vsm pair`, or `"legacy"`, the bare public keys of the older protocol, which anyone in the middle can replace:
+        /// logged and raised as a 16000 alert
+        #[serde(default)]
+        pub(super) exchange: ExchangeMode => Value("\"off\""),
+        /// Component id of the air-side agent, 2 to 255; its system id is the vehicle's
+        #[serde(default = "default_agent")]
+        pub(super) agent: u8 => Value("191"),
+        /// Age at which a key in use is replaced by a new one, 0.0001 to 3650 days; it stays in use until the new one is
+        #[serde(default = "default_rotate_days")]
+        pub(super) rotate_days: f64 => Value("30.0"),
+    }
+}
+
+fn default_agent() -> u8 {
+    Exchange::default().agent
+}
+
+fn default_rotate_days() -> f64 {
+    Exchange::default().rotate_days
 }
 
 impl Default for Exchange {
@@ -105,7 +138,7 @@ pub enum ExchangeMode {
     Off,
     /// With an air-side agent that has been paired (`vsm pair`).
     On,
-    /// The bare public keys of old, which anyone in the middle can replace: said aloud in the log and in 16000.
+    /// The bare public keys of old, which anyone in the middle can replace: logged and raised as a 16000 alert.
     Legacy,
 }
 
@@ -126,20 +159,14 @@ impl<'de> Deserialize<'de> for Signing {
                 }
             }
 
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Signing, A::Error> {
-                const KEYS: &[&str] = &["key_file", "exchange", "agent", "rotate_days"];
-                let (mut file, mut exchange) = (None, Exchange::default());
-                while let Some(key) = map.next_key::<String>()? {
-                    match key.as_str() {
-                        "key_file" => file = Some(map.next_value::<PathBuf>()?),
-                        "exchange" => exchange.mode = map.next_value()?,
-                        "agent" => exchange.agent = map.next_value()?,
-                        "rotate_days" => exchange.rotate_days = map.next_value()?,
-                        _ => return Err(de::Error::unknown_field(&key, KEYS)),
-                    }
-                }
-                let file = file.ok_or_else(|| de::Error::missing_field("key_file"))?;
-                Ok(Signing::KeyFile(file, exchange))
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Signing, A::Error> {
+                let table = SigningTable::deserialize(MapAccessDeserializer::new(map))?;
+                let exchange = Exchange {
+                    mode: table.exchange,
+                    agent: table.agent,
+                    rotate_days: table.rotate_days,
+                };
+                Ok(Signing::KeyFile(table.key_file, exchange))
             }
         }
         deserializer.deserialize_any(Either)
@@ -170,11 +197,11 @@ impl<'de> Deserialize<'de> for LoiSet {
     }
 }
 
-/// `authority.on_loss`: what the vehicle is told when its controller has been silent for `act_s`.
+/// `authority.on_loss`: what the vehicle is commanded when its controller has been silent for `act_s`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OnLoss {
-    /// Nothing: it goes on with what it does.
+    /// Nothing: it continues in its current mode.
     Continue,
     /// AUTO.LOITER.
     Hold,

@@ -1,63 +1,72 @@
-//! `[[vehicle]]`: one vehicle, its link and key, and the bounds of what it is told to fly.
+//! `[[vehicle]]`: one vehicle, its link and key, its geofence, and the bounds of what it is commanded to fly.
 
+use mapping::area::{self, Shape};
 use serde::Deserialize;
 use stanag_msgs::Id;
 
-use super::Area;
-use super::value::{self, LinkAddress, Signing, id};
+use super::error::{Fault, fault};
+use super::key::WhenAbsent::{Nothing, Required, Table, Value, ValueOrTable};
+use super::key::table;
+use super::value::{self, LinkAddress, Signing, SigningTable, id};
 
-/// `[[vehicle]]`
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Vehicle {
-    /// Its identification number (the wrapper's destination of commands).
-    #[serde(deserialize_with = "id")]
-    pub id: Id,
-    /// Where its MAVLink is.
-    pub link: LinkAddress,
-    /// Its MAVLink system id, 1 to 255.
-    pub system_id: u8,
-    /// Tail Number of message 3, at most 15 characters.
-    #[serde(default)]
-    pub tail_number: String,
-    /// The signing key, or `"off"`.
-    pub signing: Signing,
-    /// The MAVLink signing link id of this VSM on that link.
-    #[serde(default)]
-    pub link_id: u8,
-    /// The MAVLink signing link id of the vehicle's autopilot on that link; learned, and kept, where absent.
-    pub vehicle_link_id: Option<u8>,
-    /// How curved legs are flown.
-    #[serde(default)]
-    pub curve: Curve,
-    /// How altitude type 2 (AGL) is flown.
-    #[serde(default)]
-    pub agl: Agl,
-    /// Bounds of a route.
-    #[serde(default)]
-    pub limits: Limits,
-    /// Areas of its geofence, which no CUCS can take away.
-    #[serde(default)]
-    pub area: Vec<Area>,
-    /// Longest time, s, that a mission may get no nearer to its waypoint, 10 to 3600: then the vehicle is told to
-    /// hold. `None`, as `0` in the file, for ever.
-    #[serde(default = "value::default_stall", deserialize_with = "value::stall")]
-    pub stall_s: Option<f64>,
+table! {
+    /// `[[vehicle]]`
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Vehicle {
+        /// Identification number of the vehicle (the wrapper's destination of commands)
+        #[serde(deserialize_with = "id")]
+        pub id: Id => Required,
+        /// Where its MAVLink is: `udpin:ADDRESS:PORT` bind and wait, `udpout:HOST:PORT`, `serial:DEVICE:BAUD`
+        pub link: LinkAddress => Required,
+        /// MAVLink system id of the vehicle, 1 to 255
+        pub system_id: u8 => Required,
+        /// Tail number for message 3, at most 15 characters
+        #[serde(default)]
+        pub tail_number: String => Value("\"\""),
+        /// `{ key_file = "FILE" }`, or `"off"`, which is logged and raised as a 16000 alert
+        pub signing: Signing => ValueOrTable(SigningTable::KEYS),
+        /// MAVLink signing link id of the VSM on this link
+        #[serde(default)]
+        pub link_id: u8 => Value("0"),
+        /// MAVLink signing link id, 0 to 255, that the vehicle's autopilot uses on this link (PX4: the number of its MAVLink
+        /// instance); given here, no other is ever accepted
+        pub vehicle_link_id: Option<u8> => Nothing("learned, and kept in the store"),
+        /// How altitude type 2 (AGL) is flown: as height above home, or `"refuse"`
+        #[serde(default)]
+        pub agl: Agl => Value("\"home\""),
+        /// How curved legs are flown.
+        #[serde(default)]
+        pub curve: Curve => Table(Curve::KEYS),
+        /// Longest time, s, that a mission may get no nearer to its waypoint before the vehicle is commanded to hold, 10 to
+        /// 3600; `0` for no watch ([px4.md](../guide/px4.md))
+        #[serde(default = "value::default_stall", deserialize_with = "value::stall")]
+        pub stall_s: Option<f64> => Value("30.0"),
+        /// Bounds of a route.
+        #[serde(default)]
+        pub limits: Limits => Table(Limits::KEYS),
+        /// Areas of its geofence, which no CUCS can take away.
+        #[serde(default)]
+        pub area: Vec<Area> => Table(Area::KEYS),
+    }
 }
 
-/// `vehicle.curve`
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Curve {
-    /// Largest planned deviation from the curve, m, 0.1 to 100.
-    pub tolerance_m: f64,
-    /// Most items that a route may become, 2 to 10000: where it would become more, its curves are flown within the
-    /// smallest tolerance that these allow.
-    pub max_items: u16,
-    /// What is done where the curve is too tight for the speed.
-    pub policy: CurvePolicy,
-    /// Where the vertices of the straight legs lie.
-    pub vertices: CurveVertices,
+table! {
+    /// `vehicle.curve`
+    #[derive(Debug, Clone, Copy, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Curve {
+        /// Largest planned deviation from a curve, 0.1 to 100 m
+        pub tolerance_m: f64 => Value("1.0"),
+        /// Largest number of mission items of a route, 2 to 10000; where its curves need more, they are flown within the
+        /// smallest tolerance that this allows, reported by 16000
+        pub max_items: u16 => Value("500"),
+        /// Where a curve is too tight for the speed: `"slow"` or `"refuse"`
+        pub policy: CurvePolicy => Value("\"slow\""),
+        /// Vertices of the straight legs `"on"` the curve, or `"free"`: off it by up to the tolerance, about a quarter fewer
+        /// items, proven all the same
+        pub vertices: CurveVertices => Value("\"on\""),
+    }
 }
 
 impl Default for Curve {
@@ -102,20 +111,22 @@ pub enum Agl {
     Refuse,
 }
 
-/// `vehicle.limits`: a route beyond these is refused whole.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Limits {
-    /// Farthest first waypoint from home, m.
-    pub first_m: f64,
-    /// Longest leg, m.
-    pub leg_m: f64,
-    /// Lowest waypoint, m above home.
-    pub lowest_m: f64,
-    /// Highest waypoint, m above home.
-    pub highest_m: f64,
-    /// Fastest commanded speed, m/s.
-    pub speed_m_s: f64,
+table! {
+    /// `vehicle.limits`: a route beyond these is refused whole.
+    #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Limits {
+        /// Farthest first waypoint from home, m
+        pub first_m: f64 => Value("5000.0"),
+        /// Longest leg, m
+        pub leg_m: f64 => Value("50000.0"),
+        /// Lowest waypoint, m above home
+        pub lowest_m: f64 => Value("-500.0"),
+        /// Highest waypoint, m above home
+        pub highest_m: f64 => Value("5000.0"),
+        /// Fastest commanded speed, m/s; the vehicle's own limit (MPC_XY_VEL_MAX, FW_AIRSPD_MAX) applies where it is lower
+        pub speed_m_s: f64 => Value("100.0"),
+    }
 }
 
 impl Default for Limits {
@@ -136,4 +147,144 @@ impl Default for Limits {
             speed_m_s,
         }
     }
+}
+
+table! {
+    /// One area of the geofence: a polygon by `vertices`, or a circle by `centre` and `radius_m`.
+    #[derive(Debug, Clone, PartialEq, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Area {
+        /// In a `[[vehicle.area]]` of the geofence, always aboard: `"in"` the vehicle stays inside, `"out"` outside
+        pub keep: Keep => Required,
+        /// Corners of a polygon in turn, degrees north and east, 3 to 64; or a circle:
+        #[serde(default)]
+        pub vertices: Vec<[f64; 2]> => Nothing("none"),
+        /// Centre of a circle: degrees north and east
+        pub centre: Option<[f64; 2]> => Nothing("none"),
+        /// Radius of the circle, above 0 to 100000 m
+        pub radius_m: Option<f64> => Nothing("none"),
+    }
+}
+
+/// `vehicle.area.keep`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Keep {
+    /// It stays inside.
+    In,
+    /// It stays outside.
+    Out,
+}
+
+impl Area {
+    /// As the fence is made of it.
+    #[must_use]
+    pub fn area(&self) -> area::Area {
+        let shape = match (self.centre, self.radius_m) {
+            (Some([north, east]), Some(radius_m)) => Shape::Circle {
+                centre: (north, east),
+                radius_m,
+            },
+            _ => Shape::Polygon(self.vertices.iter().map(|[n, e]| (*n, *e)).collect()),
+        };
+        area::Area {
+            keep_in: self.keep == Keep::In,
+            shape,
+        }
+    }
+}
+
+impl Vehicle {
+    /// Its ranges. `at` is where its table begins.
+    pub(super) fn check(&self, at: usize) -> Result<(), Fault> {
+        if self.tail_number.len() > 15 || !self.tail_number.is_ascii() {
+            let expected = "at most 15 ASCII characters";
+            return fault(at, "vehicle.tail_number", &self.tail_number, expected);
+        }
+        if let Signing::KeyFile(_, exchange) = &self.signing {
+            if exchange.agent < 2 {
+                let expected = "a component id of 2 to 255: 1 is the autopilot";
+                return fault(at, "vehicle.signing.agent", exchange.agent, expected);
+            }
+            let days = exchange.rotate_days;
+            if !(0.0001..=3650.0).contains(&days) {
+                let expected = "0.0001 to 3650 (days)";
+                return fault(at, "vehicle.signing.rotate_days", days, expected);
+            }
+        }
+        self.curve.check(at)?;
+        if let Err(found) = check_areas(&self.area) {
+            return fault(at, "vehicle.area", found, "areas that make a fence");
+        }
+        self.limits.check(at)
+    }
+}
+
+impl Curve {
+    fn check(self, at: usize) -> Result<(), Fault> {
+        if !(0.1..=100.0).contains(&self.tolerance_m) {
+            let expected = "0.1 to 100 (metres)";
+            return fault(at, "vehicle.curve.tolerance_m", self.tolerance_m, expected);
+        }
+        if !(2..=10_000).contains(&self.max_items) {
+            return fault(at, "vehicle.curve.max_items", self.max_items, "2 to 10000");
+        }
+        Ok(())
+    }
+}
+
+impl Limits {
+    fn check(self, at: usize) -> Result<(), Fault> {
+        for (key, value) in [
+            ("vehicle.limits.first_m", self.first_m),
+            ("vehicle.limits.leg_m", self.leg_m),
+            ("vehicle.limits.speed_m_s", self.speed_m_s),
+        ] {
+            if !(value.is_finite() && value > 0.0) {
+                return fault(at, key, value, "a number above 0");
+            }
+        }
+        let (lowest_m, highest_m) = (self.lowest_m, self.highest_m);
+        if !(lowest_m.is_finite() && highest_m.is_finite() && lowest_m < highest_m) {
+            let found = format!("lowest_m {lowest_m} and highest_m {highest_m}");
+            return fault(at, "vehicle.limits", found, "lowest_m below highest_m");
+        }
+        Ok(())
+    }
+}
+
+/// Whether the areas make a fence; what is wrong where they do not.
+fn check_areas(areas: &[Area]) -> Result<(), String> {
+    let mut all = Vec::with_capacity(areas.len());
+    for (number, area) in (1..).zip(areas) {
+        let places = area.vertices.iter().chain(&area.centre);
+        for [north, east] in places {
+            if !(-90.0..=90.0).contains(north) || !(-180.0..=180.0).contains(east) {
+                return Err(format!(
+                    "area {number}: {north}, {east} is not a place on earth"
+                ));
+            }
+        }
+        match (area.vertices.len(), area.centre, area.radius_m) {
+            (3.., None, None) => {}
+            (0, Some(_), Some(radius_m)) if radius_m > 0.0 && radius_m <= 1e5 => {}
+            (0, Some(_), Some(radius_m)) => {
+                return Err(format!("area {number}: radius_m {radius_m}"));
+            }
+            (count, _, _) => {
+                return Err(format!(
+                    "area {number}: {count} vertices, centre and radius_m {}",
+                    if area.centre.is_some() && area.radius_m.is_some() {
+                        "too"
+                    } else {
+                        "not both given"
+                    }
+                ));
+            }
+        }
+        all.push(area.area());
+    }
+    area::fence(&all, &[], None)
+        .map(|_| ())
+        .map_err(|fault| fault.reason.to_string())
 }

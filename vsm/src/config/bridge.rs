@@ -1,0 +1,287 @@
+//! `vsm.toml`: the bridge's configuration.
+
+use std::net::{IpAddr, SocketAddr};
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use stanag_msgs::Id;
+use toml::Spanned;
+
+use super::disputed::Readings;
+use super::error::{ConfigError, Fault, fault};
+use super::key::WhenAbsent::{Nothing, Required, Table, Value};
+use super::key::table;
+use super::value::{LinkAddress, LoiSet, OnLoss, Signing, group, id, silence};
+use super::vehicle::Vehicle;
+
+table! {
+    /// The whole of a `vsm.toml`.
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Config {
+        /// The DLI side.
+        pub dli: Dli => Table(Dli::KEYS),
+        /// The ground stations that may connect; with none listed, none may.
+        #[serde(default)]
+        pub cucs: Vec<Spanned<Cucs>> => Table(Cucs::KEYS),
+        /// The vehicles that this VSM serves.
+        #[serde(default)]
+        pub vehicle: Vec<Spanned<Vehicle>> => Table(Vehicle::KEYS),
+        /// Where state lives that must survive a restart.
+        pub store: Store => Table(Store::KEYS),
+        /// The status page; without it none is served.
+        pub http: Option<Http> => Table(Http::KEYS),
+        /// What silence of the controlling CUCS leads to.
+        #[serde(default = "Authority::unspanned")]
+        pub authority: Spanned<Authority> => Table(Authority::KEYS),
+        /// Who this VSM is on MAVLink.
+        #[serde(default)]
+        pub mavlink: Mavlink => Table(Mavlink::KEYS),
+        /// Recordings; without it none are made.
+        pub record: Option<Record> => Table(Record::KEYS),
+    }
+}
+
+table! {
+    /// `[dli]`
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Dli {
+        /// Identification number of the VSM (field VSM ID of messages 1 to 5): four bytes in hex, the owning nation
+        /// first; not `ff:..`
+        #[serde(deserialize_with = "id")]
+        pub vsm_id: Id => Required,
+        /// UDP address for CUCSs; answers go to the address that a CUCS sends from
+        pub listen: SocketAddr => Required,
+        /// Multicast group and port that status is also sent to, and that is listened to
+        #[serde(default, deserialize_with = "group")]
+        pub multicast: Option<SocketAddr> => Nothing("none"),
+        /// Local address of the interface of the group
+        pub interface: Option<IpAddr> => Nothing("the system's"),
+        /// Use of layouts derived from Edition 2: `"off"`, `"status"` (answers and reports), `"all"` (commands too)
+        #[serde(default)]
+        pub provisional: Provisional => Value("\"status\""),
+        /// How peers read what the sources leave open.
+        #[serde(default)]
+        pub disputed: Readings => Table(Readings::KEYS),
+    }
+}
+
+/// `dli.provisional`: the use of message layouts derived from Edition 2.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Provisional {
+    /// Not sent, and refused on receipt.
+    Off,
+    /// Answers and reports use them; those that command the aircraft are refused.
+    #[default]
+    Status,
+    /// Commands are carried out too.
+    All,
+}
+
+table! {
+    /// `[[cucs]]`: one ground station and its rights.
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Cucs {
+        /// In a `[[cucs]]`, identification number of a ground station that may connect (the wrapper's source); with none
+        /// listed, none may
+        #[serde(deserialize_with = "id")]
+        pub id: Id => Required,
+        /// Levels of interoperability that it may hold, from 2, 3, 4, 5
+        pub loi: LoiSet => Required,
+        /// Address that it must send from
+        pub address: Option<IpAddr> => Nothing("any"),
+        /// Whether it may take control from another
+        #[serde(default, rename = "override")]
+        pub override_control["override"]: bool => Value("false"),
+        /// 0 to 255: an override takes control from holders of this rank and below
+        #[serde(default)]
+        pub rank: u8 => Value("0"),
+    }
+}
+
+table! {
+    /// `[store]`
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Store {
+        /// Folder of signing clocks, plans and authority; made with mode 0700, refused when open to others
+        pub dir: PathBuf => Required,
+    }
+}
+
+table! {
+    /// `[http]`
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Http {
+        /// TCP address of the status page
+        pub listen: SocketAddr => Nothing("none"),
+    }
+}
+
+table! {
+    /// `[record]`
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Record {
+        /// Folder of recordings: a `.tlog` for each vehicle and run (keys blanked, signatures stripped), and a `.pcapng` of
+        /// the DLI
+        pub dir: PathBuf => Nothing("none"),
+    }
+}
+
+table! {
+    /// `[authority]`: a CUCS that has sent heartbeats and falls silent.
+    #[derive(Debug, Clone, Copy, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Authority {
+        /// Silence of the controlling CUCS before operators are warned, s, 0.5 to 3600; counts once it has sent heartbeats
+        /// (16002)
+        #[serde(deserialize_with = "silence")]
+        pub warn_s: f64 => Value("3.0"),
+        /// Silence before another may take control, s
+        #[serde(deserialize_with = "silence")]
+        pub offer_s: f64 => Value("5.0"),
+        /// Silence before control is taken away and `on_loss` is done, s
+        #[serde(deserialize_with = "silence")]
+        pub act_s: f64 => Value("10.0"),
+        /// What the vehicle is commanded at `act_s`: `"continue"` (nothing), `"hold"`, `"contingency"`, `"rtl"`
+        pub on_loss: OnLoss => Value("\"continue\""),
+    }
+}
+
+impl Default for Authority {
+    fn default() -> Self {
+        Authority {
+            warn_s: 3.0,
+            offer_s: 5.0,
+            act_s: 10.0,
+            on_loss: OnLoss::Continue,
+        }
+    }
+}
+
+impl Authority {
+    fn unspanned() -> Spanned<Authority> {
+        Spanned::new(0..0, Authority::default())
+    }
+}
+
+table! {
+    /// `[mavlink]`
+    #[derive(Debug, Clone, Copy, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Mavlink {
+        /// MAVLink system id of the VSM, 1 to 255
+        pub system_id: u8 => Value("245"),
+        /// MAVLink component id of the VSM
+        pub component_id: u8 => Value("190"),
+    }
+}
+
+impl Default for Mavlink {
+    fn default() -> Self {
+        Mavlink {
+            system_id: 245,
+            component_id: 190,
+        }
+    }
+}
+
+impl Config {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, is not TOML, has an unknown or missing key, or a value out of its range.
+    pub fn load(path: &Path) -> Result<Config, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|cause| ConfigError::Unreadable {
+            path: path.to_owned(),
+            cause,
+        })?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Config::parse(&text, folder).map_err(|cause| cause.in_file(path))
+    }
+
+    /// Parses and checks the text of a file whose relative paths start at `folder`.
+    ///
+    /// # Errors
+    /// As [`Config::load`].
+    pub fn parse(text: &str, folder: &Path) -> Result<Config, ConfigError> {
+        let mut config: Config = toml::from_str(text).map_err(ConfigError::syntax)?;
+        config.check().map_err(|fault| fault.located(text))?;
+        config.resolve(folder);
+        Ok(config)
+    }
+
+    /// The vehicles, without their places in the file.
+    pub fn vehicles(&self) -> impl Iterator<Item = &Vehicle> {
+        self.vehicle.iter().map(Spanned::get_ref)
+    }
+
+    /// The ground stations, without their places in the file.
+    pub fn stations(&self) -> impl Iterator<Item = &Cucs> {
+        self.cucs.iter().map(Spanned::get_ref)
+    }
+
+    /// The first key, in the order of the file's tables, that does not fit.
+    fn check(&self) -> Result<(), Fault> {
+        let mut ids = vec![self.dli.vsm_id];
+        for station in &self.cucs {
+            let id = station.get_ref().id;
+            if ids.contains(&id) {
+                return fault(station.span().start, "cucs.id", id, OWN_ID);
+            }
+            ids.push(id);
+        }
+        let mut links: Vec<&LinkAddress> = Vec::new();
+        for spanned in &self.vehicle {
+            let (vehicle, at) = (spanned.get_ref(), spanned.span().start);
+            if ids.contains(&vehicle.id) {
+                return fault(at, "vehicle.id", vehicle.id, OWN_ID);
+            }
+            ids.push(vehicle.id);
+            if links.contains(&&vehicle.link) {
+                let expected = "a link of its own for each vehicle";
+                return fault(at, "vehicle.link", &vehicle.link, expected);
+            }
+            links.push(&vehicle.link);
+            if vehicle.system_id == 0 || vehicle.system_id == self.mavlink.system_id {
+                let expected = "1 to 255, and not the VSM's own (mavlink.system_id)";
+                return fault(at, "vehicle.system_id", vehicle.system_id, expected);
+            }
+            vehicle.check(at)?;
+        }
+        let Authority {
+            warn_s,
+            offer_s,
+            act_s,
+            ..
+        } = *self.authority.get_ref();
+        if !(warn_s <= offer_s && offer_s <= act_s) {
+            let at = self.authority.span().start;
+            let found = format!("warn_s {warn_s}, offer_s {offer_s}, act_s {act_s}");
+            return fault(at, "authority", found, "warn_s <= offer_s <= act_s");
+        }
+        if self.mavlink.system_id == 0 {
+            return fault(0, "mavlink.system_id", 0, "1 to 255");
+        }
+        Ok(())
+    }
+
+    fn resolve(&mut self, folder: &Path) {
+        self.store.dir = folder.join(&self.store.dir);
+        if let Some(record) = &mut self.record {
+            record.dir = folder.join(&record.dir);
+        }
+        for vehicle in &mut self.vehicle {
+            if let Signing::KeyFile(file, _) = &mut vehicle.get_mut().signing {
+                *file = folder.join(&*file);
+            }
+        }
+    }
+}
+
+const OWN_ID: &str = "an id that nothing else in this file has";
