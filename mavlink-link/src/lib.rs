@@ -1,12 +1,24 @@
-//! MAVLink 2 frames, signing, the peer lock and the PX4 services, without sockets or clock.
+//! MAVLink 2 to a PX4 vehicle, signed: frames, signing, one machine for each link, PX4's services, and its keys.
 //!
-//! From the bytes up: [`frame`] finds and makes frames, [`signing`] signs and verifies them, [`clock`]
-//! says which stamps may be used and [`receiver`] which frames are believed; [`link`] joins them into
-//! one machine a physical link, and [`service`] speaks PX4's mission, command and parameter protocols
-//! over it. [`provisioning`] gives a vehicle a key, [`exchange`] agrees about one over the air. [`frame`] and [`signing`] are usable alone.
+//! From the bytes up, each module using only those above it:
 //!
-//! Nothing here owns a socket, a clock, a disk or randomness: time comes in as [`Now`], what must survive a restart
-//! goes out through [`store::Disk`]. Foreign input never panics and never makes memory grow. The message structs are those of the `mavlink` crate's `development` [`dialect`].
+//! | module | what it does |
+//! |---|---|
+//! | [`frame`] | finds frames in bytes and encodes them; usable alone |
+//! | [`store`] | the one way to persist: typed records over a disk |
+//! | [`signing`] | signs and verifies frames; [`clock`] decides which timestamps may be used |
+//! | [`link`] | one machine for each physical link; [`receiver`] decides which frames are accepted |
+//! | [`service`] | PX4's mission, parameter and command protocols, from the ground station's side |
+//! | [`provisioning`] | gives a vehicle a new signing key, and proves which key it has |
+//! | [`exchange`] | agrees on a signing key over the air (feature `key-exchange`) |
+//! | [`tlog`] | recordings of a link without its secrets |
+//!
+//! Nothing here owns a socket, a clock, a disk or randomness: time is an argument ([`Now`]), and what must survive a
+//! restart is written to a [`store::Disk`]. Foreign input never panics and never makes memory grow. The message structs
+//! are those of the `mavlink` crate's `development` [`dialect`].
+//!
+//! Comments name pitfalls by number: the errors of other signing implementations, listed with the tests that show each
+//! in `docs/guide/security.md` of the repository.
 
 #![forbid(unsafe_code)]
 

@@ -1,6 +1,6 @@
-//! The two clocks a caller hands in with every call.
+//! The two clocks that a caller passes with every call.
 //!
-//! Nothing in this crate reads a clock. `mono` drives every time-out and never goes back; `wall` is
+//! Nothing in this crate reads a clock. `mono` drives every timeout and never goes back; `wall` is
 //! only ever compared with the stored ceiling of the signing clock and may jump by years.
 
 use core::time::Duration;

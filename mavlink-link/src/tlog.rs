@@ -1,7 +1,8 @@
-//! Recordings of a link in QGroundControl's format, fit to be handed around.
+//! Recordings of a link in QGroundControl's format that can be passed on safely.
 //!
-//! Promised: a record holds no key and nothing that a signed vehicle accepts. SETUP_SIGNING is
-//! blanked, the flag of a signed frame cleared, its trailer stripped and the checksum made anew.
+//! Promised: a record holds no key and nothing that a signed vehicle accepts (pitfall 20: PX4 accepts an old signed
+//! frame after its restart). SETUP_SIGNING is blanked; of a signed frame the flag is cleared, the trailer removed and the
+//! checksum computed again.
 
 use core::time::Duration;
 
@@ -36,7 +37,7 @@ pub fn record(wall: Duration, frame: &FrameView<'_>, out: &mut [u8; MAX_RECORD])
     STAMP_LEN + len + CRC_LEN
 }
 
-/// CRC_EXTRA of a frame, of an unknown message too: its checksum was right, so one byte fits.
+/// CRC_EXTRA of a frame. For an unknown message it is recovered by trial: the checksum was right, so one value fits.
 fn extra_of(frame: &FrameView<'_>) -> u8 {
     let covered = &frame.as_bytes()[1..HEADER_LEN + frame.payload().len()];
     crc_extra(frame.header().message_id)

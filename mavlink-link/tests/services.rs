@@ -10,7 +10,7 @@ use mavlink_link::service::Node;
 use mavlink_link::service::command::{
     Client, Command, Event, Outcome, Payload, Repetition, SubmitError, Timing,
 };
-use mavlink_link::service::interval::{Intervals, Rate, Standing};
+use mavlink_link::service::interval::{Intervals, Rate, RequestState};
 use mavlink_link::service::mission;
 use mavlink_link::service::text::Texts;
 
@@ -283,14 +283,14 @@ fn intervals_are_asked_for_one_by_one_and_refusals_are_remembered() {
     let asked = drive(&mut intervals, &mut commands, ms(0), answer);
     assert_eq!(asked, [(33.0, 250_000.0), (9999.0, 1e6), (30.0, -1.0)]);
     assert!(intervals.is_settled());
-    let refused = intervals.standings().nth(1).unwrap().2;
-    assert_eq!(refused, Standing::Refused(failed));
+    let refused = intervals.states().nth(1).unwrap().2;
+    assert_eq!(refused, RequestState::Refused(failed));
 
-    intervals.ask_again();
+    intervals.request_again();
     assert!(!intervals.is_settled());
     let asked = drive(&mut intervals, &mut commands, ms(1), answer);
     assert_eq!(asked, [(33.0, 250_000.0), (30.0, -1.0)]);
-    intervals.ask_anew();
+    intervals.request_all_again();
     let asked = drive(&mut intervals, &mut commands, ms(2), answer);
     assert_eq!(asked.len(), 3);
 }

@@ -43,7 +43,7 @@ pub fn encode_raw(
     let extra = crc_extra(header.message_id).ok_or(EncodeError::UnknownId {
         message_id: header.message_id,
     })?;
-    // One byte always stays, also of an all-zero payload.
+    // MAVLink 2 keeps at least one byte, also of an all-zero payload.
     let zeros = payload.iter().rev().take_while(|&&byte| byte == 0).count();
     let len = payload
         .len()
@@ -57,12 +57,12 @@ pub fn encode_raw(
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum EncodeError {
     /// More bytes than a frame holds.
-    #[error("a payload of {len} bytes, at most 255 fit")]
+    #[error("a payload of {len} bytes, expected at most 255")]
     TooLong {
         /// Bytes given.
         len: usize,
     },
-    /// Without CRC_EXTRA no receiver would take the frame.
+    /// Without CRC_EXTRA no receiver would accept the frame.
     #[error("message {message_id} has no known CRC_EXTRA")]
     UnknownId {
         /// The message id given.

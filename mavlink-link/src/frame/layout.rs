@@ -5,7 +5,7 @@ use mavlink::Message as _;
 
 use crate::dialect::MavMessage;
 
-/// What the header of a MAVLink 2 frame says.
+/// The header of a MAVLink 2 frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Header {
     /// Packet sequence of the sender, wraps at 255.
@@ -64,7 +64,7 @@ pub fn crc_extra(message_id: u32) -> Option<u8> {
         return Some(KEY_EXCHANGE_CRC_EXTRA);
     }
     match MavMessage::extra_crc(message_id) {
-        // The dialect answers 0 for an unknown id, but 0 is also COMPONENT_INFORMATION's own byte.
+        // The dialect returns 0 for an unknown id, but 0 is also the CRC_EXTRA of COMPONENT_INFORMATION (395).
         0 => MavMessage::default_message_from_id(message_id).map(|_| 0),
         extra => Some(extra),
     }
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn an_extra_of_zero_is_told_apart_from_an_unknown_message() {
+    fn an_extra_of_zero_differs_from_an_unknown_message() {
         assert_eq!(crc_extra(0), Some(50));
         assert_eq!(crc_extra(395), Some(0));
         assert_eq!(crc_extra(KEY_EXCHANGE_ID), Some(140));

@@ -1,9 +1,12 @@
 //! MAVLink 2 frames: a checked view over bytes, a stream parser and an encoder.
 //!
 //! Promised: no input panics, no call allocates, and a [`FrameView`] that comes out of [`Parser`] or
-//! [`FrameView::parse`] has a right checksum, or says by [`FrameView::is_checked`] that its CRC_EXTRA
-//! is unknown. MAVLink 1 is recognised only to be refused. Signatures are read here and judged in
-//! [`crate::signing`].
+//! [`FrameView::parse`] has a correct checksum, or reports by [`FrameView::is_checked`] that its CRC_EXTRA
+//! is unknown. MAVLink 1 is recognised only to be refused, since it cannot be signed. Signatures are read here and
+//! verified in [`crate::signing`].
+//!
+//! Order of the parts: `layout` (fields, constants, checksum), `stamp` (the signature's timestamp), `view` (one frame),
+//! `parser` (frames in a stream), `encode`.
 
 mod encode;
 mod layout;

@@ -1,7 +1,7 @@
 //! The stream parser: datagrams or serial bytes in, frames out.
 //!
 //! Promised: at most one frame's worth of bytes is kept between calls; after noise, a bad checksum or
-//! a refused frame the search goes on one byte later, so that a good frame behind it is never lost.
+//! a refused frame the search continues one byte later, so that a good frame behind it is never lost.
 
 use super::layout::{MAX_FRAME, STX, STX_V1};
 use super::view::{FrameError, FrameView, Verdict, examine};
@@ -13,13 +13,13 @@ pub struct Parser {
     buf: [u8; CAPACITY],
     start: usize,
     end: usize,
-    /// The kept start will not be completed: search it as it is.
+    /// The kept start will not be completed: search it for whole frames inside.
     expire: bool,
     counts: FrameCounts,
 }
 
 impl Parser {
-    /// A parser that has seen nothing.
+    /// A parser that keeps nothing yet.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -31,11 +31,11 @@ impl Parser {
         }
     }
 
-    /// Takes a datagram, or what a serial port had. Drain the result: what is left of it when it is
-    /// dropped is lost.
+    /// Takes a datagram, or a read of a serial port. Drain the result: frames not taken before it is
+    /// dropped are lost.
     ///
-    /// Bytes that start with a whole good frame end a partial frame that is still kept, so that a
-    /// broken datagram cannot hold up the next ones.
+    /// Bytes that begin with a whole good frame end a partial frame that is still kept, so that a
+    /// broken datagram cannot delay the next ones.
     pub fn feed<'p, 'd>(&'p mut self, bytes: &'d [u8]) -> Frames<'p, 'd> {
         if self.pending() > 0 && matches!(examine(bytes), Verdict::Frame(_)) {
             self.expire = true;
@@ -54,14 +54,14 @@ impl Parser {
         self.end - self.start
     }
 
-    /// Says that the kept bytes will not be completed: the line was silent too long. Good frames
-    /// inside them come out with the next [`feed`](Self::feed).
+    /// Gives up waiting for the rest of the kept bytes: the line was silent too long. Good frames
+    /// inside them are returned by the next [`feed`](Self::feed).
     pub fn expire_pending(&mut self) {
         self.expire = self.pending() > 0;
     }
 
-    /// Forgets the kept bytes, counted as a truncated frame. For datagrams of someone whose frames
-    /// are not to be joined with anything.
+    /// Drops the kept bytes, counted as a truncated frame. For datagrams of senders other than the peer, whose
+    /// bytes must not be joined with anything.
     pub fn discard_pending(&mut self) {
         if self.pending() > 0 {
             self.counts.truncated += 1;
@@ -70,7 +70,7 @@ impl Parser {
         (self.start, self.end, self.expire) = (0, 0, false);
     }
 
-    /// What has been seen since the start.
+    /// What has been processed since the start.
     #[must_use]
     pub fn counts(&self) -> FrameCounts {
         self.counts
@@ -89,7 +89,7 @@ pub struct Frames<'p, 'd> {
     parser: &'p mut Parser,
     input: &'d [u8],
     at: usize,
-    /// Length of the frame just given out whose checksum could not be checked.
+    /// Length of the frame just returned whose checksum could not be checked.
     unchecked: Option<usize>,
 }
 
@@ -114,8 +114,8 @@ impl Frames<'_, '_> {
         ))
     }
 
-    /// Says that the last frame, whose checksum could not be checked, proved good by its signature:
-    /// the search goes on behind it. Without this call it goes on inside it.
+    /// Confirms that the last frame, whose checksum could not be checked, has a correct signature: the search
+    /// continues behind it. Without this call it continues inside it, since the frame may be noise.
     pub fn accept_unchecked(&mut self) {
         if let Some(len) = self.unchecked.take() {
             self.skip(len - 1);
@@ -139,7 +139,7 @@ impl Frames<'_, '_> {
                 .take_while(|&&o| o != STX && o != STX_V1)
                 .count();
             if noise > 0 {
-                self.pass_over(noise);
+                self.skip_noise(noise);
                 continue;
             }
             let start = if kept { self.parser.start } else { self.at };
@@ -170,7 +170,7 @@ impl Frames<'_, '_> {
                     self.skip(len);
                     return Some(Err(error));
                 }
-                Verdict::Garbage => self.pass_over(1),
+                Verdict::Garbage => self.skip_noise(1),
                 Verdict::Incomplete if expiring => {
                     self.parser.counts.count(FrameError::Truncated);
                     self.skip(1);
@@ -194,7 +194,7 @@ impl Frames<'_, '_> {
         }
     }
 
-    fn pass_over(&mut self, bytes: usize) {
+    fn skip_noise(&mut self, bytes: usize) {
         self.parser.counts.garbage_bytes += bytes as u64;
         self.skip(bytes);
     }
@@ -241,12 +241,12 @@ struct Found {
     checked: bool,
 }
 
-/// What a parser has seen, each drop under its own name.
+/// What a parser has processed, each drop under its own name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameCounts {
-    /// Frames with a right checksum.
+    /// Frames with a correct checksum.
     pub good: u64,
-    /// Signed frames of a message without known CRC_EXTRA, given out unchecked.
+    /// Signed frames of a message without known CRC_EXTRA, returned unchecked.
     pub unchecked: u64,
     /// Candidates with a wrong checksum.
     pub bad_crc: u64,
@@ -275,5 +275,5 @@ impl FrameCounts {
     }
 }
 
-/// Room for a kept start and for enough behind it to judge it and the next one.
+/// Room for a kept start and for enough bytes behind it to examine it and the next one.
 const CAPACITY: usize = 2 * MAX_FRAME;

@@ -1,8 +1,10 @@
-//! The unit of the signing clock.
+//! The timestamp of a signature, and the unit of the signing clock.
+//!
+//! Units of 10 us since 2015-01-01 00:00 UTC, not Unix time: the wrong epoch or unit is pitfall 10.
 
 use core::time::Duration;
 
-/// A signing time stamp: 48 bits, units of 10 us since 2015-01-01 00:00 UTC.
+/// A signing timestamp: 48 bits, units of 10 us since 2015-01-01 00:00 UTC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct Stamp(u64);
 

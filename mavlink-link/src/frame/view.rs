@@ -33,7 +33,7 @@ impl<'a> FrameView<'a> {
     /// Reads the frame that starts at the first byte of `bytes`; what follows it is ignored.
     ///
     /// # Errors
-    /// Says why there is no usable frame at that place.
+    /// Why there is no usable frame at that place.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, FrameError> {
         match examine(bytes) {
             Verdict::Frame(len) => Ok(Self::from_parts(&bytes[..len], true)),
@@ -77,13 +77,13 @@ impl<'a> FrameView<'a> {
         u16::from_le_bytes([self.bytes[at], self.bytes[at + 1]])
     }
 
-    /// False where CRC_EXTRA is unknown: then only a verified signature vouches for the bytes.
+    /// False where CRC_EXTRA is unknown: then only a verified signature proves the bytes.
     #[must_use]
     pub fn is_checked(&self) -> bool {
         self.checked
     }
 
-    /// Whether a signature trailer is there; says nothing of its worth.
+    /// Whether there is a signature trailer; it may be wrong.
     #[must_use]
     pub fn is_signed(&self) -> bool {
         self.bytes[2] & INCOMPAT_SIGNED != 0
@@ -116,11 +116,11 @@ impl<'a> FrameView<'a> {
         self.bytes
     }
 
-    /// The message as the dialect's structs see it.
+    /// The message, decoded by the dialect.
     ///
     /// # Errors
-    /// The dialect does not know the id, or one of its enums does not know a value; the payload is
-    /// still there to be passed raw.
+    /// The dialect does not know the id, or one of its enums does not know a value; the payload can
+    /// still be used raw.
     pub fn message(&self) -> Result<MavMessage, Undecoded> {
         let id = self.header().message_id;
         MavMessage::parse(MavlinkVersion::V2, id, self.payload()).map_err(Undecoded::from)
@@ -134,7 +134,7 @@ impl<'a> FrameView<'a> {
 /// Why bytes are not a frame that can be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum FrameError {
-    /// The checksum is not that of the bytes: noise, or another layout of the message.
+    /// The checksum does not match the bytes: noise, or another layout of the message.
     #[error("message {message_id}: checksum {found:#06x}, expected {expected:#06x}")]
     BadCrc {
         /// The message id as read.
@@ -144,19 +144,19 @@ pub enum FrameError {
         /// The checksum in the frame.
         found: u16,
     },
-    /// An incompatibility flag that is not known: the frame must not be read.
-    #[error("incompatibility flags {flags:#04x}, only 0x01 is known")]
+    /// An unknown incompatibility flag: by the protocol the frame must not be processed.
+    #[error("incompatibility flags {flags:#04x}, expected 0x00 or 0x01")]
     UnknownIncompat {
         /// All incompatibility flags of the frame.
         flags: u8,
     },
-    /// A MAVLink 1 frame with a right checksum: it cannot be signed and is refused.
+    /// A MAVLink 1 frame with a correct checksum: it cannot be signed and is refused.
     #[error("MAVLink 1 frame of message {message_id}, expected MAVLink 2")]
     Mavlink1 {
         /// Its message id, 0 to 255.
         message_id: u8,
     },
-    /// An unsigned frame whose CRC_EXTRA is unknown: nothing vouches for its bytes.
+    /// An unsigned frame whose CRC_EXTRA is unknown: nothing proves its bytes.
     #[error("unsigned message {message_id} is not in the dialect and cannot be checked")]
     UnknownId {
         /// The message id as read.
@@ -170,7 +170,7 @@ pub enum FrameError {
     NoFrame,
 }
 
-/// Why a good frame has no message of the dialect; its payload is passed raw.
+/// Why a correct frame cannot be decoded by the dialect; its payload can be used raw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum Undecoded {
     /// The dialect has no such message.
@@ -185,7 +185,7 @@ pub enum Undecoded {
         value: u64,
     },
     /// The payload does not have the size the dialect expects.
-    #[error("the payload's size does not fit the dialect's message")]
+    #[error("the payload's size is not that of the dialect's message")]
     Size,
 }
 
@@ -201,24 +201,24 @@ impl From<ParserError> for Undecoded {
     }
 }
 
-/// What stands at the first byte of a slice.
+/// What begins at the first byte of a slice.
 pub(super) enum Verdict {
-    /// A frame of this length with a right checksum.
+    /// A frame of this length with a correct checksum.
     Frame(usize),
     /// A signed frame of this length whose CRC_EXTRA is unknown.
     Unchecked(usize),
-    /// A frame that is refused, and how many bytes to pass over.
+    /// A frame that is refused, and how many bytes to skip.
     Refused(usize, FrameError),
-    /// Perhaps a frame, the end is missing.
+    /// Possibly a frame whose end is missing.
     Incomplete,
     /// Nothing; the next byte may start a frame.
     Garbage,
 }
 
-/// Judges the candidate at the first byte.
+/// Examines the candidate at the first byte.
 ///
-/// Only a frame that could be used in the end is worth waiting for: of all bytes that happen to look
-/// like a start, almost none then hold up what follows them.
+/// Only for a frame that could be used in the end is the missing rest worth waiting for. Otherwise a start byte in
+/// noise would delay the good frames behind it.
 pub(super) fn examine(bytes: &[u8]) -> Verdict {
     match bytes.first() {
         None => Verdict::Incomplete,

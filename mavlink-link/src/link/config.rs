@@ -1,4 +1,4 @@
-//! What one link needs to know of itself and of its vehicle.
+//! The settings of one link.
 
 use super::peer::Endpoint;
 use super::receiver::AllowedStreams;
@@ -7,14 +7,14 @@ use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavTyp
 /// Whether frames must be signed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Security {
-    /// Everything is signed, and only what verifies is believed.
+    /// Everything is signed, and only what verifies is accepted.
     Signed,
-    /// Nothing is signed, and all that the vehicle's system id sends is delivered, marked unverified;
+    /// Nothing is signed, and everything under the vehicle's system id is delivered, marked unverified;
     /// so are signed frames, since there is no key to verify them.
     Off,
 }
 
-/// What we are to the vehicle; our heartbeats say so.
+/// What we are to the vehicle; sent in our heartbeats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// MAV_TYPE_GCS.
@@ -23,7 +23,8 @@ pub enum Role {
     OnboardComputer,
 }
 
-/// The settings of one link; fixed for its life, for a vehicle keeps each stream it has ever heard.
+/// The settings of one link; fixed for its life: PX4 keeps 16 streams until it restarts, so a changed id would use up
+/// another place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LinkConfig<A> {
     /// Our system id, 1 to 255; 245 by default.
@@ -35,7 +36,7 @@ pub struct LinkConfig<A> {
     /// The vehicle's system id, 1 to 255.
     pub vehicle_system: u8,
     /// The link id of the vehicle's component 1 on this link. Where `None` it is learned from a frame that
-    /// the vehicle can only have made just now, and may be another one later by such a frame.
+    /// the vehicle can only have made just now, and may be changed later by another such frame.
     pub vehicle_link_id: Option<u8>,
     /// The link id that was learned in an earlier run, see [`Link::learned_link_id`](super::Link::learned_link_id).
     pub known_link_id: Option<u8>,
@@ -43,11 +44,11 @@ pub struct LinkConfig<A> {
     pub security: Security,
     /// How the peer is found.
     pub endpoint: Endpoint<A>,
-    /// What our heartbeats say.
+    /// Sent in our heartbeats.
     pub role: Role,
     /// Messages accepted unsigned from the peer's address; RADIO_STATUS (109) by default.
     pub accept_unsigned: &'static [u32],
-    /// The streams that are taken; by default every one of the vehicle's system.
+    /// The streams that are accepted; by default every one of the vehicle's system.
     pub only: AllowedStreams,
 }
 

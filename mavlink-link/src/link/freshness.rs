@@ -1,8 +1,8 @@
 //! How old a frame can be at most.
 //!
-//! A vehicle lifts its own stamps to each heartbeat of ours that reaches it. A frame stamped at or
-//! above a heartbeat was therefore made after that heartbeat was sent, and its age is bounded by the
-//! time since.
+//! A verified frame may have been recorded and held back, so it must not confirm a command or a state unless its age is
+//! bounded. PX4 lifts its own timestamps to each heartbeat of ours that reaches it. A frame stamped at or above a
+//! heartbeat was therefore made after that heartbeat was sent, and its age is bounded by the time since.
 
 use core::time::Duration;
 
@@ -18,14 +18,14 @@ pub enum Age {
 }
 
 impl Age {
-    /// Whether the sender can only have made the frame within the last 3 s: no recording that was made
-    /// before can be mistaken for it.
+    /// Whether the sender can only have made the frame within the last 3 s: no earlier recording can be mistaken
+    /// for it.
     #[must_use]
     pub fn is_now(self) -> bool {
         matches!(self, Self::AtMost(age) if age <= NOW)
     }
 
-    /// Whether the frame may be older than 60 s: to be shown, never to confirm anything.
+    /// Whether the frame may be older than 60 s: it may be shown, but confirms nothing.
     #[must_use]
     pub fn is_late(self) -> bool {
         match self {
@@ -52,8 +52,8 @@ impl HeartbeatLog {
         }
     }
 
-    /// Notes a heartbeat. One that follows another closely only widens no bound and is passed over.
-    pub(super) fn note(&mut self, stamp: Stamp, mono: Duration) {
+    /// Records a heartbeat. One that closely follows another improves no bound and is ignored.
+    pub(super) fn record(&mut self, stamp: Stamp, mono: Duration) {
         let newest = self.ring[(self.next + HEARTBEATS - 1) % HEARTBEATS].1;
         if self.len > 0 && mono.saturating_sub(newest) < SPACING {
             return;
@@ -75,7 +75,7 @@ impl HeartbeatLog {
     }
 }
 
-/// The age up to which a frame shows that its sender lives. Some heartbeats may be lost, or take their time.
+/// The age up to which a frame shows that its sender is live now. Some heartbeats may be lost or late.
 const NOW: Duration = Duration::from_secs(3);
 /// The age beyond which a frame is late.
 const FRESH: Duration = Duration::from_secs(60);
@@ -93,7 +93,7 @@ mod tests {
         let s = Duration::from_secs;
         assert_eq!(log.age(Stamp::new(5), s(0)), Age::Unknown);
         for n in 1..=300 {
-            log.note(Stamp::new(n * 100_000), s(n));
+            log.record(Stamp::new(n * 100_000), s(n));
         }
         assert_eq!(log.age(Stamp::new(29_950_000), s(301)), Age::AtMost(s(2)));
         assert_eq!(log.age(Stamp::new(23_999_999), s(300)), Age::AtMost(s(61)));

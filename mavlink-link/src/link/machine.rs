@@ -3,13 +3,11 @@
 use core::time::Duration;
 
 use super::config::LinkConfig;
-use super::event::{Alert, Event, Events};
 use super::freshness::HeartbeatLog;
-use super::peer::PeerLock;
+use super::peer::{LinkState, PeerLock, Presence};
 use super::pin::LinkIdPin;
-use super::presence::{LinkState, Presence};
 use super::receiver::KeyState;
-use super::stats::LinkStats;
+use super::report::{Alert, Event, Events, LinkStats};
 use crate::Now;
 use crate::frame::Parser;
 use crate::store::Disk;
@@ -23,7 +21,8 @@ pub enum Auth<'a> {
         /// Where the clock's ceiling is kept.
         store: &'a mut dyn Disk,
     },
-    /// For a link with [`Security::Off`](super::Security::Off); a signed link neither sends nor takes anything without key.
+    /// For a link with [`Security::Off`](super::Security::Off); a signed link neither sends nor accepts anything without
+    /// a key.
     Off,
 }
 
@@ -33,13 +32,13 @@ pub struct Link<A> {
     pub(super) config: LinkConfig<A>,
     /// Joins frames that the peer split over two datagrams.
     pub(super) parser: Parser,
-    /// For everybody else's datagrams, each on its own, so that nobody can hold up the peer's frames.
+    /// For the datagrams of all other senders, each on its own, so that nobody can delay the peer's frames.
     pub(super) strange: Parser,
     pub(super) bytes_at: Duration,
     pub(super) core: Core<A>,
 }
 
-/// All of a link but its parsers, which lend out the frames it works on.
+/// All of a link except its parsers: the frames that it works on borrow those.
 #[derive(Debug)]
 pub(super) struct Core<A> {
     pub(super) config: LinkConfig<A>,
@@ -57,7 +56,7 @@ pub(super) struct Core<A> {
     pub(super) stats: LinkStats,
 }
 
-/// Tells many in a short time from a few now and then.
+/// Distinguishes many in a short time from a few now and then.
 #[derive(Debug, Default)]
 pub(super) struct Burst {
     since: Duration,
@@ -76,7 +75,7 @@ impl Burst {
 }
 
 impl<A: Copy + Eq> Link<A> {
-    /// A link that has heard nothing; its first heartbeat is due at once.
+    /// A link that has received nothing; its first heartbeat is due at once.
     #[must_use]
     pub fn new(config: LinkConfig<A>) -> Self {
         Self {
@@ -107,13 +106,13 @@ impl<A: Copy + Eq> Link<A> {
         &self.config
     }
 
-    /// To whom messages go; `None` on a listening link that has not heard its vehicle yet.
+    /// Where messages are sent; `None` on a listening link that has accepted nothing yet.
     #[must_use]
     pub fn peer(&self) -> Option<A> {
         self.core.peer.peer()
     }
 
-    /// How the link stands.
+    /// The state of the link.
     #[must_use]
     pub fn state(&self) -> LinkState {
         self.core.presence.state()
@@ -132,12 +131,12 @@ impl<A: Copy + Eq> Link<A> {
         self.core.presence.accepted_at()
     }
 
-    /// The next thing to tell, in the order it happened.
+    /// The next event, in the order they happened.
     pub fn poll_event(&mut self) -> Option<Event<A>> {
         self.core.events.pop()
     }
 
-    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
+    /// When [`handle_timeout`](Self::handle_timeout) is next needed, in monotonic time.
     #[must_use]
     pub fn poll_timeout(&self) -> Duration {
         let heartbeat = self.core.heartbeat_at;
@@ -153,7 +152,7 @@ impl<A: Copy + Eq> Link<A> {
         if core.heartbeat_at <= now.mono {
             core.heartbeat_due = true;
             let next = core.heartbeat_at.saturating_add(HEARTBEAT_EVERY);
-            // After a long pause the beat starts anew, without making up for what was missed.
+            // After a long pause the next one is a second from now: missed heartbeats are not sent late.
             core.heartbeat_at = if next > now.mono {
                 next
             } else {
@@ -165,7 +164,7 @@ impl<A: Copy + Eq> Link<A> {
         }
     }
 
-    /// The counters as they stand.
+    /// The counters.
     #[must_use]
     pub fn stats(&self) -> LinkStats {
         let (own, strange) = (self.parser.counts(), self.strange.counts());

@@ -1,23 +1,26 @@
 //! From bytes to deliveries.
+//!
+//! Every frame ends in exactly one delivery, one event or one counter. Nothing of the link changes before the signature
+//! has been verified (pitfall 13: a forger could otherwise make it deaf).
 
 use core::time::Duration;
 
 use super::config::Security;
-use super::event::{Alert, Event, KeyExchangeFrame};
 use super::freshness::Age;
 use super::machine::{Auth, Core, Link};
 use super::receiver::{AUTOPILOT, Expected, Refusal};
+use super::report::{Alert, Event, KeyExchangeFrame};
 use crate::Now;
 use crate::dialect::MavMessage;
 use crate::frame::Stamp;
 use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, Undecoded};
 
-/// A frame handed on, each at most once.
+/// A frame for the caller, each at most once.
 #[derive(Debug)]
 pub struct Delivery<'a> {
     /// The frame's header.
     pub header: Header,
-    /// The message, or why the dialect's structs do not take it.
+    /// The message, or why the dialect cannot decode it.
     pub message: Result<MavMessage, Undecoded>,
     /// The payload as on the wire, trailing zeros trimmed.
     pub payload: &'a [u8],
@@ -34,9 +37,9 @@ pub struct Delivery<'a> {
 impl Delivery<'_> {
     /// Whether this frame can be the answer to something that was sent with that stamp.
     ///
-    /// The vehicle lifts its stamps to ours, so an answer is never stamped below the question, and a
-    /// frame that may be older than a minute confirms nothing. Without signing (`None`) nothing can be
-    /// told, and everything counts.
+    /// The vehicle lifts its timestamps to ours, so an answer is never stamped below the request, and a
+    /// frame that may be older than a minute confirms nothing: an old COMMAND_ACK must not confirm a new command
+    /// (pitfall 25). Without signing (`None`) this cannot be decided, and everything counts.
     #[must_use]
     pub fn can_answer(&self, sent: Option<Stamp>) -> bool {
         match sent {
@@ -47,7 +50,7 @@ impl Delivery<'_> {
 }
 
 impl<A: Copy + Eq> Link<A> {
-    /// Takes a datagram, or what a serial port had, and delivers the frames that are to be believed.
+    /// Takes a datagram, or a read of a serial port, and delivers the accepted frames.
     ///
     /// A frame split over two datagrams is joined only where both come from the peer.
     pub fn handle_datagram(
@@ -85,7 +88,7 @@ impl<A: Copy + Eq> Link<A> {
     }
 }
 
-/// Whether a frame's bytes were vouched for by its signature.
+/// Whether a frame's bytes were proved by its signature.
 #[derive(PartialEq, Eq)]
 enum Trust {
     Verified,
@@ -167,7 +170,7 @@ impl<A: Copy + Eq> Core<A> {
         }
         self.stats.delivered_verified += 1;
         self.stats.late += u64::from(age.is_late());
-        self.hand_on(frame, Some(stamp), age, deliver);
+        self.deliver(frame, Some(stamp), age, deliver);
     }
 
     fn may_move_pin(&self, mono: Duration, frame: &FrameView<'_>) -> bool {
@@ -178,7 +181,7 @@ impl<A: Copy + Eq> Core<A> {
     }
 
     fn refuse(&mut self, now: Now, from: A, frame: &FrameView<'_>, refusal: Refusal) -> Trust {
-        // Without CRC_EXTRA and without a good signature these are just bytes.
+        // Without CRC_EXTRA and without a correct signature these may be noise, so they count as an unknown message and as nothing else.
         let verified = matches!(
             refusal,
             Refusal::UnexpectedLink
@@ -199,7 +202,7 @@ impl<A: Copy + Eq> Core<A> {
             Refusal::UnexpectedLink => {
                 stats.unexpected_link += 1;
                 if self.pin.is_movable() {
-                    // The vehicle may have come back with another link id: lifted, it can show that it lives.
+                    // The vehicle may have restarted with another link id: lifted, it can prove that it is live.
                     self.fallen_back(now.mono, from);
                 }
             }
@@ -234,8 +237,8 @@ impl<A: Copy + Eq> Core<A> {
         }
     }
 
-    /// A verified frame with an old stamp: perhaps the vehicle has restarted, so a heartbeat that lifts
-    /// its stamps goes there at once, and nothing else.
+    /// A verified frame with an old timestamp: the vehicle may have restarted, so a heartbeat that lifts
+    /// its timestamps is sent there at once, and nothing else.
     fn fallen_back(&mut self, mono: Duration, from: A) {
         self.peer.stale_from(from, mono);
         if self.presence.stale(mono) {
@@ -247,8 +250,8 @@ impl<A: Copy + Eq> Core<A> {
         }
     }
 
-    /// Any frame on a signed link before there is a key: only the exchange that makes one is heard,
-    /// and it vouches for itself.
+    /// Any frame on a signed link before there is a key: only the exchange that makes one is passed on,
+    /// and its messages authenticate themselves.
     fn take_without_key(&mut self, from: A, frame: &FrameView<'_>) {
         let header = frame.header();
         if header.message_id == KEY_EXCHANGE_ID && header.system_id == self.config.vehicle_system {
@@ -282,7 +285,7 @@ impl<A: Copy + Eq> Core<A> {
         } else if self.config.accept_unsigned.contains(&message_id) {
             if self.peer.peer() == Some(from) {
                 self.stats.delivered_unverified += 1;
-                self.hand_on(frame, None, Age::Unknown, deliver);
+                self.deliver(frame, None, Age::Unknown, deliver);
             } else {
                 self.stats.unsigned_stranger += 1;
             }
@@ -319,12 +322,12 @@ impl<A: Copy + Eq> Core<A> {
         }
         let of_vehicle = system_id == self.config.vehicle_system;
         if !of_vehicle {
-            // A radio's status comes under the radio's own id; it never takes the peer lock.
+            // RADIO_STATUS carries the radio's own system id; it never takes the peer lock.
             if !self.config.accept_unsigned.contains(&message_id) {
                 self.stats.unexpected_system += 1;
             } else if self.peer.peer() == Some(from) {
                 self.stats.delivered_unverified += 1;
-                self.hand_on(frame, None, Age::Unknown, deliver);
+                self.deliver(frame, None, Age::Unknown, deliver);
             } else {
                 self.stats.unsigned_stranger += 1;
             }
@@ -347,11 +350,11 @@ impl<A: Copy + Eq> Core<A> {
                 .push_exchange(KeyExchangeFrame::new(from, frame, None));
         } else {
             self.stats.delivered_unverified += 1;
-            self.hand_on(frame, None, Age::Unknown, deliver);
+            self.deliver(frame, None, Age::Unknown, deliver);
         }
     }
 
-    fn hand_on(
+    fn deliver(
         &mut self,
         frame: &FrameView<'_>,
         stamp: Option<Stamp>,

@@ -1,8 +1,13 @@
 //! The receiving side of one key, shared by every link that uses it.
 //!
 //! Promised: no frame is accepted twice, over links, restarts and jumps of the clock, and nothing
-//! changes before the signature has been verified. The order is fixed: checksum and MAVLink 2 (by the
-//! parser), not our own system, expected, signature, the autopilot's link id, stamp; only then state.
+//! changes before the signature has been verified. The order of the checks is fixed: checksum and MAVLink 2 (by the
+//! parser), not our own system id, expected system and stream, signature, the autopilot's link id, timestamp; only then
+//! state.
+//!
+//! Stricter than MAVLink's guide, which lets a new stream in when it is no older than 60 s: after a restart that would
+//! accept the last minute again (pitfall 19). Here every stream starts at the stored ceiling. There is no window for
+//! reordered frames either, since it would accept replays within it (pitfall 4); the protocols above retry.
 
 use thiserror::Error;
 
@@ -12,10 +17,10 @@ use crate::signing::clock::{Ceiling, ClockError, Origin, SigningClock, WallState
 use crate::signing::{KeyId, SigningKey, Stamp, verify};
 use crate::store::{Disk, Store as _, StoreError};
 
-/// A key, its clock and all the streams heard under it.
+/// A key, its clock and all the streams received under it.
 ///
-/// There is one for each key, lent to every link that uses it: a frame heard on one link is a replay on
-/// the others.
+/// There is one for each key, lent to every link that uses it: a frame received on one link is a replay on
+/// the others (pitfall 5).
 #[derive(Debug)]
 pub struct KeyState {
     key: SigningKey,
@@ -98,7 +103,7 @@ impl KeyState {
         self.clock.accept_wall(now);
     }
 
-    /// Judges a frame; on success it is accepted once and for all.
+    /// Checks a frame; on success it is accepted and every replay of it will be refused.
     ///
     /// # Errors
     /// The first of the checks that the frame fails; nothing has changed then.
@@ -156,30 +161,30 @@ impl KeyState {
     }
 }
 
-/// Whose frames a link takes.
+/// Which frames a link accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Expected {
-    /// Our own system id: a frame with it is our own, come back.
+    /// Our own system id. One key signs both directions, so a reflected frame of ours verifies (pitfall 22).
     pub own_system: u8,
     /// The vehicle's system id.
     pub system: u8,
     /// The link id of the vehicle's component 1 on this link, once it is known.
     pub autopilot_link: Option<u8>,
-    /// The streams that are taken, where they are listed.
+    /// The streams that are accepted, where they are listed.
     pub only: AllowedStreams,
 }
 
-/// A list of the streams that are taken, at most [`AllowedStreams::MOST`]. Where it is empty, every stream of the
+/// A list of the streams that are accepted, at most [`AllowedStreams::MAX`]. Where it is empty, every stream of the
 /// expected system is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct AllowedStreams {
-    list: [Stream; Self::MOST],
+    list: [Stream; Self::MAX],
     len: usize,
 }
 
 impl AllowedStreams {
     /// The longest list.
-    pub const MOST: usize = 8;
+    pub const MAX: usize = 8;
 
     /// The empty list: every stream of the expected system.
     pub const ANY: Self = Self {
@@ -187,20 +192,20 @@ impl AllowedStreams {
             system: 0,
             component: 0,
             link: 0,
-        }; Self::MOST],
+        }; Self::MAX],
         len: 0,
     };
 
-    /// The streams of a list; `None` where there are more than [`AllowedStreams::MOST`].
+    /// The streams of a list; `None` where there are more than [`AllowedStreams::MAX`].
     #[must_use]
     pub fn listed(streams: &[Stream]) -> Option<Self> {
-        let mut talkers = Self::ANY;
-        talkers
+        let mut allowed = Self::ANY;
+        allowed
             .list
             .get_mut(..streams.len())?
             .copy_from_slice(streams);
-        talkers.len = streams.len();
-        Some(talkers)
+        allowed.len = streams.len();
+        Some(allowed)
     }
 
     /// The streams listed.
@@ -221,7 +226,7 @@ impl AllowedStreams {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum Refusal {
     /// It carries our own system id.
-    #[error("our own frame came back")]
+    #[error("our own system id")]
     Reflected,
     /// It is not from the vehicle.
     #[error("not from the vehicle's system")]
@@ -229,31 +234,31 @@ pub enum Refusal {
     /// Verified, but component 1 with another link id than the one it has on this link: a capture of another link.
     #[error("the autopilot does not use this link id here")]
     UnexpectedLink,
-    /// Its system, component and link id are not on the list of those that are taken.
+    /// Its system, component and link id are not on the list of accepted streams.
     #[error("system, component and link id are not on the list")]
     NotListed,
     /// It carries no signature.
     #[error("not signed")]
     Unsigned,
-    /// The signature does not fit the key.
+    /// It was not signed with the key.
     #[error("wrong signature")]
     BadSignature,
-    /// All places for streams are taken.
+    /// There is no place for another stream.
     #[error("too many streams under one key")]
     TableFull,
     /// The stamp is more than an hour beyond our base.
-    #[error("stamp too far ahead")]
+    #[error("timestamp too far ahead")]
     Future,
-    /// The stamp is at or below the floor or the last of its stream: a replay, late by reordering, or
-    /// a vehicle that has fallen back.
-    #[error("stamp not above the last")]
+    /// The timestamp is at or below the floor or the last of its stream: a replay, a reordered frame, or
+    /// a vehicle that has restarted.
+    #[error("stale timestamp")]
     Stale,
     /// The ceiling could not be raised to the stamp.
     #[error("the signing clock's ceiling could not be stored")]
     Ceiling,
 }
 
-/// A sender's stream: the stamps of each rise on their own.
+/// A sender's stream: the timestamps of each rise on their own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stream {
     /// Sending system, 1 to 255.
@@ -264,7 +269,7 @@ pub struct Stream {
     pub link: u8,
 }
 
-/// The last stamp of each stream. Nothing is ever evicted: a forgotten stream could be replayed.
+/// The last timestamp of each stream. Nothing is ever evicted: a stream that was dropped could be replayed.
 #[derive(Debug, Default)]
 struct Streams {
     entries: [(Stream, Stamp); STREAMS],
@@ -274,7 +279,8 @@ struct Streams {
 impl Streams {
     /// Where the stream is, or where a new one may go.
     ///
-    /// The last places are kept for component 1, so that other components can never lock it out.
+    /// The last places are reserved for component 1, so that other components can never lock it out (pitfall 7: the
+    /// table is full and an honest peer is refused).
     fn place(&self, name: Stream) -> Option<usize> {
         let known = self.entries[..self.len]
             .iter()

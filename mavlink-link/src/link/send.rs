@@ -1,11 +1,14 @@
 //! From messages to frames: numbered, stamped and signed at the moment they are sent.
+//!
+//! There is no queue of signed frames: a retry is encoded and signed again, since the same bytes sent twice would be
+//! refused as a replay (pitfall 2).
 
 use mavlink::Message as _;
 use thiserror::Error;
 
 use super::config::Security;
-use super::event::Alert;
 use super::machine::{Auth, Core, Link};
+use super::report::Alert;
 use crate::Now;
 use crate::dialect::MavMessage;
 use crate::frame::{
@@ -14,7 +17,7 @@ use crate::frame::{
 use crate::signing::clock::{ClockError, WallState};
 use crate::signing::{SignError, Stamp, sign};
 
-/// A frame that stands ready in the caller's buffer.
+/// A frame that is ready in the caller's buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sent<A> {
     /// Where it must go.
@@ -30,16 +33,16 @@ pub struct Sent<A> {
 /// Why a message cannot be sent now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum SendError {
-    /// Nobody has proved to be the vehicle yet.
-    #[error("the vehicle has not been heard, there is nowhere to send to")]
+    /// No frame of the vehicle has been accepted yet.
+    #[error("nothing received from the vehicle yet: its address is unknown")]
     NoPeer,
     /// The link is signed and no key was given.
-    #[error("the link is signed, but no key is at hand")]
+    #[error("the link is signed, and there is no key for it")]
     NoKey,
-    /// The signing clock gives no stamp.
+    /// The signing clock has no timestamp available.
     #[error(transparent)]
     Clock(#[from] ClockError),
-    /// The bytes given are no payload.
+    /// The bytes given are not a payload.
     #[error(transparent)]
     Encode(#[from] EncodeError),
     /// The frame has no room for its trailer.
@@ -48,11 +51,10 @@ pub enum SendError {
 }
 
 impl<A: Copy + Eq> Link<A> {
-    /// Writes a message to the peer into `out`. A retry must come here again: the same bytes sent
-    /// twice would be a replay.
+    /// Writes a message to the peer into `out`. For a retry call it again: the same bytes sent twice would be a replay.
     ///
     /// # Errors
-    /// There is no peer, no key, or no stamp to be had; nothing may be sent then.
+    /// There is no peer, no key, or no timestamp; nothing may be sent then.
     pub fn send(
         &mut self,
         now: Now,
@@ -65,7 +67,7 @@ impl<A: Copy + Eq> Link<A> {
     }
 
     /// Writes a message given by its id and payload, for one that the dialect does not have, such as
-    /// KEY_EXCHANGE. It goes to `to`, or to the peer. KEY_EXCHANGE alone leaves unsigned where there is no
+    /// KEY_EXCHANGE. It goes to `to`, or to the peer. KEY_EXCHANGE alone is sent unsigned where there is no
     /// key yet.
     ///
     /// # Errors
@@ -84,7 +86,7 @@ impl<A: Copy + Eq> Link<A> {
             .send_to(to, now, auth, Content::Raw(message_id, payload), out)
     }
 
-    /// The next heartbeat that is due, if any. Call it until it gives `None`, after each
+    /// The next heartbeat that is due, if any. Call it until it returns `None`, after each
     /// [`handle_datagram`](Self::handle_datagram) and [`handle_timeout`](Self::handle_timeout).
     pub fn poll_transmit(
         &mut self,
@@ -106,7 +108,7 @@ impl<A: Copy + Eq> Link<A> {
             .ok()?;
         core.stats.sent_heartbeats += 1;
         if let Some(stamp) = sent.stamp {
-            core.heartbeats.note(stamp, now.mono);
+            core.heartbeats.record(stamp, now.mono);
         }
         Some(sent)
     }
@@ -143,7 +145,7 @@ impl<A: Copy + Eq> Core<A> {
             Content::Message(msg) => msg.message_id(),
             Content::Raw(message_id, _) => message_id,
         };
-        // The exchange that makes the first key cannot be signed with it; it vouches for itself.
+        // The exchange that makes the first key cannot be signed with it; its messages authenticate themselves.
         let makes_key = message_id == KEY_EXCHANGE_ID && matches!(auth, Auth::Off);
         let signed = self.config.security == Security::Signed && !makes_key;
         let seq = self.seq;

@@ -1,4 +1,7 @@
-//! What frames of the vehicle prove.
+//! What received frames prove about the vehicle's key.
+//!
+//! A vehicle that signs forwards other people's unsigned HEARTBEATs (pitfall 24), so an unsigned heartbeat proves nothing;
+//! an unsigned message of another kind proves that the vehicle does not sign, if the address is the vehicle's.
 
 use core::time::Duration;
 
@@ -20,14 +23,13 @@ enum Proof {
 }
 
 impl<A: Copy + Eq> KeyRollover<A> {
-    /// Takes a datagram, or what a serial port had.
+    /// Takes a datagram, or a read of a serial port.
     pub fn handle_datagram(&mut self, now: Now, from: A, bytes: &[u8], store: &mut dyn Disk) {
         self.handle_and_pass(now, from, bytes, store, &mut |_, _| {});
     }
 
-    /// As [`handle_datagram`](Self::handle_datagram), for a relay: `pass` is given each frame of the vehicle
-    /// that was accepted, once, and the key that it verified under. Frames under the new key are only given
-    /// once it is committed.
+    /// As [`handle_datagram`](Self::handle_datagram), for a relay: `pass` receives each accepted frame of the vehicle
+    /// once, and the key that it verified under. Frames under the new key are passed only once it is committed.
     pub fn handle_and_pass(
         &mut self,
         now: Now,
@@ -36,7 +38,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         store: &mut dyn Disk,
         pass: &mut dyn FnMut(KeySlot, &FrameView<'_>),
     ) {
-        // Taken out while its frames are looked at; it is a few hundred bytes.
+        // Taken out while its frames are borrowed; it is a few hundred bytes.
         let mut parser = core::mem::take(&mut self.parser);
         let mut frames = parser.feed(bytes);
         while let Some(item) = frames.next() {
@@ -68,7 +70,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             return;
         }
         if header.component_id != AUTOPILOT {
-            // What hangs on the autopilot proves nothing of the autopilot's key.
+            // A camera or gimbal beside the autopilot proves nothing about the autopilot's key.
             match self.prove(now, frame, store) {
                 Proof::New if self.state == State::Committed => pass(KeySlot::New, frame),
                 Proof::Old(Some(_)) if self.state != State::Committed => pass(KeySlot::Old, frame),
@@ -88,7 +90,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             Proof::Old(stamp) => {
                 match stamp {
                     Some(_) => self.verified_from(now.mono, from),
-                    // Perhaps a replay: it moves no peer that is known.
+                    // It may be a replay: it does not move a known peer.
                     None => {
                         self.seen.future = self.seen.future.saturating_add(1);
                         self.peer.get_or_insert(from);
@@ -108,7 +110,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
                 }
             }
             Proof::Stale(under) => {
-                // It has fallen back, or it is a replay: a heartbeat goes there, and nothing else.
+                // The vehicle has restarted, or it is a replay: a heartbeat is sent there, and nothing else.
                 self.seen.first.get_or_insert(now.mono);
                 self.lift = Some((under, from));
             }
@@ -141,13 +143,14 @@ impl<A: Copy + Eq> KeyRollover<A> {
         {
             Some(Ok(stamp)) => Proof::Old(Some(stamp)),
             Some(Err(Refusal::Stale)) => Proof::Stale(KeySlot::Old),
-            // A clock that a holder of the key has dragged ahead is what a new key mends.
+            // A clock that somebody with the old key has dragged ahead is repaired by the new key.
             Some(Err(Refusal::Future)) => Proof::Old(None),
             _ => Proof::Foreign,
         }
     }
 
-    /// Another autopilot would take the key too: before anything is sent, that ends the handover.
+    /// Another autopilot would take the key too, since PX4 ignores the target fields of SETUP_SIGNING: before anything is
+    /// sent, that ends the rollover.
     fn watch_others(&mut self, system: u8, frame: &FrameView<'_>) {
         if !self.nothing_is_sent() {
             return;
@@ -161,14 +164,14 @@ impl<A: Copy + Eq> KeyRollover<A> {
     }
 
     /// Without a signature only an address counts that has verified, or that is configured; unless there is no key in
-    /// force that could verify, or somebody vouches for a vehicle that has lost it.
+    /// force that could verify, or it was confirmed from outside that the vehicle has lost its key.
     fn take_unsigned(&mut self, mono: Duration, from: A, message: Option<&MavMessage>) {
-        let vouched = self.old.is_none() || self.config.believe_unsigned;
+        let confirmed = self.old.is_none() || self.config.believe_unsigned;
         match self.peer {
             Some(peer) if peer == from => {}
-            None if vouched => {}
-            Some(_) if vouched && self.nothing_is_sent() => {
-                // Two who both say that they are the vehicle: the key would go to one of them.
+            None if confirmed => {}
+            Some(_) if confirmed && self.nothing_is_sent() => {
+                // Two addresses claim to be the vehicle: the key would be sent to one of them.
                 let system = self.config.link.vehicle_system;
                 self.events.push_back(Event::SeveralAutopilots { system });
                 return self.end(Outcome::SeveralAutopilots);
@@ -179,7 +182,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             }
         }
         let heartbeat = matches!(message, Some(MavMessage::HEARTBEAT(_)));
-        // Anyone's heartbeats are passed on by a vehicle that signs; other messages are not.
+        // PX4 forwards anybody's heartbeats even when it signs, but no other unsigned message.
         if !heartbeat {
             self.seen.unsigned = self.seen.unsigned.saturating_add(1);
         }
@@ -192,7 +195,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         }
     }
 
-    /// A frame that was accepted came from there.
+    /// An accepted frame came from there.
     fn verified_from(&mut self, mono: Duration, from: A) {
         self.peer = Some(from);
         self.seen.first.get_or_insert(mono);
@@ -203,7 +206,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         waiting && self.tries == 0 && self.outcome.is_none()
     }
 
-    /// What the vehicle says of itself.
+    /// What the vehicle reports: armed or not, and whether it refused the key while armed.
     fn read(&mut self, mono: Duration, message: Option<&MavMessage>) {
         match message {
             Some(MavMessage::HEARTBEAT(heartbeat)) => {
@@ -212,9 +215,9 @@ impl<A: Copy + Eq> KeyRollover<A> {
                     .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
                 self.seen.disarmed = (!armed).then_some(mono);
             }
-            Some(MavMessage::STATUSTEXT(text)) => {
-                let said = text.text.to_str().unwrap_or_default();
-                if said.contains("rejected while armed") && self.state == State::Sent {
+            Some(MavMessage::STATUSTEXT(data)) => {
+                let text = data.text.to_str().unwrap_or_default();
+                if text.contains("rejected while armed") && self.state == State::Sent {
                     self.seen.refused_armed = true;
                     self.events.push_back(Event::RefusedWhileArmed);
                 }

@@ -1,14 +1,15 @@
 //! Giving a vehicle a new signing key, without a state from which the link cannot come back by itself.
 //!
-//! PX4 answers SETUP_SIGNING with nothing that can be relied on, and takes the key or not. So two keys
-//! are held until a frame of the vehicle *verifies* under one of them: only that is proof. Promised:
+//! PX4 sends no acknowledgement of SETUP_SIGNING, only a STATUSTEXT, and takes the key or not. So two keys
+//! are held until a frame of the vehicle *verifies* under one of them: only that is proof (pitfall 14: signing is
+//! switched on before the peer has accepted the key, and the link is lost). Promised:
 //!
-//! - nothing is thrown away on silence: a vehicle that is not heard may have taken the key;
+//! - nothing is deleted on silence: a vehicle that sends nothing may have taken the key (pitfall 27);
 //! - the new key is given up only where frames of the vehicle, made after the last SETUP_SIGNING had
 //!   become a replay, have verified under the old key alone for half a minute;
-//! - every SETUP_SIGNING is signed with the key in force, while the vehicle says that it is disarmed,
-//!   and with a first stamp above every stamp seen;
-//! - stamps rise over both keys, for the vehicle keeps one table of streams for them.
+//! - every SETUP_SIGNING is signed with the key in force, while the vehicle reports that it is disarmed (PX4 refuses it
+//!   while armed), and with a first timestamp above every timestamp seen;
+//! - timestamps rise over both keys, since the vehicle keeps one table of streams for both.
 //!
 //! ```text
 //! STAGED -> WAIT_DISARM -> SENT -+-> COMMITTED              a frame verifies under the new key
@@ -20,6 +21,9 @@
 //!
 //! A process that dies on the way starts again in UNKNOWN, with the keys that are on disk: the caller
 //! stores the new key before [`KeyRollover::start`], and makes it the current one on [`Event::Commit`].
+//!
+//! Order of the parts: `rollover` is the machine, `evidence` draws conclusions from received frames, `send` writes
+//! heartbeats and SETUP_SIGNING.
 
 mod evidence;
 mod rollover;

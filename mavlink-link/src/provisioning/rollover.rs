@@ -1,4 +1,4 @@
-//! The machine: where a rollover stands, and what it concludes from frames and time.
+//! The machine: the state of a rollover, and what it concludes from frames and time.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -13,28 +13,28 @@ use crate::signing::clock::{Ceiling, Origin};
 use crate::signing::{KeyId, SigningKey};
 use crate::store::{Disk, Store as _, StoreError};
 
-/// The settings of a handover.
+/// The settings of a rollover.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct KeyRolloverConfig<A> {
-    /// The link: the same ids and link id as in flight, for the vehicle keeps every stream it hears.
+    /// The link: the same ids and link id as in flight, since the vehicle keeps every stream until it restarts.
     pub link: LinkConfig<A>,
     /// A date that cannot be in the future, such as that of the build.
     pub not_before: Stamp,
-    /// Whether the link may show the key: if not, it is only found out which key the vehicle has.
+    /// Whether the link may carry the key in the clear: if not, the rollover only finds out which key the vehicle has.
     pub may_send_key: bool,
-    /// Whether a vehicle that should sign is believed without a signature, from whatever address: a person, or the agent
-    /// beside it, says that it has lost its key. Otherwise only the address counts that has proved to be the vehicle.
+    /// Whether unsigned frames of a vehicle that should sign are believed, from any address: a person, or the agent
+    /// beside it, has confirmed that it lost its key. Otherwise only the address counts that has proved to be the vehicle.
     pub believe_unsigned: bool,
 }
 
-/// Where a handover stands.
+/// The state of a rollover.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum State {
-    /// The new key is on disk; for 10 s nobody but the one vehicle may be heard.
+    /// The new key is on disk; for 10 s only the one vehicle may be on the link.
     Staged,
-    /// Waits for the vehicle's word that it is disarmed.
+    /// Waiting until the vehicle reports that it is disarmed.
     WaitDisarm,
-    /// SETUP_SIGNING is out, and heartbeats under both keys.
+    /// SETUP_SIGNING has been sent; heartbeats under both keys ask which one is in use.
     Sent,
     /// The vehicle signs with the new key.
     Committed,
@@ -46,10 +46,10 @@ pub enum State {
     Unknown,
 }
 
-/// Something to do or to tell.
+/// Something for the caller to do or to report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
-    /// It has moved to this state.
+    /// The new state.
     State(State),
     /// Another autopilot is on the link, or the same one from two addresses; nothing is sent while there are two.
     SeveralAutopilots {
@@ -60,13 +60,13 @@ pub enum Event {
     RefusedWhileArmed,
     /// Make the new key the current one on disk, and the current one the previous.
     Commit,
-    /// The vehicle had the new key and has it no more: its power was cut while it wrote its key file.
+    /// The vehicle had the new key and has lost it: its power was cut while it wrote its key file (pitfall 23).
     FellBack,
-    /// It is over.
+    /// The rollover has ended.
     Ended(Outcome),
 }
 
-/// How a handover ended. Silence is no end.
+/// How a rollover ended. Silence does not end it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// The vehicle has the new key.
@@ -79,18 +79,18 @@ pub enum Outcome {
     SeveralAutopilots,
 }
 
-/// Why a handover cannot begin.
+/// Why a rollover cannot begin.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum StartError {
     /// The clock of the new key cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// No frame could tell which of the two it was signed with.
-    #[error("the new key is the current one, expected another")]
+    /// No frame could prove which of the two it was signed with.
+    #[error("the new key equals the current key, expected a different one")]
     SameKey,
 }
 
-/// One handover of one key to one vehicle. `A` is an address.
+/// The rollover of one vehicle from one key to another. `A` is an address.
 #[derive(Debug)]
 pub struct KeyRollover<A> {
     pub(super) config: KeyRolloverConfig<A>,
@@ -109,14 +109,14 @@ pub struct KeyRollover<A> {
     /// The next alternating heartbeat goes under the new key.
     pub(super) new_next: bool,
     pub(super) setup_due: bool,
-    /// Where a frame came from that verified and was behind.
+    /// Where a verified frame with a stale timestamp came from.
     pub(super) lift: Option<(KeySlot, A)>,
     pub(super) lifted_at: Option<Duration>,
     pub(super) events: VecDeque<Event>,
     pub(super) outcome: Option<Outcome>,
 }
 
-/// The key to be handed over.
+/// The key to be installed.
 #[derive(Debug)]
 pub(super) enum NewKey {
     /// Never sent: nothing can have been signed with it.
@@ -125,16 +125,16 @@ pub(super) enum NewKey {
     Offered(Box<KeyState>),
 }
 
-/// Which key a frame goes or came under.
+/// Which key a frame is signed with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum KeySlot {
     /// The key in force so far.
     Old,
-    /// The key that is handed over.
+    /// The key to be installed.
     New,
 }
 
-/// What has been heard of the vehicle.
+/// What has been received from the vehicle.
 #[derive(Debug, Default)]
 pub(super) struct Seen {
     /// The first believed frame.
@@ -150,22 +150,22 @@ pub(super) struct Seen {
     /// Frames under the old key with stamps beyond what is followed: its clock was dragged ahead, or they are replays
     /// from when it was. They show that the key was perhaps not taken, never that it was refused.
     pub(super) future: u32,
-    /// Frames in the vehicle's name under neither key.
+    /// Frames under the vehicle's system id, signed with neither key.
     pub(super) foreign: u64,
-    /// Frames in the vehicle's name, without a signature, from where nothing has verified.
+    /// Frames under the vehicle's system id without a signature, from an address where nothing has verified.
     pub(super) disbelieved: u64,
-    /// When it last said that it is disarmed; `None` once it says armed.
+    /// When it last reported disarmed; `None` once it reports armed.
     pub(super) disarmed: Option<Duration>,
-    /// It said that it refuses while armed.
+    /// It reported that it refuses while armed.
     pub(super) refused_armed: bool,
     /// Stamp of our first heartbeat under the old key after the last SETUP_SIGNING.
     pub(super) mark: Option<Stamp>,
 }
 
 impl<A: Copy + Eq> KeyRollover<A> {
-    /// Begins, or goes on where an earlier process was ended: a key that the store has a clock of has
-    /// been sent before, so nothing is known of it, and the state is [`State::Unknown`]. So it is where
-    /// the key may not be sent from here.
+    /// Begins, or continues where an earlier process ended: a key of which the store has a clock may have
+    /// been sent before, so the state is [`State::Unknown`]. It is also `Unknown` where the key may not be sent from
+    /// here.
     ///
     /// `new` must be on disk already.
     ///
@@ -181,7 +181,8 @@ impl<A: Copy + Eq> KeyRollover<A> {
         if old.as_ref().is_some_and(|old| old.key().same_as(&new)) {
             return Err(StartError::SameKey);
         }
-        // Who may not send the key only asks, and cannot tell a key that was never sent from one whose clock was lost.
+        // A rollover that may not send the key only asks which one is in use, and cannot distinguish a key that was
+        // never sent from one whose clock was lost.
         let known = !config.may_send_key || store.load::<Ceiling>(&new.id())?.is_some();
         let (new, state) = if known {
             let key = KeyState::start(new, Origin::KeyFile, config.not_before, now, store)?;
@@ -214,25 +215,25 @@ impl<A: Copy + Eq> KeyRollover<A> {
         })
     }
 
-    /// Where it stands.
+    /// The state.
     #[must_use]
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// When it came to its state, in the caller's monotonic time.
+    /// When it entered its state, in the caller's monotonic time.
     #[must_use]
     pub fn entered_at(&self) -> Duration {
         self.entered
     }
 
-    /// How it ended, once it has. Heartbeats go on; a vehicle that loses the key again takes the end back.
+    /// How it ended, once it has. Heartbeats continue; a vehicle that loses the key again reopens the rollover.
     #[must_use]
     pub fn outcome(&self) -> Option<Outcome> {
         self.outcome
     }
 
-    /// Names the key that is handed over.
+    /// The name of the new key.
     #[must_use]
     pub fn new_id(&self) -> KeyId {
         match &self.new {
@@ -241,39 +242,39 @@ impl<A: Copy + Eq> KeyRollover<A> {
         }
     }
 
-    /// Whom it talks to, once that is known.
+    /// The vehicle's address, once it is known.
     #[must_use]
     pub fn peer(&self) -> Option<A> {
         self.peer
     }
 
-    /// Frames in the vehicle's name that neither key has signed: it may have a third one.
+    /// Frames under the vehicle's system id that neither key has signed: it may have a third one.
     #[must_use]
     pub fn foreign_frames(&self) -> u64 {
         self.seen.foreign
     }
 
-    /// Frames in the vehicle's name without a signature that were not believed: it may have lost its key.
+    /// Unsigned frames under the vehicle's system id that were not believed: it may have lost its key.
     #[must_use]
     pub fn disbelieved_frames(&self) -> u64 {
         self.seen.disbelieved
     }
 
-    /// Whether the vehicle has not taken the key and signs with stamps far ahead of what is followed, or what speaks in its
-    /// name are recordings from when it did. Whoever dragged its clock may have done it on our own stream: then it takes
-    /// nothing of ours before it has restarted.
+    /// Whether the vehicle has not taken the key and signs with timestamps further ahead than is followed, or recordings
+    /// from when it did are replayed. If its clock was dragged ahead on our own stream, it accepts nothing of ours before
+    /// it has restarted.
     #[must_use]
     pub fn is_dragged(&self) -> bool {
         self.clock_is_dragged()
     }
 
-    /// Whether anything of the vehicle has been believed.
+    /// Whether any frame of the vehicle has been believed.
     #[must_use]
-    pub fn has_heard(&self) -> bool {
+    pub fn has_received(&self) -> bool {
         self.seen.first.is_some()
     }
 
-    /// One of the two keys with its clock, lent to whoever verifies others by it meanwhile. There is none
+    /// One of the two keys with its clock, for a caller that verifies other frames with it meanwhile. There is none
     /// for a vehicle that did not sign, and no new one before it has been sent.
     pub fn key_mut(&mut self, under: KeySlot) -> Option<&mut KeyState> {
         match (under, &mut self.new) {
@@ -283,14 +284,13 @@ impl<A: Copy + Eq> KeyRollover<A> {
         }
     }
 
-    /// Whether nothing has been sent of the new key, by this process or one before it: it may be exchanged for
-    /// another.
+    /// Whether the new key has never been sent, by this process or one before it: it may be replaced by another.
     #[must_use]
     pub fn is_unsent(&self) -> bool {
         matches!(self.new, NewKey::Staged(_))
     }
 
-    /// A copy of the key that is handed over.
+    /// A copy of the new key.
     #[must_use]
     pub fn new_key(&self) -> SigningKey {
         match &self.new {
@@ -305,7 +305,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         self.old.as_ref().map(|old| old.key().duplicate())
     }
 
-    /// The key in force so far, taken back from a handover whose key has not been sent.
+    /// The key in force so far, taken back from a rollover whose new key has not been sent.
     #[must_use]
     pub fn into_old(self) -> Option<KeyState> {
         self.old
@@ -321,12 +321,12 @@ impl<A: Copy + Eq> KeyRollover<A> {
         }
     }
 
-    /// The next thing to tell or to do, in order.
+    /// The next event, in order.
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
 
-    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
+    /// When [`handle_timeout`](Self::handle_timeout) is next needed, in monotonic time.
     #[must_use]
     pub fn poll_timeout(&self) -> Duration {
         let decision = match self.state {
@@ -353,10 +353,10 @@ impl<A: Copy + Eq> KeyRollover<A> {
         self.decide(now.mono);
     }
 
-    /// Moves on where what has been seen, or the time, says so.
+    /// Enters the next state where the evidence or the time requires it.
     pub(super) fn decide(&mut self, mono: Duration) {
         if self.outcome == Some(Outcome::Committed) && self.not_taken(mono) {
-            // It had the key and lost it: its power was cut before its file was on its disk.
+            // It had the key and lost it: PX4 lost power before its key file was written.
             (self.outcome, self.tries) = (None, 0);
             self.events.push_back(Event::FellBack);
             self.again(mono);
@@ -403,14 +403,14 @@ impl<A: Copy + Eq> KeyRollover<A> {
                 }
             }
             State::RolledBack if in_state >= GIVE_UP => {
-                let heard = self
+                let still_old = self
                     .seen
                     .old
-                    .is_some_and(|at| mono.saturating_sub(at) < HEARD_LATELY);
-                if heard {
+                    .is_some_and(|at| mono.saturating_sub(at) < RECENTLY);
+                if still_old {
                     self.end(Outcome::RolledBack);
                 } else {
-                    // Silence is no refusal, here either.
+                    // Silence is not a refusal, here either.
                     self.enter(State::Unknown, mono);
                 }
             }
@@ -423,26 +423,27 @@ impl<A: Copy + Eq> KeyRollover<A> {
         }
     }
 
-    /// Whether frames show that the vehicle has not taken the key: two under the old key that are newer
-    /// than what could still have been on its way, or two unsigned where nothing verifies. Whoever may only
-    /// ask decides nothing by what is unsigned: the key could not be given to a vehicle that has none.
+    /// Whether frames prove that the vehicle has not taken the key: two under the old key that are newer
+    /// than what could still have been in flight, or two unsigned where nothing verifies. A rollover that may not send
+    /// the key concludes nothing from unsigned frames: it could not give the key to a vehicle that has none.
     pub(super) fn not_taken(&self, mono: Duration) -> bool {
         self.seen.old_newer >= 2 || (self.config.may_send_key && self.vehicle_is_open(mono))
     }
 
-    /// Frames under the old key are beyond what can be followed, so none can be newer than a stamp of ours: the key is
-    /// sent again, since it mends that.
+    /// Frames under the old key are stamped further ahead than can be followed, so none proves to be newer than a
+    /// timestamp of ours. The key is sent again: it comes
+    /// with a new initial timestamp, which repairs that.
     pub(super) fn clock_is_dragged(&self) -> bool {
         self.config.may_send_key && self.seen.future >= 2
     }
 
-    /// The vehicle sends unsigned, more than heartbeats: it has no key, or has lost it.
+    /// The vehicle sends unsigned frames other than heartbeats: it has no key, or has lost it.
     #[must_use]
     pub fn vehicle_is_open(&self, mono: Duration) -> bool {
         let verified_lately = self
             .seen
             .verified
-            .is_some_and(|at| mono.saturating_sub(at) < HEARD_LATELY);
+            .is_some_and(|at| mono.saturating_sub(at) < RECENTLY);
         self.seen.unsigned >= 2 && !verified_lately
     }
 
@@ -453,13 +454,13 @@ impl<A: Copy + Eq> KeyRollover<A> {
             self.tries = self.tries.saturating_sub(1);
         }
         if self.tries < TRIES && self.config.may_send_key {
-            // A word from before the last try says nothing of now.
+            // A report from before the last try may be out of date.
             self.seen.disarmed = None;
             self.enter(State::WaitDisarm, mono);
         } else if self.seen.old_newer >= 2 {
             self.enter(State::RolledBack, mono);
         } else if self.clock_is_dragged() {
-            // Frames that far ahead can be replays, so nothing is given up; it is tried again later.
+            // Frames that far ahead can be replays, so nothing is given up; retried later.
             self.enter(State::Unknown, mono);
         } else {
             self.end(Outcome::NeverSigns);
@@ -471,7 +472,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         let mono = now.mono;
         if self.state != State::Committed {
             self.enter(State::Committed, mono);
-            // Only what is said from now on can show that the key was lost again.
+            // Only frames received from now on can prove that the key was lost again.
             (self.seen.old_newer, self.seen.unsigned) = (0, 0);
             self.seen.mark = match &self.new {
                 NewKey::Offered(new) => Some(new.clock().reading(now)),
@@ -497,13 +498,13 @@ impl<A: Copy + Eq> KeyRollover<A> {
 
 /// How long only one autopilot must have been on the link: PX4 does not check whom a key is for.
 const ALONE: Duration = Duration::from_secs(10);
-/// How long the vehicle's word that it is disarmed holds.
+/// How long a report of the vehicle that it is disarmed is valid.
 const DISARMED_LIFE: Duration = Duration::from_millis(1_500);
-/// How long after SETUP_SIGNING the frames are judged.
+/// How long after SETUP_SIGNING its effect is judged.
 const SETTLE: Duration = Duration::from_secs(2);
 const TRIES: u8 = 3;
 /// How long UNKNOWN asks at 5 Hz before it asks slowly.
 pub(super) const ASK_FAST_FOR: Duration = Duration::from_secs(60);
-/// How long frames under the old key alone must go on before the new one is given up.
+/// How long frames must come under the old key alone before the new one is given up.
 const GIVE_UP: Duration = Duration::from_secs(30);
-const HEARD_LATELY: Duration = Duration::from_secs(2);
+const RECENTLY: Duration = Duration::from_secs(2);

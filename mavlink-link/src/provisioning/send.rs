@@ -1,4 +1,4 @@
-//! What goes out: heartbeats under the key that is asked about, and SETUP_SIGNING.
+//! What is sent: heartbeats under either key, which ask the vehicle which one it uses, and SETUP_SIGNING.
 
 use core::time::Duration;
 
@@ -13,20 +13,20 @@ use crate::signing::clock::{ClockError, Origin};
 use crate::signing::{Stamp, sign};
 use crate::store::Disk;
 
-/// A frame that stands ready in the caller's buffer.
+/// A frame that is ready in the caller's buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Transmit<A> {
     /// Where it must go.
     pub to: A,
     /// Its bytes in the buffer.
     pub len: usize,
-    /// It holds a key: never record it, and wipe the buffer once it is sent.
+    /// It holds a key: never record or log it, and wipe the buffer once it is sent.
     pub secret: bool,
 }
 
 impl<A: Copy + Eq> KeyRollover<A> {
-    /// The next frame that is due, if any. Call it until it gives `None`, after each call of the other
-    /// two.
+    /// The next frame that is due, if any. Call it until it returns `None`, after each call of
+    /// [`handle_datagram`](Self::handle_datagram) and [`handle_timeout`](Self::handle_timeout).
     pub fn poll_transmit(
         &mut self,
         now: Now,
@@ -34,14 +34,14 @@ impl<A: Copy + Eq> KeyRollover<A> {
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit<A>> {
         if let (true, Some(to)) = (self.setup_due, self.peer) {
-            // What cannot be stamped now, because the disk fails, is tried again with the next call.
+            // If the disk fails there is no timestamp: tried again with the next call.
             let len = self.setup_signing(now, store, out).ok()?;
             self.setup_due = false;
             self.entered = now.mono;
             self.tries += 1;
             (self.seen.old_newer, self.seen.unsigned, self.seen.future) = (0, 0, 0);
             (self.seen.mark, self.seen.refused_armed) = (None, false);
-            // Both keys are asked about at once.
+            // Heartbeats under both keys follow at once.
             (self.heartbeat_at, self.new_next) = (now.mono, false);
             return Some(Transmit {
                 to,
@@ -58,8 +58,8 @@ impl<A: Copy + Eq> KeyRollover<A> {
         })
     }
 
-    /// KeySlot which key one is due, and where to. A vehicle that has fallen back is lifted where it was heard: that
-    /// proves nothing of the address, and it gets a heartbeat and nothing else.
+    /// Under which key a heartbeat is due, and where to. A stale frame gets its heartbeat at the address that it came
+    /// from, which lifts a vehicle that has restarted. The address is not proved by it and gets nothing else.
     fn next_heartbeat(&mut self, mono: Duration) -> Option<(KeySlot, A)> {
         let may_lift = self
             .lifted_at
@@ -136,7 +136,8 @@ impl<A: Copy + Eq> KeyRollover<A> {
         payload[10..].copy_from_slice(new.key().expose());
         let signed = self.old.is_some();
         let header = self.header(SETUP_SIGNING_ID, signed);
-        // The dialect knows the message and 42 bytes fit, so this cannot fail.
+        // Not `encode`: a SETUP_SIGNING_DATA would be another copy of the key, which is not wiped. The dialect knows the
+        // message and 42 bytes fit, so this cannot fail.
         let len = encode_raw(header, &*payload, out).map_err(|_| ClockError::Ceiling)?;
         if !signed {
             return Ok(len);
@@ -145,8 +146,8 @@ impl<A: Copy + Eq> KeyRollover<A> {
         Ok(self.sign(KeySlot::Old, stamp, out, len))
     }
 
-    /// Starts the new key's clock, and gives its first stamp: above every one seen or sent, and stored
-    /// before anything leaves.
+    /// Starts the new key's clock, and returns its first timestamp: above every one seen or sent, and stored
+    /// before anything is sent.
     fn offer(&mut self, now: Now, store: &mut dyn Disk) -> Result<Stamp, ClockError> {
         let seen = self
             .old
@@ -155,15 +156,15 @@ impl<A: Copy + Eq> KeyRollover<A> {
         if let NewKey::Staged(key) = &self.new {
             let key = key.duplicate();
             let wall = Stamp::from_unix(now.wall).max(self.config.not_before);
-            // The wall clock alone is believed only where there is no clock of an older key.
+            // The wall clock alone is trusted only where there is no clock of an older key.
             let base = if self.old.is_some() { seen } else { wall };
             let initial = base.next().ok_or(ClockError::Exhausted)?;
             let origin = Origin::Provisioned { initial };
             let started = KeyState::start(key, origin, self.config.not_before, now, store)
                 .map_err(|_| ClockError::Ceiling)?;
             let mut started = Box::new(started);
-            // From here on the store knows the key: whoever starts again knows that it may be out. A
-            // clock that has just begun writes nothing before it goes beyond its start.
+            // From here on the store knows the key, so a process that starts again knows that it may have been sent. A
+            // clock that has just started writes nothing until it passes its start value, so it is moved one beyond.
             let beyond = started.clock().ceiling().next();
             started.follow(beyond.ok_or(ClockError::Exhausted)?, now, store)?;
             self.new = NewKey::Offered(started);
@@ -178,7 +179,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         Ok(initial)
     }
 
-    /// A stamp for one key that the other can never use again: the vehicle has one table for both.
+    /// A timestamp for one key that the other will never use: the vehicle has one table of streams for both.
     fn take_stamp(
         &mut self,
         under: KeySlot,

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 /// First in, first out; what does not fit is refused and counted.
 ///
-/// Every service repeats what matters, so a refused message is a lost message and nothing more.
+/// Every service retries what matters, so a refused message is no worse than a lost one.
 #[derive(Clone, Debug)]
 pub struct Bounded<T> {
     entries: VecDeque<T>,
@@ -22,7 +22,7 @@ impl<T> Bounded<T> {
         }
     }
 
-    /// Appends, and says whether there was room.
+    /// Appends; returns whether there was room.
     pub fn push(&mut self, entry: T) -> bool {
         let room = self.entries.len() < self.capacity;
         if room {
@@ -48,7 +48,7 @@ impl<T> Bounded<T> {
         self.entries.back_mut()
     }
 
-    /// Forgets every entry.
+    /// Removes every entry.
     pub fn clear(&mut self) {
         self.entries.clear();
     }

@@ -1,13 +1,13 @@
 //! Commands, one outstanding at a time, each repeated until COMMAND_ACK answers it.
 //!
-//! What PX4 v1.18 does with repeats: it pays no heed to COMMAND_LONG.confirmation and executes
-//! a repeated command again, with a COMMAND_ACK each time. Therefore a [`Command`] says whether
+//! What PX4 v1.18 does with repeats: it ignores COMMAND_LONG.confirmation and executes
+//! a repeated command again, with a COMMAND_ACK each time. Therefore a [`Command`] states whether
 //! it may be repeated, and one that may not is sent once. An acknowledgement names the command
 //! and nothing else: after a command that was sent more than once the next of the same number
-//! waits until the surplus acknowledgements have come, or can come no more.
+//! waits until the surplus acknowledgements have arrived, or can no longer arrive.
 //!
 //! An accepted command proves little (PX4 accepts modes that it does not enter): the caller
-//! looks at the vehicle's state.
+//! checks the vehicle's state.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -30,7 +30,7 @@ pub struct Timing {
     pub last_answer: Duration,
     /// Wait for COMMAND_ACK of a command that may not be repeated.
     pub answer_once: Duration,
-    /// Wait after each MAV_RESULT_IN_PROGRESS for the next word.
+    /// Wait after each MAV_RESULT_IN_PROGRESS for the next report.
     pub progress: Duration,
     /// Wait for the end of a command in progress, whatever progress it reports.
     pub progress_total: Duration,
@@ -78,7 +78,7 @@ pub enum Payload {
     },
 }
 
-/// One command, apart from whom it is for.
+/// One command, without its target.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Command {
     /// MAV_CMD
@@ -89,15 +89,15 @@ pub struct Command {
     pub repetition: Repetition,
 }
 
-/// Names a submitted command in its events.
+/// Identifies a submitted command in its events.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub struct Ticket(u64);
 
-/// Why a command was not taken.
+/// Why a command was not accepted for sending.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum SubmitError {
     /// Too many wait already, or too many events are unread.
-    #[error("{0} commands wait already")]
+    #[error("{0} commands are waiting already")]
     Full(usize),
 }
 
@@ -111,16 +111,16 @@ pub enum Outcome {
         /// COMMAND_ACK.result_param2
         result_param2: i32,
     },
-    /// No answer to any try; it may have been executed all the same.
+    /// No answer to any try; it may have been executed nevertheless.
     NoAnswer {
         /// How often it was sent.
         tries: u8,
     },
-    /// The caller withdrew it; if it was sent, it may be executed all the same.
+    /// The caller withdrew it; if it was sent, it may be executed nevertheless.
     Withdrawn,
 }
 
-/// What a [`Client`] tells its caller.
+/// What a [`Client`] reports.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Event {
     /// MAV_RESULT_IN_PROGRESS. An unread one of the same command is replaced.
@@ -138,7 +138,7 @@ pub enum Event {
         command: MavCmd,
         /// How it ended.
         outcome: Outcome,
-        /// Who was asked, and therefore who answered.
+        /// The node that the command was sent to, and therefore that answered.
         from: Node,
     },
 }
@@ -191,7 +191,10 @@ impl Client {
         }
     }
 
-    /// Takes a command to be sent when its turn comes.
+    /// Queues a command.
+    ///
+    /// # Errors
+    /// Too many commands are waiting, or too many events are unread.
     pub fn submit(&mut self, now: Duration, command: Command) -> Result<Ticket, SubmitError> {
         let pending = self.pending();
         if pending >= MAX_WAITING || pending + self.events.len() >= MAX_EVENTS / 2 {
@@ -221,7 +224,7 @@ impl Client {
         self.waiting.len() + usize::from(self.active.is_some())
     }
 
-    /// Takes a message of `from`; `fresh` is false when its signing stamp may be a replay.
+    /// Takes a message of `from`; `fresh` is false when it may be a replay.
     ///
     /// Returns whether it was the answer to the outstanding command.
     pub fn handle_message(
@@ -355,7 +358,7 @@ impl Client {
         });
     }
 
-    /// Sends the next command, if none is outstanding and no late answer could be taken for its.
+    /// Sends the next command, if none is outstanding and no late answer could be mistaken for its own.
     fn advance(&mut self, now: Duration) {
         if self.active.is_some() {
             return;

@@ -1,8 +1,8 @@
-//! Asks the vehicle for messages at given rates, by MAV_CMD_SET_MESSAGE_INTERVAL.
+//! Requests messages at given rates, by MAV_CMD_SET_MESSAGE_INTERVAL.
 //!
-//! Sits on top of a [`command::Client`], which has one command outstanding. PX4 forgets rates
-//! when it restarts, so that the caller says when to ask again; an id that the vehicle refused
-//! is remembered and left alone.
+//! Uses a [`command::Client`], which has one command outstate. PX4 forgets rates
+//! when it restarts, so the caller decides when to request them again; an id that the vehicle refused
+//! is not requested again.
 
 use std::time::Duration;
 
@@ -10,12 +10,12 @@ use mavlink::dialects::development::{MavCmd, MavResult};
 
 use super::command::{self, Command, Outcome, Payload, Repetition, Ticket};
 
-/// How often a message shall come.
+/// How often the vehicle is to send a message.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Rate {
-    /// So many a second, above 0.
+    /// So many per second, above 0.
     Hz(f32),
-    /// As the vehicle thinks best.
+    /// The vehicle's own default.
     Default,
     /// Never.
     Off,
@@ -32,115 +32,114 @@ impl Rate {
     }
 }
 
-/// How far a wish has come.
+/// The state of one request.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Standing {
-    /// To be asked for.
+pub enum RequestState {
+    /// Not sent yet.
     Pending,
-    /// Asked for, not answered.
-    Asked,
-    /// The vehicle agreed.
+    /// Sent, not answered.
+    Sent,
+    /// The vehicle accepted.
     Granted,
-    /// The vehicle refused, and is not asked again: MAV_RESULT_FAILED is PX4's word for an id
-    /// that it does not know.
+    /// The vehicle refused; not sent again. PX4 answers MAV_RESULT_FAILED for an id that it does not know.
     Refused(MavResult),
 }
 
-/// A list of messages and rates, and how far the vehicle has agreed to it.
+/// A list of messages and rates, and what the vehicle answered to each.
 #[derive(Clone, Debug)]
 pub struct Intervals {
-    wishes: Vec<Wish>,
-    outstanding: Option<(Ticket, usize)>,
+    requests: Vec<Request>,
+    outstate: Option<(Ticket, usize)>,
     /// No command before this: the last one had no answer.
     not_before: Duration,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Wish {
+struct Request {
     id: u32,
     rate: Rate,
-    standing: Standing,
+    state: RequestState,
 }
 
 impl Intervals {
-    /// Wishes for the message ids, all pending. A repeated id counts as another wish.
-    pub fn new(wishes: impl IntoIterator<Item = (u32, Rate)>) -> Self {
-        let wishes = wishes
+    /// Requests for these message ids, all pending. A repeated id counts as another request.
+    pub fn new(requests: impl IntoIterator<Item = (u32, Rate)>) -> Self {
+        let requests = requests
             .into_iter()
-            .map(|(id, rate)| Wish {
+            .map(|(id, rate)| Request {
                 id,
                 rate,
-                standing: Standing::Pending,
+                state: RequestState::Pending,
             })
             .collect();
         Self {
-            wishes,
-            outstanding: None,
+            requests,
+            outstate: None,
             not_before: Duration::ZERO,
         }
     }
 
-    /// One more wish, in place of an earlier one for the same message id.
-    pub fn wish(&mut self, id: u32, rate: Rate) {
-        if let Some(wish) = self.wishes.iter_mut().find(|wish| wish.id == id) {
-            if wish.rate != rate {
-                *wish = Wish {
+    /// One more request, in place of an earlier one for the same message id.
+    pub fn request(&mut self, id: u32, rate: Rate) {
+        if let Some(request) = self.requests.iter_mut().find(|request| request.id == id) {
+            if request.rate != rate {
+                *request = Request {
                     id,
                     rate,
-                    standing: Standing::Pending,
+                    state: RequestState::Pending,
                 };
             }
             return;
         }
-        self.wishes.push(Wish {
+        self.requests.push(Request {
             id,
             rate,
-            standing: Standing::Pending,
+            state: RequestState::Pending,
         });
     }
 
-    /// Asks for everything again, except what was refused: the vehicle restarted or was silent.
-    pub fn ask_again(&mut self) {
-        for wish in &mut self.wishes {
-            if !matches!(wish.standing, Standing::Refused(_)) {
-                wish.standing = Standing::Pending;
+    /// Requests everything again, except what was refused: the vehicle restarted or was silent.
+    pub fn request_again(&mut self) {
+        for request in &mut self.requests {
+            if !matches!(request.state, RequestState::Refused(_)) {
+                request.state = RequestState::Pending;
             }
         }
-        // An answer that is still to come is to the question before the restart.
-        self.outstanding = None;
+        // An answer that still arrives belongs to the request before the restart.
+        self.outstate = None;
         self.not_before = Duration::ZERO;
     }
 
-    /// Forgets refusals too: there is another vehicle, or another firmware.
-    pub fn ask_anew(&mut self) {
-        for wish in &mut self.wishes {
-            wish.standing = Standing::Pending;
+    /// Requests what was refused too: there is another vehicle, or another firmware.
+    pub fn request_all_again(&mut self) {
+        for request in &mut self.requests {
+            request.state = RequestState::Pending;
         }
-        self.ask_again();
+        self.request_again();
     }
 
-    /// Submits the next wish, if none is outstanding. Call it after anything else was called.
+    /// Submits the next request, if none is outstate. Call it after every other call.
     pub fn advance(&mut self, now: Duration, commands: &mut command::Client) {
-        if self.outstanding.is_some() || now < self.not_before {
+        if self.outstate.is_some() || now < self.not_before {
             return;
         }
-        let Some((place, wish)) = self
-            .wishes
+        let Some((place, request)) = self
+            .requests
             .iter_mut()
             .enumerate()
-            .find(|(_, wish)| wish.standing == Standing::Pending)
+            .find(|(_, request)| request.state == RequestState::Pending)
         else {
             return;
         };
-        if let Ok(ticket) = commands.submit(now, set_message_interval(wish.id, wish.rate)) {
-            wish.standing = Standing::Asked;
-            self.outstanding = Some((ticket, place));
+        if let Ok(ticket) = commands.submit(now, set_message_interval(request.id, request.rate)) {
+            request.state = RequestState::Sent;
+            self.outstate = Some((ticket, place));
         } else {
             self.not_before = now + PAUSE;
         }
     }
 
-    /// Takes an event of the command client; returns whether it was about a wish.
+    /// Takes an event of the command client; returns whether it was about a request.
     pub fn handle_event(&mut self, now: Duration, event: &command::Event) -> bool {
         let command::Event::Done {
             ticket, outcome, ..
@@ -148,24 +147,24 @@ impl Intervals {
         else {
             return false;
         };
-        let Some((_, place)) = self.outstanding.take_if(|(ours, _)| ours == ticket) else {
+        let Some((_, place)) = self.outstate.take_if(|(ours, _)| ours == ticket) else {
             return false;
         };
-        let Some(wish) = self.wishes.get_mut(place) else {
+        let Some(request) = self.requests.get_mut(place) else {
             return true;
         };
-        wish.standing = match *outcome {
+        request.state = match *outcome {
             Outcome::Answered { result, .. } => match result {
-                MavResult::MAV_RESULT_ACCEPTED => Standing::Granted,
+                MavResult::MAV_RESULT_ACCEPTED => RequestState::Granted,
                 MavResult::MAV_RESULT_TEMPORARILY_REJECTED => {
                     self.not_before = now + PAUSE;
-                    Standing::Pending
+                    RequestState::Pending
                 }
-                result => Standing::Refused(result),
+                result => RequestState::Refused(result),
             },
             Outcome::NoAnswer { .. } | Outcome::Withdrawn => {
                 self.not_before = now + PAUSE;
-                Standing::Pending
+                RequestState::Pending
             }
         };
         true
@@ -173,26 +172,29 @@ impl Intervals {
 
     /// When [`Intervals::advance`] is next needed, apart from events.
     pub fn poll_timeout(&self) -> Option<Duration> {
-        let wants = |wish: &Wish| wish.standing == Standing::Pending;
-        (self.outstanding.is_none() && self.wishes.iter().any(wants)).then_some(self.not_before)
+        let wants = |request: &Request| request.state == RequestState::Pending;
+        (self.outstate.is_none() && self.requests.iter().any(wants)).then_some(self.not_before)
     }
 
-    /// Whether the vehicle has agreed to or refused every wish.
+    /// Whether the vehicle has accepted or refused every request.
     pub fn is_settled(&self) -> bool {
-        self.wishes
-            .iter()
-            .all(|wish| matches!(wish.standing, Standing::Granted | Standing::Refused(_)))
+        self.requests.iter().all(|request| {
+            matches!(
+                request.state,
+                RequestState::Granted | RequestState::Refused(_)
+            )
+        })
     }
 
-    /// Every wish and how far it has come.
-    pub fn standings(&self) -> impl Iterator<Item = (u32, Rate, Standing)> + '_ {
-        self.wishes
+    /// Every request and its state.
+    pub fn states(&self) -> impl Iterator<Item = (u32, Rate, RequestState)> + '_ {
+        self.requests
             .iter()
-            .map(|wish| (wish.id, wish.rate, wish.standing))
+            .map(|request| (request.id, request.rate, request.state))
     }
 }
 
-/// After a wish without an answer: the link is bad or the vehicle away.
+/// After a request without an answer: the link is bad or the vehicle is gone.
 const PAUSE: Duration = Duration::from_secs(3);
 
 fn set_message_interval(id: u32, rate: Rate) -> Command {

@@ -1,17 +1,19 @@
 //! The MAVLink services of a PX4, as a ground station uses them.
 //!
 //! Every service is a state machine without socket, clock or randomness: messages and the
-//! monotonic time go in (`handle_message`, `handle_timeout`), messages and events come out
-//! (`poll_transmit`, `poll_event`), and `poll_timeout` says when to come back. Nothing is sent
-//! that was not asked for by the caller or by the other side.
+//! monotonic time are inputs (`handle_message`, `handle_timeout`), messages and events are outputs
+//! (`poll_transmit`, `poll_event`), and `poll_timeout` is when `handle_timeout` is next needed. Nothing is sent
+//! that the caller or the vehicle did not request.
 //!
 //! Promised for any input:
 //! - no call panics, and no queue or table grows past a fixed bound;
-//! - a client listens only to the node it was made for, and only to answers addressed to it;
-//! - a client takes a message that the caller calls not `fresh` (its signing stamp may be a
-//!   replay) for no confirmation of anything: such a message changes nothing;
+//! - a client accepts messages only of the node it was made for, and only answers addressed to it;
+//! - a message that is not `fresh` (its signature may be a replay, see [`Age`](crate::link::Age)) changes nothing;
 //! - every operation that was started ends in exactly one final event within a bound that
-//!   follows from its `Timing`, as long as `handle_timeout` is called when `poll_timeout` asks.
+//!   follows from its `Timing`, as long as `handle_timeout` is called at the time of `poll_timeout`.
+//!
+//! [`command`] sends commands, [`interval`] requests message rates on top of it, [`mission`] transfers plans, [`param`]
+//! reads and sets parameters, [`text`] assembles status texts.
 
 mod bounded;
 pub mod command;

@@ -1,8 +1,8 @@
 //! Whole texts from STATUSTEXT (253), whose long ones come in chunks of 50 bytes.
 //!
-//! PX4 ends a text with a tabulator when it also sends it as EVENT (410), for ground stations
-//! that decode events. Without the vehicle's event metadata the text is all there is, so that
-//! it is kept, the tabulator taken off; only a twin, the same words with and without tabulator
+//! PX4 ends a text with a tab when it also sends it as EVENT (410), for ground stations
+//! that decode events. Without the vehicle's event metadata the text is all there is, so
+//! it is kept and the tab removed; only a twin, the same text with and without a tab
 //! within a second, is dropped.
 
 use std::time::Duration;
@@ -15,11 +15,11 @@ use crate::frame::Node;
 /// A whole text.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Text {
-    /// Who said it.
+    /// Who sent it.
     pub from: Node,
     /// STATUSTEXT.severity
     pub severity: MavSeverity,
-    /// The words, with `…` where a chunk is missing. Bytes that are no UTF-8 are replaced.
+    /// The text, with `…` where a chunk is missing. Bytes that are not UTF-8 are replaced.
     pub text: String,
     /// No chunk is missing.
     pub complete: bool,
@@ -27,7 +27,7 @@ pub struct Text {
     pub is_event_twin: bool,
 }
 
-/// Puts the texts of one system together.
+/// Assembles the texts of one system.
 #[derive(Debug)]
 pub struct Texts {
     system: u8,
@@ -43,7 +43,7 @@ struct Partial {
     severity: MavSeverity,
     /// By chunk_seq.
     chunks: Vec<Option<Vec<u8>>>,
-    /// The number of chunks, once the last has come.
+    /// The number of chunks, once the last has arrived.
     total: Option<usize>,
     due: Duration,
 }
@@ -51,7 +51,7 @@ struct Partial {
 #[derive(Debug)]
 struct Recent {
     from: Node,
-    /// STATUSTEXT.id, which a late copy of a chunk bears.
+    /// STATUSTEXT.id, which a late copy of a chunk carries.
     id: u16,
     text: String,
     is_event_twin: bool,
@@ -78,19 +78,19 @@ impl Texts {
             return false;
         }
         if data.id == 0 {
-            let said = words(&[Some(chunk(data))], true);
-            self.emit(now, from, 0, data.severity, (said, true));
+            let text = joined(&[Some(chunk(data))], true);
+            self.emit(now, from, 0, data.severity, (text, true));
         } else {
             self.handle_chunk(now, from, data);
         }
         true
     }
 
-    /// Gives out the texts whose missing chunks did not come in time.
+    /// Completes the texts whose missing chunks did not arrive in time.
     pub fn handle_timeout(&mut self, now: Duration) {
         self.recent.retain(|recent| recent.until > now);
         while let Some(place) = self.partial.iter().position(|p| p.due <= now) {
-            self.give_out(now, place);
+            self.complete(now, place);
         }
     }
 
@@ -114,7 +114,7 @@ impl Texts {
             Some(place) => place,
             None => {
                 if self.partial.len() >= MAX_PARTIAL {
-                    self.give_out(now, 0);
+                    self.complete(now, 0);
                 }
                 self.partial.push(Partial {
                     from,
@@ -141,19 +141,19 @@ impl Texts {
         }
         partial.chunks[seq] = Some(bytes);
         if partial.is_whole() {
-            self.give_out(now, place);
+            self.complete(now, place);
         }
     }
 
-    fn give_out(&mut self, now: Duration, place: usize) {
+    fn complete(&mut self, now: Duration, place: usize) {
         let partial = self.partial.remove(place);
         let whole = partial.is_whole();
         let ended = partial
             .total
             .is_some_and(|total| total <= partial.chunks.len());
-        let said = words(&partial.chunks, ended);
+        let text = joined(&partial.chunks, ended);
         let severity = partial.severity;
-        self.emit(now, partial.from, partial.id, severity, (said, whole));
+        self.emit(now, partial.from, partial.id, severity, (text, whole));
     }
 
     fn emit(
@@ -201,9 +201,9 @@ impl Partial {
     }
 }
 
-/// How long a missing chunk is waited for, and a twin remembered.
+/// How long to wait for a missing chunk, and to remember a text for its twin.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Texts in the making; the oldest is given out when there are more.
+/// Incomplete texts; with one more the oldest is completed as it is.
 const MAX_PARTIAL: usize = 8;
 const MAX_RECENT: usize = 32;
 const MAX_EVENTS: usize = 64;
@@ -212,8 +212,8 @@ fn chunk(data: &STATUSTEXT_DATA) -> Vec<u8> {
     data.text.iter().copied().take_while(|&o| o != 0).collect()
 }
 
-/// The chunks as a text; `ended` when the last one is among them.
-fn words(chunks: &[Option<Vec<u8>>], ended: bool) -> String {
+/// The chunks as one text; `ended` when the last one is among them.
+fn joined(chunks: &[Option<Vec<u8>>], ended: bool) -> String {
     let mut bytes = Vec::new();
     let mut gap = false;
     for chunk in chunks {

@@ -1,10 +1,13 @@
-//! The signing clock: stamps that never repeat, over restarts, power cuts and jumps of the wall clock.
+//! The signing clock: timestamps that never repeat, over restarts, power cuts and jumps of the wall clock.
 //!
-//! Promised: every stamp sent or accepted under a key is at most the ceiling that has been stored for
+//! Promised: every timestamp sent or accepted under a key is at most the ceiling that has been stored for
 //! it, and a later start begins above that ceiling. The wall clock is read once; afterwards the base
-//! runs on monotonic time, so that no wrong wall clock pulls the stamps along. What peers stamp is
-//! followed, but never further than an hour beyond the base: measured from the clock itself, the limit
-//! would move with whoever pushes it.
+//! runs on monotonic time, so that a wrong wall clock (GPS spoofing, pitfall 11) does not move it. The clock follows
+//! peers whose timestamps run ahead, but never further than an hour beyond the base (pitfall 12). The limit is measured
+//! from the base and not from the clock: otherwise a peer could push it on with every frame.
+//!
+//! The clock is advanced by time, not by one for each packet: after 60 s of silence a peer would refuse everything
+//! (pitfall 1).
 
 use core::time::Duration;
 
@@ -66,7 +69,7 @@ pub enum Origin {
     },
 }
 
-/// How the computer's wall clock stands to the ceiling.
+/// How the computer's wall clock compares with the ceiling.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WallState {
     /// At or up to 366 days beyond the ceiling: used.
@@ -117,7 +120,7 @@ impl SigningClock {
         let (start, floor) = match (origin, stored) {
             (Origin::Provisioned { initial }, None) => {
                 let before = Stamp::new(initial.get().saturating_sub(1));
-                // It goes on from the clock of the key before: the wall clock is believed as far as that one would be.
+                // It continues the clock of the key before, so the wall clock is trusted as far as that clock would be.
                 let believed = match judge_wall(initial.get(), wall_stamp) {
                     WallState::Fits => wall_stamp.get(),
                     WallState::Behind | WallState::FarAhead => initial.get(),
@@ -191,7 +194,7 @@ impl SigningClock {
         stamp <= self.base(now).plus(LEAD)
     }
 
-    /// Follows a verified peer's stamp, for which [`allows`](Self::allows) has said yes.
+    /// Follows a verified peer's timestamp, which [`allows`](Self::allows) has admitted.
     ///
     /// # Errors
     /// The ceiling cannot be raised to it: the frame must not be accepted.
@@ -202,13 +205,13 @@ impl SigningClock {
         store: &mut dyn Disk,
     ) -> Result<(), ClockError> {
         self.raise_ceiling(stamp, now, store)?;
-        // One above, not at it: a vehicle that then falls back is lifted by our next frame to that
-        // frame's stamp, and its answer must lie above what has been accepted.
+        // One above, not at it: a vehicle that then restarts with old timestamps is lifted by our next frame to that
+        // frame's timestamp, and its answer must lie above what has been accepted.
         self.least = self.least.max(stamp.get() + 1);
         Ok(())
     }
 
-    /// Looks whether the wall clock has been set since, and puts it to the same test as at start.
+    /// Checks whether the wall clock has been set since, and judges it as at start.
     ///
     /// Only a step of more than a second counts, and the base only ever moves forward.
     pub fn watch_wall(&mut self, now: Now) -> WallState {
@@ -226,7 +229,7 @@ impl SigningClock {
         self.wall
     }
 
-    /// A person vouches for the wall clock: it is used from here on, however far ahead.
+    /// A person has confirmed the wall clock: it is used from here on, however far ahead.
     pub fn accept_wall(&mut self, now: Now) {
         self.wall_reference = now;
         self.wall = WallState::Fits;
@@ -238,7 +241,8 @@ impl SigningClock {
         self.base_at = now.mono;
     }
 
-    /// Writes ahead: nothing beyond the stored ceiling exists, sent or accepted.
+    /// Writes ahead: no timestamp beyond the stored ceiling exists, sent or accepted. Writing every timestamp would cost
+    /// a disk write a frame; writing once a minute would repeat a minute of them after a power cut.
     fn raise_ceiling(
         &mut self,
         stamp: Stamp,
@@ -248,7 +252,7 @@ impl SigningClock {
         if stamp.get() <= self.ceiling {
             return Ok(());
         }
-        // A failing disk is not asked again for every frame.
+        // A failing disk is not tried again for every frame.
         if now.mono < self.retry_at {
             return Err(ClockError::Ceiling);
         }
@@ -262,14 +266,14 @@ impl SigningClock {
     }
 }
 
-/// Why there is no stamp to be had.
+/// Why no timestamp is available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum ClockError {
     /// The ceiling could not be stored: neither sending nor accepting goes beyond the old one.
     #[error("the signing clock's ceiling could not be stored")]
     Ceiling,
     /// The 48 bits are used up.
-    #[error("the signing clock has reached its last stamp: the key must be replaced")]
+    #[error("the signing clock has reached its last timestamp: replace the key")]
     Exhausted,
 }
 
@@ -288,7 +292,7 @@ fn judge_wall(ceiling: u64, wall: Stamp) -> WallState {
 const LEAD: Duration = Duration::from_secs(3600);
 /// How far the ceiling is written ahead.
 const WRITE_AHEAD: Duration = Duration::from_secs(10);
-/// How far beyond the ceiling the wall clock is believed.
+/// How far beyond the ceiling the wall clock is trusted.
 const WALL_AHEAD: Duration = Duration::from_secs(366 * 86_400);
 /// The least change against monotonic time that counts as setting the wall clock.
 const WALL_STEP: Duration = Duration::from_secs(1);

@@ -10,8 +10,8 @@ use zeroize::{Zeroize, ZeroizeOnDrop};
 
 /// The 32 bytes that both ends of a link share.
 ///
-/// Neither `Clone` nor `PartialEq`, so that copies and comparisons are seen where they happen; `Debug`
-/// shows nothing of it.
+/// Neither `Clone` nor `PartialEq`, so that every copy is visible in the code and every comparison takes constant time;
+/// `Debug` shows nothing of it (pitfall 16).
 ///
 /// ```compile_fail
 /// # let key = mavlink_link::signing::SigningKey::new([1; 32]).unwrap();
@@ -39,16 +39,16 @@ impl SigningKey {
         }
     }
 
-    /// A key of any bytes, all-zero too: PX4 takes such a key, so a model of it needs one.
+    /// A key of any bytes, all-zero too: PX4 accepts such a key, so a model of PX4 needs one.
     #[must_use]
     pub fn new_allowing_zero(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
 
-    /// A key written as 64 hexadecimal digits; white space around them is passed over.
+    /// A key written as 64 hexadecimal digits; white space around them is ignored.
     ///
     /// # Errors
-    /// Says where the text is wrong, but nothing of what it holds.
+    /// Where the text is wrong, without any of its content: it may be most of a key.
     pub fn from_hex(text: &str) -> Result<Self, KeyError> {
         let offset = text.len() - text.trim_start().len();
         let digits = text.trim().as_bytes();
@@ -83,7 +83,7 @@ impl SigningKey {
     /// The public name of the key: the first 8 bytes of HMAC-SHA256(key, "vsm/1 key id").
     #[must_use]
     pub fn id(&self) -> KeyId {
-        // A MAC takes a key of any length, so this cannot fail; the id of no key would be zero.
+        // An HMAC accepts a key of any length, so this cannot fail.
         let mut id = [0; 8];
         if let Ok(mut mac) = Hmac::<Sha256>::new_from_slice(&self.0) {
             mac.update(b"vsm/1 key id");
@@ -98,7 +98,7 @@ impl SigningKey {
         self.0.ct_eq(&other.0).into()
     }
 
-    /// A second copy, where two owners are wanted: each is wiped on its own.
+    /// A second copy for a second owner: each is wiped on its own.
     #[must_use]
     pub fn duplicate(&self) -> Self {
         Self(self.0)
@@ -117,12 +117,12 @@ impl fmt::Debug for SigningKey {
     }
 }
 
-/// Names a key without giving it away: for logs, status and the file names of stored clocks.
+/// Names a key without revealing it: for logs, status and the file names of stored clocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct KeyId([u8; 8]);
 
 impl KeyId {
-    /// An id as it was stored or told.
+    /// An id as stored or received.
     #[must_use]
     pub const fn from_bytes(bytes: [u8; 8]) -> Self {
         Self(bytes)
@@ -141,7 +141,7 @@ impl fmt::Display for KeyId {
     }
 }
 
-/// Why a text or bytes are no key. Never shows any of them.
+/// Why a text or bytes are not a key. Never shows any of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum KeyError {
     /// Not 64 digits.
@@ -150,8 +150,8 @@ pub enum KeyError {
         /// Digits found.
         digits: usize,
     },
-    /// Something else than a hexadecimal digit.
-    #[error("no hexadecimal digit at offset {offset}")]
+    /// A character that is not a hexadecimal digit.
+    #[error("not a hexadecimal digit at offset {offset}")]
     Digit {
         /// Offset in bytes from the start of the text.
         offset: usize,
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_text_says_where_and_nothing_else() {
+    fn an_error_shows_the_place_and_no_content() {
         let long = format!("{HEX}00");
         assert_eq!(
             SigningKey::from_hex(&long).unwrap_err(),

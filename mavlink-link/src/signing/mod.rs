@@ -1,8 +1,8 @@
-//! Signing and verifying frames, usable alone.
+//! Signing and verifying frames, the key, and the clock whose timestamps never repeat.
 //!
 //! The signature is a keyed hash: the first 6 bytes of SHA-256 over key, header, payload, checksum,
-//! link id and stamp. It is not an HMAC. Which stamps are to be sent or accepted is not decided here
-//! but in [`clock`] and [`crate::receiver`].
+//! link id and timestamp. It is not an HMAC. A correct signature does not make a frame fresh: which timestamps may be
+//! sent is decided by [`clock`], which may be accepted by [`crate::receiver`].
 
 pub mod clock;
 mod key;

@@ -15,11 +15,10 @@ use crate::frame::{
 
 /// Appends the trailer to the frame `out[..len]` and returns the new length.
 ///
-/// The flag is covered by the checksum, so the frame must have been encoded with
-/// [`INCOMPAT_SIGNED`] in its header.
+/// The checksum covers the flag, so the frame must have been encoded with [`INCOMPAT_SIGNED`] in its header.
 ///
 /// # Errors
-/// `out[..len]` is no frame marked so, or there is no room left for the trailer.
+/// `out[..len]` is not a frame encoded so, or has no room left for the trailer.
 pub fn sign(
     key: &SigningKey,
     link_id: u8,
@@ -41,7 +40,7 @@ pub fn sign(
     Ok(end)
 }
 
-/// Whether the frame's signature is that of `key`, compared in constant time.
+/// Checks that the frame was signed with `key`, in constant time.
 ///
 /// # Errors
 /// There is no signature, or it is not that of the key.
@@ -59,8 +58,8 @@ pub fn verify(key: &SigningKey, frame: &FrameView<'_>) -> Result<(), VerifyError
 /// Why a frame cannot be signed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum SignError {
-    /// The bytes are no frame with room for a trailer.
-    #[error("{len} bytes are no unsigned frame with room for a trailer")]
+    /// The bytes are not a frame with room for a trailer.
+    #[error("{len} bytes are not an unsigned frame with room for a trailer")]
     NoFrame {
         /// Length given.
         len: usize,
@@ -70,18 +69,18 @@ pub enum SignError {
     NotMarked,
 }
 
-/// Why a frame proves nothing.
+/// Why a frame is not verified.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum VerifyError {
     /// It carries no signature.
     #[error("the frame is not signed")]
     Unsigned,
     /// Its signature was not made with this key.
-    #[error("the signature does not fit the key")]
+    #[error("the signature was not made with this key")]
     BadSignature,
 }
 
-/// The first 6 bytes of SHA-256(key ‖ bytes); `bytes` are a frame's, up to its stamp.
+/// The first 6 bytes of SHA-256(key ‖ bytes); `bytes` are those of a frame up to its timestamp.
 fn tag(key: &SigningKey, bytes: &[u8]) -> [u8; TAG_LEN] {
     let bytes = &bytes[..bytes.len().min(MAX_BYTES)];
     let end = KEY_LEN + bytes.len();
@@ -97,6 +96,7 @@ fn tag(key: &SigningKey, bytes: &[u8]) -> [u8; TAG_LEN] {
 
     let mut state = INITIAL;
     compress256(&mut state, &blocks[..count]);
+    // The only copy of the key made here (pitfall 16).
     blocks[0][..KEY_LEN].zeroize();
 
     let [a, b, c, d] = state[0].to_be_bytes();
@@ -107,7 +107,7 @@ fn tag(key: &SigningKey, bytes: &[u8]) -> [u8; TAG_LEN] {
 const KEY_LEN: usize = 32;
 const MAX_BYTES: usize = MAX_FRAME - TAG_LEN;
 const BLOCK_LEN: usize = 64;
-/// SHA-256 closes with the message's length in bits.
+/// SHA-256 ends with the message's length in bits.
 const LENGTH_LEN: usize = 8;
 const MAX_BLOCKS: usize = (KEY_LEN + MAX_BYTES + 1 + LENGTH_LEN).div_ceil(BLOCK_LEN);
 /// The initial state of SHA-256 (FIPS 180-4, 5.3.3).

@@ -169,7 +169,7 @@ impl AirsideConfig {
             let found = px4.link.to_string();
             return fault(px4_at, "px4.link", found, "another link than radio.link");
         }
-        if radio.talkers.is_empty() || radio.talkers.len() > AllowedStreams::MOST {
+        if radio.talkers.is_empty() || radio.talkers.len() > AllowedStreams::MAX {
             let found = format!("a list of {}", radio.talkers.len());
             return fault(radio_at, "radio.talkers", found, "1 to 8 talkers");
         }

@@ -1,13 +1,12 @@
-//! The bridge's end: one transfer at a time with one vehicle.
+//! The client: one operation at a time with one vehicle.
 //!
-//! PX4 gives a transfer no name, so that messages of an earlier one can meddle with the present
-//! one. What is done about it:
-//! - items are served in the vehicle's order, 0 first, repeats at will; a request out of that
-//!   order belongs to another transfer, which is cancelled before it can mix two plans;
-//! - an upload counts as done only when every item was asked for and MISSION_ACK.opaque_id is
-//!   this plan's [`plan_id`](super::plan_id) (0, for autopilots without one, passes);
-//! - MAV_MISSION_ERROR is PX4's answer to a late duplicate as well as to a real failure, so it
-//!   ends nothing by itself: the vehicle goes on asking, or the transfer starts again.
+//! MAVLink gives a transfer no id, so messages of an earlier one can disturb the present one. Countermeasures:
+//! - items are sent in the order requested, 0 first, with any number of repeats; a request out of order
+//!   belongs to another transfer, which is cancelled before it can mix two plans;
+//! - an upload is complete only when every item was requested and MISSION_ACK.opaque_id is
+//!   this plan's [`plan_id`](super::plan_id) (0, from autopilots without plan ids, is accepted);
+//! - PX4 answers a late duplicate with MAV_MISSION_ERROR as well as a real failure, so it
+//!   ends nothing by itself: the vehicle continues to request items, or the transfer starts again.
 
 use std::ops::RangeInclusive;
 use std::time::Duration;
@@ -22,15 +21,15 @@ use super::upload::Upload;
 use crate::frame::Node;
 use crate::service::bounded::Bounded;
 
-/// The mission services of one vehicle, as a ground station uses them.
+/// The mission service of one vehicle, as a ground station uses it.
 #[derive(Debug)]
 pub struct Client {
     us: Node,
     vehicle: Node,
     timing: Timing,
     job: Option<Job>,
-    /// The vehicle may still be in this transfer: the last one did not end by its word.
-    unsettled: Option<MavMissionType>,
+    /// The vehicle may still be in this transfer: it did not acknowledge the end.
+    unconfirmed: Option<MavMissionType>,
     out: Bounded<MavMessage>,
     events: Bounded<Event>,
 }
@@ -43,18 +42,21 @@ impl Client {
             vehicle,
             timing,
             job: None,
-            unsettled: None,
+            unconfirmed: None,
             out: Bounded::new(MAX_OUT),
             events: Bounded::new(MAX_EVENTS),
         }
     }
 
-    /// What it is busy with.
+    /// The present operation.
     pub fn busy(&self) -> Option<Operation> {
         self.job.as_ref().map(Job::operation)
     }
 
-    /// Begins to send a plan; ends in [`Event::Uploaded`] or [`Event::Failed`].
+    /// Begins an upload; ends in [`Event::Uploaded`] or [`Event::Failed`].
+    ///
+    /// # Errors
+    /// Another operation is in progress, or no message can carry the plan.
     pub fn upload(
         &mut self,
         now: Duration,
@@ -71,13 +73,16 @@ impl Client {
             item.check_dialect()
                 .map_err(|fault| StartError::Item { seq, fault })?;
         }
-        self.settle();
+        self.cancel_unconfirmed();
         let job = Upload::start(now, kind, items, count, &mut self.context());
         self.job = Some(Job::Upload(job));
         Ok(())
     }
 
-    /// Begins to fetch the plan aboard; ends in [`Event::Downloaded`] or [`Event::Failed`].
+    /// Begins a download of the stored plan; ends in [`Event::Downloaded`] or [`Event::Failed`].
+    ///
+    /// # Errors
+    /// Another operation is in progress, or `kind` is not a single kind of plan.
     pub fn download(&mut self, now: Duration, kind: MavMissionType) -> Result<(), StartError> {
         self.check_idle()?;
         check_single(kind)?;
@@ -87,9 +92,12 @@ impl Client {
     }
 
     /// Begins to clear a kind of plan, or all; ends in [`Event::Cleared`] or [`Event::Failed`].
+    ///
+    /// # Errors
+    /// Another operation is in progress.
     pub fn clear(&mut self, now: Duration, kind: MavMissionType) -> Result<(), StartError> {
         self.check_idle()?;
-        self.settle();
+        self.cancel_unconfirmed();
         let repeat = self.first_repeat(now);
         self.out.push(clear_all(self.vehicle, kind));
         self.job = Some(Job::Clear { kind, repeat });
@@ -99,31 +107,34 @@ impl Client {
     /// Begins to make the first of these items the current one; ends in [`Event::CurrentSet`], when MISSION_CURRENT
     /// names one of them, or in [`Event::Failed`].
     ///
-    /// PX4 is through with items that have no place (DO_CHANGE_SPEED) before it names them, so `items` ends with the
-    /// first one that has.
+    /// PX4 finishes items without a position (DO_CHANGE_SPEED) before MISSION_CURRENT names them, so `items` ends with the
+    /// first one that has a position.
+    ///
+    /// # Errors
+    /// Another operation is in progress.
     pub fn set_current(
         &mut self,
         now: Duration,
         items: RangeInclusive<u16>,
     ) -> Result<(), StartError> {
         self.check_idle()?;
-        self.settle();
+        self.cancel_unconfirmed();
         let repeat = self.first_repeat(now);
         self.out.push(set_current(self.vehicle, *items.start()));
         self.job = Some(Job::SetCurrent { items, repeat });
         Ok(())
     }
 
-    /// Ends the present operation and tells the vehicle; [`Event::Failed`] follows.
+    /// Ends the present operation and cancels it at the vehicle; [`Event::Failed`] follows.
     pub fn cancel(&mut self) {
         if let Some(job) = self.job.take() {
             self.end(&job, Err(Failure::Cancelled));
         }
     }
 
-    /// Takes a message of `from`; `fresh` is false when its signing stamp may be a replay.
+    /// Takes a message of `from`; `fresh` is false when it may be a replay.
     ///
-    /// Returns whether the message was meant for this service.
+    /// Returns whether the message was for this service.
     pub fn handle_message(
         &mut self,
         now: Duration,
@@ -141,11 +152,11 @@ impl Client {
             return false;
         }
         let Some(mut job) = self.job.take() else {
-            self.refuse_stray_request(message, kind);
+            self.cancel_unexpected_request(message, kind);
             return true;
         };
         if kind.is_some_and(|kind| kind != job.kind()) || !job.expects(message) {
-            self.refuse_stray_request(message, kind);
+            self.cancel_unexpected_request(message, kind);
             self.job = Some(job);
             return true;
         }
@@ -210,10 +221,10 @@ impl Client {
         Ok(())
     }
 
-    /// Frees the vehicle of a transfer that did not end by its word. PX4 would otherwise answer
-    /// "busy", or go on with the old number of items and the new items.
-    fn settle(&mut self) {
-        if let Some(kind) = self.unsettled.take() {
+    /// Cancels a transfer whose end the vehicle did not acknowledge. PX4 would otherwise answer
+    /// "busy", or continue with the old number of items and the new items.
+    fn cancel_unconfirmed(&mut self) {
+        if let Some(kind) = self.unconfirmed.take() {
             self.out.push(cancel(self.vehicle, kind));
         }
     }
@@ -223,7 +234,7 @@ impl Client {
         let event = end.unwrap_or_else(|reason| {
             if matches!(operation, Operation::Upload | Operation::Download) {
                 self.out.push(cancel(self.vehicle, kind));
-                self.unsettled = Some(kind);
+                self.unconfirmed = Some(kind);
             }
             Event::Failed {
                 operation,
@@ -232,8 +243,8 @@ impl Client {
             }
         });
         if operation == Operation::Download {
-            // Our last MISSION_ACK may be lost, and then PX4 waits 5 s for it.
-            self.unsettled = Some(kind);
+            // Our last MISSION_ACK may be lost; PX4 then waits 5 s for it.
+            self.unconfirmed = Some(kind);
         }
         if matches!(self.events.last_mut(), Some(Event::Progress { .. })) {
             self.events.pop_last();
@@ -241,8 +252,8 @@ impl Client {
         self.events.push(event);
     }
 
-    /// Ends a transfer that nobody here wants, lest it keep the vehicle busy for 5 s.
-    fn refuse_stray_request(&mut self, message: &MavMessage, kind: Option<MavMissionType>) {
+    /// Cancels a transfer that is not the present one: it would keep the vehicle busy for 5 s.
+    fn cancel_unexpected_request(&mut self, message: &MavMessage, kind: Option<MavMissionType>) {
         let request = matches!(
             message,
             MavMessage::MISSION_REQUEST(_) | MavMessage::MISSION_REQUEST_INT(_)
@@ -264,7 +275,7 @@ enum Job {
         repeat: Repeat,
     },
     SetCurrent {
-        /// The one to be set, and what shows that it was.
+        /// The item to be set, to the last one that proves it.
         items: RangeInclusive<u16>,
         repeat: Repeat,
     },
@@ -312,7 +323,7 @@ impl Job {
             (Self::Upload(upload), _) => upload.handle_message(now, message, context),
             (Self::Download(download), _) => download.handle_message(now, message, context),
             (Self::Clear { kind, .. }, MavMessage::MISSION_ACK(ack)) => match ack.mavtype {
-                // The acknowledgement of an upload names a plan, and is a late one.
+                // With a plan id it is the late acknowledgement of an upload.
                 MavMissionResult::MAV_MISSION_ACCEPTED if ack.opaque_id == 0 => {
                     Some(Ok(Event::Cleared { kind: *kind }))
                 }
@@ -360,7 +371,7 @@ impl Job {
     }
 }
 
-/// Messages that wait for the caller; what is more is repeated anyhow.
+/// Messages that wait for the caller; what does not fit is retried.
 const MAX_OUT: usize = 32;
 /// Events that wait for the caller: one final event an operation, and one progress.
 const MAX_EVENTS: usize = 64;
@@ -372,8 +383,8 @@ fn check_single(kind: MavMissionType) -> Result<(), StartError> {
     Ok(())
 }
 
-/// Whom a mission message is for (`None`: everybody) and of which plan it speaks (`None`: of no
-/// kind in particular); `None` for a message of another service.
+/// The target of a mission message (`None`: everybody) and its kind of plan (`None`: no particular
+/// kind); `None` for a message of another service.
 fn target_and_kind(message: &MavMessage) -> Option<(Option<Node>, Option<MavMissionType>)> {
     use MavMessage as M;
     let (system, component, kind) = match message {

@@ -1,4 +1,4 @@
-//! A plan on its way from the vehicle, item by item in order, as PX4 insists.
+//! A download: item by item in order, since PX4 aborts a transfer with requests out of order.
 
 use std::time::Duration;
 
@@ -17,16 +17,16 @@ pub(super) struct Download {
     kind: MavMissionType,
     /// Times that the transfer was begun.
     attempt: u8,
-    /// MISSION_COUNT's count and opaque_id, once it came.
+    /// MISSION_COUNT's count and opaque_id, once received.
     announced: Option<(u16, u32)>,
     items: Vec<Item>,
     /// Repeats MISSION_REQUEST_LIST, then the request for the next item.
     repeat: Repeat,
-    /// The attempt is lost then, unless the next item comes.
+    /// The attempt has failed then, unless the next item arrives.
     stalled_at: Duration,
-    /// The attempt is lost then, unless the next item comes.
+    /// The attempt is restarted then, unless the next item arrives: the vehicle has reported an error.
     restart_at: Option<Duration>,
-    complaint: Option<Failure>,
+    last_error: Option<Failure>,
 }
 
 type End = Option<Result<Event, Failure>>;
@@ -42,7 +42,7 @@ impl Download {
             repeat: Repeat::first(now, &context.timing),
             stalled_at: now,
             restart_at: None,
-            complaint: None,
+            last_error: None,
         };
         download.begin(now, context);
         download
@@ -102,7 +102,7 @@ impl Download {
             return None;
         }
         if !self.items.is_empty() {
-            // The plan aboard changed meanwhile: what came belongs to another one.
+            // The stored plan has changed meanwhile: the items so far belong to another one.
             return self.restart(now, context);
         }
         self.announced = Some(announced);
@@ -134,7 +134,7 @@ impl Download {
             // The late end of an upload.
             R::MAV_MISSION_ACCEPTED => None,
             result @ (R::MAV_MISSION_ERROR | R::MAV_MISSION_INVALID_SEQUENCE) => {
-                self.complaint = Some(self.refusal(result));
+                self.last_error = Some(self.refusal(result));
                 self.restart_at.get_or_insert(now + context.timing.settle);
                 None
             }
@@ -187,7 +187,7 @@ impl Download {
     }
 
     fn failure(&self) -> Failure {
-        self.complaint.unwrap_or(Failure::NoAnswer {
+        self.last_error.unwrap_or(Failure::NoAnswer {
             seq: self.next_seq(),
         })
     }

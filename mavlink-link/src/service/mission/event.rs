@@ -1,4 +1,4 @@
-//! What a mission client can be asked for, how it ends, and how long it waits.
+//! The operations of a mission client, how they end, and how long it waits.
 
 use std::time::Duration;
 
@@ -13,12 +13,12 @@ pub struct Timing {
     pub first_answer: Duration,
     /// How often such a first message is sent in all.
     pub first_tries: u8,
-    /// Wait before an item request, or the last item of an upload, is repeated.
+    /// Wait before an item request, or the last item of an upload, is retried.
     pub item: Duration,
-    /// Without progress for this long the transfer is lost; longer than PX4's 5 s, after which
-    /// it has forgotten the transfer without saying so.
+    /// Without progress for this long the attempt has failed; longer than PX4's 5 s, after which
+    /// it drops the transfer without a MISSION_ACK.
     pub stall: Duration,
-    /// Wait for the vehicle to go on after MAV_MISSION_ERROR.
+    /// Wait for the vehicle to continue after MAV_MISSION_ERROR.
     pub settle: Duration,
     /// How often a transfer is begun in all.
     pub attempts: u8,
@@ -37,12 +37,12 @@ impl Default for Timing {
     }
 }
 
-/// What a [`Client`](super::Client) can be busy with.
+/// An operation of a [`Client`](super::Client).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Operation {
-    /// A plan on its way to the vehicle.
+    /// A plan is sent to the vehicle.
     Upload,
-    /// A plan on its way from the vehicle.
+    /// A plan is read from the vehicle.
     Download,
     /// MISSION_CLEAR_ALL.
     Clear,
@@ -57,16 +57,16 @@ pub enum StartError {
     #[error("busy with {0:?}")]
     Busy(Operation),
     /// Too many events are unread: the end of this operation would have no room.
-    #[error("events are unread")]
+    #[error("too many events are unread")]
     Unread,
     /// An upload without items; clearing is an operation of its own.
-    #[error("a plan without items")]
+    #[error("a plan without items, expected at least one")]
     Empty,
-    /// More items than MISSION_COUNT.count can say.
-    #[error("{0} items, at most 65535")]
+    /// More items than fit in MISSION_COUNT.count.
+    #[error("{0} items, expected at most 65535")]
     TooMany(usize),
     /// MAV_MISSION_TYPE_ALL can be cleared, not transferred.
-    #[error("no single kind of plan")]
+    #[error("MAV_MISSION_TYPE_ALL, expected a single kind of plan")]
     Kind,
     /// An item that no message can carry.
     #[error("item {seq}: {fault}")]
@@ -78,14 +78,14 @@ pub enum StartError {
     },
 }
 
-/// Why an operation that was begun did not reach its end.
+/// Why an operation failed.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Failure {
-    /// The vehicle said so by MISSION_ACK.
+    /// The vehicle refused by MISSION_ACK.
     Refused {
         /// MISSION_ACK.type
         result: MavMissionResult,
-        /// The item it had asked for last; `None` when it had asked for none.
+        /// The item it had requested last; `None` when it had requested none.
         seq: Option<u16>,
     },
     /// The vehicle acknowledged a plan, but not this one.
@@ -95,37 +95,37 @@ pub enum Failure {
         /// MISSION_ACK.opaque_id
         found: u32,
     },
-    /// Every repeat went without an answer that helps.
+    /// No usable answer to any retry.
     NoAnswer {
-        /// The item the vehicle had asked for last, or the item asked of it.
+        /// The item that was requested last, by the vehicle or of it.
         seq: Option<u16>,
     },
     /// The caller ended it.
     Cancelled,
 }
 
-/// What a [`Client`](super::Client) tells its caller.
+/// What a [`Client`](super::Client) reports.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Event {
-    /// A transfer went on. Unread progress is replaced, not queued.
+    /// Progress of a transfer. Unread progress is replaced, not queued.
     Progress {
         /// Which way.
         operation: Operation,
-        /// Items that the receiver is known to hold.
+        /// Items that the receiver is known to have.
         done: u16,
         /// Items of the plan.
         total: u16,
         /// 0..=100
         percent: u8,
     },
-    /// The vehicle holds the plan.
+    /// The vehicle stores the plan.
     Uploaded {
         /// What kind of plan.
         kind: MavMissionType,
         /// MISSION_ACK.opaque_id, 0 from autopilots without plan ids.
         opaque_id: u32,
     },
-    /// The plan aboard.
+    /// The stored plan.
     Downloaded {
         /// What kind of plan.
         kind: MavMissionType,
@@ -134,17 +134,17 @@ pub enum Event {
         /// MISSION_COUNT.opaque_id
         opaque_id: u32,
     },
-    /// The vehicle holds no plan of this kind.
+    /// The vehicle stores no plan of this kind.
     Cleared {
         /// What kind of plan.
         kind: MavMissionType,
     },
-    /// MISSION_CURRENT says that the vehicle is at this item.
+    /// MISSION_CURRENT reports this item.
     CurrentSet {
         /// The item.
         seq: u16,
     },
-    /// The operation ended otherwise.
+    /// The operation failed.
     Failed {
         /// Which operation.
         operation: Operation,

@@ -21,8 +21,8 @@ pub const FRAME_GLOBAL_RELATIVE_INT: u8 = 6;
 
 /// A mission, fence or rally item as MISSION_ITEM_INT (73) carries it.
 ///
-/// Frame and command stay the raw numbers of the wire, so that an item of another dialect is
-/// compared and reported and not lost. Two items are equal when every bit is, except that any
+/// Frame and command are the raw numbers of the wire, so that an item of another dialect can be
+/// compared and reported. Two items are equal when every bit is, except that any
 /// NaN equals any NaN.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Item {
@@ -32,7 +32,7 @@ pub struct Item {
     pub command: u16,
     /// MISSION_ITEM_INT.current: the plan starts here.
     pub current: bool,
-    /// MISSION_ITEM_INT.autocontinue: go on to the next item.
+    /// MISSION_ITEM_INT.autocontinue: continue with the next item.
     pub autocontinue: bool,
     /// MISSION_ITEM_INT.param1 to param4, units by command; NaN is "not set".
     pub params: [f32; 4],
@@ -44,14 +44,14 @@ pub struct Item {
     pub z: f32,
 }
 
-/// The dialect has no name for this number, so that no message can carry it.
+/// The dialect has no value for this number, so no message can carry it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum UnknownInDialect {
     /// MISSION_ITEM_INT.command
-    #[error("MISSION_ITEM_INT.command: {0} is no MAV_CMD of the dialect")]
+    #[error("MISSION_ITEM_INT.command: {0} is not a MAV_CMD of the dialect")]
     Command(u16),
     /// MISSION_ITEM_INT.frame
-    #[error("MISSION_ITEM_INT.frame: {0} is no MAV_FRAME of the dialect")]
+    #[error("MISSION_ITEM_INT.frame: {0} is not a MAV_FRAME of the dialect")]
     Frame(u8),
 }
 
@@ -69,12 +69,18 @@ impl Item {
         )
     }
 
-    /// Whether a message can carry the item.
+    /// Checks that a message can carry the item.
+    ///
+    /// # Errors
+    /// The dialect does not know its command or frame.
     pub fn check_dialect(&self) -> Result<(), UnknownInDialect> {
         self.command_and_frame().map(|_| ())
     }
 
     /// The MISSION_ITEM_INT (73) for place `seq` of a plan.
+    ///
+    /// # Errors
+    /// The dialect does not know its command or frame.
     pub fn to_message(
         &self,
         to: Node,
@@ -103,6 +109,9 @@ impl Item {
     }
 
     /// The MISSION_ITEM (39) for place `seq`; x and y become floats and lose precision.
+    ///
+    /// # Errors
+    /// The dialect does not know its command or frame.
     pub fn to_float_message(
         &self,
         to: Node,
@@ -170,7 +179,7 @@ impl From<&MISSION_ITEM_DATA> for Item {
             y: 0,
             z: data.z,
         };
-        // A float cast saturates and takes NaN for 0, so that no value can overflow.
+        // A float cast saturates and turns NaN into 0, so no value can overflow.
         let scale = if item.is_global() { 1e7 } else { 1.0 };
         item.x = (f64::from(data.x) * scale).round() as i32;
         item.y = (f64::from(data.y) * scale).round() as i32;
@@ -201,7 +210,7 @@ impl Eq for Item {}
 /// MISSION_CURRENT.mission_id (fence_id, rally_points_id) from then on.
 ///
 /// It covers what was sent, not what is stored: frame, command, autocontinue and the seven
-/// parameters of every item, in order. `current` is no part of it. An empty plan has id 0.
+/// parameters of every item, in order. `current` is not part of it. An empty plan has id 0.
 pub fn plan_id(items: &[Item]) -> u32 {
     items.iter().fold(0, |id, item| {
         extend_plan_id(id, item, item.x.to_le_bytes(), item.y.to_le_bytes())

@@ -1,5 +1,5 @@
 //! Missions, geofences and rally points: transfer both ways, clearing, and the proof that the
-//! vehicle holds what was sent.
+//! vehicle stores what was sent.
 //!
 //! [`Client`] transfers. [`verify`] compares a read-back with what was sent, knowing which fields PX4
 //! stores and how it gives them back; [`plan_id`] is the CRC that PX4 reports for a plan.

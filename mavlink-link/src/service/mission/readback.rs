@@ -1,12 +1,12 @@
 //! Whether a plan read back is the plan that was sent.
 //!
 //! PX4 does not keep items as it received them: it stores the fields that its navigator uses
-//! and makes the item anew on download. [`px4_read_back`] is that round trip, from PX4 v1.18's
+//! and builds the item from them on download. [`px4_read_back`] is that round trip, from PX4 v1.18's
 //! `parse_mavlink_mission_item` and `format_mavlink_mission_item`; [`verify`] compares with it.
 //!
-//! What comes back other than it went:
+//! What PX4 returns differently:
 //! - frames 0 and 3 as their INT synonyms 5 and 6; every fence point as 5;
-//! - in a global frame all parameters that the command does not use as 0, whatever they were;
+//! - in a global frame all parameters that the command does not use as 0;
 //! - yaw (param4) in 0..360 degrees after a trip through radians; NaN stays NaN;
 //! - the flags of NAV_LOITER_TIME (param2, param4) and NAV_LOITER_TO_ALT (param1, param4) as
 //!   0 or 1, precision of NAV_LAND, DO_JUMP numbers and vertex counts as integers;
@@ -43,11 +43,11 @@ pub enum Field {
     Z,
 }
 
-/// The first place at which the plan aboard is not the plan that was sent.
+/// The first difference between the stored plan and the plan that was sent.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 pub enum Difference {
     /// Another number of items.
-    #[error("{read} items aboard, {sent} sent")]
+    #[error("{read} items stored, expected the {sent} that were sent")]
     Count {
         /// Items sent.
         sent: usize,
@@ -55,23 +55,26 @@ pub enum Difference {
         read: usize,
     },
     /// One field of one item.
-    #[error("item {seq}: {field:?} is {read} aboard, {expected} expected")]
+    #[error("item {seq}: {field:?} is {read} on the vehicle, expected {expected}")]
     Item {
         /// Place of the item in the plan, from 0.
         seq: usize,
         /// The field.
         field: Field,
-        /// What the vehicle should have given back.
+        /// What the vehicle should have returned.
         expected: f64,
-        /// What it gave back.
+        /// What it returned.
         read: f64,
     },
 }
 
-/// Compares a plan read back with what was sent; the error is the first difference.
+/// Compares a plan read back with what was sent.
 ///
-/// A vehicle that keeps the parameters which PX4 drops, or gives back frames 0 and 3 where PX4
-/// gives 5 and 6, passes too.
+/// A vehicle that keeps the parameters which PX4 drops, or returns frames 0 and 3 where PX4
+/// returns 5 and 6, passes too.
+///
+/// # Errors
+/// The first difference.
 pub fn verify(kind: MavMissionType, sent: &[Item], read: &[Item]) -> Result<(), Difference> {
     for (seq, (sent, read)) in sent.iter().zip(read).enumerate() {
         let expected = px4_read_back(kind, sent);
@@ -87,7 +90,7 @@ pub fn verify(kind: MavMissionType, sent: &[Item], read: &[Item]) -> Result<(), 
     }
 }
 
-/// The item that PX4 v1.18 gives back by MISSION_ITEM_INT for an item that it accepted.
+/// The item that PX4 v1.18 returns by MISSION_ITEM_INT for an item that it accepted.
 pub fn px4_read_back(kind: MavMissionType, sent: &Item) -> Item {
     let mut back = *sent;
     back.command = match sent.command {
@@ -101,11 +104,11 @@ pub fn px4_read_back(kind: MavMissionType, sent: &Item) -> Item {
     }
     let fence = kind == MavMissionType::MAV_MISSION_TYPE_FENCE;
     back.frame = match sent.frame {
-        // The store for fence points has no mark for "relative".
+        // PX4's store for fence points has no field for "relative".
         FRAME_GLOBAL_RELATIVE | FRAME_GLOBAL_RELATIVE_INT if !fence => FRAME_GLOBAL_RELATIVE_INT,
         _ => FRAME_GLOBAL_INT,
     };
-    // The store for fence points has none for "go on" either.
+    // Nor for autocontinue.
     back.autocontinue &= !fence;
     let [p1, p2, p3, p4] = sent.params;
     back.params = match sent.command {

@@ -1,4 +1,4 @@
-//! A plan on its way to the vehicle, which asks for one item after the other.
+//! An upload: the vehicle requests one item after the other.
 
 use std::time::Duration;
 
@@ -19,16 +19,16 @@ pub(super) struct Upload {
     id: u32,
     /// Times that the transfer was begun.
     attempt: u8,
-    /// Items that the vehicle has asked for in this attempt: all below this one.
-    asked: u16,
-    /// Repeats MISSION_COUNT while no item was asked for, and the last item once all were.
+    /// Items that the vehicle has requested in this attempt: all below this one.
+    requested: u16,
+    /// Repeats MISSION_COUNT while no item was requested, and the last item once all were.
     repeat: Repeat,
-    /// The attempt is lost then, unless the vehicle asks for a further item.
+    /// The attempt has failed then, unless the vehicle requests a further item.
     stalled_at: Duration,
-    /// The attempt is lost then, unless the vehicle asks for any item.
+    /// The attempt is restarted then, unless the vehicle requests any item.
     restart_at: Option<Duration>,
-    /// What to say when no attempt succeeds.
-    complaint: Option<Failure>,
+    /// The failure to report when no attempt succeeds.
+    last_error: Option<Failure>,
 }
 
 type End = Option<Result<Event, Failure>>;
@@ -49,11 +49,11 @@ impl Upload {
             count,
             id,
             attempt: 0,
-            asked: 0,
+            requested: 0,
             repeat: Repeat::first(now, &context.timing),
             stalled_at: now,
             restart_at: None,
-            complaint: None,
+            last_error: None,
         };
         upload.begin(now, context);
         upload
@@ -64,10 +64,10 @@ impl Upload {
     }
 
     pub(super) fn deadline(&self) -> Duration {
-        if self.asked == 0 {
+        if self.requested == 0 {
             return self.restart_at.unwrap_or(self.repeat.at);
         }
-        let own = if self.asked == self.count {
+        let own = if self.requested == self.count {
             self.repeat.at.min(self.stalled_at)
         } else {
             self.stalled_at
@@ -91,11 +91,11 @@ impl Upload {
     }
 
     pub(super) fn handle_timeout(&mut self, now: Duration, context: &mut Context<'_>) -> End {
-        let lost = self.asked > 0 && self.stalled_at <= now;
+        let lost = self.requested > 0 && self.stalled_at <= now;
         if lost || self.restart_at.is_some_and(|at| at <= now) {
             return self.restart(now, context);
         }
-        if self.asked == 0 {
+        if self.requested == 0 {
             if self.restart_at.is_some() {
                 return None;
             }
@@ -103,8 +103,8 @@ impl Upload {
                 return Some(Err(self.failure()));
             }
             self.send_count(context);
-        } else if self.asked == self.count {
-            // The vehicle misses the last item, or we its MISSION_ACK, which PX4 sends again.
+        } else if self.requested == self.count {
+            // The last item or its MISSION_ACK is lost; PX4 answers a repeated last item with another MISSION_ACK.
             self.repeat.at = now + context.timing.item;
             self.send_item(self.count - 1, context);
         }
@@ -112,14 +112,14 @@ impl Upload {
     }
 
     fn handle_request(&mut self, now: Duration, seq: u16, context: &mut Context<'_>) {
-        if seq > self.asked || seq >= self.count {
-            // Out of order: the vehicle is in another transfer, and would mix the plans.
+        if seq > self.requested || seq >= self.count {
+            // Out of order: the vehicle is in another transfer, and would mix the two plans.
             context.cancel(self.kind);
             self.restart_at = Some(now + context.timing.settle);
             return;
         }
-        if seq == self.asked {
-            self.asked += 1;
+        if seq == self.requested {
+            self.requested += 1;
             self.stalled_at = now + context.timing.stall;
             context.progress(Operation::Upload, seq, self.count);
         }
@@ -134,15 +134,15 @@ impl Upload {
         match ack.mavtype {
             R::MAV_MISSION_ACCEPTED => {
                 let ours = ack.opaque_id == 0 || ack.opaque_id == self.id;
-                if ours && self.asked == self.count {
+                if ours && self.requested == self.count {
                     return Some(Ok(Event::Uploaded {
                         kind: self.kind,
                         opaque_id: ack.opaque_id,
                     }));
                 }
-                // A late one of another transfer; or a transfer that went wrong.
+                // A late one of another transfer, or this transfer has gone wrong.
                 if !ours {
-                    self.complaint = Some(Failure::OtherPlan {
+                    self.last_error = Some(Failure::OtherPlan {
                         expected: self.id,
                         found: ack.opaque_id,
                     });
@@ -150,17 +150,17 @@ impl Upload {
                 self.restart_at.get_or_insert(soon);
             }
             result @ (R::MAV_MISSION_ERROR | R::MAV_MISSION_INVALID_SEQUENCE) => {
-                self.complaint = Some(self.refusal(result));
-                // Before the first request it means: busy, with another station perhaps. PX4
-                // then forgets a dead transfer only when nobody sends MISSION_COUNT for 5 s.
-                let at = if self.asked == 0 {
+                self.last_error = Some(self.refusal(result));
+                // Before the first request it means busy, possibly with another station. PX4
+                // drops a dead transfer only when nobody sends MISSION_COUNT for 5 s.
+                let at = if self.requested == 0 {
                     now + context.timing.stall
                 } else {
                     soon
                 };
                 self.restart_at.get_or_insert(at);
             }
-            // A late one: it speaks of an item, and we have sent none.
+            // A late one: it is about an item, and we have sent none.
             R::MAV_MISSION_UNSUPPORTED_FRAME
             | R::MAV_MISSION_UNSUPPORTED
             | R::MAV_MISSION_INVALID_PARAM1
@@ -170,7 +170,7 @@ impl Upload {
             | R::MAV_MISSION_INVALID_PARAM5_X
             | R::MAV_MISSION_INVALID_PARAM6_Y
             | R::MAV_MISSION_INVALID_PARAM7
-                if self.asked == 0 => {}
+                if self.requested == 0 => {}
             result => return Some(Err(self.refusal(result))),
         }
         None
@@ -180,7 +180,7 @@ impl Upload {
         if self.attempt >= context.timing.attempts {
             return Some(Err(self.failure()));
         }
-        if self.asked > 0 {
+        if self.requested > 0 {
             context.cancel(self.kind);
         }
         self.begin(now, context);
@@ -189,7 +189,7 @@ impl Upload {
 
     fn begin(&mut self, now: Duration, context: &mut Context<'_>) {
         self.attempt += 1;
-        self.asked = 0;
+        self.requested = 0;
         self.repeat = Repeat::first(now, &context.timing);
         self.stalled_at = now + context.timing.stall;
         self.restart_at = None;
@@ -199,13 +199,13 @@ impl Upload {
     fn refusal(&self, result: MavMissionResult) -> Failure {
         Failure::Refused {
             result,
-            seq: self.asked.checked_sub(1),
+            seq: self.requested.checked_sub(1),
         }
     }
 
     fn failure(&self) -> Failure {
-        self.complaint.unwrap_or(Failure::NoAnswer {
-            seq: self.asked.checked_sub(1),
+        self.last_error.unwrap_or(Failure::NoAnswer {
+            seq: self.requested.checked_sub(1),
         })
     }
 

@@ -1,4 +1,4 @@
-//! The bridge's end: one request at a time, the rest in a queue.
+//! The client: one request at a time, the rest in a queue.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -19,9 +19,9 @@ use crate::service::bounded::Bounded;
 pub struct Timing {
     /// Wait for an answer before a repeat. PX4 answers in 1 ms; the rest is the radio.
     pub answer: Duration,
-    /// How often a request is sent in all, and how many rounds of a list may bring nothing new.
+    /// How often a request is sent in all, and how many rounds of a list may add nothing new.
     pub tries: u8,
-    /// Parameters of a list that are asked for again in one round.
+    /// Missing parameters of a list that are requested in one round.
     pub window: u8,
 }
 
@@ -51,11 +51,11 @@ pub enum Refusal {
     Error(MavParamError),
     /// No answer to any try.
     NoAnswer,
-    /// After PARAM_SET the vehicle still tells another value.
+    /// After PARAM_SET the vehicle still reports another value.
     OtherValue(Value),
 }
 
-/// What a [`Client`] tells its caller; every request ends in one event that is not progress.
+/// What a [`Client`] reports; every request ends in one event that is not progress.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Event {
     /// The answer to a read.
@@ -65,23 +65,23 @@ pub enum Event {
         /// Its value.
         value: Value,
     },
-    /// The vehicle tells the value that was set.
+    /// The vehicle reports the value that was set.
     Set {
         /// Which parameter.
         name: Name,
         /// Its value.
         value: Value,
     },
-    /// A read or a set that came to nothing.
+    /// A read or a set that failed.
     Refused {
         /// Which parameter.
         name: Name,
         /// Why.
         reason: Refusal,
     },
-    /// How far a list is. Unread progress is replaced, not queued.
+    /// Progress of a list. Unread progress is replaced, not queued.
     Progress {
-        /// Parameters that came.
+        /// Parameters received.
         have: usize,
         /// PARAM_VALUE.param_count
         total: u16,
@@ -90,23 +90,23 @@ pub enum Event {
     List {
         /// All parameters that the vehicle uses.
         entries: Vec<Entry>,
-        /// The value of _HASH_CHECK, if it came.
+        /// The value of _HASH_CHECK, if received.
         hash: Option<u32>,
     },
     /// A list that stayed incomplete.
     ListFailed {
-        /// Parameters that came.
+        /// Parameters received.
         have: usize,
-        /// PARAM_VALUE.param_count, 0 when nothing came at all.
+        /// PARAM_VALUE.param_count, 0 when nothing was received.
         total: u16,
     },
 }
 
-/// Why a request was not taken.
+/// Why a request was not accepted.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum StartError {
     /// Too many wait already, or too many events are unread.
-    #[error("{0} parameter requests wait already")]
+    #[error("{0} parameter requests are waiting already")]
     Full(usize),
 }
 
@@ -168,17 +168,26 @@ impl Client {
         }
     }
 
-    /// Reads a parameter when its turn comes.
+    /// Queues the reading of a parameter.
+    ///
+    /// # Errors
+    /// Too many requests are waiting, or too many events are unread.
     pub fn read(&mut self, now: Duration, name: Name) -> Result<(), StartError> {
         self.enqueue(now, Request::Read(name))
     }
 
-    /// Sets a parameter when its turn comes. PX4 checks no range: the caller has done so.
+    /// Queues the setting of a parameter. PX4 does not check the range: the caller must.
+    ///
+    /// # Errors
+    /// Too many requests are waiting, or too many events are unread.
     pub fn set(&mut self, now: Duration, name: Name, value: Value) -> Result<(), StartError> {
         self.enqueue(now, Request::Set(name, value))
     }
 
-    /// Fetches all parameters when its turn comes.
+    /// Queues the reading of all parameters.
+    ///
+    /// # Errors
+    /// Too many requests are waiting, or too many events are unread.
     pub fn list(&mut self, now: Duration) -> Result<(), StartError> {
         self.enqueue(now, Request::List)
     }
@@ -188,7 +197,7 @@ impl Client {
         self.waiting.len() + usize::from(self.active.is_some())
     }
 
-    /// Takes a message of `from`; `fresh` is false when its signing stamp may be a replay.
+    /// Takes a message of `from`; `fresh` is false when it may be a replay.
     ///
     /// Returns whether it answered the present request.
     pub fn handle_message(
@@ -325,7 +334,7 @@ impl Client {
                 if *wanted == value {
                     return (true, Some(Event::Set { name: got, value }));
                 }
-                // It may be the answer to an earlier question: the repeat decides.
+                // It may be the answer to an earlier request: the retry decides.
                 *other = Some(value);
                 (true, None)
             }
@@ -350,7 +359,7 @@ impl Client {
         let have = list.entries.len();
         if list.total > 0 && list.first_missing().is_none() {
             let mut entries = std::mem::take(&mut list.entries);
-            // The vehicle may have taken a parameter out of use while it told them.
+            // The vehicle may have stopped using a parameter while it sent the list.
             entries.split_off(&list.total);
             return Some(Event::List {
                 entries: entries.into_values().collect(),
@@ -372,7 +381,7 @@ impl Client {
         if !self.us.is_target(data.target_system, data.target_component) {
             return None;
         }
-        // PX4 leaves param_index as it was in memory: only the name tells what it is about.
+        // PX4 leaves param_index uninitialised in PARAM_ERROR: only the name identifies the parameter.
         let about = Name::from_wire(&data.param_id)?;
         match job {
             Job::Read(name) | Job::Set { name, .. } if *name == about => {
@@ -404,7 +413,7 @@ impl Client {
             Job::List(list) => {
                 let window = usize::from(self.timing.window);
                 for index in list.missing().take(window) {
-                    // An index above 32767 cannot be asked for; the list then fails.
+                    // PARAM_REQUEST_READ.param_index is signed: above 32767 nothing can be requested, and the list fails.
                     if let Ok(index) = i16::try_from(index) {
                         self.request_read(None, index);
                     }

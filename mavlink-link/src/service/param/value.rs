@@ -49,8 +49,8 @@ impl Value {
     }
 }
 
-/// The parameter that a PARAM_VALUE tells; `None` where it is none that can be carried (64 bits, no name).
-pub fn told(data: &PARAM_VALUE_DATA) -> Option<(Name, Value)> {
+/// The parameter in a PARAM_VALUE; `None` where it has 64 bits or no valid name.
+pub fn named_value(data: &PARAM_VALUE_DATA) -> Option<(Name, Value)> {
     let value = Value::from_wire(data.param_value, data.param_type)?;
     Some((Name::from_wire(&data.param_id)?, value))
 }
@@ -72,13 +72,16 @@ impl PartialEq for Value {
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Name([u8; 16]);
 
-/// No name of a parameter.
+/// A text that cannot be the name of a parameter.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("parameter name {0:?}: 1 to 16 printable ASCII characters expected")]
 pub struct NameError(String);
 
 impl Name {
-    /// The name, if it is one.
+    /// A name.
+    ///
+    /// # Errors
+    /// It is empty, longer than 16 characters, or not printable ASCII.
     pub fn new(name: &str) -> Result<Self, NameError> {
         Self::from_bytes(name.as_bytes()).ok_or_else(|| NameError(name.to_owned()))
     }
@@ -86,17 +89,17 @@ impl Name {
     /// The name without its padding.
     pub fn as_str(&self) -> &str {
         let end = self.0.iter().position(|&o| o == 0).unwrap_or(16);
-        // Only ASCII gets in.
+        // The constructors admit only ASCII.
         std::str::from_utf8(&self.0[..end]).unwrap_or_default()
     }
 
-    /// PARAM_VALUE.param_id and its like as a name; `None` where it is none.
+    /// The name in PARAM_VALUE.param_id and similar fields; `None` where it is not a valid name.
     pub fn from_wire(id: &CharArray<16>) -> Option<Self> {
         let end = id.iter().position(|&o| o == 0).unwrap_or(16);
         Self::from_bytes(&id[..end])
     }
 
-    /// PARAM_VALUE.param_id and its like.
+    /// As PARAM_VALUE.param_id and similar fields.
     pub fn to_wire(self) -> CharArray<16> {
         CharArray::new(self.0)
     }
@@ -125,7 +128,7 @@ impl std::fmt::Display for Name {
 
 /// The pseudo-parameter whose value is a CRC over all; its index is 65535.
 pub const HASH_CHECK: &str = "_HASH_CHECK";
-/// PARAM_VALUE.param_index of what has no place in the list.
+/// PARAM_VALUE.param_index of a value that has no place in the list.
 pub const NO_INDEX: u16 = u16::MAX;
 
 #[cfg(test)]

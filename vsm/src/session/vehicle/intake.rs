@@ -83,7 +83,7 @@ impl VehicleLink {
                 self.silent = false;
                 // It may have been given another plan meanwhile.
                 self.telemetry.mission = None;
-                self.intervals.ask_again();
+                self.intervals.request_again();
                 self.events.push_back(VehicleEvent::Heard);
             }
         }
@@ -103,7 +103,7 @@ impl VehicleLink {
             .handle_message(now.mono, node, message, fresh.parameter);
         if let MavMessage::PARAM_VALUE(told) = message
             && !answered
-            && let Some((name, value)) = param::told(told)
+            && let Some((name, value)) = param::named_value(told)
         {
             self.events
                 .push_back(VehicleEvent::ParameterTold(name, value));
@@ -157,7 +157,7 @@ impl VehicleLink {
             .is_some_and(|before| boot_ms.saturating_add(BOOT_SLACK_MS) < before)
         {
             self.telemetry.start_anew();
-            self.intervals.ask_again();
+            self.intervals.request_again();
             self.events.push_back(VehicleEvent::Restarted);
         }
         self.boot_ms = Some(boot_ms);

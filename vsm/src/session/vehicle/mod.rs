@@ -153,7 +153,7 @@ impl VehicleLink {
 
     /// Wants a message at a rate from now on; asked for when the next command may go.
     pub(crate) fn want(&mut self, id: u32, hertz: f32) {
-        self.intervals.wish(id, Rate::Hz(hertz));
+        self.intervals.request(id, Rate::Hz(hertz));
     }
 
     /// Its clock since boot, ms, as of its latest message that shows it.
