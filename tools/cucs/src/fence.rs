@@ -7,7 +7,7 @@ use stanag_msgs::enums::AreaType;
 use stanag_msgs::messages::AreaVertex;
 use stanag_msgs::{Bam32, Message};
 
-/// Why a fence file is none.
+/// Why a fence file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum FenceFileError {
     /// It cannot be read.
@@ -15,7 +15,7 @@ pub enum FenceFileError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// It is not TOML of this form.
@@ -36,7 +36,7 @@ pub enum FenceFileError {
         /// Which one, from 1.
         area: usize,
     },
-    /// More than a number of the message can say.
+    /// More than the message's counter can hold.
     #[error("{}: {count} {what}, at most {most}", path.display())]
     Many {
         /// The file.
@@ -74,7 +74,7 @@ enum Keep {
     Out,
 }
 
-/// Reads a fence file into its messages. Whether they make a fence is the VSM's to judge.
+/// Reads a fence file into its messages. Whether they make a fence is for the VSM to judge.
 ///
 /// # Errors
 /// It cannot be read, or is not of this form.
@@ -143,7 +143,7 @@ fn parse(path: &Path, text: &str) -> Result<Vec<Message>, FenceFileError> {
     Ok(messages)
 }
 
-/// The text of a fence file of these messages; corners that are not there are left out.
+/// The text of a fence file of these messages; vertices without a position are left out.
 #[must_use]
 pub fn to_toml<'a>(vertices: impl IntoIterator<Item = &'a AreaVertex>) -> String {
     use std::fmt::Write as _;
@@ -203,11 +203,11 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_told_with_its_place() {
-        let told = |text| parse(Path::new("f.toml"), text).unwrap_err().to_string();
-        assert!(told("[[area]]\nkeep = \"up\"\n").starts_with("f.toml:2: "));
+    fn an_error_names_its_place() {
+        let error = |text| parse(Path::new("f.toml"), text).unwrap_err().to_string();
+        assert!(error("[[area]]\nkeep = \"up\"\n").starts_with("f.toml:2: "));
         assert_eq!(
-            told("[[area]]\nkeep = \"in\"\nradius = 5.0\n"),
+            error("[[area]]\nkeep = \"in\"\nradius = 5.0\n"),
             "f.toml: area 1: expected vertices, or centre and radius"
         );
     }

@@ -1,9 +1,12 @@
-//! A scriptable CUCS: the ground station's side of the Data Link Interface.
+//! A scriptable CUCS: the ground station's side of the Data Link Interface (DLI).
 //!
 //! Two layers. [`Session`] is a machine without socket or clock: datagrams and the time go in, datagrams and events
 //! come out; it stamps, packs, retransmits and matches acknowledgements, and keeps what each vehicle last reported.
 //! [`Station`] puts it on a UDP socket and offers what an operator does as methods: discover, take control, send a
 //! route, launch, fly, land, release. [`Operator`] is the same in words, for the program `cucs` and for scripts.
+//!
+//! The folders, each built on those before it: `session` and `route` (without I/O), `station` (UDP), `operator`
+//! (subcommands and scripts). Nothing here knows MAVLink: whatever a CUCS may need must be in the DLI.
 //!
 //! Nothing received can make any of them panic, block or grow without bound.
 

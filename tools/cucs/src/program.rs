@@ -1,7 +1,7 @@
 //! The command line of `cucs`.
 //!
 //! Each subcommand may be a process of its own: rights belong to the CUCS ID, and a CUCS that comes back on another
-//! port keeps them. Exit status: 0 done, 1 refused or no answer, 2 a wrong question or file.
+//! port keeps them. Exit status: 0 done, 1 refused or no answer, 2 wrong arguments or a faulty file.
 
 use std::io::{BufRead as _, Stdout, Write as _};
 use std::net::SocketAddr;
@@ -56,7 +56,7 @@ enum Command {
     Shell,
 }
 
-/// What is told on standard error, and the exit status.
+/// The line on standard error, and the exit status.
 struct Failure {
     text: String,
     status: u8,
@@ -68,7 +68,7 @@ pub fn command() -> clap::Command {
     Arguments::command()
 }
 
-/// The program: reads the command line, does it, and says the exit status.
+/// The program: carries out the command line and returns the exit status.
 #[must_use]
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
@@ -82,14 +82,14 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure { text, status }) => {
-            say(&format!("cucs: {text}"));
+            report(&format!("cucs: {text}"));
             ExitCode::from(status)
         }
     }
 }
 
 async fn run(arguments: Arguments) -> Result<(), Failure> {
-    // What is wrong with a script is told before anything is sent.
+    // A faulty script is reported before anything is sent.
     let script = match &arguments.command {
         Command::Script { file } => {
             Some((file, Line::load(file).map_err(|fault| failure(2, fault))?))
@@ -133,17 +133,17 @@ async fn shell(operator: &mut Operator<Stdout>) -> Result<(), Failure> {
         match lines.try_recv() {
             Err(TryRecvError::Disconnected) => return Ok(()),
             Err(TryRecvError::Empty) => operator
-                .idle(LOOK)
+                .idle(SERVE_SPAN)
                 .await
                 .map_err(|fault| failure(1, fault))?,
             Ok(line) if matches!(line.trim(), "exit" | "quit") => return Ok(()),
             Ok(line) => {
                 match parse_line(&line) {
-                    Err(message) => say(&message),
+                    Err(message) => report(&message),
                     Ok(None) => {}
                     Ok(Some(verb)) => {
                         if let Err(fault) = operator.run(&verb, Path::new("")).await {
-                            say(&fault.to_string());
+                            report(&fault.to_string());
                         }
                     }
                 }
@@ -153,7 +153,7 @@ async fn shell(operator: &mut Operator<Stdout>) -> Result<(), Failure> {
     }
 }
 
-/// Standard input can only be waited for by a thread of its own.
+/// Lines of standard input, read by a thread: a blocking read cannot be cancelled when the station needs serving.
 fn typed_lines() -> Receiver<String> {
     let (sender, receiver) = mpsc::channel();
     std::thread::spawn(move || {
@@ -180,9 +180,9 @@ fn failure(status: u8, text: impl std::fmt::Display) -> Failure {
     }
 }
 
-fn say(line: &str) {
+fn report(line: &str) {
     // A closed standard error is no reason to end otherwise.
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-const LOOK: Duration = Duration::from_millis(50);
+const SERVE_SPAN: Duration = Duration::from_millis(50);

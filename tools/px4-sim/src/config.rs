@@ -43,7 +43,7 @@ pub struct Config {
     pub unix_time_us: u64,
     /// Parameters that differ from the defaults at boot.
     pub params: Vec<(Param, f64)>,
-    /// Speaks operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS), as PX4 v1.18 does not.
+    /// Implements operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS), which PX4 v1.18 does not.
     pub operator_control: bool,
 }
 
@@ -76,7 +76,7 @@ macro_rules! parameters {
         #[allow(
             non_camel_case_types,
             missing_docs,
-            reason = "the names are PX4's own, and say all"
+            reason = "the names are PX4's own"
         )]
         #[repr(usize)]
         pub enum Param { $($name,)* }
@@ -218,7 +218,7 @@ impl Params {
         };
     }
 
-    /// What the parameter protocol serves.
+    /// The list that the parameter protocol serves.
     pub fn table(&self) -> impl Iterator<Item = Parameter> + '_ {
         DEFAULTS
             .iter()
@@ -234,7 +234,7 @@ impl Params {
             })
     }
 
-    /// Takes over what the parameter protocol has stored.
+    /// Stores what the parameter protocol has set.
     pub fn store(&mut self, name: Name, value: Value) {
         if let Ok(index) = DEFAULTS.binary_search_by_key(&name.as_str(), |(name, _)| name) {
             self.0[index] = value;

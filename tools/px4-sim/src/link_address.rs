@@ -8,9 +8,9 @@ use thiserror::Error;
 /// Where a link of the simulated vehicle is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LinkAddress {
-    /// Bind here and keep silent until somebody speaks.
+    /// Bind here and send nothing until something is received.
     UdpIn(SocketAddr),
-    /// Bind anywhere and speak first, to this address.
+    /// Bind any port and send first, to this address.
     UdpOut(SocketAddr),
 }
 
@@ -25,7 +25,7 @@ pub enum LinkAddressError {
     Address {
         /// As given.
         text: String,
-        /// What the resolver says.
+        /// The resolver's error.
         reason: String,
     },
 }

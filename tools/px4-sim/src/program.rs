@@ -70,7 +70,7 @@ pub fn command() -> clap::Command {
     Arguments::command()
 }
 
-/// The program: flies until SIGTERM or SIGINT, and says the exit status.
+/// The program: runs until SIGTERM or SIGINT, and returns the exit status.
 #[must_use]
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
@@ -137,7 +137,7 @@ async fn serve(config: SimulatorConfig) -> ExitCode {
         Err(error @ (SimulatorError::Speed(_) | SimulatorError::NoLink)) => return fail(2, &error),
         Err(error) => return fail(1, &error),
     };
-    say(&about);
+    report(&about);
     tokio::select! {
         _ = terminate.recv() => {}
         _ = interrupt.recv() => {}
@@ -147,12 +147,12 @@ async fn serve(config: SimulatorConfig) -> ExitCode {
 }
 
 fn fail(status: u8, error: &dyn std::fmt::Display) -> ExitCode {
-    say(&format!("px4-sim: {error}"));
+    report(&format!("px4-sim: {error}"));
     ExitCode::from(status)
 }
 
-fn say(line: &str) {
-    // A closed standard error is no reason not to fly.
+fn report(line: &str) {
+    // A closed standard error does not stop the simulator.
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 

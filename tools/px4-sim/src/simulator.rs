@@ -22,7 +22,7 @@ use crate::link::signing::Signing;
 use crate::link_address::LinkAddress;
 use crate::vehicle::state::{Truth, VehicleCounters};
 
-/// What to simulate, and where to be reached.
+/// What to simulate, and on which links.
 #[derive(Debug)]
 pub struct SimulatorConfig {
     /// The vehicle.
@@ -62,7 +62,7 @@ pub enum SimulatorError {
     Socket {
         /// The link.
         link: LinkAddress,
-        /// What the system says: the port may be taken.
+        /// The system's error: the port may be taken.
         source: std::io::Error,
     },
     /// The speed is no speed.
@@ -73,7 +73,7 @@ pub enum SimulatorError {
     SigningFile {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// No link was given.
@@ -81,7 +81,7 @@ pub enum SimulatorError {
     NoLink,
 }
 
-/// What has happened so far.
+/// Counters since the start.
 #[derive(Debug, Clone, Default)]
 pub struct Counters {
     /// What was done with commands and plans.
@@ -183,7 +183,7 @@ impl Simulator {
         self.addresses.get(link).copied()
     }
 
-    /// What is really so now.
+    /// The true state now.
     pub fn truth(&self) -> Truth {
         self.lock().truth
     }
@@ -200,7 +200,7 @@ impl Simulator {
         std::mem::take(&mut self.lock().track)
     }
 
-    /// What has happened so far.
+    /// Counters since the start.
     pub fn counters(&self) -> Counters {
         self.lock().counters.clone()
     }
@@ -264,9 +264,9 @@ impl Simulation {
                     if orders.stop.load(Ordering::Relaxed) {
                         return;
                     }
-                    let wanted = orders.restarts.load(Ordering::Relaxed);
-                    if wanted != restarts {
-                        restarts = wanted;
+                    let requested = orders.restarts.load(Ordering::Relaxed);
+                    if requested != restarts {
+                        restarts = requested;
                         self.autopilot.restart();
                         self.next_sample = Duration::ZERO;
                     }
@@ -325,7 +325,7 @@ impl Simulation {
         for _ in 0..BATCH {
             match socket.try_recv_from(buffer) {
                 Ok((len, from)) => self.autopilot.handle_datagram(link, from, &buffer[..len]),
-                // On loopback the answer of a port that nobody listens on comes back as an error.
+                // On loopback, a closed port at the other end comes back as an error of this socket. Its peer may still start.
                 Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => {}
                 Err(_) => break,
             }
@@ -333,7 +333,7 @@ impl Simulation {
         if let Some(path) = &self.signing_file
             && self.signing_mark() != before
         {
-            // PX4 does not notice either when its card is full.
+            // PX4 does not notice a full card either.
             let _ = write_px4_key(path, self.autopilot.signing());
         }
     }
@@ -348,7 +348,7 @@ impl Simulation {
         let mut buffer = [0; MAX_FRAME];
         while let Some(transmit) = self.autopilot.poll_transmit(&mut buffer) {
             if let Some(socket) = self.sockets.get(transmit.link) {
-                // Nobody there yet, or a full buffer: a lost datagram, as on any link.
+                // A closed port or a full buffer: a lost datagram, as on any link.
                 let _ = socket.send_to(&buffer[..transmit.len], transmit.to).await;
             }
         }

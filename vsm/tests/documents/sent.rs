@@ -189,10 +189,12 @@ fn everything(airframe: Airframe) -> Rig {
     rig.run(2.0);
     done(&mut rig, request(3004));
     // An alert that stands, and what is behind it; a long text in parts.
-    rig.vehicles[0].vehicle_mut().ail(HealthFaults {
-        unhealthy: 0x4,
-        ..HealthFaults::default()
-    });
+    rig.vehicles[0]
+        .vehicle_mut()
+        .set_health_faults(HealthFaults {
+            unhealthy: 0x4,
+            ..HealthFaults::default()
+        });
     rig.run(4.0);
     done(&mut rig, SubsystemStatusRequest::default());
     for reference in 1..10 {

@@ -697,7 +697,7 @@ fn one_timeout_after_the_controller_is_lost() {
     scene.give(A, orders::mode(Mode::Waypoint));
     scene.run(12.0);
     // Seen by one timeout, and not for long enough to be raised.
-    scene.vehicle.vehicle_mut().ail(HealthFaults {
+    scene.vehicle.vehicle_mut().set_health_faults(HealthFaults {
         battery: Some(5),
         ..HealthFaults::default()
     });

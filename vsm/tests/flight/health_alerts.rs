@@ -31,7 +31,9 @@ fn reports(rig: &Rig, mark: usize) -> Vec<SubsystemStatusReport> {
 }
 
 fn ail(rig: &mut Rig, health_faults: HealthFaults) {
-    rig.vehicles[0].vehicle_mut().ail(health_faults);
+    rig.vehicles[0]
+        .vehicle_mut()
+        .set_health_faults(health_faults);
 }
 
 /// An ailment makes one alert of this subsystem and priority, and its end clears that alert.

@@ -11,10 +11,12 @@ fn entering_instead(mode: Px4) -> (Rig, Option<AckType>) {
     rig.send_plan(orders::square());
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
     rig.take_off(20.0);
-    rig.vehicles[0].vehicle_mut().ail(HealthFaults {
-        instead: Some(mode),
-        ..HealthFaults::default()
-    });
+    rig.vehicles[0]
+        .vehicle_mut()
+        .set_health_faults(HealthFaults {
+            instead: Some(mode),
+            ..HealthFaults::default()
+        });
     let end = rig.carry_out(orders::mode(Mode::Waypoint));
     (rig, end)
 }

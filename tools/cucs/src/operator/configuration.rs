@@ -1,4 +1,4 @@
-//! What a VSM has told of itself in the configuration phase, as the table that an operator's screen is made of.
+//! What a VSM reports in the configuration phase, as the table that an operator's screen is made of.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -8,7 +8,7 @@ use stanag_msgs::Message;
 use stanag_msgs::enums::{EnumIndexEnable, FieldAvailable, FieldSupported};
 use stanag_msgs::table::{self, FieldInfo, MessageInfo};
 
-/// All answers, by message and field, from 1; field 0 is the whole message.
+/// All answers, by message and field; fields count from 1, field 0 is the whole message.
 #[derive(Clone, Debug, Default)]
 pub struct ConfigurationTable {
     rows: BTreeMap<(u16, u8), Row>,
@@ -29,12 +29,12 @@ struct Row {
     own: Vec<(u8, String)>,
     /// Values that are refused always or now.
     refused: Vec<u8>,
-    /// What another has set since.
+    /// What another CUCS has set since.
     now: Option<f64>,
 }
 
 impl ConfigurationTable {
-    /// Takes an answer; false where the message is none.
+    /// Enters an answer; false where the message is not one of the configuration phase.
     pub fn take(&mut self, message: &Message) -> bool {
         match message {
             Message::FieldConfigurationIntegerResponse(m) => self.take_bounds(
@@ -208,7 +208,7 @@ impl ConfigurationTable {
         Some(self.rows.entry(key).or_default())
     }
 
-    /// What a field is now, in steps.
+    /// The present value of a field, in steps of the field.
     fn take_change(&mut self, message: Option<u16>, field: Option<u8>, steps: Option<i32>) {
         let Some((key, steps)) = message.zip(field).zip(steps) else {
             return;
@@ -290,7 +290,7 @@ fn line(cells: [&str; 8]) -> String {
     text.trim_end().to_owned()
 }
 
-/// Six digits after the point at most, none that say nothing.
+/// At most six decimals, without trailing zeros.
 fn short(value: f64) -> String {
     let text = format!("{value:.6}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
@@ -308,10 +308,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_field_is_told_in_its_unit() {
-        let mut told = ConfigurationTable::default();
+    fn a_field_is_shown_in_its_unit() {
+        let mut table = ConfigurationTable::default();
         assert!(
-            told.take(&Message::from(FieldConfigurationUnsignedResponse {
+            table.take(&Message::from(FieldConfigurationUnsignedResponse {
                 requested_message: Some(2016),
                 requested_field: Some(13),
                 field_supported: Some(FieldSupported::Supported),
@@ -321,16 +321,16 @@ mod tests {
                 ..Default::default()
             }))
         );
-        let lines = told.lines();
+        let lines = table.lines();
         let words: Vec<&str> = lines[1].split_whitespace().collect();
         assert_eq!(words, ["2016.13", "Commanded", "Speed", "5", "12", "m/s"]);
-        assert_eq!(told.objects()[0]["most"], 12.0);
+        assert_eq!(table.objects()[0]["most"], 12.0);
     }
 
     #[test]
     fn own_values_and_refused_ones_are_listed_and_come_back() {
-        let mut told = ConfigurationTable::default();
-        told.take(&Message::from(FieldConfigurationEnumeratedResponse {
+        let mut table = ConfigurationTable::default();
+        table.take(&Message::from(FieldConfigurationEnumeratedResponse {
             requested_message: Some(3001),
             requested_field: Some(2),
             field_supported: Some(FieldSupported::Supported),
@@ -348,47 +348,51 @@ mod tests {
                 ..Default::default()
             })
         };
-        told.take(&mode(EnumIndexEnable::Unavailable));
-        assert!(told.lines()[1].ends_with("own 32 RTL; not 21"));
-        told.take(&mode(EnumIndexEnable::Available));
-        assert!(told.lines()[1].ends_with("own 32 RTL"));
+        table.take(&mode(EnumIndexEnable::Unavailable));
+        assert!(table.lines()[1].ends_with("own 32 RTL; not 21"));
+        table.take(&mode(EnumIndexEnable::Available));
+        assert!(table.lines()[1].ends_with("own 32 RTL"));
     }
 
     #[test]
-    fn a_value_that_another_has_set_is_told_beside_its_bounds() {
-        let mut told = ConfigurationTable::default();
-        told.take(&Message::from(FieldConfigurationUnsignedResponse {
+    fn a_value_that_another_has_set_is_shown_beside_its_bounds() {
+        let mut table = ConfigurationTable::default();
+        table.take(&Message::from(FieldConfigurationUnsignedResponse {
             requested_message: Some(2017),
             requested_field: Some(3),
             field_supported: Some(FieldSupported::Supported),
             help_text: Some(Text::new("m")),
             ..Default::default()
         }));
-        told.take(&Message::from(FieldChangeIntegerCommand {
+        table.take(&Message::from(FieldChangeIntegerCommand {
             requested_message: Some(2017),
             requested_field: Some(3),
             commanded_value: Some(40),
             ..Default::default()
         }));
-        assert!(told.lines()[1].ends_with("m; now 60"), "{:?}", told.lines());
-        assert_eq!(told.objects()[0]["now"], 60.0);
+        assert!(
+            table.lines()[1].ends_with("m; now 60"),
+            "{:?}",
+            table.lines()
+        );
+        assert_eq!(table.objects()[0]["now"], 60.0);
     }
 
     #[test]
     fn what_is_about_nothing_is_not_kept() {
-        let mut told = ConfigurationTable::default();
+        let mut table = ConfigurationTable::default();
         for (message, field) in [
             (Some(2016), Some(99)),
             (Some(70_000), Some(1)),
             (None, None),
         ] {
-            told.take(&Message::from(MessageParameterAvailability {
+            table.take(&Message::from(MessageParameterAvailability {
                 reported_message: message,
                 reported_field: field,
                 ..Default::default()
             }));
         }
-        assert_eq!(told.lines().len(), 1);
-        assert!(!told.take(&Message::empty(4000).unwrap()));
+        assert_eq!(table.lines().len(), 1);
+        assert!(!table.take(&Message::empty(4000).unwrap()));
     }
 }

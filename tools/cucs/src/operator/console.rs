@@ -193,7 +193,6 @@ impl<W: Write> Operator<W> {
                 Event::Alert { alert, .. }
                     if self.style == Style::People && printed.contains(&alert.text) => {}
                 Event::Alert { from, alert } => {
-                    // As STANAG 4586 numbers it, 0 is the end of an alert.
                     let priority = match alert.priority {
                         AlertPriority::Cleared => "cleared".to_owned(),
                         other => other.to_string(),

@@ -1,4 +1,4 @@
-//! Why an operator's word was not carried out, and the exit status that says so.
+//! Why a subcommand was not carried out, and the exit status for it.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use crate::station::outcome::{Refused, StationError};
 /// Why something was not done.
 #[derive(Debug, thiserror::Error)]
 pub enum OperatorError {
-    /// The station says why.
+    /// The station reports the reason.
     #[error(transparent)]
     Station(#[from] StationError),
     /// A route file.
@@ -34,13 +34,13 @@ pub enum OperatorError {
     /// What needs status needs LOI 2.
     #[error("vehicle {0}: this CUCS holds no LOI, so nothing is told to it: take it first")]
     NoRights(Id),
-    /// Whom to answer is not known.
+    /// No handover request is known that could be answered.
     #[error("vehicle {0}: no CUCS is known to ask for it: name it")]
     NobodyAsks(Id),
-    /// What to accept is not known.
+    /// No offer is known that could be accepted.
     #[error("vehicle {0}: nothing is known to be offered: name the levels with --loi")]
     NothingOffered(Id),
-    /// What was downloaded has holes.
+    /// The download is incomplete.
     #[error("the plan names waypoints that it does not have: {0}")]
     Incomplete(String),
     /// A file cannot be written.
@@ -48,19 +48,19 @@ pub enum OperatorError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// A number of seconds that is none.
+    /// A number of seconds out of range.
     #[error("{0} seconds, expected 0 to 1e6")]
     Seconds(f64),
-    /// Nobody reads what is told.
+    /// The output is closed.
     #[error("output: {0}")]
     Output(#[from] std::io::Error),
 }
 
 impl OperatorError {
-    /// 2 where the question was wrong, 1 where the answer is no.
+    /// 2 where the request was wrong, 1 where it was refused or not answered.
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {

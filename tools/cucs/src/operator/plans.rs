@@ -29,7 +29,7 @@ impl<W: Write> Operator<W> {
         let download = self.station.download(vehicle).await?;
         let routes = Route::from_download(&download);
         let text: Vec<String> = routes.iter().map(Route::to_toml).collect();
-        // Routes share waypoints and a file holds one route: further ones are told apart by their files.
+        // Routes share waypoints and a file holds one route: each further one goes to a file of its own.
         for (index, text) in text.iter().enumerate() {
             match path {
                 None if self.style == Style::People => write!(self.out, "{text}")?,

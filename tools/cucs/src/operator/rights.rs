@@ -64,34 +64,34 @@ impl<W: Write> Operator<W> {
         self.print(&format!("{vehicle}: released"), json!({"granted": []}))
     }
 
-    /// Message 4, whom it names and with which levels.
+    /// Message 4: which CUCS and which levels it names decides what it means.
     pub(super) async fn hand_over(&mut self, verb: &HandoverVerb) -> Done {
         let vehicle = self.find_vehicle().await?;
         let own = self.station.session().id();
         let state = self.state(vehicle);
         let held = state.map_or(LoiBitmap::NONE, Vehicle::granted);
         let may = state.map_or(LoiBitmap::NONE, Vehicle::authorised);
-        let asked = state.and_then(Vehicle::handover_request);
+        let request = state.and_then(Vehicle::handover_request);
         let offered = state.and_then(Vehicle::handover_offer);
         let named = |cucs: &Option<Id>| {
-            cucs.or(asked.map(|(id, _)| id))
+            cucs.or(request.map(|(id, _)| id))
                 .ok_or(OperatorError::NobodyAsks(vehicle))
         };
         let (acquirer, loi, done) = match verb {
             HandoverVerb::Ask { loi } => {
-                let wanted = loi.map_or(may, |list| list.0);
-                (own, wanted, format!("LOI {} is ours", levels(wanted)))
+                let requested = loi.map_or(may, |list| list.0);
+                (own, requested, format!("LOI {} is ours", levels(requested)))
             }
             HandoverVerb::Accept { loi } => {
-                let wanted = loi.map(|list| list.0).or(offered);
-                let wanted = wanted.ok_or(OperatorError::NothingOffered(vehicle))?;
-                (own, wanted, format!("LOI {} is ours", levels(wanted)))
+                let accepted = loi.map(|list| list.0).or(offered);
+                let requested = accepted.ok_or(OperatorError::NothingOffered(vehicle))?;
+                (own, requested, format!("LOI {} is ours", levels(requested)))
             }
             HandoverVerb::Decline => (own, LoiBitmap::NONE, "declined".to_owned()),
             HandoverVerb::Consent { cucs, loi } => {
                 let to = named(cucs)?;
-                let wished = asked.filter(|(id, _)| *id == to).map(|(_, loi)| loi);
-                let given = loi.map(|list| list.0).or(wished).unwrap_or(held);
+                let requested = request.filter(|(id, _)| *id == to).map(|(_, loi)| loi);
+                let given = loi.map(|list| list.0).or(requested).unwrap_or(held);
                 (to, given, format!("handed over to {to}"))
             }
             HandoverVerb::Refuse { cucs } => {

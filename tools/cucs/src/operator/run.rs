@@ -19,27 +19,28 @@ use crate::station::outcome::levels;
 use crate::station::report;
 
 impl<W: Write> Operator<W> {
-    /// Does it, and tells. Files are relative to `folder`.
+    /// Carries a subcommand out and prints the result, then the alerts that came with it. Files are relative to
+    /// `folder`.
     ///
     /// # Errors
-    /// It was not done.
+    /// It was refused, not answered, or cannot be requested.
     pub async fn run(&mut self, verb: &Verb, folder: &Path) -> Done {
         let done = self.carry_out(verb, folder).await;
         self.conclude(done)
     }
 
-    /// Sends a route of this name and loads it aboard, and tells.
+    /// Sends a route of this name, loads it aboard, and prints the result.
     ///
     /// # Errors
-    /// It was not done.
+    /// It was refused, or there is no answer.
     pub async fn load(&mut self, name: &str, route: &Route) -> Done {
         let done = self.send_route(name, route).await;
         self.conclude(done)
     }
 
-    /// Tells the alerts that came with it.
+    /// Prints the alerts that came with it.
     fn conclude(&mut self, done: Done) -> Done {
-        // What the error says is not told twice.
+        // An alert that the error quotes is not printed twice.
         let error = done.as_ref().err().map(ToString::to_string);
         self.print_alerts(error.as_deref().unwrap_or_default())?;
         if self.style == Style::Json
@@ -178,7 +179,7 @@ impl<W: Write> Operator<W> {
     }
 
     async fn wait(&mut self, condition: &Condition, within: Duration) -> Done {
-        // What concerns rights is told to those who have none too.
+        // Messages about rights reach a CUCS without rights too; status does not.
         let vehicle = match condition {
             Condition::Asked
             | Condition::Offered
@@ -187,7 +188,7 @@ impl<W: Write> Operator<W> {
             _ => self.find_vehicle_with_status().await?,
         };
         let mark = self.state(vehicle).map_or(0, Vehicle::next_alert);
-        let holds = |state: &Vehicle| match condition {
+        let is_met = |state: &Vehicle| match condition {
             Condition::Mode { mode } => state.mode() == Some(mode.0),
             Condition::Waypoint { number } => state.to_waypoint() == Some(*number),
             Condition::RouteEnd => state.waypoints.is_some() && state.to_waypoint().is_none(),
@@ -208,8 +209,8 @@ impl<W: Write> Operator<W> {
             Condition::Lacks { loi } => !state.granted().intersects(loi.0),
         };
         self.station
-            .wait_until(&awaited(condition), within, |session| {
-                session.vehicle(vehicle).is_some_and(holds)
+            .wait_until(&describe(condition), within, |session| {
+                session.vehicle(vehicle).is_some_and(is_met)
             })
             .await?;
         self.print_state(vehicle)
@@ -217,7 +218,7 @@ impl<W: Write> Operator<W> {
 
     async fn watch(&mut self, span: Duration, every: Duration) -> Done {
         let vehicle = self.find_vehicle_with_status().await?;
-        let every = every.max(SHORTEST_LOOK);
+        let every = every.max(MIN_WATCH_PERIOD);
         let mut left = span;
         loop {
             let pause = left.min(every);
@@ -232,7 +233,7 @@ impl<W: Write> Operator<W> {
     }
 }
 
-fn awaited(condition: &Condition) -> String {
+fn describe(condition: &Condition) -> String {
     match condition {
         Condition::Mode { mode } => format!("mode {} (3001)", FlightPathControlMode::raw(mode.0)),
         Condition::Waypoint { number } => format!("leg to waypoint {number} (4001)"),
@@ -257,4 +258,4 @@ fn seconds(value: f64) -> Result<Duration, OperatorError> {
     }
 }
 
-const SHORTEST_LOOK: Duration = Duration::from_millis(50);
+const MIN_WATCH_PERIOD: Duration = Duration::from_millis(50);

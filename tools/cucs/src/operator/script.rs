@@ -1,4 +1,7 @@
-//! Scripts: the subcommands of `cucs`, one a line, `#` before what is only said to the reader.
+//! Scripts: the subcommands of `cucs`, one a line; `#` starts a comment.
+//!
+//! A script is parsed as a whole before anything is sent, so that a typing error in a later line does not end it half
+//! way through a flight.
 
 use std::path::{Path, PathBuf};
 
@@ -11,13 +14,13 @@ use super::verb::Verb;
 pub struct Line {
     /// Its number, from 1.
     pub number: usize,
-    /// As it stands.
+    /// Its text.
     pub text: String,
-    /// What it asks.
+    /// The subcommand.
     pub verb: Verb,
 }
 
-/// Why a script is not one.
+/// Why a script cannot be run.
 #[derive(Debug, thiserror::Error)]
 pub enum ScriptError {
     /// It cannot be read.
@@ -25,10 +28,10 @@ pub enum ScriptError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// A line that asks nothing that there is.
+    /// A line that is not a subcommand.
     #[error("{}:{line}: {message}", path.display())]
     Line {
         /// The file.
@@ -44,7 +47,7 @@ impl Line {
     /// Reads a script, all of it before anything of it is done.
     ///
     /// # Errors
-    /// It cannot be read, or a line asks nothing that there is.
+    /// It cannot be read, or a line is not a subcommand.
     pub fn load(path: &Path) -> Result<Vec<Line>, ScriptError> {
         let text = std::fs::read_to_string(path).map_err(|source| ScriptError::Read {
             path: path.to_owned(),
@@ -56,7 +59,7 @@ impl Line {
     /// Reads the text of a script; `path` is only for messages.
     ///
     /// # Errors
-    /// A line asks nothing that there is.
+    /// A line is not a subcommand.
     pub fn parse(path: &Path, text: &str) -> Result<Vec<Line>, ScriptError> {
         let mut lines = Vec::new();
         for (text, number) in text.lines().zip(1..) {
@@ -74,10 +77,10 @@ impl Line {
     }
 }
 
-/// What one line asks; `None` where it is empty or a remark.
+/// The subcommand of one line; `None` where it is empty or a comment.
 ///
 /// # Errors
-/// It asks nothing that there is: the message says what was expected.
+/// It is not a subcommand: the message names what was expected.
 pub fn parse_line(line: &str) -> Result<Option<Verb>, String> {
     let words = words(line)?;
     if words.is_empty() {
@@ -96,7 +99,7 @@ struct Words {
     verb: Verb,
 }
 
-/// The first paragraph of what clap says, in a line; all of it where help was asked for.
+/// The first paragraph of clap's message in one line; all of it where help was requested.
 fn message(fault: &clap::Error) -> String {
     let text = fault.render().to_string();
     if fault.kind() == clap::error::ErrorKind::DisplayHelp {
@@ -161,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_line_is_told_by_its_number_and_nothing_else_is_done() {
+    fn a_bad_line_is_reported_with_its_number_before_anything_is_done() {
         let text = "discover\n\nlunch 30\n";
         let fault = Line::parse(Path::new("a.cucs"), text)
             .unwrap_err()

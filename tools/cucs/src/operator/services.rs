@@ -16,7 +16,7 @@ use super::console::{Done, Operator, SETTLE, Style};
 use crate::session::machine::Event;
 
 impl<W: Write> Operator<W> {
-    /// 50010, and what comes of it.
+    /// 50010: requests one parameter or all, and prints the reports by their index.
     pub(super) async fn parameters(&mut self, name: Option<&str>) -> Done {
         let vehicle = self.find_vehicle().await?;
         let request = ParameterRequest {
@@ -25,15 +25,15 @@ impl<W: Write> Operator<W> {
         };
         let what = "parameters (50010)";
         let answers = self.query(vehicle, request, what).await?;
-        let mut told: Vec<&ParameterReport> = answers
+        let mut reports: Vec<&ParameterReport> = answers
             .iter()
             .filter_map(|message| match message {
                 Message::ParameterReport(report) => Some(report),
                 _ => None,
             })
             .collect();
-        told.sort_by_key(|report| report.parameter_index);
-        for report in told {
+        reports.sort_by_key(|report| report.parameter_index);
+        for report in reports {
             self.print_parameter(report)?;
         }
         Ok(self.out.flush()?)
@@ -48,11 +48,11 @@ impl<W: Write> Operator<W> {
             ..ParameterSetCommand::default()
         };
         let answers = self.query(vehicle, command, "parameter (50011)").await?;
-        let told = answers.iter().rev().find_map(|message| match message {
+        let stored = answers.iter().rev().find_map(|message| match message {
             Message::ParameterReport(report) => Some(report),
             _ => None,
         });
-        told.map_or(Ok(()), |report| self.print_parameter(report))
+        stored.map_or(Ok(()), |report| self.print_parameter(report))
     }
 
     fn print_parameter(&mut self, report: &ParameterReport) -> Done {
@@ -120,11 +120,11 @@ impl<W: Write> Operator<W> {
     }
 
     /// 50014.
-    pub(super) async fn ping(&mut self, through: bool) -> Done {
+    pub(super) async fn ping(&mut self, through_to_vehicle: bool) -> Done {
         let vehicle = self.find_vehicle().await?;
         let request = PingRequest {
             ping_number: Some(1),
-            ping_target: Some(if through {
+            ping_target: Some(if through_to_vehicle {
                 PingTarget::Vehicle
             } else {
                 PingTarget::Vsm
@@ -133,7 +133,7 @@ impl<W: Write> Operator<W> {
         };
         let began = tokio::time::Instant::now();
         let answers = self.query(vehicle, request, "ping (50014)").await?;
-        // What is waited for after the answer is no part of the way.
+        // The pause in which late answers are collected is not part of the round trip.
         let ms = (began.elapsed().saturating_sub(SETTLE)).as_secs_f64() * 1e3;
         let round_trip = answers.iter().find_map(|message| match message {
             Message::PingResponse(answer) => Some(answer.vehicle_round_trip),
@@ -149,7 +149,7 @@ impl<W: Write> Operator<W> {
         )
     }
 
-    /// Asks what the vehicle is, level by level (40000), and prints the answers as one table.
+    /// Requests the configuration, level by level (40000), and prints the answers as one table.
     pub(super) async fn configuration(&mut self, loi: Option<u8>) -> Done {
         let vehicle = self.find_vehicle().await?;
         let mut table = ConfigurationTable::default();

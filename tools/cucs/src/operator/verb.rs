@@ -1,4 +1,4 @@
-//! What an operator can ask, in words: the subcommands of `cucs`, and the lines of its scripts.
+//! The subcommands of `cucs`, which are also the lines of its scripts.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -296,7 +296,7 @@ pub struct ModeName(pub FlightPathControlMode);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Degrees(pub f64, pub f64);
 
-/// A word that is none of those expected.
+/// An argument that is none of those expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected {0}")]
 pub struct Expected(&'static str);

@@ -42,7 +42,7 @@ impl Route {
     }
 
     /// What a station at `cucs` sends to load it, a message a datagram: [`Route::messages`] and the 13000, each stamped
-    /// a millisecond after the one before, the first at `unix_ms`, and each with an acknowledgement asked for.
+    /// a millisecond after the one before, the first at `unix_ms`, and each requesting an acknowledgement.
     ///
     /// # Errors
     /// A value that its field cannot carry, or a message longer than a datagram.

@@ -124,7 +124,7 @@ pub enum CurveForm {
     Paper,
 }
 
-/// A value that no message can carry.
+/// Why a route cannot be put into messages.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RouteError {
     /// A route without waypoints.

@@ -1,4 +1,4 @@
-//! Reading a route file (TOML). Every fault is told with the file, the line and the field.
+//! Reading a route file (TOML). Every error names the file, the line and the field.
 
 use std::collections::BTreeMap;
 use std::fmt::{Debug, Display};
@@ -18,7 +18,7 @@ use super::model::{
     Curve, CurveForm, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
 };
 
-/// Why a route file is not a route.
+/// Why a route file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum RouteFileError {
     /// It cannot be read.
@@ -26,7 +26,7 @@ pub enum RouteFileError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// It is not TOML, or not of this form: a field that is missing, unknown or of another kind.
@@ -36,7 +36,7 @@ pub enum RouteFileError {
         path: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// The key that stands there.
+        /// The key in that line.
         key: Option<String>,
         /// What is wrong.
         message: String,
@@ -50,9 +50,9 @@ pub enum RouteFileError {
         line: usize,
         /// The field, such as `waypoint 3: latitude`.
         field: String,
-        /// What stands there.
+        /// The value found.
         found: String,
-        /// What should.
+        /// What was expected.
         expected: String,
     },
     /// The whole cannot be put into messages.
@@ -99,7 +99,7 @@ impl Route {
     }
 }
 
-/// What faults are told against.
+/// The file that errors refer to.
 struct Source<'a> {
     path: &'a Path,
     text: &'a str,
@@ -349,11 +349,13 @@ impl Source<'_> {
     fn form(&self, fault: &toml::de::Error) -> RouteFileError {
         let start = fault.span().map_or(0, |span| span.start);
         let line = self.line(start);
-        let stands = self.text.lines().nth(line - 1).unwrap_or_default();
+        let content = self.text.lines().nth(line - 1).unwrap_or_default();
         RouteFileError::Form {
             path: self.path.to_owned(),
             line,
-            key: stands.split_once('=').map(|(key, _)| key.trim().to_owned()),
+            key: content
+                .split_once('=')
+                .map(|(key, _)| key.trim().to_owned()),
             message: fault.message().trim().replace('\n', ", "),
         }
     }

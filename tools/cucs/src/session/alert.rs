@@ -1,4 +1,4 @@
-//! Alerts (16000): texts longer than one message are put together again.
+//! Alerts (16000): a text longer than one message is joined from its parts.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -6,7 +6,7 @@ use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use stanag_msgs::messages::SubsystemStatusAlert;
 
-/// One alert of a vehicle, its text whole.
+/// One alert of a vehicle, complete.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Alert {
     /// Its place among all alerts of this vehicle: rises by 1 with each.
@@ -25,7 +25,7 @@ pub struct Alert {
     pub stamp: Option<TimeStamp>,
 }
 
-/// The alerts of one vehicle: those that are whole, and those that wait for parts.
+/// The alerts of one vehicle: the complete ones, and those with parts missing.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Alerts {
     whole: VecDeque<Alert>,
@@ -34,14 +34,14 @@ pub(crate) struct Alerts {
     next: u64,
 }
 
-/// What a 16000 was.
+/// What became of a 16000.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Taken {
     /// The last part of an alert, or the only one.
     Whole(Alert),
-    /// Parts are missing yet.
+    /// Parts are still missing.
     Part,
-    /// It was there before.
+    /// It was received before.
     Duplicate,
 }
 
@@ -84,7 +84,7 @@ impl Alerts {
             self.partial.pop_first();
         }
         let parts = self.partial.entry(id).or_default();
-        // The same part again, under a new stamp: the alert is told anew.
+        // The same part under a new stamp: the alert is sent again, and parts of the two must not mix.
         if parts.contains_key(&order) {
             parts.clear();
         }
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_joined_in_order_however_they_come() {
+    fn parts_are_joined_in_order_however_they_arrive() {
         let mut alerts = Alerts::default();
         assert_eq!(alerts.take(&part(3, 3, 3, "c")), Taken::Part);
         assert_eq!(alerts.take(&part(1, 1, 3, "a ")), Taken::Part);
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_part_does_not_mix_two_tellings() {
+    fn a_lost_part_does_not_mix_two_alerts() {
         let mut alerts = Alerts::default();
         assert_eq!(alerts.take(&part(1, 1, 2, "old ")), Taken::Part);
         assert_eq!(alerts.take(&part(11, 1, 2, "new ")), Taken::Part);

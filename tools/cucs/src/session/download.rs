@@ -1,11 +1,11 @@
-//! A plan as a vehicle sends it: 13001, 13002, 13003, 50001 and 50002, in whatever order they come.
+//! A plan as a vehicle sends it: 13001, 13002, 13003, 50001 and 50002, in whatever order they arrive.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use stanag_msgs::Message;
 use stanag_msgs::messages::{UaPositionWaypoint, UaRoute};
 
-/// The messages of a plan that came so far; a later one for the same route, waypoint or leg replaces the earlier.
+/// The messages of a plan received so far; a later one for the same route, waypoint or leg replaces the earlier.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Download {
     routes: Vec<UaRoute>,
@@ -20,13 +20,13 @@ impl Download {
         *self = Download::default();
     }
 
-    /// Whether nothing came.
+    /// Whether nothing was received.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.routes.is_empty() && self.waypoints.is_empty() && self.others.is_empty()
     }
 
-    /// The routes, in the order in which they came.
+    /// The routes, in the order of their arrival.
     #[must_use]
     pub fn routes(&self) -> &[UaRoute] {
         &self.routes
@@ -46,13 +46,13 @@ impl Download {
             .chain(self.others.values().cloned())
     }
 
-    /// How many messages came, those that replaced others not counted.
+    /// How many messages were received; one that replaced another does not count.
     #[must_use]
     pub fn len(&self) -> usize {
         self.routes.len() + self.waypoints.len() + self.others.len()
     }
 
-    /// The waypoints that there are, and those that a route or a waypoint names, by rising number.
+    /// The waypoints received, and those that a route or a waypoint refers to, by rising number.
     #[must_use]
     pub fn named(&self) -> BTreeSet<u16> {
         let first = self
@@ -71,7 +71,7 @@ impl Download {
             .collect()
     }
 
-    /// Those of [`Download::named`] that did not come.
+    /// Those of [`Download::named`] that were not received.
     #[must_use]
     pub fn missing(&self) -> Vec<u16> {
         let named = self.named().into_iter();

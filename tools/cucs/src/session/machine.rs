@@ -1,8 +1,8 @@
 //! The CUCS as a machine: datagrams and the time in, datagrams and events out.
 //!
-//! Promises: stamps rise strictly; a message that wants an acknowledgement is sent again, the same bytes, until a
-//! 17000 of type 1, 2 or 3 came or all tries are used up; what is late, doubled or meant for others changes nothing;
-//! a 17000 is sent only for a message to this CUCS that asks for one, and never for a 17000.
+//! Promises: stamps rise strictly; a message that requests an acknowledgement is sent again, the same bytes, until
+//! a 17000 of type 1, 2 or 3 has arrived or all tries are used up; what is late, duplicated or meant for others changes
+//! nothing; a 17000 is sent only for a message to this CUCS that requests one, and never for a 17000.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -18,14 +18,14 @@ use super::sender::{Delivery, SendSettings, Sender, Ticket};
 use super::traffic::Traffic;
 use super::vehicle::{Change, Vehicle};
 
-/// What a session is made with.
+/// Settings of a session.
 #[derive(Clone, Copy, Debug)]
 pub struct SessionConfig {
     /// The id of this CUCS.
     pub id: Id,
-    /// How its messages are summed.
+    /// Checksum of its messages.
     pub checksum: ChecksumStyle,
-    /// After what time without any 17000 a message is sent again.
+    /// Time without a 17000 after which a message is sent again.
     pub retry: Duration,
     /// How often a message is sent at most.
     pub tries: u32,
@@ -54,7 +54,7 @@ pub enum Event {
         /// The message.
         message: Box<Message>,
     },
-    /// An alert is there with all of its text.
+    /// An alert is complete.
     Alert {
         /// The vehicle that it is about.
         from: Id,
@@ -77,7 +77,7 @@ pub enum Event {
         /// Which.
         loi: LoiBitmap,
     },
-    /// A message of ours has been answered.
+    /// A message that this CUCS sent has been answered.
     Answered {
         /// Which.
         ticket: Ticket,
@@ -98,7 +98,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// A session that knows nobody.
+    /// A session that knows no vehicle yet.
     #[must_use]
     pub fn new(config: SessionConfig) -> Session {
         let settings = SendSettings {
@@ -123,7 +123,8 @@ impl Session {
         self.config.id
     }
 
-    /// Switches heartbeats (16002, 1 Hz) on or off. A CUCS that never sent one cannot lose control by silence.
+    /// Switches heartbeats (16002, 1 Hz) on or off. A CUCS that never sent one does not lose control by
+    /// sending none.
     pub fn set_heartbeats(&mut self, now: Now, on: bool) {
         self.heartbeat_due = match self.heartbeat_due {
             Some(due) if on => Some(due),
@@ -132,7 +133,7 @@ impl Session {
         self.handle_timeout(now);
     }
 
-    /// Sends a message that wants an acknowledgement. Its Time Stamp is set when it is sent.
+    /// Sends a message that requests an acknowledgement. Its Time Stamp is set when it is sent.
     ///
     /// # Errors
     /// The message cannot be written.
@@ -173,7 +174,7 @@ impl Session {
         Ok(tickets)
     }
 
-    /// Sends a message once, with no acknowledgement asked for.
+    /// Sends a message once, without requesting an acknowledgement.
     ///
     /// # Errors
     /// The message cannot be written.
@@ -188,7 +189,7 @@ impl Session {
         Ok(ticket)
     }
 
-    /// How far a message has come.
+    /// The delivery state of a message.
     #[must_use]
     pub fn delivery(&self, ticket: Ticket) -> Delivery {
         self.sender.delivery(ticket)
@@ -200,18 +201,18 @@ impl Session {
         self.sender.sent(ticket)
     }
 
-    /// How far a message of this type and stamp has come.
+    /// The delivery state of a message of this type and stamp.
     #[must_use]
     pub fn acknowledgement(&self, message_type: u16, stamp: TimeStamp) -> Option<Delivery> {
         self.sender.answer(message_type, stamp)
     }
 
-    /// Gives a message up: it is not sent again.
+    /// Stops sending a message.
     pub fn withdraw(&mut self, ticket: Ticket) {
         self.sender.withdraw(ticket);
     }
 
-    /// Sends a message that was answered "received" once more, the same bytes: its end may have been lost.
+    /// Sends a message that was answered "received" once more, the same bytes: its outcome may have been lost.
     pub fn resend(&mut self, ticket: Ticket) {
         self.sender.resend(ticket, &mut self.traffic);
     }
@@ -221,7 +222,7 @@ impl Session {
         self.config.retry
     }
 
-    /// Takes a datagram of the VSM.
+    /// Handles a datagram from the VSM.
     pub fn handle_datagram(&mut self, now: Now, bytes: &[u8]) {
         for frame in frames(bytes) {
             match frame {
@@ -247,7 +248,7 @@ impl Session {
         let to_us = header.destination == self.config.id;
         match &message {
             Message::MessageAcknowledgement(answer) => self.take_answer(header.source, answer),
-            // What everybody may hear of another's rights says nothing of ours.
+            // Broadcasts and messages to other stations are about their rights, not about those of this CUCS.
             Message::VsmAuthorisationResponse(_)
             | Message::PositiveHandoverAuthorisationRequest(_)
             | Message::PositiveHandoverAuthorisationGranted(_)
@@ -323,7 +324,7 @@ impl Session {
         let _ = self.sender.submit(to, answer.into(), false);
     }
 
-    /// Does what is due.
+    /// Handles what is due: retransmissions and the heartbeat.
     pub fn handle_timeout(&mut self, now: Now) {
         if let Some(due) = self.heartbeat_due
             && due <= now.mono
@@ -355,23 +356,23 @@ impl Session {
         self.sender.poll_transmit()
     }
 
-    /// The next event. Where nobody asks for them, the oldest are forgotten.
+    /// The next event. Where events are not polled, the oldest are dropped.
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
 
-    /// A vehicle that was heard.
+    /// A vehicle from which a message was received.
     #[must_use]
     pub fn vehicle(&self, id: Id) -> Option<&Vehicle> {
         self.vehicles.get(&id)
     }
 
-    /// All that were heard, by rising id.
+    /// All vehicles from which messages were received, by rising id.
     pub fn vehicles(&self) -> impl Iterator<Item = &Vehicle> {
         self.vehicles.values()
     }
 
-    /// Forgets what a vehicle sent of its plan: what comes from now on is a new download.
+    /// Discards what a vehicle has sent of its plan: what arrives from now on is a new download.
     pub fn start_download(&mut self, vehicle: Id) {
         if let Some(vehicle) = self.vehicles.get_mut(&vehicle) {
             vehicle.download.clear();

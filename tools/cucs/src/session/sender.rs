@@ -19,18 +19,18 @@ pub struct Now {
     pub unix_ms: u64,
 }
 
-/// Names a message that was handed to a session.
+/// Identifies a message that was given to a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(u64);
 
 /// How far a message has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delivery {
-    /// It waits for room in the window.
+    /// Waiting for room in the window.
     Queued,
-    /// It has been sent so many times, and nothing was answered.
+    /// Sent this many times, not answered yet.
     Sent(u32),
-    /// No answer was asked for.
+    /// No acknowledgement was requested.
     Unconfirmed,
     /// 17000 type 1: it arrived.
     Received,
@@ -38,12 +38,12 @@ pub enum Delivery {
     CarriedOut,
     /// 17000 type 3.
     Refused,
-    /// Every try went without an answer.
+    /// Not answered after every try.
     Unanswered,
 }
 
 impl Delivery {
-    /// Whether nothing more will come by itself.
+    /// Whether the delivery is over.
     #[must_use]
     pub fn is_final(self) -> bool {
         matches!(
@@ -105,7 +105,7 @@ impl Sender {
         }
     }
 
-    /// Takes a message in. It is stamped when it is sent.
+    /// Queues a message. Its Time Stamp is set when it is sent.
     ///
     /// # Errors
     /// It cannot be written.
@@ -146,7 +146,7 @@ impl Sender {
             let (length, delivery) = match written {
                 Ok(length) if acknowledged => (length, Delivery::Sent(1)),
                 Ok(_) => (0, Delivery::Unconfirmed),
-                // It could be written when it was handed in; a stamp more and it is too long.
+                // It could be encoded without its Time Stamp; with it it is too long.
                 Err(_) => (0, Delivery::Unanswered),
             };
             if delivery != Delivery::Unanswered {
@@ -189,7 +189,7 @@ impl Sender {
         }
     }
 
-    /// Takes a 17000: (its source, Original Message Type, Original Message Time Stamp, Acknowledgement Type). The
+    /// Handles a 17000: (its source, Original Message Type, Original Message Time Stamp, Acknowledgement Type). The
     /// ticket that it is for, and how far that is now.
     pub(crate) fn acknowledged(
         &mut self,
@@ -208,7 +208,7 @@ impl Sender {
             let from_there = sent.destination == source || sent.destination == Id::BROADCAST;
             sent.message_type == message_type && sent.stamp == stamp && from_there
         })?;
-        // What came late and says less than is known changes nothing.
+        // Acknowledgements may overtake each other: one that says less than is known changes nothing.
         if delivery.rank() > sent.delivery.rank() {
             sent.delivery = delivery;
         }
@@ -219,7 +219,7 @@ impl Sender {
         match self.sent.get(&ticket) {
             Some(sent) => sent.delivery,
             None if self.queue.iter().any(|(queued, ..)| *queued == ticket) => Delivery::Queued,
-            // Long since over, and forgotten.
+            // Finished long ago, and forgotten.
             None => Delivery::Unconfirmed,
         }
     }
@@ -238,7 +238,7 @@ impl Sender {
             .map(|sent| sent.delivery)
     }
 
-    /// Sends the very bytes once more, where they want an answer: what is decided later may have been lost.
+    /// Sends the same bytes once more where an answer was requested: the decision about it may have been lost.
     pub(crate) fn resend(&mut self, ticket: Ticket, traffic: &mut Traffic) {
         if let Some(sent) = self.sent.get(&ticket)
             && !sent.bytes.is_empty()
@@ -249,7 +249,7 @@ impl Sender {
         }
     }
 
-    /// Nothing of this is sent again, or for the first time.
+    /// Stops sending this message.
     pub(crate) fn withdraw(&mut self, ticket: Ticket) {
         self.queue.retain(|(queued, ..)| *queued != ticket);
         if let Some(sent) = self.sent.get_mut(&ticket)
@@ -278,7 +278,8 @@ impl Sender {
             .filter(|sent| matches!(sent.delivery, Delivery::Sent(_)))
     }
 
-    /// Later than every stamp before.
+    /// Later than every stamp before, even where the wall clock was set back: 17000 identifies a message by its type
+    /// and stamp.
     fn stamp(&mut self, unix_ms: u64) -> TimeStamp {
         self.last_stamp = TimeStamp::from_unix_ms(unix_ms).0.max(self.last_stamp + 1);
         TimeStamp(self.last_stamp)
@@ -309,7 +310,7 @@ impl Sender {
 }
 
 /// The same message with this stamp. A message whose first field is no stamp, or that cannot be written, is returned
-/// as it is: writing it will say why.
+/// as it is: encoding it will report the reason.
 pub(crate) fn stamped(message: &Message, stamp: TimeStamp) -> Message {
     rewritten(message, stamp).unwrap_or_else(|| message.clone())
 }
@@ -344,7 +345,7 @@ fn rewritten(message: &Message, stamp: TimeStamp) -> Option<Message> {
     Message::decode(info.id, &new).ok()
 }
 
-/// Messages on their way without an answer: what a socket's buffer takes in acknowledgements.
+/// Messages on their way without an answer: as many acknowledgements as fit a socket's buffer.
 const WINDOW: usize = 32;
 const MAX_REMEMBERED: usize = 4_096;
 

@@ -1,4 +1,4 @@
-//! What one vehicle last reported, as its messages said it.
+//! What one vehicle last reported. Messages are kept whole; accessors give the fields in common units.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use stanag_msgs::{Id, Message, TimeStamp};
 use super::alert::{Alert, Alerts, Taken};
 use super::download::Download;
 
-/// A vehicle as this CUCS knows it. Messages are kept whole, the latest of each type by its stamp.
+/// A vehicle as this CUCS knows it: the latest message of each type by its stamp.
 #[derive(Clone, Debug)]
 pub struct Vehicle {
     /// Its id: the source of its messages.
@@ -34,17 +34,17 @@ pub struct Vehicle {
     pub waypoints: Option<FromToNextWaypointStates>,
     /// Message 14000: the state of a mission transfer.
     pub transfer: Option<MissionUploadDownloadStatus>,
-    /// Message 4: what another CUCS wishes for; `None` once it is decided.
+    /// Message 4: what another CUCS requests; `None` once it is decided.
     handover_request: Option<PositiveHandoverAuthorisationRequest>,
     /// Message 5: what the holder offers; `None` once it is decided.
     handover_offer: Option<PositiveHandoverAuthorisationGranted>,
-    /// How many messages 2 came: tells an answer from what was known before.
+    /// How many messages 2 have arrived: an answer raises it.
     pub authorisations: u64,
-    /// How many messages 14000 came.
+    /// How many messages 14000 have arrived.
     pub transfers: u64,
-    /// When anything of it came last, on the session's clock.
+    /// When anything was last received from it, on the session's clock.
     pub last_received: Duration,
-    /// What it sent of its plan.
+    /// What it has sent of its plan.
     pub download: Download,
     alerts: Alerts,
 }
@@ -71,9 +71,9 @@ pub(crate) enum Change {
     Alert(Alert),
     /// Older than what is known, or known already.
     Late,
-    /// Another CUCS has begun to ask for this.
+    /// Another CUCS has begun to request this.
     HandoverRequested(Id, LoiBitmap),
-    /// The holder has begun to handover_offer this.
+    /// The holder has begun to offer this.
     HandoverOffered(LoiBitmap),
     /// Nothing that is kept.
     Unused,
@@ -182,7 +182,7 @@ impl Vehicle {
             .unwrap_or(LoiBitmap::NONE)
     }
 
-    /// Who asks for what this CUCS holds (4), and for which levels.
+    /// Which CUCS requests what this one holds (4), and which levels.
     #[must_use]
     pub fn handover_request(&self) -> Option<(Id, LoiBitmap)> {
         let handover_request = self.handover_request.as_ref()?;
@@ -199,7 +199,7 @@ impl Vehicle {
         handover_offer.loi_authorized.filter(|loi| !loi.is_empty())
     }
 
-    /// What is held is no handover_offer any more, and what is held no more nobody wishes for.
+    /// Drops an offer of levels that are held by now, and a request for levels that are no longer held.
     fn forget_decided(&mut self) {
         let held = self.granted();
         if self.handover_offer().is_some_and(|loi| held.contains(loi)) {
@@ -222,7 +222,7 @@ impl Vehicle {
             .unwrap_or(LoiBitmap::NONE)
     }
 
-    /// The mode that it says it is in (3001).
+    /// The mode that it reports (3001).
     #[must_use]
     pub fn mode(&self) -> Option<FlightPathControlMode> {
         self.mode_report.as_ref()?.select_flight_path_control_mode
@@ -300,8 +300,8 @@ impl Vehicle {
     }
 }
 
-/// Older than what is known, or the same. A stamp far in the past is that of a sender whose clock was set, or of the
-/// count that rolled over, and is believed.
+/// Older than what is known, or the same. A stamp far in the past comes from a sender whose clock was set, or whose
+/// counter rolled over: taking it for late would ignore that vehicle from then on.
 fn is_late(before: Option<TimeStamp>, new: Option<TimeStamp>) -> bool {
     match (before, new) {
         (Some(before), Some(new)) => new <= before && before.0 - new.0 <= REORDERING_MS,

@@ -96,8 +96,8 @@ impl Station {
         self.operate(vehicle, command).await
     }
 
-    /// Mode 19: lands here. Carried out once it descends; [`Vehicle::landed`](crate::Vehicle::landed) tells
-    /// when it stands.
+    /// Mode 19: lands here. Carried out once it descends; [`Vehicle::landed`](crate::Vehicle::landed) reports
+    /// the touchdown.
     ///
     /// # Errors
     /// As [`Station::operate`].
@@ -114,7 +114,7 @@ impl Station {
         vehicle: Id,
         speed_m_s: f64,
     ) -> Result<Outcome, StationError> {
-        // No mode is named: what is absent is not commanded, and a route that has been flown is not flown again.
+        // Without a mode in the 2016 only the speed is commanded: naming mode 11 again would restart a finished route.
         let mut command = VehicleOperatingModeCommand::default();
         set_speed(&mut command, Some(speed_m_s))?;
         self.operate(vehicle, command).await

@@ -1,6 +1,6 @@
 //! A session on a UDP socket, and what an operator does with it.
 //!
-//! Every method waits at most its time ([`Timeouts`]) and tells, when it waited in vain, what for and what was seen
+//! Every method waits at most its time ([`Timeouts`]); after that its error names what was expected and what was received
 //! instead. Nothing is spawned: the station is served while one of its methods runs, so one thread is enough, and
 //! [`Station::idle`] is how to wait. A method that is dropped half way leaves the station usable.
 
@@ -34,7 +34,7 @@ pub struct Station {
 }
 
 impl Station {
-    /// A station with this id: listens on `local`, speaks to the VSM at `vsm`.
+    /// A station with this id: listens on `local`, sends to the VSM at `vsm`.
     ///
     /// # Errors
     /// The address is taken or cannot be used.
@@ -42,7 +42,7 @@ impl Station {
         Station::with_config(SessionConfig::new(id), local, vsm).await
     }
 
-    /// A station that speaks to the VSM at `vsm`, HOST:PORT. Without `local` it listens on any port, on the loopback
+    /// A station that talks to the VSM at `vsm`, HOST:PORT. Without `local` it listens on any port, on the loopback
     /// where the VSM is there.
     ///
     /// # Errors
@@ -74,15 +74,15 @@ impl Station {
         local: SocketAddr,
         vsm: SocketAddr,
     ) -> Result<Station, StationError> {
-        let failed = |what: String| move |source| StationError::Socket { what, source };
+        let fault = |what: String| move |source| StationError::Socket { what, source };
         let socket = UdpSocket::bind(local)
             .await
-            .map_err(failed(format!("listen on {local}")))?;
-        // Connected: the system keeps strangers out, and says when nobody listens there.
+            .map_err(fault(format!("listen on {local}")))?;
+        // A connected socket receives from the VSM alone, and reports a closed port as ConnectionRefused.
         socket
             .connect(vsm)
             .await
-            .map_err(failed(format!("reach {vsm} from {local}")))?;
+            .map_err(fault(format!("reach {vsm} from {local}")))?;
         Ok(Station {
             session: Session::new(config),
             socket,
@@ -109,7 +109,7 @@ impl Station {
     /// The address that it listens on.
     ///
     /// # Errors
-    /// The system does not tell.
+    /// The system does not report it.
     pub fn local_addr(&self) -> Result<SocketAddr, StationError> {
         self.socket
             .local_addr()
@@ -131,7 +131,7 @@ impl Station {
         self.session.set_heartbeats(now, on);
     }
 
-    /// Waits until `reached` holds; it is asked at first and after everything that comes in.
+    /// Waits until `reached` is true; it is evaluated at the start and after everything that arrives.
     ///
     /// # Errors
     /// It does not hold within that time.
@@ -146,13 +146,13 @@ impl Station {
             .until(deadline, |session| reached(session).then_some(()))
             .await?;
         found.ok_or_else(|| StationError::TimedOut {
-            awaited: description.to_owned(),
+            expected: description.to_owned(),
             within,
             seen: self.seen_of_all(),
         })
     }
 
-    /// The next event. Events that came while another method ran are told first.
+    /// The next event. Events that arrived while another method ran come first.
     ///
     /// # Errors
     /// There is none within that time.
@@ -160,7 +160,7 @@ impl Station {
         let deadline = Instant::now() + within;
         let event = self.until(deadline, Session::poll_event).await?;
         event.ok_or_else(|| StationError::TimedOut {
-            awaited: "event".to_owned(),
+            expected: "event".to_owned(),
             within,
             seen: self.seen_of_all(),
         })
@@ -176,7 +176,7 @@ impl Station {
         Ok(())
     }
 
-    /// Sends any message, with an acknowledgement asked for, and waits for a final one.
+    /// Sends any message, requesting an acknowledgement, and waits for a final one.
     ///
     /// # Errors
     /// It cannot be written, or there is no answer.
@@ -222,7 +222,7 @@ impl Station {
                     ""
                 };
                 Err(StationError::TimedOut {
-                    awaited: format!("outcome (17000 type 2 or 3) of {message_type}"),
+                    expected: format!("outcome (17000 type 2 or 3) of {message_type}"),
                     within,
                     seen: format!("{what}{}", self.seen_of(destination)),
                 })
@@ -268,7 +268,8 @@ impl Station {
         self.vehicle(vehicle).map_or(0, |state| state.next_alert())
     }
 
-    /// A refusal with the texts of the alerts since the mark that speak of one; of all of them where none does.
+    /// A refusal with the reasons: the texts of alerts since the mark that contain "refused", or of all of them where none
+    /// does.
     pub(super) async fn refusal(
         &mut self,
         vehicle: Id,
@@ -277,7 +278,7 @@ impl Station {
         mark: u64,
     ) -> Result<Refused, StationError> {
         let deadline = Instant::now() + self.timeouts.reason;
-        let told = |session: &mut Session| {
+        let refusals = |session: &mut Session| {
             let state = session.vehicle(vehicle)?;
             let texts: Vec<String> = state
                 .alerts_from(mark)
@@ -286,7 +287,7 @@ impl Station {
                 .collect();
             (!texts.is_empty()).then_some(texts)
         };
-        let reasons = match self.until(deadline, told).await? {
+        let reasons = match self.until(deadline, refusals).await? {
             Some(texts) => texts,
             None => self.vehicle(vehicle).map_or_else(Vec::new, |state| {
                 let texts = state.alerts_from(mark).map(|alert| alert.text.clone());
@@ -311,7 +312,7 @@ impl Station {
         Ok(())
     }
 
-    /// A port that is closed may open yet: a VSM that restarts. Everything else ends the operation.
+    /// A closed port may open again, as when the VSM restarts. Every other error ends the operation.
     fn tolerate_refused(&mut self, what: &str, source: std::io::Error) -> Result<(), StationError> {
         if source.kind() == std::io::ErrorKind::ConnectionRefused {
             self.unreachable = true;
@@ -339,9 +340,14 @@ impl Station {
         }
     }
 
-    pub(super) fn timed_out(&self, awaited: String, within: Duration, vehicle: Id) -> StationError {
+    pub(super) fn timed_out(
+        &self,
+        expected: String,
+        within: Duration,
+        vehicle: Id,
+    ) -> StationError {
         StationError::TimedOut {
-            awaited,
+            expected,
             within,
             seen: self.seen_of(vehicle),
         }
@@ -374,5 +380,5 @@ fn any_port(vsm: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, 0)
 }
 
-/// More than any datagram may have: one that is too long is seen to be.
+/// More than the longest datagram allowed: one that is too long must be seen as such, not cut to a valid length.
 const RECEIVE_BYTES: usize = 2_048;

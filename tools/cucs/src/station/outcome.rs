@@ -1,4 +1,4 @@
-//! How an operation ends: carried out, refused with the reasons that were given, or not at all within its time.
+//! How an operation ends: carried out, refused with the reasons that were given, or not answered in time.
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -46,7 +46,7 @@ pub struct Refused {
     pub waypoint: Option<u16>,
     /// The texts of the 16000s that came with it.
     pub reasons: Vec<String>,
-    /// The rights that this CUCS held: a VSM need not say that one was missing.
+    /// The rights that this CUCS held: a VSM need not report which one was missing.
     pub held: LoiBitmap,
 }
 
@@ -66,10 +66,10 @@ impl fmt::Display for Refused {
     }
 }
 
-/// Why an operation did not come to an end.
+/// Why an operation has no outcome.
 #[derive(Debug, thiserror::Error)]
 pub enum StationError {
-    /// An address that is none.
+    /// Not an address.
     #[error("{address}: {reason}, expected HOST:PORT")]
     Address {
         /// What was given.
@@ -82,40 +82,40 @@ pub enum StationError {
     Socket {
         /// What was done with it.
         what: String,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// Nothing of what was awaited came in time.
-    #[error("no {awaited} within {} s; {seen}", within.as_secs_f64())]
+    /// What was expected did not arrive in time.
+    #[error("no {expected} within {} s; {seen}", within.as_secs_f64())]
     TimedOut {
-        /// What was awaited.
-        awaited: String,
+        /// What was expected.
+        expected: String,
         /// How long.
         within: Duration,
-        /// What was seen instead.
+        /// What was received instead.
         seen: String,
     },
-    /// Nobody answers at all.
+    /// No VSM answers at all.
     #[error("no answer of a VSM at {vsm} within {} s{}", within.as_secs_f64(), if *unreachable { ": nothing listens on that port" } else { "" })]
     NoVsm {
         /// Where it should be.
         vsm: SocketAddr,
         /// How long was waited.
         within: Duration,
-        /// The system said that the port is closed.
+        /// The system reported that the port is closed.
         unreachable: bool,
     },
-    /// The rights asked for are not granted.
+    /// The rights requested are not granted.
     #[error(
         "vehicle {vehicle}: LOI {} asked for, {} granted; this CUCS may have {}{}",
-        levels(*asked), levels(*granted), levels(*authorised),
+        levels(*requested), levels(*granted), levels(*authorised),
         reasons_text(reasons)
     )]
     NotGranted {
         /// The vehicle.
         vehicle: Id,
-        /// What was asked for.
-        asked: LoiBitmap,
+        /// What was requested.
+        requested: LoiBitmap,
         /// What this CUCS holds.
         granted: LoiBitmap,
         /// What it may have by the VSM's configuration.
@@ -138,7 +138,7 @@ pub enum StationError {
 }
 
 impl StationError {
-    /// 2 where the question was wrong, 1 where the answer is no.
+    /// 2 where the request was wrong, 1 where it was refused or not answered.
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {
@@ -176,7 +176,7 @@ pub(crate) fn levels(bits: LoiBitmap) -> String {
     }
 }
 
-/// How long a station waits for what.
+/// How long a station waits for each kind of answer.
 #[derive(Clone, Copy, Debug)]
 pub struct Timeouts {
     /// For the first answer to a discovery, and for message 2.
@@ -185,13 +185,13 @@ pub struct Timeouts {
     pub quiet: Duration,
     /// For all parts of a route to be stored.
     pub store: Duration,
-    /// For 14000 to say that a transfer is over.
+    /// For the 14000 that ends a transfer.
     pub transfer: Duration,
-    /// For 17000 to say that a mode command is carried out or refused.
+    /// For the 17000 that reports a mode command as carried out or refused.
     pub command: Duration,
     /// For the end of a handover: the VSM gives holder and successor 20 s.
     pub consent: Duration,
-    /// For the 16000 that says why, after a refusal.
+    /// For the 16000 with the reason of a refusal.
     pub reason: Duration,
 }
 

@@ -16,8 +16,8 @@ use crate::session::machine::Session;
 use crate::session::sender::Delivery;
 
 impl Station {
-    /// Sends a route (13001 and what belongs to it), then loads it (13000 mode 2), and waits until 14000 says that it
-    /// is aboard or refused.
+    /// Sends a route (13001 and what belongs to it), then loads it (13000 mode 2), and waits until 14000 reports it
+    /// as loaded or refused.
     ///
     /// # Errors
     /// The route cannot be put into messages, or there is no answer.
@@ -75,8 +75,8 @@ impl Station {
             Some(_) if !self.answered => Err(self.no_vsm(within)),
             Some((_, what)) => {
                 let tries = if ended.is_some() { "in any try" } else { "yet" };
-                let awaited = format!("acknowledgement (17000) of {what} {tries}");
-                Err(self.timed_out(awaited, within, vehicle))
+                let expected = format!("acknowledgement (17000) of {what} {tries}");
+                Err(self.timed_out(expected, within, vehicle))
             }
         }
     }
@@ -99,9 +99,9 @@ impl Station {
             .await
     }
 
-    /// Asks for the whole plan (13000 mode 3). A long plan comes in a burst of which a network may lose a part: where
-    /// a waypoint is named that did not come, every waypoint is asked for by itself (mode 4), its loiter with it.
-    /// Those that the VSM has not either stay [missing](Download::missing). A curve that is lost is not noticed.
+    /// Downloads the whole plan (13000 mode 3). A long plan comes in a burst of which a network may lose a part: where
+    /// a waypoint is named that did not arrive, every waypoint is requested by itself (mode 4), with its loiter.
+    /// Waypoints that the VSM does not have either stay [missing](Download::missing). A lost curve is not noticed.
     ///
     /// # Errors
     /// It is refused, or there is no answer.
@@ -120,21 +120,21 @@ impl Station {
         if self.downloaded(vehicle).missing().is_empty() {
             return Ok(self.downloaded(vehicle));
         }
-        let mut asked = BTreeSet::new();
-        // One that comes may name others that did not.
+        let mut requested = BTreeSet::new();
+        // Each waypoint that arrives may name others that are missing.
         while let Some(number) = self
             .downloaded(vehicle)
             .named()
             .into_iter()
-            .find(|number| !asked.contains(number))
+            .find(|number| !requested.contains(number))
         {
-            asked.insert(number);
-            let ask = MissionTransferCommand {
+            requested.insert(number);
+            let request = MissionTransferCommand {
                 waypoint_number: Some(number),
                 ..plan_mode(MissionPlanMode::DownloadWaypoint)
             };
-            // One that is refused is one that the VSM has not.
-            self.transfer(vehicle, ask).await?;
+            // A refusal means that the VSM does not have the waypoint; it stays missing.
+            self.transfer(vehicle, request).await?;
         }
         Ok(self.downloaded(vehicle))
     }
@@ -145,7 +145,7 @@ impl Station {
             .unwrap_or_default()
     }
 
-    /// Sends a 13000 and waits for the end that 14000 tells.
+    /// Sends a 13000 and waits for the end that 14000 reports.
     ///
     /// # Errors
     /// There is no answer, or no end to it, in time.
@@ -203,14 +203,14 @@ impl Station {
             if end.is_some() || Instant::now() >= deadline {
                 break end;
             }
-            // The end of a burst is what is lost first, and that is where the 14000 was.
+            // A full buffer loses the end of a burst first, and the 14000 is at the end.
             let before = std::mem::replace(&mut size, self.downloaded(vehicle).len());
             if downloads && size > 0 && size == before {
                 break Some(End::Complete);
             }
         };
-        // 17000 may come before 14000, which says more; and a 14000 that came later would be taken for the answer
-        // to the next transfer.
+        // 17000 may arrive before 14000, which carries more (the waypoint refused); and a 14000 that arrived later would be
+        // taken for the answer to the next transfer.
         if matches!(end, Some(End::Complete | End::Refused(None))) {
             let grace = Instant::now() + self.timeouts.reason;
             end = self
@@ -250,7 +250,7 @@ fn plan_mode(mode: MissionPlanMode) -> MissionTransferCommand {
     }
 }
 
-/// A plan message as an operator knows it.
+/// A plan message for a person: its number and waypoint.
 fn what(message: &Message) -> String {
     let number = match message {
         Message::UaPositionWaypoint(point) => point.waypoint_number,
@@ -265,5 +265,5 @@ fn what(message: &Message) -> String {
     }
 }
 
-/// A download of which nothing came for so long is over.
+/// A download of which nothing arrived for this long is over.
 const STALL: Duration = Duration::from_secs(1);

@@ -1,6 +1,6 @@
 //! Discovery, rights over a vehicle (messages 1 and 2) and positive handover (message 4).
 //!
-//! Whom a message 4 names decides what it is. This CUCS: a request, the acceptance of an offer, or with no level the end
+//! Which CUCS a message 4 names decides what it is. This CUCS: a request, the acceptance of an offer, or with no level the end
 //! of either. Another: consent to its request, or the naming of a successor; with no level a refusal, or the end of the
 //! offer.
 
@@ -33,10 +33,10 @@ pub struct Discovered {
 }
 
 impl Station {
-    /// Asks who is there: #1 to everybody, until the vehicles that answer #2 are told.
+    /// Discovers vehicles: message 1 to everybody, until the VSMs have answered with a message 2 for each vehicle.
     ///
     /// # Errors
-    /// Nobody answers.
+    /// No VSM answers.
     pub async fn discover(&mut self) -> Result<Vec<Discovered>, StationError> {
         let within = self.timeouts.answer;
         let quiet = self.timeouts.quiet;
@@ -67,7 +67,7 @@ impl Station {
             let now = self.now();
             self.session
                 .send_unconfirmed(now, Id::BROADCAST, question)?;
-            let again = (Instant::now() + ASK_AGAIN).min(deadline);
+            let again = (Instant::now() + REPEAT_INTERVAL).min(deadline);
             let first = self
                 .until(again, |session| {
                     (!answered(session).is_empty()).then_some(())
@@ -91,11 +91,11 @@ impl Station {
         Err(self.no_vsm(within))
     }
 
-    /// Asks for rights over a vehicle and returns everything that this CUCS then holds, at least what was asked for.
+    /// Requests rights over a vehicle and returns everything that this CUCS then holds, at least what was requested.
     /// `access` is [`RequestedAccess::Request`], or `Override` to take them from another.
     ///
     /// # Errors
-    /// Not all of it is granted, or nobody answers.
+    /// Not all of it is granted, or no VSM answers.
     pub async fn request(
         &mut self,
         vehicle: Id,
@@ -117,23 +117,23 @@ impl Station {
         let state = self.session.vehicle(vehicle);
         Err(StationError::NotGranted {
             vehicle,
-            asked: loi,
+            requested: loi,
             granted: refused.held,
             authorised: state.map_or(LoiBitmap::NONE, Vehicle::authorised),
             reasons: refused.reasons,
         })
     }
 
-    /// Gives all rights over a vehicle back.
+    /// Releases all rights over a vehicle.
     ///
     /// # Errors
-    /// Nobody answers.
+    /// No VSM answers.
     pub async fn release(&mut self, vehicle: Id) -> Result<(), StationError> {
         self.authorise(vehicle, LoiBitmap::NONE, RequestedAccess::Relinquish)
             .await
     }
 
-    /// Sends #1 to a vehicle until its #2 is there.
+    /// Sends message 1 to a vehicle until it has answered with message 2.
     async fn authorise(
         &mut self,
         vehicle: Id,
@@ -163,8 +163,9 @@ impl Station {
             };
             let now = self.now();
             let ticket = self.session.send(now, vehicle, request)?;
-            let again = (Instant::now() + ASK_AGAIN * 2).min(deadline);
-            // An old #2 may still be under way: what answers comes with, or just before, the 17000.
+            let again = (Instant::now() + REPEAT_INTERVAL * 2).min(deadline);
+            // A message 2 from before may still be on its way: the answer is the one that comes with, or just before, the
+            // 17000.
             let answer = self
                 .until(again, |session| {
                     let answered = !matches!(
@@ -175,7 +176,7 @@ impl Station {
                 })
                 .await?;
             self.session.withdraw(ticket);
-            // A VSM that sends no 17000 for #1 has answered by #2 alone.
+            // A VSM that sends no 17000 for message 1 has answered by message 2 alone.
             if answer.is_some() || count(&self.session) > before {
                 return Ok(());
             }
@@ -191,7 +192,7 @@ impl Station {
     }
 
     /// Sends message 4 that names `acquirer` and these levels, and waits for the end of what it began: the same
-    /// bytes again and again, since a decision that was lost on its way is only told to who asks.
+    /// bytes again and again, because a VSM repeats a lost decision only when it is asked for it.
     ///
     /// # Errors
     /// There is no end to it within [`Timeouts::consent`](crate::Timeouts).
@@ -238,8 +239,8 @@ impl Station {
         if !self.answered {
             return Err(self.no_vsm(within));
         }
-        let awaited = "end of the handover (17000 type 2 or 3 of 4)".to_owned();
-        Err(self.timed_out(awaited, within, vehicle))
+        let expected = "end of the handover (17000 type 2 or 3 of 4)".to_owned();
+        Err(self.timed_out(expected, within, vehicle))
     }
 }
 
@@ -256,5 +257,5 @@ fn discovered(vehicle: &Vehicle) -> Discovered {
     }
 }
 
-/// A question without acknowledgement is repeated after this time.
-const ASK_AGAIN: Duration = Duration::from_millis(500);
+/// A request without acknowledgement is repeated after this time.
+const REPEAT_INTERVAL: Duration = Duration::from_millis(500);

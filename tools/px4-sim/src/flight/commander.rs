@@ -1,14 +1,17 @@
-//! Arming, the mode that is flown as against the mode that was asked for, and the failsafes.
+//! Arming, the mode that is flown as against the mode that was requested, and the failsafes.
+//!
+//! PX4 keeps both modes: HEARTBEAT.custom_mode is the one flown, CURRENT_MODE.intended_custom_mode the one requested. A
+//! failsafe replaces the first and leaves the second, so that a ground station can see what was overridden.
 
 use crate::config::{Param, Params};
 use crate::flight::mode::Mode;
 use crate::flight::view::Note;
 
-/// Seconds after boot at which things come to life, as PX4's simulator has them.
+/// Seconds after boot at which PX4's simulator becomes able to do things.
 pub(crate) mod boot {
     /// First HEARTBEAT.
     pub(crate) const FIRST_HEARTBEAT: f64 = 1.95;
-    /// "no heading reference" is said.
+    /// "no heading reference" is reported.
     pub(crate) const PREFLIGHT_TEXT: f64 = 3.2;
     /// HOME_POSITION is known.
     pub(crate) const HOME: f64 = 4.0;
@@ -29,7 +32,7 @@ pub(crate) struct Facts<'a> {
     pub params: &'a Params,
 }
 
-/// Why the vehicle is not in the mode that was asked for.
+/// Why the vehicle is not in the mode that was requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Cause {
     Sticks,
@@ -42,7 +45,7 @@ struct Failsafe {
     cause: Cause,
     /// The mode flown now.
     mode: Mode,
-    /// When and to what it goes on.
+    /// When it changes to which mode: first PX4 holds, then it acts.
     then: Option<(f64, Mode)>,
 }
 
@@ -61,7 +64,7 @@ pub(crate) struct Commander {
     setpoints_at: Option<f64>,
     ground_station_at: Option<f64>,
     ground_station_lost: bool,
-    preflight_text_said: bool,
+    preflight_text_sent: bool,
 }
 
 impl Commander {
@@ -80,7 +83,7 @@ impl Commander {
             setpoints_at: None,
             ground_station_at: None,
             ground_station_lost: true,
-            preflight_text_said: false,
+            preflight_text_sent: false,
         }
     }
 
@@ -99,7 +102,7 @@ impl Commander {
         self.failsafe.map_or(self.intended, |f| f.mode)
     }
 
-    /// The mode that was asked for: CURRENT_MODE.intended_custom_mode.
+    /// The mode that was requested: CURRENT_MODE.intended_custom_mode.
     pub(crate) fn intended(&self) -> Mode {
         self.intended
     }
@@ -109,7 +112,7 @@ impl Commander {
         self.failsafe.is_some()
     }
 
-    /// MANUAL_CONTROL has come.
+    /// MANUAL_CONTROL was received.
     pub(crate) fn sticks(&mut self, now: f64) {
         self.sticks_at = Some(now);
         self.overridden[Cause::Sticks as usize] = false;
@@ -118,13 +121,13 @@ impl Commander {
         }
     }
 
-    /// A setpoint that OFFBOARD can fly has come.
+    /// A setpoint that OFFBOARD can fly was received.
     pub(crate) fn setpoint(&mut self, now: f64) {
         self.setpoints_at = Some(now);
         self.overridden[Cause::Setpoints as usize] = false;
     }
 
-    /// A ground station's HEARTBEAT has come.
+    /// A ground station's HEARTBEAT was received. Its return ends no failsafe: as observed, PX4 resumes nothing by itself.
     pub(crate) fn ground_station(&mut self, now: f64, notes: &mut Vec<Note>) {
         if self.ground_station_lost {
             self.ground_station_lost = false;
@@ -144,7 +147,7 @@ impl Commander {
         self.setpoints_at.is_some_and(|at| facts.now - at <= limit)
     }
 
-    /// The estimator serves for flying.
+    /// The estimator is good enough to fly.
     pub(crate) fn is_ready(facts: &Facts<'_>) -> bool {
         facts.now >= boot::READY
     }
@@ -178,7 +181,8 @@ impl Commander {
         ) && self.can_run(mode, facts)
     }
 
-    /// Asks for a mode. On the ground every mode is taken, flyable or not. In the air only one
+    /// Requests a mode. On the ground PX4 acknowledges every mode, flyable or not: its answer proves nothing, and a bridge
+    /// must read HEARTBEAT. In the air only one
     /// that can be flown; it ends a failsafe.
     pub(crate) fn request(&mut self, mode: Mode, force: bool, facts: &Facts<'_>) -> bool {
         if self.armed && !force && !self.can_run(mode, facts) {
@@ -187,7 +191,8 @@ impl Commander {
         if let Some(failsafe) = self.failsafe.take() {
             self.overridden[failsafe.cause as usize] = true;
         }
-        // What is lost when the pilot decides anew stays his decision.
+        // Sticks that are lost already when the operator chooses a mode do not start the failsafe again: the operator
+        // decided without them.
         if !self.sticks_alive(facts) {
             self.overridden[Cause::Sticks as usize] = true;
         }
@@ -195,15 +200,15 @@ impl Commander {
         true
     }
 
-    /// The navigator hands over to another mode.
-    pub(crate) fn hand_over(&mut self, mode: Mode) {
+    /// The navigator has finished a mode, and another one follows.
+    pub(crate) fn follow_with(&mut self, mode: Mode) {
         match &mut self.failsafe {
             Some(failsafe) => failsafe.mode = mode,
             None => self.intended = mode,
         }
     }
 
-    /// Arms, or says why not.
+    /// Arms, or notes why not.
     pub(crate) fn arm(&mut self, reason: &str, facts: &Facts<'_>, notes: &mut Vec<Note>) -> bool {
         if self.armed {
             return true;
@@ -241,6 +246,7 @@ impl Commander {
         }
         self.armed = false;
         self.failsafe = None;
+        // As observed: after RTL and LAND the mode is LOITER; AUTO.MISSION stays.
         if matches!(self.intended, Mode::Rtl | Mode::Land) {
             self.intended = Mode::Loiter;
         }
@@ -248,7 +254,7 @@ impl Commander {
         true
     }
 
-    /// The land detector has changed its mind.
+    /// The land detector has changed its state.
     pub(crate) fn landed(&mut self, landed: bool, now: f64, notes: &mut Vec<Note>) {
         if landed {
             self.landed_at = Some(now);
@@ -262,8 +268,8 @@ impl Commander {
 
     /// One step: time-outs and failsafes.
     pub(crate) fn step(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
-        if !self.preflight_text_said && facts.now >= boot::PREFLIGHT_TEXT {
-            self.preflight_text_said = true;
+        if !self.preflight_text_sent && facts.now >= boot::PREFLIGHT_TEXT {
+            self.preflight_text_sent = true;
             notes.push(Note::Critical(
                 "Preflight Fail: no heading reference".into(),
             ));
@@ -331,7 +337,7 @@ impl Commander {
         }
     }
 
-    /// Sticks are missed where they steer, and wherever they have once been there in this flight.
+    /// Sticks are missing where they steer, and in every mode once they have been present in this flight.
     fn sticks_lost(&self, facts: &Facts<'_>) -> bool {
         if self.sticks_alive(facts) {
             return false;
@@ -349,7 +355,8 @@ impl Commander {
         self.sticks_regained && exempt & bit == 0 && !self.overridden[Cause::Sticks as usize]
     }
 
-    /// Without sticks to fall back on, PX4 does at once what the loss of sticks calls for.
+    /// The loss of OFFBOARD setpoints. Without sticks to fall back on, PX4 does at once, without a hold, what the loss of
+    /// sticks requires.
     fn setpoints_lost(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
         let mode = if self.sticks_alive(facts) && facts.params.int(Param::COM_OBL_RC_ACT) == 0 {
             Mode::PosCtl

@@ -1,4 +1,7 @@
-//! Flying the mission: which item is current, what it asks for, and when it is done.
+//! Flying the mission: which item is current, where it leads, and when it is done.
+//!
+//! Items are flown in order of their index; DO_JUMP counts its repeats. As PX4 does, it takes a plan uploaded in flight over
+//! at once and from the same index; and on a multicopter nothing tests whether an item was passed without being reached.
 
 use mavlink_link::service::mission::{Item, plan_id};
 
@@ -12,7 +15,7 @@ use crate::config::Airframe;
 use crate::physics::motion::Ned;
 use crate::physics::trajectory::{Guidance, Heading, Leg};
 
-/// What the vehicle is about within an item.
+/// The phase within an item.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Work {
     /// The item itself.
@@ -191,6 +194,8 @@ impl Mission {
     /// The mode has been entered.
     pub(crate) fn activate(&mut self, view: &View<'_>) -> Vec<Note> {
         let mut notes = Vec::new();
+        // A mission at its last item starts again from the first one, but only if the vehicle has been disarmed since:
+        // entering the mode again in the air continues where it was.
         if self.disarmed_inactive && self.activated && self.index + 1 >= self.items.len() {
             self.index = 0;
             self.jumps.iter_mut().for_each(|j| *j = 0);
@@ -251,6 +256,7 @@ impl Mission {
         if !has_place(&item) && !activation {
             return;
         }
+        // A multicopter below the item climbs on the spot before it flies there.
         if (activation || view.landed)
             && view.airframe == Airframe::Quad
             && has_place(&item)
@@ -337,6 +343,7 @@ impl Mission {
             self.from = place(&item, view);
         }
         if !item.autocontinue {
+            // PX4 stays where it is until MISSION_SET_CURRENT or another mode.
             self.hold = Some(view.position);
             return;
         }

@@ -1,4 +1,6 @@
 //! The modes in which the vehicle finds its own way: take-off, hold, mission, return, land, orbit.
+//!
+//! One step takes a view of the vehicle and returns where to go, where to look, notes, and the mode that follows.
 
 use crate::config::Airframe;
 use crate::config::Param;
@@ -9,7 +11,7 @@ use crate::physics::motion::Ned;
 use crate::physics::trajectory::Leg;
 use crate::physics::trajectory::{Guidance, Heading};
 
-/// DO_REPOSITION's wish.
+/// The target of DO_REPOSITION.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Reposition {
     /// Local target; a component that is NaN stays as it is.
@@ -22,7 +24,7 @@ pub(crate) struct Reposition {
     pub radius: Option<f64>,
 }
 
-/// DO_ORBIT's wish.
+/// The circle of DO_ORBIT.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Orbit {
     /// Centre in the local frame; down is the height to keep.
@@ -33,16 +35,16 @@ pub(crate) struct Orbit {
     pub speed: f64,
 }
 
-/// What a step asks for.
+/// The result of a step.
 #[derive(Debug)]
 pub(crate) struct Step {
     /// Where to go.
     pub guidance: Guidance,
     /// Where to look.
     pub heading: Heading,
-    /// What to say.
+    /// Notes for the vehicle.
     pub notes: Vec<Note>,
-    /// The mode has done what it is for, and hands over to this one.
+    /// The mode is finished; this one follows.
     pub then: Option<Mode>,
 }
 
@@ -91,8 +93,8 @@ impl Navigator {
     }
 
     /// DO_REPOSITION.
-    pub(crate) fn set_reposition(&mut self, wish: Reposition, view: &View<'_>) {
-        self.reposition = Some(wish);
+    pub(crate) fn set_reposition(&mut self, reposition: Reposition, view: &View<'_>) {
+        self.reposition = Some(reposition);
         if self.active == Some(Mode::Loiter) {
             self.apply_reposition(view);
         }
@@ -117,17 +119,17 @@ impl Navigator {
     /// One step in `mode`; `armed` decides whether anything moves at all.
     pub(crate) fn step(&mut self, mode: Mode, armed: bool, view: &View<'_>) -> Step {
         let mut notes = Vec::new();
-        let wanted = armed.then_some(mode);
-        if wanted != self.active {
+        let active = armed.then_some(mode);
+        if active != self.active {
             if self.active == Some(Mode::Mission) {
                 self.mission.deactivate();
             }
-            self.active = wanted;
-            if let Some(mode) = wanted {
+            self.active = active;
+            if let Some(mode) = active {
                 self.enter(mode, view, &mut notes);
             }
         }
-        if wanted != Some(Mode::Mission) {
+        if active != Some(Mode::Mission) {
             self.mission.idle(armed);
         }
         if !armed {
@@ -141,12 +143,12 @@ impl Navigator {
         let mut then = None;
         let (guidance, heading) = match mode {
             Mode::Mission => {
-                let (guidance, heading, said) = self.mission.step(view);
-                notes.extend(said);
+                let (guidance, heading, noted) = self.mission.step(view);
+                notes.extend(noted);
                 if notes.contains(&Note::ReturnHome) {
                     then = Some(Mode::Rtl);
                 } else if !self.mission.is_valid() || (self.mission.is_finished() && !view.landed) {
-                    // Seen: a mission that ends in the air leaves PX4 in Hold.
+                    // As observed: a mission that ends in the air leaves PX4 in AUTO.LOITER, and so does one that is cleared.
                     then = Some(Mode::Loiter);
                 }
                 (guidance, heading)
@@ -186,16 +188,18 @@ impl Navigator {
     }
 
     fn apply_reposition(&mut self, view: &View<'_>) {
-        let Some(wish) = self.reposition else { return };
-        let keep = |wanted: f64, now: f64| if wanted.is_finite() { wanted } else { now };
+        let Some(reposition) = self.reposition else {
+            return;
+        };
+        let keep = |new: f64, now: f64| if new.is_finite() { new } else { now };
         let here = stopping_point(view);
         self.hold = Ned::new(
-            keep(wish.target.n, here.n),
-            keep(wish.target.e, here.e),
-            keep(wish.target.d, here.d),
+            keep(reposition.target.n, here.n),
+            keep(reposition.target.e, here.e),
+            keep(reposition.target.d, here.d),
         );
-        if wish.speed.is_some() {
-            self.speed = wish.speed;
+        if reposition.speed.is_some() {
+            self.speed = reposition.speed;
         }
     }
 
@@ -207,12 +211,12 @@ impl Navigator {
             leg.speed = speed;
         }
         if let Guidance::Circle { radius, .. } = &mut guidance
-            && let Some(wanted) = self.reposition.and_then(|r| r.radius)
+            && let Some(requested) = self.reposition.and_then(|r| r.radius)
         {
-            *radius = wanted;
+            *radius = requested;
         }
         let heading = match self.reposition {
-            Some(wish) if wish.yaw.is_finite() => Heading::To(wish.yaw),
+            Some(reposition) if reposition.yaw.is_finite() => Heading::To(reposition.yaw),
             Some(_) => Heading::Along,
             None => Heading::Hold,
         };
@@ -235,6 +239,7 @@ impl Navigator {
             ));
             d = view.position.d;
         }
+        // A plane cannot climb on the spot: it takes off toward a point ahead.
         let ahead = if view.airframe == Airframe::Plane {
             400.0
         } else {
@@ -251,6 +256,7 @@ impl Navigator {
     fn take_off(&mut self, view: &View<'_>, then: &mut Option<Mode>) -> (Guidance, Heading) {
         let to_go = view.position.d - self.takeoff_target.d;
         let height = view.home.d - self.takeoff_target.d;
+        // Half the height, for take-offs lower than the acceptance: they would be finished on the ground.
         let margin = match view.airframe {
             Airframe::Quad => view.altitude_acceptance().min((height / 2.0).max(0.1)),
             Airframe::Plane => 0.0,
@@ -385,7 +391,7 @@ fn return_height(view: &View<'_>) -> f64 {
     }
     let distance = (view.home - view.position).horizontal();
     let near = view.acceptance();
-    let wanted = if distance <= near {
+    let height = if distance <= near {
         home - 2.0 * distance
     } else {
         let mut d = highest;
@@ -398,5 +404,5 @@ fn return_height(view: &View<'_>) -> f64 {
         d.min(home - 2.0 * near)
     };
     // Never lower than now, never higher than RTL_RETURN_ALT unless it is already.
-    wanted.max(highest).min(view.position.d)
+    height.max(highest).min(view.position.d)
 }

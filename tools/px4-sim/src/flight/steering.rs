@@ -40,12 +40,12 @@ impl Sticks {
         }
     }
 
-    /// Climbing is asked for: what it takes to leave the ground.
+    /// A climb is requested, without which the vehicle does not leave the ground.
     pub(crate) fn wants_up(&self) -> bool {
         self.up > DEADZONE
     }
 
-    /// The velocity that the sticks ask for, in the heading's frame.
+    /// The velocity that the sticks request, in the heading's frame.
     pub(crate) fn guidance(&self, yaw: f64, params: &Params) -> (Guidance, Heading) {
         let speed = params.get(Param::MPC_VEL_MANUAL);
         let (forward, right) = (dead(self.forward) * speed, dead(self.right) * speed);
@@ -155,7 +155,7 @@ impl Setpoint {
         )
     }
 
-    /// It asks for a climb: what it takes to leave the ground.
+    /// A climb is requested, without which the vehicle does not leave the ground.
     pub(crate) fn wants_up(&self, down: f64) -> bool {
         self.position[2].is_some_and(|d| d < down - 0.3)
             || self.velocity[2].is_some_and(|v| v < -0.1)
@@ -181,7 +181,7 @@ fn heading(yaw: f32, rate: f32, mask: u16) -> Heading {
     }
 }
 
-/// The middle of a stick does nothing.
+/// The middle tenth of a stick's range does nothing; the rest is stretched to the full range.
 fn dead(v: f64) -> f64 {
     if v.abs() < DEADZONE {
         0.0

@@ -1,4 +1,7 @@
-//! What the navigator knows of the vehicle, and what it has to say.
+//! What the navigator knows of the vehicle, and the notes that it leaves for it.
+//!
+//! The notes keep the flight stack free of messages: the vehicle turns them into STATUSTEXT, MISSION_ITEM_REACHED and mode
+//! changes.
 
 use crate::config::Airframe;
 use crate::config::{Param, Params};
@@ -52,7 +55,7 @@ impl View<'_> {
     }
 }
 
-/// Something that the vehicle has to say.
+/// Something for the vehicle to send or to do.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Note {
     /// STATUSTEXT, severity 6.
@@ -61,7 +64,7 @@ pub(crate) enum Note {
     Critical(String),
     /// MISSION_ITEM_REACHED.
     Reached(u16),
-    /// Go on in another mode: the item was NAV_RETURN_TO_LAUNCH.
+    /// Change to AUTO.RTL: the item was NAV_RETURN_TO_LAUNCH.
     ReturnHome,
 }
 

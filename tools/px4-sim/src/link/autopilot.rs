@@ -79,7 +79,7 @@ struct Port<A> {
 pub struct Transmit<A> {
     /// Which link, from 0.
     pub link: usize,
-    /// To whom.
+    /// The address to send it to.
     pub to: A,
     /// How many bytes of the buffer.
     pub len: usize,
@@ -95,8 +95,8 @@ pub struct Autopilot<A> {
 }
 
 impl<A: Clone + PartialEq> Autopilot<A> {
-    /// Switched on. `remotes` are the links: whom each sends to before somebody has spoken; a link
-    /// without one keeps silent until then.
+    /// Switched on. `remotes` are the links: where each sends to before anything was received; a link
+    /// without one sends nothing until then.
     pub fn new(config: Config, signing: Signing, remotes: Vec<Option<A>>) -> Self {
         let clock = signing.stored_stamp();
         let ports = remotes
@@ -167,18 +167,21 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         self.vehicle.step(dt);
     }
 
-    /// Takes a datagram. Its sender becomes the partner when it is the first; any sender's frames are
+    /// Handles a datagram. Its sender becomes the partner when it is the first; any sender's frames are
     /// acted on.
     pub fn handle_datagram(&mut self, link: usize, from: A, bytes: &[u8]) {
         let Some(port) = self.ports.get_mut(link) else {
             return;
         };
+        // PX4 answers the first sender for the life of the process, also after that one has gone, and still obeys all
+        // others: a bridge must keep its port over restarts.
         match &port.partner {
             None => port.partner = Some(from),
             Some(partner) if *partner != from => port.counters.from_strangers += 1,
             Some(_) => {}
         }
         let (taken, rekeyed) = port.take(bytes, &mut self.signing, &mut self.vehicle);
+        // The key file is shared: every other link starts again from its timestamp too.
         if rekeyed {
             let clock = self.signing.stored_stamp();
             for (i, other) in self.ports.iter_mut().enumerate() {
@@ -196,7 +199,7 @@ impl<A: Clone + PartialEq> Autopilot<A> {
     }
 
     /// Writes the next frame to send into `out`. Every message goes out on every link that has
-    /// somebody to send to, one frame a datagram.
+    /// an address to send to, one frame a datagram.
     pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<Transmit<A>> {
         loop {
             let (message, link) = match self.outgoing.take() {
@@ -258,7 +261,7 @@ impl<A> Port<A> {
                     self.clock = signing.stored_stamp();
                     rekeyed = true;
                 }
-                say(vehicle, result);
+                report_setup(vehicle, result);
             } else if view.is_checked() {
                 taken.push(Taken {
                     from,
@@ -316,8 +319,8 @@ impl<A> Port<A> {
     }
 }
 
-/// What PX4 says to SETUP_SIGNING; there is never a COMMAND_ACK.
-fn say(vehicle: &mut Vehicle, result: Setup) {
+/// STATUSTEXT is PX4's only answer to SETUP_SIGNING; there is never a COMMAND_ACK.
+fn report_setup(vehicle: &mut Vehicle, result: Setup) {
     let (severity, text) = match result {
         Setup::Accepted => (
             MavSeverity::MAV_SEVERITY_INFO,
@@ -330,5 +333,5 @@ fn say(vehicle: &mut Vehicle, result: Setup) {
         ),
         Setup::Ignored => return,
     };
-    vehicle.texts.say(severity, text);
+    vehicle.texts.queue(severity, text);
 }

@@ -1,11 +1,11 @@
 //! Signing as PX4 v1.18 does it, faults included: this is a model of the other side, not an example.
 //!
-//! - A stamp of PX4's own is the initial one and one more for each packet; only a verified packet on
+//! - The timestamp of PX4's own packets is the initial one and one more for each packet; only a verified packet on
 //!   the same link lifts it.
 //! - A stream (system, component, link id) is let in when it is at most 60 s behind the link's clock;
 //!   there are 16 for the life of the process, whatever the key.
-//! - HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE and COLLISION are taken unsigned, and badly signed, too.
-//! - What is not taken is dropped without a word.
+//! - HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE and COLLISION are accepted unsigned, and badly signed too: a heartbeat proves nothing.
+//! - A refused frame is dropped silently: neither COMMAND_ACK nor STATUSTEXT.
 
 use mavlink::dialects::development::SETUP_SIGNING_DATA;
 use mavlink_link::frame::FrameView;
@@ -138,8 +138,7 @@ impl Signing {
         Ok(())
     }
 
-    /// SETUP_SIGNING, which PX4 takes whomever it is addressed to. `signed` says that the frame
-    /// carried a signature.
+    /// SETUP_SIGNING, which PX4 accepts whatever its target is. `signed`: the frame carried a signature.
     pub fn setup(&mut self, m: &SETUP_SIGNING_DATA, signed: bool, armed: bool) -> Setup {
         if armed {
             return Setup::Armed;

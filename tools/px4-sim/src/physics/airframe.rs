@@ -1,4 +1,4 @@
-//! The airframe, whichever it is, behind one set of calls.
+//! Either airframe behind one set of calls, and the parameters that it flies by.
 
 use crate::config::{Airframe, Config};
 use crate::config::{Param, Params};
@@ -105,7 +105,8 @@ pub(crate) enum Tuning {
 }
 
 impl Tuning {
-    /// Reads them; a value that physics cannot have is replaced by the nearest that it can.
+    /// Reads them. PX4 stores whatever value is set, out of range too; a value that the formulas cannot take is replaced by
+    /// the nearest that they can.
     pub(crate) fn read(airframe: Airframe, p: &Params) -> Self {
         let above = |param: Param, least: f64| {
             let v = p.get(param);

@@ -112,6 +112,7 @@ impl LocalFrame {
         let cos_c =
             (self.sin_lat * sin_lat + self.cos_lat * cos_lat * d_lon.cos()).clamp(-1.0, 1.0);
         let c = cos_c.acos();
+        // At the origin c / sin(c) is 0 / 0; its limit is 1.
         let k = if c > 1e-12 { c / c.sin() } else { 1.0 };
         Ned {
             n: k * (self.cos_lat * sin_lat - self.sin_lat * cos_lat * d_lon.cos()) * EARTH_RADIUS_M,
@@ -196,6 +197,7 @@ pub(crate) fn tilt_for(f: Ned, yaw: f64) -> (f64, f64) {
     let (sin, cos) = yaw.sin_cos();
     let forward = f.n * cos + f.e * sin;
     let right = -f.n * sin + f.e * cos;
+    // In free fall there is no force to point upward: without a floor the tilt would jump.
     let up = (-f.d).max(0.1);
     (right.atan2(forward.hypot(up)), (-forward).atan2(up))
 }

@@ -17,8 +17,7 @@ impl Noise {
         Self(Rng::with_seed(seed))
     }
 
-    /// Close to normal, standard deviation one: the sum of twelve uniforms, so at most six. The tails of a true normal
-    /// distribution would now and then give a gust that no test bound allows for.
+    /// Close to normal, standard deviation one: the sum of twelve uniforms, so at most six: gusts are bounded.
     fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.0.f64()).sum::<f64>() - 6.0
     }

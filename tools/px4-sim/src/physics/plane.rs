@@ -36,8 +36,8 @@ pub(crate) struct Plane {
     throttle: f64,
 }
 
-/// What the guidance law asks for: a course over ground, a climb rate, an airspeed.
-struct Wish {
+/// What the guidance law requests.
+struct Demand {
     course: f64,
     climb: f64,
     airspeed: f64,
@@ -86,15 +86,15 @@ impl Plane {
     pub(crate) fn step(&mut self, dt: f64, guidance: &Guidance, error: Ned, tuning: &PlaneTuning) {
         let believed = self.motion.position + error;
         let on_ground = self.motion.position.d >= 0.0;
-        let wish = match guidance {
+        let demand = match guidance {
             Guidance::Ground => None,
             Guidance::Leg(leg) => Some(self.along(leg, believed, tuning)),
-            Guidance::Climb(leg) => Some(Wish {
+            Guidance::Climb(leg) => Some(Demand {
                 course: self.motion.attitude[2],
                 climb: self.climb_to(leg.target.d, believed, tuning),
                 airspeed: leg.speed,
             }),
-            Guidance::Land(leg) => Some(Wish {
+            Guidance::Land(leg) => Some(Demand {
                 course: self.course(),
                 climb: -tuning.sink.min(0.4 + 0.15 * -self.motion.position.d),
                 airspeed: leg.speed.min(tuning.airspeed_min * 1.2),
@@ -104,27 +104,27 @@ impl Plane {
                 radius,
                 speed,
                 altitude_d,
-            } => Some(Wish {
+            } => Some(Demand {
                 course: round(*centre, *radius, believed),
                 climb: self.climb_to(*altitude_d, believed, tuning),
                 airspeed: *speed,
             }),
             // No stick or setpoint steering: straight and level.
-            Guidance::Steer { .. } => Some(Wish {
+            Guidance::Steer { .. } => Some(Demand {
                 course: self.course(),
                 climb: 0.0,
                 airspeed: self.airspeed,
             }),
         };
-        match wish {
-            Some(wish) if !(on_ground && matches!(guidance, Guidance::Land(_))) => {
-                self.fly(dt, &wish, tuning)
+        match demand {
+            Some(demand) if !(on_ground && matches!(guidance, Guidance::Land(_))) => {
+                self.fly(dt, &demand, tuning)
             }
             _ => self.roll_out(dt),
         }
     }
 
-    fn along(&mut self, leg: &Leg, believed: Ned, tuning: &PlaneTuning) -> Wish {
+    fn along(&mut self, leg: &Leg, believed: Ned, tuning: &PlaneTuning) -> Demand {
         self.target.position = leg.target;
         let line = leg.target - leg.from;
         let length = line.horizontal();
@@ -138,7 +138,7 @@ impl Plane {
             // The farther off the line, the steeper the way back to it.
             line.bearing() - (off / (0.3 * 6.0 * self.airspeed.max(8.0))).atan()
         };
-        Wish {
+        Demand {
             course,
             climb: self.climb_to(leg.target.d, believed, tuning),
             airspeed: leg.speed,
@@ -158,8 +158,8 @@ impl Plane {
         }
     }
 
-    fn fly(&mut self, dt: f64, wish: &Wish, tuning: &PlaneTuning) {
-        let airspeed = wish
+    fn fly(&mut self, dt: f64, demand: &Demand, tuning: &PlaneTuning) {
+        let airspeed = demand
             .airspeed
             .clamp(tuning.airspeed_min, tuning.airspeed_max);
         let airborne = self.motion.position.d < 0.0;
@@ -167,11 +167,15 @@ impl Plane {
         let push = (airspeed - self.airspeed).clamp(-1.5, 3.0);
         self.airspeed = (self.airspeed + push * dt).max(0.0);
         let flying = self.airspeed >= tuning.airspeed_min;
-        let climb = if flying || airborne { wish.climb } else { 0.0 };
+        let climb = if flying || airborne {
+            demand.climb
+        } else {
+            0.0
+        };
         self.climb += (climb - self.climb).clamp(-1.5 * dt, 1.5 * dt);
 
         let speed = self.motion.velocity.horizontal().max(5.0);
-        let turn = 0.8 * wrap_pi(wish.course - self.course());
+        let turn = 0.8 * wrap_pi(demand.course - self.course());
         let bank = if airborne {
             (speed * turn / GRAVITY).atan()
         } else {
@@ -182,12 +186,14 @@ impl Plane {
         let roll_rate = 60f64.to_radians();
         self.bank += (2.5 * (bank - self.bank) * dt).clamp(-roll_rate * dt, roll_rate * dt);
 
+        // A coordinated turn: bank and airspeed decide how fast the heading changes.
         let heading_rate = GRAVITY * self.bank.tan() / self.airspeed.max(5.0);
         let heading = self.motion.attitude[2] + heading_rate * dt;
         let pitch = (self.climb / self.airspeed.max(5.0))
             .clamp(-0.6, 0.6)
             .asin()
             + 0.03;
+        // Wheels on the ground do not drift with the wind.
         let wind = if airborne { self.wind } else { [0.0; 2] };
         let level = (self.airspeed * self.airspeed - self.climb * self.climb)
             .max(0.0)

@@ -42,7 +42,7 @@ pub(crate) struct Quad {
     heading_rate: f64,
     /// Acceleration that the rotors give besides holding the weight.
     push: Ned,
-    /// What the velocity controllers have learnt to add against drag and wind.
+    /// What the integrators of the velocity controllers add against drag and wind.
     trim: Ned,
     wind: [f64; 2],
     gusts: [Drift; 3],
@@ -149,6 +149,8 @@ impl Quad {
             Guidance::Leg { .. } | Guidance::Land { .. } | Guidance::Climb { .. } => Steering::Leg,
             _ => Steering::Other,
         };
+        // Between legs the trajectory continues from where it is: a restart at each waypoint would stop the setpoint
+        // there. It restarts on leaving the ground, and where another kind of steering left it more than 3 m away.
         if kind != self.steering {
             let at = self.motion.position;
             if self.steering == Steering::Ground {
@@ -164,6 +166,7 @@ impl Quad {
             Guidance::Ground => {}
             Guidance::Leg(leg) => self.trajectory.follow(dt, leg, believed, &limits),
             Guidance::Climb(leg) => {
+                // MPC_TKO_SPEED holds below MPC_LAND_ALT1 only, and the ramp builds it up.
                 if above_ground < tuning.land_altitudes[0] {
                     limits.climb = tuning.takeoff_speed;
                     limits.acc_up = tuning.takeoff_speed / tuning.takeoff_ramp;
@@ -176,8 +179,8 @@ impl Quad {
                     .follow_and_sink(dt, leg, sink, believed, &limits);
             }
             Guidance::Steer { position, velocity } => {
-                let wanted = self.steered(position, velocity, tuning);
-                self.trajectory.advance(dt, wanted, believed, &limits);
+                let desired = self.steered(position, velocity, tuning);
+                self.trajectory.advance(dt, desired, believed, &limits);
             }
             Guidance::Circle {
                 centre,
@@ -194,8 +197,8 @@ impl Quad {
                 let round = (speed * speed - outward * outward).max(0.0).sqrt() * side;
                 let climb = (1.0 * (altitude_d - self.trajectory.position.d))
                     .clamp(-limits.climb, limits.sink);
-                let wanted = Ned::new(un * outward - ue * round, ue * outward + un * round, climb);
-                self.trajectory.advance(dt, wanted, believed, &limits);
+                let desired = Ned::new(un * outward - ue * round, ue * outward + un * round, climb);
+                self.trajectory.advance(dt, desired, believed, &limits);
             }
         }
     }
@@ -211,7 +214,7 @@ impl Quad {
         tuning.land_speed + share * (tuning.limits.sink - tuning.land_speed)
     }
 
-    /// Velocity that a steering setpoint asks for: a position pulls, a velocity leads, and an
+    /// Velocity that a steering setpoint requests: a position pulls, a velocity leads, and an
     /// axis with neither stops.
     fn steered(
         &self,
@@ -270,7 +273,7 @@ impl Quad {
                 _ => None,
             },
         };
-        let wanted = match goal {
+        let desired = match goal {
             Some(goal) => {
                 let off = wrap_pi(goal - self.heading);
                 let rate = (2.0 * t.yaw_acc * off.abs())
@@ -281,7 +284,7 @@ impl Quad {
             }
             None => 0.0,
         };
-        self.heading_rate += (wanted - self.heading_rate).clamp(-t.yaw_acc * dt, t.yaw_acc * dt);
+        self.heading_rate += (desired - self.heading_rate).clamp(-t.yaw_acc * dt, t.yaw_acc * dt);
         self.heading = wrap_pi(self.heading + self.heading_rate * dt);
     }
 
@@ -295,21 +298,22 @@ impl Quad {
             plan.velocity.e + tuning.position_gain * off.e - v.e,
             plan.velocity.d + off.d - v.d,
         );
-        let learnt = Ned::new(gap.n * TRIM_XY, gap.e * TRIM_XY, gap.d * TRIM_Z) * dt;
-        self.trim = limited(self.trim + learnt, MAX_TRIM);
-        let mut wanted =
+        let integrated = Ned::new(gap.n * TRIM_XY, gap.e * TRIM_XY, gap.d * TRIM_Z) * dt;
+        self.trim = limited(self.trim + integrated, MAX_TRIM);
+        let mut desired =
             plan.acceleration + Ned::new(k * gap.n, k * gap.e, VELOCITY_GAIN_Z * gap.d) + self.trim;
-        let tilt = wanted.horizontal();
+        // Horizontal acceleration of at most gravity is a tilt of about 45 degrees, the default of MPC_TILTMAX_AIR.
+        let tilt = desired.horizontal();
         if tilt > GRAVITY {
-            wanted.n *= GRAVITY / tilt;
-            wanted.e *= GRAVITY / tilt;
+            desired.n *= GRAVITY / tilt;
+            desired.e *= GRAVITY / tilt;
         }
-        wanted.d = wanted.d.clamp(-8.0, 6.0);
+        desired.d = desired.d.clamp(-8.0, 6.0);
         // Attitude answers with a delay, thrust faster.
         let (slow, fast) = ((dt / 0.15).min(1.0), (dt / 0.06).min(1.0));
-        self.push.n += (wanted.n - self.push.n) * slow;
-        self.push.e += (wanted.e - self.push.e) * slow;
-        self.push.d += (wanted.d - self.push.d) * fast;
+        self.push.n += (desired.n - self.push.n) * slow;
+        self.push.e += (desired.e - self.push.e) * slow;
+        self.push.d += (desired.d - self.push.d) * fast;
         let [gn, ge, gd] = &mut self.gusts;
         // A fast draggy vehicle is shaken more than a hovering one.
         let (rough_xy, rough_z) = (0.08 + 0.09 * v.horizontal(), 0.08 + 0.04 * v.horizontal());

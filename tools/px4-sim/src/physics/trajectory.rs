@@ -124,7 +124,7 @@ pub(crate) struct Trajectory {
 }
 
 impl Trajectory {
-    /// Starts anew at a position and velocity, with no acceleration.
+    /// Restarts at a position and velocity, with no acceleration.
     pub(crate) fn reset(&mut self, position: Ned, velocity: Ned) {
         *self = Self {
             position,
@@ -136,8 +136,8 @@ impl Trajectory {
 
     /// Follows a leg for `dt` seconds; `vehicle` is where the vehicle really is.
     pub(crate) fn follow(&mut self, dt: f64, leg: &Leg, vehicle: Ned, limits: &Limits) {
-        let wanted = self.velocity_along(leg, limits);
-        self.advance(dt, wanted, vehicle, limits);
+        let desired = self.velocity_along(leg, limits);
+        self.advance(dt, desired, vehicle, limits);
     }
 
     /// Follows a leg horizontally and comes down at `sink`, m/s.
@@ -149,15 +149,17 @@ impl Trajectory {
         vehicle: Ned,
         limits: &Limits,
     ) {
-        let wanted = Ned {
+        let desired = Ned {
             d: sink,
             ..self.velocity_along(leg, limits)
         };
-        self.advance(dt, wanted, vehicle, limits);
+        self.advance(dt, desired, vehicle, limits);
     }
 
     /// Goes at a velocity for `dt` seconds.
-    pub(crate) fn advance(&mut self, dt: f64, wanted: Ned, vehicle: Ned, limits: &Limits) {
+    pub(crate) fn advance(&mut self, dt: f64, desired: Ned, vehicle: Ned, limits: &Limits) {
+        // PX4's time stretching: the further the setpoint is ahead of the vehicle, the slower its time runs, so that it
+        // cannot leave a vehicle behind that drag holds back. A setpoint that moves toward the vehicle is not slowed.
         let lead = self.position - vehicle;
         let ahead = lead.n * self.velocity.n + lead.e * self.velocity.e >= 0.0;
         let dt_xy = dt
@@ -174,7 +176,7 @@ impl Trajectory {
                 1.0
             };
 
-        let (dn, de) = (wanted.n - self.velocity.n, wanted.e - self.velocity.e);
+        let (dn, de) = (desired.n - self.velocity.n, desired.e - self.velocity.e);
         let gap = dn.hypot(de);
         let pull = pull(gap, limits.acc_hor, limits.jerk);
         let (an, ae) = if gap > 1e-9 {
@@ -184,6 +186,7 @@ impl Trajectory {
         };
         let (jn, je) = (an - self.acceleration.n, ae - self.acceleration.e);
         let turn = jn.hypot(je);
+        // The jerk limit acts on the horizontal vector, not on each axis: a limit for each axis would turn the direction.
         let keep = if turn > limits.jerk * dt_xy {
             limits.jerk * dt_xy / turn
         } else {
@@ -192,8 +195,8 @@ impl Trajectory {
         self.acceleration.n += jn * keep;
         self.acceleration.e += je * keep;
 
-        let dd = wanted.d - self.velocity.d;
-        let acc_z = if wanted.d < 0.0 {
+        let dd = desired.d - self.velocity.d;
+        let acc_z = if desired.d < 0.0 {
             limits.acc_up
         } else {
             limits.acc_down
@@ -212,12 +215,16 @@ impl Trajectory {
 
     fn velocity_along(&mut self, leg: &Leg, limits: &Limits) -> Ned {
         let turning = !leg.is_single() && self.is_turning(leg);
+        // Off the line, PX4 steers to a point ahead on it and not to the waypoint itself. That point moves on with the
+        // vehicle, beyond the waypoint too: this is how a missed waypoint is flown away from.
         let aim = if turning {
             self.point_ahead(leg)
         } else {
             leg.target
         };
         let mut speed = self.speed_toward(leg, limits);
+        // In a turn the speed of its beginning is kept: the distance to the target would otherwise allow more before the
+        // nose points there.
         if turning {
             speed = speed.min(self.corner_speed);
         } else {
@@ -280,6 +287,7 @@ impl Trajectory {
             (limits.sink, limits.acc_down)
         };
         let after = leg.next.d - leg.target.d;
+        // Through a waypoint on the way up or down the climb rate is kept; before a level leg it is braked to zero.
         let same_way = after * to_go > 0.0 && after.abs() > limits.altitude_acceptance;
         let arrival = if same_way { limit } else { 0.0 };
         limit.min(braking_speed(limits.jerk, acc, to_go.abs(), arrival))
@@ -327,6 +335,7 @@ fn corner_speed(angle: f64, acc: f64, radius: f64) -> f64 {
 /// Highest speed from which `distance` is enough to come down to `arrival`, the time to build up
 /// the deceleration counted.
 pub(crate) fn braking_speed(jerk: f64, acc: f64, distance: f64, arrival: f64) -> f64 {
+    // Solves v*v/(2*acc) + v*2*acc/jerk = distance + arrival*arrival/(2*acc) for v.
     let b = 4.0 * acc * acc / jerk;
     let c = -2.0 * acc * distance - arrival * arrival;
     (0.5 * (-b + (b * b - 4.0 * c).sqrt())).max(arrival)

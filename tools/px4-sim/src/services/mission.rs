@@ -41,7 +41,7 @@ impl Limits {
 /// What happened to the vehicle's plans.
 #[derive(Clone, PartialEq, Debug)]
 pub enum ServerEvent {
-    /// Another plan of this kind is stored; an upload of the stored plan does not say so.
+    /// Another plan of this kind is stored; an upload of the stored plan raises no event.
     Stored {
         /// What kind of plan.
         kind: MavMissionType,
@@ -64,7 +64,7 @@ pub struct Server<R> {
     rules: R,
     plans: [Plan; 3],
     current: Option<u16>,
-    /// Whether the partner was last heard to speak MISSION_ITEM_INT rather than MISSION_ITEM.
+    /// Whether the partner last used MISSION_ITEM_INT rather than MISSION_ITEM. PX4 keeps the choice for the next upload.
     int: bool,
     partner: Option<Node>,
     kind: MavMissionType,
@@ -128,7 +128,7 @@ impl<R: ItemRules> Server<R> {
         index(kind).map_or(0, |index| self.plans[index].opaque_id)
     }
 
-    /// The current mission item, which a download marks; the vehicle tells its progress here.
+    /// The current mission item, which a download marks; the vehicle reports its progress here.
     pub fn set_current(&mut self, seq: Option<u16>) {
         self.current = seq;
     }
@@ -243,7 +243,7 @@ impl<R: ItemRules> Server<R> {
             return;
         }
         match self.state {
-            // Whatever it says, the partner wants no more items.
+            // Whatever the result, the partner requests no more items.
             State::Sending { .. } if ack.mission_type == self.kind => self.state = State::Idle,
             State::Receiving { .. } => match ack.mavtype {
                 MavMissionResult::MAV_MISSION_UNSUPPORTED => {

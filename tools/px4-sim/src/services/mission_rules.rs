@@ -36,7 +36,7 @@ impl ItemFault {
     }
 }
 
-/// The vehicle's say on every item that a [`super::mission::Server`] receives.
+/// The vehicle's verdict on every item that a [`super::mission::Server`] receives.
 pub trait ItemRules {
     /// Accepts or refuses `item` of a plan of `kind`; `int` is false for a MISSION_ITEM (39).
     fn check(&self, kind: MavMissionType, item: &Item, int: bool) -> Result<(), ItemFault>;
@@ -161,7 +161,7 @@ fn check_kind(kind: MavMissionType, item: &Item) -> Result<(), ItemFault> {
     }
 }
 
-/// Kinds of airframe that PX4 tells apart when it checks parameters.
+/// Kinds of airframe that PX4 distinguishes when it checks parameters.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Airframe {
     /// Multicopter or helicopter.

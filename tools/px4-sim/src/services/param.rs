@@ -42,8 +42,8 @@ pub struct Server {
     us: Node,
     /// By name, as PX4 orders them.
     table: Vec<Parameter>,
-    /// The place of the list to be told next, and when.
-    telling: Option<(usize, Duration)>,
+    /// The index of the list to be sent next, and when.
+    listing: Option<(usize, Duration)>,
     out: Bounded<MavMessage>,
     events: Bounded<ServerEvent>,
 }
@@ -57,7 +57,7 @@ impl Server {
         Self {
             us,
             table,
-            telling: None,
+            listing: None,
             out: Bounded::new(MAX_OUT),
             events: Bounded::new(MAX_EVENTS),
         }
@@ -74,10 +74,10 @@ impl Server {
             MavMessage::PARAM_REQUEST_LIST(m)
                 if self.us.is_target(m.target_system, m.target_component) =>
             {
-                if self.telling.is_none() {
+                if self.listing.is_none() {
                     self.send_hash();
                 }
-                self.telling = Some((0, now));
+                self.listing = Some((0, now));
             }
             MavMessage::PARAM_REQUEST_READ(m)
                 if self.us.is_target(m.target_system, m.target_component) =>
@@ -92,9 +92,9 @@ impl Server {
         true
     }
 
-    /// Tells a part of the list, if one was asked for.
+    /// Sends a part of the list, if one was requested.
     pub fn handle_timeout(&mut self, now: Duration) {
-        let Some((mut place, _)) = self.telling.take_if(|(_, due)| *due <= now) else {
+        let Some((mut place, _)) = self.listing.take_if(|(_, due)| *due <= now) else {
             return;
         };
         for _ in 0..BURST {
@@ -110,12 +110,12 @@ impl Server {
             self.send_value(place);
             place += 1;
         }
-        self.telling = Some((place, now + BURST_PAUSE));
+        self.listing = Some((place, now + BURST_PAUSE));
     }
 
     /// When [`Server::handle_timeout`] is next needed.
     pub fn poll_timeout(&self) -> Option<Duration> {
-        self.telling.map(|(_, due)| due)
+        self.listing.map(|(_, due)| due)
     }
 
     /// The next message to send.
@@ -166,7 +166,7 @@ impl Server {
         let name = Name::from_wire(&request.param_id);
         if name.is_some_and(|name| name.as_str() == HASH_CHECK) {
             // PX4's sign for "I have your list already".
-            self.telling = None;
+            self.listing = None;
             self.send_error(from, E::MAV_PARAM_ERROR_READ_ONLY, *request.param_id, -1);
             return;
         }
@@ -249,7 +249,7 @@ impl Server {
     }
 }
 
-/// PX4 tells up to 20 parameters in one go; 947 take it 0.85 s.
+/// PX4 sends up to 20 parameters in one burst; 947 take 0.85 s.
 const BURST: usize = 20;
 const BURST_PAUSE: Duration = Duration::from_millis(18);
 const MAX_OUT: usize = 64;

@@ -1,5 +1,7 @@
-//! What the vehicle says in words: one STATUSTEXT each 50 ms, long ones in chunks of 50 bytes,
-//! the legacy twin of an event marked by a tabulator at its end.
+//! STATUSTEXT: one text each 50 ms, long ones in chunks of 50 bytes.
+//!
+//! PX4 sends many texts twice, as EVENT (410) and as a legacy STATUSTEXT that ends with a tab character; this simulator
+//! sends the STATUSTEXT alone. Identical texts queue up, as seen on the wire, where they arrive up to 0.3 s late.
 
 use std::collections::VecDeque;
 
@@ -15,7 +17,7 @@ pub(crate) struct Texts {
 }
 
 impl Texts {
-    /// Nothing to say.
+    /// An empty queue.
     pub(crate) fn new() -> Self {
         Self {
             waiting: VecDeque::new(),
@@ -24,8 +26,8 @@ impl Texts {
         }
     }
 
-    /// Says something.
-    pub(crate) fn say(&mut self, severity: MavSeverity, text: impl Into<String>) {
+    /// Queues a text.
+    pub(crate) fn queue(&mut self, severity: MavSeverity, text: impl Into<String>) {
         if self.waiting.len() < CAPACITY {
             self.waiting.push_back((severity, text.into()));
         }
@@ -70,10 +72,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_long_text_comes_in_chunks_and_the_next_one_later() {
+    fn a_long_text_is_sent_in_chunks_and_the_next_one_later() {
         let mut texts = Texts::new();
-        texts.say(MavSeverity::MAV_SEVERITY_INFO, "x".repeat(52));
-        texts.say(MavSeverity::MAV_SEVERITY_INFO, "y");
+        texts.queue(MavSeverity::MAV_SEVERITY_INFO, "x".repeat(52));
+        texts.queue(MavSeverity::MAV_SEVERITY_INFO, "y");
         let mut out = Vec::new();
         texts.poll(1.0, |m| out.push(m));
         texts.poll(1.01, |m| out.push(m));

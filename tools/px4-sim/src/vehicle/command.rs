@@ -11,9 +11,9 @@ pub(crate) struct Command {
     pub id: u16,
     /// param1 to param7.
     pub params: [f64; 7],
-    /// Whom it is for.
+    /// The target.
     pub target: Node,
-    /// Who sent it.
+    /// The sender.
     pub from: Node,
     /// COMMAND_INT with the bytes of a float NaN as coordinates: refused at once.
     pub garbled: bool,
@@ -32,8 +32,8 @@ impl Command {
         }
     }
 
-    /// From the payload of COMMAND_INT (75). The frame is not looked at: PX4 takes the altitude
-    /// as AMSL whatever it says, and only scales a local frame's x and y.
+    /// From the payload of COMMAND_INT (75). PX4 ignores the frame for the altitude, which is
+    /// always AMSL, and uses it only to scale x and y of a local frame.
     pub(crate) fn from_int_payload(payload: &[u8], from: Node) -> Self {
         let p = |i: usize| f64::from(f32::from_le_bytes(bytes(payload, i * 4)));
         let (x, y) = (

@@ -1,4 +1,6 @@
 //! Commands: what each does, and what is answered.
+//!
+//! The numbers are those of MAV_CMD; the answers those seen of PX4 v1.18.
 
 use mavlink::dialects::development::{MESSAGE_INTERVAL_DATA, MavMessage, MavSeverity};
 use mavlink::{MavlinkVersion, Message as _};
@@ -13,7 +15,8 @@ use crate::services::mission_rules::{Airframe as ParamUse, first_unused_param_se
 use crate::services::streams::id;
 
 impl Vehicle {
-    /// Takes a command in. Only so many wait; when one more comes, the oldest is lost, silently.
+    /// Queues a command. When one more arrives than the queue holds, the oldest is lost silently: as observed, 200 commands
+    /// back to back lose most acknowledgements, so a bridge must keep one command outstanding and retry.
     pub(crate) fn queue_command(&mut self, command: Command) {
         let own = self.node();
         let system = command.target.system == 0 || command.target.system == own.system;
@@ -128,16 +131,16 @@ impl Vehicle {
                 forwarded.into_iter().for_each(|message| self.send(message));
                 answer
             }
-            // Nobody is there to answer: no gimbal, no camera.
+            // Gimbal and camera commands: without such a device PX4 sends no acknowledgement at all.
             203 | 205 | 1000 | 1001 => return None,
             _ => Answer::Unsupported,
         })
     }
 
-    /// Asks the commander for a mode; `said` is the text on success.
-    pub(crate) fn switch(&mut self, mode: Mode, said: Option<&str>) -> Answer {
+    /// Requests a mode of the commander; `text` is sent on success.
+    pub(crate) fn switch(&mut self, mode: Mode, text: Option<&str>) -> Answer {
         if self.request(mode, false) {
-            if let Some(text) = said {
+            if let Some(text) = text {
                 self.info(text);
             }
             Answer::Accepted
@@ -159,9 +162,10 @@ impl Vehicle {
 
     fn info(&mut self, text: &str) {
         self.texts
-            .say(MavSeverity::MAV_SEVERITY_INFO, format!("{text}\t"));
+            .queue(MavSeverity::MAV_SEVERITY_INFO, format!("{text}\t"));
     }
 
+    /// NAV_LAND is accepted in every state, flyable or not.
     fn force_land(&mut self) -> Answer {
         self.request(Mode::Land, true);
         self.info("Landing at current position");
@@ -194,7 +198,7 @@ impl Vehicle {
         match mode {
             Ok(mode) if self.request(mode, mode == Mode::Land) => Answer::Accepted,
             Ok(mode) => {
-                // PX4 says why only to what calls itself a mission planner.
+                // PX4 sends the reason only to component 190, a mission planner.
                 if c.from.component == 190 {
                     self.critical(&format!(
                         "Switching to {} is currently not available",
@@ -298,11 +302,11 @@ impl Vehicle {
                 Answer::Accepted
             }
             id::AVAILABLE_MODES => {
-                let wanted = c.param(2) as u8;
-                let indices = if wanted == 0 {
+                let requested = c.param(2) as u8;
+                let indices = if requested == 0 {
                     1..=u8::MAX
                 } else {
-                    wanted..=wanted
+                    requested..=requested
                 };
                 let modes: Vec<_> = indices.map_while(|i| self.available_mode(i)).collect();
                 let answer = if modes.is_empty() {
@@ -338,13 +342,13 @@ impl Vehicle {
         // Disarmed, the place is not kept: a later switch to hold must not fly there.
         if answer == Answer::Accepted && self.commander.is_armed() {
             let target = self.local_target_of(c);
-            let wish = Reposition {
+            let reposition = Reposition {
                 target,
                 yaw: c.param(4),
                 speed: c.given(1).filter(|s| *s > 0.0),
                 radius: c.given(3).filter(|r| r.abs() > 1e-6),
             };
-            self.navigate(|nav, view| nav.set_reposition(wish, view));
+            self.navigate(|nav, view| nav.set_reposition(reposition, view));
         }
         answer
     }
@@ -356,20 +360,20 @@ impl Vehicle {
         if self.commander.is_armed() {
             let d = self.frame.origin().altitude_m - c.param(1);
             let target = Ned::new(f64::NAN, f64::NAN, d);
-            let wish = Reposition {
+            let reposition = Reposition {
                 target,
                 yaw: f64::NAN,
                 speed: None,
                 radius: None,
             };
-            self.navigate(|nav, view| nav.set_reposition(wish, view));
+            self.navigate(|nav, view| nav.set_reposition(reposition, view));
         }
         Answer::Accepted
     }
 
     pub(crate) fn orbit(&mut self, c: &Command) -> Answer {
         if self.config.airframe == Airframe::Plane {
-            let wish = Reposition {
+            let reposition = Reposition {
                 target: self.local_target_of(c),
                 yaw: f64::NAN,
                 speed: None,
@@ -380,13 +384,13 @@ impl Vehicle {
                 return Answer::TemporarilyRejected;
             }
             if self.commander.is_armed() {
-                self.navigate(|nav, view| nav.set_reposition(wish, view));
+                self.navigate(|nav, view| nav.set_reposition(reposition, view));
             }
             return Answer::Accepted;
         }
         if !self.request(Mode::Orbit, false) {
             self.texts
-                .say(MavSeverity::MAV_SEVERITY_CRITICAL, "Orbit command rejected");
+                .queue(MavSeverity::MAV_SEVERITY_CRITICAL, "Orbit command rejected");
             return Answer::TemporarilyRejected;
         }
         let target = self.local_target_of(c);

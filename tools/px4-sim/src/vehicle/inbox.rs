@@ -1,6 +1,9 @@
-//! What the vehicle makes of the messages that reach it.
+//! Messages in: what the vehicle does with each.
 
-#![allow(deprecated, reason = "PX4 speaks what MAVLink has replaced")]
+#![allow(
+    deprecated,
+    reason = "PX4 still uses messages that MAVLink has replaced"
+)]
 
 use mavlink::dialects::development::{
     MavAutopilot, MavMessage, MavMissionResult, MavMissionType, MavType, PING_DATA, TIMESYNC_DATA,
@@ -14,7 +17,7 @@ use super::state::{Outgoing, Vehicle};
 use crate::flight::steering::{Setpoint, Sticks};
 
 impl Vehicle {
-    /// Takes a message of `from`.
+    /// Handles a message from `from`.
     pub fn handle_message(&mut self, from: Node, message: &MavMessage) {
         use MavMessage as M;
         let own = self.node();
@@ -94,8 +97,8 @@ impl Vehicle {
         }
     }
 
-    /// Takes a message that the dialect's structs refuse, because one of its enums does not know
-    /// a value; what is not answered here is dropped, as by PX4.
+    /// Handles a message that the dialect's structs refuse because one of its enums does not know a value. PX4 answers some of
+    /// them (an unknown command is UNSUPPORTED), so they cannot be dropped before; the rest is dropped, as by PX4.
     pub fn handle_raw(&mut self, from: Node, id: u32, payload: &[u8]) {
         match id {
             COMMAND_LONG => self.queue_command(Command::from_long_payload(payload, from)),
@@ -135,7 +138,7 @@ impl Vehicle {
         }
     }
 
-    /// Plans of a kind that there is not: no space for them.
+    /// Plans of an unknown kind: PX4 answers NO_SPACE.
     fn refuse_plan_kind(&mut self, from: Node, id: u32, payload: &[u8]) {
         let (target_at, kind_at) = if id == MISSION_COUNT { (2, 4) } else { (0, 2) };
         let at = |i: usize| payload.get(i).copied().unwrap_or(0);

@@ -125,7 +125,10 @@ impl OperatorControl {
 }
 
 /// Whether a message changes the state of a vehicle, commands apart.
-#[allow(deprecated, reason = "PX4 speaks what MAVLink has replaced")]
+#[allow(
+    deprecated,
+    reason = "PX4 still uses messages that MAVLink has replaced"
+)]
 pub(crate) fn changes_state(message: &MavMessage) -> bool {
     use MavMessage as M;
     matches!(

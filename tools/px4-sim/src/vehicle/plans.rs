@@ -32,7 +32,7 @@ impl Vehicle {
         }
     }
 
-    /// Takes what the mission server has to send and to say.
+    /// Sends what the mission and parameter servers have queued, and applies their events.
     pub(crate) fn drain_services(&mut self) {
         while let Some(message) = self.missions.poll_transmit() {
             self.send(message);
@@ -52,7 +52,7 @@ impl Vehicle {
     fn take_event(&mut self, event: ServerEvent) {
         let active = self.commander.is_armed() && self.commander.mode() == Mode::Mission;
         match event {
-            ServerEvent::Text(text) => self.texts.say(MavSeverity::MAV_SEVERITY_CRITICAL, text),
+            ServerEvent::Text(text) => self.texts.queue(MavSeverity::MAV_SEVERITY_CRITICAL, text),
             ServerEvent::CurrentSet(seq) => {
                 let (_, notes) =
                     self.navigate(|nav, view| nav.mission.select(usize::from(seq), active, view));
@@ -85,7 +85,8 @@ impl Vehicle {
         }
     }
 
-    /// What little PX4 checks of a plan, once it has a home.
+    /// The few checks that PX4 makes of a plan, once it has a home. An accepted upload is no safety check: latitude 200, a first
+    /// waypoint 20 km away and a jump to a missing item all pass.
     fn check_plan(&mut self) {
         let fence = self.fence.clone();
         let notes = self.navigate(|nav, view| {

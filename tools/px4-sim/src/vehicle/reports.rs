@@ -1,9 +1,12 @@
 //! The vehicle's state as messages: what it streams, and what it answers to REQUEST_MESSAGE.
 //!
-//! Positions are those that the vehicle believes, a few centimetres from the truth; values that nothing on the bridge
-//! reads are constants, as seen from the reference vehicle.
+//! Positions are those of the estimator, about a decimetre from the truth; values that the model does not compute are
+//! constants, mostly those of the reference vehicle.
 
-#![allow(deprecated, reason = "PX4 speaks what MAVLink has replaced")]
+#![allow(
+    deprecated,
+    reason = "PX4 still uses messages that MAVLink has replaced"
+)]
 
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::MavMessage;
@@ -15,7 +18,7 @@ use crate::physics::motion::{Geodetic, Ned, quaternion};
 use crate::services::streams::id;
 
 impl Vehicle {
-    /// The message of a stream, or `None` while there is nothing to say.
+    /// The message of a stream, or `None` while there is nothing to report.
     pub(crate) fn report(&self, message: u32) -> Option<MavMessage> {
         use MavMessage as M;
         Some(match message {
@@ -199,7 +202,7 @@ impl Vehicle {
         }
     }
 
-    /// Only wings feel the wind: PX4 estimates none for a multicopter in its simulator.
+    /// A fixed wing only: PX4 estimates no wind for a multicopter in its simulator.
     fn wind(&self) -> Option<mav::WIND_COV_DATA> {
         let [n, e] = self.config.wind_ne_ms;
         (self.config.airframe == Airframe::Plane).then(|| mav::WIND_COV_DATA {

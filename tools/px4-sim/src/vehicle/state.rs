@@ -56,8 +56,7 @@ impl Outgoing {
     }
 }
 
-/// What is really so, for tests and pictures; the messages carry the vehicle's own, slightly
-/// wrong, belief.
+/// The true state, for tests and pictures; the messages carry the vehicle's own, slightly wrong, estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
     /// Since boot.
@@ -80,21 +79,21 @@ pub struct Truth {
     pub mission_seq: u16,
 }
 
-/// What is wrong with a vehicle, for tests of what is said of it. It flies on as if nothing were.
+/// Faults that a vehicle reports, for tests of health alerts. Its flight is not affected.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct HealthFaults {
-    /// Bits of MAV_SYS_STATUS_SENSOR that SYS_STATUS tells as used and not well.
+    /// Bits of MAV_SYS_STATUS_SENSOR that SYS_STATUS reports as enabled and unhealthy.
     pub unhealthy: u32,
-    /// Bits of ESTIMATOR_STATUS.flags that are the other way round.
+    /// Bits of ESTIMATOR_STATUS.flags that are inverted.
     pub estimator: u16,
-    /// Per cent that the battery tells.
+    /// Battery charge reported, per cent.
     pub battery: Option<u8>,
     /// The mode entered, once, in place of the next one that DO_SET_MODE names and that is accepted: a take-off that ends
     /// in that moment puts PX4 into AUTO.LOITER.
     pub instead: Option<Mode>,
 }
 
-/// What the vehicle has done with what it was told.
+/// What the vehicle has done with the commands and plans it received.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct VehicleCounters {
     /// Commands answered by ACCEPTED.
@@ -103,7 +102,7 @@ pub struct VehicleCounters {
     pub commands_refused: u64,
     /// Commands lost because too many came at once.
     pub commands_lost: u64,
-    /// Commands for somebody else, or that PX4 leaves unanswered.
+    /// Commands for another target, or that PX4 leaves unanswered.
     pub commands_ignored: u64,
     /// Plans stored.
     pub plans_stored: u64,
@@ -216,7 +215,7 @@ impl Vehicle {
         self.out.pop_front()
     }
 
-    /// What is really so.
+    /// The true state.
     pub fn truth(&self) -> Truth {
         let motion = self.body.motion();
         Truth {
@@ -232,7 +231,7 @@ impl Vehicle {
         }
     }
 
-    /// What it has done with what it was told.
+    /// What it has done with the commands and plans it received.
     pub fn counters(&self) -> VehicleCounters {
         self.counters
     }
@@ -300,23 +299,23 @@ impl Vehicle {
     }
 
     pub(crate) fn send(&mut self, message: MavMessage) {
-        // An endless queue would be a leak where nobody polls.
+        // Bounded, because a test may step a vehicle without ever polling it.
         if self.out.len() < MAX_OUT {
             self.out.push_back(Outgoing::Message(message));
         }
     }
 
-    /// Says a text of severity 2 that PX4 marks as an event's twin.
+    /// Queues a text of severity 2 with the tab by which PX4 marks the legacy copy of an event.
     pub(crate) fn critical(&mut self, text: &str) {
         self.texts
-            .say(MavSeverity::MAV_SEVERITY_CRITICAL, format!("{text}\t"));
+            .queue(MavSeverity::MAV_SEVERITY_CRITICAL, format!("{text}\t"));
     }
 
     pub(crate) fn take_notes(&mut self, notes: Vec<Note>) {
         for note in notes {
             match note {
-                Note::Info(text) => self.texts.say(MavSeverity::MAV_SEVERITY_INFO, text),
-                Note::Critical(text) => self.texts.say(MavSeverity::MAV_SEVERITY_CRITICAL, text),
+                Note::Info(text) => self.texts.queue(MavSeverity::MAV_SEVERITY_INFO, text),
+                Note::Critical(text) => self.texts.queue(MavSeverity::MAV_SEVERITY_CRITICAL, text),
                 Note::Reached(seq) => {
                     self.reached = Some((seq, 0));
                     self.send(MavMessage::MISSION_ITEM_REACHED(
@@ -333,8 +332,8 @@ impl Vehicle {
         self.missions.items(kind)
     }
 
-    /// Makes it ail, or well again.
-    pub fn ail(&mut self, health_faults: HealthFaults) {
+    /// Sets the faults that it reports; the default is none.
+    pub fn set_health_faults(&mut self, health_faults: HealthFaults) {
         self.health_faults = health_faults;
     }
 

@@ -1,4 +1,7 @@
 //! One step of the vehicle: what happens every 4 ms, and in which order.
+//!
+//! Commands are executed before the commander's step and the physics after it, so that a mode accepted in a step is flown
+//! in the same one; reports come last and show the result.
 
 use std::time::Duration;
 
@@ -64,7 +67,7 @@ impl Vehicle {
             self.navigated = (mode, armed);
             let step = self.navigate(|navigator, view| navigator.step(mode, armed, view));
             if let Some(next) = step.then {
-                self.commander.hand_over(next);
+                self.commander.follow_with(next);
             }
             self.take_notes(step.notes);
             self.course = (step.guidance, step.heading);
@@ -82,6 +85,8 @@ impl Vehicle {
         };
         let error = self.estimator.position_error();
         self.body.step(DT, &guidance, &heading, error, &self.tuning);
+        // The land detector needs both contact and a vehicle that is commanded down: one that is about to take off also
+        // touches the ground.
         let sinking = matches!(guidance, Guidance::Land(_) | Guidance::Ground)
             || matches!(guidance, Guidance::Steer { .. } if self.body.setpoint().velocity.d > 0.05);
         let touching = self.body.motion().position.d >= -0.001;
@@ -158,17 +163,17 @@ impl Vehicle {
                 self.repeat_reached();
             }
         }
-        let mut said = Vec::new();
+        let mut due_texts = Vec::new();
         if self.is_located() {
-            self.texts.poll(now, |text| said.push(text));
+            self.texts.poll(now, |text| due_texts.push(text));
         }
-        for text in said {
+        for text in due_texts {
             self.send(text);
         }
     }
 
-    /// MISSION_CURRENT.mission_state by PX4's own rules, the case that they forget included: then
-    /// the state stays what it was.
+    /// MISSION_CURRENT.mission_state by PX4's own rules, including the case that they leave out, in which the state stays
+    /// what it was.
     fn update_mission_state(&mut self) {
         let mission = &self.navigator.mission;
         let active = mission_mode_active(self.commander.mode());
@@ -202,10 +207,9 @@ impl Vehicle {
 }
 
 const ESTIMATOR_EVERY: u64 = 10;
-/// The commander looks at its commands every 8 ms.
+/// The commander reads its command queue every 8 ms: acknowledgements take 4 to 18 ms on the wire.
 const COMMANDS_EVERY: u64 = 2;
-/// The navigator looks at the position at about 20 Hz, so that a fast vehicle can pass a small
-/// radius between two looks.
+/// The navigator checks the position at about 20 Hz, so that a fast vehicle can pass a small radius between two checks.
 const NAVIGATE_EVERY: u64 = 13;
 const LIFTED_M: f64 = 0.05;
 const LANDED_AFTER_S: f64 = 0.8;

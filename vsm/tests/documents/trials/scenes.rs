@@ -49,10 +49,12 @@ pub(super) fn control(rig: &mut Rig) {
 
 pub(super) fn with_a_failing_compass(rig: &mut Rig) {
     control(rig);
-    rig.vehicles[0].vehicle_mut().ail(px4_sim::HealthFaults {
-        unhealthy: 0x4,
-        ..px4_sim::HealthFaults::default()
-    });
+    rig.vehicles[0]
+        .vehicle_mut()
+        .set_health_faults(px4_sim::HealthFaults {
+            unhealthy: 0x4,
+            ..px4_sim::HealthFaults::default()
+        });
     rig.run(5.0);
 }
 
