@@ -15,11 +15,11 @@ use stanag_msgs::Id;
 
 use crate::{Line, Operator, Station, Style, Verb, parse_line};
 
-/// A scriptable STANAG 4586 ground station (CUCS).
+/// Command vehicles as a STANAG 4586 ground station (CUCS).
 #[derive(Debug, Parser)]
 #[command(name = "cucs", version)]
 struct Arguments {
-    /// Where the VSM listens.
+    /// Address on which the VSM listens.
     #[arg(
         long,
         value_name = "HOST:PORT",
@@ -27,16 +27,16 @@ struct Arguments {
         global = true
     )]
     vsm: String,
-    /// The id of this CUCS, which the VSM's configuration must list.
+    /// Id of this CUCS; the VSM's configuration must list it.
     #[arg(long, default_value = "1b:00:00:a0", global = true)]
     id: Id,
-    /// Own address; without it any port, on the loopback where the VSM is there.
+    /// Own address (default: any port; on the loopback interface if the VSM is there).
     #[arg(long, value_name = "HOST:PORT", global = true)]
     listen: Option<SocketAddr>,
-    /// The vehicle; without it the only one that is there.
+    /// Id of the vehicle to command (default: the only one discovered).
     #[arg(long, value_name = "ID", global = true)]
     vehicle: Option<Id>,
-    /// A JSON object a line, for programs.
+    /// Print one JSON object a line, for programs.
     #[arg(long, global = true)]
     json: bool,
     #[command(subcommand)]
@@ -47,12 +47,12 @@ struct Arguments {
 enum Command {
     #[command(flatten)]
     Verb(Verb),
-    /// Do the lines of a file, each a subcommand; stop at the first that is not done.
+    /// Run the subcommands in a file, one a line; stop at the first that fails.
     Script {
-        /// The file; routes that it names are relative to it.
+        /// Script file; route files in it are relative to it.
         file: PathBuf,
     },
-    /// Do lines as they are typed, and tell alerts as they come.
+    /// Interactive shell: run subcommands, print alerts as they arrive.
     Shell,
 }
 

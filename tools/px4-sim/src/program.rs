@@ -12,24 +12,26 @@ use crate::{
     read_key_file,
 };
 
-/// A simulated PX4 v1.18: flies missions, signs, and has the real one's habits.
+/// Simulate a PX4 v1.18 vehicle on UDP: missions, signing and the real one's pitfalls.
+///
+/// Example: px4-sim --link udpout:127.0.0.1:14550 --speed 10
 #[derive(Debug, Parser)]
 #[command(name = "px4-sim", version)]
 struct Arguments {
-    /// udpin:HOST:PORT waits for a peer, udpout:HOST:PORT speaks first. Several are several links.
+    /// Link: udpin:HOST:PORT waits for a peer, udpout:HOST:PORT sends first. Repeat it for several links.
     #[arg(long, required = true, value_name = "LINK")]
     link: Vec<LinkAddress>,
-    /// 32 bytes in hex, mode 0600: sign from the first packet, take nothing unsigned.
+    /// Signing key file (32 bytes in hex, mode 0600): sign from the first packet, accept nothing unsigned.
     #[arg(long, value_name = "FILE")]
     key_file: Option<PathBuf>,
-    /// PX4's own key file (40 bytes): read at the start, written when a key is set; without it a key is gone with the
-    /// process.
+    /// PX4's own key file (40 bytes): read at the start, written when a key is set. Without it a key is lost when the
+    /// process ends.
     #[arg(long, value_name = "FILE", conflicts_with = "key_file")]
     signing_file: Option<PathBuf>,
-    /// MAVLink system id.
+    /// MAVLink system id, 1 to 255.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=255))]
     system_id: u8,
-    /// Where it stands: degrees, degrees, metres AMSL.
+    /// Home position: degrees north, degrees east, metres AMSL.
     #[arg(
         long,
         value_name = "LAT,LON,ALT",
@@ -38,22 +40,22 @@ struct Arguments {
         allow_hyphen_values = true
     )]
     home: Geodetic,
-    /// Kind of airframe.
+    /// Airframe to simulate.
     #[arg(long, value_enum, default_value_t = Frame::Quad)]
     airframe: Frame,
-    /// How much faster than time, 0.01 to 100. Signing clocks are not touched by it.
+    /// Speed of simulated time, 0.01 to 100 times real time. Signing timestamps count packets and are not affected.
     #[arg(long, default_value_t = 1.0)]
     speed: f64,
-    /// Seed of every noise: the same seed, the same flight.
+    /// Seed of all noise: the same seed gives the same flight.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Signing stamp of the first packet, in units of 10 us since 2015.
+    /// Signing timestamp of the first packet, in units of 10 us since 2015.
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..1 << 48))]
     initial_timestamp: u64,
-    /// Speak operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS): PX4 v1.18 does not.
+    /// Implement operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS), which PX4 v1.18 does not.
     #[arg(long)]
     operator_control: bool,
-    /// Steady wind, metres a second toward north and east.
+    /// Steady wind, m/s toward north and east.
     #[arg(long, value_name = "NORTH,EAST", default_value = "0,0", value_parser = wind, allow_hyphen_values = true)]
     wind: (f64, f64),
 }
@@ -127,7 +129,7 @@ async fn serve(config: SimulatorConfig) -> ExitCode {
             .join(", "),
         match (&config.key, &config.signing_file) {
             (Some(_), _) => "signed",
-            (None, Some(_)) => "signed where its key file says so",
+            (None, Some(_)) => "signed if its key file holds a key",
             (None, None) => "unsigned",
         },
         config.speed

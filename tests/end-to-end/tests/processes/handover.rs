@@ -95,7 +95,7 @@ impl Console {
     /// Types a line that is refused, until the reason comes through.
     fn is_refused(&mut self, line: &str, reason: &str) {
         for _ in 0..8 {
-            let which = self.does(line, &["this CUCS may have", "within", "granted\n"]);
+            let which = self.does(line, &["this CUCS may hold", "within", "granted\n"]);
             assert_ne!(which, 2, "{}: {line}:\n{}", self.id, self.shell.output());
             if self.shell.output().contains(reason) {
                 return;
@@ -135,7 +135,7 @@ fn three_stations_take_turns_over_a_bad_network() {
     // Asked, and consented to.
     let (asked, answered) = (a.mark(), b.mark());
     b.shell.type_line("ask --loi 4,5");
-    a.tells(asked, &["1b:00:00:b0 asks for LOI 4,5"]);
+    a.tells(asked, &["1b:00:00:b0 requests LOI 4,5"]);
     assert_eq!(controller(&ground), Some(A.into()), "control stays so far");
     a.succeeds("consent", "handed over to 1b:00:00:b0");
     b.tells(answered, &["LOI 4,5 is ours"]);
@@ -153,7 +153,7 @@ fn three_stations_take_turns_over_a_bad_network() {
     // Asked, and refused.
     let (asked, answered) = (c.mark(), a.mark());
     a.shell.type_line("ask --loi 4,5");
-    c.tells(asked, &["1b:00:00:a0 asks for LOI 4,5"]);
+    c.tells(asked, &["1b:00:00:a0 requests LOI 4,5"]);
     c.succeeds("refuse", "refused to 1b:00:00:a0");
     a.tells(answered, &["handover (message 4) is refused"]);
     assert_eq!(controller(&ground), Some(C.into()));

@@ -131,7 +131,7 @@ fn what_is_refused_says_why() {
     };
     let (code, said) = status(&["--vsm", &vsm, "--id", "1b:00:00:ff"]);
     assert_eq!(code, Some(1), "{said}");
-    assert!(said.contains("no answer of a VSM"), "{said}");
+    assert!(said.contains("no answer from a VSM"), "{said}");
     let (code, said) = status(&["--vsm", &vsm, "--vehicle", "1b:00:01:09"]);
     assert_eq!(code, Some(1), "{said}");
     assert!(

@@ -210,7 +210,7 @@ impl<W: Write> Operator<W> {
                 }
                 Event::HandoverRequested { vehicle, by, loi } => self.print(
                     &format!(
-                        "{vehicle}: {by} asks for LOI {}: `consent` or `refuse`",
+                        "{vehicle}: {by} requests LOI {}: `consent` or `refuse`",
                         levels(loi)
                     ),
                     json!({
@@ -256,7 +256,7 @@ impl<W: Write> Operator<W> {
             .collect();
         self.print(
             &format!(
-                "sent {} ({} again); received {}; dropped {}",
+                "sent {} ({} retransmissions); received {}; dropped {}",
                 by_type(&traffic.sent),
                 traffic.retransmitted,
                 by_type(&traffic.received),

@@ -21,10 +21,10 @@ pub enum OperatorError {
     #[error(transparent)]
     FenceFile(#[from] FenceFileError),
     /// More than one vehicle, and none was named.
-    #[error("vehicles {0} are there: say which")]
+    #[error("several vehicles are there: {0}; choose one with --vehicle")]
     Ambiguous(String),
     /// The vehicle that was named does not answer.
-    #[error("vehicle {requested} is not there, only {found}")]
+    #[error("vehicle {requested} does not answer; discovered: {found}")]
     NoSuchVehicle {
         /// The vehicle named.
         requested: Id,
@@ -32,16 +32,16 @@ pub enum OperatorError {
         found: String,
     },
     /// What needs status needs LOI 2.
-    #[error("vehicle {0}: this CUCS holds no LOI, so nothing is told to it: take it first")]
+    #[error("vehicle {0}: this CUCS holds no LOI and receives no status; run `cucs take` first")]
     NoRights(Id),
     /// No handover request is known that could be answered.
-    #[error("vehicle {0}: no CUCS is known to ask for it: name it")]
+    #[error("vehicle {0}: no handover request received; name the CUCS")]
     NobodyAsks(Id),
     /// No offer is known that could be accepted.
-    #[error("vehicle {0}: nothing is known to be offered: name the levels with --loi")]
+    #[error("vehicle {0}: no offer received; name the levels with --loi")]
     NothingOffered(Id),
     /// The download is incomplete.
-    #[error("the plan names waypoints that it does not have: {0}")]
+    #[error("the plan refers to waypoints that were not received: {0}")]
     Incomplete(String),
     /// A file cannot be written.
     #[error("{}: {source}", path.display())]
@@ -52,7 +52,7 @@ pub enum OperatorError {
         source: std::io::Error,
     },
     /// A number of seconds out of range.
-    #[error("{0} seconds, expected 0 to 1e6")]
+    #[error("{0} s is out of range: expected 0 to 1000000 s")]
     Seconds(f64),
     /// The output is closed.
     #[error("output: {0}")]

@@ -243,8 +243,8 @@ fn describe(condition: &Condition) -> String {
         Condition::Above { altitude } => format!("altitude of at least {altitude} m (4000)"),
         Condition::Below { altitude } => format!("altitude of at most {altitude} m (4000)"),
         Condition::Alert { text } => format!("alert (16000) with {text:?}"),
-        Condition::Asked => "wish of another CUCS (4)".to_owned(),
-        Condition::Offered => "offer of the holder (5)".to_owned(),
+        Condition::Asked => "request from another CUCS (4)".to_owned(),
+        Condition::Offered => "offer from the holder (5)".to_owned(),
         Condition::Holds { loi } => format!("LOI {} (2)", levels(loi.0)),
         Condition::Lacks { loi } => format!("loss of LOI {} (2)", levels(loi.0)),
     }

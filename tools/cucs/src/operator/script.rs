@@ -127,7 +127,7 @@ fn words(line: &str) -> Result<Vec<String>, String> {
         }
     }
     if quoted {
-        return Err("a quote without its end".to_owned());
+        return Err("missing closing quote".to_owned());
     }
     words.extend(word);
     Ok(words)

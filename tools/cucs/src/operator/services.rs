@@ -104,7 +104,7 @@ impl<W: Write> Operator<W> {
                 _ => {}
             }
         };
-        let text = |field: Option<&str>| field.unwrap_or("not told").to_owned();
+        let text = |field: Option<&str>| field.unwrap_or("not reported").to_owned();
         let vsm = text(report.vsm_version.as_ref().map(|text| text.as_str()));
         let autopilot = text(report.autopilot_version.as_ref().map(|text| text.as_str()));
         let source = report.autopilot_source.as_ref().map(|text| text.as_str());

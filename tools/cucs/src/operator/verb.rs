@@ -12,69 +12,69 @@ use crate::route::form::altitude_type_named;
 /// One thing to do.
 #[derive(Clone, Debug, Subcommand)]
 pub enum Verb {
-    /// Tell which vehicles are there, and what this CUCS may have.
+    /// Discover vehicles and the levels of interoperability on offer.
     Discover,
-    /// Take rights over the vehicle.
+    /// Request rights over the vehicle, such as `take --loi 2,4,5`.
     Take {
-        /// Levels, such as 2,4,5; without it everything that this CUCS may have.
+        /// Levels of interoperability, such as 2,4,5 (default: all that this CUCS may hold).
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
-        /// Also where another CUCS holds them.
+        /// Take them even where another CUCS holds them.
         #[arg(long = "override")]
         override_holder: bool,
     },
-    /// Give all rights back.
+    /// Release all rights over the vehicle.
     Release,
-    /// Handing rights over.
+    /// Positive handover.
     #[command(flatten)]
     Handover(HandoverVerb),
-    /// Send a route file and load it aboard.
+    /// Upload a route and load it aboard.
     Send {
         /// The route file (TOML).
         file: PathBuf,
-        /// Mission ID instead of the file's.
+        /// Mission ID to use instead of the one in the file (at most 19 characters).
         #[arg(long)]
         mission_id: Option<String>,
     },
-    /// Forget the plan, in the VSM and aboard.
+    /// Delete the plan, in the VSM and aboard.
     Clear,
-    /// End a transfer that is under way.
+    /// Cancel a transfer in progress.
     Cancel,
-    /// Fetch the plan back as a route file.
+    /// Download the plan as a route file.
     Download {
-        /// Where to write it; without it, to standard output.
+        /// File to write (default: standard output).
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
     },
-    /// Command a mode (2016).
+    /// Command a mode (2016), such as `mode loiter --altitude 40`.
     Mode(ModeArguments),
-    /// Arm and take off (mode 21).
+    /// Arm and take off (mode 21), such as `launch 30`.
     Launch {
-        /// Metres.
+        /// Altitude to climb to, metres.
         #[arg(allow_negative_numbers = true)]
         altitude: f64,
-        /// Above what: agl, wgs84, amsl, pressure.
+        /// Datum of the altitude: agl, wgs84, amsl, pressure.
         #[arg(long, default_value = "agl", value_name = "TYPE")]
         altitude_type: AltitudeName,
     },
-    /// Fly the route that is loaded (mode 11).
+    /// Fly the loaded route (mode 11), such as `fly --from 10 --speed 5`.
     Fly {
-        /// From this waypoint.
+        /// Number of the waypoint to start from.
         #[arg(long, value_name = "WAYPOINT")]
         from: Option<u16>,
-        /// At this speed over ground, m/s.
+        /// Speed over ground, m/s.
         #[arg(long)]
         speed: Option<f64>,
     },
-    /// Loiter, here or there (mode 12).
+    /// Loiter, here or at a position (mode 12).
     Loiter {
-        /// Degrees north and east.
+        /// Position, degrees north and east, such as -33.9,18.4.
         #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
         position: Option<Degrees>,
-        /// Metres.
+        /// Altitude, metres.
         #[arg(long, allow_negative_numbers = true)]
         altitude: Option<f64>,
-        /// Above what: agl, wgs84, amsl, pressure.
+        /// Datum of the altitude: agl, wgs84, amsl, pressure.
         #[arg(long, default_value = "agl", value_name = "TYPE")]
         altitude_type: AltitudeName,
         /// Speed over ground, m/s.
@@ -83,83 +83,83 @@ pub enum Verb {
     },
     /// Change the speed over ground in the present mode.
     Speed {
-        /// Metres a second.
+        /// Speed over ground, m/s.
         metres_per_second: f64,
     },
     /// Land here (mode 19).
     Land,
-    /// Wait until the vehicle reports it.
+    /// Wait until the vehicle reports a condition, such as `wait waypoint 20 --within 60`.
     Wait {
-        /// What to wait for.
+        /// Condition to wait for.
         #[command(subcommand)]
         condition: Condition,
-        /// For how many seconds at most.
+        /// Longest time to wait, seconds.
         #[arg(long, default_value_t = 120.0, value_name = "SECONDS", global = true)]
         within: f64,
     },
-    /// Print the vehicle's state, a line each time, and its alerts.
+    /// Print the vehicle's state periodically, and its alerts.
     Watch {
-        /// For how long.
+        /// Duration, seconds.
         #[arg(long, default_value_t = 10.0)]
         seconds: f64,
-        /// Seconds between lines.
+        /// Time between lines, seconds.
         #[arg(long, default_value_t = 1.0)]
         every: f64,
     },
-    /// Do nothing for a while.
+    /// Pause a script; the station keeps receiving.
     Sleep {
-        /// How long.
+        /// Duration, seconds.
         seconds: f64,
     },
-    /// Send heartbeats (16002) from now on, or no more.
+    /// Switch heartbeats (16002, 1 Hz) on or off.
     Heartbeats {
         /// on or off.
         #[arg(value_parser = ["on", "off"])]
         switch: String,
     },
-    /// Command this vehicle from now on.
+    /// Select the vehicle to command from now on.
     Vehicle {
-        /// Its id.
+        /// Id of the vehicle, such as 1b:00:01:01.
         id: Id,
     },
-    /// Print how many messages went each way, by type.
+    /// Show how many messages were sent and received, by type.
     Traffic,
-    /// Ask what the vehicle is (40000), and print the answers as a table.
+    /// Show the vehicle's configuration as a table (40000).
     Config {
-        /// For this level of interoperability alone, 2 to 5.
+        /// Level of interoperability, 2 to 5 (default: all).
         #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(2..=5))]
         loi: Option<u8>,
     },
-    /// Tell the vehicle's parameters, or one of them (50010).
+    /// Show the vehicle's parameters, or one of them (50010).
     Parameters {
-        /// Its name; without it, all.
+        /// Name of the parameter (default: all).
         name: Option<String>,
     },
     /// Write a parameter of the vehicle (50011).
     Set {
-        /// Its name.
+        /// Name of the parameter.
         name: String,
-        /// The value.
+        /// New value, in the parameter's own unit.
         #[arg(allow_negative_numbers = true)]
         value: f64,
     },
-    /// Tell the software of VSM and vehicle (50013).
+    /// Show the software versions of VSM and vehicle (50013).
     Software,
-    /// Measure how long an answer takes (50014).
+    /// Measure the round-trip time (50014).
     Ping {
-        /// Of the vehicle too, through the VSM.
+        /// Measure to the vehicle, through the VSM.
         #[arg(long)]
         vehicle: bool,
     },
-    /// Send a file of areas to stay inside or outside; without one, fetch them back (50016, 50017).
+    /// Upload a geofence, download it, or delete it (50016, 50017).
     Fence {
-        /// The fence file (TOML).
+        /// Fence file to upload (TOML); without one, the areas are downloaded.
         #[arg(conflicts_with_all = ["clear", "output"])]
         file: Option<PathBuf>,
-        /// Forget all areas, in the VSM and aboard.
+        /// Delete all areas, in the VSM and aboard.
         #[arg(long, conflicts_with = "output")]
         clear: bool,
-        /// Where to write the areas that are fetched; without it, to standard output.
+        /// File to write downloaded areas to (default: standard output).
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
     },
@@ -168,40 +168,40 @@ pub enum Verb {
 /// Positive handover (messages 4 and 5).
 #[derive(Clone, Debug, Subcommand)]
 pub enum HandoverVerb {
-    /// Ask who holds them for rights, and wait for the answer.
+    /// Request rights from the CUCS that holds them, and wait for the answer.
     Ask {
-        /// Levels, such as 4,5; without it everything that this CUCS may have.
+        /// Levels, such as 4,5 (default: all that this CUCS may hold).
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
     },
-    /// Hand over to a CUCS that asks.
+    /// Hand over to a CUCS that requests it.
     Consent {
-        /// Which; without it the one that asked last.
+        /// Id of that CUCS (default: the one that requested last).
         cucs: Option<Id>,
-        /// Levels; without it what was asked for, or where that is not known everything that this CUCS holds.
+        /// Levels (default: those requested, or if unknown all that this CUCS holds).
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
     },
-    /// Hand nothing over to a CUCS that asks.
+    /// Refuse a CUCS that requests a handover.
     Refuse {
-        /// Which; without it the one that asked last.
+        /// Id of that CUCS (default: the one that requested last).
         cucs: Option<Id>,
     },
     /// Offer rights to another CUCS, and wait until it accepts or declines.
     Successor {
-        /// Which.
+        /// Id of that CUCS.
         cucs: Id,
-        /// Levels; without it everything that this CUCS holds.
+        /// Levels (default: all that this CUCS holds).
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
     },
-    /// Take what is offered.
+    /// Accept the rights offered to this CUCS.
     Accept {
-        /// Levels; without it those offered.
+        /// Levels (default: those offered).
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
     },
-    /// Take nothing of what is offered, or wish no longer for what was asked.
+    /// Decline an offer, or withdraw a request.
     Decline,
 }
 
@@ -218,32 +218,32 @@ pub enum Condition {
         /// Its number.
         number: u16,
     },
-    /// The last waypoint has been reached: it flies to none any more.
+    /// The last waypoint has been reached: no waypoint is being flown to.
     RouteEnd,
-    /// It stands on the ground (3002).
+    /// The vehicle is on the ground (3002).
     Landed,
-    /// It is in the air (3002).
+    /// The vehicle is in the air (3002).
     Airborne,
-    /// It is at least so high.
+    /// The altitude is at least this.
     Above {
-        /// Metres, above the datum that 4000 reports.
+        /// Altitude, metres above the datum that 4000 reports.
         #[arg(allow_negative_numbers = true)]
         altitude: f64,
     },
-    /// It is at most so high.
+    /// The altitude is at most this.
     Below {
-        /// Metres, above the datum that 4000 reports.
+        /// Altitude, metres above the datum that 4000 reports.
         #[arg(allow_negative_numbers = true)]
         altitude: f64,
     },
-    /// An alert with this text comes.
+    /// An alert with this text arrives.
     Alert {
         /// A part of its text.
         text: String,
     },
-    /// Another CUCS asks for what this one holds (4).
+    /// Another CUCS requests what this one holds (4).
     Asked,
-    /// The holder offers this CUCS what it holds (5).
+    /// The holder offers its rights to this CUCS (5).
     Offered,
     /// This CUCS holds all of these levels (2).
     Holds {
@@ -263,19 +263,19 @@ pub struct ModeArguments {
     /// A name (manual, waypoint, loiter, autopilot, land, wave-off, launch, contingency-a, contingency-b) or a
     /// number.
     pub mode: ModeName,
-    /// Metres.
+    /// Altitude, metres.
     #[arg(long, allow_negative_numbers = true)]
     pub altitude: Option<f64>,
-    /// Above what: agl, wgs84, amsl, pressure.
+    /// Datum of the altitude: agl, wgs84, amsl, pressure.
     #[arg(long, default_value = "agl", value_name = "TYPE")]
     pub altitude_type: AltitudeName,
     /// Speed over ground, m/s.
     #[arg(long)]
     pub speed: Option<f64>,
-    /// Commanded Waypoint Number.
+    /// Waypoint to fly to (Commanded Waypoint Number).
     #[arg(long)]
     pub waypoint: Option<u16>,
-    /// Loiter position, degrees north and east.
+    /// Loiter position, degrees north and east, such as -33.9,18.4.
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     pub position: Option<Degrees>,
 }

@@ -128,7 +128,7 @@ pub enum CurveForm {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RouteError {
     /// A route without waypoints.
-    #[error("a route without waypoints")]
+    #[error("the route has no waypoints: expected at least one")]
     Empty,
     /// A quantity outside what its field expresses.
     #[error("{what}: {fault}")]

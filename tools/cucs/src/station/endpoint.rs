@@ -217,7 +217,7 @@ impl Station {
             Some(delivery) => Ok(delivery),
             None => {
                 let what = if last == Delivery::Received {
-                    "it was received, but is not finished; "
+                    "it was received, but not finished; "
                 } else {
                     ""
                 };
@@ -355,17 +355,17 @@ impl Station {
 
     fn seen_of(&self, vehicle: Id) -> String {
         match self.session.vehicle(vehicle) {
-            Some(vehicle) => format!("seen: {}", report::line(vehicle)),
-            None => format!("nothing was heard of vehicle {vehicle}"),
+            Some(vehicle) => format!("last report: {}", report::line(vehicle)),
+            None => format!("nothing received from vehicle {vehicle}"),
         }
     }
 
     fn seen_of_all(&self) -> String {
         let lines: Vec<String> = self.session.vehicles().map(report::line).collect();
         if lines.is_empty() {
-            "no vehicle was heard".to_owned()
+            "nothing received from any vehicle".to_owned()
         } else {
-            format!("seen: {}", lines.join(" | "))
+            format!("last reports: {}", lines.join(" | "))
         }
     }
 }

@@ -96,7 +96,7 @@ pub enum StationError {
         seen: String,
     },
     /// No VSM answers at all.
-    #[error("no answer of a VSM at {vsm} within {} s{}", within.as_secs_f64(), if *unreachable { ": nothing listens on that port" } else { "" })]
+    #[error("no answer from a VSM at {vsm} within {} s{}", within.as_secs_f64(), if *unreachable { ": nothing listens on that port; start the bridge or check --vsm" } else { "" })]
     NoVsm {
         /// Where it should be.
         vsm: SocketAddr,
@@ -107,7 +107,7 @@ pub enum StationError {
     },
     /// The rights requested are not granted.
     #[error(
-        "vehicle {vehicle}: LOI {} asked for, {} granted; this CUCS may have {}{}",
+        "vehicle {vehicle}: LOI {} requested, {} granted; this CUCS may hold {}{}",
         levels(*requested), levels(*granted), levels(*authorised),
         reasons_text(reasons)
     )]

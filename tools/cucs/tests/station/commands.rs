@@ -197,7 +197,7 @@ async fn rights_that_are_not_granted_are_an_error() {
     .unwrap_err();
     let text = error.to_string();
     assert!(
-        text.contains("LOI 2,5 asked for, 2 granted; this CUCS may have 2"),
+        text.contains("LOI 2,5 requested, 2 granted; this CUCS may hold 2"),
         "{text}"
     );
     vsm.authorised = LoiBitmap::from_raw(0x0f);
@@ -239,7 +239,7 @@ async fn a_vsm_that_is_not_there_is_told_as_such() {
 }
 
 #[tokio::test]
-async fn a_time_out_says_what_was_awaited_and_what_was_seen() {
+async fn a_timeout_names_what_was_expected_and_what_was_received() {
     let (mut station, socket) = pair().await;
     let mut vsm = FakeVsm::new();
     beside!(vsm, socket, station.discover()).unwrap();
@@ -249,7 +249,10 @@ async fn a_time_out_says_what_was_awaited_and_what_was_seen() {
         .unwrap_err()
         .to_string();
     assert!(error.contains("acknowledgement (17000) of 2016"), "{error}");
-    assert!(error.contains("seen: 1b:00:01:01 LOI none"), "{error}");
+    assert!(
+        error.contains("last report: 1b:00:01:01 LOI none"),
+        "{error}"
+    );
     let within = Duration::from_millis(100);
     let waiting = station.wait_until("mode 11", within, |session| {
         session
@@ -258,7 +261,7 @@ async fn a_time_out_says_what_was_awaited_and_what_was_seen() {
     });
     let error = beside!(vsm, socket, waiting).unwrap_err().to_string();
     assert!(
-        error.starts_with("no mode 11 within 0.1 s; seen: "),
+        error.starts_with("no mode 11 within 0.1 s; last reports: "),
         "{error}"
     );
     // #2 alone answers a request, too.

@@ -57,7 +57,7 @@ fn no_vsm_is_status_1_and_says_so() {
     let (status, _, error) = told(&cucs(&free, &["discover"]));
     assert_eq!(status, Some(1));
     assert!(
-        error.contains(&format!("no answer of a VSM at {free} within 3 s")),
+        error.contains(&format!("no answer from a VSM at {free} within 3 s")),
         "{error}"
     );
 }
@@ -100,7 +100,7 @@ fn each_subcommand_may_be_a_process_of_its_own() {
         done(&["release"]);
         let (status, _, error) = told(&cucs(vsm, &["watch"]));
         assert_eq!(status, Some(1));
-        assert!(error.contains("take it first"), "{error}");
+        assert!(error.contains("run `cucs take` first"), "{error}");
     });
 }
 

@@ -309,7 +309,7 @@ fn every_fault_is_told_with_file_line_and_field() {
     assert!(
         parse("waypoint = []")
             .unwrap_err()
-            .contains("a route without waypoints")
+            .contains("the route has no waypoints")
     );
     let missing = Route::load(Path::new("no/such.toml"))
         .unwrap_err()
