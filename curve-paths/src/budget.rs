@@ -5,10 +5,10 @@
 
 use thiserror::Error;
 
-use crate::densify::{Densified, DensifyError, Leg, Options, check, densify};
+use crate::densify::{DensifyError, Leg, Options, check, densify};
 use crate::leg::BezierLeg;
 use crate::local::ErrorAllowance;
-use crate::walk::{Rules, length, length_guessed};
+use crate::walk::{Densified, Rules, length, length_guessed};
 
 /// A route densified to a number of vertices.
 #[derive(Clone, Debug, PartialEq)]

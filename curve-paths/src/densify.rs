@@ -11,7 +11,7 @@ use crate::free::walk_free;
 use crate::leg::{BezierLeg, LegError, Reach, check_altitude, check_ground, check_reach};
 use crate::local::ErrorAllowance;
 use crate::vector::Vec3;
-use crate::walk::{Rules, count, walk};
+use crate::walk::{AltitudeAlong, Densified, Rules, Vertex, count, walk};
 use crate::wgs84::{Near, Position};
 
 /// One leg of a route.
@@ -121,28 +121,6 @@ impl Options {
             vertices: Vertices::OnCurve,
         }
     }
-}
-
-/// A vertex of the densified route.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Vertex {
-    /// Where it is.
-    pub position: Position,
-    /// The leg that it ends or lies in, from 0; the route's first vertex belongs to leg 0.
-    pub leg: usize,
-    /// Its parameter in that leg: 0 only for the route's first vertex, 1 for a leg's end.
-    pub t: f64,
-}
-
-/// The vertices, and what is proven of them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Densified {
-    /// The vertices in order; the last equals the first in every bit of its position when the route is closed.
-    pub vertices: Vec<Vertex>,
-    /// Proven deviation both ways, allowance included, m; never over the tolerance.
-    pub bound_m: f64,
-    /// The shortest chord on the ground between two vertices, m; infinite when there is none.
-    pub shortest_chord_m: f64,
 }
 
 /// Why a route cannot be densified as asked.
@@ -305,32 +283,6 @@ fn densify_leg(
         });
     })
     .map_err(|stuck| stuck.t)
-}
-
-/// The altitude at rising parameters, the length summed up from chord to chord.
-pub(crate) struct AltitudeAlong<'a> {
-    leg: &'a BezierLeg,
-    length_m: f64,
-}
-
-impl<'a> AltitudeAlong<'a> {
-    pub(crate) const fn new(leg: &'a BezierLeg) -> Self {
-        Self { leg, length_m: 0.0 }
-    }
-
-    pub(crate) fn at(&mut self, a: f64, b: f64) -> f64 {
-        match self.leg.climb() {
-            crate::leg::Climb::Cubic(_) => self.leg.altitude_at(b),
-            crate::leg::Climb::Even {
-                from_m,
-                rise_m,
-                length_m,
-            } => {
-                self.length_m += self.leg.offsets().part(a, b).length();
-                from_m + rise_m * (self.length_m / length_m).min(1.0)
-            }
-        }
-    }
 }
 
 /// Checks the route against its options; what every vertex is charged, m.

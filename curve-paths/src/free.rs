@@ -5,11 +5,10 @@
 //! root of two. A leg's own ends stay where they are. The deviation both ways is proven for each chord by
 //! [`off_curve_m`](crate::bound::off_curve_m).
 
-use crate::densify::{AltitudeAlong, Densified, Vertex};
 use crate::leg::BezierLeg;
 use crate::local::Local;
 use crate::vector::Vec3;
-use crate::walk::Rules;
+use crate::walk::{AltitudeAlong, Densified, Rules, Vertex};
 use crate::wgs84::{Ground, Position};
 
 /// Appends the vertices of a leg after its start; false, with nothing appended, where the search gets stuck.

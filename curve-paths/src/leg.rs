@@ -9,7 +9,6 @@
 use thiserror::Error;
 
 use crate::cubic::Cubic;
-use crate::local::{ErrorAllowance, Local};
 use crate::vector::Vec3;
 use crate::wgs84::{Ground, Position};
 
@@ -292,15 +291,6 @@ impl BezierLeg {
         Cubic(self.offsets.0.map(|o| self.origin + o))
     }
 
-    /// Proven deviation, m, both ways and in three dimensions, between the part from `a` to `b` and its chord, with
-    /// what the chord's length is charged; fixed allowance not included.
-    #[must_use]
-    pub fn chord_bound_m(&self, a: f64, b: f64, allowance: &ErrorAllowance) -> f64 {
-        let mut local = Local::new(self, allowance);
-        local.reframe(a);
-        local.chord(b).bound_m
-    }
-
     /// The same leg flown from P4 to P1.
     #[must_use]
     pub fn reversed(&self) -> Self {
@@ -411,6 +401,18 @@ impl BezierLeg {
 
     pub(crate) const fn climb(&self) -> Climb {
         self.climb
+    }
+}
+
+impl Position {
+    /// The same position, once its numbers are known to be finite and in range.
+    ///
+    /// # Errors
+    /// Names the field, the value and what was expected.
+    pub fn checked(self) -> Result<Self, LegError> {
+        check_ground("position", self.ground())?;
+        check_altitude("position", self.alt_m)?;
+        Ok(self)
     }
 }
 

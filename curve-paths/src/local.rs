@@ -110,6 +110,17 @@ pub(crate) struct Local<'a> {
     last: f64,
 }
 
+impl BezierLeg {
+    /// Proven deviation, m, both ways and in three dimensions, between the part from `a` to `b` and its chord, with
+    /// what the chord's length is charged; fixed allowance not included.
+    #[must_use]
+    pub fn chord_bound_m(&self, a: f64, b: f64, allowance: &ErrorAllowance) -> f64 {
+        let mut local = Local::new(self, allowance);
+        local.reframe(a);
+        local.chord(b).bound_m
+    }
+}
+
 impl<'a> Local<'a> {
     pub(crate) fn new(leg: &'a BezierLeg, allowance: &ErrorAllowance) -> Self {
         let [p0, p1, p2, p3] = leg.offsets().0;

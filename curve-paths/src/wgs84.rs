@@ -3,7 +3,6 @@
 //! Closed forms, valid at the poles and across the date line; no iteration, no panic. The way back is exact to
 //! two micrometres for points within 5 km of the surface, which holds for every legal leg.
 
-use crate::leg::{LegError, check_altitude, check_ground};
 use crate::vector::Vec3;
 
 /// Equatorial radius of WGS-84, m.
@@ -87,16 +86,6 @@ impl Position {
             lon_deg,
             alt_m,
         }
-    }
-
-    /// The same position, once its numbers are known to be finite and in range.
-    ///
-    /// # Errors
-    /// Names the field, the value and what was expected.
-    pub fn checked(self) -> Result<Self, LegError> {
-        check_ground("position", self.ground())?;
-        check_altitude("position", self.alt_m)?;
-        Ok(self)
     }
 
     /// Its place on the ground.

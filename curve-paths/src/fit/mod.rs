@@ -5,21 +5,22 @@
 //! quarter of the tolerance apart at most; `deviation_m` is at most the tolerance.
 
 mod chain;
-mod corner;
-mod deviation;
+mod error;
 mod pair;
+mod parts;
 mod plane;
 mod smooth;
 mod straight;
 mod track;
 
-use thiserror::Error;
-
-use crate::leg::{BezierLeg, Control, LegError};
-use chain::{Parts, Shape};
-use pair::{PairFit, Scratch, Tangents};
+use crate::leg::{BezierLeg, Control};
+use chain::Shape;
+use error::check_tolerance;
+use pair::{Scratch, Tangents};
+use parts::Cubics;
 use track::Sampled;
 
+pub use error::FitError;
 pub use straight::{Start, Straightened, straighten};
 pub use track::{Track, TrackError};
 
@@ -55,37 +56,6 @@ pub struct Fitted {
     pub deviation_m: f64,
 }
 
-/// Why a track cannot be fitted.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-pub enum FitError {
-    /// The tolerance is out of range.
-    #[error("tolerance is {tolerance_m} m, expected {least_m} to {most_m} m")]
-    Tolerance {
-        /// What was asked for, m.
-        tolerance_m: f64,
-        /// The least, m.
-        least_m: f64,
-        /// The most, m.
-        most_m: f64,
-    },
-    /// The search found nothing that a dense measure confirms.
-    #[error("the best fit is {deviation_m} m off, expected at most {tolerance_m} m")]
-    NotWithin {
-        /// What was reached, m.
-        deviation_m: f64,
-        /// What was asked for, m.
-        tolerance_m: f64,
-    },
-    /// A leg between two fixes is not legal: they are too far apart.
-    #[error("leg from fix {from}: {error}")]
-    Leg {
-        /// The fix that it starts at.
-        from: usize,
-        /// What is wrong with it.
-        error: LegError,
-    },
-}
-
 /// The fewest cubic legs found through a track; `progress` is told the part done, 0 to 1.
 ///
 /// # Errors
@@ -98,7 +68,7 @@ pub fn fit(
     check_tolerance(options.tolerance_m)?;
     let sampled = Sampled::new(track, options.tolerance_m);
     let corners = options.corner_deg.map_or_else(Vec::new, |deg| {
-        corner::corners(&sampled, deg, CORNER_REACH * options.tolerance_m)
+        track::corners(&sampled, deg, CORNER_REACH * options.tolerance_m)
     });
     let shape = Shape {
         count: sampled.count,
@@ -195,61 +165,6 @@ fn measured(
         joints,
         deviation_m,
     })
-}
-
-struct Cubics<'a> {
-    sampled: &'a Sampled,
-    tolerance_m: f64,
-    /// The spacing that each leg is measured with again before it is taken, m; none, the search's samples do.
-    confirm_m: Option<f64>,
-    scratch: Scratch,
-}
-
-impl Cubics<'_> {
-    /// The best leg found between two fixes.
-    fn fit(&mut self, i: usize, j: usize, tangents: Tangents) -> PairFit {
-        let (points, arc_m) = self.sampled.part(i, j);
-        let mut found = PairFit::run(points, arc_m, tangents, self.tolerance_m, &mut self.scratch);
-        if let (Some(spacing_m), true) = (self.confirm_m, found.deviation_m <= self.tolerance_m) {
-            found.deviation_m = self.sampled.deviation_m(&found.cubic, (i, j), spacing_m);
-        }
-        if j == i + 1 && found.deviation_m > self.tolerance_m {
-            // Between neighbours the track is a chord, and arms that are short enough keep to it.
-            return PairFit::chord(
-                points[0],
-                points[points.len() - 1],
-                tangents,
-                self.tolerance_m,
-            );
-        }
-        found
-    }
-
-    /// A leg within the tolerance between two fixes, when one is found.
-    fn fitting(&mut self, i: usize, j: usize, tangents: Tangents) -> Option<plane::Cubic2> {
-        let found = self.fit(i, j, tangents);
-        (found.deviation_m <= self.tolerance_m).then_some(found.cubic)
-    }
-}
-
-impl Parts for Cubics<'_> {
-    fn fits(&mut self, i: usize, j: usize) -> bool {
-        j <= self.sampled.last_fix() && self.fitting(i, j, Tangents::FREE).is_some()
-    }
-}
-
-pub(crate) fn check_tolerance(tolerance_m: f64) -> Result<(), FitError> {
-    const MIN_M: f64 = 0.01;
-    const MAX_M: f64 = 10_000.0;
-    if (MIN_M..=MAX_M).contains(&tolerance_m) {
-        Ok(())
-    } else {
-        Err(FitError::Tolerance {
-            tolerance_m,
-            least_m: MIN_M,
-            most_m: MAX_M,
-        })
-    }
 }
 
 /// Kept back from the tolerance while searching, for what lies between the samples.

@@ -6,8 +6,7 @@
 //! control points with the distance across the curve counted in full and along it at a hundredth: that is Newton's
 //! pace without its temper. A fit counts only when the deviation both ways is within the tolerance.
 
-use super::deviation::curve_to_polyline2;
-use super::plane::{Cubic2, Vec2};
+use super::plane::{Cubic2, Vec2, curve_to_polyline2};
 
 /// Buffers for [`PairFit::run`], reused from pair to pair.
 #[derive(Debug, Default)]

@@ -4,9 +4,9 @@
 //! free; a closed track's last leg is held at both ends. Which start is best cannot be known beforehand, so starts
 //! along the whole first leg are tried.
 
-use super::Cubics;
 use super::chain::Shape;
 use super::pair::{MIN_ARM, Tangents};
+use super::parts::Cubics;
 use super::plane::{Cubic2, Vec2};
 
 /// A leg of a chain: from fix, to fix (of the second round where it must), and the curve.

@@ -4,9 +4,9 @@
 //! the polyline runs from one end of the chord to the other, so some point of it lies across from every point of the
 //! chord, on a stretch whose ends, and so all of it, are that near.
 
+use super::error::{FitError, check_tolerance};
 use super::plane::Vec2;
 use super::track::{Sampled, Track};
-use super::{FitError, check_tolerance};
 
 /// The fewest straight legs.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,8 +3,9 @@
 //! Promised: only the part between the route's start and end counts, wherever the track begins and ends; distances are
 //! in three dimensions, against the curves themselves and not their chords.
 
-use crate::densify::{Densified, Leg};
+use crate::densify::Leg;
 use crate::vector::Vec3;
+use crate::walk::Densified;
 use crate::wgs84::{Position, east_north, up};
 
 /// What a flown track was like.

@@ -4,7 +4,8 @@ use thiserror::Error;
 
 use super::curvature::tightest;
 use super::vehicle::Airframe;
-use crate::densify::{Densified, Leg};
+use crate::densify::Leg;
+use crate::walk::Densified;
 use crate::wgs84::Position;
 
 /// What to do about a place that is too tight for the speed.

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`network`] | a simulated network: loss, duplication, reordering, delay and damage, by a seed |
 //! | [`clock`] | a virtual clock, whose wall clock can be stepped and whose process can restart |
+//! | [`curves`] | random curved legs, and oracles that share nothing with `curve-paths` |
 //! | [`captures`] | the recorded sessions with real autopilots (`tests/data/captures`) |
 //! | [`process`] | programs under test: start, wait for a line, terminate by process id; free ports, key files |
 //! | [`relay`] | the simulated network between two real UDP sockets |
@@ -37,6 +38,7 @@
 pub mod bridge;
 pub mod captures;
 pub mod clock;
+pub mod curves;
 pub mod heap;
 pub mod network;
 pub mod process;

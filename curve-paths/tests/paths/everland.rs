@@ -1,12 +1,10 @@
 //! The Everland Speedway, lap 1, every second fix, closed: the figures that are published for it.
 
-mod common;
-
 use std::io::Read;
 
-use common::{fewest_chords, two_sided_deviation_m};
 use curve_paths::fit::{Continuity, FitOptions, Fitted, Start, Track, fit, straighten};
 use curve_paths::{BezierLeg, ErrorAllowance, Leg, Options, Position, densify};
+use kit::curves::{fewest_chords, two_sided_deviation_m};
 
 fn lap_1() -> Track {
     let file = concat!(

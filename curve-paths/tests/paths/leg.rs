@@ -1,11 +1,9 @@
 //! What a leg is: reversible, split exactly, refused with the place, the value and what was expected.
 
-mod common;
-
-use common::random_leg;
 use curve_paths::{
     BezierLeg, Control, DensifyError, Ground, Leg, LegError, Options, Position, densify,
 };
+use kit::curves::random_leg;
 use proptest::prelude::*;
 
 fn apart_m(a: Position, b: Position) -> f64 {
@@ -140,7 +138,7 @@ fn the_published_check_values() {
         Position::new(37.29, 127.24, 200.0),
     )
     .unwrap();
-    let page = include_str!("../../docs/guide/curves.md");
+    let page = include_str!("../../../docs/guide/curves.md");
     let rows = page.lines().filter_map(|line| {
         let cells: Result<Vec<f64>, _> = line
             .trim_matches('|')

@@ -1,12 +1,10 @@
 //! The deviation that densification promises, against an oracle that shares nothing with it: dense samples of the
 //! definition, geodesics of GeographicLib, vertices rounded as they go out.
 
-mod common;
-
-use common::{Kind, random_leg, two_sided_deviation_m};
 use curve_paths::{
     DensifyError, ErrorAllowance, Leg, Options, Vertices, densify, densify_to_budget,
 };
+use kit::curves::{Kind, random_leg, two_sided_deviation_m};
 
 /// Legs tried; the debug build tries fewer.
 const LEGS: u64 = if cfg!(debug_assertions) {
@@ -82,7 +80,7 @@ fn judged(seeds: impl Iterator<Item = u64>) -> [usize; 3] {
         if n > 60 {
             continue;
         }
-        let least = common::fewest_chords(&leg, tolerance_m, &ErrorAllowance::NONE, GRID);
+        let least = kit::curves::fewest_chords(&leg, tolerance_m, &ErrorAllowance::NONE, GRID);
         assert!(
             n as f64 <= 1.05 * least as f64 + 1.0,
             "{kind:?} {seed}: {n} chords, {least} would do"

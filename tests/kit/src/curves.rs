@@ -1,9 +1,4 @@
-//! Random legs of every kind, and the oracles that judge what became of them.
-#![allow(
-    dead_code,
-    unreachable_pub,
-    reason = "each test file and the bench use their part"
-)]
+//! Random curved legs of every kind, and the oracles that judge what is made of them.
 
 use curve_paths::{BezierLeg, Control, ErrorAllowance, Ground, Position, Vertex};
 use geographiclib_rs::{DirectGeodesic, Geodesic, InverseGeodesic};
@@ -11,18 +6,28 @@ use geographiclib_rs::{DirectGeodesic, Geodesic, InverseGeodesic};
 /// The shapes that legs are drawn from.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 pub enum Kind {
+    /// A bend to one side.
     Gentle,
+    /// A bend to one side, then to the other.
     S,
+    /// It overshoots its end and comes back.
     Hook,
+    /// It crosses itself.
     Loop,
+    /// It almost stops and turns on the spot.
     NearCusp,
+    /// All points on one line.
     Straight,
+    /// Control points that coincide with an end or each other.
     Coincident,
+    /// It ends where it starts.
     Closed,
+    /// Along one line, there and back.
     BackAndForth,
 }
 
 impl Kind {
+    /// All kinds; a seed picks one by its remainder.
     pub const ALL: [Self; 9] = [
         Self::Gentle,
         Self::S,
@@ -36,16 +41,16 @@ impl Kind {
     ];
 }
 
-/// A small generator of our own: the same legs on every machine.
-pub struct Random(u64);
+/// The published figures are of these very legs, so their generator is written down here (splitmix64).
+struct Random(u64);
 
 impl Random {
-    pub fn new(seed: u64) -> Self {
+    fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x1234_5678_9abc_def1)
     }
 
     /// Uniform in 0 to 1.
-    pub fn unit(&mut self) -> f64 {
+    fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -53,7 +58,7 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+    fn within(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 }

@@ -5,17 +5,14 @@
     reason = "criterion's macros write functions without them"
 )]
 
-#[path = "../tests/common/mod.rs"]
-mod common;
-
 use std::hint::black_box;
 use std::time::Instant;
 
-use common::random_leg;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use curve_paths::cubic::Cubic;
 use curve_paths::vector::Vec3;
 use curve_paths::{BezierLeg, Leg, Options, densify, densify_to_budget, vertices_needed};
+use kit::curves::random_leg;
 
 /// Four control points in a plane, m.
 type Plane = [[f64; 2]; 4];

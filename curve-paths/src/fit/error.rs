@@ -1,0 +1,54 @@
+//! Why a track is not fitted, and the tolerances that can be asked for.
+
+use thiserror::Error;
+
+use crate::leg::LegError;
+
+/// Why a track cannot be fitted.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum FitError {
+    /// The tolerance is out of range.
+    #[error("tolerance is {tolerance_m} m, expected {least_m} to {most_m} m")]
+    Tolerance {
+        /// What was asked for, m.
+        tolerance_m: f64,
+        /// The least, m.
+        least_m: f64,
+        /// The most, m.
+        most_m: f64,
+    },
+    /// The search found nothing that a dense measure confirms.
+    #[error("the best fit is {deviation_m} m off, expected at most {tolerance_m} m")]
+    NotWithin {
+        /// What was reached, m.
+        deviation_m: f64,
+        /// What was asked for, m.
+        tolerance_m: f64,
+    },
+    /// A leg between two fixes is not legal: they are too far apart.
+    #[error("leg from fix {from}: {error}")]
+    Leg {
+        /// The fix that it starts at.
+        from: usize,
+        /// What is wrong with it.
+        error: LegError,
+    },
+}
+
+/// Checks a tolerance, m.
+///
+/// # Errors
+/// It is out of range.
+pub(super) fn check_tolerance(tolerance_m: f64) -> Result<(), FitError> {
+    const MIN_M: f64 = 0.01;
+    const MAX_M: f64 = 10_000.0;
+    if (MIN_M..=MAX_M).contains(&tolerance_m) {
+        Ok(())
+    } else {
+        Err(FitError::Tolerance {
+            tolerance_m,
+            least_m: MIN_M,
+            most_m: MAX_M,
+        })
+    }
+}
