@@ -3,9 +3,9 @@
 --
 -- Copy it to the folder of personal Lua plugins (Help, About, Folders), or start
 --   wireshark -X lua_script:stanag4586.lua
--- The UDP ports are a preference of the protocol; datagrams on other ports are found by what they hold.
+-- The UDP ports are a preference of the protocol; datagrams on other ports are recognised by their content.
 -- Fields are named stanag4586.<message>.<field>, as in stanag4586.inertial_states.latitude; a scaled
--- field is in SI units, and its value on the wire stands below it, with ".raw" at the end of its name.
+-- field is in SI units, and its value on the wire is below it, with ".raw" at the end of its name.
 
 local ENUMS = {
   access_granted = { values = { [0] = "not in control", [1] = "in control" } },
@@ -1253,7 +1253,8 @@ local MESSAGES = {
   } },
 }
 
--- The engine: takes a datagram apart by the tables above. It reads no byte that is not there.
+-- The engine: dissects a datagram by the tables above. It checks every length before it reads: a Lua error would hide the
+-- rest of the datagram.
 
 local MAX_DATAGRAM, MAX_DATA, HEADER = 548, 528, 16
 local IDD_ED3, IDD_ED4 = 30, 32
@@ -1280,7 +1281,7 @@ local header = {
   presence = ProtoField.bytes("stanag4586.presence", "Presence Vector"),
   data = ProtoField.bytes("stanag4586.data", "Message Data"),
   checksum = ProtoField.uint32("stanag4586.checksum", "Checksum", base.HEX),
-  trailing = ProtoField.bytes("stanag4586.trailing", "Bytes that belong to nothing"),
+  trailing = ProtoField.bytes("stanag4586.trailing", "Trailing bytes"),
 }
 
 local expert = {
@@ -1288,7 +1289,7 @@ local expert = {
     expert.group.PROTOCOL, expert.severity.WARN),
   short = ProtoExpert.new("stanag4586.short", "Datagram ends within a message",
     expert.group.PROTOCOL, expert.severity.ERROR),
-  length = ProtoExpert.new("stanag4586.bad_length", "Impossible Message Length",
+  length = ProtoExpert.new("stanag4586.bad_length", "Message Length out of range",
     expert.group.PROTOCOL, expert.severity.ERROR),
   idd = ProtoExpert.new("stanag4586.unknown_idd", "IDD version outside 30 to 32",
     expert.group.PROTOCOL, expert.severity.ERROR),
@@ -1302,7 +1303,7 @@ local expert = {
     expert.group.PROTOCOL, expert.severity.ERROR),
   field = ProtoExpert.new("stanag4586.short_field", "Message data ends within a field",
     expert.group.PROTOCOL, expert.severity.ERROR),
-  unsized = ProtoExpert.new("stanag4586.unknown_length", "Field whose length no source gives",
+  unsized = ProtoExpert.new("stanag4586.unknown_length", "Field of unknown length",
     expert.group.UNDECODED, expert.severity.WARN),
   trailing = ProtoExpert.new("stanag4586.trailing_bytes", "Bytes after the last field",
     expert.group.PROTOCOL, expert.severity.ERROR),
@@ -1320,8 +1321,7 @@ local WIRES = {
   f32 = { 4, ProtoField.double }, f64 = { 8, ProtoField.double },
 }
 
--- Registers what a field needs: its value; beside it the wire value where that is scaled, and its
--- bits where it is a bitmap.
+-- Registers the ProtoFields of a field: its value; for a scaled one also the value on the wire, for a bitmap also its bits.
 local all = {}
 local function register(field)
   all[#all + 1] = field
@@ -1369,9 +1369,9 @@ proto.experts = experts
 proto.prefs.ports = Pref.range("UDP ports", "4586,51017",
   "UDP ports that carry DLI messages", 65535)
 proto.prefs.heuristics = Pref.bool("Find DLI messages on other ports", true,
-  "Every message of the datagram must be sound in all its parts")
+  "Take datagrams on other ports if every message in them is valid")
 
--- Bit by bit and byte by byte: the name of the bit library differs between versions of Lua.
+-- Arithmetic only: bit operators and bit libraries differ between the versions of Lua that Wireshark is built with.
 local function xor(a, b)
   local result, place = 0, 1
   while a > 0 or b > 0 do
@@ -1437,10 +1437,9 @@ local function id_text(value)
   return table.concat(bytes, ":")
 end
 
--- A double in the form that every version of Wireshark reads back alike.
+-- Not tostring(): Lua 5.3 and later write 1.0 where 5.2 writes 1.
 local function number_text(value)
-  local text = string.format("%.10g", value)
-  return text
+  return (string.format("%.10g", value))
 end
 
 local function utc_text(milliseconds)
@@ -1450,7 +1449,7 @@ local function utc_text(milliseconds)
     .. string.format(".%03d UTC", math.floor(milliseconds - seconds * 1000))
 end
 
--- The text of the range of reserved or free values that a value lies in.
+-- The text of the range of reserved or VSM specific values that contains the value.
 local function range_text(enum, value)
   for _, range in ipairs(enum.ranges or {}) do
     if value >= range[1] and value <= range[2] then return range[3] end
@@ -1515,7 +1514,7 @@ local function add_field(tree, field, range)
   end
 end
 
--- Presence vector and fields. True where all bytes are accounted for.
+-- Presence vector and fields. Stops at the first fault: what follows cannot be located.
 local function dissect_data(message, data, tree)
   local size = message.presence
   if data:len() < size then
@@ -1560,7 +1559,7 @@ local function dissect_data(message, data, tree)
   end
 end
 
--- The header at an offset, or nil and what is wrong with it.
+-- The header at an offset, and what is wrong with it; nil where there is no room for one.
 local function read_header(tvb, offset)
   local left = tvb:len() - offset
   if left < HEADER then return nil, "short" end
@@ -1582,7 +1581,7 @@ local function read_header(tvb, offset)
   return found
 end
 
--- One message. Returns the offset behind it, or nil where nothing can follow.
+-- One message. Returns the offset after it, or nil where the next one cannot be located.
 local function dissect_message(tvb, offset, tree, labels)
   local found, fault = read_header(tvb, offset)
   if not found then
@@ -1630,9 +1629,9 @@ local function dissect_message(tvb, offset, tree, labels)
     local expected = checksum_of(found.style, tvb:range(offset, HEADER + found.length):raw())
     local item = subtree:add(header.checksum, place, place:uint())
     if place:uint() == expected then
-      item:append_text(" (right)")
+      item:append_text(" (correct)")
     else
-      item:append_text(" (wrong)")
+      item:append_text(" (incorrect)")
       item:add_proto_expert_info(expert.checksum,
         string.format("0x%x, expected 0x%x", place:uint(), math.floor(expected)))
     end
@@ -1658,8 +1657,9 @@ function proto.dissector(buffer, pinfo, tree)
   return tvb:len()
 end
 
--- A datagram on another port is taken only where every message of it is sound to the last byte.
-local function sound(tvb)
+-- The heuristic: a datagram on another port is ours only if every message in it is valid to the last byte. Every
+-- UDP datagram without a dissector of its own passes here, and a weaker test would claim those of other protocols.
+local function valid(tvb)
   if tvb:len() > MAX_DATAGRAM then return false end
   local offset = 0
   repeat
@@ -1679,7 +1679,7 @@ local function sound(tvb)
 end
 
 proto:register_heuristic("udp", function(buffer, pinfo, tree)
-  if not proto.prefs.heuristics or not sound(buffer) then return false end
+  if not proto.prefs.heuristics or not valid(buffer) then return false end
   proto.dissector(buffer, pinfo, tree)
   return true
 end)

@@ -111,7 +111,7 @@ messages! {
     GenericInformationRequestMessage = 17002, "Generic Information Request Message", presence bytes 1
         sent(Both, Push) layout(Ed4, B) latency_ms(1000) ed2_message("1403")
         source("K + E2")
-        note("not for requesting field configuration responses; those are asked with 40000")
+        note("not for requesting field configuration responses; those are requested with 40000")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1403.01");
         station_number_1_16: StationBitmap1To16 = 1, "Station Number 1-16", uid("1403.06");

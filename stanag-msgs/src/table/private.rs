@@ -51,7 +51,7 @@ messages! {
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
-        note("answered by 50012: one parameter, or all where no name is given")
+        note("answered by 50012: one parameter, or all if no name is given")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
         parameter_name: Text<17> = 1, "Parameter Name", note("absent or empty: all");
@@ -61,7 +61,7 @@ messages! {
         sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
-        note("refused outside the range that 50012 tells; carried out once the vehicle tells the new value")
+        note("refused outside the range reported by 50012; carried out once the vehicle reports the new value")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
         parameter_name: Text<17> = 1, "Parameter Name";
@@ -73,7 +73,7 @@ messages! {
         sent(ToCucs, Pull) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
-        note("in answer to 50010 and 50011, and on a change to those that have asked for the parameter")
+        note("in answer to 50010 and 50011, and on a change to those that requested the parameter")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
         parameter_name: Text<17> = 1, "Parameter Name";
@@ -81,15 +81,15 @@ messages! {
         value: f64 = 3, "Value";
         minimum: f64 = 4, "Minimum", note("absent: only its kind bounds it");
         maximum: f64 = 5, "Maximum", note("absent: only its kind bounds it");
-        parameter_index: u16 = 6, "Parameter Index", note("within an answer about all parameters, from 0");
-        parameter_count: u16 = 7, "Parameter Count", note("how many an answer about all parameters has");
+        parameter_index: u16 = 6, "Parameter Index", note("within an answer that lists all parameters, from 0");
+        parameter_count: u16 = 7, "Parameter Count", note("number of parameters in an answer that lists all");
     }
 
     SoftwareVersionReport = 50013, "Software Version Report", presence bytes 1
         sent(ToCucs, Pull) layout(Ed4, A) latency_ms(1000)
         source("this project")
         corroboration("own definition")
-        note("asked for by 17002")
+        note("requested by 17002")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
         vsm_version: Text<20> = 1, "VSM Version";
@@ -119,7 +119,7 @@ messages! {
         ping_target: PingTarget = 2, "Ping Target";
         request_time_stamp: TimeStamp = 3, "Request Time Stamp", note("of the 50014");
         vehicle_round_trip: f32 = 4, "Vehicle Round Trip",
-            unit("s"), note("from the VSM to the vehicle and back; absent where the VSM answers for itself");
+            unit("s"), note("from the VSM to the vehicle and back; absent if the VSM itself was the target");
     }
 
     AreaVertex = 50016, "Area Vertex", presence bytes 1
@@ -131,7 +131,7 @@ messages! {
         time_stamp: TimeStamp = 0, "Time Stamp";
         area_id: u16 = 1, "Area ID", note("chosen by the CUCS");
         area_type: AreaType = 2, "Area Type";
-        vertex_count: u8 = 3, "Vertex Count", note("of the area: 3 and more of a polygon, 1 of a circle");
+        vertex_count: u8 = 3, "Vertex Count", note("of the area: 3 or more for a polygon, 1 for a circle");
         vertex_number: u8 = 4, "Vertex Number", note("from 1");
         latitude: Bam32 = 5, "Latitude", range(-FRAC_PI_2, FRAC_PI_2);
         longitude: Bam32 = 6, "Longitude";

@@ -151,9 +151,9 @@ const HEAD: &str = r#"-- Wireshark dissector for STANAG 4586 Edition 4 (AEP-84 V
 --
 -- Copy it to the folder of personal Lua plugins (Help, About, Folders), or start
 --   wireshark -X lua_script:stanag4586.lua
--- The UDP ports are a preference of the protocol; datagrams on other ports are found by what they hold.
+-- The UDP ports are a preference of the protocol; datagrams on other ports are recognised by their content.
 -- Fields are named stanag4586.<message>.<field>, as in stanag4586.inertial_states.latitude; a scaled
--- field is in SI units, and its value on the wire stands below it, with ".raw" at the end of its name.
+-- field is in SI units, and its value on the wire is below it, with ".raw" at the end of its name.
 
 "#;
 

@@ -272,7 +272,7 @@ fn enumerations() -> String {
 fn disputed() -> String {
     let mut page = format!(
         "# What sources leave open\n\n{GENERATED}\n\n\
-         Where sources are silent or disagree, this is what is taken, and the key in the configuration that changes it.\n\n\
+         Where sources do not answer or disagree, this is the reading chosen, and the configuration key that changes it.\n\n\
          | key | what is open | default | choices | sources | confidence |\n|---|---|---|---|---|---|\n"
     );
     for entry in DISPUTED {
