@@ -1,4 +1,4 @@
-//! `generate`: what is made from the code by running it. It links the whole workspace, so it is a program of its own, and
+//! `generate`: the files that are made from the code by running it. It links the whole workspace, so it is a program of its own, and
 //! `cargo xtask gen`, `man` and `deb` start it.
 //!
 //!     generate files [--check]    tables, references and the Wireshark dissector, checked in for readers without a build
@@ -7,16 +7,16 @@
 #![expect(clippy::print_stderr, reason = "a program for people to read")]
 
 mod dissector;
-mod lua;
 mod man;
 mod reference;
 mod support;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, ensure};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -43,92 +43,70 @@ fn main() -> ExitCode {
 /// # Errors
 /// A file cannot be read or written; or, with `check`, some are stale.
 fn run(root: &Path, check: bool) -> Result<()> {
-    let made = outputs();
-    let stale: Vec<&Output> = made
+    let outputs = outputs();
+    let obsolete = obsolete(root, &outputs)?;
+    let stale = |path: &Path, text: &str| {
+        fs::read_to_string(root.join(path)).map_or(true, |found| found != text)
+    };
+    let stale: Vec<_> = outputs
         .iter()
-        .filter(|output| !output.is_current(root))
+        .filter(|(path, text)| stale(path, text))
         .collect();
-    let leftovers = leftovers(root, &made)?;
     if check {
-        if stale.is_empty() && leftovers.is_empty() {
-            return Ok(());
-        }
-        let names = stale.iter().map(|output| output.path.display().to_string());
-        let leftovers = leftovers.iter().map(|path| path.display().to_string());
-        let list: Vec<String> = names.chain(leftovers).collect();
-        bail!(
-            "stale, run `cargo xtask gen` and commit:\n  {}",
-            list.join("\n  ")
+        let paths = stale.iter().map(|(path, _)| *path).chain(&obsolete);
+        let list: Vec<String> = paths
+            .map(|path| format!("\n  {}", path.display()))
+            .collect();
+        ensure!(
+            list.is_empty(),
+            "stale, run `cargo xtask gen` and commit:{}",
+            list.concat()
         );
+        return Ok(());
     }
-    for output in stale {
-        output.write(root)?;
+    for (path, text) in stale {
+        let file = root.join(path);
+        file.parent()
+            .map_or(Ok(()), fs::create_dir_all)
+            .and_then(|()| fs::write(&file, text))
+            .with_context(|| file.display().to_string())?;
     }
-    for leftover in leftovers {
-        fs::remove_file(root.join(&leftover)).with_context(|| leftover.display().to_string())?;
+    for path in obsolete {
+        fs::remove_file(root.join(&path)).with_context(|| path.display().to_string())?;
     }
     Ok(())
 }
 
-/// A generated file.
-struct Output {
-    /// From the root of the repository.
-    path: PathBuf,
-    text: String,
-}
-
-impl Output {
-    fn new(path: impl Into<PathBuf>, text: String) -> Output {
-        Output {
-            path: path.into(),
-            text,
-        }
-    }
-
-    fn is_current(&self, root: &Path) -> bool {
-        fs::read_to_string(root.join(&self.path)).is_ok_and(|found| found == self.text)
-    }
-
-    fn write(&self, root: &Path) -> Result<()> {
-        let path = root.join(&self.path);
-        if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-        }
-        fs::write(&path, &self.text).with_context(|| path.display().to_string())
-    }
-}
-
-fn outputs() -> Vec<Output> {
-    let mut made = vec![
-        Output::new("packaging/wireshark/stanag4586.lua", dissector::script()),
-        Output::new("docs/reference/support.md", support::markdown()),
-        Output::new(
-            "docs/reference/configuration.md",
-            vsm::config::reference::markdown(),
-        ),
-    ];
-    made.extend(
-        reference::pages()
-            .into_iter()
-            .map(|(name, text)| Output::new(Path::new(REFERENCE).join(name), text)),
+/// Every generated file: its path from the root of the repository, and its text.
+fn outputs() -> BTreeMap<PathBuf, String> {
+    let mut outputs = BTreeMap::from(
+        [
+            ("packaging/wireshark/stanag4586.lua", dissector::script()),
+            ("docs/reference/support.md", support::markdown()),
+            (
+                "docs/reference/configuration.md",
+                vsm::config::reference::markdown(),
+            ),
+        ]
+        .map(|(path, text)| (PathBuf::from(path), text)),
     );
-    made
+    let pages = reference::pages().into_iter();
+    outputs.extend(pages.map(|(name, text)| (Path::new(REFERENCE).join(name), text)));
+    outputs
 }
 
-/// Pages of groups that no longer exist.
-fn leftovers(root: &Path, made: &[Output]) -> Result<Vec<PathBuf>> {
+/// Pages of the reference that are no longer generated, such as those of a renamed group.
+fn obsolete(root: &Path, outputs: &BTreeMap<PathBuf, String>) -> Result<Vec<PathBuf>> {
     let folder = root.join(REFERENCE);
     if !folder.exists() {
         return Ok(Vec::new());
     }
-    let mut leftovers = Vec::new();
+    let mut paths = Vec::new();
     for entry in fs::read_dir(&folder).with_context(|| folder.display().to_string())? {
-        let path = Path::new(REFERENCE).join(entry?.file_name());
-        if made.iter().all(|output| output.path != path) {
-            leftovers.push(path);
-        }
+        paths.push(Path::new(REFERENCE).join(entry?.file_name()));
     }
-    Ok(leftovers)
+    paths.retain(|path| !outputs.contains_key(path));
+    Ok(paths)
 }
 
 const REFERENCE: &str = "docs/reference/dli";
@@ -144,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_made_is_current_and_what_was_changed_is_not() {
+    fn generated_files_are_current_until_changed() {
         let root = folder("stale");
         run(&root, false).unwrap();
         run(&root, true).unwrap();

@@ -1,4 +1,4 @@
-//! The reference: one page a group of messages, the enumerations, and what sources leave open.
+//! The reference of the DLI: one page for each group of messages, the enumerations, and what sources leave open.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -73,7 +73,7 @@ pub(super) fn place(message: &MessageInfo) -> String {
 pub(super) fn pages() -> Vec<(String, String)> {
     let mut pages = vec![
         ("README.md".to_owned(), index()),
-        ("enumerations.md".to_owned(), enumerations()),
+        ("enumerations.md".to_owned(), enumerations_page()),
         ("disputed.md".to_owned(), disputed()),
     ];
     pages.extend(
@@ -227,15 +227,19 @@ fn values(field: &FieldInfo) -> String {
     cell
 }
 
-fn enumerations() -> String {
-    let all: BTreeMap<&str, &EnumInfo> = MESSAGES
+/// The enumerations and bitmaps that fields of the table have, by name.
+pub(super) fn enumerations() -> BTreeMap<&'static str, &'static EnumInfo> {
+    MESSAGES
         .iter()
         .flat_map(|message| message.fields)
         .filter_map(|field| field.enumeration)
         .map(|info| (info.name, info))
-        .collect();
+        .collect()
+}
+
+fn enumerations_page() -> String {
     let mut page = format!("# The values of fields\n\n{GENERATED}\n");
-    for info in all.values() {
+    for info in enumerations().values() {
         let _ = write!(page, "\n## {}\n\n", info.name);
         if !info.description.is_empty() {
             let _ = write!(page, "{}. ", escaped(info.description));
@@ -323,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn links_lead_to_headings() {
+    fn links_point_to_headings() {
         let message = stanag_msgs::table::message(14000).unwrap();
         assert_eq!(
             place(message),
