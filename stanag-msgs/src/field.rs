@@ -68,7 +68,7 @@ pub enum Wire {
     Char(u16),
     /// A text whose length no source gives.
     UnsizedText,
-    /// Bytes as many as the field Length of URI says (32301).
+    /// As many bytes as the field Length of URI gives (32301).
     UnsizedBytes,
 }
 
@@ -214,10 +214,22 @@ impl EnumInfo {
     }
 }
 
+/// Declares the facts that a row may add, each a builder method: `name(arguments) => what it sets;`.
+macro_rules! facts {
+    ($($fact:ident($($value:ident: $Type:ty),*) => $($field:ident = $set:expr),*;)*) => { $(
+        pub(crate) const fn $fact(mut self $(, $value: $Type)*) -> Self {
+            $(self.$field = $set;)*
+            self
+        }
+    )* };
+}
+
+pub(crate) use facts;
+
 /// A field of a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldInfo {
-    /// Its presence bit, which is also its index; the standard numbers fields from 1.
+    /// Its presence bit, which is also its index in the message; the standard numbers fields from 1.
     pub bit: u8,
     /// Its name.
     pub name: &'static str,
@@ -242,7 +254,7 @@ pub struct FieldInfo {
     pub confidence: Option<Confidence>,
     /// Whether the width is inferred and not found.
     pub width_inferred: bool,
-    /// What else sources say of it.
+    /// What else sources give.
     pub note: Option<&'static str>,
 }
 
@@ -265,34 +277,13 @@ impl FieldInfo {
         }
     }
 
-    pub(crate) const fn uid(mut self, uid: &'static str) -> Self {
-        self.uid = Some(uid);
-        self
-    }
-
-    pub(crate) const fn unit(mut self, unit: &'static str) -> Self {
-        self.unit = Some(unit);
-        self
-    }
-
-    pub(crate) const fn range(mut self, low: f64, high: f64) -> Self {
-        self.range = Some((low, high));
-        self
-    }
-
-    pub(crate) const fn conf(mut self, confidence: Confidence) -> Self {
-        self.confidence = Some(confidence);
-        self
-    }
-
-    pub(crate) const fn width_inferred(mut self) -> Self {
-        self.width_inferred = true;
-        self
-    }
-
-    pub(crate) const fn note(mut self, note: &'static str) -> Self {
-        self.note = Some(note);
-        self
+    facts! {
+        uid(uid: &'static str) => uid = Some(uid);
+        unit(unit: &'static str) => unit = Some(unit);
+        range(low: f64, high: f64) => range = Some((low, high));
+        conf(confidence: Confidence) => confidence = Some(confidence);
+        width_inferred() => width_inferred = true;
+        note(note: &'static str) => note = Some(note);
     }
 
     /// What one step of the wire value is worth in `unit`: the scale, a binary angle's step, or 1.

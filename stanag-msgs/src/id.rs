@@ -5,15 +5,15 @@ use std::str::FromStr;
 
 /// A station's number: four bytes, the owning nation's first, written `1b:00:00:01`.
 ///
-/// In Edition 4 the numbers of sender and receiver stand in the wrapper; a few messages carry
+/// In Edition 4 the numbers of sender and receiver are in the wrapper; a few messages carry
 /// further ones as `Integer 4` fields, which hold the same 32 bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Id(pub u32);
 
 impl Id {
-    /// Everybody (`ff:ff:ff:ff`).
+    /// Everyone (`ff:ff:ff:ff`).
     pub const BROADCAST: Id = Id(0xFFFF_FFFF);
-    /// Nobody in particular (`ff:00:00:00`), such as the VSM ID of a vehicle directly on the net.
+    /// No station (`ff:00:00:00`), such as the VSM ID of a vehicle directly on the network.
     pub const NULL: Id = Id(0xFF00_0000);
 
     /// The owning nation or organisation, the first byte.
@@ -37,7 +37,7 @@ impl FromStr for Id {
         let mut parts = text.split(':');
         for (index, byte) in bytes.iter_mut().enumerate() {
             let part = parts.next().ok_or(ParseIdError::Bytes { found: index })?;
-            // from_str_radix alone would let "+1" and "001" pass.
+            // from_str_radix alone would accept "+1" and "001".
             let hex = (1..=2).contains(&part.len()) && part.bytes().all(|b| b.is_ascii_hexdigit());
             *byte = match u8::from_str_radix(part, 16) {
                 Ok(value) if hex => value,
@@ -57,7 +57,7 @@ pub enum ParseIdError {
     /// Not four bytes.
     #[error("{found} bytes, expected 4 as in 1b:00:00:01")]
     Bytes {
-        /// How many there are.
+        /// How many were found.
         found: usize,
     },
     /// One of them is not a hexadecimal byte.

@@ -1,12 +1,23 @@
-//! UDP datagrams as a pcapng file: one section, one interface of IP packets, one enhanced packet block a datagram.
+//! UDP datagrams as a pcapng file: one section, one interface of IP packets, one enhanced packet block for each datagram.
 //!
-//! Pure: blocks are written into a buffer. Block and field names are those of the pcapng specification. The IP and UDP
-//! headers are made here from the addresses: checksums of IPv4 are right, those of UDP are absent or, in IPv6, right.
+//! Blocks are appended to a buffer; their names and those of their fields are from the pcapng specification. The program
+//! sees datagrams and not packets, so the IP and UDP headers are made here from the addresses. The IPv4 header has its
+//! checksum; UDP has one in IPv6 only, where it is mandatory.
+//!
+//! ```
+//! use std::net::SocketAddr;
+//! use std::time::Duration;
+//!
+//! let (from, to) = (SocketAddr::from(([10, 0, 0, 1], 4586)), SocketAddr::from(([10, 0, 0, 2], 4586)));
+//! let mut file = stanag_msgs::pcapng::header();
+//! stanag_msgs::pcapng::datagram(&mut file, Duration::from_secs(1_700_000_000), from, to, b"payload");
+//! assert_eq!(file.len() % 4, 0);
+//! ```
 
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
-/// Section Header Block and Interface Description Block: the beginning of a file.
+/// Section Header Block and Interface Description Block: the start of a file.
 #[must_use]
 pub fn header() -> Vec<u8> {
     let mut out = Vec::new();
@@ -14,7 +25,7 @@ pub fn header() -> Vec<u8> {
     section.extend(BYTE_ORDER_MAGIC.to_le_bytes());
     section.extend(1_u16.to_le_bytes());
     section.extend(0_u16.to_le_bytes());
-    // The section's length is not known before its end.
+    // All ones: the section's length is not known before its end.
     section.extend(u64::MAX.to_le_bytes());
     block(&mut out, SECTION_HEADER, &section);
     let mut interface = Vec::new();
@@ -32,7 +43,7 @@ pub fn datagram(out: &mut Vec<u8>, wall: Duration, from: SocketAddr, to: SocketA
     let length = u32::try_from(packet.len()).unwrap_or(u32::MAX);
     let mut body = Vec::with_capacity(packet.len() + 20);
     body.extend(0_u32.to_le_bytes());
-    // The two halves of the stamp, the upper first, each in the file's order.
+    // The upper half of the time stamp comes first, though each half is little-endian as the rest of the file.
     body.extend(((micros >> 32) as u32).to_le_bytes());
     body.extend((micros as u32).to_le_bytes());
     body.extend(length.to_le_bytes());
@@ -78,7 +89,7 @@ fn packet(from: SocketAddr, to: SocketAddr, bytes: &[u8]) -> Vec<u8> {
             let pseudo = [0, 0, 0, UDP];
             let sum = checksum(&[&from, &to, &u32::from(length).to_be_bytes(), &pseudo, &udp]);
             if let Some(place) = udp.get_mut(6..8) {
-                // Of zero and its twin, IPv6 takes the one that is not "none".
+                // A sum of 0 would mean "no checksum"; all ones is the same number in ones' complement.
                 place.copy_from_slice(&if sum == 0 {
                     [0xff; 2]
                 } else {
@@ -103,7 +114,7 @@ fn as_v6(address: IpAddr) -> [u8; 16] {
     }
 }
 
-/// The Internet checksum over parts of even length, but the last.
+/// The Internet checksum over parts, of which only the last may have an odd length.
 fn checksum(parts: &[&[u8]]) -> u16 {
     let mut sum = 0_u32;
     for part in parts {
@@ -131,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn blocks_say_their_length_twice_and_are_whole_words() {
+    fn blocks_carry_their_length_twice_and_are_whole_words() {
         let mut file = header();
         let from = SocketAddr::from(([127, 0, 0, 1], 4_586));
         datagram(&mut file, Duration::from_secs(1), from, from, b"odd");
@@ -151,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_checksum_over_itself_is_zero() {
+    fn a_checksum_over_data_and_itself_is_zero() {
         let from = SocketAddr::from(([10, 0, 0, 1], 1));
         let ip = packet(from, from, b"");
         assert_eq!(checksum(&[&ip[..20]]), 0);

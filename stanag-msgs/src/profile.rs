@@ -124,6 +124,7 @@ impl Profile {
     /// # Errors
     /// As [`Message::decode`].
     pub fn decode(&self, message_type: u16, data: &[u8]) -> Result<Message, DecodeError> {
+        // Most peers read the standard as this project does: no copy, no translation.
         if *self == DEFAULT {
             return Message::decode(message_type, data);
         }
@@ -131,6 +132,7 @@ impl Profile {
             [high, data @ ..]
                 if message_type == Message5::ID && self.message_5_presence_bytes == 3 =>
             {
+                // The message has 16 fields: no bit of a third byte is known.
                 if *high != 0 {
                     let presence = u64::from(*high) << 16;
                     return Err(DecodeError::UnknownPresence {
@@ -391,7 +393,7 @@ mod tests {
         profile
     }
 
-    /// The data on the wire under the profile, which must also come back as it was.
+    /// The data on the wire under the profile, which must also decode to the same message.
     fn wire(profile: &Profile, message: impl Into<Message>) -> Vec<u8> {
         let message = message.into();
         let mut out = [0; crate::MAX_DATAGRAM];

@@ -9,6 +9,8 @@ use crate::id::Id;
 use crate::table::{self, MessageInfo};
 use crate::wrapper::{self, ChecksumStyle, Envelope, Header, MAX_DATAGRAM};
 
+const IDD: (i64, i64) = (Header::IDD_ED3 as i64, Header::IDD_ED4 as i64);
+
 /// The message of a JSON object, in hexadecimal.
 ///
 /// `id`, `source`, `destination` and `fields` are required; by default `ack` is false, `idd` 32 and
@@ -37,18 +39,8 @@ pub fn encode_line(json: &str, raw: bool) -> Result<String, JsonError> {
                 .as_bool()
                 .ok_or_else(|| JsonError::value("ack", ack, "true or false"))?,
         },
-        idd: match object.get("idd") {
-            None => Header::IDD_ED4,
-            Some(_) => integer(
-                object,
-                "idd",
-                (Header::IDD_ED3.into(), Header::IDD_ED4.into()),
-            )? as u8,
-        },
-        checksum: match object.get("checksum") {
-            None => ChecksumStyle::None,
-            Some(_) => ChecksumStyle::from_code(integer(object, "checksum", (0, 3))? as u8),
-        },
+        idd: integer_or(object, "idd", IDD, Header::IDD_ED4.into())? as u8,
+        checksum: ChecksumStyle::from_code(integer_or(object, "checksum", (0, 3), 0)? as u8),
     };
     let fields = required(object, "fields")?;
     let fields = fields
@@ -187,6 +179,20 @@ fn integer(
             (bounds.0 as f64, bounds.1 as f64),
             "",
         ))
+    }
+}
+
+/// The integer of an optional key.
+fn integer_or(
+    object: &Map<String, Value>,
+    key: &'static str,
+    bounds: (i64, i64),
+    default: i64,
+) -> Result<i64, JsonError> {
+    if object.contains_key(key) {
+        integer(object, key, bounds)
+    } else {
+        Ok(default)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What the table records about a message.
 
-use crate::field::{Confidence, FieldInfo};
+use crate::field::{Confidence, FieldInfo, facts};
 
 /// Who sends a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -96,7 +96,7 @@ pub struct MessageInfo {
     pub table: Option<&'static str>,
     /// The message of Edition 2 that it comes from.
     pub ed2_message: Option<&'static str>,
-    /// What else sources say of it.
+    /// What else sources give.
     pub note: Option<&'static str>,
 }
 
@@ -127,46 +127,15 @@ impl MessageInfo {
         }
     }
 
-    pub(crate) const fn sent(mut self, direction: Direction, traffic: Traffic) -> Self {
-        self.direction = direction;
-        self.traffic = traffic;
-        self
-    }
-
-    pub(crate) const fn latency_ms(mut self, latency_ms: u16) -> Self {
-        self.latency_ms = Some(latency_ms);
-        self
-    }
-
-    pub(crate) const fn layout(mut self, layout: Layout, confidence: Confidence) -> Self {
-        self.layout = layout;
-        self.confidence = confidence;
-        self
-    }
-
-    pub(crate) const fn source(mut self, source: &'static str) -> Self {
-        self.source = source;
-        self
-    }
-
-    pub(crate) const fn corroboration(mut self, corroboration: &'static str) -> Self {
-        self.corroboration = corroboration;
-        self
-    }
-
-    pub(crate) const fn table(mut self, table: &'static str) -> Self {
-        self.table = Some(table);
-        self
-    }
-
-    pub(crate) const fn ed2_message(mut self, ed2_message: &'static str) -> Self {
-        self.ed2_message = Some(ed2_message);
-        self
-    }
-
-    pub(crate) const fn note(mut self, note: &'static str) -> Self {
-        self.note = Some(note);
-        self
+    facts! {
+        sent(direction: Direction, traffic: Traffic) => direction = direction, traffic = traffic;
+        latency_ms(latency_ms: u16) => latency_ms = Some(latency_ms);
+        layout(layout: Layout, confidence: Confidence) => layout = layout, confidence = confidence;
+        source(source: &'static str) => source = source;
+        corroboration(corroboration: &'static str) => corroboration = corroboration;
+        table(table: &'static str) => table = Some(table);
+        ed2_message(ed2_message: &'static str) => ed2_message = Some(ed2_message);
+        note(note: &'static str) => note = Some(note);
     }
 
     /// The field of this name, exactly as the table writes it.

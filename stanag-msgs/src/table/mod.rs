@@ -35,7 +35,7 @@ pub fn message(message_type: u16) -> Option<&'static MessageInfo> {
     Some(&MESSAGES[index])
 }
 
-/// Gathers the messages of all groups, in the order of their types.
+/// Gathers the messages of all groups, in the order of their types: [`message`] searches the table by halves.
 macro_rules! gather {
     ($($group:ident: $($Name:ident),*;)*) => {
         /// The structs, one a message.
@@ -194,14 +194,14 @@ mod tests {
     use crate::{Bam32, Text, TimeStamp};
 
     #[test]
-    fn the_fields_asked_for_and_the_stamp_stay() {
+    fn requested_fields_and_the_time_stamp_stay() {
         let whole = Message::from(InertialStates {
             time_stamp: Some(TimeStamp(7)),
             latitude: Some(Bam32(1)),
             longitude: Some(Bam32(-2)),
             ..Default::default()
         });
-        // Longitude, and an altitude that there is not.
+        // Longitude, and an altitude that is not set.
         let part = select(&whole, 0b1100);
         let expected = InertialStates {
             time_stamp: Some(TimeStamp(7)),
