@@ -13,7 +13,7 @@ pub trait Random {
     /// Fills all of `out` with bytes that nobody can guess.
     ///
     /// # Errors
-    /// There are none; nothing is sent then.
+    /// There are no random bytes; nothing is sent then.
     fn fill(&mut self, out: &mut [u8]) -> Result<(), NoRandom>;
 }
 
@@ -23,7 +23,7 @@ impl<F: FnMut(&mut [u8]) -> Result<(), NoRandom>> Random for F {
     }
 }
 
-/// The system has no random bytes.
+/// The system provided no random bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("no random bytes")]
 pub struct NoRandom;
@@ -48,19 +48,19 @@ impl Identity {
         Ok(Self::new(*bytes))
     }
 
-    /// The public half, which the peer pins.
+    /// The public key, which the peer pins.
     #[must_use]
     pub fn public(&self) -> PublicKey {
         PublicKey(x25519_dalek::PublicKey::from(&self.0).to_bytes())
     }
 
-    /// A second copy, where two owners are wanted: each is wiped on its own.
+    /// A second copy for a second owner: each is wiped on its own.
     #[must_use]
     pub fn duplicate(&self) -> Self {
         Self(self.0.clone())
     }
 
-    /// The bytes themselves, for a file. Keep no copy.
+    /// The bytes, for a file. Keep no copy.
     #[must_use]
     pub fn expose(&self) -> &[u8; 32] {
         self.0.as_bytes()
@@ -82,7 +82,7 @@ impl fmt::Debug for Identity {
 pub struct PublicKey([u8; 32]);
 
 impl PublicKey {
-    /// A key of these bytes; any are a key to X25519, the all-zero result of a bad one is refused in use.
+    /// A key of these bytes. X25519 accepts any; a bad one is refused in use, where its result is all zero.
     #[must_use]
     pub const fn new(bytes: [u8; 32]) -> Self {
         Self(bytes)
@@ -94,7 +94,7 @@ impl PublicKey {
         &self.0
     }
 
-    /// What two people compare.
+    /// What two people compare by eye.
     #[must_use]
     pub fn fingerprint(&self) -> Fingerprint {
         let mut half = [0; 16];

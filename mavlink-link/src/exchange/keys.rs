@@ -1,4 +1,4 @@
-//! What comes out of a finished handshake: the signing key, the confirmations and the keys of the confidential link.
+//! What is derived from a finished handshake: the signing key, the confirmations and the keys of the confidential link.
 
 use core::fmt;
 
@@ -13,11 +13,11 @@ use super::noise::Finished;
 use super::terms::Terms;
 use crate::signing::SigningKey;
 
-/// A key that both ends hold once the exchange is through.
+/// A key that both ends have once the exchange is complete.
 pub struct Agreed {
     /// The MAVLink signing key.
     pub key: SigningKey,
-    /// Of the confidential link, where both want it.
+    /// The keys of the confidential link, where both request it.
     pub confidential: Option<ConfidentialKeys>,
     /// The epoch of this exchange: above every one that either end had stored.
     pub epoch: u32,
@@ -44,7 +44,7 @@ pub struct ConfidentialKeys {
     pub down: Zeroizing<[u8; 32]>,
 }
 
-/// What confirms that the other end has the same keys.
+/// The proof that the other end has the same keys.
 pub(super) struct Confirmation {
     initiator: Zeroizing<[u8; 32]>,
     responder: Zeroizing<[u8; 32]>,
@@ -102,7 +102,7 @@ impl Confirmation {
         .into()
     }
 
-    /// Whether step 3 of suite 1 is from the one who derived the same keys; in constant time.
+    /// Whether step 3 of suite 1 was made with the same keys; in constant time.
     pub(super) fn proves_initiator(&self, data: &[u8]) -> bool {
         mac(
             &self.initiator,
@@ -122,7 +122,7 @@ impl Confirmation {
         data
     }
 
-    /// What step 4 says, where it is from the one who derived the same keys.
+    /// The outcome in step 4, if it was made with the same keys.
     pub(super) fn read_outcome(&self, data: &[u8]) -> Option<Outcome> {
         let (body, tag) = data.split_first_chunk::<8>()?;
         self.responder_mac(body).verify_slice(tag).ok()?;
@@ -172,7 +172,8 @@ impl Outcome {
 const OUTCOME: usize = 40;
 
 fn mac(key: &[u8; 32], parts: &[&[u8]]) -> Hmac<Sha256> {
-    // HMAC itself fills a short key with zeros to a block; done here, there is no length that could be wrong.
+    // HMAC pads a short key with zeros to a block. Padded here, the key has the block's type and no length that could be
+    // wrong, so there is no error to handle.
     let mut block = Zeroizing::new([0; 64]);
     block[..32].copy_from_slice(key);
     let mut mac = Hmac::<Sha256>::new((&*block).into());

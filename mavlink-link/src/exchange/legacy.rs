@@ -1,7 +1,7 @@
-//! The bare exchange of old: a public key every 10 s, and the shared secret as signing key.
+//! The legacy exchange: a public key every 10 s, and the shared secret as signing key, without authentication.
 //!
-//! Anyone in the middle can pose as either end: it is here to speak with what has nothing better, it is never fallen
-//! back to, and whoever switches it on is to be warned. What it does promise: random keys, a refusal of a peer that
+//! Anybody in the middle can pose as either end. It exists for peers that have nothing better; nothing falls back to it,
+//! and a program must warn where it is switched on. Promised all the same: random keys, a refusal of a peer that
 //! contributes nothing, and that the first peer of a process is not replaced by a later one.
 
 use core::fmt;
@@ -13,7 +13,7 @@ use super::stats::{ExchangeStats, Ignored};
 use crate::frame::Node;
 use crate::signing::SigningKey;
 
-/// One end of the bare exchange; both are the same.
+/// One end of the legacy exchange; both are the same.
 pub struct Legacy {
     identity: Identity,
     peer: Node,
@@ -23,7 +23,7 @@ pub struct Legacy {
 }
 
 impl Legacy {
-    /// An end with a fresh random key, which speaks to this system and component; its first message is due at once.
+    /// An end with a fresh random key and the peer's system and component; its first message is due at once.
     #[must_use]
     pub fn new(identity: Identity, peer: Node, now: Duration) -> Self {
         Self {
@@ -52,10 +52,10 @@ impl Legacy {
         self.send_at
     }
 
-    /// Takes a payload; gives the shared key with the first public key of the peer.
+    /// Takes a payload; returns the shared key for the first public key of the peer.
     ///
     /// # Errors
-    /// Why it was passed over.
+    /// Why it was ignored.
     pub fn handle(&mut self, source: Node, payload: &[u8]) -> Result<SigningKey, Ignored> {
         let result = self.judge(source, payload);
         self.stats
@@ -96,7 +96,7 @@ impl Legacy {
         self.theirs.as_ref()
     }
 
-    /// What was received and what was passed over.
+    /// Counts of what was received and ignored.
     #[must_use]
     pub fn stats(&self) -> &ExchangeStats {
         &self.stats
@@ -127,7 +127,7 @@ mod tests {
     };
 
     #[test]
-    fn both_ends_come_to_the_same_key_and_keep_it() {
+    fn both_ends_derive_the_same_key_and_keep_it() {
         let mut ground = Legacy::new(Identity::new([1; 32]), AIR, Duration::ZERO);
         let mut air = Legacy::new(Identity::new([2; 32]), GROUND, Duration::ZERO);
         let up = ground.poll_transmit(Duration::ZERO).unwrap();
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn its_own_key_and_strangers_are_passed_over() {
+    fn its_own_key_and_other_senders_are_ignored() {
         let mut air = Legacy::new(Identity::new([2; 32]), GROUND, Duration::ZERO);
         let own = air.poll_transmit(Duration::ZERO).unwrap();
         assert_eq!(air.handle(GROUND, &own).unwrap_err(), Ignored::Reflected);

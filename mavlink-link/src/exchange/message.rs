@@ -1,7 +1,7 @@
-//! KEY_EXCHANGE (229) as bytes: one layout, read strictly and written canonically.
+//! KEY_EXCHANGE (229) as bytes: one layout, parsed strictly and written canonically.
 //!
 //! Promised: no input panics or allocates; what is read and written again is the same bytes but for the zeros that
-//! MAVLink 2 trims. A payload of at most 32 bytes, or version 0, is the bare exchange of old and never anything else.
+//! MAVLink 2 trims. A payload of at most 32 bytes, or version 0, is the legacy exchange and never anything else.
 
 use core::fmt;
 
@@ -18,7 +18,7 @@ pub const MAX_DATA: usize = 160;
 /// The version of the exchange that is spoken here.
 pub const VERSION: u8 = 1;
 
-/// What was received: an exchange of this version, or the bare public key of old.
+/// What was received: an exchange of this version, or the bare public key of the legacy exchange.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Received {
     /// The extended message.
@@ -32,7 +32,7 @@ pub enum Received {
 pub struct Message {
     /// 229.public_key: the sender's ephemeral key, in every step; zero in steps 0 and 15.
     pub public_key: [u8; 32],
-    /// 229.session: chosen at random by the initiator, never 0 but in step 0.
+    /// 229.session: chosen at random by the initiator; 0 only in step 0.
     pub session: u32,
     /// 229.version, 1 for all that is known here.
     pub version: u8,
@@ -51,7 +51,7 @@ pub struct Message {
 /// 229.step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Step {
-    /// 0: the responder would like an exchange. A hint.
+    /// 0: the responder requests an exchange. Only a hint, since anybody can send it.
     Please,
     /// 1: the initiator's ephemeral key and first Noise message.
     Offer,
@@ -59,9 +59,9 @@ pub enum Step {
     Answer,
     /// 3: the initiator's confirmation.
     Confirm,
-    /// 4: the responder's confirmation and what has become of the key.
+    /// 4: the responder's confirmation and the state of the key.
     Outcome,
-    /// 15: no, with a status. Unauthenticated, so it changes nothing.
+    /// 15: refused, with a status. Unauthenticated, so it changes nothing.
     Reject,
     /// Any other.
     Unknown(u8),
@@ -95,7 +95,7 @@ impl From<Step> for u8 {
     }
 }
 
-/// 229.suite: the Noise protocol. One a peer; nothing is negotiated.
+/// 229.suite: the Noise protocol. One for each peer; nothing is negotiated, so nothing can be downgraded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Suite {
     /// 1, `Noise_KK_25519_ChaChaPoly_SHA256`: both know the other's static key.
@@ -128,9 +128,9 @@ impl Suite {
 /// 229.status, and the first byte of step 4's body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Status {
-    /// 0: as it should be.
+    /// 0: no fault.
     Ok,
-    /// 1: a key is on its way to the autopilot, and is not replaced.
+    /// 1: another key is being installed in the autopilot, and is not replaced.
     Busy,
     /// 2: the key waits until the vehicle is disarmed.
     WaitDisarm,
@@ -144,7 +144,7 @@ pub enum Status {
     Silent,
     /// 7: the autopilot cannot sign.
     CannotSign,
-    /// 8: the session is not known here, or no more.
+    /// 8: the session is unknown, or has expired.
     UnknownSession,
     /// 9: refused.
     Refused,
@@ -193,11 +193,11 @@ impl fmt::Display for Status {
         f.write_str(match self {
             Self::Ok => "ok",
             Self::Busy => "busy with another key",
-            Self::WaitDisarm => "waits until the vehicle is disarmed",
+            Self::WaitDisarm => "waiting until the vehicle is disarmed",
             Self::Sent => "sent to the autopilot",
             Self::Active => "in use by the autopilot",
-            Self::RolledBack => "not taken by the autopilot, the old key stays",
-            Self::Silent => "the autopilot is silent, both keys are kept",
+            Self::RolledBack => "not taken by the autopilot; the old key stays in use",
+            Self::Silent => "no data from the autopilot; both keys are kept",
             Self::CannotSign => "the autopilot cannot sign",
             Self::UnknownSession => "unknown session",
             Self::Refused => "refused",
@@ -238,7 +238,7 @@ impl Data {
 
 impl PartialEq for Data {
     fn eq(&self, other: &Self) -> bool {
-        // Compared where the other is a stranger's.
+        // Constant time: the other may come from an attacker.
         self.len == other.len && bool::from(self.bytes.ct_eq(&other.bytes))
     }
 }
@@ -252,10 +252,10 @@ impl fmt::Debug for Data {
 }
 
 impl Message {
-    /// Reads a payload as it came, trailing zeros trimmed.
+    /// Parses a payload as received, trailing zeros trimmed.
     ///
     /// # Errors
-    /// It is too long, says that it has more data than fits, or has bytes where there must be none.
+    /// It is too long, claims more data than fits, or has bytes where there must be zeros.
     pub fn parse(payload: &[u8]) -> Result<Received, MessageError> {
         let mut bytes = [0; MAX_MESSAGE];
         bytes
@@ -311,7 +311,7 @@ impl Message {
     }
 }
 
-/// Why a payload is no KEY_EXCHANGE.
+/// Why a payload is not a KEY_EXCHANGE.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum MessageError {
     /// More bytes than the message has.
@@ -326,7 +326,7 @@ pub enum MessageError {
         /// The value found.
         length: u8,
     },
-    /// Something follows the data.
+    /// A byte other than zero follows the data.
     #[error("a byte beyond the data at offset {offset}, expected zeros")]
     Beyond {
         /// Its offset in the payload.
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn fields_stand_where_the_table_says() {
+    fn fields_are_where_the_table_has_them() {
         let payload = message(&[9; 88]).to_payload();
         assert_eq!(payload[..32], [7; 32]);
         assert_eq!(payload[32..43], [1, 2, 3, 4, 1, 2, 2, 0, 245, 190, 88]);
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn trimmed_zeros_come_back() {
+    fn trimmed_zeros_are_restored() {
         for len in [0, 1, 40, 160] {
             let mut data = vec![5; len];
             data.iter_mut().rev().take(3).for_each(|byte| *byte = 0);
@@ -378,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn short_payloads_and_version_zero_are_the_bare_exchange() {
+    fn short_payloads_and_version_zero_are_the_legacy_exchange() {
         let key = PublicKey::new([7; 32]);
         assert_eq!(Message::parse(&[7; 32]).unwrap(), Received::Legacy(key));
         let mut payload = message(&[1]).to_payload();
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused_with_its_place() {
+    fn what_does_not_fit_is_refused_with_its_offset() {
         assert_eq!(
             Message::parse(&[1; 204]).unwrap_err(),
             MessageError::TooLong { len: 204 }

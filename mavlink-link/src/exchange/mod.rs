@@ -1,22 +1,26 @@
-//! Signing keys agreed over the air, in KEY_EXCHANGE (229) frames: Noise KK between pinned static keys, Noise XXpsk3
+//! Agreement on signing keys over the air, in KEY_EXCHANGE (229) frames: Noise KK between pinned static keys, Noise XXpsk3
 //! once for pairing, each confirmed by both ends.
 //!
-//! Two machines without clock, socket, disk or randomness: the [`Initiator`] on the ground, always the VSM, and the
-//! [`Responder`] in the air, always the agent beside the autopilot. Time, random bytes and the disk are arguments;
-//! payloads go in and [`Message`]s come out. Framing, signing and sending are the caller's
+//! Two machines without clock, socket, disk or randomness: the [`Initiator`] on the ground (the VSM), and the
+//! [`Responder`] in the air (the agent beside the autopilot). Time, random bytes and the disk are arguments;
+//! payloads are inputs, [`Message`]s are outputs. The caller frames, signs and sends them
 //! ([`Link::send_raw`](crate::link::Link::send_raw)).
 //!
-//! Promised, and each tested by driving both ends against each other under loss, duplication, reordering, delay and
+//! Promised, and each tested by running both ends against each other under loss, duplication, reordering, delay and
 //! restart between any two disk writes:
 //!
-//! - whoever has neither a static key nor the pairing code changes nothing but counters;
-//! - a key that the responder may hand to the autopilot is on the initiator's disk, always: there is no state in which
+//! - somebody with neither a static key nor the pairing code changes nothing but counters;
+//! - a key that the responder may install in the autopilot is always on the initiator's disk: there is no state in which
 //!   the vehicle signs with a key that the ground does not have;
 //! - no key is replaced on silence.
 //!
+//! Order of the parts: `message` (the bytes of 229), `identity` (static keys), `pairing` (the code), `terms` (what is agreed
+//! beside the secrets), `noise` (the handshake), `keys` (what is derived from it), `store` (what is on disk when),
+//! `initiator` and `responder` (the two machines), `stats`; `legacy` is the unauthenticated exchange.
+//!
 //! A caller must keep on disk: its [`Identity`], the peer's [`PublicKey`], the counter, the epoch, and the keys
-//! `current` and `next`. [`InitiatorStore`] and [`ResponderStore`] say when, [`InitiatorMemory`] and
-//! [`ResponderMemory`] what a new process begins with.
+//! `current` and `next`. [`InitiatorStore`] and [`ResponderStore`] define when, [`InitiatorMemory`] and
+//! [`ResponderMemory`] what a new process starts with.
 //!
 //! ```
 //! use core::time::Duration;

@@ -1,8 +1,8 @@
-//! The Noise handshake, by `snow`, with the Diffie-Hellman and the randomness handed in.
+//! The Noise handshake, by `snow`, with our own Diffie-Hellman and the caller's random bytes.
 //!
-//! Promised: a Diffie-Hellman result of all zeros ends the handshake; the only random bytes are the ephemeral key that
-//! the caller gave; raw keys are taken only from a finished handshake, and its state is dropped at once. `snow` does
-//! not wipe its own state; the secrets that go through here are wiped.
+//! Promised: a Diffie-Hellman result of all zeros ends the handshake; the only random bytes are the caller's ephemeral
+//! key; raw keys are taken only from a finished handshake, and its state is dropped at once. `snow` does
+//! not wipe its own state; the secrets that pass through this module are wiped.
 
 use snow::params::{CipherChoice, DHChoice, HashChoice};
 use snow::resolvers::{CryptoResolver, DefaultResolver};
@@ -15,7 +15,7 @@ use zeroize::{Zeroize, Zeroizing};
 use super::identity::{Identity, PublicKey};
 use super::message::Suite;
 
-/// What a handshake begins with.
+/// What a handshake starts with.
 pub(super) struct Setup<'a> {
     pub(super) suite: Suite,
     pub(super) own: &'a Identity,
@@ -30,7 +30,7 @@ pub(super) struct Setup<'a> {
 /// One end's handshake.
 pub(super) struct Noise(Box<HandshakeState>);
 
-/// What a finished handshake leaves.
+/// The result of a finished handshake.
 pub(super) struct Finished {
     /// The handshake hash: public, never a key.
     pub(super) hash: [u8; 32],
@@ -38,7 +38,7 @@ pub(super) struct Finished {
     pub(super) k2: Zeroizing<[u8; 32]>,
 }
 
-/// A message did not decrypt, or a result was all zero. Which of them is nobody's business.
+/// A message did not decrypt, or a result was all zero. Not distinguished: the difference would help an attacker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("the Noise message is not from the peer")]
 pub(super) struct Failed;
@@ -60,27 +60,27 @@ impl Noise {
 
     pub(super) fn write(&mut self, payload: &[u8]) -> Result<Written, Failed> {
         let mut written = Written {
-            bytes: [0; MOST],
+            bytes: [0; MAX_LEN],
             len: 0,
         };
         written.len = self.0.write_message(payload, &mut written.bytes)?;
         Ok(written)
     }
 
-    /// Reads a message and gives its payload.
+    /// Reads a message and returns its payload.
     ///
-    /// After a failure the state may have mixed in what the stranger sent: only a first message of one's own in a
-    /// pattern that begins with a key may be read again, else the handshake must be built anew.
+    /// After a failure the state may have mixed in forged bytes: only an end's own first message, in a pattern that begins
+    /// with a key, may be read again; otherwise the handshake must be built again.
     pub(super) fn read(&mut self, parts: [&[u8]; 2]) -> Result<Written, Failed> {
         let [first, second] = parts;
-        let mut message = [0; MOST];
+        let mut message = [0; MAX_LEN];
         let whole = message
             .get_mut(..first.len() + second.len())
             .ok_or(Failed)?;
         whole[..first.len()].copy_from_slice(first);
         whole[first.len()..].copy_from_slice(second);
         let mut payload = Written {
-            bytes: [0; MOST],
+            bytes: [0; MAX_LEN],
             len: 0,
         };
         payload.len = self.0.read_message(whole, &mut payload.bytes)?;
@@ -92,7 +92,7 @@ impl Noise {
         Some(PublicKey::new(*bytes))
     }
 
-    /// The raw keys; `None` before the end, when they would be constants that anyone can compute.
+    /// The raw keys; `None` before the end, when they would be constants that anybody can compute.
     pub(super) fn finish(mut self) -> Option<Finished> {
         if !self.0.is_handshake_finished() {
             return None;
@@ -119,7 +119,7 @@ impl core::fmt::Debug for Noise {
 
 /// A Noise message or payload.
 pub(super) struct Written {
-    bytes: [u8; MOST],
+    bytes: [u8; MAX_LEN],
     len: usize,
 }
 
@@ -147,7 +147,7 @@ fn builder<'a>(setup: &Setup<'a>) -> Result<Builder<'a>, Failed> {
     Ok(builder)
 }
 
-/// Hands out the primitives: ours for curve and randomness, `snow`'s for the rest.
+/// Provides the primitives: ours for curve and randomness, `snow`'s for the rest.
 struct Primitives(Zeroizing<[u8; 32]>);
 
 impl CryptoResolver for Primitives {
@@ -168,7 +168,7 @@ impl CryptoResolver for Primitives {
     }
 }
 
-/// Gives the ephemeral key, once.
+/// Returns the ephemeral key, once.
 struct Once(Option<Zeroizing<[u8; 32]>>);
 
 impl snow::types::Random for Once {
@@ -219,7 +219,7 @@ impl Dh for Curve {
 
     fn set(&mut self, secret: &[u8]) {
         let mut bytes = Zeroizing::new([0; 32]);
-        // A secret of another length never reaches this: `Identity` has 32 bytes.
+        // No secret of another length gets here: `Identity` has 32 bytes.
         bytes
             .iter_mut()
             .zip(secret)
@@ -259,4 +259,4 @@ impl Dh for Curve {
 }
 
 /// Longer than the longest message: ephemeral 32, static 48, payload 40.
-const MOST: usize = 256;
+const MAX_LEN: usize = 256;

@@ -1,6 +1,7 @@
-//! The code that two people carry from one computer to the other, once.
+//! The pairing code: carried by people from one computer to the other, once.
 //!
-//! 160 random bits: psk3 is no password protocol, and a code that a person could choose would be found by trying.
+//! 160 random bits, not a password: psk3 does not protect against trying codes offline, so one that a person chose would
+//! be found (pitfall 18).
 
 use core::fmt;
 
@@ -33,11 +34,11 @@ impl PairingCode {
         Ok(code)
     }
 
-    /// A code as a person types it: any case; blanks and hyphens are passed over, and 0, 1 and 8 are read as O, I and
-    /// B, which base32 has in their place.
+    /// A code as a person types it: any case; white space and hyphens are ignored, and 0, 1 and 8, which base32 does not
+    /// have, are read as O, I and B.
     ///
     /// # Errors
-    /// Says where the text is wrong, but nothing of what it holds.
+    /// Where the text is wrong, without any of its content.
     pub fn parse(text: &str) -> Result<Self, CodeError> {
         let mut code = Self([0; 20]);
         let mut count = 0_usize;
@@ -86,7 +87,7 @@ impl PairingCode {
         text
     }
 
-    /// A second copy, where two owners are wanted: each is wiped on its own.
+    /// A second copy for a second owner: each is wiped on its own.
     #[must_use]
     pub fn duplicate(&self) -> Self {
         Self(self.0)
@@ -95,7 +96,7 @@ impl PairingCode {
     /// The pre-shared key that the code stands for.
     pub(super) fn psk(&self) -> Zeroizing<[u8; 32]> {
         let mut psk = Zeroizing::new([0; 32]);
-        // 32 bytes are far less than HKDF can give, so this cannot fail.
+        // 32 bytes are far less than HKDF can produce, so this cannot fail.
         let _ = Hkdf::<Sha256>::new(None, &self.0).expand(b"vsm/1 pair", &mut *psk);
         psk
     }
@@ -107,17 +108,17 @@ impl fmt::Debug for PairingCode {
     }
 }
 
-/// Why a text is no code. Never shows any of it.
+/// Why a text is not a code. Never shows any of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum CodeError {
-    /// Something else than a letter or 2 to 7.
-    #[error("no letter of a pairing code at offset {offset}, expected A to Z and 2 to 7")]
+    /// A character other than a letter or 2 to 7.
+    #[error("not a character of a pairing code at offset {offset}, expected A to Z or 2 to 7")]
     Letter {
         /// Offset in bytes.
         offset: usize,
     },
     /// Too many or too few.
-    #[error("{letters} letters, expected 32")]
+    #[error("{letters} characters, expected 32")]
     Length {
         /// Letters found; counting stops at 33.
         letters: usize,
@@ -132,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn letters_and_bits_are_those_of_rfc_4648() {
+    fn the_alphabet_is_that_of_rfc_4648() {
         // python3 -c 'import base64; print(base64.b32encode(bytes(range(20))).decode())'
         let code = PairingCode(core::array::from_fn(|n| n as u8));
         assert_eq!(
@@ -149,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_text_says_where() {
+    fn an_error_shows_the_place() {
         let fault = |text: &str| PairingCode::parse(text).unwrap_err();
         assert_eq!(fault("AB"), CodeError::Length { letters: 2 });
         assert_eq!(fault("AB!"), CodeError::Letter { offset: 2 });

@@ -1,4 +1,4 @@
-//! What was received, and why it was passed over.
+//! Why a message was ignored, and how often.
 
 use thiserror::Error;
 
@@ -7,10 +7,10 @@ use super::message::MessageError;
 /// Why a KEY_EXCHANGE message changes nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum Ignored {
-    /// It is no KEY_EXCHANGE.
+    /// It is not a KEY_EXCHANGE.
     #[error(transparent)]
     Message(MessageError),
-    /// The bare exchange of old, which nothing here falls back to.
+    /// The legacy exchange, which nothing here falls back to.
     #[error("the bare public key of the legacy exchange")]
     Legacy,
     /// Not from the system and component that the peer has.
@@ -29,10 +29,10 @@ pub enum Ignored {
     #[error("unknown step")]
     Step,
     /// A step that only we send.
-    #[error("our own message came back")]
+    #[error("a step that only we send")]
     Reflected,
-    /// Of no session that is open.
-    #[error("of no open session")]
+    /// Not of a session that is open.
+    #[error("not of an open session")]
     Session,
     /// A session that is open, with other content than before.
     #[error("other content for an open session")]
@@ -41,22 +41,22 @@ pub enum Ignored {
     #[error("not made with the peer's keys")]
     Forged,
     /// Its counter is not above the last.
-    #[error("an old counter")]
+    #[error("the counter is not above the last")]
     OldCounter,
-    /// More than may be asked in this time.
-    #[error("too many")]
+    /// Above the rate limit.
+    #[error("above the rate limit")]
     Limited,
-    /// It says nothing new.
-    #[error("said before")]
+    /// It repeats an earlier message.
+    #[error("received before")]
     Repeated,
-    /// No pairing window is open, or one is and only pairing goes.
-    #[error("not while the pairing window is as it is")]
+    /// A pairing while no window is open, or another exchange while one is.
+    #[error("refused by the state of the pairing window")]
     Window,
-    /// A key is on its way to the autopilot and is not replaced.
-    #[error("busy with another key")]
+    /// Another key is being installed in the autopilot and is not replaced.
+    #[error("another key is being installed")]
     Busy,
     /// The disk failed.
-    #[error("not stored")]
+    #[error("the disk failed")]
     NotStored,
     /// There are no random bytes.
     #[error("no random bytes")]
@@ -64,7 +64,7 @@ pub enum Ignored {
 }
 
 impl Ignored {
-    /// Every reason's name and place, in the order of [`ExchangeStats::by_reason`].
+    /// Every reason's name, in the order of [`ExchangeStats::by_reason`].
     const NAMES: [&'static str; 18] = [
         "message",
         "legacy",
@@ -113,7 +113,7 @@ impl Ignored {
 /// Counts of messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ExchangeStats {
-    /// Messages that were of use.
+    /// Messages that were accepted.
     pub taken: u64,
     ignored: [u64; Ignored::NAMES.len()],
 }
@@ -126,12 +126,12 @@ impl ExchangeStats {
         }
     }
 
-    /// Every reason and how often it was met.
+    /// Every reason and how often it occurred.
     pub fn by_reason(&self) -> impl Iterator<Item = (&'static str, u64)> {
         Ignored::NAMES.into_iter().zip(self.ignored)
     }
 
-    /// How often this reason was met.
+    /// How often this reason occurred.
     #[must_use]
     pub fn count_of(&self, ignored: Ignored) -> u64 {
         self.ignored[ignored.place()]

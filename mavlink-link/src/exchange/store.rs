@@ -13,7 +13,7 @@ use crate::signing::KeyId;
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{reason}")]
 pub struct StoreError {
-    /// What the store says, for a person.
+    /// The reason, for a person.
     pub reason: String,
 }
 
@@ -38,13 +38,13 @@ pub trait InitiatorStore {
     /// It is not durable.
     fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError>;
 
-    /// The responder does not have `next`, and says so under the keys of the exchange: it may go.
+    /// The responder does not have `next`, and reports so under the keys of the exchange: it may be deleted.
     ///
     /// # Errors
     /// It is not durable.
     fn drop_next(&mut self) -> Result<(), StoreError>;
 
-    /// The peer of a pairing is proven: only suite 1 with this key is spoken from now on.
+    /// The peer of a pairing is proven: only suite 1 with this key is used from now on.
     ///
     /// # Errors
     /// It is not durable.
@@ -66,7 +66,7 @@ pub struct InitiatorMemory {
 
 /// The disk of the air side.
 pub trait ResponderStore {
-    /// `next`, which the autopilot has not been sent, is given up before another one is agreed about: after this it
+    /// `next`, which has not been sent to the autopilot, is withdrawn before another one is agreed on: after this it
     /// must not be sent any more.
     ///
     /// # Errors
@@ -79,7 +79,7 @@ pub trait ResponderStore {
     /// It is not durable.
     fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), StoreError>;
 
-    /// Keeps a key as `next`, with its epoch. It may be handed to the autopilot from now on.
+    /// Keeps a key as `next`, with its epoch. It may be installed in the autopilot from now on.
     ///
     /// # Errors
     /// It is not durable.
@@ -104,7 +104,7 @@ pub struct ResponderMemory {
     pub epoch: u32,
     /// The key in force.
     pub current: Option<KeyId>,
-    /// The key that is staged, and whether the autopilot may have been sent it.
+    /// The key that is staged, and whether it may have been sent to the autopilot.
     pub next: Option<StagedKey>,
 }
 
@@ -113,6 +113,6 @@ pub struct ResponderMemory {
 pub struct StagedKey {
     /// Its name.
     pub id: KeyId,
-    /// Whether the autopilot may have been sent it: then it is not replaced before it is known what became of it.
+    /// Whether it may have been sent to the autopilot: then it is not replaced before the outcome is known.
     pub sent: bool,
 }

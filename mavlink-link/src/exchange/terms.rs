@@ -1,4 +1,4 @@
-//! What both ends agree about beside the secrets: who they are, what the keys are wanted for, what each holds.
+//! What both ends agree on beside the secrets: who they are, what the keys are for, what each has stored.
 
 use sha2::{Digest as _, Sha256};
 
@@ -7,10 +7,10 @@ use super::message::Suite;
 use crate::frame::Node;
 use crate::signing::KeyId;
 
-/// What both ends must hold the same, or nothing decrypts.
+/// What both ends must know alike, or nothing decrypts: it is part of the Noise prologue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Parties {
-    /// The ground side, which begins.
+    /// The ground side, which starts.
     pub initiator: Node,
     /// The air side, which answers.
     pub responder: Node,
@@ -61,11 +61,11 @@ impl Parties {
     }
 }
 
-/// What is agreed about beside the secrets.
+/// What is agreed on beside the secrets.
 pub(super) struct Terms<'a> {
     pub(super) parties: &'a Parties,
     pub(super) session: u32,
-    /// What both ends want.
+    /// What both ends request.
     pub(super) wanted: [Wanted; 2],
     /// The epochs that both ends have stored.
     pub(super) epochs: [u32; 2],
@@ -85,7 +85,7 @@ pub(super) struct Facts {
     pub(super) current: Option<KeyId>,
 }
 
-/// What the keys are wanted for.
+/// What the keys are for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Wanted {
     /// Bit 1: MAVLink signing.
@@ -94,7 +94,7 @@ pub struct Wanted {
     pub confidential: bool,
 }
 
-/// What the responder says of its vehicle.
+/// What the responder reports of its vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct VehicleState {
     /// Bit 1: armed.
@@ -118,7 +118,7 @@ impl Facts {
         bytes
     }
 
-    /// Bits and bytes that mean nothing yet are passed over: a later version may use them.
+    /// Bits and bytes without a meaning are ignored: a later version may use them.
     pub(super) fn parse(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; Self::LEN] = bytes.try_into().ok()?;
         let mut counter = [0; 8];
@@ -147,8 +147,8 @@ pub fn policy_digest(text: &str) -> [u8; 32] {
     Sha256::digest(text.as_bytes()).into()
 }
 
-/// The canonical policy text of this version: what a key that comes out of an exchange is for. Two programs that would
-/// use it differently never agree about one.
+/// The canonical policy text of this version: what an agreed key is used for. Its digest is part of the prologue, so two
+/// programs that would use a key differently never agree on one.
 pub const POLICY: &str = "vsm policy 1\n\
     signing: MAVLink 2, required in both directions\n\
     unsigned: RADIO_STATUS, KEY_EXCHANGE\n\
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn facts_stand_where_the_design_has_them() {
+    fn facts_are_laid_out_as_designed() {
         let facts = Facts {
             counter: 0x0807_0605_0403_0201,
             wanted: Wanted {

@@ -382,7 +382,7 @@ impl World {
             && let (Some((key, sent)), Some(air)) = (&mut self.air_disk.next, &mut self.air)
         {
             if self.armed {
-                air.tell(Status::WaitDisarm, 0);
+                air.report(Status::WaitDisarm, 0);
                 self.hand_over_at = Some(self.now + ms(500));
             } else {
                 *sent = true;

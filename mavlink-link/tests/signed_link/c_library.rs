@@ -113,7 +113,7 @@ fn any_bit_that_is_bent_is_refused_by_both() {
 }
 
 #[test]
-fn fall_07_the_table_of_the_c_library_fills_up_and_ours_keeps_a_place() {
+fn pitfall_07_the_table_of_the_c_library_fills_up_and_ours_keeps_a_place() {
     let program = harness("table");
     let mut frames: Vec<_> = (2..18)
         .map(|component| {
@@ -136,7 +136,7 @@ fn fall_07_the_table_of_the_c_library_fills_up_and_ours_keeps_a_place() {
 }
 
 #[test]
-fn fall_12_a_year_ahead_locks_the_c_library_and_not_us() {
+fn pitfall_12_a_year_ahead_locks_the_c_library_and_not_us() {
     let program = harness("ahead");
     let ahead = Vehicle {
         component: 7,
@@ -156,7 +156,7 @@ fn fall_12_a_year_ahead_locks_the_c_library_and_not_us() {
 }
 
 #[test]
-fn fall_19_a_restarted_c_library_takes_the_last_minute_again_and_we_do_not() {
+fn pitfall_19_a_restarted_c_library_takes_the_last_minute_again_and_we_do_not() {
     let program = harness("restart");
     let mut station = Station::new(Endpoint::Fixed(VEHICLE), at(0));
     let frames = signed_by_c(&program, stamp(), 20);

@@ -173,7 +173,7 @@ impl Agent {
             );
             return;
         }
-        self.responder.tell(Status::WaitDisarm, 0);
+        self.responder.report(Status::WaitDisarm, 0);
     }
 
     /// The staged key must not be sent any more: PX4 goes on with the one that it has.
@@ -192,9 +192,9 @@ impl Agent {
     /// Tells the ground, when it asks, what has become of its key.
     pub(super) fn tell_state(&mut self, state: State) {
         match state {
-            State::Staged | State::WaitDisarm => self.responder.tell(Status::WaitDisarm, 0),
+            State::Staged | State::WaitDisarm => self.responder.report(Status::WaitDisarm, 0),
             State::Sent => self.responder.key_sent(),
-            State::Unknown => self.responder.tell(Status::Silent, 0),
+            State::Unknown => self.responder.report(Status::Silent, 0),
             State::Committed | State::NotTaken | State::RolledBack => {}
         }
     }
@@ -202,7 +202,7 @@ impl Agent {
     /// More than one autopilot is on PX4's link: the key is refused.
     pub(super) fn tell_refused(&mut self) {
         self.responder.key_dropped();
-        self.responder.tell(Status::Refused, SEVERAL_AUTOPILOTS);
+        self.responder.report(Status::Refused, SEVERAL_AUTOPILOTS);
     }
 
     /// The next answer to the ground.

@@ -253,7 +253,7 @@ impl Agent {
             Outcome::Committed => self.responder.key_active(),
             Outcome::RolledBack if cause == Cause::NewKey => self.responder.key_dropped(),
             Outcome::RolledBack => {}
-            Outcome::NeverSigns => self.responder.tell(Status::CannotSign, 0),
+            Outcome::NeverSigns => self.responder.report(Status::CannotSign, 0),
             Outcome::SeveralAutopilots => self.tell_refused(),
         }
         let previous = match (outcome, cause) {

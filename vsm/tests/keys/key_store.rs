@@ -184,7 +184,7 @@ fn a_clock_that_cannot_be_stored_stays_at_its_old_value() {
 }
 
 #[test]
-fn fall_28_two_processes_do_not_share_a_key() {
+fn pitfall_28_two_processes_do_not_share_a_key() {
     let (_folder, path) = prepared();
     let first = KeyStore::open(&path).unwrap();
     let refused = KeyStore::open(&path).unwrap_err();
@@ -225,7 +225,7 @@ fn keys_are_for_their_owner_alone() {
 }
 
 #[test]
-fn fall_18_a_pass_phrase_is_refused_with_the_reason() {
+fn pitfall_18_a_pass_phrase_is_refused_with_the_reason() {
     use std::os::unix::fs::OpenOptionsExt as _;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("phrase.key");

@@ -9,12 +9,12 @@ use crate::exchange::message::Message;
 use crate::exchange::noise::Noise;
 use crate::signing::KeyId;
 
-/// Step 1 is out.
+/// Step 1 has been sent.
 #[derive(Debug)]
 pub(super) struct Asking {
     pub(super) noise: Noise,
     pub(super) message: Message,
-    /// As on disk; for suite 2 it goes out with step 3.
+    /// As on disk; with suite 2 it is sent in step 3.
     pub(super) counter: u64,
 }
 
@@ -25,7 +25,7 @@ pub(super) struct Confirming {
     pub(super) confirmation: Confirmation,
     /// The responder's ephemeral key, which it repeats in step 4.
     pub(super) ephemeral: [u8; 32],
-    /// When step 2 came.
+    /// When step 2 was received.
     pub(super) since: Duration,
     /// The sequence number of the last step 4.
     pub(super) seq: Option<u32>,
@@ -39,7 +39,7 @@ impl fmt::Debug for Confirming {
     }
 }
 
-/// What of the agreed key may be kept in memory: not the key.
+/// What is kept of the agreed key in memory: not the key itself.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Promise {
     pub(super) key: KeyId,
@@ -64,7 +64,7 @@ impl Attempt {
         }
     }
 
-    /// The next step of the same attempt: at once, and again at the same intervals; the end stays.
+    /// The next step of the same attempt: sent at once, and again at the same intervals; the end stays.
     pub(super) fn next_step(&mut self, now: Duration) {
         (self.next_at, self.sent) = (now, 0);
     }
@@ -103,7 +103,7 @@ impl Pauses {
     pub(super) fn next(&mut self, random: &mut dyn Random) -> Duration {
         let whole = Duration::from_secs(1 << self.failures.min(5)).min(LONGEST);
         self.failures = self.failures.saturating_add(1);
-        // Without random bytes two initiators may step on each other's toes; there is only one.
+        // Without random bytes two initiators might collide again and again; a responder has only one.
         let jitter = byte(random).unwrap_or(128);
         whole * 8 / 10 + whole * 4 / 10 * u32::from(jitter) / 255
     }

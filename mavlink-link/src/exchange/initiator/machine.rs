@@ -14,7 +14,7 @@ use crate::exchange::terms::{Parties, Wanted};
 use crate::frame::Node;
 use crate::signing::KeyId;
 
-/// Whom the initiator speaks to, and how they know each other.
+/// How the initiator and its peer know each other.
 #[derive(Debug)]
 pub enum Trust {
     /// Suite 1: the peer's static key, pinned by an earlier pairing.
@@ -32,7 +32,7 @@ impl Trust {
     }
 }
 
-/// What an initiator is told once.
+/// The settings of an initiator.
 #[derive(Debug)]
 pub struct InitiatorConfig {
     /// Both ends' ids.
@@ -41,11 +41,11 @@ pub struct InitiatorConfig {
     pub identity: Identity,
     /// How the peer is known.
     pub trust: Trust,
-    /// What the keys are wanted for.
+    /// What the keys are for.
     pub wanted: Wanted,
 }
 
-/// Something a person or the bridge should know.
+/// Something for a person or for the bridge.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum InitiatorEvent {
     /// An attempt has begun: step 1 may be sent.
@@ -53,7 +53,7 @@ pub enum InitiatorEvent {
         /// Its session.
         session: u32,
     },
-    /// `next` is on disk, and frames of the vehicle may come under it from now on.
+    /// `next` is on disk, and the vehicle may sign with it from now on.
     NextStored {
         /// Its name.
         key: KeyId,
@@ -67,11 +67,11 @@ pub enum InitiatorEvent {
         /// The epoch of the exchange.
         epoch: u32,
     },
-    /// What the peer says has become of the key, under the keys of the exchange.
+    /// The state of the key as the peer reports it, authenticated by the keys of the exchange.
     Status {
         /// What.
         status: Status,
-        /// More of the cause; 0 where there is none.
+        /// The cause in more detail; 0 where there is none.
         reason: u8,
     },
     /// The peer does not have the key, and it is dropped here too.
@@ -81,12 +81,12 @@ pub enum InitiatorEvent {
     },
     /// The responder had `next` in force already: it is the current key now.
     Promoted,
-    /// No answer within 10 s; it begins anew after a pause.
+    /// No answer within 10 s; it starts again after a pause.
     GaveUp {
         /// The step that was not answered.
         unanswered: Step,
     },
-    /// Somebody in the peer's name says no. Unauthenticated: shown, and nothing else.
+    /// A refusal in the peer's name. Unauthenticated: reported, and nothing else.
     Rejected {
         /// The status given.
         status: Status,
@@ -123,21 +123,21 @@ pub struct Initiator {
 pub(super) enum Phase {
     Idle,
     Asking(Box<Asking>, Attempt),
-    /// Step 3 is out and not answered.
+    /// Step 3 has been sent and not answered.
     Confirming(Box<Confirming>, Attempt),
-    /// Step 4 is in; step 3 is sent now and then to hear what becomes of the key.
+    /// Step 4 has been received; step 3 is sent again now and then to learn the state of the key.
     Following(Box<Confirming>, Follow),
 }
 
-/// When step 3 is sent next, and when step 4 was heard last.
+/// When step 3 is sent next, and when step 4 was received last.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Follow {
     pub(super) ask_at: Duration,
-    pub(super) heard: Duration,
+    pub(super) answered: Duration,
 }
 
 impl Initiator {
-    /// An initiator that rests until [`want`](Self::want) is called.
+    /// An initiator that is idle until [`want`](Self::want) is called.
     #[must_use]
     pub fn new(config: InitiatorConfig, memory: InitiatorMemory, now: Duration) -> Self {
         // An earlier process may have left a session of a pairing half-open at the peer; see `NO_MORE_HALF_OPEN`.
@@ -161,12 +161,12 @@ impl Initiator {
         }
     }
 
-    /// Asks for an exchange; attempts are made until one succeeds. Does nothing where one is on its way.
+    /// Requests an exchange; attempts are made until one succeeds. Does nothing where one is in progress.
     pub fn want(&mut self) {
         self.wanted |= !matches!(self.phase, Phase::Following(..));
     }
 
-    /// Whether an exchange is wanted or on its way.
+    /// Whether an exchange is requested or in progress.
     #[must_use]
     pub fn is_busy(&self) -> bool {
         self.wanted || !matches!(self.phase, Phase::Idle)
@@ -178,13 +178,13 @@ impl Initiator {
         &self.memory
     }
 
-    /// What it was told.
+    /// The settings.
     #[must_use]
     pub fn config(&self) -> &InitiatorConfig {
         &self.config
     }
 
-    /// What was received and what was passed over.
+    /// Counts of what was received and ignored.
     #[must_use]
     pub fn stats(&self) -> &ExchangeStats {
         &self.stats
@@ -213,7 +213,7 @@ impl Initiator {
     /// Takes a KEY_EXCHANGE payload that came from the vehicle's link.
     ///
     /// # Errors
-    /// Why it was passed over; counted, and nothing has changed.
+    /// Why it was ignored; counted, and nothing has changed.
     pub fn handle(
         &mut self,
         now: Now,
@@ -257,13 +257,13 @@ impl Initiator {
             }
             Step::Answer => self.answered(now, &message, store),
             Step::Outcome => self.outcome(now, &message, store),
-            // Our own messages, come back.
+            // Our own messages, reflected.
             Step::Offer | Step::Confirm => Err(Ignored::Reflected),
             Step::Unknown(_) => Err(Ignored::Step),
         }
     }
 
-    /// Step 0 is a hint that anyone can send: at most one attempt in 10 s comes of it.
+    /// Step 0 is a hint that anybody can send: it starts at most one attempt in 10 s.
     fn hinted(&mut self, now: Duration) -> Result<(), Ignored> {
         let lately = self
             .hinted_at
@@ -298,9 +298,9 @@ impl Initiator {
                 self.due |= attempt.take_due(now.mono);
             }
             Phase::Following(_, follow) => {
-                let silent = now.mono.saturating_sub(follow.heard) >= FOLLOW_SILENCE;
+                let silent = now.mono.saturating_sub(follow.answered) >= FOLLOW_SILENCE;
                 if silent {
-                    // The peer may have lost the session, or the key: another exchange tells.
+                    // The peer may have lost the session, or the key: another exchange finds out.
                     self.fail(now.mono, Duration::ZERO);
                 } else if now.mono >= follow.ask_at {
                     follow.ask_at = now.mono.saturating_add(FOLLOW_EVERY);
@@ -310,7 +310,7 @@ impl Initiator {
         }
     }
 
-    /// The message to send now, if any; it goes to the peer, signed where there is a key.
+    /// The message to send to the peer now, if any; signed where there is a key.
     pub fn poll_transmit(&mut self) -> Option<Message> {
         if !core::mem::take(&mut self.due) {
             return None;
@@ -329,7 +329,7 @@ impl Initiator {
         self.events.pop_front()
     }
 
-    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
+    /// When [`handle_timeout`](Self::handle_timeout) is next needed, in monotonic time.
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Duration> {
         match &self.phase {
@@ -340,7 +340,7 @@ impl Initiator {
             Phase::Following(_, follow) => Some(
                 follow
                     .ask_at
-                    .min(follow.heard.saturating_add(FOLLOW_SILENCE)),
+                    .min(follow.answered.saturating_add(FOLLOW_SILENCE)),
             ),
         }
     }
@@ -383,7 +383,7 @@ impl Initiator {
         self.pauses.reset();
     }
 
-    /// Strangers can cause some of the events, so they may not pile up.
+    /// Anybody can cause some of the events, so their number is bounded.
     pub(super) fn keep_few_events(&mut self) {
         while self.events.len() > MAX_EVENTS {
             self.events.pop_front();
@@ -393,13 +393,13 @@ impl Initiator {
 
 /// Step 0 starts at most one attempt in this time.
 const HINT_EVERY: Duration = Duration::from_secs(10);
-/// How often it is asked what has become of a key.
+/// How often the state of a key is requested.
 pub(super) const FOLLOW_EVERY: Duration = Duration::from_secs(5);
-/// How long step 4 may stay away before another exchange is begun. A key that the autopilot has been sent is not
-/// replaced by it.
+/// How long step 4 may be missing before another exchange is started. It does not replace a key that has been sent to the
+/// autopilot.
 const FOLLOW_SILENCE: Duration = Duration::from_secs(60);
-/// After this a session whose step 2 has arrived can no longer be completed at the responder, which lets it go after
-/// 10 s. In a pairing several sessions are half-open side by side, so that a stranger cannot end an honest one; a late
+/// After this a session whose step 2 has arrived can no longer be completed at the responder, which drops it after
+/// 10 s. In a pairing several sessions are half-open side by side, so that an attacker cannot end an honest one; a late
 /// step 3 could complete an older session than the one whose key is `next` here.
 const NO_MORE_HALF_OPEN: Duration = Duration::from_secs(12);
 const MAX_EVENTS: usize = 16;

@@ -1,13 +1,15 @@
-//! The ground side: it begins, and follows a key until the vehicle signs with it.
+//! The ground side: it starts the exchange, and follows a key until the vehicle signs with it.
 //!
 //! ```text
 //! idle -> asking (step 1 out) -> confirming (step 3 out) -> following (step 4 in) -> idle
 //!            |                        |                          until the key is in use,
-//!            +----- given up ---------+--> a pause, then anew    rolled back, or cannot be
+//!            +----- given up ---------+--> a pause, then again   rolled back, or cannot be
 //! ```
 //!
-//! Promised: `next` is on disk before step 3 leaves; a `next` on disk is replaced only once the responder can no longer
-//! hand the old one to the autopilot; nothing that is not proven by the peer's keys changes anything.
+//! Promised: `next` is on disk before step 3 is sent; a `next` on disk is replaced only once the responder can no longer
+//! install the old one; nothing changes without proof by the peer's keys.
+//!
+//! Order of the parts: `attempt` (one attempt and its timing), `machine` (the state), `steps` (what each step does).
 
 mod attempt;
 mod machine;

@@ -73,7 +73,7 @@ impl Initiator {
         let facts = self.facts(counter).to_bytes();
         let payload = match suite {
             Suite::Pinned => facts.as_slice(),
-            // Whatever it is "encrypted" with here, anyone can compute.
+            // The first message of XX is not encrypted: the facts are sent in step 3.
             Suite::Pairing => &[],
         };
         let written = noise.write(payload).ok()?;
@@ -128,7 +128,7 @@ impl Initiator {
             .read([&message.public_key, message.data.as_slice()])
             .map_err(|_| Ignored::Forged)?;
         let theirs = Facts::parse(payload.as_slice()).ok_or(Ignored::Forged)?;
-        // From here on it is the peer who speaks, or in a pairing whoever will have to know the code.
+        // From here on the message is proved to be the peer's; in a pairing, of somebody who has yet to prove the code.
         let Phase::Asking(asking, mut attempt) = core::mem::replace(&mut self.phase, Phase::Idle)
         else {
             return Err(Ignored::Session);
@@ -154,7 +154,7 @@ impl Initiator {
         }
     }
 
-    /// Step 3, once all that must be on disk is there. `Err(None)`: the handshake did not come to an end.
+    /// Step 3, once everything that must be on disk is there. `Err(None)`: the handshake failed.
     fn confirm(
         &mut self,
         now: Now,
@@ -190,7 +190,7 @@ impl Initiator {
             Some(last) => Data::new(last.as_slice()),
             None => Data::new(&confirmation.of_initiator()),
         };
-        // The key that waits here is in force there: it must not be lost to the new one.
+        // The responder has our waiting key in force: it must not be overwritten by the new one.
         if self.memory.next.is_some() && self.memory.next == theirs.current {
             store.promote_next().map_err(Some)?;
             self.memory.current = self.memory.next.take();
@@ -227,7 +227,7 @@ impl Initiator {
         Ok(())
     }
 
-    /// Step 4: the peer has the key too, and says what has become of it.
+    /// Step 4: the peer has the key too, and reports its state.
     pub(super) fn outcome(
         &mut self,
         now: Now,
@@ -253,7 +253,7 @@ impl Initiator {
             return Err(Ignored::Repeated);
         }
         if let Phase::Following(confirming, follow) = &mut self.phase {
-            follow.heard = now.mono;
+            follow.answered = now.mono;
             if seq == Some(outcome.seq) {
                 return Ok(());
             }
@@ -307,7 +307,7 @@ impl Initiator {
             confirming.seq = Some(seq);
             let follow = Follow {
                 ask_at: now.saturating_add(FOLLOW_EVERY),
-                heard: now,
+                answered: now,
             };
             self.phase = Phase::Following(confirming, follow);
         }

@@ -1,8 +1,8 @@
-//! How often strangers may make the responder work.
+//! Rate limits: how often anybody may make the responder compute.
 
 use core::time::Duration;
 
-/// Tokens that come back with time.
+/// A token bucket.
 #[derive(Debug, Clone, Copy)]
 struct Bucket {
     tokens: f32,
@@ -27,7 +27,7 @@ impl Bucket {
     }
 }
 
-/// The limits of one responder: verified frames have their own, so that no stranger can use them up.
+/// The limits of one responder: verified frames have their own, so that no attacker can use them up.
 #[derive(Debug)]
 pub(super) struct Limits<A> {
     verified: Bucket,
@@ -44,7 +44,7 @@ impl<A: Copy + Eq> Limits<A> {
         }
     }
 
-    /// Takes one from what is left; false where nothing is.
+    /// Takes a token; false where there is none.
     pub(super) fn admit(&mut self, from: A, verified: bool, now: Duration) -> bool {
         if verified {
             self.verified.refill(EACH, now);
@@ -57,7 +57,7 @@ impl<A: Copy + Eq> Limits<A> {
     }
 }
 
-/// The bucket of an address; one that has rested long enough to be full again makes room, else the oldest.
+/// The bucket of an address; a new address takes the place of the one that was used least recently.
 fn address<A: Copy + Eq>(
     addresses: &mut [Option<(A, Bucket)>; ADDRESSES],
     from: A,
@@ -92,7 +92,7 @@ fn take(buckets: &mut [&mut Bucket]) -> bool {
 const EACH: f32 = 5.0;
 /// A second, from all addresses together.
 const ALL: f32 = 20.0;
-/// Addresses that are told apart.
+/// Addresses with a bucket of their own.
 const ADDRESSES: usize = 16;
 
 #[cfg(test)]
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn ten_seconds_of_a_flood_are_let_in_at_the_stated_rates() {
+    fn ten_seconds_of_a_flood_are_admitted_at_the_stated_rates() {
         // The burst of one second, and ten seconds' worth.
         let mut limits = Limits::new(Duration::ZERO);
         assert_eq!(admitted(&mut limits, |_| 1, false), 54);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn strangers_cannot_use_up_what_is_verified() {
+    fn unverified_frames_cannot_use_up_the_limit_of_verified_ones() {
         let mut limits = Limits::new(Duration::ZERO);
         for n in 0..1_000 {
             limits.admit(n, false, Duration::ZERO);

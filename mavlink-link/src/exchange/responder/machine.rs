@@ -16,21 +16,21 @@ use crate::exchange::terms::{Parties, VehicleState, Wanted};
 use crate::frame::Node;
 use crate::signing::KeyId;
 
-/// What a responder is told once.
+/// The settings of a responder.
 #[derive(Debug)]
 pub struct ResponderConfig {
     /// Both ends' ids.
     pub parties: Parties,
     /// This end's static key.
     pub identity: Identity,
-    /// What the keys are wanted for.
+    /// What the keys are for.
     pub wanted: Wanted,
 }
 
-/// A message as it came from the radio.
+/// A message as received from the radio.
 #[derive(Debug, Clone, Copy)]
 pub struct Inbound<'a, A> {
-    /// Where the answer goes.
+    /// Where the answer is sent.
     pub from: A,
     /// System and component of the frame's header.
     pub source: Node,
@@ -43,23 +43,23 @@ pub struct Inbound<'a, A> {
 /// A message to send.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Outbound<A> {
-    /// To whom.
+    /// The address.
     pub to: A,
-    /// What; signed where there is a key.
+    /// The message; signed where there is a key.
     pub message: Message,
 }
 
-/// Something the agent should do or a person should know.
+/// Something for the agent or for a person.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ResponderEvent {
-    /// A key is staged on disk: hand it to the autopilot.
+    /// A key is staged on disk: install it in the autopilot.
     Staged {
         /// Its name.
         key: KeyId,
         /// The epoch of its exchange.
         epoch: u32,
     },
-    /// The staged key is given up; it must not be sent.
+    /// The staged key is withdrawn; it must not be sent.
     Withdrawn,
     /// A pairing has succeeded, and its window is closed.
     Paired {
@@ -68,7 +68,7 @@ pub enum ResponderEvent {
     },
     /// The pairing window has closed without a pairing.
     WindowClosed,
-    /// Somebody in the window did not know the code.
+    /// An attempt in the window was made with a wrong code.
     WrongCode,
     /// The disk failed; nothing was answered.
     NotStored(StoreError),
@@ -77,8 +77,8 @@ pub enum ResponderEvent {
 /// Why a pairing window cannot be opened.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WindowError {
-    /// A key is on its way to the autopilot; wait until it is known what became of it.
-    #[error("a key is on its way to the autopilot")]
+    /// A key is being installed in the autopilot; wait for the outcome.
+    #[error("a key is being installed in the autopilot; wait for the outcome")]
     Busy,
     /// The staged key could not be withdrawn.
     #[error("the staged key cannot be withdrawn: {0}")]
@@ -90,7 +90,7 @@ pub enum WindowError {
 pub struct Responder<A> {
     pub(super) config: ResponderConfig,
     pub(super) memory: ResponderMemory,
-    /// The highest counter that a first message of the pinned peer had.
+    /// The highest counter in a first message of the pinned peer.
     pub(super) highest: u64,
     pub(super) vehicle: VehicleState,
     pub(super) half_open: Option<HalfOpen<A>>,
@@ -119,7 +119,7 @@ impl<A> core::fmt::Debug for Window<A> {
 }
 
 impl<A: Copy + Eq> Responder<A> {
-    /// A responder with what an earlier process has stored.
+    /// A responder that starts with what an earlier process has stored.
     #[must_use]
     pub fn new(config: ResponderConfig, memory: ResponderMemory, now: Duration) -> Self {
         Self {
@@ -144,13 +144,13 @@ impl<A: Copy + Eq> Responder<A> {
         &self.memory
     }
 
-    /// What was received and what was passed over.
+    /// Counts of what was received and ignored.
     #[must_use]
     pub fn stats(&self) -> &ExchangeStats {
         &self.stats
     }
 
-    /// Tells it of the vehicle; goes out with step 2.
+    /// Sets the state of the vehicle, which is sent in step 2.
     pub fn set_vehicle(&mut self, vehicle: VehicleState) {
         self.vehicle = vehicle;
     }
@@ -159,7 +159,7 @@ impl<A: Copy + Eq> Responder<A> {
     /// this computer may cause it. A staged key that was not sent is withdrawn, and suite 1 waits meanwhile.
     ///
     /// # Errors
-    /// A key is on its way to the autopilot, or the disk failed; no window is open then.
+    /// A key is being installed in the autopilot, or the disk failed; no window is open then.
     pub fn open_window(
         &mut self,
         now: Duration,
@@ -198,7 +198,7 @@ impl<A: Copy + Eq> Responder<A> {
         if let Some(next) = &mut self.memory.next {
             next.sent = true;
         }
-        self.tell(Status::Sent, 0);
+        self.report(Status::Sent, 0);
     }
 
     /// The autopilot signs with the staged key, which the caller has made the current one.
@@ -206,30 +206,30 @@ impl<A: Copy + Eq> Responder<A> {
         if let Some(next) = self.memory.next.take() {
             self.memory.current = Some(next.id);
         }
-        self.tell(Status::Active, 0);
+        self.report(Status::Active, 0);
     }
 
     /// The autopilot has not taken the key, and the caller has dropped it.
     pub fn key_dropped(&mut self) {
         self.memory.next = None;
-        self.tell(Status::RolledBack, 0);
+        self.report(Status::RolledBack, 0);
     }
 
-    /// What else has become of the staged key: waiting for disarm, the autopilot silent, unable to sign. Goes out with
-    /// the next answer to step 3; a responder never sends it unasked.
-    pub fn tell(&mut self, status: Status, reason: u8) {
+    /// Sets another state of the staged key: waiting for disarm, the autopilot silent, unable to sign. Sent in
+    /// the next answer to step 3; a responder never sends it by itself.
+    pub fn report(&mut self, status: Status, reason: u8) {
         if status == Status::CannotSign
             && let Some(next) = &mut self.memory.next
         {
-            // An autopilot that cannot sign has not taken it.
+            // An autopilot that cannot sign has not taken the key.
             next.sent = false;
         }
         if let Some(done) = &mut self.done {
-            done.tell(status, reason);
+            done.report(status, reason);
         }
     }
 
-    /// A hint that an exchange would be welcome, at most one in 10 s; to be sent to where the ground was last heard.
+    /// A hint that requests an exchange, at most one in 10 s; for the address where the ground was last received.
     pub fn please(&mut self, now: Duration) -> Option<Message> {
         let lately = self
             .pleased_at
@@ -250,7 +250,7 @@ impl<A: Copy + Eq> Responder<A> {
     /// Takes a KEY_EXCHANGE payload from the radio.
     ///
     /// # Errors
-    /// Why it was passed over; counted. Some of these are answered by step 15.
+    /// Why it was ignored; counted. Some of these are answered by step 15.
     pub fn handle(
         &mut self,
         now: Duration,
@@ -302,7 +302,7 @@ impl<A: Copy + Eq> Responder<A> {
         result
     }
 
-    /// Step 15, where it helps an honest peer to know; strangers learn nothing that they could not find out.
+    /// Step 15, where it helps an honest peer; an attacker learns nothing new from it.
     fn answer_refusal(
         &mut self,
         now: Duration,
@@ -318,7 +318,7 @@ impl<A: Copy + Eq> Responder<A> {
             }
             _ => return,
         };
-        // What was admitted once has been paid for; the others pay here.
+        // An old counter is found after the rate limit; the other refusals are limited here.
         let paid = matches!(result, Err(Ignored::OldCounter));
         if paid || self.limits.admit(inbound.from, inbound.verified, now) {
             let refusal = self.message(message.suite, message.session, Step::Reject, status);
@@ -326,7 +326,7 @@ impl<A: Copy + Eq> Responder<A> {
         }
     }
 
-    /// Lets go what is over. Calling it early or late does no harm.
+    /// Drops what has expired. Calling it early or late does no harm.
     pub fn handle_timeout(&mut self, now: Duration) {
         self.half_open.take_if(|open| open.is_over(now));
         if let Some(window) = &mut self.pairing {
@@ -338,7 +338,7 @@ impl<A: Copy + Eq> Responder<A> {
         }
     }
 
-    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
+    /// When [`handle_timeout`](Self::handle_timeout) is next needed, in monotonic time.
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Duration> {
         let half_open = self.half_open.as_ref().map(HalfOpen::until);

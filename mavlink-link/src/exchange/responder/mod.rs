@@ -1,13 +1,16 @@
-//! The air side: it answers, and says what has become of a key.
+//! The air side: it answers, and reports the state of a key.
 //!
-//! Promised: it never sends unasked, but for the hint of [`please`](Responder::please); the same bytes are answered
-//! with the same bytes; a staged key that the autopilot may have been sent is not replaced; `next` is on disk before
-//! step 4; what strangers can make it work and hold is bounded.
+//! Promised: it sends only answers, except the hint of [`please`](Responder::please); the same bytes are answered
+//! with the same bytes; a staged key that may have been sent to the autopilot is not replaced; `next` is on disk before
+//! step 4; the work and memory that an attacker can cause is bounded.
 //!
-//! One thing follows from step 1: a staged key that the autopilot has *not* been sent is withdrawn, on disk, before
-//! step 2 goes out. The initiator replaces its own `next` once it has step 2, so without this the old key could still
-//! be handed to the autopilot when nobody on the ground has it any more. Step 1 can be withheld and played in later,
+//! Step 1 has one effect: a staged key that has *not* been sent to the autopilot is withdrawn, on disk, before
+//! step 2 is sent. The initiator replaces its own `next` once it has step 2, so without this the old key could still
+//! be installed in the autopilot when the ground no longer has it. Step 1 can be withheld and replayed later,
 //! but its counter must be above that of every exchange completed since.
+//!
+//! Order of the parts: `limits` (rate limits), `sessions` (open sessions), `machine` (the state), `steps` (what each step
+//! does).
 
 mod limits;
 mod machine;

@@ -9,7 +9,7 @@ use crate::exchange::keys::{Agreed, Confirmation, Outcome};
 use crate::exchange::message::{Message, Status};
 use crate::exchange::terms::Facts;
 
-/// Step 2 is out.
+/// Step 2 has been sent.
 pub(super) struct HalfOpen<A> {
     pub(super) from: A,
     pub(super) since: Duration,
@@ -19,13 +19,13 @@ pub(super) struct HalfOpen<A> {
 }
 
 pub(super) enum WaitsFor {
-    /// Suite 1: everything is derived, and the initiator only proves that it has derived the same.
+    /// Suite 1: everything is derived; the initiator has only to prove that it has derived the same.
     Proof(Box<(Agreed, Confirmation)>, u64),
-    /// Suite 2: its last Noise message. The state is made anew for each try, from the ephemeral key: a forged message
-    /// spoils a state.
+    /// Suite 2: its last Noise message. The state is built again for each try, from the ephemeral key, since a forged
+    /// message corrupts a state.
     Message {
         ephemeral: Zeroizing<[u8; 32]>,
-        /// What step 2 said of this end.
+        /// What step 2 reported of this end.
         facts: [u8; Facts::LEN],
     },
 }
@@ -71,7 +71,8 @@ impl<A: Copy + Eq> PairingSlots<A> {
             .find(|open| open.offer.session == session)
     }
 
-    /// Takes a free place, or the oldest one of the address that holds most.
+    /// Takes a free place, or the oldest one of the address with the most sessions, so that a flood from one address
+    /// displaces its own.
     pub(super) fn insert(&mut self, open: HalfOpen<A>) {
         let share = |of: &HalfOpen<A>| {
             self.0
@@ -102,7 +103,7 @@ pub(super) struct Done {
 }
 
 impl Done {
-    pub(super) fn tell(&mut self, status: Status, reason: u8) {
+    pub(super) fn report(&mut self, status: Status, reason: u8) {
         let Outcome {
             status: before,
             reason: because,

@@ -211,7 +211,7 @@ impl<A: Copy + Eq> Responder<A> {
         }
     }
 
-    /// The same step 3 again: the same step 4 again, unless something has become of the key.
+    /// The same step 3 again: the same step 4 again, unless the state of the key has changed.
     fn answer_done(
         &mut self,
         now: Duration,
@@ -293,7 +293,7 @@ impl<A: Copy + Eq> Responder<A> {
         let Ok((mut noise, _)) = self.read_offer(Suite::Pairing, &open.offer, ephemeral) else {
             return Err(Ignored::Forged);
         };
-        // The same bytes as when it was sent: everything that goes in is the same.
+        // The same bytes as when it was sent: all inputs are the same.
         let answer = self
             .write_answer(&mut noise, &open.offer, facts)
             .ok_or(Ignored::Forged)?;

@@ -14,7 +14,7 @@ use crate::support::{
 };
 
 #[test]
-fn fall_01_stamps_follow_time_through_a_silence() {
+fn pitfall_01_stamps_follow_time_through_a_silence() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let (_, before) = station.send(at(10), &heartbeat());
     // Ten minutes without a word; another of the vehicle's streams has moved its clock meanwhile.
@@ -26,7 +26,7 @@ fn fall_01_stamps_follow_time_through_a_silence() {
 }
 
 #[test]
-fn fall_10_epoch_unit_and_link_id_stand_where_they_belong() {
+fn pitfall_10_epoch_unit_and_link_id_stand_where_they_belong() {
     let mut station = Station::new(Endpoint::Fixed(VEHICLE), at(0));
     station.link = Link::new(LinkConfig {
         link_id: 0x5c,
@@ -42,7 +42,7 @@ fn fall_10_epoch_unit_and_link_id_stand_where_they_belong() {
 }
 
 #[test]
-fn fall_11_the_wall_clock_may_jump_ten_years_either_way() {
+fn pitfall_11_the_wall_clock_may_jump_ten_years_either_way() {
     let ten_years = 3652 * DAY;
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let mut exchange = |station: &mut Station, now| {
@@ -85,7 +85,7 @@ fn fall_11_the_wall_clock_may_jump_ten_years_either_way() {
 }
 
 #[test]
-fn fall_12_a_packet_a_year_ahead_moves_nothing() {
+fn pitfall_12_a_packet_a_year_ahead_moves_nothing() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let before = station.keys.clock().reading(at(10));
     let ahead = before.plus(365 * DAY);
@@ -122,7 +122,7 @@ fn fall_12_a_packet_a_year_ahead_moves_nothing() {
 }
 
 #[test]
-fn fall_13_a_forgers_stamp_is_not_kept() {
+fn pitfall_13_a_forgers_stamp_is_not_kept() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let mut forger = Vehicle {
         key: other_key(),

@@ -10,7 +10,7 @@ use mavlink_link::signing::Stamp;
 use crate::support::{DAY, STRANGER, Station, VEHICLE, Vehicle, WALL, ack, at, live_pair, ms};
 
 #[test]
-fn fall_02_a_retry_is_signed_anew() {
+fn pitfall_02_a_retry_is_signed_anew() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let (first, a) = station.send(at(10), &ack());
     let (second, b) = station.send(at(10), &ack());
@@ -21,7 +21,7 @@ fn fall_02_a_retry_is_signed_anew() {
 }
 
 #[test]
-fn fall_03_the_stream_keeps_the_stamp_of_every_packet() {
+fn pitfall_03_the_stream_keeps_the_stamp_of_every_packet() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let frames: Vec<_> = (0..20).map(|_| vehicle.heartbeat()).collect();
     for frame in &frames {
@@ -38,7 +38,7 @@ fn fall_03_the_stream_keeps_the_stamp_of_every_packet() {
 }
 
 #[test]
-fn fall_04_there_is_no_window_in_which_a_replay_passes() {
+fn pitfall_04_there_is_no_window_in_which_a_replay_passes() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let (first, second) = (vehicle.heartbeat(), vehicle.heartbeat());
     assert_eq!(station.receive(at(10), VEHICLE, &second).len(), 1);
@@ -48,7 +48,7 @@ fn fall_04_there_is_no_window_in_which_a_replay_passes() {
 }
 
 #[test]
-fn fall_05_a_capture_of_one_link_is_refused_on_the_other() {
+fn pitfall_05_a_capture_of_one_link_is_refused_on_the_other() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let mut other = Link::new(LinkConfig::new(1, Security::Signed, Endpoint::Listen));
     let frame = vehicle.heartbeat();
@@ -75,7 +75,7 @@ fn fall_05_a_capture_of_one_link_is_refused_on_the_other() {
 /// The vehicle's other link was recorded since our last run, and we have just started: the recordings are played in
 /// whenever the link could forget which one it is.
 #[test]
-fn fall_05_captures_of_another_link_neither_shut_the_vehicle_out_nor_keep_the_peer() {
+fn pitfall_05_captures_of_another_link_neither_shut_the_vehicle_out_nor_keep_the_peer() {
     let mut station = Station::new(Endpoint::Listen, at(0));
     let mut other = Vehicle {
         link_id: 1,
@@ -108,7 +108,7 @@ fn fall_05_captures_of_another_link_neither_shut_the_vehicle_out_nor_keep_the_pe
 }
 
 #[test]
-fn fall_06_two_threads_with_one_key_deliver_each_frame_once() {
+fn pitfall_06_two_threads_with_one_key_deliver_each_frame_once() {
     let (station, mut vehicle) = live_pair(Endpoint::Listen);
     let frames: Vec<_> = (0..500).map(|_| vehicle.heartbeat()).collect();
     // The table can only be reached through `&mut KeyState`, so the lock is the caller's and whole.
@@ -139,7 +139,7 @@ fn fall_06_two_threads_with_one_key_deliver_each_frame_once() {
 }
 
 #[test]
-fn fall_17_what_reordering_loses_comes_through_by_a_retry() {
+fn pitfall_17_what_reordering_loses_comes_through_by_a_retry() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA::default());
     let (early, late) = (vehicle.send(&text), vehicle.send(&ack()));
@@ -155,7 +155,7 @@ fn fall_17_what_reordering_loses_comes_through_by_a_retry() {
 }
 
 #[test]
-fn fall_19_nothing_from_before_a_restart_is_accepted_after_it() {
+fn pitfall_19_nothing_from_before_a_restart_is_accepted_after_it() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let mut recorded = Vec::new();
     for n in 1..60 {
@@ -183,7 +183,7 @@ fn fall_19_nothing_from_before_a_restart_is_accepted_after_it() {
 }
 
 #[test]
-fn fall_25_an_old_acknowledgement_confirms_no_new_command() {
+fn pitfall_25_an_old_acknowledgement_confirms_no_new_command() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let delayed = vehicle.send(&ack());
     let (command, sent) = station.send(at(500), &ack());

@@ -11,7 +11,7 @@ use zeroize::{Zeroize as _, ZeroizeOnDrop};
 use crate::support::{Station, VEHICLE, WALL, ack, at, key, live_pair};
 
 #[test]
-fn fall_16_the_key_is_not_shown_and_its_own_bytes_are_wiped() {
+fn pitfall_16_the_key_is_not_shown_and_its_own_bytes_are_wiped() {
     // Dropping does what `zeroize` does, and that leaves none of the bytes. Copies that a move left elsewhere are not
     // reached by it: see "Not promised" in docs/guide/security.md.
     fn wiped_on_drop<T: ZeroizeOnDrop>() {}
@@ -36,7 +36,7 @@ fn fall_16_the_key_is_not_shown_and_its_own_bytes_are_wiped() {
 
 /// A panic tells what it is about by `Debug`: a test harness, a log and standard error have it then.
 #[test]
-fn fall_16_a_panic_about_a_secret_does_not_tell_it() {
+fn pitfall_16_a_panic_about_a_secret_does_not_tell_it() {
     use std::panic::{AssertUnwindSafe, catch_unwind};
     let mut random = |out: &mut [u8]| {
         out.fill(0x5a);
@@ -71,7 +71,7 @@ fn fall_16_a_panic_about_a_secret_does_not_tell_it() {
 }
 
 #[test]
-fn fall_18_a_pass_phrase_is_not_a_key() {
+fn pitfall_18_a_pass_phrase_is_not_a_key() {
     assert_eq!(
         SigningKey::from_hex("correct horse battery staple").unwrap_err(),
         KeyError::Digit { offset: 1 }
@@ -83,7 +83,7 @@ fn fall_18_a_pass_phrase_is_not_a_key() {
 }
 
 #[test]
-fn fall_20_a_recording_holds_neither_key_nor_anything_to_replay() {
+fn pitfall_20_a_recording_holds_neither_key_nor_anything_to_replay() {
     let (_, mut vehicle) = live_pair(Endpoint::Listen);
     let setup = MavMessage::SETUP_SIGNING(SETUP_SIGNING_DATA {
         initial_timestamp: 77,

@@ -9,7 +9,7 @@ use crate::support::{
 };
 
 #[test]
-fn fall_08_a_message_accepted_unsigned_is_refused_with_a_wrong_signature() {
+fn pitfall_08_a_message_accepted_unsigned_is_refused_with_a_wrong_signature() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let status = MavMessage::RADIO_STATUS(RADIO_STATUS_DATA {
         rssi: 9,
@@ -35,7 +35,7 @@ fn fall_08_a_message_accepted_unsigned_is_refused_with_a_wrong_signature() {
 }
 
 #[test]
-fn fall_09_checksum_and_signature_are_each_checked() {
+fn pitfall_09_checksum_and_signature_are_each_checked() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     // A wrong checksum under a right signature: made by signing a frame whose checksum is off.
     let good = vehicle.heartbeat();
@@ -69,7 +69,7 @@ fn fall_09_checksum_and_signature_are_each_checked() {
 }
 
 #[test]
-fn fall_15_every_delivery_says_whether_it_was_verified() {
+fn pitfall_15_every_delivery_says_whether_it_was_verified() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let got = station.receive(at(10), VEHICLE, &vehicle.heartbeat());
     assert!(got[0].verified && got[0].stamp.is_some());
@@ -89,7 +89,7 @@ fn fall_15_every_delivery_says_whether_it_was_verified() {
 }
 
 #[test]
-fn fall_15_state_and_counters_say_whether_signing_is_on() {
+fn pitfall_15_state_and_counters_say_whether_signing_is_on() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     assert_eq!(station.link.state(), LinkState::Live);
     let mut unsigned = Station::new(Endpoint::Listen, at(0));
@@ -106,7 +106,7 @@ fn fall_15_state_and_counters_say_whether_signing_is_on() {
 }
 
 #[test]
-fn fall_23_a_vehicle_that_lost_its_key_is_noticed() {
+fn pitfall_23_a_vehicle_that_lost_its_key_is_noticed() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     // Its heartbeats alone prove nothing: anyone can send those.
     station.receive(at(10), VEHICLE, &vehicle.send_unsigned(&heartbeat()));

@@ -9,7 +9,7 @@ use crate::support::{
 };
 
 #[test]
-fn fall_07_a_full_table_still_has_a_place_for_the_autopilot() {
+fn pitfall_07_a_full_table_still_has_a_place_for_the_autopilot() {
     let mut station = Station::new(Endpoint::Listen, at(0));
     let high = Stamp::from_unix(at(1_000).wall);
     for component in 2..30 {
@@ -31,7 +31,7 @@ fn fall_07_a_full_table_still_has_a_place_for_the_autopilot() {
 }
 
 #[test]
-fn fall_21_a_strangers_datagram_does_not_move_the_peer() {
+fn pitfall_21_a_strangers_datagram_does_not_move_the_peer() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let replay = vehicle.heartbeat();
     station.receive(at(10), VEHICLE, &replay);
@@ -67,7 +67,7 @@ fn fall_21_a_strangers_datagram_does_not_move_the_peer() {
 }
 
 #[test]
-fn fall_22_our_own_frames_come_back_and_are_refused() {
+fn pitfall_22_our_own_frames_come_back_and_are_refused() {
     let (mut station, _) = live_pair(Endpoint::Listen);
     let (frame, _) = station.send(at(10), &ack());
     assert!(station.receive(at(11), VEHICLE, &frame).is_empty());
@@ -84,7 +84,7 @@ fn fall_22_our_own_frames_come_back_and_are_refused() {
 }
 
 #[test]
-fn fall_24_strangers_heartbeats_raise_no_alarm_and_pass_for_nobody() {
+fn pitfall_24_strangers_heartbeats_raise_no_alarm_and_pass_for_nobody() {
     let (mut station, vehicle) = live_pair(Endpoint::Listen);
     let accepted = station.link.accepted_at();
     for n in 0..200 {
@@ -113,7 +113,7 @@ fn fall_24_strangers_heartbeats_raise_no_alarm_and_pass_for_nobody() {
 }
 
 #[test]
-fn fall_26_the_vehicles_own_frame_is_not_taken_back_by_its_side_of_the_link() {
+fn pitfall_26_the_vehicles_own_frame_is_not_taken_back_by_its_side_of_the_link() {
     let (mut station, mut vehicle) = live_pair(Endpoint::Listen);
     let frame = vehicle.send(&ack());
     // The vehicle itself would take its own frame: the key is right, and the stream is new to it.

@@ -40,7 +40,7 @@ fn a_key_is_rotated_and_the_link_goes_on_under_the_new_one() {
 }
 
 #[test]
-fn fall_14_signing_is_not_switched_over_before_the_vehicle_has_taken_the_key() {
+fn pitfall_14_signing_is_not_switched_over_before_the_vehicle_has_taken_the_key() {
     let mut world = World::new(Some(key()));
     world.run(9);
     // The key is lost on its way: nothing is committed on hope.
@@ -59,7 +59,7 @@ fn fall_14_signing_is_not_switched_over_before_the_vehicle_has_taken_the_key() {
 }
 
 #[test]
-fn fall_23_a_power_cut_that_leaves_the_vehicle_unsigned_is_mended() {
+fn pitfall_23_a_power_cut_that_leaves_the_vehicle_unsigned_is_mended() {
     let mut world = World::new(Some(key()));
     assert_eq!(world.settle(30), Some(Outcome::Committed));
     // Its file was truncated, and not yet written.
@@ -72,7 +72,7 @@ fn fall_23_a_power_cut_that_leaves_the_vehicle_unsigned_is_mended() {
 }
 
 #[test]
-fn fall_27_silence_is_no_refusal_and_the_key_that_was_taken_is_kept() {
+fn pitfall_27_silence_is_no_refusal_and_the_key_that_was_taken_is_kept() {
     let mut world = World::new(Some(key()));
     world.until_sent();
     assert!(world.px4.has(&other_key()), "it took the key at once");

@@ -34,7 +34,7 @@ impl End {
 }
 
 #[test]
-fn fall_01_pymavlink_hears_us_after_a_long_silence() {
+fn pitfall_01_pymavlink_hears_us_after_a_long_silence() {
     let mut ours = End::new(KEY);
     let before = ours.heartbeat();
     ours.now = ours.now.after(Duration::from_secs(300));
@@ -48,7 +48,7 @@ fn fall_01_pymavlink_hears_us_after_a_long_silence() {
 }
 
 #[test]
-fn fall_02_pymavlink_takes_a_retry_but_no_bytes_twice() {
+fn pitfall_02_pymavlink_takes_a_retry_but_no_bytes_twice() {
     let mut ours = End::new(KEY);
     let (first, retry) = (ours.heartbeat(), ours.heartbeat());
     let verdicts = pymavlink_verifies(KEY, None, &[first.clone(), first, retry]);
@@ -60,7 +60,7 @@ fn fall_02_pymavlink_takes_a_retry_but_no_bytes_twice() {
 }
 
 #[test]
-fn fall_04_no_frame_of_pymavlink_is_taken_out_of_its_order() {
+fn pitfall_04_no_frame_of_pymavlink_is_taken_out_of_its_order() {
     let stamp = peer_stamp();
     let frames = pymavlink_forges(
         KEY,
@@ -76,7 +76,7 @@ fn fall_04_no_frame_of_pymavlink_is_taken_out_of_its_order() {
 }
 
 #[test]
-fn fall_05_a_frame_of_pymavlink_is_taken_on_one_link_alone() {
+fn pitfall_05_a_frame_of_pymavlink_is_taken_on_one_link_alone() {
     let frames = pymavlink_forges(
         KEY,
         &[
@@ -105,7 +105,7 @@ fn fall_05_a_frame_of_pymavlink_is_taken_on_one_link_alone() {
 }
 
 #[test]
-fn fall_08_what_may_come_unsigned_may_not_come_badly_signed() {
+fn pitfall_08_what_may_come_unsigned_may_not_come_badly_signed() {
     let frames = pymavlink_forges(
         KEY,
         &[
@@ -132,7 +132,7 @@ fn fall_08_what_may_come_unsigned_may_not_come_badly_signed() {
 }
 
 #[test]
-fn fall_10_a_stamp_of_another_epoch_or_unit_moves_nothing() {
+fn pitfall_10_a_stamp_of_another_epoch_or_unit_moves_nothing() {
     let stamp = peer_stamp();
     let since_1970 = stamp + 1_420_070_400 * SECOND;
     let frames = pymavlink_forges(
@@ -159,7 +159,7 @@ fn fall_10_a_stamp_of_another_epoch_or_unit_moves_nothing() {
 }
 
 #[test]
-fn fall_12_a_key_holder_a_year_ahead_drags_nothing_along() {
+fn pitfall_12_a_key_holder_a_year_ahead_drags_nothing_along() {
     let stamp = peer_stamp();
     let frames = pymavlink_forges(
         KEY,
@@ -180,7 +180,7 @@ fn fall_12_a_key_holder_a_year_ahead_drags_nothing_along() {
 }
 
 #[test]
-fn fall_13_a_forger_with_a_high_stamp_deafens_nobody() {
+fn pitfall_13_a_forger_with_a_high_stamp_deafens_nobody() {
     let stamp = peer_stamp();
     let frames = pymavlink_forges(
         KEY,
@@ -196,7 +196,7 @@ fn fall_13_a_forger_with_a_high_stamp_deafens_nobody() {
 }
 
 #[test]
-fn fall_22_a_frame_in_our_own_name_is_refused_though_it_verifies() {
+fn pitfall_22_a_frame_in_our_own_name_is_refused_though_it_verifies() {
     let stamp = peer_stamp();
     let frames = pymavlink_forges(
         KEY,

@@ -191,7 +191,7 @@ pub fn run(to_initiator: bool, input: &[u8]) {
                 }
             }
             12 => initiator.want(),
-            13 => responder.tell(Status::from(value), act),
+            13 => responder.report(Status::from(value), act),
             14 => {
                 let _ = initiator.handle(
                     now,
