@@ -187,6 +187,7 @@ impl<W: Write> Operator<W> {
             | Condition::Lacks { .. } => self.find_vehicle().await?,
             _ => self.find_vehicle_with_status().await?,
         };
+        // Only alerts from now on: the one waited for may have come before, for another reason.
         let mark = self.state(vehicle).map_or(0, Vehicle::next_alert);
         let is_met = |state: &Vehicle| match condition {
             Condition::Mode { mode } => state.mode() == Some(mode.0),

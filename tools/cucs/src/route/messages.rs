@@ -97,7 +97,7 @@ impl Route {
     }
 }
 
-/// A text for a field of `N` bytes, refused rather than cut.
+/// A text for a field of `N` bytes, refused rather than cut: a cut Route ID would name another route.
 fn text<const N: usize>(
     what: &'static str,
     value: Option<&str>,
@@ -230,6 +230,7 @@ fn from(route: &UaRoute, all: &[Message]) -> Route {
     let mut waypoints: Vec<Waypoint> = Vec::new();
     let mut reached = BTreeSet::new();
     let mut number = route.initial_waypoint_number.unwrap_or(0);
+    // A loop leads back to a waypoint that was reached before.
     while number != 0 && reached.insert(number) {
         let found = all.iter().find_map(|message| match message {
             Message::UaPositionWaypoint(point) if point.waypoint_number == Some(number) => {

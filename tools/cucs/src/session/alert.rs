@@ -48,6 +48,7 @@ pub(crate) enum Taken {
 impl Alerts {
     pub(crate) fn take(&mut self, message: &SubsystemStatusAlert) -> Taken {
         if let Some(stamp) = message.time_stamp {
+            // A retransmission carries the same stamp.
             if self.stamps.contains(&stamp) {
                 return Taken::Duplicate;
             }

@@ -84,6 +84,7 @@ impl Download {
     pub(crate) fn take(&mut self, message: &Message) -> bool {
         match message {
             Message::UaRoute(route) => {
+                // Sent again, as in a second download: the later one counts.
                 self.routes.retain(|known| known.route_id != route.route_id);
                 if self.routes.len() >= MAX_ROUTES {
                     return false;

@@ -230,11 +230,13 @@ impl Session {
                 Err(fault) => self.traffic.drop(fault.reason()),
             }
         }
+        // The acknowledgements made room in the window.
         self.sender.advance(now, &mut self.traffic);
     }
 
     fn handle_frame(&mut self, now: Now, frame: &Frame<'_>) {
         let header = frame.header;
+        // Its own broadcasts, should the network return them.
         if header.source == self.config.id {
             return self.traffic.drop("own");
         }
@@ -275,6 +277,7 @@ impl Session {
             },
         }
         self.traffic.received.count(header.message_type);
+        // Never for a 17000: two stations that acknowledge acknowledgements would not stop.
         if header.ack_requested && to_us && header.message_type != MessageAcknowledgement::ID {
             self.acknowledge(header.source, header.message_type, frame);
         }
@@ -286,6 +289,7 @@ impl Session {
 
     fn take_report(&mut self, now: Now, source: Id, message: &Message) -> Change {
         let reports_vehicle = !matches!(message, Message::Heartbeat(_));
+        // Memory is bounded, whoever sends; and a heartbeat alone does not make a vehicle.
         if !self.vehicles.contains_key(&source)
             && (!reports_vehicle || self.vehicles.len() >= MAX_VEHICLES)
         {

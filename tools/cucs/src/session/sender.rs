@@ -115,6 +115,7 @@ impl Sender {
         message: Message,
         acknowledged: bool,
     ) -> Result<Ticket, EncodeError> {
+        // Encoded once now, so that the caller gets the error and not the retransmission.
         message.encode(
             &self.envelope(destination, acknowledged),
             &mut [0; MAX_DATAGRAM],
@@ -152,6 +153,7 @@ impl Sender {
             if delivery != Delivery::Unanswered {
                 traffic.sent.count(message.id());
             }
+            // Only messages that await an acknowledgement occupy the window.
             room -= usize::from(acknowledged);
             let sent = Sent {
                 destination,
@@ -205,6 +207,7 @@ impl Sender {
             AckType::Unknown(_) => return None,
         };
         let (ticket, sent) = self.sent.iter_mut().rev().find(|(_, sent)| {
+            // A broadcast is answered by the VSM or the vehicle under its own id.
             let from_there = sent.destination == source || sent.destination == Id::BROADCAST;
             sent.message_type == message_type && sent.stamp == stamp && from_there
         })?;

@@ -153,6 +153,7 @@ impl Vehicle {
                     Some(HandoverStatus::Successful | HandoverStatus::Failed)
                 );
                 let by = self.handover_request().map(|(by, _)| by);
+                // The report may be about a handover between two others.
                 if over && by.is_some() && by == new.cucs_id_acquiring_control {
                     self.handover_request = None;
                 }

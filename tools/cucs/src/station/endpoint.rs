@@ -205,6 +205,7 @@ impl Station {
                 delivery.is_final().then_some(delivery)
             })
             .await?;
+        // Read before it is withdrawn, which would make it final.
         let last = self.session.delivery(ticket);
         let message_type = self.session.sent(ticket).map_or(0, |(kind, _)| kind);
         self.session.withdraw(ticket);
@@ -239,6 +240,7 @@ impl Station {
         let mut buffer = [0; RECEIVE_BYTES];
         loop {
             let now = self.now();
+            // Send before checking: a check may wait for the answer to what is queued here.
             self.session.handle_timeout(now);
             self.flush().await?;
             if let Some(found) = check(&mut self.session) {

@@ -63,6 +63,7 @@ impl Station {
             let delivery = self.session.delivery(*ticket);
             (delivery != Delivery::CarriedOut).then_some((delivery, what(message)))
         });
+        // After a refusal the rest of the plan is not sent any more.
         for ticket in &tickets {
             self.session.withdraw(*ticket);
         }
@@ -176,6 +177,7 @@ impl Station {
                 .vehicle(vehicle)
                 .filter(|_| count(session) > before)?;
             let report = state.transfer.as_ref()?;
+            // A 14000 may belong to another transfer.
             if report.mission_plan_mode.is_some() && report.mission_plan_mode != mode {
                 return None;
             }

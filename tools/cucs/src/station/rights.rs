@@ -41,6 +41,7 @@ impl Station {
         let within = self.timeouts.answer;
         let quiet = self.timeouts.quiet;
         let deadline = Instant::now() + within;
+        // What was known before is no answer: a vehicle may have gone since.
         let before: Vec<(Id, u64)> = self
             .session
             .vehicles()
@@ -76,6 +77,7 @@ impl Station {
             if first.is_none() {
                 continue;
             }
+            // Each VSM answers for itself, and a VSM once for each vehicle: wait until it has been quiet for a moment.
             let mut found = answered(&self.session).len();
             while self
                 .until(Instant::now() + quiet, |session| {

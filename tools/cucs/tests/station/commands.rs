@@ -210,7 +210,7 @@ async fn rights_that_are_not_granted_are_an_error() {
 }
 
 #[tokio::test]
-async fn a_vsm_that_is_not_there_is_told_as_such() {
+async fn a_vsm_that_is_not_there_is_reported_as_such() {
     let free = UdpSocket::bind(anywhere())
         .await
         .unwrap()

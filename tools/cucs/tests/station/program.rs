@@ -1,4 +1,4 @@
-//! The program `cucs`: exit status 0 done, 1 refused or no answer, 2 a wrong question or file; one clear line why.
+//! The program `cucs`: exit status 0 done, 1 refused or no answer, 2 wrong arguments or a faulty file; one line with the reason.
 
 use std::net::UdpSocket;
 use std::process::{Command, Output};
@@ -14,7 +14,7 @@ fn cucs(vsm: &str, arguments: &[&str]) -> Output {
     command.output().unwrap()
 }
 
-fn told(output: &Output) -> (Option<i32>, String, String) {
+fn result(output: &Output) -> (Option<i32>, String, String) {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (
         output.status.code(),
@@ -48,13 +48,13 @@ fn with_vsm(mut vsm: FakeVsm, work: impl FnOnce(&str)) {
 }
 
 #[test]
-fn no_vsm_is_status_1_and_says_so() {
+fn no_vsm_is_status_1_with_the_address() {
     let free = UdpSocket::bind("127.0.0.1:0")
         .unwrap()
         .local_addr()
         .unwrap()
         .to_string();
-    let (status, _, error) = told(&cucs(&free, &["discover"]));
+    let (status, _, error) = result(&cucs(&free, &["discover"]));
     assert_eq!(status, Some(1));
     assert!(
         error.contains(&format!("no answer from a VSM at {free} within 3 s")),
@@ -63,7 +63,7 @@ fn no_vsm_is_status_1_and_says_so() {
 }
 
 #[test]
-fn wrong_questions_are_status_2() {
+fn wrong_arguments_are_status_2() {
     for arguments in [
         &["mode", "flop"][..],
         &["launch"],
@@ -72,18 +72,18 @@ fn wrong_questions_are_status_2() {
         &["take", "--loi", "9"],
         &["--id", "1b:0", "discover"],
     ] {
-        let (status, out, error) = told(&cucs("127.0.0.1:9", arguments));
+        let (status, out, error) = result(&cucs("127.0.0.1:9", arguments));
         assert_eq!(status, Some(2), "{arguments:?}: {error}");
         assert!(out.is_empty() && !error.is_empty());
     }
-    assert_eq!(told(&cucs("nowhere", &["discover"])).0, Some(2));
+    assert_eq!(result(&cucs("nowhere", &["discover"])).0, Some(2));
 }
 
 #[test]
 fn each_subcommand_may_be_a_process_of_its_own() {
     with_vsm(FakeVsm::new(), |vsm| {
         let done = |arguments: &[&str]| {
-            let (status, out, error) = told(&cucs(vsm, arguments));
+            let (status, out, error) = result(&cucs(vsm, arguments));
             assert_eq!(status, Some(0), "{arguments:?}: {error}");
             out
         };
@@ -98,7 +98,7 @@ fn each_subcommand_may_be_a_process_of_its_own() {
         assert!(done(&["download"]).contains("[[waypoint]]\nnumber = 10\n"));
         done(&["mode", "12", "--altitude", "40", "--position=-33.9,18.4"]);
         done(&["release"]);
-        let (status, _, error) = told(&cucs(vsm, &["watch"]));
+        let (status, _, error) = result(&cucs(vsm, &["watch"]));
         assert_eq!(status, Some(1));
         assert!(error.contains("run `cucs take` first"), "{error}");
     });
@@ -112,7 +112,7 @@ fn a_refusal_is_status_1_with_its_reason_and_stops_a_script() {
         let script = std::env::temp_dir().join(format!("{}.cucs", std::process::id()));
         std::fs::write(&script, "take\n\nmode 20 # no\nrelease\n").unwrap();
         let path = script.to_string_lossy().into_owned();
-        let (status, out, error) = told(&cucs(vsm, &["script", &path]));
+        let (status, out, error) = result(&cucs(vsm, &["script", &path]));
         std::fs::remove_file(&script).unwrap();
         assert_eq!(status, Some(1));
         assert!(

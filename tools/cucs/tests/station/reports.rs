@@ -51,7 +51,7 @@ fn the_latest_report_counts_by_its_stamp_and_not_by_its_arrival() {
 }
 
 #[test]
-fn position_state_and_waypoints_are_told_in_units() {
+fn position_state_and_waypoints_are_given_in_units() {
     let mut session = session();
     let unknown = InertialStates {
         time_stamp: Some(TimeStamp(1)),
@@ -138,7 +138,7 @@ fn the_rights_of_another_cucs_are_not_ours() {
 }
 
 #[test]
-fn a_long_alert_is_told_once_and_whole() {
+fn a_long_alert_is_reported_once_and_whole() {
     let mut session = session();
     let text = "13000 refused: waypoint 17: 6123 m above home, expected -500 to 5000 m above home";
     let parts = FakeVsm::new().alert(text);
@@ -149,10 +149,10 @@ fn a_long_alert_is_told_once_and_whole() {
     let vehicle = session.vehicle(VEHICLE).unwrap();
     let texts: Vec<&str> = vehicle.alerts().map(|alert| alert.text.as_str()).collect();
     assert_eq!(texts, [text]);
-    let told = std::iter::from_fn(|| session.poll_event())
+    let alerts = std::iter::from_fn(|| session.poll_event())
         .filter(|event| matches!(event, Event::Alert { .. }))
         .count();
-    assert_eq!(told, 1);
+    assert_eq!(alerts, 1);
 }
 
 #[test]
@@ -236,12 +236,12 @@ fn any_bytes_are_survived() {
 }
 
 #[test]
-fn wishes_and_offers_are_told_once_and_forgotten_when_they_are_decided() {
+fn requests_and_offers_are_reported_once_and_dropped_when_they_are_decided() {
     let control = LoiBitmap::from_raw(0x0c);
     let other = Id(0x1b00_00b0);
     let mut session = Session::new(SessionConfig::new(CUCS));
     let mut stamp = 0;
-    let mut told = |session: &mut Session, to: Id, message: Message| {
+    let mut deliver = |session: &mut Session, to: Id, message: Message| {
         stamp += 100;
         let message = stamped(message, TimeStamp(800_000_000_000 + stamp));
         session.handle_datagram(now(stamp), &datagram(VEHICLE, to, message));
@@ -260,7 +260,7 @@ fn wishes_and_offers_are_told_once_and_forgotten_when_they_are_decided() {
             ..VsmAuthorisationResponse::default()
         })
     };
-    let wish = || {
+    let request = || {
         Message::from(PositiveHandoverAuthorisationRequest {
             requested_handover_loi: Some(control),
             requesting_cucs_id: Some(other),
@@ -278,14 +278,14 @@ fn wishes_and_offers_are_told_once_and_forgotten_when_they_are_decided() {
         (vehicle.handover_request(), vehicle.handover_offer())
     };
 
-    assert!(told(&mut session, CUCS, holds(0x0d)).is_empty());
+    assert!(deliver(&mut session, CUCS, holds(0x0d)).is_empty());
     assert!(
-        told(&mut session, other, wish()).is_empty(),
+        deliver(&mut session, other, request()).is_empty(),
         "it is for another"
     );
-    let asked = told(&mut session, CUCS, wish());
+    let events = deliver(&mut session, CUCS, request());
     assert_eq!(
-        asked,
+        events,
         [Event::HandoverRequested {
             vehicle: VEHICLE,
             by: other,
@@ -293,7 +293,7 @@ fn wishes_and_offers_are_told_once_and_forgotten_when_they_are_decided() {
         }]
     );
     assert!(
-        told(&mut session, CUCS, wish()).is_empty(),
+        deliver(&mut session, CUCS, request()).is_empty(),
         "once is enough"
     );
     assert_eq!(known(&session), (Some((other, control)), None));
@@ -302,17 +302,21 @@ fn wishes_and_offers_are_told_once_and_forgotten_when_they_are_decided() {
         status: Some(HandoverStatus::Failed),
         ..HandoverStatusReport::default()
     };
-    told(&mut session, CUCS, over.into());
+    deliver(&mut session, CUCS, over.into());
     assert_eq!(known(&session), (None, None));
-    assert_eq!(told(&mut session, CUCS, wish()).len(), 1, "it asks anew");
-    told(&mut session, CUCS, holds(0x01));
+    assert_eq!(
+        deliver(&mut session, CUCS, request()).len(),
+        1,
+        "a new request"
+    );
+    deliver(&mut session, CUCS, holds(0x01));
     assert_eq!(
         known(&session),
         (None, None),
-        "what is not held is not asked for"
+        "levels that are not held cannot be requested"
     );
 
-    let offered = told(&mut session, CUCS, offer(control));
+    let offered = deliver(&mut session, CUCS, offer(control));
     assert_eq!(
         offered,
         [Event::HandoverOffered {
@@ -320,12 +324,12 @@ fn wishes_and_offers_are_told_once_and_forgotten_when_they_are_decided() {
             loi: control
         }]
     );
-    told(&mut session, CUCS, holds(0x0d));
+    deliver(&mut session, CUCS, holds(0x0d));
     assert_eq!(known(&session), (None, None), "what is held is no offer");
-    assert!(told(&mut session, CUCS, offer(control)).is_empty());
-    told(&mut session, CUCS, holds(0x01));
-    assert_eq!(told(&mut session, CUCS, offer(control)).len(), 1);
-    told(&mut session, CUCS, offer(LoiBitmap::NONE));
+    assert!(deliver(&mut session, CUCS, offer(control)).is_empty());
+    deliver(&mut session, CUCS, holds(0x01));
+    assert_eq!(deliver(&mut session, CUCS, offer(control)).len(), 1);
+    deliver(&mut session, CUCS, offer(LoiBitmap::NONE));
     assert_eq!(known(&session), (None, None), "it was withdrawn");
 }
 

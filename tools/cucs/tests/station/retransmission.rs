@@ -1,4 +1,4 @@
-//! Over a network that loses, doubles and reorders, every message is carried out once and acknowledged; retransmissions
+//! Over a network that loses, duplicates and reorders, every message is carried out once and acknowledged; retransmissions
 //! are the same bytes, and stamps rise strictly.
 
 use std::collections::BTreeSet;
@@ -77,7 +77,7 @@ fn every_message_is_carried_out_once_and_acknowledged() {
         assert_eq!(stamps.len(), 201);
         assert!(
             vsm.received.len() > 201,
-            "seed {seed}: nothing was lost or doubled"
+            "seed {seed}: nothing was lost or duplicated"
         );
         assert!(session.traffic().retransmitted > 0);
 
@@ -88,7 +88,7 @@ fn every_message_is_carried_out_once_and_acknowledged() {
 }
 
 #[test]
-fn a_silent_vsm_hears_the_same_bytes_five_times_half_a_second_apart() {
+fn a_silent_vsm_is_sent_the_same_bytes_five_times_half_a_second_apart() {
     let mut session = session(5);
     let ticket = session
         .send(now(0), VEHICLE, command(Mode::Loiter))
@@ -141,7 +141,7 @@ fn any_type_of_acknowledgement_ends_the_retransmission_and_the_outcome_follows()
 }
 
 #[test]
-fn an_acknowledgement_of_something_else_is_not_taken() {
+fn an_acknowledgement_of_something_else_is_ignored() {
     let mut session = session(5);
     let ticket = session
         .send(now(0), VEHICLE, command(Mode::Loiter))
@@ -178,7 +178,7 @@ fn an_answer_after_the_last_try_still_counts() {
 }
 
 #[test]
-fn stamps_rise_though_the_clock_stands_still_or_goes_back() {
+fn stamps_rise_though_the_clock_stops_or_goes_back() {
     let mut session = session(5);
     let mut stamps = Vec::new();
     for unix_ms in [UNIX_MS, UNIX_MS, UNIX_MS - 60_000, UNIX_MS + 5] {

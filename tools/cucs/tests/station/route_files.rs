@@ -1,4 +1,4 @@
-//! A route file becomes messages and comes back the same; every fault is told with file, line and field.
+//! A route file becomes messages and comes back the same; every error names file, line and field.
 
 use std::path::Path;
 
@@ -62,7 +62,7 @@ fn parse(text: &str) -> Result<Route, String> {
 }
 
 #[test]
-fn a_file_becomes_the_messages_that_it_says() {
+fn a_file_becomes_its_messages() {
     let route = parse(ROUTE).unwrap();
     let messages = route.messages(VEHICLE, CUCS).unwrap();
     let types: Vec<u16> = messages.iter().map(Message::id).collect();
@@ -180,7 +180,7 @@ fn missing_waypoints_of_a_download_are_named() {
 }
 
 #[test]
-fn every_fault_is_told_with_file_line_and_field() {
+fn every_error_names_file_line_and_field() {
     for (find, replace, expected) in [
         (
             "number = 3\n",
@@ -353,7 +353,7 @@ fn the_commands_and_the_route_of_the_document_are_understood() {
         .collect();
     assert!(commands.len() >= 10);
     for line in commands {
-        // Who speaks is said to the program, not to a script.
+        // The id of the CUCS is an option of the program, not of a script.
         let line = line.strip_prefix("--id 1b:00:00:b0 ").unwrap_or(line);
         assert!(cucs::parse_line(line).unwrap().is_some(), "{line}");
     }

@@ -76,7 +76,7 @@ pub(crate) fn stamp_of(bytes: &[u8]) -> TimeStamp {
     TimeStamp(stamp)
 }
 
-/// A VSM that grants, stores and carries out what it is asked, and refuses what it is told to refuse.
+/// A VSM that grants, stores and carries out what is requested, and refuses what it is set to refuse.
 #[derive(Debug, Default)]
 pub(crate) struct FakeVsm {
     /// The answer to each message by its bytes.
@@ -192,13 +192,13 @@ impl FakeVsm {
         use stanag_msgs::enums::MissionPlanMode as Mode;
         match message {
             Message::CucsAuthorisationRequest(request) => {
-                let wanted = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
+                let requested = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
                 match request.requested_handover_access {
                     Some(RequestedAccess::Relinquish) if request.vsm_id != Some(Id::BROADCAST) => {
                         self.granted = LoiBitmap::NONE;
                     }
                     Some(RequestedAccess::Request) => {
-                        self.granted = self.granted | (wanted & self.authorised);
+                        self.granted = self.granted | (requested & self.authorised);
                     }
                     _ => {}
                 }
@@ -243,9 +243,9 @@ impl FakeVsm {
                             .collect()
                     }
                     Mode::DownloadWaypoint => {
-                        let wanted = self.waypoints.get(&command.waypoint_number.unwrap());
-                        let wanted = wanted.cloned().into_iter();
-                        wanted
+                        let requested = self.waypoints.get(&command.waypoint_number.unwrap());
+                        let requested = requested.cloned().into_iter();
+                        requested
                             .map(|message| datagram(VEHICLE, CUCS, message))
                             .collect()
                     }

@@ -25,7 +25,7 @@ const IDS: [u32; 19] = [
 
 #[derive(Clone, Debug)]
 enum Step {
-    Hear {
+    Receive {
         id: u32,
         payload: Vec<u8>,
         to_us: bool,
@@ -38,20 +38,20 @@ enum Step {
 
 fn step() -> impl Strategy<Value = Step> {
     let byte = prop_oneof![2 => 0u8..4, 1 => any::<u8>()];
-    let hear = (
+    let receive = (
         proptest::sample::select(&IDS[..]),
         proptest::collection::vec(byte, 0..60),
         any::<bool>(),
         proptest::bool::weighted(0.9),
     )
-        .prop_map(|(id, payload, to_us, fresh)| Step::Hear {
+        .prop_map(|(id, payload, to_us, fresh)| Step::Receive {
             id,
             payload,
             to_us,
             fresh,
         });
     prop_oneof![
-        8 => hear,
+        8 => receive,
         2 => (0u64..2000).prop_map(Step::Wait),
         1 => (0u8..8).prop_map(Step::Start),
         1 => Just(Step::Send),
@@ -123,7 +123,7 @@ impl Everything {
 
     fn take(&mut self, now: Duration, step: Step) {
         match step {
-            Step::Hear {
+            Step::Receive {
                 id,
                 payload,
                 to_us,
@@ -180,7 +180,7 @@ impl Everything {
         };
     }
 
-    /// Takes out all messages and events, and says how many there were.
+    /// Takes out all messages and events, and returns how many there were.
     fn drain(&mut self) -> usize {
         let mut n = 0;
         while self.missions.poll_transmit().is_some() {

@@ -256,7 +256,7 @@ fn an_upload_right_after_a_download_whose_last_word_was_lost_succeeds() {
 }
 
 #[test]
-fn clearing_works_over_a_bad_network_and_clears_what_it_says() {
+fn clearing_works_over_a_bad_network_and_clears_only_what_it_names() {
     for seed in 0..20 {
         let mut world = World::new(BAD, 900 + seed);
         world.client.clear(world.now, MISSION).unwrap();
@@ -327,7 +327,7 @@ fn a_silent_vehicle_fails_every_operation_in_ten_seconds() {
         Operation::Clear => world.client.clear(world.now, MISSION),
         Operation::SetCurrent => world.client.set_current(world.now, 1..=1),
     };
-    for wanted in [
+    for requested in [
         Operation::Upload,
         Operation::Download,
         Operation::Clear,
@@ -335,18 +335,18 @@ fn a_silent_vehicle_fails_every_operation_in_ten_seconds() {
     ] {
         let mut world = World::new(DEAD, 1);
         let begun = world.now;
-        start(&mut world, wanted).unwrap();
+        start(&mut world, requested).unwrap();
         assert_eq!(
             start(&mut world, Operation::Clear),
-            Err(StartError::Busy(wanted))
+            Err(StartError::Busy(requested))
         );
         let Event::Failed {
             operation, reason, ..
         } = world.run()
         else {
-            panic!("{wanted:?} cannot succeed");
+            panic!("{requested:?} cannot succeed");
         };
-        assert_eq!(operation, wanted);
+        assert_eq!(operation, requested);
         assert!(matches!(reason, Failure::NoAnswer { .. }), "{reason:?}");
         assert!(world.now - begun <= Duration::from_secs(10));
     }
@@ -504,7 +504,7 @@ fn accepted(opaque_id: u32) -> MavMessage {
 }
 
 #[test]
-fn an_acknowledgement_before_the_last_item_was_asked_for_is_an_old_one() {
+fn an_acknowledgement_before_the_last_item_was_requested_is_an_old_one() {
     let mut world = World::new(FAIR, 1);
     let items = plan(2, 0);
     let id = plan_id(&items);

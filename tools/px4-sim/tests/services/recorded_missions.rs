@@ -89,17 +89,17 @@ fn every_recorded_download_verifies_against_its_upload() {
     // By the plan's kind and id: what was sent; by kind: the id and what came back so far.
     let mut sent: BTreeMap<(u32, u32), Vec<Item>> = BTreeMap::new();
     let mut sending: Vec<Item> = Vec::new();
-    let mut told: BTreeMap<u32, (u32, usize, Vec<Item>)> = BTreeMap::new();
+    let mut received: BTreeMap<u32, (u32, usize, Vec<Item>)> = BTreeMap::new();
     for recorded in read(name) {
         match recorded.message {
             MavMessage::MISSION_COUNT(m) if recorded.from_px4 => {
                 let kind = m.mission_type as u32;
-                told.insert(kind, (m.opaque_id, m.count.into(), Vec::new()));
+                received.insert(kind, (m.opaque_id, m.count.into(), Vec::new()));
             }
             MavMessage::MISSION_COUNT(_) => sending.clear(),
             MavMessage::MISSION_ITEM_INT(m) if recorded.from_px4 => {
                 let kind = m.mission_type as u32;
-                let Some((id, count, items)) = told.get_mut(&kind) else {
+                let Some((id, count, items)) = received.get_mut(&kind) else {
                     continue;
                 };
                 if items.len() == usize::from(m.seq) {
@@ -124,16 +124,16 @@ fn every_recorded_download_verifies_against_its_upload() {
     assert_eq!(downloads, 3);
 }
 
-/// What PX4 said, and what our server says to the same ground stations at the same times.
+/// What PX4 answers, and what our server says to the same ground stations at the same times.
 fn replay(messages: &[Recorded], px4: Node) -> (Vec<String>, Vec<String>) {
     let rules = Px4Rules {
         airframe: Airframe::RotaryWing,
     };
     let mut server = Server::new(px4, Limits::PX4_SITL, rules);
     let (mut recorded, mut ours) = (Vec::new(), Vec::new());
-    let say = |said: &mut Vec<String>, server: &mut Server<Px4Rules>| {
+    let drain = |answers: &mut Vec<String>, server: &mut Server<Px4Rules>| {
         while let Some(message) = server.poll_transmit() {
-            note(said, &message);
+            note(answers, &message);
         }
         while let Some(event) = server.poll_event() {
             // The vehicle puts the first item up when the plan names none.
@@ -145,20 +145,20 @@ fn replay(messages: &[Recorded], px4: Node) -> (Vec<String>, Vec<String>) {
     for entry in messages {
         while let Some(due) = server.poll_timeout().filter(|due| *due < entry.at) {
             server.handle_timeout(due);
-            say(&mut ours, &mut server);
+            drain(&mut ours, &mut server);
         }
         if entry.from_px4 {
             if let MavMessage::MISSION_ACK(m) = &entry.message
                 && m.target_system == SECOND.system
             {
-                // Its side was not recorded; PX4's answer says when it asked.
+                // Its side was not recorded; PX4's answer shows when it asked.
                 server.handle_message(entry.at, SECOND, &count_for(px4));
-                say(&mut ours, &mut server);
+                drain(&mut ours, &mut server);
             }
             note(&mut recorded, &entry.message);
         } else {
             server.handle_message(entry.at, entry.from, &entry.message);
-            say(&mut ours, &mut server);
+            drain(&mut ours, &mut server);
         }
     }
     (recorded, ours)
@@ -173,8 +173,8 @@ fn count_for(px4: Node) -> MavMessage {
     })
 }
 
-/// Adds what the vehicle said, unless it only repeats a request by its clock.
-fn note(said: &mut Vec<String>, message: &MavMessage) {
+/// Adds what the vehicle answers, unless it only repeats a request by its clock.
+fn note(answers: &mut Vec<String>, message: &MavMessage) {
     let line = match message {
         MavMessage::MISSION_REQUEST(_)
         | MavMessage::MISSION_REQUEST_INT(_)
@@ -194,8 +194,8 @@ fn note(said: &mut Vec<String>, message: &MavMessage) {
         }
         _ => return,
     };
-    if said.last() != Some(&line) {
-        said.push(line);
+    if answers.last() != Some(&line) {
+        answers.push(line);
     }
 }
 

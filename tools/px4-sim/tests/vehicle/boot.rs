@@ -5,10 +5,10 @@ use mavlink::dialects::development::{MavMessage, MavState};
 use px4_sim::{Config, Mode};
 
 #[test]
-fn the_first_heartbeat_says_hold_disarmed_and_not_ready() {
+fn the_first_heartbeat_is_hold_disarmed_and_not_ready() {
     let mut flight = Flight::boot(Config::default());
     flight.run(1.9);
-    assert!(flight.heard.is_empty(), "{:?}", flight.heard);
+    assert!(flight.received.is_empty(), "{:?}", flight.received);
     flight.run(0.2);
     let beat = flight.heartbeat();
     assert_eq!(beat.custom_mode, 0x0304_0000);
@@ -25,17 +25,17 @@ fn arming_is_refused_for_about_three_seconds_after_it() {
     assert_eq!(flight.arm(), Some(1));
     flight.run(2.0);
     assert!(
-        flight.said("Arming denied: Resolve system health failures first"),
+        flight.has_text("Arming denied: Resolve system health failures first"),
         "{:?}",
         flight.texts()
     );
-    assert!(flight.said("Preflight Fail: no heading reference"));
+    assert!(flight.has_text("Preflight Fail: no heading reference"));
     assert_eq!(flight.arm(), Some(1));
     flight.run(1.0);
     assert_eq!(flight.arm(), Some(0));
     flight.run(1.0);
     assert_eq!(flight.heartbeat().system_status, MavState::MAV_STATE_ACTIVE);
-    assert!(flight.said("Armed by external command"));
+    assert!(flight.has_text("Armed by external command"));
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn a_vehicle_that_is_armed_and_does_nothing_disarms_itself() {
     assert!(flight.vehicle.truth().armed);
     flight.run(1.5);
     assert!(!flight.vehicle.truth().armed);
-    assert!(flight.said("Disarmed by auto preflight disarming"));
+    assert!(flight.has_text("Disarmed by auto preflight disarming"));
 }
 
 #[test]
@@ -78,5 +78,5 @@ fn forcing_does_not_arm_without_a_mission_in_mission_mode() {
     assert_eq!(flight.command(400, &[1.0, 21196.0]), Some(1));
     assert_eq!(flight.command(300, &[0.0]), Some(2));
     flight.run(0.5);
-    assert!(flight.said("Mission start denied! No valid mission"));
+    assert!(flight.has_text("Mission start denied! No valid mission"));
 }

@@ -62,10 +62,10 @@ fn a_command_for_somebody_else_is_not_answered() {
         ((1, 0), true),
         ((1, 1), true),
     ] {
-        let mark = flight.heard.len();
+        let mark = flight.received.len();
         flight.send(&ask(system, component));
         flight.run(0.05);
-        let acks = flight.heard[mark..]
+        let acks = flight.received[mark..]
             .iter()
             .filter(
                 |(_, m)| matches!(m, MavMessage::COMMAND_ACK(a) if a.target_system == GCS.system),
@@ -74,11 +74,11 @@ fn a_command_for_somebody_else_is_not_answered() {
         assert_eq!(acks, usize::from(answered), "{system}/{component}");
     }
     // Its own reflected command would be its own source: ignored.
-    let mark = flight.heard.len();
+    let mark = flight.received.len();
     flight.vehicle.handle_message(Node::new(1, 1), &ask(1, 1));
     flight.run(0.05);
     assert!(
-        !flight.heard[mark..]
+        !flight.received[mark..]
             .iter()
             .any(|(_, m)| matches!(m, MavMessage::COMMAND_ACK(_)))
     );
@@ -95,19 +95,19 @@ fn a_flood_of_commands_loses_most_answers_and_a_slow_sender_none() {
         ..Default::default()
     });
     let acks = |flight: &Flight, mark: usize| {
-        flight.heard[mark..]
+        flight.received[mark..]
             .iter()
             .filter(|(_, m)| matches!(m, MavMessage::COMMAND_ACK(_)))
             .count()
     };
-    let mark = flight.heard.len();
+    let mark = flight.received.len();
     for _ in 0..200 {
         flight.send(&ask);
     }
     flight.run(1.0);
     let got = acks(&flight, mark);
     assert!((4..=40).contains(&got), "{got}");
-    let mark = flight.heard.len();
+    let mark = flight.received.len();
     for _ in 0..200 {
         flight.send(&ask);
         flight.run(0.02);
@@ -132,12 +132,12 @@ fn messages_are_given_on_request() {
 }
 
 #[test]
-fn message_intervals_are_changed_and_told() {
+fn message_intervals_are_changed_and_reported() {
     let mut flight = Flight::ready();
     let rate = |flight: &mut Flight| {
-        let mark = flight.heard.len();
+        let mark = flight.received.len();
         flight.run(4.0);
-        flight.heard[mark..]
+        flight.received[mark..]
             .iter()
             .filter(|(_, m)| matches!(m, MavMessage::ATTITUDE(_)))
             .count()
@@ -173,7 +173,7 @@ fn parameters_are_stored_as_they_come() {
     flight.send(&set("NAV_DLL_ACT", 1.0, REAL));
     flight.send(&set("NO_SUCH_PARAM", 1.0, REAL));
     let errors: Vec<_> = flight
-        .heard
+        .received
         .iter()
         .filter_map(|(_, m)| match m {
             MavMessage::PARAM_ERROR(e) => Some(e.error as u32),

@@ -15,7 +15,7 @@ fn flight(seed: u64) -> (Vec<Truth>, usize) {
     );
     assert_eq!(flight.command(300, &[0.0]), Some(0));
     flight.run(60.0);
-    (flight.track, flight.heard.len())
+    (flight.track, flight.received.len())
 }
 
 #[test]
@@ -30,14 +30,14 @@ fn the_size_of_a_step_changes_nothing() {
     use std::time::Duration;
     let run = |step: Duration| {
         let mut vehicle = px4_sim::Vehicle::new(Config::default());
-        let mut said = Vec::new();
+        let mut sent = Vec::new();
         for _ in 0..10_000 / step.as_millis() {
             vehicle.step(step);
             while let Some(out) = vehicle.poll_transmit() {
-                said.push(out);
+                sent.push(out);
             }
         }
-        (vehicle.truth(), format!("{said:?}"))
+        (vehicle.truth(), format!("{sent:?}"))
     };
     assert_eq!(
         run(Duration::from_millis(1)),

@@ -64,7 +64,7 @@ fn sticks_fly_and_their_loss_is_hold_then_return() {
     assert_eq!(flight.vehicle.truth().mode, Mode::PosCtl);
     flight.run(1.4);
     assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
-    assert!(flight.said("Failsafe activated: entering Hold for 5 seconds"));
+    assert!(flight.has_text("Failsafe activated: entering Hold for 5 seconds"));
     assert_eq!(
         flight.heartbeat().system_status,
         MavState::MAV_STATE_CRITICAL
@@ -84,7 +84,7 @@ fn sticks_fly_and_their_loss_is_hold_then_return() {
 }
 
 #[test]
-fn the_pilot_decides_anew_and_is_not_overruled() {
+fn a_new_mode_of_the_pilot_ends_the_failsafe() {
     let mut flight = airborne();
     stream(&mut flight, 1.0, &sticks(0));
     assert_eq!(flight.set_mode(Mode::PosCtl), Some(0));
@@ -113,7 +113,7 @@ fn setpoints_fly_and_their_loss_is_a_return_at_once() {
     assert_eq!(flight.vehicle.truth().mode, Mode::Offboard);
     flight.run(0.6);
     assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
-    assert!(flight.said("Failsafe activated"));
+    assert!(flight.has_text("Failsafe activated"));
 }
 
 #[test]
@@ -145,7 +145,7 @@ fn a_lost_ground_station_is_a_return_only_where_it_is_set() {
     // It comes back, and nothing resumes by itself.
     flight.heartbeats = true;
     flight.run(3.0);
-    assert!(flight.said("GCS connection regained"));
+    assert!(flight.has_text("GCS connection regained"));
     assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
     assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
     flight.run(1.2);

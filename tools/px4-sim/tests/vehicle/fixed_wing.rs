@@ -14,7 +14,7 @@ fn plane(wind_ne_ms: [f64; 2]) -> Flight {
 }
 
 #[test]
-fn it_says_that_it_is_one_and_takes_a_pitch_for_take_off() {
+fn it_reports_a_fixed_wing_and_accepts_a_pitch_for_take_off() {
     let mut flight = plane([0.0; 2]);
     assert_eq!(flight.heartbeat().mavtype as u32, 1);
     let pitch = [15.0, 0.0, 0.0, f32::NAN, f32::NAN, f32::NAN, 538.0];

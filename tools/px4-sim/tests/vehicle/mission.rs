@@ -42,7 +42,7 @@ fn a_square_is_flown_and_landed() {
         "Mission finished, landed",
         "Disarmed by landing",
     ] {
-        assert!(flight.said(text), "{text}: {:?}", flight.texts());
+        assert!(flight.has_text(text), "{text}: {:?}", flight.texts());
     }
     let off = deviation(&flight.track, &CORNERS);
     // A corner is cut inside the acceptance radius of 10 m, and no farther.

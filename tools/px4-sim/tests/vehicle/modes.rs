@@ -59,8 +59,8 @@ fn unknown_modes_are_rejected_with_a_text() {
         "packed custom mode"
     );
     flight.run(0.5);
-    assert!(flight.said("Unsupported main mode"));
-    assert!(flight.said("Unsupported auto mode"));
+    assert!(flight.has_text("Unsupported main mode"));
+    assert!(flight.has_text("Unsupported auto mode"));
 }
 
 #[test]
@@ -88,12 +88,12 @@ fn in_the_air_a_mode_without_its_source_is_rejected() {
     assert_eq!(flight.set_mode(Mode::Offboard), Some(1));
     assert_eq!(flight.set_mode(Mode::Mission), Some(1));
     flight.run(0.5);
-    assert!(flight.said("Switching to Position is currently not available"));
-    assert!(flight.said("Switching to Offboard is currently not available"));
+    assert!(flight.has_text("Switching to Position is currently not available"));
+    assert!(flight.has_text("Switching to Offboard is currently not available"));
     assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
     assert_eq!(flight.command(400, &[0.0]), Some(1));
     flight.run(0.5);
-    assert!(flight.said("Disarming denied: not landed"));
+    assert!(flight.has_text("Disarming denied: not landed"));
 }
 
 #[test]
@@ -108,7 +108,7 @@ fn a_take_off_without_altitude_stops_at_two_and_a_half_metres() {
     flight.run(5.0);
     let height = -flight.vehicle.truth().position.d;
     assert!((1.5..3.2).contains(&height), "{height}");
-    assert!(flight.said("Using default takeoff altitude: 2.5 m"));
+    assert!(flight.has_text("Using default takeoff altitude: 2.5 m"));
 }
 
 #[test]
@@ -138,7 +138,7 @@ fn land_comes_down_here_and_return_goes_home() {
     assert_eq!(flight.command(20, &[]), Some(0));
     flight.run(1.0);
     assert!(
-        flight.said("RTL: start return at 518 m (30 m above destination)"),
+        flight.has_text("RTL: start return at 518 m (30 m above destination)"),
         "{:?}",
         flight.texts()
     );
@@ -150,7 +150,7 @@ fn land_comes_down_here_and_return_goes_home() {
     let end = flight.vehicle.truth();
     assert!(end.position.horizontal() < 1.5, "{:?}", end.position);
     assert_eq!(end.mode, Mode::Loiter, "hold after a return");
-    assert!(flight.said("Disarmed by landing"));
+    assert!(flight.has_text("Disarmed by landing"));
 }
 
 #[test]

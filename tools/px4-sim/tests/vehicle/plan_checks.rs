@@ -25,7 +25,7 @@ fn bad_items_have_their_codes() {
     }
     flight.run(0.5);
     assert!(
-        flight.said("IGN MISSION_ITEM: Invalid item"),
+        flight.has_text("IGN MISSION_ITEM: Invalid item"),
         "{:?}",
         flight.texts()
     );
@@ -70,7 +70,7 @@ fn a_plan_outside_the_fence_is_aboard_but_cannot_be_flown() {
     );
     flight.run(1.5);
     assert!(
-        flight.said("Geofence violation for waypoint 2"),
+        flight.has_text("Geofence violation for waypoint 2"),
         "{:?}",
         flight.texts()
     );

@@ -47,7 +47,7 @@ fn ours() -> Vec<u8> {
 }
 
 #[tokio::test]
-async fn a_waiting_link_keeps_silent_until_it_is_spoken_to() {
+async fn a_waiting_link_sends_nothing_until_something_is_received() {
     let link: LinkAddress = "udpin:127.0.0.1:0".parse().unwrap();
     let simulator = Simulator::spawn(SimulatorConfig {
         speed: 20.0,
@@ -95,34 +95,34 @@ async fn at_every_speed_time_passes_so_fast_and_only_the_first_sender_is_answere
         .unwrap();
         let address = simulator.address(0).unwrap();
         let (begun, at) = (Instant::now(), simulator.truth().time);
-        let heard = tokio::task::spawn_blocking(move || {
+        let counts = tokio::task::spawn_blocking(move || {
             let (first, second) = (socket(), socket());
             first.send_to(&ours(), address).unwrap();
             std::thread::sleep(Duration::from_millis(50));
-            let mut heard = (0, 0);
+            let mut counts = (0, 0);
             for _ in 0..20 {
                 second.send_to(&ours(), address).unwrap();
                 std::thread::sleep(Duration::from_millis(100));
-                for (socket, heard) in [(&first, &mut heard.0), (&second, &mut heard.1)] {
+                for (socket, counts) in [(&first, &mut counts.0), (&second, &mut counts.1)] {
                     socket.set_nonblocking(true).unwrap();
                     while socket.recv(&mut [0; 512]).is_ok() {
-                        *heard += 1;
+                        *counts += 1;
                     }
                 }
             }
-            heard
+            counts
         });
-        let heard = heard.await.unwrap();
+        let counts = counts.await.unwrap();
         let passed = (simulator.truth().time - at).as_secs_f64();
         let ratio = passed / begun.elapsed().as_secs_f64();
-        // A busy machine loses time; it never gains any, and more is asked for is more.
+        // A busy machine loses simulated time and never gains any; a higher speed still gives more of it.
         assert!(ratio < speed * 1.1, "{ratio} times, at {speed}");
         assert!(
             ratio > before * 1.5 && ratio > 0.5,
             "{ratio} times, at {speed}"
         );
         before = ratio;
-        assert!(heard.0 > 0 && heard.1 == 0, "{heard:?} at {speed}");
+        assert!(counts.0 > 0 && counts.1 == 0, "{counts:?} at {speed}");
         simulator.stop().await;
     }
 }
@@ -184,7 +184,7 @@ fn the_program_signs_survives_a_late_peer_and_stops_on_a_signal() {
 }
 
 #[test]
-fn bad_arguments_and_key_files_are_said_with_status_2() {
+fn bad_arguments_and_key_files_are_status_2() {
     let directory = tempfile_dir("px4-sim-bad");
     let key = |name: &str, text: &str, mode: u32| {
         let path = directory.join(name);
@@ -197,7 +197,7 @@ fn bad_arguments_and_key_files_are_said_with_status_2() {
     let short = key("short.key", "0a0a", 0o600);
     let missing = directory.join("missing.key").to_string_lossy().into_owned();
     let link = ["--link", "udpin:127.0.0.1:0"];
-    for (arguments, said) in [
+    for (arguments, expected) in [
         (vec!["--link", "tcp:1.2.3.4:5"], "udpin:HOST:PORT"),
         (vec![link[0], link[1], "--key-file", &open], "0600"),
         (vec![link[0], link[1], "--key-file", &short], "short.key"),
@@ -216,7 +216,7 @@ fn bad_arguments_and_key_files_are_said_with_status_2() {
             .unwrap();
         let text = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {text}");
-        assert!(text.contains(said), "{arguments:?}: {text}");
+        assert!(text.contains(expected), "{arguments:?}: {text}");
     }
 }
 

@@ -26,7 +26,7 @@ struct Answers {
     reached: Vec<u16>,
     texts: BTreeSet<String>,
     modes: BTreeSet<u32>,
-    /// How often the vehicle has said what a ground station reacts to.
+    /// How often the vehicle has sent what a ground station reacts to.
     cues: BTreeMap<Cue, u32>,
     /// The latest of these.
     last: Option<Cue>,
@@ -197,7 +197,7 @@ fn a_flight_is_answered_alike() {
     assert_eq!(ours.missions, real.missions);
     assert_eq!(ours.parameter_errors, real.parameter_errors);
     assert_eq!(ours.requests, real.requests);
-    // Ours had not heard a ground station before the recording; the real one tells of its log file,
+    // Ours had no ground station before the recording; the real one reports its log file,
     // and its home stands 1.4 m higher, which shows in the figures of a return.
     let figures = |t: &String| {
         t.starts_with("GCS connection") || t.starts_with("[logger]") || t.starts_with("RTL: start")

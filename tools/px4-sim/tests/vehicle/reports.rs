@@ -111,10 +111,13 @@ fn positions_velocities_and_attitude_agree() {
 #[test]
 fn the_streams_have_the_rates_of_the_reference() {
     let mut flight = Flight::ready();
-    let mark = flight.heard.len();
+    let mark = flight.received.len();
     flight.run(20.0);
     let count = |pick: fn(&MavMessage) -> bool| {
-        flight.heard[mark..].iter().filter(|(_, m)| pick(m)).count()
+        flight.received[mark..]
+            .iter()
+            .filter(|(_, m)| pick(m))
+            .count()
     };
     for (what, got, expected) in [
         (

@@ -81,7 +81,7 @@ fn clearing_the_plan_makes_it_hold() {
         },
     ));
     flight.run(1.2);
-    assert!(flight.said("No valid mission available, loitering"));
+    assert!(flight.has_text("No valid mission available, loitering"));
     assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
     let now = flight.mission_current();
     assert_eq!(
@@ -113,21 +113,21 @@ fn set_current_works_in_any_mode_and_refuses_what_is_not_there() {
     assert_eq!(flight.mission_current().seq, 3);
     flight.send(&select(77));
     flight.run(0.5);
-    assert!(flight.said("WPM: WP CURR CMD: Not in list"));
+    assert!(flight.has_text("WPM: WP CURR CMD: Not in list"));
     assert_eq!(flight.set_mode(Mode::Mission), Some(0));
     flight.run(1.0);
     assert_eq!(flight.vehicle.truth().mission_seq, 3);
 }
 
 #[test]
-fn an_item_reached_is_told_again_and_again() {
+fn an_item_reached_is_reported_repeatedly() {
     let flight = on_the_way();
-    let told = flight
-        .heard
+    let repeats = flight
+        .received
         .iter()
         .filter(|(_, m)| matches!(m, MavMessage::MISSION_ITEM_REACHED(r) if r.seq == 1))
         .count();
-    assert!(told >= 2, "{told}");
+    assert!(repeats >= 2, "{repeats}");
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn a_hold_a_speed_and_a_jump_are_flown() {
     let reached = |seq: u16| {
         let mut times = 0;
         let mut last = f64::NEG_INFINITY;
-        for (at, m) in &flight.heard {
+        for (at, m) in &flight.received {
             if matches!(m, MavMessage::MISSION_ITEM_REACHED(r) if r.seq == seq) {
                 if at - last > 12.0 {
                     times += 1;

@@ -16,27 +16,27 @@ const NOW: u64 = 37_517_586_000_000;
 
 struct Bench {
     autopilot: Autopilot<u16>,
-    heard: Vec<Vec<u8>>,
+    sent: Vec<Vec<u8>>,
 }
 
 impl Bench {
     fn new(signing: Signing) -> Self {
         Self {
             autopilot: Autopilot::new(Config::default(), signing, vec![Some(14550)]),
-            heard: Vec::new(),
+            sent: Vec::new(),
         }
     }
 
     fn run(&mut self, seconds: f64) -> Vec<Vec<u8>> {
-        self.heard.clear();
+        self.sent.clear();
         for _ in 0..(seconds * 50.0) as u32 {
             self.autopilot.step(Duration::from_millis(20));
             let mut out = [0; MAX_FRAME];
             while let Some(t) = self.autopilot.poll_transmit(&mut out) {
-                self.heard.push(out[..t.len].to_vec());
+                self.sent.push(out[..t.len].to_vec());
             }
         }
-        self.heard.clone()
+        self.sent.clone()
     }
 
     fn send(&mut self, bytes: &[u8]) {
@@ -125,7 +125,7 @@ fn its_stamps_count_packets_until_a_verified_packet_lifts_them() {
     bench.send(&frame(&heartbeat(), 245, Some((&key(), 0, NOW))));
     assert_eq!(stamps(&bench.run(0.5))[0], NOW);
 
-    // After a restart it is back where the key file says.
+    // After a restart it is back at the value in the key file.
     bench.autopilot.restart();
     assert_eq!(stamps(&bench.run(3.0))[0], 0);
 }
@@ -161,11 +161,11 @@ fn a_badly_signed_heartbeat_still_counts_as_a_ground_station() {
     bench.run(3.0);
     let wrong = SigningKey::new([8; 32]).unwrap();
     bench.send(&frame(&heartbeat(), 245, Some((&wrong, 0, NOW))));
-    let said = bench.run(0.5).iter().any(|f| {
+    let accepted = bench.run(0.5).iter().any(|f| {
         matches!(FrameView::parse(f).unwrap().message(), Ok(MavMessage::STATUSTEXT(t))
             if t.text.starts_with(b"GCS connection regained"))
     });
-    assert!(said);
+    assert!(accepted);
     assert_eq!(bench.autopilot.counters(0).badly_signed, 1);
 }
 
@@ -217,7 +217,7 @@ fn the_seventeenth_stream_is_refused_until_a_restart() {
 }
 
 #[test]
-fn a_recorded_command_is_taken_again_after_a_restart() {
+fn a_recorded_command_is_accepted_again_after_a_restart() {
     let mut bench = Bench::new(Signing::with_key(key(), 0));
     bench.run(3.0);
     let recorded = frame(&ask(), 245, Some((&key(), 0, NOW)));
@@ -231,27 +231,28 @@ fn a_recorded_command_is_taken_again_after_a_restart() {
 }
 
 #[test]
-fn the_first_key_is_taken_from_anybody_and_later_ones_only_signed() {
+fn the_first_key_is_accepted_from_anybody_and_later_ones_only_signed() {
     let mut bench = Bench::new(Signing::off());
     bench.run(6.0);
     assert!(!bench.autopilot.is_signing());
     // Another system and component are addressed: that is not looked at.
     bench.send(&frame(&setup(KEY, NOW), 245, None));
-    let told = bench.run(0.3);
-    assert!(!told.is_empty());
+    let frames = bench.run(0.3);
+    assert!(!frames.is_empty());
     assert!(
-        told.iter()
+        frames
+            .iter()
             .all(|f| verify(&key(), &FrameView::parse(f).unwrap()).is_ok()),
         "signed at once"
     );
-    assert!(stamps(&told)[0] >= NOW);
+    assert!(stamps(&frames)[0] >= NOW);
     let text = |frames: &[Vec<u8>], words: &[u8]| {
         frames.iter().any(|f| {
             matches!(FrameView::parse(f).unwrap().message(), Ok(MavMessage::STATUSTEXT(t)) if t.text.starts_with(words))
         })
     };
-    assert!(text(&told, b"MAVLink signing key accepted"));
-    assert_eq!(Bench::acks(&told), 0, "never a COMMAND_ACK");
+    assert!(text(&frames, b"MAVLink signing key accepted"));
+    assert_eq!(Bench::acks(&frames), 0, "never a COMMAND_ACK");
 
     let second = SigningKey::new([9; 32]).unwrap();
     bench.send(&frame(&setup([9; 32], NOW), 245, None));
@@ -262,9 +263,10 @@ fn the_first_key_is_taken_from_anybody_and_later_ones_only_signed() {
         245,
         Some((&key(), 0, NOW + 1_000_000)),
     ));
-    let told = bench.run(0.3);
+    let frames = bench.run(0.3);
     assert!(
-        told.iter()
+        frames
+            .iter()
             .all(|f| verify(&second, &FrameView::parse(f).unwrap()).is_ok())
     );
     // Streams are kept over the change of keys.
@@ -276,10 +278,11 @@ fn the_first_key_is_taken_from_anybody_and_later_ones_only_signed() {
         245,
         Some((&second, 0, NOW + 2_000_000)),
     ));
-    let told = bench.run(0.3);
-    assert!(text(&told, b"MAVLink signing disabled"));
+    let frames = bench.run(0.3);
+    assert!(text(&frames, b"MAVLink signing disabled"));
     assert!(
-        told.iter()
+        frames
+            .iter()
             .all(|f| !FrameView::parse(f).unwrap().is_signed())
     );
     // A zero key with a stamp is a key.

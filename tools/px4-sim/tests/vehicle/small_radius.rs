@@ -52,7 +52,7 @@ fn cubic(p: [(f64, f64); 4], t: f64) -> (f64, f64) {
 }
 
 #[test]
-fn two_metres_and_more_are_always_taken_and_flown_as_closely_as_a_real_one() {
+fn two_metres_and_more_are_always_reached_and_flown_as_closely_as_a_real_one() {
     for seed in 1..=6 {
         for (radius, speed) in [(2.0, 5.0), (2.0, 10.0), (3.0, 5.0), (0.0, 5.0), (0.0, 10.0)] {
             let off = fly(radius, speed, seed)

@@ -10,10 +10,10 @@ use px4_sim::{Config, Mode, Ned, Outgoing, Truth, Vehicle};
 
 pub(crate) const GCS: Node = Node::new(255, 190);
 
-/// A vehicle and everything that it has said.
+/// A vehicle and everything that was received from it.
 pub(crate) struct Flight {
     pub(crate) vehicle: Vehicle,
-    pub(crate) heard: Vec<(f64, MavMessage)>,
+    pub(crate) received: Vec<(f64, MavMessage)>,
     pub(crate) raw: Vec<(u32, Vec<u8>)>,
     pub(crate) track: Vec<Truth>,
     pub(crate) heartbeats: bool,
@@ -26,7 +26,7 @@ impl Flight {
     pub(crate) fn boot(config: Config) -> Self {
         Self {
             vehicle: Vehicle::new(config),
-            heard: Vec::new(),
+            received: Vec::new(),
             raw: Vec::new(),
             track: Vec::new(),
             heartbeats: true,
@@ -81,7 +81,7 @@ impl Flight {
         let now = self.now();
         while let Some(out) = self.vehicle.poll_transmit() {
             match out {
-                Outgoing::Message(message) => self.heard.push((now, message)),
+                Outgoing::Message(message) => self.received.push((now, message)),
                 Outgoing::Raw { id, payload } => self.raw.push((id, payload)),
             }
         }
@@ -94,7 +94,7 @@ impl Flight {
 
     /// Sends a COMMAND_LONG and gives the result of its COMMAND_ACK, if one comes within a second.
     pub(crate) fn command(&mut self, id: u16, params: &[f32]) -> Option<u32> {
-        let mark = self.heard.len();
+        let mark = self.received.len();
         let raw = self.raw.len();
         let mut payload = [0; 33];
         for (i, p) in params.iter().enumerate() {
@@ -105,11 +105,11 @@ impl Flight {
         payload[31] = 1;
         self.vehicle.handle_raw(GCS, 76, &payload);
         self.run(0.1);
-        let told = self.heard[mark..].iter().find_map(|(_, m)| match m {
+        let result = self.received[mark..].iter().find_map(|(_, m)| match m {
             MavMessage::COMMAND_ACK(ack) if ack.command as u16 == id => Some(ack.result as u32),
             _ => None,
         });
-        told.or_else(|| {
+        result.or_else(|| {
             self.raw[raw..]
                 .iter()
                 .find(|(id, _)| *id == 77)
@@ -132,7 +132,7 @@ impl Flight {
     }
 
     pub(crate) fn upload_kind(&mut self, items: &[Item], kind: mav::MavMissionType) -> Option<u32> {
-        let mut mark = self.heard.len();
+        let mut mark = self.received.len();
         self.send(&MavMessage::MISSION_COUNT(mav::MISSION_COUNT_DATA {
             count: items.len() as u16,
             target_system: 1,
@@ -141,8 +141,8 @@ impl Flight {
             opaque_id: 0,
         }));
         for _ in 0..items.len() * 4 + 500 {
-            while mark < self.heard.len() {
-                let (_, message) = self.heard[mark].clone();
+            while mark < self.received.len() {
+                let (_, message) = self.received[mark].clone();
                 mark += 1;
                 match message {
                     MavMessage::MISSION_REQUEST_INT(request) => {
@@ -159,10 +159,10 @@ impl Flight {
         None
     }
 
-    /// The texts heard since `mark`, tabulators and chunks joined.
+    /// The texts since `mark`, tabulators and chunks joined.
     pub(crate) fn texts(&self) -> Vec<String> {
         let mut out: Vec<String> = Vec::new();
-        for (_, message) in &self.heard {
+        for (_, message) in &self.received {
             if let MavMessage::STATUSTEXT(t) = message {
                 let words: String = t
                     .text
@@ -179,13 +179,13 @@ impl Flight {
         out
     }
 
-    pub(crate) fn said(&self, text: &str) -> bool {
+    pub(crate) fn has_text(&self, text: &str) -> bool {
         self.texts().iter().any(|t| t.contains(text))
     }
 
     /// The last message that `pick` takes.
     pub(crate) fn last<T>(&self, pick: impl Fn(&MavMessage) -> Option<T>) -> Option<T> {
-        self.heard.iter().rev().find_map(|(_, m)| pick(m))
+        self.received.iter().rev().find_map(|(_, m)| pick(m))
     }
 
     pub(crate) fn heartbeat(&self) -> mav::HEARTBEAT_DATA {
