@@ -30,6 +30,7 @@ fn main() -> ExitCode {
         "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
         "metrics" => metrics::run(),
+        "unused" => dependencies::check(),
         "man" => manual(&mut steps),
         "peers" => peers::install(&mut steps).map(drop),
         _ => {
@@ -73,4 +74,5 @@ usage: cargo xtask TASK
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: pack the programs of DIR; --out DIR
   man     write manual pages and completions of bash, zsh and fish to target/man; --out DIR: elsewhere
   metrics print code sizes, module cycles, test binaries and words to replace; --root DIR, --edges, --check
+  unused  list the dependencies that are declared and not used
   peers   install the Python peers into tests/interop/.venv";
