@@ -1,7 +1,7 @@
 //! The lowest layer: taking byte arrays from the front of a slice, and putting them into a buffer.
 //!
-//! Scalars are built on it. It knows nothing about messages, so a [`Fault`] does not say where it occurred; the
-//! message's codec adds that (see [`DecodeError`](crate::DecodeError) and [`EncodeError`](crate::EncodeError)).
+//! Scalars are built on it. It knows nothing about messages, so a [`Fault`] has no place; the message's codec adds it
+//! (see [`DecodeError`](crate::DecodeError) and [`EncodeError`](crate::EncodeError)).
 
 /// What a scalar alone can find wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,7 +89,7 @@ impl<'a> Writer<'a> {
         self.at
     }
 
-    /// The whole buffer, to fill in what stands before the bytes just written.
+    /// The whole buffer, to fill in a part that was left open, such as the presence vector.
     #[inline]
     pub fn buffer(&mut self) -> &mut [u8] {
         self.out

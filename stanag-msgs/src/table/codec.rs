@@ -40,6 +40,7 @@ impl<'a> DataReader<'a> {
         let presence = vector
             .iter()
             .fold(0, |bits, &byte| bits << 8 | u64::from(byte));
+        // A bit beyond the fields means that the sender uses another layout.
         let known = (1 << message.fields.len()) - 1;
         if presence & !known != 0 {
             return Err(DecodeError::UnknownPresence {
@@ -150,7 +151,7 @@ pub(super) struct DataWriter<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> DataWriter<'a, N> {
-    /// Leaves room for the presence vector.
+    /// Leaves room for the presence vector, which is known only when all fields are written.
     #[inline]
     pub(super) fn new(
         message: &'static MessageInfo,

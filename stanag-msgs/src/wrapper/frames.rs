@@ -235,6 +235,7 @@ impl<'a> Frames<'a> {
                 expected: Header::IDD_ED4,
             });
         }
+        // Edition 3 defines styles 0 to 2 only.
         if idd == Header::IDD_ED3 && checksum == ChecksumStyle::Crc32 {
             let (value, expected) = (checksum.code(), ChecksumStyle::Sum32.code());
             return Err(WrapperError::ChecksumStyle {
