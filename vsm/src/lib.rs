@@ -2,6 +2,7 @@
 //!
 //! - [`airside`]: the agent beside PX4, sans-I/O too.
 //! - [`config`]: the configuration file.
+//! - [`key_exchange`]: agrees about signing keys with the air-side agent, sans-I/O too.
 //! - [`program`]: the command line.
 //! - [`session`]: sans-I/O machines that know time.
 //! - [`shell`]: sockets, files, clocks, the log.
@@ -10,6 +11,7 @@
 
 pub mod airside;
 pub mod config;
+pub mod key_exchange;
 pub mod program;
 pub mod session;
 pub mod shell;

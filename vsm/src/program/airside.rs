@@ -18,29 +18,29 @@ use super::{Failure, run, status};
 pub(crate) struct Arguments {
     #[command(subcommand)]
     action: Option<Action>,
-    /// The configuration, such as examples/airside.toml
+    /// Read this configuration, such as examples/airside.toml
     #[arg(long, value_name = "FILE", default_value = "airside.toml")]
     config: PathBuf,
 }
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
-    /// Opens the running agent's window for one pairing, for 10 minutes, and shows the code that the ground must be given
+    /// Open the running agent's window for one pairing, for 10 minutes, and show the code to enter on the ground
     Pair {
-        /// The configuration that the agent was started with
+        /// Find the agent by the configuration that it was started with
         #[arg(long, value_name = "FILE", default_value = "airside.toml")]
         config: PathBuf,
-        /// A code that the ground has made, instead of a new one; `-` reads it from standard input, which is better: what
-        /// is written here is seen by every user of this computer, in the list of processes
+        /// Use this code, which the ground has made, instead of a new one; `-` reads it from standard input, which is safer:
+        /// every user of this computer can see arguments in the list of processes
         #[arg(long, value_name = "CODE")]
         code: Option<String>,
     },
-    /// Shows what a running agent does
+    /// Show the state of a running agent
     Status {
-        /// The configuration that the agent was started with
+        /// Find the agent by the configuration that it was started with
         #[arg(long, value_name = "FILE", default_value = "airside.toml")]
         config: PathBuf,
-        /// As JSON
+        /// Print JSON
         #[arg(long)]
         json: bool,
     },

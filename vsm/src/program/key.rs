@@ -1,12 +1,13 @@
-//! `vsm key`: gives a vehicle its first key or another one, and shows the keys and their clocks.
+//! `vsm key`: provision, rotate, revoke and list signing keys, and show their clocks.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use crate::config::{Config, Exchange, Signing, Vehicle};
+use crate::key_exchange::ExchangeRecord;
 use crate::shell::disk::FileDisk;
-use crate::shell::exchange_record::{ExchangeRecord, peek_identity};
+use crate::shell::disk::{peek, peek_identity};
 use crate::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust, What};
 use crate::shell::key_store::{KeyStore, real_path};
 use crate::shell::{key_file, sitl_key_file};
@@ -21,44 +22,44 @@ use super::Failure;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
-    /// Gives a vehicle that has no key its first one
+    /// Provision a vehicle that has no key with its first one
     Provision {
         #[command(flatten)]
         vehicle: Which,
         /// Take the key from this file (64 hex digits) instead of a new random one
         #[arg(long, value_name = "FILE")]
         from: Option<PathBuf>,
-        /// Do not speak to the vehicle: write PX4's own key file (mavlink/mavlink-signing-key.bin) while it is off
+        /// Write PX4's own key file (mavlink/mavlink-signing-key.bin) while PX4 is off, instead of sending the key
         #[arg(long, value_name = "FILE")]
         sitl_file: Option<PathBuf>,
         #[command(flatten)]
         over: Over,
     },
-    /// Replaces the key of a vehicle by a new one
+    /// Replace the key of a vehicle by a new one
     Rotate {
         #[command(flatten)]
         vehicle: Which,
         #[command(flatten)]
         over: Over,
     },
-    /// Replaces the key of a vehicle by a random one that nobody else holds, and deletes the old one
+    /// Replace the key of a vehicle by a random one that nobody else holds, and delete the old one
     Revoke {
         #[command(flatten)]
         vehicle: Which,
         #[command(flatten)]
         over: Over,
     },
-    /// Shows the signing clocks beside the wall clock
+    /// Show the signing clocks beside the wall clock
     Clock {
         #[command(flatten)]
         vehicle: Which,
-        /// Vouch for this computer's wall clock, where it is over a year ahead of the signing clock
+        /// Accept this computer's wall clock where it is over a year ahead of the signing clock
         #[arg(long)]
         accept: bool,
     },
-    /// Names the keys that are on disk, and the air-side agents that are paired
+    /// List the keys on disk by their ids, and the paired air-side agents
     List {
-        /// The configuration
+        /// Read this configuration
         #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
         config: PathBuf,
     },
@@ -66,24 +67,23 @@ pub(crate) enum Action {
 
 #[derive(Debug, Args)]
 pub(crate) struct Which {
-    /// The configuration
+    /// Read this configuration
     #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
     config: PathBuf,
-    /// Vehicle ID, where the configuration has several
+    /// Select the vehicle by its id, such as 1b:00:01:01, where the configuration has several
     #[arg(long, value_name = "ID")]
     vehicle: Option<String>,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct Over {
-    /// Show the key on a link that is neither a serial line nor loopback
+    /// Send the key in clear over a link that is neither a serial line nor loopback
     #[arg(long)]
     i_trust_this_link: bool,
-    /// The vehicle has lost its key and sends unsigned: believe whoever speaks in its name on this link, and give it the
-    /// key
+    /// Trust unsigned frames in the vehicle's name on this link: it has lost its key, and is given it again
     #[arg(long)]
     vehicle_is_unsigned: bool,
-    /// How long to wait for the vehicle to be heard and disarmed, s
+    /// Wait at most this long for frames of the vehicle that show it disarmed, s
     #[arg(long, default_value_t = 120)]
     wait_s: u64,
 }
@@ -421,7 +421,7 @@ fn list(config: &Path) -> Result<(), Failure> {
                 key.id()
             ));
         }
-        let record = ExchangeRecord::peek(&config.store.dir, vehicle.id)
+        let record = peek::<ExchangeRecord>(&config.store.dir, &vehicle.id)
             .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
         if let Some(peer) = record.as_ref().and_then(ExchangeRecord::peer) {
             say(&format!(

@@ -30,49 +30,49 @@ pub(crate) struct Arguments {
 enum Command {
     #[cfg(feature = "demo")]
     Demo(demo::Arguments),
-    /// Serves the vehicles of a configuration until SIGTERM or SIGINT
+    /// Run the bridge for the vehicles of a configuration, until SIGTERM or SIGINT
     Run {
-        /// The configuration, such as examples/vsm.toml
+        /// Read this configuration, such as examples/vsm.toml
         #[arg(long, value_name = "FILE")]
         config: PathBuf,
     },
-    /// Serves as the agent beside PX4 until SIGTERM or SIGINT: a verifying relay that gives PX4 its keys
+    /// Run the agent beside PX4, until SIGTERM or SIGINT: a verifying relay that gives PX4 its keys
     Airside(airside::Arguments),
-    /// Reads a configuration and says what is wrong with it, or what it means
+    /// Check a configuration: report the first error, or what each value means
     CheckConfig {
-        /// The configuration
+        /// The configuration to check
         file: PathBuf,
     },
-    /// Shows what a running bridge does
+    /// Show the state of a running bridge
     Status {
-        /// The configuration that the bridge was started with
+        /// Find the bridge by the configuration that it was started with
         #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
         config: PathBuf,
-        /// As JSON
+        /// Print JSON
         #[arg(long)]
         json: bool,
     },
-    /// Writes a new random signing key (32 bytes in hex, mode 0600) to a file that must not exist
+    /// Write a new random signing key (32 bytes in hex, mode 0600) to a file that must not exist
     Keygen {
         /// The key file to write
         file: PathBuf,
     },
-    /// Hands keys to vehicles, and shows them
+    /// Provision, rotate, revoke and list signing keys
     Key {
         #[command(subcommand)]
         action: key::Action,
     },
-    /// Makes this VSM and a vehicle's air-side agent known to each other, by a code
+    /// Pair this VSM with a vehicle's air-side agent by a code
     Pair(pair::Pair),
-    /// Reads DLI datagrams, one a line in hex, and writes each message as a line of JSON
+    /// Decode DLI datagrams from standard input, one a line in hex, to one line of JSON for each message
     Decode {
-        /// Integers as on the wire, never range-checked
+        /// Keep integers as on the wire, without range checks
         #[arg(long)]
         raw: bool,
     },
-    /// Reads messages as JSON, one a line, and writes each as a datagram in hex
+    /// Encode messages from standard input, one a line of JSON, to one datagram in hex each
     Encode {
-        /// Integers as on the wire, never range-checked
+        /// Keep integers as on the wire, without range checks
         #[arg(long)]
         raw: bool,
     },
@@ -102,7 +102,7 @@ pub fn command() -> clap::Command {
     Arguments::command()
 }
 
-/// The program: reads the command line, does it, and says the exit status.
+/// The program: reads the command line, runs the subcommand, and returns the exit status.
 #[must_use]
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();

@@ -3,7 +3,7 @@
 use std::io::Read as _;
 use std::time::Duration;
 
-use crate::shell::exchange_record::system_random;
+use crate::shell::key_file::system_random;
 use crate::shell::key_store::KeyStore;
 use crate::shell::pairing::{Ending, Pairing};
 use anyhow::{Context as _, anyhow};
@@ -18,11 +18,11 @@ use super::key::{Which, open, say};
 pub(crate) struct Pair {
     #[command(flatten)]
     which: Which,
-    /// The code that `vsm airside pair` shows; `-` reads it from standard input, which is better: what is written here is
-    /// seen by every user of this computer, in the list of processes. Without it a new one is made and shown
+    /// Use the code that `vsm airside pair` shows; `-` reads it from standard input, which is safer: every user of this
+    /// computer can see arguments in the list of processes. Without it a new code is made and shown
     #[arg(long)]
     code: Option<String>,
-    /// How long to try, s; the agent's window is open for 10 minutes
+    /// Try for at most this long, s; the agent's window is open for 10 minutes (600 s)
     #[arg(long, default_value_t = 600)]
     wait_s: u64,
 }

@@ -17,7 +17,7 @@ use zeroize::Zeroize;
 use super::airside_disk::AirsideDisk;
 use super::clock::Clock;
 use super::disk::{FileDisk, OpenError};
-use super::exchange_record::{self, system_random};
+use super::key_file::system_random;
 use super::key_link;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::pairing_socket::{self, Asker};
@@ -26,6 +26,7 @@ use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
 use crate::airside::{Agent, AgentError, AirsideStatus, PairingNews, Settings, Side};
 use crate::config::airside::AirsideConfig;
+use crate::key_exchange;
 use crate::session::{LogLevel, Peer};
 use mavlink_link::store::StoreError;
 
@@ -117,7 +118,7 @@ impl AirsideServer {
             not_before: Stamp::from_unix(NOT_BEFORE),
             ids: [own.vsm_id.0, own.vehicle_id.0],
         };
-        let identity = exchange_record::identity(&mut store)?;
+        let identity = key_exchange::identity(&mut store, &mut system_random)?;
         let mut disk = AirsideDisk {
             store,
             keys,

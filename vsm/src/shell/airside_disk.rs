@@ -7,9 +7,9 @@ use stanag_msgs::Id;
 
 use super::airside::AirsideError;
 use super::disk::FileDisk;
-use super::exchange_record::ExchangeRecord;
 use super::key_store::{KeyStore, KeyStoreError};
 use crate::airside::{Held, Keys};
+use crate::key_exchange::ExchangeRecord;
 
 /// Both, locked for this process.
 #[derive(Debug)]

@@ -10,10 +10,13 @@ use std::io::{self, Read, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use mavlink_link::store::{Disk, Durability, StoreError};
+use mavlink_link::exchange::PublicKey;
+use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, Record, StoreError};
 use rustix::fs::FlockOperation;
 use rustix::io::Errno;
 use zeroize::Zeroizing;
+
+use crate::key_exchange::{IDENTITY, MAX_IDENTITY_BYTES, parse_identity};
 
 /// The folder of `[store] dir`. Only one process holds it at a time.
 #[derive(Debug)]
@@ -176,6 +179,27 @@ impl Disk for FileDisk {
     }
 }
 
+/// A record of a store that another process may hold, to be shown.
+///
+/// # Errors
+/// It is there and cannot be read.
+pub fn peek<R: Record>(folder: &Path, key: &R::Key) -> Result<Option<R>, StoreError> {
+    let name = R::name(key);
+    let read = NativeFileSystem.read(&folder.join(&name), MAX_RECORD_BYTES);
+    let bytes = read.map_err(|cause| StoreError::new(&*name, cause))?;
+    bytes
+        .map(|bytes| R::decode(&bytes).map_err(|cause| StoreError { name, cause }))
+        .transpose()
+}
+
+/// The static key of a VSM whose store another process may hold: its public half, to be shown.
+#[must_use]
+pub fn peek_identity(folder: &Path) -> Option<PublicKey> {
+    let path = folder.join(IDENTITY);
+    let bytes = NativeFileSystem.read(&path, MAX_IDENTITY_BYTES).ok()??;
+    Some(parse_identity(&bytes)?.public())
+}
+
 /// The steps of writing and reading a file.
 pub trait FileSystem: fmt::Debug + Send + Sync {
     /// Writes a new file, mode 0600, in place of what bears its name.
@@ -319,5 +343,33 @@ pub fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use mavlink_link::store::Store as _;
+    use stanag_msgs::Id;
+
+    use super::*;
+    use crate::key_exchange::{ExchangeRecord, identity};
+    use crate::shell::key_file::system_random;
+
+    #[test]
+    fn what_another_process_holds_can_be_shown() {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = folder.path().join("state");
+        let vehicle = Id(0x1b00_0101);
+        let mut disk = FileDisk::open(&dir).unwrap();
+        assert_eq!(peek::<ExchangeRecord>(&dir, &vehicle).unwrap(), None);
+        assert_eq!(peek_identity(&dir), None);
+        let record = ExchangeRecord {
+            counter: u64::MAX,
+            ..ExchangeRecord::default()
+        };
+        disk.save(&vehicle, &record).unwrap();
+        assert_eq!(peek(&dir, &vehicle).unwrap(), Some(record));
+        let made = identity(&mut disk, &mut system_random).unwrap().public();
+        assert_eq!(peek_identity(&dir), Some(made));
     }
 }

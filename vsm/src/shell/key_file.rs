@@ -6,6 +6,7 @@ use std::io::{self, Read};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
+use mavlink_link::exchange::NoRandom;
 use mavlink_link::signing::SigningKey;
 use zeroize::Zeroizing;
 
@@ -117,6 +118,14 @@ pub fn random() -> io::Result<SigningKey> {
     let mut bytes = Zeroizing::new([0_u8; 32]);
     getrandom::fill(&mut *bytes).map_err(|cause| io::Error::other(cause.to_string()))?;
     SigningKey::new(*bytes).map_err(|cause| io::Error::other(cause.to_string()))
+}
+
+/// The system's random source.
+///
+/// # Errors
+/// There is none.
+pub fn system_random(out: &mut [u8]) -> Result<(), NoRandom> {
+    getrandom::fill(out).map_err(|_| NoRandom)
 }
 
 /// A key as its file holds it.

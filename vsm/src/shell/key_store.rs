@@ -14,10 +14,12 @@ use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use mavlink_link::signing::{KeyId, SigningKey};
+use mavlink_link::store::StoreError;
 use zeroize::Zeroizing;
 
 use super::disk::{self, FileSystem, NativeFileSystem};
 use super::key_file::{self, KeyFileError};
+use crate::key_exchange::Keyring;
 
 /// The key files of one vehicle, locked for this process.
 #[derive(Debug)]
@@ -299,6 +301,32 @@ impl KeyStore {
                 cause,
             })
     }
+}
+
+impl Keyring for KeyStore {
+    fn current(&self) -> Result<Option<SigningKey>, StoreError> {
+        KeyStore::current(self).map_err(fault)
+    }
+
+    fn next(&self) -> Result<Option<SigningKey>, StoreError> {
+        KeyStore::next(self).map_err(fault)
+    }
+
+    fn restage(&self, key: &SigningKey) -> Result<(), StoreError> {
+        KeyStore::restage(self, key).map_err(fault)
+    }
+
+    fn commit(&self) -> Result<(), StoreError> {
+        KeyStore::commit(self).map_err(fault)
+    }
+
+    fn drop_next(&self) -> Result<(), StoreError> {
+        KeyStore::drop_next(self).map_err(fault)
+    }
+}
+
+fn fault(cause: KeyStoreError) -> StoreError {
+    StoreError::new("key", cause)
 }
 
 /// Where a key file really is, or will be: the other files are beside it.

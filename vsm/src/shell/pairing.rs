@@ -13,11 +13,11 @@ use tokio::time::{Instant, sleep_until};
 
 use super::clock::Clock;
 use super::disk::{FileDisk, OpenError};
-use super::exchange_record::{self, ExchangeRecord, system_random};
-use super::key_exchange::{Disk, WANTED, memory, parties};
+use super::key_file::system_random;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use crate::config::{Config, Exchange, Vehicle};
+use crate::key_exchange::{ExchangeRecord, GroundKeys, WANTED, identity, memory, parties};
 use crate::session::Peer;
 use mavlink_link::store::StoreError;
 
@@ -92,7 +92,7 @@ impl Pairing {
         let parties = parties(config, vehicle, settings);
         let config = InitiatorConfig {
             parties,
-            identity: exchange_record::identity(&mut store)?,
+            identity: identity(&mut store, &mut system_random)?,
             trust: Trust::Pairing(code),
             wanted: WANTED,
         };
@@ -159,7 +159,7 @@ impl Pairing {
     /// Only KEY_EXCHANGE counts, signed or not: what is believed is proven by the code.
     fn take(&mut self, from: Peer, bytes: &[u8]) {
         let now = self.clock.now();
-        let mut disk = Disk {
+        let mut disk = GroundKeys {
             store: &mut self.store,
             keys: &self.keys,
             record: &mut self.record,
@@ -195,7 +195,7 @@ impl Pairing {
     }
 
     async fn send(&mut self) {
-        let mut disk = Disk {
+        let mut disk = GroundKeys {
             store: &mut self.store,
             keys: &self.keys,
             record: &mut self.record,

@@ -14,7 +14,7 @@ use tokio::io::{AsyncBufReadExt as _, AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{UnixListener, UnixStream};
 use zeroize::Zeroizing;
 
-use super::exchange_record::system_random;
+use super::key_file::system_random;
 
 fn path(store: &Path) -> PathBuf {
     store.join("pair.sock")

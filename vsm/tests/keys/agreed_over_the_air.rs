@@ -16,10 +16,11 @@ use mavlink_link::frame::{
 use mavlink_link::signing::{SigningKey, Stamp, sign};
 use tokio::net::UdpSocket;
 use vsm::config::Config;
+use vsm::key_exchange::{ExchangeRecord, identity};
 use vsm::session::Status;
 use vsm::shell::disk::FileDisk;
-use vsm::shell::exchange_record::{ExchangeRecord, identity, system_random};
 use vsm::shell::key_file;
+use vsm::shell::key_file::system_random;
 use vsm::shell::server::Server;
 
 const GROUND: Node = Node {
@@ -161,7 +162,7 @@ async fn a_key_that_is_too_old_is_replaced_in_flight() {
         record.note_key(old_id, 0);
         let vehicle = config.vehicles().next().unwrap().id;
         record.save(&mut store, vehicle).unwrap();
-        identity(&mut store).unwrap().public()
+        identity(&mut store, &mut system_random).unwrap().public()
     };
     let server = Server::open(&config).unwrap();
     let mut vehicle = Vehicle::towards(&server).await;

@@ -14,11 +14,12 @@ use tokio::sync::Notify;
 use super::shared::{Core, Shared};
 use super::{NOT_BEFORE, Server, StartError};
 use crate::config::{Config, ExchangeMode, Signing, Vehicle};
+use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::{Bridge, LinkEnd};
 use crate::shell::clock::Clock;
 use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
-use crate::shell::key_exchange::{KeyExchange, Surroundings};
+use crate::shell::key_file::system_random;
 use crate::shell::key_store::KeyStore;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::{self, DliSockets};
@@ -155,6 +156,8 @@ fn open_exchanges(
                 bridge: &mut *bridge,
                 store: &mut *store,
                 keys,
+                random: &mut system_random,
+                not_before: NOT_BEFORE,
             };
             let mut exchange =
                 KeyExchange::open(config, vehicle, index, *settings, now, &mut with)?;

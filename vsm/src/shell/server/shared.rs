@@ -6,13 +6,25 @@ use std::time::Duration;
 use mavlink_link::Now;
 use tokio::sync::Notify;
 
-use crate::session::{Bridge, KeyChange, LogLevel, Status};
+use super::NOT_BEFORE;
+use crate::key_exchange::{KeyExchange, Surroundings};
+use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Status};
 use crate::shell::clock::Clock;
 use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
-use crate::shell::key_exchange::{KeyExchange, Surroundings};
+use crate::shell::key_file::system_random;
 use crate::shell::key_store::KeyStore;
 use crate::shell::recording::Recording;
+
+/// Writes what a machine has to report.
+fn write_log(entry: &LogEntry) {
+    let LogEntry { level, about, text } = entry;
+    match level {
+        LogLevel::Info => tracing::info!("{about}: {text}"),
+        LogLevel::Warning => tracing::warn!("{about}: {text}"),
+        LogLevel::Error => tracing::error!("{about}: {text}"),
+    }
+}
 
 /// Shared by the tasks of one thread.
 #[derive(Debug)]
@@ -52,11 +64,16 @@ impl Core {
                 bridge: &mut self.bridge,
                 store: &mut self.store,
                 keys,
+                random: &mut system_random,
+                not_before: NOT_BEFORE,
             };
             if in_use == Some(*index) {
                 exchange.key_in_use(now, &mut with);
             }
-            exchange.step(now, &mut with);
+            exchange.handle(now, &mut with);
+            while let Some(entry) = exchange.poll_log() {
+                write_log(&entry);
+            }
         }
     }
 
@@ -84,11 +101,7 @@ impl Shared {
         let done = act(&mut core, now);
         core.step_exchanges(now, None);
         while let Some(entry) = core.bridge.poll_log() {
-            match entry.level {
-                LogLevel::Info => tracing::info!("{}: {}", entry.about, entry.text),
-                LogLevel::Warning => tracing::warn!("{}: {}", entry.about, entry.text),
-                LogLevel::Error => tracing::error!("{}: {}", entry.about, entry.text),
-            }
+            write_log(&entry);
         }
         while let Some((index, change)) = core.bridge.poll_key_change() {
             let Some(Some(keys)) = core.key_stores.get(index) else {

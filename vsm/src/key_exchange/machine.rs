@@ -1,30 +1,22 @@
-//! The ground side of the key exchange inside `vsm run`: the machine, its disk and its random source, beside the bridge
-//! that carries its messages.
-//!
-//! The bridge goes on under its current key whatever happens here; a key that is agreed waits as `next` until the
-//! vehicle signs with it.
+//! The initiator of one vehicle's exchange beside the bridge that carries its messages, and what operators see of it.
 
-mod disk;
-mod telling;
-
-pub(super) use disk::{Disk, memory};
-
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::exchange::{
-    Identity, Initiator, InitiatorConfig, Legacy, Node, Parties, Trust, Wanted,
+    Identity, Initiator, InitiatorConfig, InitiatorEvent, Legacy, Node, Parties, Random, Status,
+    Trust, Wanted,
 };
 use mavlink_link::signing::KeyId;
+use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
 use stanag_msgs::enums::AlertPriority;
 
-use super::disk::FileDisk;
-use super::exchange_record::{self, ExchangeRecord, system_random};
-use super::key_store::KeyStore;
-use super::server::NOT_BEFORE;
+use super::ground::{GroundKeys, Keyring, memory};
+use super::record::{ExchangeRecord, identity};
 use crate::config::{Config, Exchange, ExchangeMode, Vehicle};
-use crate::session::{Bridge, ExchangeNotice, Peer};
+use crate::session::{Bridge, ExchangeNotice, ExchangeStatus, LogEntry, LogLevel, Peer};
 
 /// The exchange of one vehicle.
 #[derive(Debug)]
@@ -35,14 +27,15 @@ pub struct KeyExchange {
     parties: Parties,
     machine: Machine,
     record: ExchangeRecord,
-    /// From where a message of the agent came last: the vehicle's link may not have a peer yet.
-    heard_from: Option<Peer>,
-    look_at: Duration,
+    /// Where a message of the agent came from last: the vehicle's link may not have a peer yet.
+    agent_at: Option<Peer>,
+    check_at: Duration,
     /// When an exchange that was rolled back may be tried again.
     again_at: Duration,
     state: String,
     /// The key in force has been seen in use, in this run or by what the store says.
     settled: bool,
+    log: VecDeque<LogEntry>,
 }
 
 #[derive(Debug)]
@@ -58,9 +51,13 @@ pub struct Surroundings<'a> {
     /// The bridge.
     pub bridge: &'a mut Bridge,
     /// The records.
-    pub store: &'a mut FileDisk,
+    pub store: &'a mut dyn Disk,
     /// The key files.
-    pub keys: &'a KeyStore,
+    pub keys: &'a dyn Keyring,
+    /// For the exchange.
+    pub random: &'a mut dyn Random,
+    /// A date that cannot be in the future, since 1970: that of the build.
+    pub not_before: Duration,
 }
 
 impl KeyExchange {
@@ -75,14 +72,14 @@ impl KeyExchange {
         settings: Exchange,
         now: Now,
         with: &mut Surroundings<'_>,
-    ) -> Result<KeyExchange, mavlink_link::store::StoreError> {
+    ) -> Result<KeyExchange, StoreError> {
         let record = ExchangeRecord::load(with.store, vehicle.id)?;
         let current = with.keys.current().ok().flatten().map(|key| key.id());
         let settled = current.is_some_and(|id| record.key == Some(*id.bytes()));
         let parties = parties(config, vehicle, settings);
         let machine = match settings.mode {
             ExchangeMode::Legacy => {
-                let identity = fresh_identity()?;
+                let identity = fresh_identity(with.random)?;
                 let legacy = Legacy::new(identity, parties.responder, now.mono);
                 Machine::Legacy(Box::new(legacy))
             }
@@ -95,11 +92,12 @@ impl KeyExchange {
             parties,
             machine,
             record,
-            heard_from: None,
-            look_at: now.mono,
+            agent_at: None,
+            check_at: now.mono,
             again_at: now.mono,
             state: "idle".to_owned(),
             settled,
+            log: VecDeque::new(),
         };
         with.bridge.want_key_exchange(index);
         exchange.pair(now, with)?;
@@ -108,17 +106,13 @@ impl KeyExchange {
     }
 
     /// With an agent that is paired, the initiator.
-    fn pair(
-        &mut self,
-        now: Now,
-        with: &mut Surroundings<'_>,
-    ) -> Result<(), mavlink_link::store::StoreError> {
+    fn pair(&mut self, now: Now, with: &mut Surroundings<'_>) -> Result<(), StoreError> {
         let (Machine::Unpaired, Some(peer)) = (&self.machine, self.record.peer()) else {
             return Ok(());
         };
         let config = InitiatorConfig {
             parties: self.parties,
-            identity: exchange_record::identity(with.store)?,
+            identity: identity(with.store, with.random)?,
             trust: Trust::Pinned(peer),
             wanted: WANTED,
         };
@@ -133,7 +127,7 @@ impl KeyExchange {
     }
 
     /// Does what is due, and what has come in. Called after everything that the bridge does.
-    pub fn step(&mut self, now: Now, with: &mut Surroundings<'_>) {
+    pub fn handle(&mut self, now: Now, with: &mut Surroundings<'_>) {
         self.settled |= with.bridge.proven_key(self.index).is_some();
         while let Some(frame) = with.bridge.poll_key_exchange(self.index) {
             let header = frame.header;
@@ -142,15 +136,15 @@ impl KeyExchange {
                 component: header.component_id,
             };
             if source == self.parties.responder {
-                self.heard_from = Some(frame.from);
+                self.agent_at = Some(frame.from);
             }
             self.take(now, source, frame.payload(), with);
         }
-        if now.mono >= self.look_at {
-            self.look_at = now.mono.saturating_add(LOOK_EVERY);
-            self.look(now, with);
+        if now.mono >= self.check_at {
+            self.check_at = now.mono.saturating_add(LOOK_EVERY);
+            self.check_age(now, with);
         }
-        let mut disk = Disk {
+        let mut disk = GroundKeys {
             store: with.store,
             keys: with.keys,
             record: &mut self.record,
@@ -166,13 +160,13 @@ impl KeyExchange {
                 }
             }
             Machine::Paired(initiator) => {
-                initiator.handle_timeout(now, &mut system_random, &mut disk);
+                initiator.handle_timeout(now, with.random, &mut disk);
                 while let Some(message) = initiator.poll_transmit() {
                     with.bridge.send_key_exchange(
                         self.index,
                         now,
                         &message.to_payload(),
-                        self.heard_from,
+                        self.agent_at,
                         with.store,
                     );
                 }
@@ -183,11 +177,11 @@ impl KeyExchange {
 
     fn send(&self, now: Now, payload: &[u8], with: &mut Surroundings<'_>) {
         with.bridge
-            .send_key_exchange(self.index, now, payload, self.heard_from, with.store);
+            .send_key_exchange(self.index, now, payload, self.agent_at, with.store);
     }
 
     fn take(&mut self, now: Now, source: Node, payload: &[u8], with: &mut Surroundings<'_>) {
-        let mut disk = Disk {
+        let mut disk = GroundKeys {
             store: with.store,
             keys: with.keys,
             record: &mut self.record,
@@ -210,23 +204,28 @@ impl KeyExchange {
                     Ok(()) => {
                         self.offer(now, with);
                         let text = format!("key {id} is agreed by the legacy exchange");
-                        self.once(now, AlertPriority::Warning, text, with);
+                        self.notify_once(now, AlertPriority::Warning, text, with);
                     }
-                    Err(fault) => self.once(now, AlertPriority::Caution, fault.to_string(), with),
+                    Err(fault) => {
+                        self.notify_once(now, AlertPriority::Caution, fault.to_string(), with)
+                    }
                 }
             }
         }
     }
 
     /// What the passing of time makes due.
-    fn look(&mut self, now: Now, with: &mut Surroundings<'_>) {
+    fn check_age(&mut self, now: Now, with: &mut Surroundings<'_>) {
         let wall_s = now.wall.as_secs();
         if let Some(proven) = with.bridge.proven_key(self.index) {
             self.prove_pairing(now, proven, with);
             if self.record.note_key(proven, wall_s)
                 && let Err(fault) = self.record.save(with.store, self.vehicle)
             {
-                tracing::warn!("the age of the key is not kept: {fault}");
+                self.note(
+                    LogLevel::Warning,
+                    format!("the age of the key is not kept: {fault}"),
+                );
             }
         }
         let age = Duration::from_secs(wall_s.saturating_sub(self.record.since));
@@ -243,7 +242,7 @@ impl KeyExchange {
             let text = format!(
                 "the signing key is {days:.1} days old: another is being agreed about, this one stays in use until then"
             );
-            self.once(now, AlertPriority::Nominal, text, with);
+            self.notify_once(now, AlertPriority::Nominal, text, with);
         }
     }
 
@@ -256,14 +255,17 @@ impl KeyExchange {
         let mut record = self.record.clone();
         (record.peer, record.pending) = (pending.peer, None);
         if let Err(fault) = record.save(with.store, self.vehicle) {
-            tracing::warn!("the pairing is not kept: {fault}");
+            self.note(
+                LogLevel::Warning,
+                format!("the pairing is not kept: {fault}"),
+            );
             return;
         }
         self.record = record;
         if let Err(fault) = self.pair(now, with) {
-            tracing::error!("{fault}");
+            self.note(LogLevel::Error, fault.to_string());
         }
-        self.tell(
+        self.notify(
             now,
             ExchangeNotice::Over("the air-side agent is paired"),
             with,
@@ -273,7 +275,7 @@ impl KeyExchange {
     /// The vehicle signs with the next key, and it is the current one on disk.
     pub fn key_in_use(&mut self, now: Now, with: &mut Surroundings<'_>) {
         if let Machine::Paired(initiator) = &mut self.machine {
-            let mut disk = Disk {
+            let mut disk = GroundKeys {
                 store: with.store,
                 keys: with.keys,
                 record: &mut self.record,
@@ -284,7 +286,7 @@ impl KeyExchange {
         }
         if let Ok(Some(key)) = with.keys.current() {
             let id = key.id();
-            self.once(
+            self.notify_once(
                 now,
                 AlertPriority::Nominal,
                 format!("the vehicle signs with the new key {id}"),
@@ -292,29 +294,43 @@ impl KeyExchange {
             );
         }
         if !matches!(self.machine, Machine::Legacy(_)) {
-            self.tell(now, ExchangeNotice::Over("the new key is in use"), with);
+            self.notify(now, ExchangeNotice::Over("the new key is in use"), with);
         }
-        self.look_at = now.mono;
+        self.check_at = now.mono;
     }
 
     /// The next key on disk is looked for in the vehicle's frames.
     fn offer(&mut self, now: Now, with: &mut Surroundings<'_>) {
         let offered = match with.keys.next() {
-            Ok(Some(next)) => with
-                .bridge
-                .offer_next_key(self.index, next, now, NOT_BEFORE, with.store),
+            Ok(Some(next)) => {
+                with.bridge
+                    .offer_next_key(self.index, next, now, with.not_before, with.store)
+            }
             Ok(None) => return,
             Err(fault) => {
-                tracing::error!("{fault}");
+                self.note(LogLevel::Error, fault.to_string());
                 return;
             }
         };
         if let Err(fault) = offered {
-            tracing::error!("the agreed key cannot be used before a restart: {fault}");
+            let text = format!("the agreed key cannot be used before a restart: {fault}");
+            self.note(LogLevel::Error, text);
         }
     }
 
-    /// When [`KeyExchange::step`] is next needed.
+    /// The next line for the log.
+    pub fn poll_log(&mut self) -> Option<LogEntry> {
+        self.log.pop_front()
+    }
+
+    fn note(&mut self, level: LogLevel, text: String) {
+        if self.log.len() < MAX_LOGGED {
+            let about = self.vehicle;
+            self.log.push_back(LogEntry { level, about, text });
+        }
+    }
+
+    /// When [`KeyExchange::handle`] is next needed.
     #[must_use]
     pub fn poll_timeout(&self) -> Duration {
         let machine = match &self.machine {
@@ -322,12 +338,150 @@ impl KeyExchange {
             Machine::Paired(initiator) => initiator.poll_timeout(),
             Machine::Legacy(legacy) => Some(legacy.poll_timeout()),
         };
-        machine.unwrap_or(Duration::MAX).min(self.look_at)
+        machine.unwrap_or(Duration::MAX).min(self.check_at)
     }
 
     /// Takes up a key that an earlier process agreed about and that is not known to be in use.
     pub fn take_up_next(&mut self, now: Now, with: &mut Surroundings<'_>) {
         self.offer(now, with);
+    }
+}
+
+/// What operators and the status are shown.
+impl KeyExchange {
+    /// What stands from the start: that there is no agent, or that anyone may listen.
+    fn announce(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        let text = match &self.machine {
+            Machine::Unpaired => {
+                "no air-side agent is paired: no key can be agreed about; run `vsm pair`"
+            }
+            Machine::Legacy(_) => {
+                "the legacy key exchange is on: anyone in the middle can have the signing key"
+            }
+            Machine::Paired(_) => return,
+        };
+        self.notify(
+            now,
+            ExchangeNotice::Stands(AlertPriority::Warning, text.to_owned()),
+            with,
+        );
+    }
+
+    /// Follows what the machine has to say, and puts the status right.
+    fn report(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        while let Machine::Paired(initiator) = &mut self.machine
+            && let Some(event) = initiator.poll_event()
+        {
+            self.follow(now, event, with);
+        }
+        let (mode, stats) = match &self.machine {
+            Machine::Unpaired => ("on", None),
+            Machine::Paired(initiator) => ("on", Some(initiator.stats())),
+            Machine::Legacy(legacy) => ("legacy", Some(legacy.stats())),
+        };
+        let next = match &self.machine {
+            Machine::Paired(initiator) => initiator.memory().next,
+            _ => None,
+        };
+        let status = ExchangeStatus {
+            mode,
+            peer: self
+                .record
+                .peer()
+                .map(|peer| peer.fingerprint().to_string()),
+            state: self.state.clone(),
+            next_key_id: next.map(|key| key.to_string()),
+            taken: stats.map_or(0, |stats| stats.taken),
+            ignored: stats.map_or(0, |stats| stats.by_reason().map(|(_, count)| count).sum()),
+        };
+        with.bridge.set_exchange_status(self.index, status);
+    }
+
+    fn follow(&mut self, now: Now, event: InitiatorEvent, with: &mut Surroundings<'_>) {
+        use InitiatorEvent as E;
+        match event {
+            E::Begun { .. } => {
+                "agreeing about a key".clone_into(&mut self.state);
+            }
+            E::NextStored { key } => {
+                self.offer(now, with);
+                self.state = format!("key {key} is stored, waiting for the agent's confirmation");
+            }
+            E::Agreed { key, peer, epoch } => {
+                self.state = format!("key {key} is agreed");
+                let peer = peer.fingerprint();
+                let text = format!("key {key} is agreed with agent {peer} (epoch {epoch})");
+                self.notify_once(now, AlertPriority::Nominal, text, with);
+            }
+            E::Status { status, reason } => self.notify_status(now, status, reason, with),
+            E::Dropped { status } => {
+                with.bridge.withdraw_next_key(self.index);
+                self.again_at = now.mono.saturating_add(AGAIN_AFTER);
+                self.state = format!("the new key was given up: {status}");
+                let text = format!("the new key is given up, the old one stays in use: {status}");
+                self.notify(now, ExchangeNotice::Over("no key waits"), with);
+                self.notify_once(now, AlertPriority::Caution, text, with);
+            }
+            E::Promoted => {
+                with.bridge.adopt_next_key(self.index, now, with.store);
+                let text = "the vehicle has had the new key in use already";
+                self.notify_once(now, AlertPriority::Nominal, text.to_owned(), with);
+            }
+            E::GaveUp { unanswered } => {
+                let text = format!("the air-side agent does not answer ({unanswered:?})");
+                self.note(LogLevel::Info, text);
+                "the agent does not answer".clone_into(&mut self.state);
+            }
+            // Anyone can send these, and as many as they like: counted, and neither alerted nor logged.
+            E::Rejected { .. } => {}
+            E::NotStored(cause) => {
+                let text = format!("the key exchange cannot be stored: {cause}");
+                self.notify_once(now, AlertPriority::Warning, text, with);
+            }
+            E::NoRandom => self.note(LogLevel::Error, "the system has no random bytes".to_owned()),
+        }
+    }
+
+    fn notify_status(&mut self, now: Now, status: Status, reason: u8, with: &mut Surroundings<'_>) {
+        self.state = format!("the agent says: {status}");
+        if reason != 0 {
+            self.state += &format!(" ({reason})");
+        }
+        let (priority, text) = match status {
+            Status::WaitDisarm => (
+                AlertPriority::Nominal,
+                "a new signing key waits until the vehicle is disarmed",
+            ),
+            Status::Sent => (
+                AlertPriority::Nominal,
+                "a new signing key is being given to the vehicle: do not cut its power for 5 s",
+            ),
+            Status::Silent => (
+                AlertPriority::Caution,
+                "the vehicle is silent after a new key was sent: both keys are kept",
+            ),
+            Status::CannotSign => (
+                AlertPriority::Warning,
+                "the vehicle cannot sign: PX4 1.17 or older",
+            ),
+            _ => return,
+        };
+        self.notify(now, ExchangeNotice::Stands(priority, text.to_owned()), with);
+    }
+
+    fn notify_once(
+        &self,
+        now: Now,
+        priority: AlertPriority,
+        text: String,
+        with: &mut Surroundings<'_>,
+    ) {
+        self.notify(now, ExchangeNotice::Once(priority, text), with);
+    }
+
+    fn notify(&self, now: Now, notice: ExchangeNotice, with: &mut Surroundings<'_>) {
+        with.bridge
+            .tell_of_exchange(self.index, now, notice, with.store);
     }
 }
 
@@ -345,16 +499,16 @@ pub fn parties(config: &Config, vehicle: &Vehicle, settings: Exchange) -> Partie
     Parties::new(ground, air, config.dli.vsm_id.0, vehicle.id.0)
 }
 
-fn fresh_identity() -> Result<Identity, mavlink_link::store::StoreError> {
-    Identity::generate(&mut system_random).map_err(|fault| mavlink_link::store::StoreError {
-        name: "legacy".to_owned(),
-        cause: fault.to_string(),
-    })
+fn fresh_identity(random: &mut dyn Random) -> Result<Identity, StoreError> {
+    Identity::generate(random).map_err(|fault| StoreError::new("legacy", fault))
 }
 
 /// What keys are agreed for.
-pub(super) const WANTED: Wanted = Wanted {
+pub(crate) const WANTED: Wanted = Wanted {
     signing: true,
     confidential: false,
 };
+const MAX_LOGGED: usize = 64;
 const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// After a key that the vehicle did not take.
+const AGAIN_AFTER: Duration = Duration::from_secs(600);

@@ -1,15 +1,48 @@
-//! What an exchange reads and writes: its record, and the key files.
+//! What the ground side of an exchange reads and writes: its record, and the keys of the vehicle.
 
 use mavlink_link::exchange::{Agreed, InitiatorMemory, InitiatorStore, PublicKey, StoreError};
 use mavlink_link::signing::SigningKey;
+use mavlink_link::store::{self, Disk};
 use stanag_msgs::Id;
 
-use crate::shell::disk::FileDisk;
-use crate::shell::exchange_record::{ExchangeRecord, Pending};
-use crate::shell::key_store::KeyStore;
+use super::record::{ExchangeRecord, Pending};
+
+/// The keys of one vehicle as they lie on disk. Every change is durable when it returns, and one that fails leaves keys
+/// that can be used.
+pub trait Keyring {
+    /// The key in force; `None` where there is none yet.
+    ///
+    /// # Errors
+    /// It is there and cannot be used.
+    fn current(&self) -> Result<Option<SigningKey>, store::StoreError>;
+
+    /// The key that the vehicle may have been sent.
+    ///
+    /// # Errors
+    /// It is there and cannot be used.
+    fn next(&self) -> Result<Option<SigningKey>, store::StoreError>;
+
+    /// Stores a key as the next one in place of any other: one that the vehicle cannot be sent any more.
+    ///
+    /// # Errors
+    /// It could not be made durable; what was there before still is.
+    fn restage(&self, key: &SigningKey) -> Result<(), store::StoreError>;
+
+    /// The vehicle has the next key: it becomes the current one.
+    ///
+    /// # Errors
+    /// A step could not be made durable: both keys are still here.
+    fn commit(&self) -> Result<(), store::StoreError>;
+
+    /// The vehicle keeps the current key: the next one is deleted.
+    ///
+    /// # Errors
+    /// It could not be deleted.
+    fn drop_next(&self) -> Result<(), store::StoreError>;
+}
 
 /// What the machine must know of the stored keys.
-pub(in crate::shell) fn memory(record: &ExchangeRecord, keys: &KeyStore) -> InitiatorMemory {
+pub(crate) fn memory(record: &ExchangeRecord, keys: &dyn Keyring) -> InitiatorMemory {
     let id = |key: SigningKey| key.id();
     InitiatorMemory {
         counter: record.counter,
@@ -20,14 +53,14 @@ pub(in crate::shell) fn memory(record: &ExchangeRecord, keys: &KeyStore) -> Init
 }
 
 /// The files that an exchange writes.
-pub(in crate::shell) struct Disk<'a> {
-    pub(in crate::shell) store: &'a mut FileDisk,
-    pub(in crate::shell) keys: &'a KeyStore,
-    pub(in crate::shell) record: &'a mut ExchangeRecord,
-    pub(in crate::shell) vehicle: Id,
+pub(crate) struct GroundKeys<'a> {
+    pub(crate) store: &'a mut dyn Disk,
+    pub(crate) keys: &'a dyn Keyring,
+    pub(crate) record: &'a mut ExchangeRecord,
+    pub(crate) vehicle: Id,
 }
 
-impl Disk<'_> {
+impl GroundKeys<'_> {
     /// Changes the record on disk, and then here.
     fn change(&mut self, change: impl FnOnce(&mut ExchangeRecord)) -> Result<(), StoreError> {
         let mut record = self.record.clone();
@@ -38,7 +71,7 @@ impl Disk<'_> {
     }
 }
 
-impl InitiatorStore for Disk<'_> {
+impl InitiatorStore for GroundKeys<'_> {
     fn store_counter(&mut self, counter: u64) -> Result<(), StoreError> {
         self.change(|record| record.counter = counter)
     }

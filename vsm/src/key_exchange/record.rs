@@ -1,18 +1,14 @@
 //! What the ground side of the key exchange keeps in the store: its static key, and for each vehicle the paired agent,
 //! counter and epoch.
 
-use std::path::Path;
-
-use mavlink_link::exchange::{Identity, NoRandom, PublicKey};
+use mavlink_link::exchange::{Identity, PublicKey, Random};
 use mavlink_link::signing::KeyId;
+use mavlink_link::store::{Disk, Durability, Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
-use zeroize::{Zeroize as _, Zeroizing};
+use zeroize::Zeroizing;
 
-use super::disk::FileDisk;
-use super::disk::{FileSystem as _, NativeFileSystem};
 use crate::session::vehicle_record;
-use mavlink_link::store::{Disk as _, Durability, Record as _, Store as _, StoreError};
 
 /// One vehicle's record. Public keys and key ids only.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,34 +51,15 @@ impl ExchangeRecord {
     ///
     /// # Errors
     /// It is there and cannot be read.
-    pub fn load(store: &FileDisk, vehicle: Id) -> Result<ExchangeRecord, StoreError> {
+    pub fn load(store: &dyn Disk, vehicle: Id) -> Result<ExchangeRecord, StoreError> {
         Ok(store.load(&vehicle)?.unwrap_or_default())
-    }
-
-    /// The record of a vehicle in a store that another process may hold, to be shown.
-    ///
-    /// # Errors
-    /// It is there and cannot be read.
-    pub fn peek(folder: &Path, vehicle: Id) -> Result<Option<ExchangeRecord>, StoreError> {
-        let name = ExchangeRecord::name(&vehicle);
-        match std::fs::read(folder.join(&name)) {
-            Ok(bytes) => match ExchangeRecord::decode(&bytes) {
-                Ok(record) => Ok(Some(record)),
-                Err(cause) => Err(StoreError { name, cause }),
-            },
-            Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(cause) => Err(StoreError {
-                name,
-                cause: cause.to_string(),
-            }),
-        }
     }
 
     /// Keeps it.
     ///
     /// # Errors
     /// It is not durable.
-    pub fn save(&self, store: &mut FileDisk, vehicle: Id) -> Result<(), StoreError> {
+    pub fn save(&self, store: &mut dyn Disk, vehicle: Id) -> Result<(), StoreError> {
         store.save(&vehicle, self)
     }
 
@@ -108,49 +85,29 @@ vehicle_record!(ExchangeRecord, "exchange", Power);
 ///
 /// # Errors
 /// It cannot be read or made durable, or there are no random bytes.
-pub fn identity(store: &mut FileDisk) -> Result<Identity, StoreError> {
-    let fault = |cause: &str| StoreError {
-        name: IDENTITY.to_owned(),
-        cause: cause.to_owned(),
-    };
-    if let Some(bytes) = store.read(IDENTITY, MAX_BYTES)? {
-        let mut key = Zeroizing::new([0; 32]);
-        let text = std::str::from_utf8(&bytes).unwrap_or_default();
-        if !hex::fill(text.trim_end(), &mut *key) {
-            return Err(fault("expected 64 hex digits"));
-        }
-        return Ok(Identity::new(*key));
+pub fn identity(disk: &mut dyn Disk, random: &mut dyn Random) -> Result<Identity, StoreError> {
+    if let Some(bytes) = disk.read(IDENTITY, MAX_IDENTITY_BYTES)? {
+        return parse_identity(&bytes)
+            .ok_or_else(|| StoreError::new(IDENTITY, "expected 64 hex digits"));
     }
-    let identity = Identity::generate(&mut system_random).map_err(|_| fault("no random bytes"))?;
+    let identity =
+        Identity::generate(random).map_err(|_| StoreError::new(IDENTITY, "no random bytes"))?;
     let text = Zeroizing::new(hex::text(identity.expose()));
-    store.replace(IDENTITY, text.as_bytes(), Durability::Power)?;
+    disk.replace(IDENTITY, text.as_bytes(), Durability::Power)?;
     Ok(identity)
 }
 
-/// The static key of a VSM whose store another process may hold: its public half, to be shown.
-#[must_use]
-pub fn peek_identity(folder: &Path) -> Option<PublicKey> {
-    let bytes = NativeFileSystem
-        .read(&folder.join(IDENTITY), MAX_BYTES)
-        .ok()??;
-    let text = std::str::from_utf8(&bytes).ok()?;
-    let mut key = [0; 32];
-    let identity = hex::fill(text.trim_end(), &mut key).then(|| Identity::new(key));
-    key.zeroize();
-    Some(identity?.public())
+/// The static key of a VSM from the content of its file.
+pub(crate) fn parse_identity(bytes: &[u8]) -> Option<Identity> {
+    let text = std::str::from_utf8(bytes).ok()?;
+    let mut key = Zeroizing::new([0; 32]);
+    hex::fill(text.trim_end(), &mut *key).then(|| Identity::new(*key))
 }
 
-/// The system's random source.
-///
-/// # Errors
-/// There is none.
-pub fn system_random(out: &mut [u8]) -> Result<(), NoRandom> {
-    getrandom::fill(out).map_err(|_| NoRandom)
-}
-
-const IDENTITY: &str = "exchange-identity";
+/// The file of the static key.
+pub(crate) const IDENTITY: &str = "exchange-identity";
 /// The identity is 64 digits; more than this is never read.
-const MAX_BYTES: u64 = 256;
+pub(crate) const MAX_IDENTITY_BYTES: u64 = 256;
 
 /// Bytes as hexadecimal text in the record.
 mod hex {
@@ -214,16 +171,16 @@ mod hex {
 
 #[cfg(test)]
 mod tests {
+    use mavlink_link::store::MemoryDisk;
+
     use super::*;
 
     #[test]
     fn a_record_and_the_identity_come_back_from_the_disk() {
-        let folder = tempfile::tempdir().unwrap();
-        let dir = folder.path().join("state");
         let vehicle = Id(0x1b00_0101);
-        let mut store = FileDisk::open(&dir).unwrap();
-        assert_eq!(ExchangeRecord::peek(&dir, vehicle).unwrap(), None);
-        let mut record = ExchangeRecord::load(&store, vehicle).unwrap();
+        let mut disk = MemoryDisk::default();
+        let mut record = ExchangeRecord::load(&disk, vehicle).unwrap();
+        assert_eq!(record, ExchangeRecord::default());
         record.peer = Some([7; 32]);
         record.pending = Some(Pending {
             peer: Some([8; 32]),
@@ -232,16 +189,16 @@ mod tests {
         record.counter = u64::MAX;
         assert!(record.note_key(KeyId::from_bytes([5; 8]), 12));
         assert!(!record.note_key(KeyId::from_bytes([5; 8]), 13));
-        record.save(&mut store, vehicle).unwrap();
-        assert_eq!(ExchangeRecord::load(&store, vehicle).unwrap(), record);
-        assert_eq!(ExchangeRecord::peek(&dir, vehicle).unwrap(), Some(record));
+        record.save(&mut disk, vehicle).unwrap();
+        assert_eq!(ExchangeRecord::load(&disk, vehicle).unwrap(), record);
 
-        let made = identity(&mut store).unwrap().public();
-        assert_eq!(identity(&mut store).unwrap().public(), made);
-        assert_eq!(peek_identity(&dir), Some(made));
-        store
-            .replace(IDENTITY, b"short", Durability::Power)
-            .unwrap();
-        assert!(identity(&mut store).is_err());
+        let mut random = |out: &mut [u8]| {
+            out.fill(3);
+            Ok(())
+        };
+        let made = identity(&mut disk, &mut random).unwrap().public();
+        assert_eq!(identity(&mut disk, &mut random).unwrap().public(), made);
+        disk.replace(IDENTITY, b"short", Durability::Power).unwrap();
+        assert!(identity(&mut disk, &mut random).is_err());
     }
 }
