@@ -337,7 +337,7 @@ fn texts(texts: &mut Texts) -> Vec<(String, bool)> {
         .collect()
 }
 
-fn said(text: &str, complete: bool) -> (String, bool) {
+fn whole(text: &str, complete: bool) -> (String, bool) {
     (text.to_owned(), complete)
 }
 
@@ -350,7 +350,7 @@ fn chunks_make_one_text_in_any_order() {
     t.handle_message(ms(0), PX4, &text(1, 1, "t\t"));
     assert!(texts(&mut t).is_empty());
     t.handle_message(ms(1), PX4, &text(1, 0, FIRST));
-    assert_eq!(texts(&mut t), [said(&format!("{FIRST}t"), true)]);
+    assert_eq!(texts(&mut t), [whole(&format!("{FIRST}t"), true)]);
     assert_eq!(t.poll_timeout(), None);
     // A late copy of a chunk is no new text.
     t.handle_message(ms(2), PX4, &text(1, 1, "t\t"));
@@ -368,7 +368,7 @@ fn a_missing_chunk_is_marked_after_a_second() {
     t.handle_timeout(ms(1000));
     assert_eq!(
         texts(&mut t),
-        [said(&format!("{FIRST}…"), false), said("…tail", false)]
+        [whole(&format!("{FIRST}…"), false), whole("…tail", false)]
     );
 }
 
@@ -380,7 +380,7 @@ fn a_twin_is_dropped_and_a_repeat_is_not() {
     t.handle_message(ms(20), PX4, &text(0, 0, "Takeoff detected\t"));
     assert_eq!(texts(&mut t).len(), 2);
     t.handle_message(ms(1500), PX4, &text(0, 0, "Takeoff detected"));
-    assert_eq!(texts(&mut t), [said("Takeoff detected", true)]);
+    assert_eq!(texts(&mut t), [whole("Takeoff detected", true)]);
     assert!(!t.handle_message(ms(1500), Node::new(2, 1), &text(0, 0, "foreign")));
     assert!(texts(&mut t).is_empty());
 }

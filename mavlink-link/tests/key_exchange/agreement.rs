@@ -1,4 +1,4 @@
-//! What an exchange comes to where nothing goes wrong, and what it says on the way.
+//! The result of an exchange without faults, and its events.
 
 use core::time::Duration;
 

@@ -225,7 +225,7 @@ fn every_byte_of_every_message_bent_changes_nothing_and_the_true_one_still_does(
                 assert_eq!(picture(&world), before, "byte {at} of step {}", step + 1);
                 assert_eq!(agreed(&world), count);
             }
-            // What the bent ones were answered with is not the exchange's.
+            // The answers to the damaged ones are not part of the exchange.
             world.held = Some(VecDeque::new());
             world.deliver(&parcel);
         }
@@ -554,7 +554,7 @@ fn an_unknown_suite_or_version_is_refused_and_nothing_is_negotiated() {
             (answer.step, answer.status),
             (Step::Reject, Status::Refused)
         );
-        // What the ground hears of it, it shows, and goes on as before.
+        // The ground reports what it receives of it, and continues as before.
         world.ground_hears(AIR, &answer.to_payload());
         assert_eq!(picture(&world), before);
     }
@@ -599,7 +599,7 @@ fn rejections_by_anyone_change_nothing() {
     assert_eq!(agreed(&world), 1);
 }
 
-/// A flood of well-formed first messages of strangers, `a_second` of them, while an honest exchange runs.
+/// A flood of well-formed first messages of other senders, `a_second` of them, while an honest exchange runs.
 fn flood(world: &mut World, a_second: u64, address: impl Fn(u64) -> u8, verified: bool) -> bool {
     let trust = Trust::Pinned(world.air_identity().public());
     let pairing = PairingCode::parse(&"B".repeat(32)).unwrap();

@@ -26,7 +26,7 @@ fn cost(begin: fn(u64) -> World, loss: u64, runs: u64) -> Cost {
     };
     for seed in 0..runs {
         let mut world = begin(5_000 + seed);
-        // The vehicle stays armed: what follows is the handover, which has its own pace.
+        // The vehicle stays armed: the key rollover follows, which has its own timing.
         world.armed = true;
         world.weather = Weather {
             loss,

@@ -21,7 +21,7 @@ pub(crate) enum Fault {
     DiesBefore,
     /// It is written, and the process dies.
     DiesAfter,
-    /// The disk says no, and the process goes on.
+    /// The disk fails, and the process continues.
     Fails,
 }
 

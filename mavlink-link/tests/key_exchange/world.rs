@@ -120,7 +120,7 @@ pub(crate) struct World {
     pub(crate) worked: [Duration; 2],
     pub(crate) treatments: BTreeMap<usize, Treatment>,
     pub(crate) weather: Weather,
-    /// Everything that went over the air, for whoever records.
+    /// Everything that was sent over the air, for an attacker who records.
     pub(crate) tape: Vec<Parcel>,
     /// Where a test is the network, what waits for it.
     pub(crate) held: Option<VecDeque<Parcel>>,
@@ -413,7 +413,7 @@ impl World {
         match parcel {
             Parcel::Up(payload) => self.air_hears(7, GROUND, false, payload),
             Parcel::Down(payload) => self.ground_hears(AIR, payload),
-            Parcel::Telemetry(key) => self.hear(*key),
+            Parcel::Telemetry(key) => self.receive_signed(*key),
         }
     }
 
@@ -443,7 +443,7 @@ impl World {
     }
 
     /// A frame of the autopilot at the ground.
-    fn hear(&mut self, key: Option<Key>) {
+    fn receive_signed(&mut self, key: Option<Key>) {
         let Some(key) = key.filter(|key| self.ground_disk.next == Some(*key)) else {
             return;
         };
@@ -513,7 +513,7 @@ impl World {
         }
     }
 
-    /// Puts something on the network, which does with it what it was told to.
+    /// Puts something on the network, which treats it as configured.
     pub(crate) fn post(&mut self, parcel: Parcel) {
         let mut arrivals = vec![ms(20)];
         if let Parcel::Up(payload) | Parcel::Down(payload) = &parcel {
@@ -549,7 +549,7 @@ impl World {
         self.under_way.sort_by_key(|(at, number, _)| (*at, *number));
     }
 
-    /// What must hold at every moment, whoever has just died: the ground has the key that the vehicle signs with, and
+    /// What must hold at every moment, whichever end has just died: the ground has the key that the vehicle signs with, and
     /// every key that the agent could hand to it.
     fn check(&self) {
         if let Some(key) = self.autopilot {

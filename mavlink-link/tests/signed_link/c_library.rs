@@ -1,5 +1,5 @@
-//! The C library as oracle and adversary: what it signs we take, what we sign it takes, both refuse the replayed, the
-//! bent and the wrongly signed; and what it falls for, we do not.
+//! The C library as oracle and adversary: each accepts what the other signs, both refuse replayed, damaged and
+//! wrongly signed frames; and its pitfalls are not ours.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -57,7 +57,7 @@ fn judged_by_c(program: &std::path::Path, stamp: Stamp, frames: &[Vec<u8>]) -> V
 }
 
 #[test]
-fn each_takes_what_the_other_signs_and_refuses_it_twice() {
+fn each_accepts_what_the_other_signs_once() {
     let program = harness("both_ways");
     let frames = signed_by_c(&program, stamp(), 100);
     let mut station = Station::new(Endpoint::Fixed(VEHICLE), at(0));
@@ -82,27 +82,27 @@ fn each_takes_what_the_other_signs_and_refuses_it_twice() {
 }
 
 #[test]
-fn any_bit_that_is_bent_is_refused_by_both() {
-    let program = harness("bent");
+fn any_inverted_bit_is_refused_by_both() {
+    let program = harness("damaged");
     let good = signed_by_c(&program, stamp(), 1).remove(0);
-    let mut bent = vec![];
+    let mut damaged = vec![];
     for at in 1..good.len() {
         for bit in 0..8 {
             let mut frame = good.clone();
             frame[at] ^= 1 << bit;
-            bent.push(frame);
+            damaged.push(frame);
         }
     }
     // Each alone, at a fresh receiver of the library: an empty line between them.
     let key = hex(key().expose());
-    let input: String = bent.iter().map(|frame| hex(frame) + "\n\n").collect();
+    let input: String = damaged.iter().map(|frame| hex(frame) + "\n\n").collect();
     let verdicts = comparison_benches::ask(
         &program,
         &["verify", &key, &stamp().get().to_string()],
         &input,
     );
     assert!(!verdicts.contains("accepted"), "{verdicts}");
-    for frame in &bent {
+    for frame in &damaged {
         let mut station = Station::new(Endpoint::Fixed(VEHICLE), at(0));
         assert!(
             station.receive(at(2_000), VEHICLE, frame).is_empty(),

@@ -1,5 +1,5 @@
 //! Random histories under a virtual clock: loss, reordering, replay, restarts, clocks set by years,
-//! two links with one key. No frame is ever delivered twice, and an honest vehicle is heard again
+//! two links with one key. No frame is ever delivered twice, and an honest vehicle is received again
 //! within one round trip of a heartbeat.
 
 use std::collections::HashSet;

@@ -124,7 +124,7 @@ fn a_vehicle_that_falls_back_is_behind_after_three_frames_and_live_at_the_first_
     assert_eq!(events(&mut station), [Event::Behind]);
     assert_eq!(station.link.peer(), Some(VEHICLE));
 
-    // None of them reached the vehicle. After five seconds a person is told, once.
+    // None of them reached the vehicle. After five seconds an alert is raised, once.
     for n in 0..20 {
         let now = at(4_000 + n * 500);
         station.receive(now, VEHICLE, &vehicle.heartbeat());

@@ -80,7 +80,7 @@ fn a_good_frame_behind_a_bad_checksum_is_not_lost() {
     };
     let mut broken = first.clone();
     broken[12] ^= 1;
-    // The length says more than there is, so that the broken frame swallows the good one behind it.
+    // The length field is larger than the frame, so the broken frame covers the good one behind it.
     let mut longer = first.clone();
     longer[1] = 40;
     for bad in [broken, longer] {

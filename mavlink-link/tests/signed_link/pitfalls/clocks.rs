@@ -67,7 +67,7 @@ fn pitfall_11_the_wall_clock_may_jump_ten_years_either_way() {
         assert!(stamp > last && stamp.since(before) < Duration::from_secs(5));
         last = stamp;
     }
-    // And over a restart, where the clock is read anew.
+    // And over a restart, where the clock is read again.
     for (wall, state) in [
         (WALL - ten_years, WallState::Behind),
         (WALL + ten_years, WallState::FarAhead),

@@ -1,7 +1,7 @@
-//! The falls of other signers that concern this layer, one test each, numbered as in the list of
-//! falls. Those of provisioning (14, 23, 27) are in `provisioning/`, those of the key files (18, 28)
-//! in `vsm/tests/key_store_survives_failures.rs`; `c_library.rs` shows 7, 12 and 19 beside the C library
-//! that falls for them.
+//! The pitfalls of other signing implementations that concern this layer, one test each, numbered as in
+//! `docs/guide/security.md`. Those of provisioning (14, 23, 27) are in `rollover/`, those of the key files (18, 28)
+//! in `vsm/tests/keys/key_store.rs`; `c_library.rs` shows 7, 12 and 19 beside the C library
+//! that has them.
 
 mod clocks;
 mod replays;

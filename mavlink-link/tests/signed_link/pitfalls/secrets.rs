@@ -34,7 +34,7 @@ fn pitfall_16_the_key_is_not_shown_and_its_own_bytes_are_wiped() {
     assert!(!format!("{error} {error:?}").contains("dead"));
 }
 
-/// A panic tells what it is about by `Debug`: a test harness, a log and standard error have it then.
+/// A panic message contains `Debug` output, which ends up in a test harness, a log and on standard error.
 #[test]
 fn pitfall_16_a_panic_about_a_secret_does_not_tell_it() {
     use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -45,17 +45,17 @@ fn pitfall_16_a_panic_about_a_secret_does_not_tell_it() {
     let code = PairingCode::generate(&mut random).unwrap();
     let text = code.text().to_lowercase();
     let (station, _) = live_pair(Endpoint::Listen);
-    fn told<T: std::fmt::Debug>(about: &'static str, secret: T) -> (&'static str, String) {
+    fn shown<T: std::fmt::Debug>(about: &'static str, secret: T) -> (&'static str, String) {
         let refuse = |secret| Err::<(), T>(secret);
         let panic = catch_unwind(AssertUnwindSafe(|| refuse(secret).unwrap())).unwrap_err();
         let text = panic.downcast_ref::<String>().unwrap();
         (about, text.to_lowercase())
     }
     for (about, told) in [
-        told("SigningKey", key()),
-        told("KeyState", station.keys),
-        told("Identity", Identity::new([0x5a; 32])),
-        told("PairingCode", code),
+        shown("SigningKey", key()),
+        shown("KeyState", station.keys),
+        shown("Identity", Identity::new([0x5a; 32])),
+        shown("PairingCode", code),
     ] {
         assert!(told.contains(&about.to_lowercase()), "{told}");
         let shown = |bytes: &[u8]| {

@@ -1,4 +1,4 @@
-//! What is verified, what is not, and that each delivery, state and counter says so.
+//! What is verified, what is not, and that each delivery, state and counter shows it.
 
 use mavlink_link::dialect::{MavMessage, RADIO_STATUS_DATA};
 use mavlink_link::frame::checksum;
@@ -75,7 +75,7 @@ fn pitfall_15_every_delivery_says_whether_it_was_verified() {
     assert!(got[0].verified && got[0].stamp.is_some());
     assert_eq!(station.link.state(), LinkState::Live);
 
-    // With signing off even a signed frame is delivered as unverified: there is no key to tell.
+    // With signing off even a signed frame is delivered as unverified: there is no key to verify it.
     let mut open = Link::new(LinkConfig::new(1, Security::Off, Endpoint::Listen));
     let mut got = Vec::new();
     for frame in [vehicle.heartbeat(), vehicle.send_unsigned(&heartbeat())] {

@@ -118,7 +118,7 @@ fn pitfall_26_the_vehicles_own_frame_is_not_taken_back_by_its_side_of_the_link()
     let frame = vehicle.send(&ack());
     // The vehicle itself would take its own frame: the key is right, and the stream is new to it.
     assert!(vehicle.receive(&frame));
-    // An end of ours on its side does not, whoever brings the frame.
+    // An end of ours on its side does not, wherever the frame comes from.
     let config = LinkConfig {
         own_system: 1,
         own_component: 191,

@@ -24,7 +24,7 @@ enum Fault {
     Full(u64),
 }
 
-/// Runs one handover with these faults, then a clean line, and asks that both ends agree by themselves.
+/// Runs one rollover with these faults, then a clean line, and requires that both ends agree by themselves.
 fn must_come_back(current: Option<&SigningKey>, faults: &[Fault]) {
     let mut world = World::new(current.map(SigningKey::duplicate));
     world.lost = faults

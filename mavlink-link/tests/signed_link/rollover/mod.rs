@@ -1,4 +1,4 @@
-//! Handing over a key: each step, and every history of one or two faults, against a vehicle that does with
+//! The rollover of a key: each step, and every history of one or two faults, against a vehicle that does with
 //! SETUP_SIGNING what PX4 was seen to do.
 
 mod clocks;

@@ -111,7 +111,7 @@ impl Px4 {
         out[..len].to_vec()
     }
 
-    /// What it says by itself: a heartbeat each second, something else five times.
+    /// What it sends by itself: a heartbeat each second, something else five times.
     pub(super) fn speak(&mut self, tick: u64) -> Vec<Vec<u8>> {
         let mut said: Vec<_> = self.to_say.drain(..).collect();
         if tick % 10 == 3 {

@@ -1,4 +1,4 @@
-//! Each step of a handover, and what holds it back.
+//! Each step of a rollover, and what delays it.
 
 use std::time::Duration;
 
@@ -106,7 +106,7 @@ fn a_vehicle_that_arms_just_then_is_waited_for() {
     world.px4.armed = true;
     world.run(10);
     assert_eq!((world.ours.state(), world.secrets), (State::WaitDisarm, 0));
-    // It says disarmed; when the key arrives it is armed.
+    // It reports disarmed; when the key arrives it is armed.
     (world.px4.armed, world.arms) = (false, true);
     while world.secrets < 2 {
         world.px4.armed = false;
@@ -148,7 +148,7 @@ fn a_vehicle_that_keeps_its_key_has_the_new_one_taken_back_after_half_a_minute()
     assert_eq!(world.states().len(), back + 1);
 }
 
-/// A process was ended before it had sent the key, or its clocks were lost after it had: whoever may not send
+/// A process was ended before it had sent the key, or its clocks were lost after it had: a rollover that may not send
 /// a key finds out which one the vehicle has.
 #[test]
 fn who_may_not_send_the_key_finds_out_which_one_the_vehicle_has() {

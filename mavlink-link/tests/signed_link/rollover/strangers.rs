@@ -1,4 +1,4 @@
-//! What others on the line can say, and who is not told a key.
+//! What other senders on the line can achieve, and to whom a key is not sent.
 
 use mavlink_link::clock::{Ceiling, Origin};
 use mavlink_link::frame::MAX_FRAME;

@@ -177,7 +177,7 @@ impl World {
     }
 
     /// We are killed and start again with what is on the disk; where nothing is staged, there is
-    /// nothing to go on with.
+    /// nothing to continue with.
     pub(super) fn kill(&mut self) {
         if self.keys.next.is_some() {
             self.now.mono = Duration::from_secs(1);
