@@ -12,7 +12,8 @@ use serde_json::json;
 
 use crate::failure::Failure;
 use crate::load::{Densify, Loaded};
-use crate::{print, tlog};
+use crate::output::print;
+use crate::tlog;
 
 /// How it turns.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]

@@ -13,8 +13,8 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::formats::{self, Selection};
-use crate::print;
-use crate::progress::progress;
+use crate::output::print;
+use crate::output::progress;
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]

@@ -7,7 +7,7 @@ use clap::Args;
 use crate::failure::Failure;
 use crate::formats::{self, Addresses, Format};
 use crate::load::{Densify, Loaded};
-use crate::print;
+use crate::output::print;
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]

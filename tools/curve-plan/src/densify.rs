@@ -8,7 +8,7 @@ use serde_json::json;
 use crate::failure::Failure;
 use crate::formats::{self, Addresses};
 use crate::load::{Densify, Loaded};
-use crate::print;
+use crate::output::print;
 
 /// Arguments of `densify`.
 #[derive(Debug, Args)]

@@ -9,8 +9,8 @@ use serde_json::json;
 
 use crate::failure::Failure;
 use crate::formats::{self, Addresses, Selection};
-use crate::print;
-use crate::progress::progress;
+use crate::output::print;
+use crate::output::progress;
 use crate::route::{Datum, Route};
 
 /// Arguments of `fit`.

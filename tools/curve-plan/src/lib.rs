@@ -1,8 +1,8 @@
-//! `curve-plan`: plans curved routes, says what they cost, and sends them as a ground station does.
+//! `curve-plan`: plans curved routes, reports what they cost, and sends them as a ground station does.
 //!
-//! A library only so that its command line can be had by what makes completions and the manual page: [`command`].
+//! A library only so that the generator of completions and manual pages can read its command line: [`command`].
 //!
-//! Exit status 0: done; 1: the answer is no (the route cannot be flown, or cannot be had within what was asked for);
+//! Exit status 0: done; 1: the answer is no (the route cannot be flown, or not within the requested bounds);
 //! 2: the command line or a file is wrong, with the file, the line and the field on standard error.
 #![forbid(unsafe_code)]
 
@@ -15,8 +15,8 @@ mod fit;
 mod formats;
 mod json_line;
 mod load;
+mod output;
 mod plot;
-mod progress;
 mod route;
 mod send;
 mod tlog;
@@ -25,9 +25,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use failure::Failure;
-
-/// Plans curved routes for unmanned aircraft: cubic Bezier legs, flown as straight ones within a proven tolerance.
+/// Plan curved routes for unmanned aircraft: cubic Bezier legs, flown as straight ones within a proven tolerance.
 #[derive(Debug, Parser)]
 #[command(name = "curve-plan", version, about, propagate_version = true)]
 struct Arguments {
@@ -37,17 +35,17 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Fewest straight legs against fewest cubic ones for a recorded track.
+    /// Compare the fewest straight legs with the fewest cubic ones for a recorded track.
     Compare(compare::Compare),
-    /// A curved route as the straight legs that it is flown by.
+    /// Turn a curved route into the straight legs that it is flown by.
     Densify(densify::Command),
-    /// A recorded or drawn track as the fewest cubic legs within a tolerance.
+    /// Fit the fewest cubic legs within a tolerance to a recorded or drawn track.
     Fit(fit::Command),
-    /// Whether a route can be flown at a speed, where it is too tight, and what flying will add.
+    /// Check whether a route can be flown at a speed, where it is too tight, and what flying will add.
     Check(check::Command),
-    /// A picture of a route, what is flown of it, and how far the one is from the other.
+    /// Draw a route, what is flown of it, and how far the one is from the other.
     Plot(plot::Command),
-    /// A route from one format to another, or into the messages that a ground station sends.
+    /// Convert a route to another format, or into the messages that a ground station sends.
     Convert(convert::Command),
     /// Upload a route through a VSM, as a ground station (CUCS) does.
     Send(send::Command),
@@ -59,7 +57,7 @@ pub fn command() -> clap::Command {
     Arguments::command()
 }
 
-/// The program: reads the command line, does it, and says the exit status.
+/// The program: reads the command line, runs the subcommand, and returns the exit status.
 #[must_use]
 pub fn run() -> ExitCode {
     let done = match Arguments::parse().command {
@@ -74,16 +72,5 @@ pub fn run() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),
-    }
-}
-
-/// Writes to standard output; a reader that has gone away ends the program quietly.
-fn print(text: &str) -> Result<(), Failure> {
-    use std::io::Write;
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Failure::file("standard output", e))
-        }
-        _ => Ok(()),
     }
 }

@@ -1,12 +1,15 @@
 //! The flown track in a .tlog: GLOBAL_POSITION_INT of a recorded MAVLink stream.
 //!
-//! Each record is a time stamp of 8 bytes (microseconds, most significant first) and a frame. A record whose
-//! checksum does not hold is passed over byte by byte until one does.
+//! Each record is a time stamp of 8 bytes (microseconds, most significant first) and a frame of MAVLink 1 or 2. Bytes that
+//! make no frame with a good checksum are skipped, and so are the time stamps.
 
+use std::io::Read as _;
 use std::path::Path;
 
 use curve_paths::Position;
-use mavlink_link::frame::checksum;
+use mavlink::MavlinkReader;
+use mavlink::error::MessageReadError;
+use mavlink_link::dialect::MavMessage;
 
 use crate::failure::Failure;
 
@@ -21,78 +24,40 @@ pub(crate) fn read(file: &Path) -> Result<Vec<Position>, Failure> {
 }
 
 fn positions(bytes: &[u8]) -> Vec<Position> {
+    // The reader waits for as many bytes as a frame may have: behind the last record it gets them as zeros, or a byte of a
+    // time stamp that looks like the start of a frame would hide the frames that follow it.
+    let padding = std::io::repeat(0).take(MAX_FRAME);
+    let mut reader = MavlinkReader::new(bytes.chain(padding));
     let mut out = Vec::new();
-    let mut at = 0;
-    while at + STAMP < bytes.len() {
-        match frame(&bytes[at + STAMP..]) {
-            Some((length, payload)) => {
-                out.extend(payload.and_then(position));
-                at += STAMP + length;
+    loop {
+        match reader.read_any_message::<MavMessage>() {
+            Ok((_, MavMessage::GLOBAL_POSITION_INT(m))) if (m.lat, m.lon) != (0, 0) => {
+                out.push(Position::new(
+                    f64::from(m.lat) * 1e-7,
+                    f64::from(m.lon) * 1e-7,
+                    f64::from(m.alt) * 1e-3,
+                ));
             }
-            None => at += 1,
+            Ok(_) | Err(MessageReadError::Parse(_)) => {}
+            Err(MessageReadError::Io(_)) => return out,
         }
     }
-    out
 }
 
-/// The length of the frame that the bytes start with, and its payload where it is a position with a good checksum.
-fn frame(bytes: &[u8]) -> Option<(usize, Option<Vec<u8>>)> {
-    let (header, payload_length, id, signature) = match *bytes.first()? {
-        V1 => (6, *bytes.get(1)? as usize, u32::from(*bytes.get(5)?), 0),
-        V2 => {
-            let id = u32::from_le_bytes([*bytes.get(7)?, *bytes.get(8)?, *bytes.get(9)?, 0]);
-            let signed = bytes.get(2)? & 1 != 0;
-            (10, *bytes.get(1)? as usize, id, if signed { 13 } else { 0 })
-        }
-        _ => return None,
-    };
-    let end = header + payload_length;
-    let length = end + 2 + signature;
-    let sum = bytes.get(end..end + 2)?;
-    if bytes.len() < length {
-        return None;
-    }
-    if id != GLOBAL_POSITION_INT {
-        return Some((length, None));
-    }
-    let good = checksum(&bytes[1..end], CRC_EXTRA).to_le_bytes() == *sum;
-    good.then(|| {
-        // MAVLink 2 cuts off trailing zeros.
-        let mut payload = bytes[header..end].to_vec();
-        payload.resize(PAYLOAD.max(payload_length), 0);
-        (length, Some(payload))
-    })
-}
-
-fn position(payload: Vec<u8>) -> Option<Position> {
-    let int = |at: usize| {
-        payload
-            .get(at..at + 4)?
-            .try_into()
-            .ok()
-            .map(i32::from_le_bytes)
-    };
-    let (lat, lon, alt) = (int(4)?, int(8)?, int(12)?);
-    let fixed = (lat, lon) != (0, 0);
-    fixed.then(|| {
-        Position::new(
-            f64::from(lat) * 1e-7,
-            f64::from(lon) * 1e-7,
-            f64::from(alt) * 1e-3,
-        )
-    })
-}
-
-const STAMP: usize = 8;
-const V1: u8 = 0xfe;
-const V2: u8 = 0xfd;
-const GLOBAL_POSITION_INT: u32 = 33;
-const CRC_EXTRA: u8 = 104;
-const PAYLOAD: usize = 28;
+/// The longest frame of MAVLink 2: header, payload, checksum, signature.
+const MAX_FRAME: u64 = 10 + 255 + 2 + 13;
 
 #[cfg(test)]
 mod tests {
+    use mavlink_link::frame::checksum;
+
     use super::*;
+
+    const STAMP: usize = 8;
+    const V1: u8 = 0xfe;
+    const V2: u8 = 0xfd;
+    const CRC_EXTRA: u8 = 104;
+    const PAYLOAD: usize = 28;
 
     /// A MAVLink 1 or 2 record of a position.
     fn record(v2: bool, lat: i32) -> Vec<u8> {

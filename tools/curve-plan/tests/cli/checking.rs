@@ -1,0 +1,111 @@
+//! `check`: what is too tight to fly, and what a recorded flight measured.
+
+use crate::{Files, ROUTE};
+
+#[test]
+fn check_finds_the_tight_place_and_refuses_when_told_to() {
+    let files = Files::new();
+    let report = files.json(&[
+        "check",
+        "route.toml",
+        "--speed",
+        "30",
+        "--airframe",
+        "plane",
+        "--slowest",
+        "5",
+        "--json",
+    ]);
+    let fastest = report["fastest_mps"].as_f64().unwrap();
+    assert!(
+        fastest < 30.0 && !report["changes"].as_array().unwrap().is_empty(),
+        "{report}"
+    );
+    assert_eq!(report["tight"][0]["leg"], 1);
+    let (status, said) = files.refused(&[
+        "check",
+        "route.toml",
+        "--speed",
+        "30",
+        "--airframe",
+        "plane",
+        "--policy",
+        "refuse",
+    ]);
+    assert_eq!(status, 1);
+    assert!(
+        said.contains("leg 1 at t = ") && said.contains("at most"),
+        "{said}"
+    );
+    assert!(
+        files
+            .done(&["check", "route.toml"])
+            .contains("predicted and not promised")
+    );
+    assert_eq!(files.refused(&["check", "route.toml", "--bank", "90"]).0, 2);
+}
+
+/// A .tlog record of a MAVLink 1 GLOBAL_POSITION_INT.
+fn record(lat_deg: f64, lon_deg: f64, alt_m: f64) -> Vec<u8> {
+    let mut frame = vec![0xfe, 28, 0, 1, 1, 33];
+    let numbers = [1_000.0, lat_deg * 1e7, lon_deg * 1e7, alt_m * 1e3];
+    frame.extend(numbers.map(|x| (x.round() as i32).to_le_bytes()).concat());
+    frame.resize(6 + 28, 0);
+    let crc = frame[1..].iter().chain([&104]).fold(0xffff_u16, |crc, &b| {
+        let mut t = b ^ (crc & 0xff) as u8;
+        t ^= t << 4;
+        let t = u16::from(t);
+        (crc >> 8) ^ (t << 8) ^ (t << 3) ^ (t >> 4)
+    });
+    frame.extend(crc.to_le_bytes());
+    [vec![0; 8], frame].concat()
+}
+
+#[test]
+fn check_measures_a_recorded_flight() {
+    let files = Files::new();
+    let flat = ROUTE.replace("510.0", "500.0").replace("540.0", "500.0");
+    files.put(
+        "flat.toml",
+        &flat.replace(", 515.0", "").replace(", 560.0", ""),
+    );
+    let fine = files.json(&[
+        "densify",
+        "flat.toml",
+        "--tolerance",
+        "0.05",
+        "--min-chord",
+        "0",
+        "--json",
+    ]);
+    let mut log = Vec::new();
+    for v in fine["vertices"].as_array().unwrap() {
+        // 0.7 m to the north of it, and its height above another datum.
+        let lat = v["lat_deg"].as_f64().unwrap() + 0.7 / 111_180.0;
+        log.extend(record(lat, v["lon_deg"].as_f64().unwrap(), 12.0));
+    }
+    std::fs::write(files.path("flight.tlog"), &log).unwrap();
+    let report = files.json(&["check", "flat.toml", "--flown", "flight.tlog", "--json"]);
+    let off = report["flown"]["deviation_m"].as_f64().unwrap();
+    assert!((0.6..0.76).contains(&off), "{report}");
+    assert_eq!(report["flown"]["passed"], report["flown"]["points"]);
+    assert!(
+        files
+            .done(&["check", "flat.toml", "--flown", "flight.tlog"])
+            .contains("passed within 3 m")
+    );
+    std::fs::write(files.path("half.tlog"), &log[..log.len() / 2]).unwrap();
+    assert_eq!(
+        files
+            .refused(&["check", "flat.toml", "--flown", "half.tlog"])
+            .0,
+        1
+    );
+    files.put("empty.tlog", "");
+    assert_eq!(
+        files
+            .refused(&["check", "flat.toml", "--flown", "empty.tlog"])
+            .0,
+        2
+    );
+}

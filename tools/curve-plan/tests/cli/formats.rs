@@ -1,0 +1,162 @@
+//! File formats: what is written can be read again, and what cannot be kept is refused.
+
+use serde_json::Value;
+use stanag_msgs::Message;
+
+use crate::{Files, ROUTE};
+
+#[test]
+fn every_format_brings_the_vertices_back() {
+    let files = Files::new();
+    let wanted = files.json(&["densify", "route.toml", "--json"]);
+    let vertices = wanted["vertices"].as_array().unwrap();
+    assert!(vertices.len() > 10);
+    for ending in ["plan", "waypoints", "geojson", "kml", "gpx", "csv"] {
+        let name = format!("out.{ending}");
+        files.done(&["densify", "route.toml", "-o", &name]);
+        let read = files.json(&["densify", &name, "--json"]);
+        let found = read["vertices"].as_array().unwrap();
+        assert_eq!(found.len(), vertices.len(), "{ending}");
+        for (a, b) in vertices.iter().zip(found) {
+            let off = |key: &str| (a[key].as_f64().unwrap() - b[key].as_f64().unwrap()).abs();
+            assert!(
+                off("lat_deg") < 6e-8 && off("lon_deg") < 6e-8 && off("alt_m") < 6e-4,
+                "{ending} {a} {b}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_route_file_keeps_curves() {
+    let files = Files::new();
+    files.done(&["convert", "route.toml", "again.toml"]);
+    files.done(&["convert", "again.toml", "third.toml"]);
+    assert_eq!(files.get("again.toml"), files.get("third.toml"));
+    assert_eq!(
+        files.json(&["densify", "again.toml", "--json"]),
+        files.json(&["densify", "route.toml", "--json"])
+    );
+}
+
+#[test]
+fn heights_above_home_stay_so_where_the_format_can_say_it() {
+    let files = Files::new();
+    let low = ROUTE
+        .replace("amsl", "agl")
+        .replace("= 5", "= 1")
+        .replace(", 5", ", 1");
+    files.put("low.toml", &low);
+    let wanted = files.json(&["densify", "low.toml", "--json"]);
+    for ending in ["toml", "plan", "waypoints", "geojson", "kml", "csv"] {
+        let (there, back) = (format!("low.out.{ending}"), format!("{ending}.back.toml"));
+        files.done(&["densify", "low.toml", "-o", &there]);
+        files.done(&["convert", &there, &back]);
+        assert!(
+            files.get(&back).contains("altitude_type = \"agl\""),
+            "{ending}"
+        );
+        let found = files.json(&["densify", &back, "--json"]);
+        let last = |report: &Value| {
+            report["vertices"].as_array().unwrap().last().unwrap()["alt_m"].as_f64()
+        };
+        assert_eq!(last(&found), last(&wanted), "{ending}");
+    }
+    let (status, said) = files.refused(&["densify", "low.toml", "-o", "low.gpx"]);
+    assert!(status == 2 && said.contains("give --home-alt"), "{said}");
+    files.done(&["densify", "low.toml", "--home-alt", "400", "-o", "low.gpx"]);
+    let altitude = files.json(&["densify", "low.gpx", "--json"])["vertices"][0]["alt_m"].as_f64();
+    assert_eq!(altitude, Some(500.0));
+    files.put(
+        "unsaid.toml",
+        &ROUTE.replace("altitude_type = \"amsl\"", ""),
+    );
+    let (status, said) = files.refused(&["densify", "unsaid.toml", "-o", "unsaid.csv"]);
+    assert!(status == 2 && said.contains("no altitude_type"), "{said}");
+}
+
+#[test]
+fn relative_items_among_others_get_the_home_altitude_and_items_without_a_place_are_left_out() {
+    let files = Files::new();
+    files.put(
+        "m.waypoints",
+        "QGC WPL 110\n0 1 0 16 0 0 0 0 47 8 500 1\n1 0 3 16 0 0 0 0 47.001 8 20 1\n2 0 3 178 0 5 0 0 0 0 0 1\n3 0 0 16 0 0 0 0 47.002 8 530 1\n",
+    );
+    let report = files.json(&["densify", "m.waypoints", "--json"]);
+    let altitudes: Vec<_> = report["vertices"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|v| v["alt_m"].clone())
+        .collect();
+    assert_eq!(altitudes, [520.0, 530.0]);
+    assert!(
+        files
+            .done(&["convert", "m.waypoints", "m.csv"])
+            .starts_with("1 items")
+    );
+}
+
+#[test]
+fn the_messages_are_those_that_a_ground_station_sends() {
+    let files = Files::new();
+    files.done(&[
+        "convert",
+        "route.toml",
+        "route.hex",
+        "--vehicle",
+        "1b:00:01:02",
+    ]);
+    let text = files.get("route.hex");
+    let mut kinds = Vec::new();
+    let mut stamp = 0;
+    for line in text.lines() {
+        let digits: Vec<u8> = line.bytes().collect();
+        let bytes: Vec<u8> = digits
+            .chunks(2)
+            .map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap())
+            .collect();
+        let frame = stanag_msgs::frames(&bytes).next().unwrap().unwrap();
+        let header = frame.header;
+        assert_eq!(
+            (header.source.to_string(), header.destination.to_string()),
+            ("1b:00:00:a0".into(), "1b:00:01:02".into())
+        );
+        assert!(header.ack_requested);
+        match Message::decode(header.message_type, frame.data).unwrap() {
+            Message::UaPositionWaypoint(w) => {
+                kinds.push(format!(
+                    "13002 {} to {}",
+                    w.waypoint_number.unwrap(),
+                    w.next_waypoint.unwrap()
+                ));
+                assert!(w.time_stamp.unwrap().0 > stamp);
+                stamp = w.time_stamp.unwrap().0;
+            }
+            Message::CurveSegment(c) => {
+                kinds.push(format!(
+                    "50002 {} to {}",
+                    c.p1_waypoint_no.unwrap(),
+                    c.p4_waypoint_no.unwrap()
+                ));
+                assert_eq!(c.p3_altitude.map(|m| m.si()), Some(560.0));
+                assert!((c.p2_latitude.unwrap().degrees() - 47.4).abs() < 1e-7);
+            }
+            other => kinds.push(other.id().to_string()),
+        }
+    }
+    let wanted = [
+        "13001",
+        "13002 10 to 20",
+        "13002 20 to 30",
+        "13002 30 to 0",
+        "50002 20 to 30",
+        "13000",
+    ];
+    assert_eq!(kinds, wanted);
+    files.done(&["convert", "route.toml", "route.pcapng"]);
+    let capture = std::fs::read(files.path("route.pcapng")).unwrap();
+    assert_eq!(&capture[..4], [0x0a, 0x0d, 0x0d, 0x0a]);
+    let (status, said) = files.refused(&["densify", "route.hex"]);
+    assert!(status == 2 && said.contains("written, not read"), "{said}");
+}
