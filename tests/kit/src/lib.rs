@@ -10,6 +10,7 @@
 //! | [`relay`] | the simulated network between two real UDP sockets |
 //! | [`serial`] | serial lines made of pseudo terminals |
 //! | [`heap`] | an allocator that counts |
+//! | `any_input` (feature `any_input`) | what has to hold for any bytes at all: the targets of fuzzing |
 //! | `bridge` (feature `bridge`) | the bridge with simulated vehicles and ground stations |
 //! | [`tools`] | other people's programs that a test needs, and what happens where one is missing |
 //!
@@ -34,6 +35,8 @@
     reason = "a panic is how a test's support reports a failure"
 )]
 
+#[cfg(feature = "any_input")]
+pub mod any_input;
 #[cfg(feature = "bridge")]
 pub mod bridge;
 pub mod captures;

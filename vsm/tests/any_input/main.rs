@@ -4,10 +4,10 @@
 //! `VSM_MUTATIONS=1000000 cargo test --release -p vsm --test any_input` runs it for longer. The same targets are fuzzed
 //! with coverage as a guide (`cargo xtask fuzz`), from the seeds that `VSM_CORPUS=DIR` writes.
 
-mod config;
-mod frame;
 mod seeds;
-mod session;
+
+use kit::Random;
+use kit::any_input::{config, frame, session};
 
 /// What is tried: its name, what it does with bytes, and the bytes that it begins with.
 type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
@@ -30,10 +30,10 @@ fn every_target_holds_on_its_seeds_and_their_mutations() {
         for seed in seeds.iter().step_by((seeds.len() / 200).max(1)) {
             run(seed);
         }
-        let mut random = Random(0x4586);
+        let mut random = Random::with_seed(0x4586);
         for _ in 0..mutations {
-            let mut bytes = seeds[random.below(seeds.len())].clone();
-            for _ in 0..random.below(8) + 1 {
+            let mut bytes = seeds[random.usize(..seeds.len())].clone();
+            for _ in 0..random.usize(1..=8) {
                 mutate(&mut bytes, &seeds, &mut random);
             }
             run(&bytes);
@@ -63,34 +63,17 @@ fn seeds_are_there_to_fuzz_from() {
 }
 
 fn mutate(bytes: &mut Vec<u8>, seeds: &[Vec<u8>], random: &mut Random) {
-    let at = random.below(bytes.len().max(1));
-    match random.below(5) {
-        0 if !bytes.is_empty() => bytes[at] ^= 1 << random.below(8),
-        1 if !bytes.is_empty() => bytes[at] = [0, 1, 0x7f, 0x80, 0xff][random.below(5)],
+    let at = random.usize(..bytes.len().max(1));
+    match random.u8(..5) {
+        0 if !bytes.is_empty() => bytes[at] ^= 1 << random.u8(..8),
+        1 if !bytes.is_empty() => bytes[at] = [0, 1, 0x7f, 0x80, 0xff][random.usize(..5)],
         2 => bytes.truncate(at),
-        3 => bytes.insert(at.min(bytes.len()), random.next() as u8),
+        3 => bytes.insert(at.min(bytes.len()), random.u8(..)),
         _ => {
-            let other = &seeds[random.below(seeds.len())];
-            let from = random.below(other.len().max(1)).min(other.len());
+            let other = &seeds[random.usize(..seeds.len())];
+            let from = random.usize(..other.len().max(1)).min(other.len());
             bytes.truncate(at);
             bytes.extend(&other[from..]);
         }
-    }
-}
-
-/// SplitMix64.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, bound: usize) -> usize {
-        (self.next() % bound.max(1) as u64) as usize
     }
 }

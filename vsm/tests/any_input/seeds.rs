@@ -1,24 +1,23 @@
 //! What fuzzing begins with: the golden vectors of the DLI, recordings of real autopilots, the example configurations.
 
-use std::fs::File;
-use std::io::Read as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use flate2::read::GzDecoder;
 use mavlink_link::frame::Parser;
 use stanag_msgs::frames as dli_frames;
 
-use super::session::{FRAME, MESSAGE, TIME};
+use kit::any_input::session::{FRAME, MESSAGE, TIME};
+use kit::captures;
+use kit::process::from_hex;
 
 /// The golden vectors, one a datagram.
 pub(crate) fn datagrams() -> Vec<Vec<u8>> {
-    let text = String::from_utf8(unpacked("dli/vectors-4586.jsonl.gz")).expect("text");
+    let text = String::from_utf8(captures::unpack("dli/vectors-4586.jsonl.gz")).expect("text");
     let wires = text.lines().filter_map(|line| {
         let (_, rest) = line.split_once("\"wire\": \"")?;
         Some(rest.split('"').next()?.to_owned())
     });
     // One in so many: there are thousands of them, and each type is there often.
-    wires.step_by(7).map(|hex| bytes(&hex)).collect()
+    wires.step_by(7).map(|hex| from_hex(&hex)).collect()
 }
 
 /// Datagrams of PX4, of another autopilot, signed and unsigned; the first byte says the pieces.
@@ -76,7 +75,7 @@ pub(crate) fn sessions() -> Vec<Vec<u8>> {
 
 /// The example configurations.
 pub(crate) fn configurations() -> Vec<Vec<u8>> {
-    let folder = root().join("examples");
+    let folder = kit::workspace().join("examples");
     let entries = std::fs::read_dir(folder).expect("the examples");
     let mut files: Vec<PathBuf> = entries
         .filter_map(|entry| Some(entry.ok()?.path()))
@@ -111,36 +110,7 @@ fn push(session: &mut Vec<u8>, operation: u8, data: &[u8]) {
 
 /// What the autopilot of a recording sent.
 fn capture(name: &str) -> Vec<Vec<u8>> {
-    let bytes = unpacked(&format!("captures/{name}.mvr.gz"));
-    let (mut rest, mut found) = (&bytes[..], Vec::new());
-    while let [direction, header @ ..] = rest {
-        let (_, body) = header.split_at(8);
-        let (length, body) = body.split_at(2);
-        let length = u16::from_be_bytes([length[0], length[1]]);
-        let (datagram, next) = body.split_at(length.into());
-        if *direction == b'<' {
-            found.push(datagram.to_vec());
-        }
-        rest = next;
-    }
-    found
-}
-
-fn unpacked(name: &str) -> Vec<u8> {
-    let path = root().join("tests/data").join(name);
-    let file = File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let mut bytes = Vec::new();
-    GzDecoder::new(file).read_to_end(&mut bytes).expect("gzip");
-    bytes
-}
-
-fn bytes(hex: &str) -> Vec<u8> {
-    (0..hex.len() / 2)
-        .map(|at| u8::from_str_radix(&hex[2 * at..2 * at + 2], 16).expect("hex"))
-        .collect()
-}
-
-fn root() -> &'static Path {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
-    own.parent().expect("the workspace")
+    let sent = captures::read(name).into_iter();
+    let sent = sent.filter(|datagram| datagram.from_autopilot);
+    sent.map(|datagram| datagram.bytes).collect()
 }

@@ -19,8 +19,17 @@ pub(super) struct Trial {
     pub(super) base: fn() -> Message,
     /// Sends the message, and does what makes its effect seen.
     pub(super) act: fn(&mut Rig, &Message),
-    /// Field, and its other value: on the wire in JSON; `+n` adds to what it is; `null` leaves it out.
-    pub(super) changes: &'static [(&'static str, &'static str)],
+    pub(super) changes: &'static [Change],
+}
+
+/// One field of the message, changed.
+#[derive(Clone, Copy)]
+pub(super) struct Change {
+    pub(super) field: &'static str,
+    /// Its other value: on the wire in JSON; `+n` adds to what it is; `null` leaves it out.
+    pub(super) value: &'static str,
+    /// Where the message is refused for this value: the words of the table that announce it.
+    pub(super) refused: Option<&'static str>,
 }
 
 impl Trial {

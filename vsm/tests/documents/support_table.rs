@@ -9,7 +9,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::scene::{altered, raw_fields, traces};
+use crate::scene::{Change, altered, raw_fields, traces};
 use crate::trials::{trials, trials_of};
 use kit::bridge::{Rig, orders, vehicle_id};
 use mapping::support::{Received, field, rows};
@@ -26,7 +26,7 @@ fn every_honoured_field_is_tried() {
     for trial in trials() {
         let id = (trial.base)().id();
         let info = table::message(id).expect("a message of the table");
-        for (name, _) in trial.changes {
+        for Change { field: name, .. } in trial.changes {
             let known = info.field(name).unwrap_or_else(|| panic!("{id} {name}"));
             let honoured = matches!(field(info, known).received, Received::Honoured(_));
             assert!(honoured, "{id} {name} is tried and not honoured");
@@ -65,32 +65,33 @@ fn show_an_effect(ids: std::ops::RangeInclusive<u16>) {
         if before.contains(&refusal) {
             faults.push(format!("{id}: refused without a change"));
         }
-        for (name, change) in trial.changes {
-            let changed = altered(&base, name, change);
-            assert_ne!(changed, base, "{id} {name} is as it was");
+        for change in trial.changes {
+            let what = format!("{id} {} = {}", change.field, change.value);
+            let changed = altered(&base, change.field, change.value);
+            assert_ne!(changed, base, "{what}: that is its value already");
             let after = traces(&trial, &changed);
             if after == before {
-                faults.push(format!("{id} {name} = {change}: no effect"));
+                faults.push(format!("{what}: no effect"));
             }
-            let says = says_that_it_refuses(&base, name);
-            if after.contains(&refusal) && !before.contains(&refusal) && !says {
-                faults.push(format!(
-                    "{id} {name} = {change}: refused, and no word of it"
-                ));
+            match (after.contains(&refusal), change.refused) {
+                (true, None) => faults.push(format!("{what}: refused, which was not expected")),
+                (false, Some(_)) => faults.push(format!("{what}: expected to be refused")),
+                (true, Some(rule)) if !is_announced(&base, change.field, rule) => {
+                    faults.push(format!("{what}: the table does not announce `{rule}`"));
+                }
+                _ => {}
             }
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
 }
 
-/// Whether the table says of a field that values of it are refused, or bounds it.
-fn says_that_it_refuses(message: &Message, name: &str) -> bool {
+/// Whether the table announces of a field, in these words, that a value is refused.
+fn is_announced(message: &Message, name: &str, rule: &str) -> bool {
     let info = message.info();
     let known = info.field(name).expect("a field of the message");
     match field(info, known).received {
-        Received::Honoured(how) => ["refused", "needed", " to "]
-            .iter()
-            .any(|word| how.contains(word)),
+        Received::Honoured(how) => how.contains(rule),
         _ => false,
     }
 }

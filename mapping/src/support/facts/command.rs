@@ -164,7 +164,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Time Stamp", HEARD_STAMP),
             (
                 "Select Flight Path Control Mode",
-                "2 POSCTL once MANUAL_CONTROL runs; 11 MISSION_SET_CURRENT where a waypoint is commanded, AUTO.MISSION; 12 AUTO.LOITER, or DO_REPOSITION, DO_ORBIT; 15 SET_POSITION_TARGET_LOCAL_NED, 20 a second, then OFFBOARD; 19 AUTO.LAND; 20 while it lands; 21 AUTO.LOITER, COMPONENT_ARM_DISARM, NAV_TAKEOFF; 23, 24 the upload of such a route where one is stored, AUTO.MISSION, else AUTO.RTL, AUTO.LAND; others are refused; absent or 0: the present mode",
+                "2 POSCTL once MANUAL_CONTROL runs; 11 MISSION_SET_CURRENT where a waypoint is commanded, AUTO.MISSION; 12 AUTO.LOITER, or DO_REPOSITION, DO_ORBIT, refused on the ground; 15 SET_POSITION_TARGET_LOCAL_NED, 20 a second, then OFFBOARD; 19 AUTO.LAND; 20 while it lands; 21 AUTO.LOITER, COMPONENT_ARM_DISARM, NAV_TAKEOFF; 23, 24 the upload of such a route where one is stored, AUTO.MISSION, else AUTO.RTL, AUTO.LAND; others are refused; absent or 0: the present mode",
             ),
             (
                 "Altitude Command Type",
@@ -172,7 +172,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Commanded Altitude",
-                "12, 15: flown to; 21: taken off to; refused in 11",
+                "12, 15: flown to; 21: taken off to; refused in 11 and below ground",
             ),
             (
                 "Commanded Vertical Speed",

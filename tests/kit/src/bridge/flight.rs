@@ -112,6 +112,17 @@ impl Outcome {
         }
     }
 
+    /// Adds what became of others.
+    pub fn add(&mut self, other: Outcome) {
+        self.flights += other.flights;
+        self.completed += other.completed;
+        self.again += other.again;
+        self.lost += other.lost;
+        self.twice += other.twice;
+        self.load_s = self.load_s.max(other.load_s);
+        self.ended_at.extend(other.ended_at);
+    }
+
     /// The longest upload, coarsely: what matters is the order of magnitude.
     pub fn upload(&self) -> String {
         [30.0, 60.0, 160.0]

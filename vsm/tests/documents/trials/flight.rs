@@ -25,12 +25,12 @@ pub(super) fn flight() -> Vec<Trial> {
                 ..EngineCommand::default()
             },
             [
-                "Engine Number" = "9",
+                "Engine Number" = "9" refused "refused above the number that there are",
                 "Engine Command" = "0",
-                "Reverse Thrust Power" = "1",
-                "Reverse Thrust" = "1",
-                "Ignition Switch Power" = "1",
-                "Ignition Switch Activation" = "1",
+                "Reverse Thrust Power" = "1" refused "1 is refused",
+                "Reverse Thrust" = "1" refused "others are refused",
+                "Ignition Switch Power" = "1" refused "1 is refused",
+                "Ignition Switch Activation" = "1" refused "1 is refused",
             ]
         ),
         trial!(
@@ -51,8 +51,8 @@ pub(super) fn flight() -> Vec<Trial> {
             then_20_s,
             orders::launch(20.0),
             [
-                "Select Flight Path Control Mode" = "12",
-                "Altitude Command Type" = "2",
+                "Select Flight Path Control Mode" = "12" refused "refused on the ground",
+                "Altitude Command Type" = "2" refused "2 and 3 in 15, elsewhere refused",
                 "Commanded Altitude" = "+500",
             ]
         ),
@@ -90,8 +90,8 @@ pub(super) fn flight() -> Vec<Trial> {
                 "Loiter Position Latitude" = "+3000",
                 "Loiter Position Longitude" = "+3000",
                 "Commanded Speed" = "4",
-                "Speed Type" = "3",
-                "Heading Command Type" = "1",
+                "Speed Type" = "3" refused "others are refused",
+                "Heading Command Type" = "1" refused "elsewhere 0 alone",
             ]
         ),
         trial!(
@@ -101,9 +101,9 @@ pub(super) fn flight() -> Vec<Trial> {
             steering(HeadingCommandType::HeadingAndCourse),
             [
                 "Commanded Vertical Speed" = "-10",
-                "Commanded Altitude" = "-500",
+                "Commanded Altitude" = "-500" refused "below ground",
                 "Heading Command Type" = "1",
-                "Heading Reference" = "1",
+                "Heading Reference" = "1" refused "magnetic is refused",
                 "Commanded Heading" = "9000",
                 "Commanded Course" = "-9000",
             ]

@@ -1,14 +1,27 @@
 //! The trials, in the order of the messages. Places are metres north and east of home; 11930 steps of an angle are
 //! about 110 m of latitude.
 
+macro_rules! rule {
+    () => {
+        None
+    };
+    ($rule:literal) => {
+        Some($rule)
+    };
+}
+
 macro_rules! trial {
-    ($setup:ident, $before:ident, $act:ident, $base:expr, [$($field:literal = $change:literal),* $(,)?]) => {
+    ($setup:ident, $before:ident, $act:ident, $base:expr, [$($field:literal = $change:literal $(refused $rule:literal)?),* $(,)?]) => {
         Trial {
             setup: $setup,
             before: $before,
             base: || $base.into(),
             act: $act,
-            changes: &[$(($field, $change)),*],
+            changes: &[$(crate::scene::Change {
+                field: $field,
+                value: $change,
+                refused: rule!($($rule)?),
+            }),*],
         }
     };
 }

@@ -16,8 +16,8 @@ pub(super) fn private() -> Vec<Trial> {
             as_curve,
             paper_curve(),
             [
-                "Vehicle ID" = "5",
-                "CUCS ID" = "5",
+                "Vehicle ID" = "5" refused "refused unless the wrapper's",
+                "CUCS ID" = "5" refused "refused unless the wrapper's",
                 "P1 Waypoint No" = "9",
                 "P4 Waypoint No" = "9",
                 "P2 Latitude" = "+0.000005",

@@ -22,7 +22,7 @@ pub(super) fn rights() -> Vec<Trial> {
             then_5_s,
             orders::request_control(),
             [
-                "VSM ID" = "5",
+                "VSM ID" = "5" refused "refused unless this VSM's",
                 "Requested/Handover LOI" = "1",
                 "Requested/Handover Access" = "0",
                 "Controlled Station 1-16" = "1",
@@ -77,7 +77,7 @@ pub(super) fn requests() -> Vec<Trial> {
                 subsystem_state_report_reference: Some(6),
                 ..SubsystemStatusDetailRequest::default()
             },
-            ["Subsystem State Report Reference" = "1"]
+            ["Subsystem State Report Reference" = "1" refused "others are refused"]
         ),
         trial!(one, control, then_5_s, Heartbeat::default(), []),
         trial!(
@@ -113,10 +113,10 @@ pub(super) fn requests() -> Vec<Trial> {
                 ..VehicleDataLinkTransitionCoordination::default()
             },
             [
-                "Acquiring CUCS ID" = "null",
-                "Set Forward Link Carrier Frequency (ADT)" = "1",
-                "Set Return Link Carrier Frequency (ADT)" = "1",
-                "Set PN Code (ADT)" = "1",
+                "Acquiring CUCS ID" = "null" refused "needed",
+                "Set Forward Link Carrier Frequency (ADT)" = "1" refused "others are refused",
+                "Set Return Link Carrier Frequency (ADT)" = "1" refused "others are refused",
+                "Set PN Code (ADT)" = "1" refused "others are refused",
             ]
         ),
         trial!(
@@ -131,7 +131,7 @@ pub(super) fn requests() -> Vec<Trial> {
                 ..FieldConfigurationRequest::default()
             },
             [
-                "VSM ID" = "5",
+                "VSM ID" = "5" refused "refused unless this VSM's",
                 "Request Type" = "4",
                 "Requested Message" = "13002",
                 "Requested Field" = "15",

@@ -17,24 +17,24 @@ use vsm::config::Config;
 use vsm::session::{Bridge, Destination, LinkEnd, Peer};
 
 /// Bytes from a station's address as they are.
-pub(crate) const DATAGRAM: u8 = 0;
+pub const DATAGRAM: u8 = 0;
 /// The data of a message of a station: its type, then its data; the wrapper is made.
-pub(crate) const MESSAGE: u8 = 1;
+pub const MESSAGE: u8 = 1;
 /// Bytes from the unsigned vehicle as they are.
-pub(crate) const BYTES: u8 = 2;
+pub const BYTES: u8 = 2;
 /// The payload of a message of the unsigned vehicle: its id, then its payload; the frame is made.
-pub(crate) const FRAME: u8 = 3;
+pub const FRAME: u8 = 3;
 /// Bytes from the signed vehicle as they are.
-pub(crate) const SIGNED: u8 = 4;
+pub const SIGNED: u8 = 4;
 /// Time passes: as many times 20 ms as the length says.
-pub(crate) const TIME: u8 = 5;
+pub const TIME: u8 = 5;
 /// The bridge is started anew from its store.
-pub(crate) const RESTART: u8 = 6;
+pub const RESTART: u8 = 6;
 /// Operations.
-pub(crate) const OPERATIONS: u8 = 7;
+pub const OPERATIONS: u8 = 7;
 
 /// Carries the steps out, 200 at most.
-pub(crate) fn run(bytes: &[u8]) {
+pub fn run(bytes: &[u8]) {
     let mut world = World::new();
     let mut rest = bytes;
     for _ in 0..200 {

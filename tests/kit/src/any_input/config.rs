@@ -5,7 +5,7 @@ use std::path::Path;
 use vsm::config::Config;
 
 /// Reads the bytes as a configuration file.
-pub(crate) fn run(bytes: &[u8]) {
+pub fn run(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
     };

@@ -7,7 +7,7 @@ use mavlink_link::frame::{FrameView, MAX_FRAME, Parser, encode};
 use mavlink_link::tlog;
 
 /// Feeds the bytes to a parser, whole and in pieces whose length the first byte says.
-pub(crate) fn run(bytes: &[u8]) {
+pub fn run(bytes: &[u8]) {
     let Some((&piece, rest)) = bytes.split_first() else {
         return;
     };

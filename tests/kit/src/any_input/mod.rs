@@ -1,0 +1,7 @@
+//! What has to hold for any bytes at all. Each target takes bytes and panics where a promise is broken.
+//!
+//! `vsm/tests/any_input` runs them on mutated seeds in every test run; `tests/fuzz` runs them with coverage as a guide.
+
+pub mod config;
+pub mod frame;
+pub mod session;
