@@ -8,9 +8,9 @@ use crate::config::{Config, Exchange, Signing, Vehicle};
 use crate::key_exchange::ExchangeRecord;
 use crate::shell::disk::FileDisk;
 use crate::shell::disk::{peek, peek_identity};
+use crate::shell::key_file;
 use crate::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust, What};
 use crate::shell::key_store::{KeyStore, real_path};
-use crate::shell::{key_file, sitl_key_file};
 use anyhow::{Context as _, anyhow, bail};
 use clap::{Args, Subcommand};
 use mavlink_link::clock::Ceiling;
@@ -355,7 +355,7 @@ fn write_sitl_file(
         keys.commit()?;
     }
     let current = keys.current()?.context("the key has just been written")?;
-    sitl_key_file::write(file, &current, wall_stamp()?)?;
+    key_file::write_px4(file, &current, wall_stamp()?)?;
     say(&format!(
         "{}: PX4's key file, key id {}; start PX4 with it",
         file.display(),

@@ -15,7 +15,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use crate::shell::key_guard;
+use crate::shell::key_file;
 use clap::{CommandFactory as _, Parser, Subcommand};
 
 /// A bridge from STANAG 4586 (AEP-84) to PX4 over signed MAVLink 2.
@@ -107,7 +107,7 @@ pub fn command() -> clap::Command {
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     if arguments.command.reads_keys() {
-        key_guard::no_core_files();
+        key_file::no_core_files();
     }
     let done = match arguments.command {
         #[cfg(feature = "demo")]

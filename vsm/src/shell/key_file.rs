@@ -1,4 +1,6 @@
-//! Key files: 32 random bytes in hex, mode 0600, refused when others can read them. A pass phrase is refused: hashed
+//! Keys as files, and what keeps them out of other files: core dumps and other processes of the same user.
+//!
+//! A key file holds 32 random bytes in hex, mode 0600, refused when others can read them. A pass phrase is refused: hashed
 //! once it would fall to a dictionary.
 
 use std::fs;
@@ -7,10 +9,11 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use mavlink_link::exchange::NoRandom;
-use mavlink_link::signing::SigningKey;
+use mavlink_link::signing::{SigningKey, Stamp};
+use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior, setrlimit};
 use zeroize::Zeroizing;
 
-use super::disk;
+use super::disk::{self, NativeFileSystem};
 
 /// A key file that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -153,6 +156,35 @@ pub fn generate(path: &Path) -> Result<(), KeyFileError> {
         },
         _ => io(cause),
     })
+}
+
+/// Writes PX4's own key file, `mavlink/mavlink-signing-key.bin` in its working folder, mode 0600: 32 bytes of key and the
+/// first stamp as u64 little-endian. PX4 reads it when it starts; a file that is shorter switches signing off.
+///
+/// # Errors
+/// The system's; the old file is still there then.
+pub fn write_px4(path: &Path, key: &SigningKey, first: Stamp) -> io::Result<()> {
+    let mut bytes = Zeroizing::new([0; 40]);
+    let (key_part, stamp_part) = bytes.split_at_mut(32);
+    key_part.copy_from_slice(key.expose());
+    stamp_part.copy_from_slice(&first.get().to_le_bytes());
+    disk::replace(&NativeFileSystem, path, &*bytes, true)
+}
+
+/// Switches core files off for this process, for good. The program calls it first of all in every command that reads
+/// keys.
+pub fn no_core_files() {
+    let none = Rlimit {
+        current: Some(0),
+        maximum: Some(0),
+    };
+    // A system that refuses either still has the other; keys are wiped from memory in any case.
+    if let Err(cause) = setrlimit(Resource::Core, none) {
+        tracing::warn!("core files cannot be switched off: {cause}");
+    }
+    if let Err(cause) = set_dumpable_behavior(DumpableBehavior::NotDumpable) {
+        tracing::debug!("the process stays open to debuggers: {cause}");
+    }
 }
 
 /// A key file is 65 bytes; more than this is never read.

@@ -1,4 +1,10 @@
-//! Sockets, files, clocks and the log around the sessions. It can be read in one sitting.
+//! Sockets, files, clocks and the log around the sans-I/O machines of `session`, `airside` and `key_exchange`.
+//!
+//! From the bottom up: `disk` is the one implementation of [`Disk`](mavlink_link::store::Disk); `key_file` and
+//! `key_store` are the signing keys, `clock` the time, `sockets` UDP and serial lines; `recording` and
+//! `dli_recording` write what passes; `status_socket`, `pairing_socket`, `http` and `service` show the state to people
+//! and to systemd. On these stand the programs: `server` (`vsm run`), `airside` with `airside_disk` (`vsm airside`),
+//! `pairing` (`vsm pair`) and `key_link` (`vsm key`).
 
 pub mod airside;
 pub mod airside_disk;
@@ -7,7 +13,6 @@ pub mod disk;
 pub mod dli_recording;
 pub mod http;
 pub mod key_file;
-pub mod key_guard;
 pub mod key_link;
 pub mod key_store;
 pub mod pairing;
@@ -15,6 +20,5 @@ pub mod pairing_socket;
 pub mod recording;
 pub mod server;
 pub mod service;
-pub mod sitl_key_file;
 pub mod sockets;
 pub mod status_socket;
