@@ -208,7 +208,7 @@ impl Agent {
             ),
             (Outcome::RolledBack, Cause::LostKey) => (
                 format!(
-                    "PX4 keeps the key BEFORE: it is given key {id} once more, and nothing is relayed until then"
+                    "PX4 keeps the previous key: sending key {id} again; nothing is relayed until it signs with it"
                 ),
                 LogLevel::Error,
             ),
@@ -328,7 +328,7 @@ impl Agent {
             ),
             Event::FellBack => (
                 LogLevel::Error,
-                "PX4 has lost its key again; once more".to_owned(),
+                "PX4 lost its key again; retrying".to_owned(),
             ),
             Event::State(State::Committed) | Event::Commit | Event::Ended(_) => return,
         };

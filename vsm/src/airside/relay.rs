@@ -111,10 +111,10 @@ impl Agent {
             match event {
                 Event::Alert(Alert::VehicleUnsigned) => unsigned = true,
                 Event::Alert(alert) => self.tell_alert("PX4's link", alert),
-                Event::Live => self.note(LogLevel::Info, "PX4 is heard, signed"),
+                Event::Live => self.note(LogLevel::Info, "link to PX4 is up, signed and verified"),
                 Event::Behind => self.note(
                     LogLevel::Info,
-                    "PX4's stamps have fallen back: it has started anew, and is lifted",
+                    "PX4's timestamps went back: it has restarted; sending it a current timestamp",
                 ),
                 Event::PeerChanged { .. } | Event::KeyExchange(_) => {}
             }
@@ -130,7 +130,7 @@ impl Agent {
 
     /// It signs with the current key after a start: the one before has come to its end.
     fn px4_restarted(&mut self, keys: &mut dyn Keys) {
-        self.note(LogLevel::Info, "PX4 has started anew, and signs");
+        self.note(LogLevel::Info, "PX4 has restarted and signs");
         if let Phase::Relaying(relaying) = &mut self.phase
             && relaying.previous.is_some()
         {

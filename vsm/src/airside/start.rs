@@ -154,7 +154,7 @@ impl Agent {
             self.note(
                 LogLevel::Warning,
                 format!(
-                    "the handover of key {} is not finished: it goes on",
+                    "the handover of key {} is not finished: resuming it",
                     next.id()
                 ),
             );

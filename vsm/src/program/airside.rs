@@ -172,7 +172,7 @@ fn readable(of: &Value) -> String {
     }
     text += &status::counts("  key exchange: ", &of["exchange"]);
     for (name, side) in [("radio", &of["radio"]), ("PX4", &of["px4"])] {
-        let peer = side["peer"].as_str().unwrap_or("not heard yet");
+        let peer = side["peer"].as_str().unwrap_or("no data received yet");
         text += &format!("  {name}: peer {peer}\n");
         text += &status::counts("    frames: ", &side["frames"]);
     }

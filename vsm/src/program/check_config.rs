@@ -110,7 +110,7 @@ fn check_airside(path: &Path) -> Result<(), Failure> {
     let restamp = if px4.restamp {
         "given a new stamp after each start"
     } else {
-        "keeps its stamp over starts: recordings can be replayed until it is heard"
+        "keeps its stamp over starts: recordings can be replayed until its first frame arrives"
     };
     text += &format!(
         "  PX4 (system {}) on {}: {restamp}\n  state in {}\n",

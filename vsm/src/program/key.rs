@@ -299,7 +299,7 @@ fn tell(event: Event) {
             "system {system} is on the link too, and PX4 takes a key whomever it is meant for"
         )),
         Event::RefusedWhileArmed => say("the vehicle refuses while it is armed"),
-        Event::FellBack => say("the vehicle has lost the key again; once more"),
+        Event::FellBack => say("the vehicle lost its key again; retrying"),
         Event::Commit | Event::Ended(_) => {}
     }
 }
@@ -320,7 +320,7 @@ fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {
         Ending::Ended(Outcome::SeveralAutopilots) => {
             bail!("nothing was sent: leave only one vehicle on the link")
         }
-        Ending::NotHeard => bail!("nothing was sent: the vehicle was not heard"),
+        Ending::NotHeard => bail!("nothing was sent: no data from the vehicle"),
         Ending::ForeignKey => bail!(
             "nothing was sent: the vehicle signs with a key that is neither in {} nor the one before",
             path.display()
@@ -329,7 +329,9 @@ fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {
             "nothing was sent: who speaks in the vehicle's name does not sign, though it has a key. If the vehicle has lost \
              it, say so with --vehicle-is-unsigned"
         ),
-        Ending::StayedArmed => bail!("nothing was sent: the vehicle was not heard to be disarmed"),
+        Ending::StayedArmed => {
+            bail!("nothing was sent: the vehicle did not report that it is disarmed")
+        }
         Ending::Unknown => bail!(
             "the vehicle fell silent after the key was sent: both keys are kept. `vsm run` finds out which it has, and so \
              does this command, started again"
@@ -388,7 +390,9 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
         }
         if accept {
             Ceiling::raise(&mut store, &key, wall)?;
-            say("the wall clock is accepted: the signing clock goes on from it, and never back");
+            say(
+                "the wall clock is accepted: the signing clock continues from it, and never goes back",
+            );
         }
         Ok(())
     };

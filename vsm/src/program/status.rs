@@ -40,7 +40,9 @@ fn readable(json: &str) -> anyhow::Result<String> {
         status["uptime_s"].as_f64().unwrap_or(0.0)
     );
     for station in list(&status["stations"]) {
-        let address = station["address"].as_str().unwrap_or("not heard yet");
+        let address = station["address"]
+            .as_str()
+            .unwrap_or("no data received yet");
         text += &format!("CUCS {} at {address}\n", plain(&station["id"]));
     }
     for vehicle in list(&status["vehicles"]) {
@@ -82,7 +84,7 @@ fn readable(json: &str) -> anyhow::Result<String> {
             .as_f64()
             .map_or(String::new(), |s| format!(" for {s:.0} s"));
         let state = link["state"].as_str().unwrap_or("?");
-        let peer = link["peer"].as_str().unwrap_or("not heard yet");
+        let peer = link["peer"].as_str().unwrap_or("no data received yet");
         let address = plain(&link["address"]);
         text += &format!("  {address} {signed}, {state}{since}, peer {peer}\n");
         let exchange = &link["exchange"];
