@@ -5,16 +5,14 @@
 //! - [`mode`]: flight path control modes and PX4's modes.
 //! - [`area`]: areas to stay inside or outside, and PX4's geofence.
 //! - [`altitude`]: altitude types and MAVLink frames.
-//! - [`telemetry`]: what a vehicle has said of itself, from its messages.
+//! - [`telemetry`]: the latest values of the vehicle's messages, its sensors and software included.
 //! - [`report`]: messages 3001, 3002, 4000 and 4001 from that.
-//! - [`sensed`]: what its sensors have told beyond that.
-//! - [`status`]: messages 3000, 3004 to 3010, 12101 and 16001.
+//! - [`status`]: messages 3000, 3004 to 3010, 12101, 16001 and 50013.
 //! - [`alert`]: texts and faults to message 16000.
 //! - [`configuration`]: the answers of the configuration phase, from what the vehicle is.
 //! - [`health`]: what is wrong with a vehicle, by its own messages.
-//! - [`performance`]: how fast the vehicle can be commanded to fly, and what it flies by itself.
+//! - [`limits`]: what a route must stay within, and how fast the vehicle can be commanded to fly.
 //! - [`parameter`]: the vehicle's parameters, what may be written to each, and message 50012.
-//! - [`software`]: message 50013.
 //! - [`support`]: what is done with each field of each message.
 //!
 //! A route of one waypoint, 30 m above home, becomes one mission item:
