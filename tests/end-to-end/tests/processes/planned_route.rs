@@ -135,7 +135,7 @@ fn what_is_refused_says_why() {
     let (code, said) = status(&["--vsm", &vsm, "--vehicle", "1b:00:01:09"]);
     assert_eq!(code, Some(1), "{said}");
     assert!(
-        said.contains("1b:00:01:09 is not there, only 1b:00:01:01"),
+        said.contains("1b:00:01:09 does not answer; discovered: 1b:00:01:01"),
         "{said}"
     );
     let (code, said) = status(&["--vsm", "nowhere"]);
