@@ -1,4 +1,4 @@
-"""What was checked, told as it happens and kept for the report."""
+"""What was checked, printed as it happens and kept for the report."""
 import time
 
 
@@ -18,7 +18,7 @@ class Checks:
         self._print(f"   {line}")
 
     def check(self, what, held, found=""):
-        """Keeps a verdict; what was found is told where it did not hold."""
+        """Keeps a verdict; what was found is printed where it did not hold."""
         held = bool(held)
         self.results.append({"step": self._step, "what": what, "held": held, "found": "" if held else str(found)})
         self._print(f"   ok    {what}" if held else f"   FAIL  {what}" + (f": {found}" if found != "" else ""))

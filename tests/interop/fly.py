@@ -129,7 +129,7 @@ class Flight:
                        reference.encode(c.make(2016, fields, ack=True, to=c.vehicle ^ 0x55, style=(32, 0)))):
             c.transmit_bytes(bytes)
         self.check_stays("nothing that is broken or meant for others is carried out", lambda mode: mode != dli.LAUNCH, 1.0)
-        # A type that nobody knows may be refused aloud.
+        # A type that nobody knows may be refused with an alert.
         answers = [m.value for m in c.inbox[since:] if m.id == 17000 and (
             m.fields.get("Original Message Type") != 60000 or m.fields.get("Acknowledgement Type") != dli.REFUSED)]
         self.check("nothing that is broken or meant for others is acknowledged", not answers, answers[:1])
@@ -261,7 +261,7 @@ class Flight:
     def refuse_in_flight(self):
         wrong, number, route = faulty(300)[0]
         self.check_route_refused(f"{wrong}, sent in flight", number, route)
-        self.check_stays("the flight goes on after a refused route", lambda mode: mode == dli.WAYPOINT, 0.5)
+        self.check_stays("the flight continues after a refused route", lambda mode: mode == dli.WAYPOINT, 0.5)
 
     def finish(self):
         last = self.route.flown()[-1]

@@ -111,7 +111,7 @@ class Sharing:
     def mavproxy_commands(self):
         self.foreign(ARM, "arm throttle", "ARMED")
         armed = self.cucs.latest(3001)
-        self.check("the CUCS goes on seeing its vehicle", armed is not None)
+        self.check("the CUCS still sees its vehicle", armed is not None)
         self.foreign(SET_MODE, "long MAV_CMD_DO_SET_MODE 1 4 6", "Mode LAND")
         self.cucs.wait(lambda m: m.id == 3001 and m.fields.get("Select Flight Path Control Mode") == dli.AUTOLAND, 10, 0,
                        "3001 with the mode that MAVProxy commanded")

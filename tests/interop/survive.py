@@ -4,7 +4,7 @@
     survive.py prepare --vsm HOST:PORT ...    take control and upload a route, then leave without a word
     survive.py resume  --vsm HOST:PORT ...    after a new start of the bridge: all of it must still be there; fly
     survive.py silence --vsm HOST:PORT ...    after the end of the aircraft: it must be reported
-    survive.py return  --vsm HOST:PORT ...    after a new start of the aircraft: it must be heard again
+    survive.py return  --vsm HOST:PORT ...    after a new start of the aircraft: its link must be restored
 """
 import sys
 

@@ -42,7 +42,7 @@ fn status_alone_is_not_synchronised_and_a_repeated_request_is_not_written() {
 }
 
 #[test]
-fn the_chain_goes_on_over_files_and_the_oldest_goes() {
+fn the_chain_continues_over_files_and_the_oldest_is_removed() {
     let mut scene = Scene::controlled();
     // As if it had been written for months: the length alone counts.
     let grown = |scene: &mut Scene| {

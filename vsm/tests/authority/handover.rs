@@ -171,7 +171,7 @@ fn during_launch_control_passes_by_override_only() {
 }
 
 #[test]
-fn a_release_during_launch_is_granted_and_the_vehicle_goes_on() {
+fn a_release_during_launch_is_granted_and_the_vehicle_continues() {
     let mut scene = Scene::controlled();
     scene.rig.tell(orders::launch(20.0));
     assert!(scene.rig.until(20.0, |rig| rig.truth().position.d < -3.0));
@@ -183,7 +183,7 @@ fn a_release_during_launch_is_granted_and_the_vehicle_goes_on() {
         scene.rig.until(30.0, |rig| rig.truth().position.d < -19.0),
         "it goes on"
     );
-    scene.drawn("a_release_during_launch_is_granted_and_the_vehicle_goes_on");
+    scene.drawn("a_release_during_launch_is_granted_and_the_vehicle_continues");
 }
 
 #[test]
@@ -299,7 +299,7 @@ fn a_transition_is_refused_where_provisional_layouts_only_report() {
 }
 
 #[test]
-fn the_vehicles_own_failsafe_is_told_to_who_listens() {
+fn the_vehicles_own_failsafe_is_reported_to_listeners() {
     let mut scene = Scene::controlled();
     let told = |rig: &kit::bridge::Rig| rig.stations[A].was_told("NAV_DLL_ACT");
     assert!(
@@ -390,7 +390,7 @@ fn a_release_while_another_asks_hands_over_at_once() {
 }
 
 #[test]
-fn what_is_lost_on_the_way_is_told_again() {
+fn what_is_lost_on_the_way_is_reported_again() {
     let mut scene = Scene::controlled();
     scene.rig.dli.faults.loss = 1.0;
     let wish = scene.hand_over(B, B, CONTROL);
@@ -404,7 +404,7 @@ fn what_is_lost_on_the_way_is_told_again() {
     scene.rig.stations[B].repeat(wish);
     scene.rig.run(0.2);
     assert_eq!(scene.controller(), Some(B));
-    scene.drawn("what_is_lost_on_the_way_is_told_again");
+    scene.drawn("what_is_lost_on_the_way_is_reported_again");
 }
 
 #[test]

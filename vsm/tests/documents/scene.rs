@@ -89,7 +89,7 @@ pub(super) fn traces(trial: &Trial, message: &Message) -> String {
     trace
 }
 
-/// That a field is not heeded, and that an answer has stood long enough, shows no effect of anything.
+/// That a field is ignored, and that an answer has stood long enough, shows no effect of anything.
 fn is_of_no_effect(message: &Message) -> bool {
     let Message::SubsystemStatusAlert(alert) = message else {
         return false;

@@ -5,7 +5,7 @@
 //! changed, and everything that can be seen is compared: answers, alerts, messages, plans aboard, parameters, and where
 //! the vehicle is. A field that the table calls honoured and that no trial changes fails the test. What makes this worth
 //! something: played twice without a change a trial leaves the same trace; unchanged it is carried out; that a field is
-//! not heeded is no effect; and where all that the change does is to have the message refused, the table must say so.
+//! ignored is no effect; and where all that the change does is to have the message refused, the table must say so.
 
 use std::collections::BTreeSet;
 

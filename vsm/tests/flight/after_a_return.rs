@@ -76,7 +76,7 @@ fn a_returned_vehicle_that_lost_the_plan_is_given_it_again() {
 }
 
 #[test]
-fn a_vehicle_that_started_anew_without_its_plan_is_given_it_again() {
+fn a_vehicle_that_restarted_without_its_plan_is_given_it_again() {
     let mut rig = loaded();
     rig.vehicles[0].restart();
     assert!(

@@ -30,7 +30,7 @@ fn fly(rig: &mut Rig, seconds: f64, held: &UaStickCommand) {
     }
 }
 
-/// Sends a command while sticks go on coming, and gives how it ended.
+/// Sends a command while sticks keep coming, and gives how it ended.
 fn command_while(
     rig: &mut Rig,
     held: &UaStickCommand,
@@ -185,7 +185,7 @@ fn steering_holds_course_speed_altitude_and_turns() {
 }
 
 #[test]
-fn set_points_do_not_starve_while_the_ground_station_says_nothing_or_the_link_is_bad() {
+fn set_points_do_not_starve_while_the_ground_station_is_silent_or_the_link_is_bad() {
     let mut rig = Rig::ready();
     rig.take_off(30.0);
     let mut north = steer();

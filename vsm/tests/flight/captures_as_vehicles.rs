@@ -1,7 +1,7 @@
 //! Recorded vehicles in front of the bridge: a player sends what a real PX4 sent, at its times, and what the bridge then
 //! says on the DLI is compared with golden files, message for message.
 //!
-//! `VSM_BLESS=1 cargo nextest run -p vsm --test flight captures_as_vehicles` writes `tests/data/golden` anew; `gunzip -c` shows
+//! `VSM_BLESS=1 cargo nextest run -p vsm --test flight captures_as_vehicles` writes `tests/data/golden` again; `gunzip -c` shows
 //! one, a JSON object a line.
 
 use std::io::Write as _;

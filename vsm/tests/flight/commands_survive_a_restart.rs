@@ -1,5 +1,5 @@
 //! What was commanded before `kill -9` is known after it: a repetition is answered and not carried out again, and what
-//! was cut off is said, and not gone on with.
+//! was cut off is said, and not resumed.
 
 use kit::bridge::{Rig, orders};
 use stanag_msgs::Message;
@@ -70,7 +70,7 @@ fn a_release_and_a_request_replayed_after_a_restart_move_no_right() {
 }
 
 #[test]
-fn a_launch_that_a_restart_cuts_off_is_said_and_leaves_no_running_motors() {
+fn a_launch_that_a_restart_interrupts_is_reported_and_leaves_no_running_motors() {
     let mut rig = Rig::ready();
     let launch = rig.tell(orders::launch(20.0));
     assert!(rig.until(3.0, |rig| rig.truth().armed));
@@ -90,14 +90,14 @@ fn a_launch_that_a_restart_cuts_off_is_said_and_leaves_no_running_motors() {
             rig.station().alerts()
         );
     }
-    // It is not gone on with, nor does a repetition launch.
+    // It is not resumed, nor does a repetition launch.
     assert_eq!(answers_again(&mut rig, launch), [AckType::Refused]);
     assert!(rig.truth().landed && !rig.truth().armed);
     rig.take_off(20.0);
 }
 
 #[test]
-fn a_launch_that_took_the_vehicle_up_before_the_restart_is_said_and_goes_on() {
+fn a_launch_that_took_the_vehicle_up_before_the_restart_is_reported_and_continues() {
     let mut rig = Rig::ready();
     let launch = rig.tell(orders::launch(20.0));
     // Off the ground, and the VSM has not been told yet.
@@ -117,7 +117,7 @@ fn a_launch_that_took_the_vehicle_up_before_the_restart_is_said_and_goes_on() {
 }
 
 #[test]
-fn an_upload_that_a_restart_cuts_off_is_said_and_can_be_given_again() {
+fn an_upload_that_a_restart_interrupts_is_reported_and_can_be_repeated() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
     let load = rig.tell(orders::load());
@@ -135,7 +135,7 @@ fn an_upload_that_a_restart_cuts_off_is_said_and_can_be_given_again() {
 }
 
 #[test]
-fn a_command_is_carried_out_where_it_cannot_be_written_down_and_that_is_said() {
+fn a_command_that_cannot_be_logged_is_carried_out_and_that_is_reported() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
     rig.store.full = Some("commands");

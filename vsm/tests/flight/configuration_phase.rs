@@ -196,7 +196,7 @@ fn the_answers_are_of_this_vehicle() {
 }
 
 #[test]
-fn modes_that_come_and_go_are_told_to_those_that_have_asked() {
+fn modes_that_come_and_go_are_reported_to_those_that_requested_them() {
     let (mut rig, _) = configured();
     let launch = |rig: &Rig| {
         let said = rig.station().heard.iter().rev();
@@ -290,7 +290,7 @@ fn forced(rig: &Rig, station: usize, mark: usize) -> Vec<(u16, u8, i32)> {
 }
 
 #[test]
-fn what_another_station_or_the_vehicle_sets_is_told_to_those_that_have_asked() {
+fn what_another_station_or_the_vehicle_sets_is_reported_to_those_that_requested_it() {
     let mut rig = Rig::ready_with(Setup {
         stations: 3,
         ..Setup::default()

@@ -497,7 +497,7 @@ fn a_curve_that_cannot_be_flown_is_refused_by_14000_and_16000_with_its_waypoint(
 }
 
 #[test]
-fn too_few_items_are_kept_with_the_smallest_tolerance_said_at_load() {
+fn too_few_items_are_kept_with_the_smallest_tolerance_reported_at_load() {
     let setup = Setup {
         vehicle_keys: "curve = { max_items = 14, vertices = \"free\" }",
         ..Setup::default()

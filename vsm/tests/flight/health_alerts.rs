@@ -178,7 +178,7 @@ fn a_low_battery_is_a_caution_of_energy() {
 }
 
 #[test]
-fn a_battery_that_drains_is_told_once_a_level_under_one_id() {
+fn a_battery_that_drains_is_reported_once_a_level_under_one_id() {
     let mut rig = Rig::ready();
     let mark = rig.station().heard.len();
     for percent in (1..=20).rev() {
@@ -225,7 +225,7 @@ fn a_cause_that_comes_and_goes_is_no_storm() {
 }
 
 #[test]
-fn one_that_stands_is_told_to_a_station_that_comes_later() {
+fn one_that_stands_is_reported_to_a_station_that_comes_later() {
     let mut rig = Rig::new(Setup::default());
     ail(&mut rig, unhealthy(0x8));
     rig.run(9.0);

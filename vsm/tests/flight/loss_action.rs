@@ -87,7 +87,7 @@ fn a_contingency_route_that_cannot_be_flown_gives_way_to_the_return() {
 }
 
 #[test]
-fn a_vehicle_that_is_silent_at_the_loss_is_brought_home_when_it_is_heard() {
+fn a_vehicle_that_is_silent_at_the_loss_is_brought_home_when_the_link_is_back() {
     let mut rig = abandoned("[authority]\non_loss = \"rtl\"\n", Vec::new());
     rig.run(4.0);
     rig.mav.faults.loss = 1.0;
@@ -106,7 +106,7 @@ fn a_vehicle_that_is_silent_at_the_loss_is_brought_home_when_it_is_heard() {
 }
 
 #[test]
-fn what_is_said_of_a_loss_is_what_is_flown() {
+fn what_is_reported_of_a_loss_is_what_is_flown() {
     let mut rig = abandoned("[authority]\non_loss = \"contingency\"\n", Vec::new());
     assert!(
         rig.until(30.0, |rig| rig.truth().mode == Px4::Rtl),
@@ -124,7 +124,7 @@ fn what_is_said_of_a_loss_is_what_is_flown() {
 }
 
 #[test]
-fn of_a_vehicle_that_stands_it_is_said_that_nothing_is_flown() {
+fn a_vehicle_on_the_ground_is_reported_as_flying_nothing() {
     let mut rig = Rig::ready_with(Setup {
         tables: "[authority]\non_loss = \"contingency\"\n",
         ..Setup::default()

@@ -1,4 +1,4 @@
-//! Nothing is gone on with that its CUCS could not command now: neither after a release, nor past a later command.
+//! Nothing is resumed that its CUCS could not command now: neither after a release, nor past a later command.
 
 use kit::bridge::{Rig, orders};
 use stanag_msgs::enums::{

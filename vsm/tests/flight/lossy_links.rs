@@ -1,7 +1,7 @@
 //! Whole flights over links that lose up to 40 % of their packets both ways, or deliver them up to 2 s late;
 //! `docs/guide/reliability.md` holds the table.
 //!
-//! `VSM_BLESS=1 cargo nextest run -p vsm --test flight lossy_links` writes the table anew.
+//! `VSM_BLESS=1 cargo nextest run -p vsm --test flight lossy_links` writes the table again.
 
 use std::fmt::Write as _;
 

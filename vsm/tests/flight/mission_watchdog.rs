@@ -1,4 +1,4 @@
-//! A mission that gets no nearer to its waypoint ends in a hold that is said aloud; honest flight never does.
+//! A mission that gets no nearer to its waypoint ends in a hold that is reported; honest flight never does.
 
 use kit::bridge::{Faults, Rig, Setup, orders};
 use px4_sim::{Airframe, Config, Mode as Px4, Param};

@@ -22,7 +22,7 @@ fn entering_instead(mode: Px4) -> (Rig, Option<AckType>) {
 }
 
 #[test]
-fn a_vehicle_that_holds_instead_is_told_again() {
+fn a_vehicle_that_holds_instead_is_commanded_again() {
     let (rig, end) = entering_instead(Px4::Loiter);
     assert_eq!(
         end,

@@ -88,7 +88,7 @@ fn operator_control_is_taken_with_control_and_let_go_with_it() {
 }
 
 #[test]
-fn who_asks_for_operator_control_is_told_and_gets_it_once_control_is_given_up() {
+fn a_request_for_operator_control_is_reported_and_granted_once_control_is_released() {
     let mut rig = Rig::ready_with(speaking());
     assert!(rig.until(3.0, |rig| owner(rig) == Some(245)));
     ask(&mut rig);
@@ -107,7 +107,7 @@ fn who_asks_for_operator_control_is_told_and_gets_it_once_control_is_given_up() 
 }
 
 #[test]
-fn what_another_station_owns_is_said_and_a_command_is_refused_with_the_reason() {
+fn what_another_station_owns_is_reported_and_a_command_is_refused_with_the_reason() {
     let mut rig = Rig::new(speaking());
     rig.run(9.0);
     ask(&mut rig);

@@ -46,7 +46,7 @@ fn a_mode_command_that_was_overtaken_is_refused() {
 }
 
 #[test]
-fn a_sender_whose_clock_was_set_back_is_heard() {
+fn a_sender_whose_clock_was_set_back_is_accepted() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
     assert_eq!(rig.carry_out(hold_at(35.0)), DONE);

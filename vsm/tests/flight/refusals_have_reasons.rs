@@ -49,7 +49,7 @@ fn refused(rig: &mut Rig, message: impl Into<Message>, why: &str) {
 }
 
 #[test]
-fn want_of_a_right_is_told_once_and_cleared_though_the_command_comes_again_and_again() {
+fn a_missing_right_is_reported_once_and_cleared_though_the_command_is_repeated() {
     let mut rig = Rig::new(Setup::default());
     rig.run(9.0);
     refused(
@@ -312,7 +312,7 @@ fn a_curve_that_is_no_number_is_refused_when_it_comes() {
 }
 
 #[test]
-fn what_a_mode_does_not_heed_is_said_and_what_it_cannot_do_is_refused() {
+fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
     let hold = orders::mode(Mode::Loiter);
@@ -358,7 +358,7 @@ fn what_a_mode_does_not_heed_is_said_and_what_it_cannot_do_is_refused() {
 }
 
 #[test]
-fn a_field_of_a_plan_that_never_has_an_effect_is_said_once() {
+fn a_field_of_a_plan_that_never_has_an_effect_is_reported_once() {
     let mut rig = Rig::ready();
     let before = rig.station().heard.len();
     for number in 1..=5 {

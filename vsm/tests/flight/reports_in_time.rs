@@ -139,7 +139,7 @@ fn no_report_of_any_kind_is_later_than_its_limit_on_request_and_by_schedule() {
 }
 
 #[test]
-fn acknowledgements_alerts_and_changes_of_mode_are_told_within_their_limits() {
+fn acknowledgements_alerts_and_changes_of_mode_are_reported_within_their_limits() {
     let mut rig = Rig::ready();
     let limit = |message: u16| {
         let info = table::message(message).expect("of the table");

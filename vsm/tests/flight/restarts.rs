@@ -1,6 +1,6 @@
-//! The bridge is killed, or the vehicle starts anew, at any moment of a flight; `docs/guide/reliability.md` holds the tables.
+//! The bridge is killed, or the vehicle restarts, at any moment of a flight; `docs/guide/reliability.md` holds the tables.
 //!
-//! `VSM_BLESS=1 cargo nextest run -p vsm --test flight restarts` writes them anew;
+//! `VSM_BLESS=1 cargo nextest run -p vsm --test flight restarts` writes them again;
 //! `VSM_EVERY_MS=700 cargo test -p vsm --test flight restarts` takes more moments.
 
 use std::collections::BTreeMap;
@@ -70,7 +70,7 @@ fn the_bridge_is_killed_at_any_moment() {
 }
 
 #[test]
-fn the_vehicle_starts_anew_at_any_moment() {
+fn the_vehicle_restarts_at_any_moment() {
     // Before that nobody listens who could be told.
     let outcomes = sweep(Restart::Vehicle, 10_600, |rig, outcome| {
         // What is under way ends one way or the other; how, is told by 17000.

@@ -151,7 +151,7 @@ fn a_loop_leads_back_so_often_as_it_is_flown() {
 }
 
 #[test]
-fn a_changed_plan_loaded_in_flight_holds_the_vehicle_and_says_so() {
+fn a_changed_plan_loaded_in_flight_holds_the_vehicle_and_reports_it() {
     let mut rig = ready(orders::square());
     assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
     is_along(&mut rig, 60.0, [101, 102, 103]);
@@ -231,7 +231,7 @@ fn after_a_refused_load_the_download_is_what_is_aboard() {
 }
 
 #[test]
-fn of_several_flight_routes_it_is_said_which_one_is_loaded() {
+fn of_several_flight_routes_the_loaded_one_is_reported() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
     let second = stanag_msgs::messages::UaRoute {

@@ -232,7 +232,7 @@ fn loops_that_px4_cannot_fly_are_refused() {
 }
 
 #[test]
-fn a_loop_is_flown_so_often_as_its_limit_says() {
+fn a_loop_is_flown_as_often_as_its_limit() {
     let mut rig = Rig::ready();
     rig.send_plan(lap(LimitType::Count, Some(3)));
     assert_eq!(

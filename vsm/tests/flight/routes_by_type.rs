@@ -263,7 +263,7 @@ fn a_contingency_without_a_name_does_not_take_the_place_of_the_flight_route() {
 }
 
 #[test]
-fn a_plan_that_is_loaded_again_half_flown_is_said_to_go_on() {
+fn a_plan_that_is_loaded_again_half_flown_is_reported_to_continue() {
     let mut rig = with_all();
     carried_out(&mut rig, orders::launch(20.0));
     carried_out(&mut rig, orders::mode(Mode::Waypoint));

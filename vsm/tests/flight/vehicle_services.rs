@@ -54,7 +54,7 @@ fn refused(rig: &mut Rig, message: impl Into<Message>, why: &str) {
 }
 
 #[test]
-fn a_parameter_is_told_with_its_kind_and_its_range() {
+fn a_parameter_is_reported_with_its_kind_and_its_range() {
     let mut rig = Rig::ready();
     let mark = rig.station().heard.len();
     assert_eq!(
@@ -214,7 +214,7 @@ fn a_change_by_another_station_is_seen_by_those_that_have_asked() {
 }
 
 #[test]
-fn nobody_is_told_of_parameters_unasked() {
+fn parameters_are_reported_only_on_request() {
     let mut rig = Rig::ready();
     rig.take_off(10.0);
     rig.run(5.0);
@@ -227,7 +227,7 @@ fn nobody_is_told_of_parameters_unasked() {
 }
 
 #[test]
-fn software_versions_are_told_on_request() {
+fn software_versions_are_reported_on_request() {
     let mut rig = Rig::ready();
     let ask = |fields: Option<u64>| GenericInformationRequestMessage {
         message_type: Some(50013),

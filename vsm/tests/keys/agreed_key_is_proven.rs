@@ -121,7 +121,7 @@ fn a_recording_changes_no_key_and_the_vehicle_itself_is_lifted_until_it_can_prov
         None
     );
     assert!(ground.lifted(STRANGER).iter().all(|stamp| *stamp > seen));
-    // The vehicle has started anew, so its stamps are old too. A heartbeat under that key lifts them.
+    // The vehicle has restarted, so its stamps are old too. A heartbeat under that key lifts them.
     assert_eq!(ground.hears(at(1_000), VEHICLE, Stamp::new(1)), None);
     let lifted = ground.lifted(VEHICLE);
     let answer = lifted.last().unwrap().next().unwrap();

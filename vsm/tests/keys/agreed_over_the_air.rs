@@ -1,4 +1,4 @@
-//! `vsm run` agrees about a key with an agent on its link, goes on under the old one meanwhile, and is under the new one
+//! `vsm run` agrees about a key with an agent on its link, continues under the old one meanwhile, and is under the new one
 //! with the vehicle's first frame under it; the legacy exchange brings a first key where it is switched on.
 
 use std::fs;
@@ -241,7 +241,7 @@ async fn a_key_that_is_too_old_is_replaced_in_flight() {
 }
 
 #[tokio::test]
-async fn the_legacy_exchange_brings_a_first_key_and_is_said_aloud() {
+async fn the_legacy_exchange_brings_a_first_key_and_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let config = config(folder.path(), "legacy");
     let server = Server::open(&config).unwrap();

@@ -58,7 +58,7 @@ async fn no_stranger_ends_the_search_for_the_key_or_keeps_the_vehicle_down() {
 
 /// A holder of the key has signed in the VSM's own name, a day ahead: the vehicle keeps that as our last stamp.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_thief_on_our_own_stream_is_told_and_shaken_off_by_a_restart_of_the_vehicle() {
+async fn a_thief_on_our_own_stream_is_reported_and_shaken_off_by_a_restart_of_the_vehicle() {
     let ground = Ground::new();
     ground.write_key("uav1.key", FIRST);
     let vehicle = ground.vehicle(Some(FIRST), 0).await;
@@ -258,7 +258,7 @@ fn is_asked(socket: &UdpSocket) -> bool {
 }
 
 #[test]
-fn a_pairing_goes_on_with_the_agent_whoever_has_spoken_before_it() {
+fn a_pairing_continues_with_the_agent_whoever_has_sent_before_it() {
     let ground = Ground::new();
     let mut command = Command::new(program("vsm"));
     command
@@ -306,7 +306,7 @@ fn a_pairing_goes_on_with_the_agent_whoever_has_spoken_before_it() {
     let mut out = [0; MAX_FRAME];
     let length = encode_raw(header, &please, &mut out).unwrap();
     agent.send(&out[..length]).unwrap();
-    // The stranger goes on speaking.
+    // The stranger continues speaking.
     std::thread::sleep(Duration::from_millis(100));
     stranger.send(beat).unwrap();
     assert!(is_asked(&agent));

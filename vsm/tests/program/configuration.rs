@@ -62,7 +62,7 @@ fn nobody_listed_is_legal() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_its_place() {
+fn what_is_wrong_is_reported_with_its_place() {
     // (what is replaced, by what, what the message must hold)
     let table: &[(&str, &str, &[&str])] = &[
         (

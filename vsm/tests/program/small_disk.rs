@@ -95,7 +95,7 @@ fn a_full_and_a_read_only_disk_accept_nothing_and_lose_nothing() {
         within(&processes, &make);
         assert_eq!(end(&mut processes, moved()), AckType::Refused, "{make}");
         assert!(processes.ground().was_told("it cannot be stored"), "{make}");
-        // A flight goes on.
+        // A flight continues.
         assert_eq!(
             end(&mut processes, hold_at(25.0)),
             AckType::CarriedOut,

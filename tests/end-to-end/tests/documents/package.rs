@@ -120,7 +120,7 @@ fn verify_unit(root: &Path) {
 }
 
 #[test]
-fn the_service_manager_is_told_ready_and_alive() {
+fn the_service_manager_is_notified_ready_and_alive() {
     let ground = Ground::new();
     let socket = ground.path("notify");
     let manager = UnixDatagram::bind(&socket).expect("a socket");

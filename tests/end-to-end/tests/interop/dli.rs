@@ -103,7 +103,7 @@ fn encode_agrees_with_the_reference() {
 }
 
 #[test]
-fn a_bad_line_is_said_and_the_next_one_is_read() {
+fn a_bad_line_is_reported_and_the_next_one_is_read() {
     let vectors = vectors();
     let good = wire(&vectors[0]);
     let short = &good[..good.len() - 2];

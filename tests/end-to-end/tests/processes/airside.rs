@@ -1,5 +1,5 @@
 //! The air-side agent as a process between a bridge and a simulated PX4: it relays and drops, keys are agreed through
-//! it, and whatever of the three is started anew, the link is up again within 5 s.
+//! it, and whatever of the three is restarted, the link is up again within 5 s.
 
 use std::fs;
 use std::net::UdpSocket;
@@ -290,13 +290,13 @@ dir = "state"
         let mut before = self.believed();
         self.wait("the link is up again", Duration::from_secs(20), |field| {
             let now = field.believed();
-            // A bridge that has started anew counts from zero.
+            // A bridge that has restarted counts from zero.
             before = before.min(now);
             now > before + 20 && field.is_live()
         })
     }
 
-    /// Each of the three is killed and started anew, then all of them, in the least fitting order. Nobody lends a hand,
+    /// Each of the three is killed and restarted, then all of them, in the least fitting order. Nobody lends a hand,
     /// and the link is up within 5 s.
     #[allow(
         clippy::print_stderr,

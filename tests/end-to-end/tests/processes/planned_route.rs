@@ -116,7 +116,7 @@ fn a_planned_route_is_uploaded_and_the_rights_are_given_back() {
 }
 
 #[test]
-fn what_is_refused_says_why() {
+fn what_is_refused_has_its_reason() {
     let ground = Ground::new();
     let _bridge = ground.bridge();
     fs::write(ground.path("bend.toml"), ROUTE).expect("the route");

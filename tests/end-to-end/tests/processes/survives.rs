@@ -21,7 +21,7 @@ fn the_bridge_keeps_plan_authority_and_clock_over_a_kill() {
 }
 
 #[test]
-fn an_aircraft_that_restarts_is_missed_and_heard_again() {
+fn an_aircraft_that_restarts_is_missed_and_its_link_restored() {
     let ground = Ground::new();
     let bridge = ground.bridge();
     let aircraft = ground.aircraft();

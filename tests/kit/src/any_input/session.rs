@@ -28,7 +28,7 @@ pub const FRAME: u8 = 3;
 pub const SIGNED: u8 = 4;
 /// Time passes: as many times 20 ms as the length says.
 pub const TIME: u8 = 5;
-/// The bridge is started anew from its store.
+/// The bridge is restarted from its store.
 pub const RESTART: u8 = 6;
 /// Operations.
 pub const OPERATIONS: u8 = 7;

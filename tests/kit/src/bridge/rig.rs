@@ -96,7 +96,7 @@ pub struct Rig {
 pub enum Restart {
     /// The bridge is killed, and comes back from its store a second later.
     Bridge,
-    /// The vehicle starts anew: a simulated one on the ground at home.
+    /// The vehicle restarts: a simulated one on the ground at home.
     Vehicle,
 }
 
