@@ -99,8 +99,8 @@ class Cucs:
             self.transmit_bytes(datagram)
         return datagrams
 
-    def transmit_bytes(self, bytes):
-        self._socket.sendto(bytes, self.vsm)
+    def transmit_bytes(self, datagram):
+        self._socket.sendto(datagram, self.vsm)
 
     def send(self, id, fields, ack=False, to=None):
         value = self.make(id, fields, ack, to)
@@ -121,19 +121,19 @@ class Cucs:
             readable, _, _ = select.select([self._socket], [], [], max(0.0, min(rest, 0.2)))
             while readable:
                 try:
-                    bytes, address = self._socket.recvfrom(65536)
+                    datagram, address = self._socket.recvfrom(65536)
                 except BlockingIOError:
                     break
                 except ConnectionRefusedError:
                     continue
-                self._take(bytes, address)
+                self._take(datagram, address)
             if rest <= 0:
                 return
 
-    def _take(self, bytes, address):
-        at, rest = time.monotonic(), bytes
-        if len(bytes) > MAX_DATAGRAM:
-            self.unreadable.append(f"a datagram of {len(bytes)} bytes")
+    def _take(self, datagram, address):
+        at, rest = time.monotonic(), datagram
+        if len(datagram) > MAX_DATAGRAM:
+            self.unreadable.append(f"a datagram of {len(datagram)} bytes")
         while rest:
             try:
                 length, properties = int.from_bytes(rest[2:4], "big"), int.from_bytes(rest[14:16], "big")
@@ -144,7 +144,7 @@ class Cucs:
                     raise ValueError("encodes to other bytes")
                 self.inbox.append(Received(at, address, value, wire))
             except Exception as error:
-                self.unreadable.append(f"{type(error).__name__}: {error}: {bytes.hex()}")
+                self.unreadable.append(f"{type(error).__name__}: {error}: {datagram.hex()}")
                 return
 
     def mark(self):

@@ -125,9 +125,9 @@ class Flight:
         other_sum = whole[:-1] + bytes([whole[-1] ^ 1])
         plain = reference.encode(c.make(2016, fields, ack=True, style=(32, 0)))
         unknown = plain[:12] + (60000).to_bytes(2, "big") + plain[14:]
-        for bytes in (whole[:-1], whole[:15], other_sum, unknown, whole[:2] + b"\xff\xff" + whole[4:], b"\0" * 1400, b"",
+        for datagram in (whole[:-1], whole[:15], other_sum, unknown, whole[:2] + b"\xff\xff" + whole[4:], b"\0" * 1400, b"",
                        reference.encode(c.make(2016, fields, ack=True, to=c.vehicle ^ 0x55, style=(32, 0)))):
-            c.transmit_bytes(bytes)
+            c.transmit_bytes(datagram)
         self.check_stays("nothing that is broken or meant for others is carried out", lambda mode: mode != dli.LAUNCH, 1.0)
         # A type that nobody knows may be refused with an alert.
         answers = [m.value for m in c.inbox[since:] if m.id == 17000 and (

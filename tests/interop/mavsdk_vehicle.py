@@ -155,9 +155,9 @@ class MavsdkVehicle:
 
     # The wire
 
-    def _send(self, bytes):
+    def _send(self, raw):
         with self._wire:
-            for message in m.MAVLink(None).parse_buffer(bytes) or []:
+            for message in m.MAVLink(None).parse_buffer(raw) or []:
                 self.told[message.get_type()] = self.told.get(message.get_type(), 0) + 1
                 self._transmit(message)
 
@@ -172,12 +172,12 @@ class MavsdkVehicle:
                 continue
             with self._wire:
                 verified = list(self._signer.verify(datagram))
-            for message, bytes in verified:
+            for message, raw in verified:
                 self.heard.setdefault(message.get_type(), []).append(message)
                 if self.holds_itself and is_hold(message):
                     self._hold(message)
                     continue
-                self._mavsdk.pass_received_raw_bytes(bytes)
+                self._mavsdk.pass_received_raw_bytes(raw)
 
     # The body
 
