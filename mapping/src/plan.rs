@@ -39,6 +39,14 @@ impl Curve {
     }
 }
 
+/// A message that the plan takes, under its number.
+enum Part<'m> {
+    Route(&'m UaRoute),
+    Waypoint(u16, &'m UaPositionWaypoint),
+    Loiter(u16, &'m UaLoiterWaypoint),
+    Curve((u16, u16), Curve),
+}
+
 /// A message that the plan does not take.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum StoreError {
@@ -102,35 +110,75 @@ impl Plan {
     /// # Errors
     /// The message cannot be stored; the plan is as before.
     pub fn store(&mut self, message: &Message, cucs: Id, vehicle: Id) -> Result<(), StoreError> {
-        match message {
-            Message::UaRoute(route) => self.store_route(route),
-            Message::UaPositionWaypoint(waypoint) => {
-                let number = numbered(13002, "Waypoint Number", waypoint.waypoint_number)?;
-                let before = self.waypoints.get(&number).map(next);
-                insert(&mut self.waypoints, number, waypoint.clone(), "waypoints")?;
+        match self.checked(message, cucs, vehicle)? {
+            Part::Route(route) => {
+                // The latest definition stands last: it is the one that a load without a Route ID means.
+                self.routes.retain(|known| !is_same(known, route));
+                if !removes(route) {
+                    self.routes.push(route.clone());
+                }
+            }
+            Part::Waypoint(number, waypoint) => {
+                let before = self.waypoints.insert(number, waypoint.clone());
                 // The leg that a curve described is gone with the Next Waypoint that made it.
-                if let Some(before) = before.filter(|before| *before != next(waypoint)) {
+                if let Some(before) = before.as_ref().map(next)
+                    && before != next(waypoint)
+                {
                     self.curves.remove(&(number, before));
                 }
-                Ok(())
+            }
+            Part::Loiter(number, loiter) => {
+                self.loiters.insert(number, loiter.clone());
+            }
+            Part::Curve(ends, curve) => {
+                self.curves.insert(ends, curve);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether [`Plan::store`] would store a message: a caller can so write it down before it is stored.
+    ///
+    /// # Errors
+    /// As [`Plan::store`].
+    pub fn check(&self, message: &Message, cucs: Id, vehicle: Id) -> Result<(), StoreError> {
+        self.checked(message, cucs, vehicle).map(drop)
+    }
+
+    fn checked<'m>(
+        &self,
+        message: &'m Message,
+        cucs: Id,
+        vehicle: Id,
+    ) -> Result<Part<'m>, StoreError> {
+        match message {
+            Message::UaRoute(route) => {
+                if route.initial_waypoint_number.is_none() {
+                    return Err(StoreError::Missing {
+                        message: 13001,
+                        field: "Initial Waypoint Number",
+                    });
+                }
+                let others = self.routes.iter().filter(|known| !is_same(known, route));
+                if !removes(route) && others.count() == MAX_ROUTES {
+                    return Err(StoreError::Full(MAX_ROUTES, "routes"));
+                }
+                Ok(Part::Route(route))
+            }
+            Message::UaPositionWaypoint(waypoint) => {
+                let number = numbered(13002, "Waypoint Number", waypoint.waypoint_number)?;
+                has_room(&self.waypoints, &number, "waypoints")?;
+                Ok(Part::Waypoint(number, waypoint))
             }
             Message::UaLoiterWaypoint(loiter) => {
                 let number = numbered(13003, "Waypoint Number", loiter.waypoint_number)?;
-                insert(
-                    &mut self.loiters,
-                    number,
-                    loiter.clone(),
-                    "loiter waypoints",
-                )
+                has_room(&self.loiters, &number, "loiter waypoints")?;
+                Ok(Part::Loiter(number, loiter))
             }
             Message::CurveSegment(curve) => {
                 let ends = ends(50002, curve.p1_waypoint_no, curve.p4_waypoint_no)?;
-                insert(
-                    &mut self.curves,
-                    ends,
-                    Curve::Native(curve.clone()),
-                    "curves",
-                )
+                has_room(&self.curves, &ends, "curves")?;
+                Ok(Part::Curve(ends, Curve::Native(curve.clone())))
             }
             Message::CurveSegmentPaper(curve) => {
                 let ends = ends(50001, curve.p1_waypoint_no, curve.p4_waypoint_no)?;
@@ -143,32 +191,11 @@ impl Plan {
                 angle("P2 Longitude", curve.p2_longitude, PI)?;
                 angle("P3 Latitude", curve.p3_latitude, FRAC_PI_2)?;
                 angle("P3 Longitude", curve.p3_longitude, PI)?;
-                insert(
-                    &mut self.curves,
-                    ends,
-                    Curve::Paper(curve.clone()),
-                    "curves",
-                )
+                has_room(&self.curves, &ends, "curves")?;
+                Ok(Part::Curve(ends, Curve::Paper(curve.clone())))
             }
             other => Err(StoreError::NotAPlanMessage(other.id())),
         }
-    }
-
-    fn store_route(&mut self, route: &UaRoute) -> Result<(), StoreError> {
-        let initial = route.initial_waypoint_number.ok_or(StoreError::Missing {
-            message: 13001,
-            field: "Initial Waypoint Number",
-        })?;
-        // The latest definition stands last: it is the one that a load without a Route ID means.
-        let kept = self.routes.iter().filter(|known| !is_same(known, route));
-        if initial != 0 && kept.count() == MAX_ROUTES {
-            return Err(StoreError::Full(MAX_ROUTES, "routes"));
-        }
-        self.routes.retain(|known| !is_same(known, route));
-        if initial != 0 {
-            self.routes.push(route.clone());
-        }
-        Ok(())
     }
 
     /// Forgets everything (13000 mode 1).
@@ -355,6 +382,11 @@ fn is_same(known: &UaRoute, new: &UaRoute) -> bool {
     }
 }
 
+/// Whether a 13001 removes its route: it leads to no waypoint.
+fn removes(route: &UaRoute) -> bool {
+    route.initial_waypoint_number == Some(0)
+}
+
 /// The type of a route; absent is flight.
 #[must_use]
 pub fn route_type(route: &UaRoute) -> RouteType {
@@ -406,16 +438,14 @@ fn the_wrappers(field: &'static str, found: Option<Id>, expected: Id) -> Result<
     }
 }
 
-fn insert<K: Ord, V>(
-    map: &mut BTreeMap<K, V>,
-    key: K,
-    value: V,
+fn has_room<K: Ord, V>(
+    map: &BTreeMap<K, V>,
+    key: &K,
     what: &'static str,
 ) -> Result<(), StoreError> {
-    if map.len() >= MAX_WAYPOINTS && !map.contains_key(&key) {
+    if map.len() >= MAX_WAYPOINTS && !map.contains_key(key) {
         return Err(StoreError::Full(MAX_WAYPOINTS, what));
     }
-    map.insert(key, value);
     Ok(())
 }
 

@@ -47,6 +47,8 @@ pub(crate) struct Alerts {
     lately: Vec<(Duration, AlertPriority, String)>,
     /// Answers that stand, the oldest first.
     answers: VecDeque<Answered>,
+    /// That AGL is flown as height above home has been sent.
+    agl_sent: bool,
 }
 
 /// An answer to one message.
@@ -75,7 +77,13 @@ impl Alerts {
             standing: Vec::new(),
             lately: Vec::new(),
             answers: VecDeque::new(),
+            agl_sent: false,
         }
+    }
+
+    /// Whether it is the first time that altitude type 2 (AGL) is flown as height above home.
+    pub(crate) fn first_agl(&mut self) -> bool {
+        !std::mem::replace(&mut self.agl_sent, true)
     }
 
     /// A cause that lasts; `None` where it already stands with this text.

@@ -3,8 +3,6 @@
 //! A command is not refused for them. A ground station may send every field every time, and one that says "hold" must
 //! hold, whatever else it carries. Zero is what a full presence vector carries for nothing, and says nothing.
 
-use std::collections::BTreeSet;
-
 use mapping::support::{Received, field};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType};
@@ -15,53 +13,24 @@ use stanag_msgs::messages::{
 use stanag_msgs::table::{self, FieldInfo, MessageInfo};
 use stanag_msgs::wrapper::MAX_DATA;
 
-use super::aircraft::Aircraft;
-use super::desk::{Desk, Origin};
-
-/// What has been told: station, message, field.
-#[derive(Debug, Default)]
-pub(crate) struct AlreadyReported(BTreeSet<(usize, u16, u8)>);
-
-impl AlreadyReported {
-    /// The station listens anew.
-    pub(crate) fn forget(&mut self, station: usize) {
-        self.0.retain(|(of, _, _)| *of != station);
-    }
-}
-
-impl Aircraft {
-    /// Tells a station once of each field of its messages that asks for something and never has an effect here.
-    pub(super) fn say_unused(&mut self, desk: &mut Desk<'_>, origin: &Origin, message: &Message) {
-        if !ASKING.contains(&message.id()) {
-            return;
-        }
-        let mut names: Vec<&str> = Vec::new();
+/// The fields of a message that ask for something and never have an effect here, by their place and name; none of a
+/// message whose fields cannot be looked at alone.
+pub(crate) fn unused_fields(message: &Message) -> Vec<&'static FieldInfo> {
+    let mut unused = Vec::new();
+    if ASKING.contains(&message.id()) {
         each_set(message, |one| {
-            let place = (origin.station, message.id(), one.bit);
-            if is_unused(message.info(), one) && self.unused_told.0.insert(place) {
-                names.push(one.name);
+            if is_unused(message.info(), one) {
+                unused.push(one);
             }
         });
-        self.say_unheeded(desk, origin, &names, "");
     }
+    unused
+}
 
-    /// Tells of these fields, where there are any.
-    pub(super) fn say_unheeded(
-        &mut self,
-        desk: &mut Desk<'_>,
-        origin: &Origin,
-        names: &[&str],
-        place: &str,
-    ) {
-        if !names.is_empty() {
-            let text = format!(
-                "{}: not heeded{place}: {}",
-                origin.message_type,
-                names.join(", ")
-            );
-            self.tell_stations(desk, &[origin.station], text);
-        }
-    }
+/// What its station is sent of the ignored fields of a message; none where there are none. `place` narrows down where.
+pub(crate) fn report(message_type: u16, names: &[&str], place: &str) -> Option<String> {
+    let list = names.join(", ");
+    (!names.is_empty()).then(|| format!("{message_type}: not heeded{place}: {list}"))
 }
 
 /// The fields of a 2016 that are commanded and of which nothing is made in this mode. `routed` where a route is flown.

@@ -1,51 +1,32 @@
-//! One ground station: its rights by configuration, where it was heard last, and how long it has been silent.
+//! One ground station (CUCS): its rights by configuration, its address, and how long it has been silent.
 
-use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use stanag_msgs::Id;
 
-use super::authority::{Asker, Silence};
-use super::duplicate::Recent;
+use super::authority::rules::{Asker, Silence};
 use crate::config::Cucs;
 
 /// A CUCS of the configuration.
 #[derive(Debug)]
-pub(crate) struct Station {
+pub(crate) struct GroundStation {
     pub(crate) config: Cucs,
     /// Its latest accepted address: where answers and status go.
     pub(crate) peer: Option<SocketAddr>,
     /// When anything of it was accepted last.
-    pub(crate) heard: Option<Duration>,
+    pub(crate) received: Option<Duration>,
     /// It has sent 16002: only then can silence cost it control.
     pub(crate) sends_heartbeats: bool,
-    pub(crate) recent: Recent,
-    /// Lines of its command_log since that was last written anew.
-    pub(crate) journal_lines: usize,
-    /// Messages that it has scheduled by 17001: (vehicle, message type) to period.
-    pub(crate) schedule: BTreeMap<(Id, u16), Period>,
 }
 
-/// How often a message goes to a station.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Period {
-    /// 17001 with frequency 0: not at all.
-    Never,
-    /// Every so long.
-    Every(Duration),
-}
-
-impl Station {
-    pub(crate) fn new(config: Cucs) -> Station {
-        Station {
+impl GroundStation {
+    pub(crate) fn new(config: Cucs) -> GroundStation {
+        GroundStation {
             config,
             peer: None,
-            heard: None,
+            received: None,
             sends_heartbeats: false,
-            recent: Recent::default(),
-            journal_lines: 0,
-            schedule: BTreeMap::new(),
         }
     }
 
@@ -62,25 +43,45 @@ impl Station {
         }
     }
 
-    /// How long ago it was heard; `None` where silence does not count.
-    pub(crate) fn silent_for(&self, now: Duration) -> Option<Duration> {
-        let heard = self.heard.filter(|_| self.sends_heartbeats)?;
-        Some(now.saturating_sub(heard))
-    }
-
     /// How far its silence has gone.
     pub(crate) fn silence(&self, now: Duration, limits: &crate::config::Authority) -> Silence {
-        let Some(silent) = self.silent_for(now).map(|span| span.as_secs_f64()) else {
+        let Some(silent_s) = self.silent_s(now) else {
             return Silence::None;
         };
-        if silent >= limits.act_s {
+        if silent_s >= limits.act_s {
             Silence::Lost
-        } else if silent >= limits.offer_s {
+        } else if silent_s >= limits.offer_s {
             Silence::Offered
-        } else if silent >= limits.warn_s {
+        } else if silent_s >= limits.warn_s {
             Silence::Warned
         } else {
             Silence::None
         }
+    }
+
+    /// When its silence is another than `known`, if nothing more comes of it.
+    pub(crate) fn silence_changes_at(
+        &self,
+        known: Silence,
+        now: Duration,
+        limits: &crate::config::Authority,
+    ) -> Option<Duration> {
+        let received = self.received.filter(|_| self.sends_heartbeats)?;
+        if self.silence(now, limits) < known {
+            return Some(received);
+        }
+        let limit_s = match known {
+            Silence::None => limits.warn_s,
+            Silence::Warned => limits.offer_s,
+            Silence::Offered => limits.act_s,
+            Silence::Lost => return None,
+        };
+        Some(received + Duration::from_secs_f64(limit_s))
+    }
+
+    /// How long nothing of it was received, s; `None` where silence does not count.
+    fn silent_s(&self, now: Duration) -> Option<f64> {
+        let received = self.received.filter(|_| self.sends_heartbeats)?;
+        Some(now.saturating_sub(received).as_secs_f64())
     }
 }

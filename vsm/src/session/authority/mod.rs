@@ -1,323 +1,827 @@
-//! Who has which rights over one vehicle: a machine without clock, messages or store.
+//! Who controls one vehicle: messages 1, 2, 4, 5, 34000 and 35000, the silence of holders, and what of it is stored.
 //!
-//! Promised, and checked by `tests/authority/every_state.rs` over every state that can be reached:
-//! - LOI 4 and 5 have one holder together, the controller. LOI 3 has one holder a payload station. LOI 2 may be held
-//!   by any number.
-//! - Rights change hands in one step, told as a [`Change`]: the changes alone say who holds what at any moment.
-//! - A release is always granted. Nothing is taken from a holder that is heard, but by its consent, by override, or
-//!   where the controller asks for a payload station by its number.
-//! - While a mission is loaded for one CUCS, control does not pass to another: what was decided waits for the end.
-//! - While the vehicle takes off or lands, control passes from its holder to another by override only.
+//! The rules are a pure machine ([`rules`]), checked over every reachable state. This machine asks them, stores what they
+//! decide before it is answered ([`record`], [`audit`]), and sends what follows ([`messages`] composes it). Whatever
+//! leads to a decision goes the same way, [`AuthorityMachine::decide`].
 //!
-//! Inputs are requests ([`Authority::request`], [`Authority::handover`]), the silence of a CUCS and the time; each
-//! yields a [`Decision`]. What must survive a restart is [`Authority::record`].
+//! The order of the actors in a handover is not documented in public sources: this one is ours, drawn in
+//! docs/guide/authority.md. A wish (4 of the acquirer) is passed on to the holder as message 4 that names the acquirer; the
+//! holder consents with the same. What a holder offers to its successor is sent to it as message 5. The acquirer is sent
+//! the end of every handover by message 5: LOI Authorized is what was handed over, none where nothing was. 35000 reports
+//! it to all who listen.
 
-mod decision;
-mod handover;
-mod loss;
-mod record;
-mod request;
-mod rights;
+pub(crate) mod audit;
+mod messages;
+pub(crate) mod record;
+pub(crate) mod rules;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Deref;
 use std::time::Duration;
 
-use stanag_msgs::Id;
-use stanag_msgs::enums::LoiBitmap;
+use mapping::mode::Px4Mode;
+use mavlink_link::dialect::MavLandedState;
+use mavlink_link::store::StoreError;
+use stanag_msgs::enums::{
+    AckType, AlertPriority, FlightPathControlMode as Mode, HandoverStatus, LoiBitmap,
+    RequestedAccess, RouteType, SubsystemId, WaitTransition,
+};
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, PositiveHandoverAuthorisationRequest,
+    VehicleDataLinkTransitionCoordination,
+};
+use stanag_msgs::{Id, Message};
 
-pub use decision::{Answer, Change, Decision, Ended, Handover, Outcome, Reason, Refusal, Stage};
-pub use record::Record;
-pub use request::Access;
-pub use rights::{CONTROL, Rights, Stations};
+use self::record::{AuthorityRecord, KnownStation};
+use self::rules::{
+    Access, Answer, Authority, CONTROL, Change, Circumstances, Decision, Handover, Outcome, Reason,
+    Refusal, Rights, Silence, Stage, Stations,
+};
+use super::alerts::{Cause, Raised};
+use super::context::{self, MissionView, Origin, Transfer, WATCH_SLACK};
+use super::effects::{Effects, Request};
+use super::log::LogLevel;
+use super::station::GroundStation;
+use crate::config::{self, OnLoss, Provisional};
 
-/// The rights over one vehicle. That one right has one holder is the shape of it.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
-pub struct Authority {
-    /// The controller, and which of LOI 4 and 5 it asked for.
-    control: Option<(Id, LoiBitmap)>,
-    /// LOI 3: the holder of each payload station that has one.
-    stations: BTreeMap<u8, Id>,
-    /// LOI 2, asked for by itself.
-    monitors: BTreeSet<Id>,
-    /// Control first, then by station. No two are for rights that have one holder.
-    pending: Vec<Handover>,
-    /// Holders that are silent.
-    silent: BTreeMap<Id, Silence>,
+/// The machine.
+#[derive(Debug, Default)]
+pub(crate) struct AuthorityMachine {
+    rights: Authority,
+    record: AuthorityRecord,
 }
 
-/// Who asks, and what the configuration lets it have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Asker {
-    /// The CUCS.
-    pub id: Id,
-    /// `cucs.loi`.
-    pub authorised: LoiBitmap,
-    /// `cucs.override`.
-    pub may_override: bool,
-    /// `cucs.rank`: an override takes from its own rank and below.
-    pub rank: u8,
-}
-
-impl Asker {
-    /// Everything that it may hold.
-    #[must_use]
-    pub fn may_hold(&self) -> Rights {
-        Rights::named(self.authorised, Stations::NONE)
-    }
-}
-
-/// How far the silence of a CUCS has gone: `authority.warn_s`, `offer_s`, `act_s`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Silence {
-    /// Heard lately, or it never sent heartbeats.
-    #[default]
-    None,
-    /// Operators are warned.
-    Warned,
-    /// Another may take what it holds.
-    Offered,
-    /// What it holds is taken away.
-    Lost,
-}
-
-/// What the machine must know to decide.
+/// What it reads.
 #[derive(Debug, Clone, Copy)]
-pub struct Circumstances<'a> {
-    /// The time, on a clock that does not go back.
-    pub now: Duration,
-    /// Every CUCS of the configuration.
-    pub roster: &'a [Asker],
-    /// Who loads a mission just now; the null id where the VSM does by itself.
-    pub loading: Option<Id>,
-    /// The vehicle takes off or lands.
-    pub launch_or_landing: bool,
+pub(crate) struct Context<'a> {
+    pub(crate) common: context::Context<'a>,
+    pub(crate) mission: MissionView<'a>,
+    /// Set points for mode 15 go out.
+    pub(crate) steering: bool,
 }
 
-impl Circumstances<'_> {
-    fn asker(&self, id: Id) -> Option<&Asker> {
-        self.roster.iter().find(|asker| asker.id == id)
-    }
+impl<'a> Deref for Context<'a> {
+    type Target = context::Context<'a>;
 
-    /// Whether control may not pass to this one before the load has ended.
-    fn load_of_another(&self, to: Id) -> bool {
-        self.loading.is_some_and(|owner| owner != to)
+    fn deref(&self) -> &context::Context<'a> {
+        &self.common
     }
 }
 
-impl Authority {
-    /// Everything that a CUCS holds, as LOI Granted says it: LOI 3 to 5 imply LOI 2.
-    #[must_use]
-    pub fn granted(&self, id: Id) -> LoiBitmap {
-        self.held(id).levels()
+/// What happens to it.
+#[derive(Debug)]
+pub(crate) enum Input<'a> {
+    /// Message 1, to this vehicle or `to_all`.
+    Authorise {
+        origin: &'a Origin,
+        request: &'a CucsAuthorisationRequest,
+        to_all: bool,
+    },
+    /// Message 1 again, byte for byte, or a request for message 2.
+    Again {
+        station: usize,
+        request: Option<&'a CucsAuthorisationRequest>,
+    },
+    /// Message 4.
+    HandOver {
+        origin: &'a Origin,
+        request: &'a PositiveHandoverAuthorisationRequest,
+    },
+    /// Message 4 again, byte for byte: an answer to it may have been lost on either side.
+    HandOverAgain { station: usize },
+    /// 34000: the holder hands control to the acquiring CUCS, or the acquiring CUCS requests it.
+    Transition {
+        origin: Origin,
+        message: &'a VehicleDataLinkTransitionCoordination,
+    },
+    /// Time has passed: how long is each holder silent?
+    WatchSilence,
+    /// A load may have ended, or the vehicle flies otherwise: what waited for that is decided.
+    Settle,
+}
+
+/// The right that a message needs; `None` where it is none that a CUCS commands with. `mode`: what a 2016 is about.
+pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitmap> {
+    match message {
+        Message::VehicleOperatingModeCommand(_) => Some(match mode {
+            Some(Mode::Launch | Mode::AutolandEngage | Mode::AutolandWaveOff) => LoiBitmap::LOI5,
+            _ => LoiBitmap::LOI4,
+        }),
+        Message::EngineCommand(_) => Some(LoiBitmap::LOI5),
+        Message::LoiterConfiguration(_)
+        | Message::UaStickCommand(_)
+        | Message::UnmannedAircraftLights(_)
+        | Message::MissionTransferCommand(_)
+        | Message::UaRoute(_)
+        | Message::UaPositionWaypoint(_)
+        | Message::UaLoiterWaypoint(_)
+        | Message::CurveSegment(_)
+        | Message::CurveSegmentPaper(_)
+        | Message::ParameterSetCommand(_)
+        | Message::AreaVertex(_)
+        | Message::AreaTransferCommand(_) => Some(LoiBitmap::LOI4),
+        Message::ParameterRequest(_)
+        | Message::PingRequest(_)
+        | Message::SubsystemStatusRequest(_)
+        | Message::SubsystemStatusDetailRequest(_) => Some(LoiBitmap::LOI2),
+        _ => None,
+    }
+}
+
+impl AuthorityMachine {
+    /// What a restart finds.
+    ///
+    /// # Errors
+    /// A record exists and cannot be read.
+    pub(crate) fn restore(
+        &mut self,
+        context: &context::Context<'_>,
+        effects: &mut Effects<'_>,
+    ) -> Result<Vec<KnownStation>, StoreError> {
+        let (rights, known) = self.record.restore(context, effects)?;
+        self.rights = rights;
+        self.update_listeners(context, effects);
+        self.record.restore_audit(&self.rights, context, effects)?;
+        Ok(known)
     }
 
-    /// Whether a CUCS holds all of these levels; LOI 3 with any station.
-    #[must_use]
-    pub fn holds(&self, id: Id, levels: LoiBitmap) -> bool {
-        self.granted(id).contains(levels)
-    }
-
-    /// Whether a CUCS holds LOI 3 of a payload station, 1 to 32.
-    #[must_use]
-    pub fn holds_station(&self, id: Id, station: u8) -> bool {
-        self.stations.get(&station) == Some(&id)
-    }
-
-    /// What a CUCS holds by itself.
-    #[must_use]
-    pub fn held(&self, id: Id) -> Rights {
-        let mut levels = LoiBitmap::NONE;
-        if let Some((holder, control)) = self.control
-            && holder == id
-        {
-            levels = control;
+    /// A message that a restart has cut off: true where it still waits for a decision, and will be answered.
+    pub(crate) fn resume(&mut self, context: &context::Context<'_>, origin: Origin) -> bool {
+        let Some(id) = context.asker(origin.station).map(|asker| asker.id) else {
+            return false;
+        };
+        let mut pending = self.rights.pending().iter();
+        let waits = pending.any(|handover| handover.to == id || handover.from == Some(id));
+        if waits {
+            self.record.wait(id, origin);
         }
-        if self.monitors.contains(&id) {
-            levels = levels.union(LoiBitmap::LOI2);
-        }
-        let stations = self
-            .stations
-            .iter()
-            .filter(|(_, holder)| **holder == id)
-            .fold(0, |raw, (number, _)| raw | Stations::one(*number).raw());
-        Rights::named(levels, Stations::NONE)
-            .with(Rights::of_stations(Stations::from_raw(stations)))
+        waits
     }
 
-    /// Every CUCS that holds something, and what.
-    pub fn holders(&self) -> impl Iterator<Item = (Id, Rights)> + '_ {
-        let all: BTreeSet<Id> = self
-            .monitors
-            .iter()
-            .copied()
-            .chain(self.stations.values().copied())
-            .chain(self.control.map(|(id, _)| id))
-            .collect();
-        all.into_iter().map(|id| (id, self.held(id)))
+    /// The rights.
+    pub(crate) fn rights(&self) -> &Authority {
+        &self.rights
     }
 
     /// The CUCS that holds LOI 4 or 5.
-    #[must_use]
-    pub fn controller(&self) -> Option<Id> {
-        self.control.map(|(id, _)| id)
+    pub(crate) fn controller(&self) -> Option<Id> {
+        self.rights.controller()
     }
 
-    /// The handovers that are not decided yet, or wait for a load to end.
-    #[must_use]
-    pub fn pending(&self) -> &[Handover] {
-        &self.pending
+    /// Since when, on the clock since 1970, a CUCS has held what it holds.
+    pub(crate) fn since(&self, id: Id) -> Option<Duration> {
+        self.record.since(id)
     }
 
-    /// How far the silence of a holder has gone.
-    #[must_use]
-    pub fn silence(&self, id: Id) -> Silence {
-        self.silent.get(&id).copied().unwrap_or_default()
+    /// Takes an input. The answer of [`Input::Authorise`] and [`Input::HandOver`] is for the caller to acknowledge.
+    pub(crate) fn handle(
+        &mut self,
+        context: &Context<'_>,
+        input: Input<'_>,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        match input {
+            Input::Authorise {
+                origin,
+                request,
+                to_all,
+            } => {
+                let answer = if to_all {
+                    self.authorise_to_all(context, origin, request, effects)
+                } else {
+                    self.authorise(context, origin, request, effects)
+                };
+                return answer;
+            }
+            Input::HandOver { origin, request } => {
+                return self.hand_over(context, origin, request, effects);
+            }
+            Input::Again { station, request } => self.answer(context, station, request, effects),
+            Input::HandOverAgain { station } => {
+                self.answer(context, station, None, effects);
+                self.convey_pending(context, station, effects);
+            }
+            Input::Transition { origin, message } => {
+                self.coordinate_transition(context, origin, message, effects);
+            }
+            Input::WatchSilence => self.watch_silence(context, effects),
+            Input::Settle => self.settle(context, effects),
+        }
+        AckType::CarriedOut
     }
 
-    /// Whether nobody holds anything and nothing is pending.
-    #[must_use]
-    pub fn is_free(&self) -> bool {
-        self.control.is_none()
-            && self.stations.is_empty()
-            && self.monitors.is_empty()
-            && self.pending.is_empty()
-    }
-
-    /// What others than this one hold of what has one holder. Control is held as a whole.
-    fn held_by_others(&self, id: Id) -> Rights {
-        let control = match self.control {
-            Some((holder, _)) if holder != id => CONTROL,
-            _ => LoiBitmap::NONE,
+    /// When [`Input::Settle`] or [`Input::WatchSilence`] is next needed.
+    pub(crate) fn poll_timeout(
+        &self,
+        now: Duration,
+        stations: &[GroundStation],
+        limits: &config::Authority,
+    ) -> Option<Duration> {
+        // Only the silence of who commands something leads to anything.
+        let commands = |id| {
+            let held = self.rights.held(id);
+            !held.control().is_empty() || !held.stations().is_empty()
         };
-        let stations = self
-            .stations
+        let silences = stations
             .iter()
-            .filter(|(_, holder)| **holder != id)
-            .fold(0, |raw, (number, _)| raw | Stations::one(*number).raw());
-        Rights::of_control(control).with(Rights::of_stations(Stations::from_raw(stations)))
-    }
-
-    /// The holder of control, or of the stations, that is asked for: by holder, what of it each has.
-    fn by_holder(&self, wanted: Rights, asker: Id) -> Vec<(Id, Rights)> {
-        let others = self.holders().filter(|(id, _)| *id != asker);
-        others
-            .filter_map(|(id, held)| {
-                let stations = Rights::of_stations(wanted.both(held).stations());
-                let control = if held.control().is_empty() {
-                    LoiBitmap::NONE
-                } else {
-                    wanted.control()
-                };
-                let part = stations.with(Rights::of_control(control));
-                (!part.is_empty()).then_some((id, part))
+            .filter(|station| commands(station.id()))
+            .filter_map(|station| {
+                let known = self.rights.silence(station.id());
+                station.silence_changes_at(known, now, limits)
             })
-            .collect()
+            .map(|at| at + WATCH_SLACK);
+        silences.chain(self.rights.poll_timeout()).min()
     }
+}
 
-    /// Writes rights down, without a word about it.
-    fn put(&mut self, id: Id, rights: Rights) {
-        if rights.monitors() {
-            self.monitors.insert(id);
+/// Message 1.
+impl AuthorityMachine {
+    /// To this vehicle: a request, a release, or a question where it names no access.
+    fn authorise(
+        &mut self,
+        context: &Context<'_>,
+        origin: &Origin,
+        request: &CucsAuthorisationRequest,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        let Some(asker) = context.asker(origin.station) else {
+            return AckType::Refused;
+        };
+        let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
+        // A release is always granted, whatever else the message says.
+        let releases = request.requested_handover_access == Some(RequestedAccess::Relinquish);
+        if let (false, Err(why)) = (releases, understood(context, request, levels)) {
+            self.answer(context, origin.station, Some(request), effects);
+            effects.answer(&[origin.station], format!("message 1 refused: {why}"));
+            return AckType::Refused;
         }
-        for station in rights.stations().iter() {
-            self.stations.insert(station, id);
-        }
-        if !rights.control().is_empty() {
-            let before = match self.control {
-                Some((holder, levels)) if holder == id => levels,
-                _ => LoiBitmap::NONE,
-            };
-            self.control = Some((id, before.union(rights.control())));
-        }
-    }
-
-    /// Moves rights that are free, its own, or held by others, to one CUCS in one step.
-    fn give(&mut self, to: Id, rights: Rights, why: Reason, decision: &mut Decision) {
-        let gained = rights.without(self.held(to));
-        if gained.is_empty() {
-            return;
-        }
-        let losers: Vec<(Id, Rights)> = self
-            .by_holder(gained, to)
-            .into_iter()
-            .map(|(id, part)| {
-                // Who loses control loses both of its levels.
-                let held = self.held(id);
-                let control = if part.control().is_empty() {
-                    LoiBitmap::NONE
-                } else {
-                    held.control()
-                };
-                let lost = Rights::of_stations(part.stations());
-                (id, lost.with(Rights::of_control(control)))
-            })
-            .collect();
-        self.put(to, gained);
-        let mut rest = gained;
-        for (from, lost) in &losers {
-            let part = if lost.control().is_empty() {
-                lost.both(rest)
+        let stations = Stations::from_bitmaps(
+            request.controlled_station_1_16,
+            request.controlled_station_17_32,
+        );
+        let access = match request.requested_handover_access {
+            Some(RequestedAccess::Relinquish) => Access::Release,
+            Some(RequestedAccess::Request) if !levels.is_empty() => Access::Control,
+            Some(RequestedAccess::Override) if !levels.is_empty() => Access::Override,
+            _ => return self.question(context, origin.station, request, effects),
+        };
+        let wanted = Rights::named(levels, stations);
+        let waits_for_transition = request
+            .wait_for_vehicle_data_link_transition_coordination_message
+            == Some(WaitTransition::Wait);
+        let answer = self.decide(context, Some(asker.id), effects, |authority, at| {
+            if waits_for_transition && access == Access::Control {
+                authority.handover(at, &asker, asker.id, wanted)
             } else {
-                let control = Rights::of_control(gained.control());
-                control.with(lost.both(rest))
-            };
-            rest = rest.without(part);
-            decision.changes.push(Change {
-                from: Some(*from),
-                lost: *lost,
-                to: Some(to),
-                gained: part,
-                why,
-            });
-        }
-        if !rest.is_empty() {
-            decision.changes.push(Change {
-                from: None,
-                lost: Rights::NONE,
-                to: Some(to),
-                gained: rest,
-                why: Reason::Requested,
-            });
-        }
-        for (from, _) in losers {
-            self.forget_silence(from);
+                authority.request(at, &asker, access, wanted, !stations.is_empty())
+            }
+        });
+        self.answer(context, origin.station, Some(request), effects);
+        self.acknowledgement(origin, asker.id, &answer, effects)
+    }
+
+    /// To everybody, or to the VSM. It is a question for each vehicle, as a discovery is; a release of levels that it
+    /// names is one of each vehicle. Rights are given by a vehicle alone.
+    fn authorise_to_all(
+        &mut self,
+        context: &Context<'_>,
+        origin: &Origin,
+        request: &CucsAuthorisationRequest,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        let named = request
+            .requested_handover_loi
+            .is_some_and(|levels| !levels.is_empty());
+        let holds_something = || {
+            let asker = context.asker(origin.station);
+            asker.is_some_and(|asker| !self.rights.held(asker.id).is_empty())
+        };
+        let why = match request.requested_handover_access {
+            Some(RequestedAccess::Relinquish) if named => {
+                return self.authorise(context, origin, request, effects);
+            }
+            // Who discovers requests no acknowledgement; who requests one, and holds something, meant to release it.
+            Some(RequestedAccess::Relinquish) if origin.ack_requested && holds_something() => {
+                "nothing is released: name the levels, or send it to the vehicle"
+            }
+            Some(RequestedAccess::Request | RequestedAccess::Override) => {
+                "rights are asked of a vehicle, not of all"
+            }
+            Some(RequestedAccess::Unknown(_)) if named => {
+                "Requested/Handover Access is none of 0 to 2"
+            }
+            _ => return self.question(context, origin.station, request, effects),
+        };
+        self.answer(context, origin.station, Some(request), effects);
+        effects.answer(&[origin.station], format!("message 1 refused: {why}"));
+        AckType::Refused
+    }
+
+    /// A message 1 that changes nothing: what the station may have and holds, and what it has not answered yet.
+    fn question(
+        &mut self,
+        context: &Context<'_>,
+        station: usize,
+        request: &CucsAuthorisationRequest,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        self.answer(context, station, Some(request), effects);
+        self.convey_pending(context, station, effects);
+        AckType::CarriedOut
+    }
+
+    /// Message 2.
+    fn answer(
+        &self,
+        context: &Context<'_>,
+        station: usize,
+        request: Option<&CucsAuthorisationRequest>,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some(asker) = context.asker(station) {
+            let held = self.rights.held(asker.id);
+            let stamp = effects.stamp();
+            let response = messages::response(context, &asker, held, request, stamp);
+            effects.send(station, &response);
         }
     }
 
-    /// Takes rights away: they are free.
-    fn take(&mut self, from: Id, rights: Rights, why: Reason, decision: &mut Decision) {
-        let lost = self.held(from).both(rights);
-        if lost.is_empty() {
-            return;
-        }
-        if lost.monitors() {
-            self.monitors.remove(&from);
-        }
-        self.stations.retain(|number, holder| {
-            *holder != from || !lost.stations().iter().any(|n| n == *number)
-        });
-        if let Some((holder, levels)) = self.control
-            && holder == from
-        {
-            let left = levels.without(lost.control());
-            self.control = (!left.is_empty()).then_some((from, left));
-        }
-        self.forget_silence(from);
-        decision.changes.push(Change {
-            from: Some(from),
-            lost,
-            to: None,
-            gained: Rights::NONE,
-            why,
-        });
-    }
-
-    fn forget_silence(&mut self, id: Id) {
-        if self.held(id).is_empty() {
-            self.silent.remove(&id);
+    /// What 17000 says of an answer. One that waits is acknowledged again when it is decided.
+    fn acknowledgement(
+        &mut self,
+        origin: &Origin,
+        asker: Id,
+        answer: &Answer,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        match answer {
+            Answer::Granted => AckType::CarriedOut,
+            Answer::Waits => {
+                self.record.wait(asker, *origin);
+                AckType::Received
+            }
+            Answer::Refused { missing, why } => {
+                let what = if *missing == Rights::NONE {
+                    "refused".to_owned()
+                } else {
+                    format!("{missing} refused")
+                };
+                let text = format!("message {}: {what}: {why}", origin.message_type);
+                effects.answer(&[origin.station], text);
+                AckType::Refused
+            }
         }
     }
 }
 
-/// How long a holder has to consent, and a named successor to accept.
-pub const CONSENT_WITHIN: Duration = Duration::from_secs(20);
+/// Decisions.
+impl AuthorityMachine {
+    /// Asks the rules, stores what they decide, and does what follows from it. The caller answers `asker`.
+    fn decide(
+        &mut self,
+        context: &Context<'_>,
+        asker: Option<Id>,
+        effects: &mut Effects<'_>,
+        ask: impl FnOnce(&mut Authority, &Circumstances<'_>) -> Decision,
+    ) -> Answer {
+        let roster = context.roster();
+        let circumstances = Circumstances {
+            now: context.mono(),
+            roster: &roster,
+            loading: loading(context),
+            launch_or_landing: launch_or_landing(context),
+        };
+        let before = self.rights.clone();
+        let decision = ask(&mut self.rights, &circumstances);
+        self.update_listeners(context, effects);
+        if self.rights.record() != before.record()
+            && let Err(fault) =
+                self.record
+                    .store_decision(&self.rights, &decision, context, effects)
+        {
+            // A right that would not survive a restart is not granted.
+            self.rights = before;
+            self.update_listeners(context, effects);
+            let text = format!("authority cannot be stored, nothing changes: {fault}");
+            effects.warn(Cause::Store, text);
+            return Answer::Refused {
+                missing: Rights::NONE,
+                why: Refusal::NotStored,
+            };
+        }
+        let mut informed: Vec<Id> = asker.into_iter().collect();
+        for change in &decision.changes {
+            for id in [change.from, change.to].into_iter().flatten() {
+                if !informed.contains(&id) {
+                    informed.push(id);
+                    self.answer_by_id(context, id, effects);
+                }
+            }
+        }
+        let lost =
+            |change: &Change| change.from == before.controller() && change.why == Reason::Lost;
+        let lost = decision.changes.iter().any(lost);
+        self.report_change_of_control(before.controller(), lost, effects);
+        self.report_handovers(context, &decision, effects);
+        for station in 0..context.stations.len() {
+            let Some(asker) = context.asker(station) else {
+                continue;
+            };
+            let listens = self.rights.holds(asker.id, LoiBitmap::LOI2);
+            if listens != before.holds(asker.id, LoiBitmap::LOI2) {
+                effects.request(Request::ListenerChanged { station });
+                if listens {
+                    welcome(context, station, effects);
+                }
+            }
+        }
+        decision.answer
+    }
+
+    fn update_listeners(&self, context: &context::Context<'_>, effects: &mut Effects<'_>) {
+        effects.listeners.clear();
+        let stations = context.stations.iter().enumerate();
+        let listens = |station: &GroundStation| self.rights.holds(station.id(), LoiBitmap::LOI2);
+        effects.listeners.extend(
+            stations
+                .filter(|(_, one)| listens(one))
+                .map(|(index, _)| index),
+        );
+    }
+
+    /// Message 2 to a CUCS whose rights have changed.
+    fn answer_by_id(&self, context: &Context<'_>, id: Id, effects: &mut Effects<'_>) {
+        if let Some(station) = context.station_of(id) {
+            self.answer(context, station, None, effects);
+        }
+    }
+
+    /// `lost`: the controller has lost control by silence, which has alerts of its own.
+    fn report_change_of_control(&self, from: Option<Id>, lost: bool, effects: &mut Effects<'_>) {
+        let to = self.rights.controller();
+        if from == to {
+            return;
+        }
+        let name = |id: Option<Id>| id.map_or_else(|| "nobody".to_owned(), |id| id.to_string());
+        let text = format!("control passes from {} to {}", name(from), name(to));
+        effects.note(LogLevel::Info, text);
+        match to {
+            Some(to) => effects.clear(Cause::CucsSilent, &format!("{to} controls the vehicle")),
+            None if !lost => effects.clear(
+                Cause::CucsSilent,
+                "control was given up, nobody controls the vehicle",
+            ),
+            None => {}
+        }
+        effects.request(Request::ControlChanged);
+    }
+
+    /// Lets a decision that waited be taken: a load has ended, the vehicle flies otherwise, time has passed.
+    fn settle(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        if !self.rights.pending().is_empty() {
+            self.decide(context, None, effects, Authority::look_again);
+        }
+    }
+}
+
+/// Positive handover: messages 4, 5, 34000, 35000.
+impl AuthorityMachine {
+    fn hand_over(
+        &mut self,
+        context: &Context<'_>,
+        origin: &Origin,
+        request: &PositiveHandoverAuthorisationRequest,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        let Some(by) = context.asker(origin.station) else {
+            return AckType::Refused;
+        };
+        let acquirer = request
+            .requesting_cucs_id
+            .filter(|id| *id != Id::NULL)
+            .unwrap_or(by.id);
+        let stations = Stations::from_bitmaps(
+            request.controlled_station_1_16,
+            request.controlled_station_17_32,
+        );
+        let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
+        let wanted = Rights::named(levels, stations);
+        let answer = self.decide(context, None, effects, |authority, at| {
+            authority.handover(at, &by, acquirer, wanted)
+        });
+        self.acknowledgement(origin, by.id, &answer, effects)
+    }
+
+    /// The link to the vehicle stays where it is: a message that would set the radio is refused.
+    fn coordinate_transition(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        message: &VehicleDataLinkTransitionCoordination,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(by) = context.asker(origin.station) else {
+            return;
+        };
+        let why = if context.settings.provisional != Provisional::All {
+            Some(
+                "34000 is derived from Edition 2: it is carried out with dli.provisional = \"all\" only",
+            )
+        } else if messages::sets_radio(message) {
+            Some("34000: this VSM's vehicle link has no frequency and no code to set")
+        } else if message.acquiring_cucs_id.is_none_or(|id| id == Id::NULL) {
+            Some("34000: Acquiring CUCS ID is missing")
+        } else {
+            None
+        };
+        if let Some(why) = why {
+            return effects.refuse(Some(origin), why);
+        }
+        let acquirer = message.acquiring_cucs_id.unwrap_or(by.id);
+        let wanted = Rights::of_control(CONTROL);
+        let answer = self.decide(context, None, effects, |authority, at| {
+            authority.handover(at, &by, acquirer, wanted)
+        });
+        let answer = self.acknowledgement(&origin, by.id, &answer, effects);
+        effects.acknowledge(&origin, answer);
+    }
+
+    /// Reports the handovers that began and ended.
+    fn report_handovers(
+        &mut self,
+        context: &Context<'_>,
+        decision: &Decision,
+        effects: &mut Effects<'_>,
+    ) {
+        for handover in &decision.begun {
+            self.convey(context, handover, effects);
+            let Handover {
+                from, to, rights, ..
+            } = *handover;
+            let status = HandoverStatus::InProgress;
+            self.report_handover(context, from, Some(to), status, effects);
+            let holder = from.map_or_else(|| "nobody".to_owned(), |id| id.to_string());
+            let text = match handover.stage {
+                Stage::Consent(_) => format!("{to} asks {holder} for {rights}"),
+                Stage::Acceptance(_) => format!("{holder} offers {rights} to {to}"),
+                Stage::Load(_) => format!("{rights} passes to {to} once the load has ended"),
+            };
+            effects.answer(&parties(context, handover), text);
+        }
+        for ended in &decision.ended {
+            let handover = &ended.handover;
+            let (status, rights) = match ended.outcome {
+                Outcome::Completed(rights) => (HandoverStatus::Successful, rights),
+                _ => (HandoverStatus::Failed, Rights::NONE),
+            };
+            authorise_handover(context, handover.to, rights, effects);
+            self.report_handover(context, handover.from, Some(handover.to), status, effects);
+            let text = format!("handover to {}: {}", handover.to, ended.outcome);
+            effects.answer(&parties(context, handover), text);
+            // Who requested it by a message that waited is answered once nothing of that request is left.
+            for (asker, origin) in self.record.ended(handover, self.rights.pending()) {
+                let answer = match ended.outcome {
+                    Outcome::Completed(_) => AckType::CarriedOut,
+                    _ => AckType::Refused,
+                };
+                self.answer_by_id(context, asker, effects);
+                effects.acknowledge(&origin, answer);
+            }
+        }
+    }
+
+    /// What a station is asked for, or offered, and has not answered: sent again, since it may never have arrived.
+    fn convey_pending(&self, context: &Context<'_>, station: usize, effects: &mut Effects<'_>) {
+        let Some(by) = context.asker(station) else {
+            return;
+        };
+        for handover in self.rights.pending() {
+            if handover.to == by.id || handover.from == Some(by.id) {
+                self.convey(context, handover, effects);
+            }
+        }
+    }
+
+    /// Passes a wish on to the holder, an offer on to the successor.
+    fn convey(&self, context: &Context<'_>, handover: &Handover, effects: &mut Effects<'_>) {
+        match handover.stage {
+            Stage::Consent(_) => {
+                let holder = handover.from.and_then(|holder| context.station_of(holder));
+                if let Some(holder) = holder {
+                    let stamp = effects.stamp();
+                    effects.send(holder, &messages::wish(context, handover, stamp));
+                }
+            }
+            Stage::Acceptance(_) => {
+                authorise_handover(context, handover.to, handover.rights, effects);
+            }
+            Stage::Load(_) => {}
+        }
+    }
+
+    /// 35000, to the two and to all who listen. The null id stands for nobody.
+    fn report_handover(
+        &self,
+        context: &Context<'_>,
+        from: Option<Id>,
+        to: Option<Id>,
+        status: HandoverStatus,
+        effects: &mut Effects<'_>,
+    ) {
+        if context.settings.provisional == Provisional::Off {
+            return;
+        }
+        let message = messages::handover_status(from, to, status, effects.stamp());
+        let mut stations = effects.listeners.clone();
+        for party in [from, to].into_iter().flatten() {
+            let station = context.station_of(party);
+            stations.extend(station.filter(|index| !stations.contains(index)));
+        }
+        for station in stations {
+            effects.publish(station, &message);
+        }
+    }
+}
+
+/// The silence of holders: warned of, offered to others, acted on. Each step goes out by 16000 and 35000.
+impl AuthorityMachine {
+    fn watch_silence(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        for station in context.stations {
+            let id = station.id();
+            if self.rights.held(id).is_empty() {
+                continue;
+            }
+            let silence = station.silence(context.mono(), &context.settings.authority);
+            self.record
+                .store_heartbeats(&self.rights, station, context, effects);
+            let controls = self.rights.controller() == Some(id);
+            let commands = controls || !self.rights.held(id).stations().is_empty();
+            if silence != self.rights.silence(id) && commands {
+                self.decide(context, None, effects, |authority, at| {
+                    authority.silence_of(at, id, silence)
+                });
+                if controls {
+                    self.report_silence(context, id, silence, effects);
+                }
+            }
+        }
+        self.settle(context, effects);
+    }
+
+    fn report_silence(
+        &self,
+        context: &Context<'_>,
+        id: Id,
+        silence: Silence,
+        effects: &mut Effects<'_>,
+    ) {
+        let (priority, text, status) = match silence {
+            Silence::None => {
+                effects.clear(Cause::CucsSilent, "the controlling CUCS is heard again");
+                let status = HandoverStatus::NotRequested;
+                return self.report_handover(context, Some(id), None, status, effects);
+            }
+            Silence::Warned => (
+                AlertPriority::Caution,
+                format!("the controlling CUCS {id} is silent"),
+                HandoverStatus::NotRequested,
+            ),
+            Silence::Offered => (
+                AlertPriority::Warning,
+                format!("the controlling CUCS {id} is silent: another may take control"),
+                HandoverStatus::InProgress,
+            ),
+            Silence::Lost => (
+                AlertPriority::Emergency,
+                format!(
+                    "the controlling CUCS {id} is lost, nobody controls the vehicle: {}",
+                    what_follows(context)
+                ),
+                HandoverStatus::Failed,
+            ),
+        };
+        // Who asked before has it already: nothing is offered, and nothing is flown.
+        let taken = self.rights.controller().is_some_and(|holder| holder != id);
+        if taken {
+            return;
+        }
+        // The silent one too: it may still receive.
+        let mut to = effects.listeners.clone();
+        to.extend(context.station_of(id));
+        to.sort_unstable();
+        to.dedup();
+        let raised = effects
+            .alerts
+            .raise(Cause::CucsSilent, priority, SubsystemId::Comms, text);
+        effects.dli.alert(context.id(), &to, raised);
+        self.report_handover(context, Some(id), None, status, effects);
+        if silence == Silence::Lost {
+            effects.request(Request::ControllerLost);
+        }
+    }
+}
+
+/// What is flown now that nobody controls the vehicle, as far as it is known before the vehicle shows it.
+fn what_follows(context: &Context<'_>) -> &'static str {
+    let on_loss = context.settings.authority.on_loss;
+    let telemetry = &context.vehicle.telemetry;
+    if !context.vehicle.live() {
+        return match on_loss {
+            OnLoss::Continue => "the vehicle is silent too",
+            _ => "the vehicle is silent too, it is commanded once it is heard",
+        };
+    }
+    if telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND) {
+        return "the vehicle stands, nothing is flown";
+    }
+    let mission = &context.mission;
+    let stored = mission
+        .plan
+        .route_of_type(RouteType::ContingencyA)
+        .is_some();
+    match on_loss {
+        OnLoss::Continue if context.steering => "the vehicle is steered no more, it is to hold",
+        OnLoss::Continue => "the vehicle goes on",
+        OnLoss::Hold => "the vehicle is to hold",
+        OnLoss::Contingency if stored && mission.may_change.is_err() => {
+            "another transfer is under way, the vehicle is to return"
+        }
+        OnLoss::Contingency if stored => "the vehicle is to fly contingency A",
+        OnLoss::Contingency => "no contingency A is known, the vehicle is to return",
+        OnLoss::Rtl => "the vehicle is to return",
+    }
+}
+
+/// What a station that begins to listen is sent first: message 3, and the alerts that stand.
+fn welcome(context: &Context<'_>, station: usize, effects: &mut Effects<'_>) {
+    let stamp = effects.stamp();
+    let message = context.vehicle_id(&context.mission, stamp).into();
+    effects.send(station, &message);
+    for alert in effects.alerts.standing().cloned().collect::<Vec<_>>() {
+        let raised = Raised { alert, first: true };
+        effects.dli.alert(context.id(), &[station], Some(raised));
+    }
+}
+
+/// Message 5.
+fn authorise_handover(
+    context: &Context<'_>,
+    acquirer: Id,
+    rights: Rights,
+    effects: &mut Effects<'_>,
+) {
+    if let Some(station) = context.station_of(acquirer) {
+        let stamp = effects.stamp();
+        effects.send(
+            station,
+            &messages::authorised(context, acquirer, rights, stamp),
+        );
+    }
+}
+
+fn parties(context: &Context<'_>, handover: &Handover) -> Vec<usize> {
+    let ids = [handover.from, Some(handover.to)].into_iter().flatten();
+    ids.filter_map(|id| context.station_of(id)).collect()
+}
+
+/// Who loads a mission just now; the null id where the VSM does by itself.
+fn loading(context: &Context<'_>) -> Option<Id> {
+    match context.mission.transfer {
+        Transfer::None => None,
+        Transfer::Running { owner, .. } => {
+            let station = owner.and_then(|index| context.asker(index));
+            Some(station.map_or(Id::NULL, |station| station.id))
+        }
+    }
+}
+
+fn launch_or_landing(context: &Context<'_>) -> bool {
+    let telemetry = &context.vehicle.telemetry;
+    telemetry.armed == Some(true)
+        && matches!(telemetry.mode, Some(Px4Mode::TAKEOFF | Px4Mode::LAND))
+}
+
+/// Whether every value of message 1 is one that is known: of what is not nothing is granted.
+fn understood(
+    context: &Context<'_>,
+    request: &CucsAuthorisationRequest,
+    levels: LoiBitmap,
+) -> Result<(), String> {
+    if !context.is_addressed(request.vsm_id) {
+        return Err("VSM ID is another VSM's".to_owned());
+    }
+    if let Some(RequestedAccess::Unknown(access)) = request.requested_handover_access
+        && !levels.is_empty()
+    {
+        return Err(format!(
+            "Requested/Handover Access {access}, expected 0 to 2"
+        ));
+    }
+    let unknown = levels.raw() & !LoiBitmap::LOI2.union(LoiBitmap::LOI3).union(CONTROL).raw();
+    if unknown != 0 {
+        return Err(format!(
+            "Requested/Handover LOI {:#04x}: bits {unknown:#04x} are none of LOI 2 to 5",
+            levels.raw()
+        ));
+    }
+    Ok(())
+}

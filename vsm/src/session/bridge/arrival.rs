@@ -6,34 +6,30 @@
 use std::net::SocketAddr;
 
 use mavlink_link::Now;
+use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::enums::AckType;
 use stanag_msgs::table::{self, Direction};
 use stanag_msgs::wrapper::{Frame, Header, WrapperError};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::{Bridge, destination_as_source};
-use crate::session::desk::Origin;
-use crate::session::duplicate::Seen;
-use mavlink_link::store::Disk;
+use crate::session::alerts::Cause;
+use crate::session::authority::Input;
+use crate::session::context::Origin;
+use crate::session::duplicates::Seen;
 
 impl Bridge {
     /// Takes a datagram of the DLI side.
-    pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], store: &mut dyn Disk) {
+    pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
         for frame in self.profile.frames(bytes) {
             match frame {
-                Ok(frame) => self.handle_frame(now, from, &frame, store),
+                Ok(frame) => self.handle_frame(now, from, &frame, disk),
                 Err(fault) => self.counters.count(drop_name(&fault)),
             }
         }
     }
 
-    fn handle_frame(
-        &mut self,
-        now: Now,
-        from: SocketAddr,
-        frame: &Frame<'_>,
-        store: &mut dyn Disk,
-    ) {
+    fn handle_frame(&mut self, now: Now, from: SocketAddr, frame: &Frame<'_>, disk: &mut dyn Disk) {
         let header = frame.header;
         let index = match self.admit(from, &header) {
             Ok(index) => index,
@@ -55,7 +51,7 @@ impl Bridge {
                     "unknown message type"
                 });
                 let why = fault.to_string();
-                return self.refuse(now, &origin, header.destination, why, store);
+                return self.refuse(now, &origin, header.destination, why, disk);
             }
         };
         if table::message(header.message_type)
@@ -63,36 +59,55 @@ impl Bridge {
         {
             self.counters.count("wrong direction");
             let why = "a VSM sends it, and takes none".to_owned();
-            return self.refuse(now, &origin, header.destination, why, store);
+            return self.refuse(now, &origin, header.destination, why, disk);
         }
         self.received.count(header.message_type.into());
         // From here it is a message of a station that may speak: answers go to where it sends from.
         let station = &mut self.stations[index];
         station.peer = Some(from);
-        station.heard = Some(now.mono);
+        station.received = Some(now.mono);
+        let id = station.id();
         if let Some(stamp) = origin.stamp {
             let seen = Seen::new(frame, &message, stamp, origin.ack_requested, now.mono);
-            if let Some(answer) = self.stations[index].recent.find(&seen) {
+            let remembered = &mut self.remembered[index];
+            if let Some(answer) = remembered.find(&seen) {
                 self.counters.count("duplicate");
-                return self.answer_again(now, &origin, frame, &message, answer, store);
+                return self.answer_again(now, &origin, frame, &message, answer, disk);
             }
-            let overtaken = self.stations[index].recent.is_overtaken(&seen);
-            self.stations[index].recent.remember(seen);
-            let (mut desk, aircraft) = self.desk(now, store);
-            let noted = desk.note_command(index, &seen);
-            if let Some(aircraft) = aircraft
-                .iter_mut()
-                .find(|aircraft| aircraft.id() == header.destination)
-            {
-                aircraft.say_not_noted(&mut desk, noted);
-            }
+            let overtaken = remembered.is_overtaken(&seen);
+            let logged = remembered.remember(id, seen, disk);
+            self.report_log(now, header.destination, logged, disk);
             if overtaken {
                 self.counters.count("overtaken");
-                return self.refuse(now, &origin, header.destination, OVERTAKEN.into(), store);
+                return self.refuse(now, &origin, header.destination, OVERTAKEN.into(), disk);
             }
         }
-        self.dispatch(now, origin, header.destination, &message, store);
+        self.dispatch(now, origin, header.destination, &message, disk);
         self.forget_heartbeats();
+    }
+
+    /// Raises an alert where a command could not be logged, and clears it where commands are logged again.
+    fn report_log(
+        &mut self,
+        now: Now,
+        destination: Id,
+        logged: Result<(), StoreError>,
+        disk: &mut dyn Disk,
+    ) {
+        let (mut dli, aircraft) = self.effects(now, disk);
+        let Some(aircraft) = aircraft.iter_mut().find(|one| one.id() == destination) else {
+            return;
+        };
+        let mut effects = aircraft.effects(&mut dli);
+        match logged {
+            Ok(()) => effects.clear(Cause::CommandLog, "commands are written down again"),
+            Err(fault) => effects.warn(
+                Cause::CommandLog,
+                format!(
+                    "commands cannot be written down, a repetition after a restart would be carried out again: {fault}"
+                ),
+            ),
+        }
     }
 
     /// The index of the station that a frame is from, where it may speak and speaks to us; else the name of the drop.
@@ -128,27 +143,29 @@ impl Bridge {
         frame: &Frame<'_>,
         message: &Message,
         answer: Option<AckType>,
-        store: &mut dyn Disk,
+        disk: &mut dyn Disk,
     ) {
         let destination = frame.header.destination;
-        let (mut desk, aircraft) = self.desk(now, store);
-        if let Message::CucsAuthorisationRequest(request) = message {
-            for aircraft in aircraft.iter_mut() {
-                if aircraft.id() == destination
-                    || destination == Id::BROADCAST
-                    || destination == desk.vsm
-                {
-                    aircraft.answer_authorisation(&mut desk, origin.station, Some(request));
+        let (mut dli, aircraft) = self.effects(now, disk);
+        let to_all = destination == Id::BROADCAST || destination == dli.vsm;
+        for one in aircraft.iter_mut() {
+            let station = origin.station;
+            let input = match message {
+                Message::CucsAuthorisationRequest(request) if to_all || one.id() == destination => {
+                    Input::Again {
+                        station,
+                        request: Some(request),
+                    }
                 }
-            }
-        }
-        if let Message::PositiveHandoverAuthorisationRequest(_) = message
-            && let Some(aircraft) = aircraft.iter_mut().find(|one| one.id() == destination)
-        {
-            aircraft.hand_over_again(&mut desk, origin.station);
+                Message::PositiveHandoverAuthorisationRequest(_) if one.id() == destination => {
+                    Input::HandOverAgain { station }
+                }
+                _ => continue,
+            };
+            one.ask_authority(&mut dli, input);
         }
         if let Some(answer) = answer {
-            desk.acknowledge(destination_as_source(destination, desk.vsm), origin, answer);
+            dli.acknowledge(destination_as_source(destination, dli.vsm), origin, answer);
         }
     }
 
@@ -159,15 +176,15 @@ impl Bridge {
         origin: &Origin,
         destination: Id,
         why: String,
-        store: &mut dyn Disk,
+        disk: &mut dyn Disk,
     ) {
-        let (mut desk, aircraft) = self.desk(now, store);
+        let (mut dli, aircraft) = self.effects(now, disk);
         if !origin.ack_requested {
-            return desk.counters.count("refused");
+            return dli.counters.count("refused");
         }
         match aircraft.iter_mut().find(|one| one.id() == destination) {
-            Some(one) => one.refuse_foreign(&mut desk, origin, why),
-            None => desk.refuse(origin, &why),
+            Some(one) => one.effects(&mut dli).refuse_unprivileged(origin, &why),
+            None => dli.refuse(origin, &why),
         }
     }
 }

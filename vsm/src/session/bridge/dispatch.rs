@@ -1,14 +1,17 @@
-//! To whom a message of a station speaks: to the VSM, to one of its vehicles, or to all, and what that needs.
+//! Whom a message of a station is for: the VSM, one of its vehicles, or all of them; and the right that it needs.
 
 use mavlink_link::Now;
+use mavlink_link::store::Disk;
 use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 use stanag_msgs::{Id, Message};
 
 use super::{Bridge, destination_as_source};
 use crate::session::aircraft::Aircraft;
-use crate::session::desk::{Desk, Origin};
-use mavlink_link::store::Disk;
+use crate::session::authority::{self, rules::Rights, rules::Stations};
+use crate::session::context::Origin;
+use crate::session::effects::DliEffects;
+use crate::session::reports;
 
 impl Bridge {
     /// Carries out the message of a station that may speak.
@@ -18,181 +21,189 @@ impl Bridge {
         origin: Origin,
         destination: Id,
         message: &Message,
-        store: &mut dyn Disk,
+        disk: &mut dyn Disk,
     ) {
+        if let Message::Heartbeat(_) = message {
+            // One before any grant does no harm: it does not make later silence count.
+            let id = self.stations[origin.station].id();
+            let holds = |one: &Aircraft| !one.authority.rights().held(id).is_empty();
+            self.stations[origin.station].sends_heartbeats |= self.aircraft.iter().any(holds);
+        }
+        let cucs = self.stations[origin.station].id();
+        let (mut dli, aircraft) = self.effects(now, disk);
+        let to_all = destination == Id::BROADCAST || destination == dli.vsm;
+        let meant = aircraft.iter_mut().find(|one| one.id() == destination);
         match message {
             Message::Heartbeat(_) => {
-                // One before any grant is harmless: it does not make later silence count.
-                let id = self.stations[origin.station].id();
-                let holds = |aircraft: &Aircraft| {
-                    aircraft.authority.holders().any(|(holder, _)| holder == id)
-                };
-                self.stations[origin.station].sends_heartbeats |= self.aircraft.iter().any(holds);
-                self.acknowledge(now, &origin, destination, AckType::CarriedOut, store);
+                let source = destination_as_source(destination, dli.vsm);
+                dli.acknowledge(source, &origin, AckType::CarriedOut);
             }
             Message::MessageAcknowledgement(_) => {}
             Message::CucsAuthorisationRequest(request) => {
-                self.authorise(now, &origin, destination, request, store);
+                authorise(aircraft, &mut dli, &origin, destination, request);
             }
-            Message::PositiveHandoverAuthorisationRequest(request) => {
-                let (mut desk, aircraft) = self.desk(now, store);
-                let meant = aircraft.iter_mut().find(|one| one.id() == destination);
-                match meant {
-                    Some(aircraft) => {
-                        let answer = aircraft.hand_over(&mut desk, &origin, request);
-                        desk.acknowledge(destination, &origin, answer);
-                    }
-                    None => desk.refuse(&origin, TO_ONE),
+            Message::PositiveHandoverAuthorisationRequest(request) => match meant {
+                Some(one) => {
+                    let input = authority::Input::HandOver {
+                        origin: &origin,
+                        request,
+                    };
+                    let answer = one.ask_authority(&mut dli, input);
+                    dli.acknowledge(destination, &origin, answer);
                 }
-            }
-            Message::VehicleDataLinkTransitionCoordination(request) => {
-                let (mut desk, aircraft) = self.desk(now, store);
-                match aircraft.iter_mut().find(|one| one.id() == destination) {
-                    Some(aircraft) => aircraft.coordinate_transition(&mut desk, origin, request),
-                    None => desk.refuse(&origin, TO_ONE),
+                None => dli.refuse(&origin, TO_ONE),
+            },
+            Message::VehicleDataLinkTransitionCoordination(message) => match meant {
+                Some(one) => {
+                    let input = authority::Input::Transition { origin, message };
+                    one.ask_authority(&mut dli, input);
                 }
-            }
+                None => dli.refuse(&origin, TO_ONE),
+            },
             Message::ScheduleMessageUpdateCommand(command) => {
-                self.inform(now, origin, destination, store, |aircraft, desk| {
-                    aircraft.schedule(desk, origin.station, command)
+                let station = origin.station;
+                inform(aircraft, &mut dli, origin, destination, cucs, || {
+                    reports::Input::Schedule { station, command }
                 });
             }
             Message::GenericInformationRequestMessage(request) => {
-                self.inform(now, origin, destination, store, |aircraft, desk| {
-                    aircraft.report_once(desk, origin.station, request)
+                let station = origin.station;
+                inform(aircraft, &mut dli, origin, destination, cucs, || {
+                    reports::Input::ReportOnce { station, request }
                 });
             }
             Message::FieldConfigurationRequest(request) => {
-                let (mut desk, aircraft) = self.desk(now, store);
-                for aircraft in aircraft.iter_mut() {
-                    let to_all = destination == Id::BROADCAST || destination == desk.vsm;
-                    if to_all || aircraft.id() == destination {
-                        aircraft.configure(&mut desk, origin, request);
+                for one in aircraft.iter_mut() {
+                    if to_all || one.id() == destination {
+                        // Its answers are its own.
+                        let _ = one
+                            .ask_reports(&mut dli, reports::Input::Configure { origin, request });
                     }
                 }
             }
-            command => self.command(now, origin, destination, command, store),
-        }
-    }
-
-    /// Message 1: to one vehicle, or to all of this VSM.
-    fn authorise(
-        &mut self,
-        now: Now,
-        origin: &Origin,
-        destination: Id,
-        request: &CucsAuthorisationRequest,
-        store: &mut dyn Disk,
-    ) {
-        let (mut desk, aircraft) = self.desk(now, store);
-        if destination == Id::BROADCAST && !desk.is_meant(request.vsm_id) {
-            // Who is discovered by name is another.
-            return desk.counters.count("another VSM's");
-        }
-        let to_all = destination == Id::BROADCAST || destination == desk.vsm;
-        let mut answer = AckType::CarriedOut;
-        for aircraft in aircraft.iter_mut() {
-            let of_one = if aircraft.id() == destination {
-                aircraft.authorise(&mut desk, origin, request)
-            } else if to_all {
-                aircraft.authorise_to_all(&mut desk, origin, request)
-            } else {
-                continue;
-            };
-            if of_one != AckType::CarriedOut {
-                answer = of_one;
-            }
-        }
-        let vehicle = aircraft
-            .iter()
-            .map(Aircraft::id)
-            .find(|id| *id == destination);
-        let source = vehicle.unwrap_or(desk.vsm);
-        desk.acknowledge(source, origin, answer);
-    }
-
-    /// 17001 and 17002: for those that may listen, to one vehicle or all. To all it is carried out where any vehicle does.
-    fn inform(
-        &mut self,
-        now: Now,
-        origin: Origin,
-        destination: Id,
-        store: &mut dyn Disk,
-        mut ask: impl FnMut(&mut Aircraft, &mut Desk<'_>) -> Result<(), String>,
-    ) {
-        let asker = self.stations[origin.station].id();
-        let (mut desk, aircraft) = self.desk(now, store);
-        if let Some(one) = aircraft.iter_mut().find(|one| one.id() == destination) {
-            if !one.authority.holds(asker, LoiBitmap::LOI2) {
-                return one.refuse_without_right(&mut desk, &origin, LoiBitmap::LOI2);
-            }
-            return match ask(one, &mut desk) {
-                Ok(()) => desk.acknowledge(destination, &origin, AckType::CarriedOut),
-                Err(why) => one.refuse(&mut desk, Some(origin), why),
-            };
-        }
-        let (mut told, mut why) = (false, "it needs LOI 2, and none is held".to_owned());
-        for one in aircraft.iter_mut() {
-            if one.authority.holds(asker, LoiBitmap::LOI2) {
-                match ask(one, &mut desk) {
-                    Ok(()) => told = true,
-                    Err(fault) => why = fault,
+            command => match meant {
+                Some(one) => command_one(one, &mut dli, origin, cucs, command),
+                None => {
+                    // A command to everybody is a command to nobody in particular.
+                    dli.counters.count("misaddressed");
+                    dli.refuse(&origin, TO_ONE);
                 }
-            }
-        }
-        if told {
-            let vsm = desk.vsm;
-            desk.acknowledge(vsm, &origin, AckType::CarriedOut);
-        } else {
-            desk.refuse(&origin, &why);
+            },
         }
     }
+}
 
-    fn command(
-        &mut self,
-        now: Now,
-        origin: Origin,
-        destination: Id,
-        message: &Message,
-        store: &mut dyn Disk,
-    ) {
-        let cucs = self.stations[origin.station].id();
-        let (mut desk, aircraft) = self.desk(now, store);
-        let Some(aircraft) = aircraft
-            .iter_mut()
-            .find(|aircraft| aircraft.id() == destination)
-        else {
-            // A command to everybody is a command to nobody in particular: refused.
-            desk.counters.count("misaddressed");
-            return desk.refuse(&origin, TO_ONE);
+/// Message 1: to one vehicle, or to all of this VSM.
+fn authorise(
+    aircraft: &mut [Aircraft],
+    dli: &mut DliEffects<'_>,
+    origin: &Origin,
+    destination: Id,
+    request: &CucsAuthorisationRequest,
+) {
+    let addressed = |vsm: Id| [dli.vsm, Id::BROADCAST, Id::NULL, Id(0)].contains(&vsm);
+    if destination == Id::BROADCAST && !request.vsm_id.is_none_or(addressed) {
+        // Who is discovered by name is another.
+        return dli.counters.count("another VSM's");
+    }
+    let to_all = destination == Id::BROADCAST || destination == dli.vsm;
+    let mut answer = AckType::CarriedOut;
+    for one in aircraft.iter_mut() {
+        let to_all = match one.id() == destination {
+            true => false,
+            false if to_all => true,
+            false => continue,
         };
-        match aircraft.right_for(message) {
-            Some(right) if aircraft.authority.holds(cucs, right) => {
-                aircraft.command(&mut desk, origin, message);
-            }
-            Some(right) => aircraft.refuse_without_right(&mut desk, &origin, right),
-            None => {
-                desk.counters.count("not supported");
-                let why = format!(
-                    "message {} is not supported by this VSM",
-                    origin.message_type
-                );
-                aircraft.refuse_foreign(&mut desk, &origin, why);
+        let input = authority::Input::Authorise {
+            origin,
+            request,
+            to_all,
+        };
+        let of_one = one.ask_authority(dli, input);
+        if of_one != AckType::CarriedOut {
+            answer = of_one;
+        }
+    }
+    let vehicle = aircraft
+        .iter()
+        .map(Aircraft::id)
+        .find(|id| *id == destination);
+    let source = vehicle.unwrap_or(dli.vsm);
+    dli.acknowledge(source, origin, answer);
+}
+
+/// 17001 and 17002: of stations that hold LOI 2, to one vehicle or all. To all it is carried out where any vehicle does.
+fn inform<'m>(
+    aircraft: &mut [Aircraft],
+    dli: &mut DliEffects<'_>,
+    origin: Origin,
+    destination: Id,
+    cucs: Id,
+    input: impl Fn() -> reports::Input<'m>,
+) {
+    let listens = |one: &Aircraft| one.authority.rights().holds(cucs, LoiBitmap::LOI2);
+    if let Some(one) = aircraft.iter_mut().find(|one| one.id() == destination) {
+        if !listens(one) {
+            return refuse_without_right(one, dli, &origin, cucs, LoiBitmap::LOI2);
+        }
+        return match one.ask_reports(dli, input()) {
+            Ok(()) => dli.acknowledge(destination, &origin, AckType::CarriedOut),
+            Err(why) => one.effects(dli).refuse(Some(origin), why),
+        };
+    }
+    let (mut informed, mut why) = (false, "it needs LOI 2, and none is held".to_owned());
+    for one in aircraft.iter_mut() {
+        if listens(one) {
+            match one.ask_reports(dli, input()) {
+                Ok(()) => informed = true,
+                Err(fault) => why = fault,
             }
         }
     }
-
-    fn acknowledge(
-        &mut self,
-        now: Now,
-        origin: &Origin,
-        destination: Id,
-        answer: AckType,
-        store: &mut dyn Disk,
-    ) {
-        let (mut desk, _) = self.desk(now, store);
-        desk.acknowledge(destination_as_source(destination, desk.vsm), origin, answer);
+    if informed {
+        let vsm = dli.vsm;
+        dli.acknowledge(vsm, &origin, AckType::CarriedOut);
+    } else {
+        dli.refuse(&origin, &why);
     }
+}
+
+fn command_one(
+    one: &mut Aircraft,
+    dli: &mut DliEffects<'_>,
+    origin: Origin,
+    cucs: Id,
+    message: &Message,
+) {
+    match one.right_for(message) {
+        Some(right) if one.authority.rights().holds(cucs, right) => {
+            one.command(dli, origin, message);
+        }
+        Some(right) => refuse_without_right(one, dli, &origin, cucs, right),
+        None => {
+            dli.counters.count("not supported");
+            let why = format!(
+                "message {} is not supported by this VSM",
+                origin.message_type
+            );
+            one.effects(dli).refuse_unprivileged(&origin, &why);
+        }
+    }
+}
+
+/// Refuses a message of a CUCS that does not hold the right it needs.
+fn refuse_without_right(
+    one: &mut Aircraft,
+    dli: &mut DliEffects<'_>,
+    origin: &Origin,
+    cucs: Id,
+    right: LoiBitmap,
+) {
+    dli.counters.count("without the right");
+    let held = one.authority.rights().held(cucs);
+    let needed = Rights::named(right, Stations::NONE);
+    let why = format!("it needs {needed}, held is {held}");
+    one.effects(dli).refuse_unprivileged(origin, &why);
 }
 
 /// A command to everybody is a command to nobody in particular.

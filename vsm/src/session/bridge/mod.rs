@@ -1,9 +1,13 @@
 //! The whole bridge as one machine: datagrams of both sides and the time go in, datagrams and log lines come out.
 //!
-//! Who a datagram of the DLI is from and whether it may speak is in `arrival`, to whom its message speaks in `dispatch`.
+//! `arrival`: whom a datagram of the DLI is from, and whether it may speak; `dispatch`: whom its message is for. Each
+//! vehicle is an [`Aircraft`]. `keys`: how the key exchange of the shell reaches a vehicle's link; `status`: what the
+//! bridge is doing.
 
 mod arrival;
 mod dispatch;
+mod keys;
+pub(crate) mod status;
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -14,41 +18,44 @@ use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::service::Node;
 use mavlink_link::signing::Stamp;
+use mavlink_link::store::{Disk, Store as _, StoreError};
 use stanag_msgs::{Id, Profile};
 
 use super::aircraft::Aircraft;
 use super::alerts::Alerts;
-use super::configuration::Configuration;
+use super::authority::record::KnownStation;
+use super::context::Settings;
 use super::counters::{ByType, Counters};
-use super::desk::Desk;
-use super::link_id;
-use super::log::LogEntry;
+use super::duplicates::Remembered;
+use super::effects::DliEffects;
+use super::link::frame::{OutFrame, Peer};
+use super::link::services::Services;
+use super::link::{LinkId, VehicleLink};
+use super::log::{LogEntry, LogLevel};
 use super::outbox::{Datagram, Outbox};
-use super::station::Station;
-use super::vehicle::{OutFrame, Peer, VehicleLink};
+use super::station::GroundStation;
 use crate::config::Config;
-use mavlink_link::store::{Disk, StoreError};
 
 /// The machine.
 #[derive(Debug)]
 pub struct Bridge {
     vsm: Id,
     profile: Profile,
-    loss: crate::config::Authority,
-    provisional: crate::config::Provisional,
     multicast: bool,
-    stations: Vec<Station>,
-    pub(super) aircraft: Vec<Aircraft>,
+    stations: Vec<GroundStation>,
+    /// What each of the stations has sent lately.
+    remembered: Vec<Remembered>,
+    aircraft: Vec<Aircraft>,
     outbox: Outbox,
     /// Of the VSM itself, not of a vehicle.
     alerts: Alerts,
-    pub(super) counters: Counters,
-    pub(super) received: ByType,
+    counters: Counters,
+    received: ByType,
     log: VecDeque<LogEntry>,
-    pub(super) started: Duration,
+    started: Duration,
 }
 
-/// Sees frames that were believed, for a recording.
+/// Is shown every frame that is believed, for a recording.
 pub type Tap<'a> = &'a mut dyn FnMut(&FrameView<'_>);
 
 /// A bridge that cannot start.
@@ -67,7 +74,7 @@ pub enum BridgeError {
     },
 }
 
-/// What the shell knows of a vehicle's link: its key, and where to send before the vehicle is heard.
+/// What the shell knows of a vehicle's link: its key, and where to send before anything of the vehicle is received.
 #[derive(Debug)]
 pub struct LinkEnd {
     /// The key; `None` where signing is off by configuration.
@@ -86,16 +93,25 @@ impl Bridge {
         ends: Vec<LinkEnd>,
         now: Now,
         not_before: Duration,
-        store: &mut dyn Disk,
+        disk: &mut dyn Disk,
     ) -> Result<Bridge, BridgeError> {
         let own = Node::new(config.mavlink.system_id, config.mavlink.component_id);
+        let settings = Settings {
+            authority: *config.authority.get_ref(),
+            provisional: config.dli.provisional,
+            web_page: config
+                .http
+                .as_ref()
+                .map(|http| format!("http://{}/", http.listen)),
+        };
+        let stations: Vec<GroundStation> =
+            config.stations().cloned().map(GroundStation::new).collect();
         let mut bridge = Bridge {
             vsm: config.dli.vsm_id,
             profile: config.dli.disputed.profile.clone(),
-            loss: *config.authority.get_ref(),
-            provisional: config.dli.provisional,
             multicast: config.dli.multicast.is_some(),
-            stations: config.stations().cloned().map(Station::new).collect(),
+            remembered: stations.iter().map(|_| Remembered::default()).collect(),
+            stations,
             aircraft: Vec::new(),
             outbox: Outbox::new(config.dli.disputed.profile.clone()),
             alerts: Alerts::new(i32::try_from(config.vehicles().count()).unwrap_or(i32::MAX / 2)),
@@ -105,42 +121,65 @@ impl Bridge {
             started: now.mono,
         };
         for ((vehicle, end), number) in config.vehicles().zip(ends).zip(0..) {
-            let security = if end.key.is_some() {
-                Security::Signed
-            } else {
-                Security::Off
-            };
-            let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
-            let mut link = LinkConfig::new(vehicle.system_id, security, endpoint);
-            link.own_system = own.system;
-            link.own_component = own.component;
-            link.link_id = vehicle.link_id;
-            link.vehicle_link_id = vehicle.vehicle_link_id;
-            link.known_link_id = link_id::known(vehicle.id, store)?;
-            let key = match end.key {
-                None => None,
-                Some(key) => {
-                    let origin = mavlink_link::clock::Origin::KeyFile;
-                    let started =
-                        KeyState::start(key, origin, Stamp::from_unix(not_before), now, store)
-                            .map_err(|cause| BridgeError::Clock {
-                                vehicle: vehicle.id,
-                                cause,
-                            })?;
-                    Some(started)
-                }
-            };
-            let mav = VehicleLink::new(own, Link::new(link), key);
-            let mut aircraft = Aircraft::new(vehicle.clone(), mav, number);
-            aircraft.configuration = Configuration::of(config);
-            aircraft.kept_link_id = link.known_link_id;
-            let (mut desk, _) = bridge.desk(now, store);
-            aircraft.restore(&mut desk)?;
-            aircraft.announce(&mut desk);
+            let link = link_config(vehicle, own, &end, disk)?;
+            let origin = mavlink_link::clock::Origin::KeyFile;
+            let not_before = Stamp::from_unix(not_before);
+            let key = end
+                .key
+                .map(|key| KeyState::start(key, origin, not_before, now, disk));
+            let key = key.transpose().map_err(|cause| BridgeError::Clock {
+                vehicle: vehicle.id,
+                cause,
+            })?;
+            let link = VehicleLink::new(Link::new(link), key);
+            let services = Services::new(own, link.autopilot());
+            let settings = settings.clone();
+            let mut aircraft = Aircraft::new(vehicle.clone(), settings, link, services, number);
+            let known = aircraft.restore(&mut bridge.effects(now, disk).0)?;
+            bridge.remember_stations(now.mono, &known);
             bridge.aircraft.push(aircraft);
         }
-        bridge.restore_commands(now, store)?;
+        bridge.restore_commands(now, disk)?;
         Ok(bridge)
+    }
+
+    /// What a record of authority says of its holders: status goes where it went before, so that nobody has to ask again,
+    /// and the silence of one that sent heartbeats counts.
+    fn remember_stations(&mut self, now: Duration, known: &[KnownStation]) {
+        for known in known {
+            let mut stations = self.stations.iter_mut();
+            let Some(station) = stations.find(|station| station.id() == known.id) else {
+                continue;
+            };
+            station.peer = station.peer.or(known.peer);
+            if known.sends_heartbeats {
+                station.sends_heartbeats = true;
+                station.received = station.received.or(Some(now));
+            }
+        }
+    }
+
+    /// Reads back what each CUCS has commanded, and answers what was not answered to its end.
+    fn restore_commands(&mut self, now: Now, disk: &mut dyn Disk) -> Result<(), StoreError> {
+        for index in 0..self.stations.len() {
+            let id = self.stations[index].id();
+            let open = self.remembered[index].restore(id, disk)?;
+            for seen in open {
+                let (mut dli, aircraft) = self.effects(now, disk);
+                let of = aircraft.iter_mut().find(|one| one.id() == seen.destination);
+                let answered =
+                    of.is_some_and(|aircraft| aircraft.resume_command(&mut dli, index, &seen));
+                if !answered {
+                    self.remembered[index].forget(seen.digest);
+                }
+            }
+            if let Err(fault) = self.remembered[index].compact(id, disk) {
+                let vsm = self.vsm;
+                let (mut dli, _) = self.effects(now, disk);
+                dli.note(LogLevel::Error, vsm, fault.to_string());
+            }
+        }
+        Ok(())
     }
 
     /// Takes a datagram, or serial bytes, of the vehicle with this index.
@@ -150,22 +189,22 @@ impl Bridge {
         index: usize,
         from: Peer,
         bytes: &[u8],
-        store: &mut dyn Disk,
+        disk: &mut dyn Disk,
         tap: Tap<'_>,
     ) {
-        let (mut desk, aircraft) = self.desk(now, store);
+        let (mut dli, aircraft) = self.effects(now, disk);
         if let Some(aircraft) = aircraft.get_mut(index) {
-            aircraft.handle_datagram(&mut desk, from, bytes, tap);
+            aircraft.handle_datagram(&mut dli, from, bytes, tap);
         }
     }
 
     /// Does what is due.
-    pub fn handle_timeout(&mut self, now: Now, store: &mut dyn Disk) {
-        let (mut desk, aircraft) = self.desk(now, store);
+    pub fn handle_timeout(&mut self, now: Now, disk: &mut dyn Disk) {
+        let (mut dli, aircraft) = self.effects(now, disk);
         for aircraft in aircraft.iter_mut() {
-            aircraft.handle_timeout(&mut desk);
+            aircraft.handle_timeout(&mut dli);
         }
-        desk.clear_answers();
+        dli.clear_answers();
         self.forget_heartbeats();
     }
 
@@ -174,7 +213,7 @@ impl Bridge {
     fn forget_heartbeats(&mut self) {
         for station in self.stations.iter_mut().filter(|one| one.sends_heartbeats) {
             let id = station.id();
-            let holds = |aircraft: &Aircraft| !aircraft.authority.held(id).is_empty();
+            let holds = |aircraft: &Aircraft| !aircraft.authority.rights().held(id).is_empty();
             station.sends_heartbeats = self.aircraft.iter().any(holds);
         }
     }
@@ -182,11 +221,10 @@ impl Bridge {
     /// When [`Bridge::handle_timeout`] is next needed.
     #[must_use]
     pub fn poll_timeout(&self, now: Duration) -> Duration {
-        let each = self
-            .aircraft
-            .iter()
-            .map(|aircraft| aircraft.poll_timeout(now));
-        each.fold(now + Duration::from_secs(1), Duration::min)
+        let each = self.aircraft.iter();
+        each.filter_map(|aircraft| aircraft.poll_timeout(now, &self.stations))
+            .chain(self.alerts.poll_timeout())
+            .fold(now + LONGEST_WAIT, Duration::min)
     }
 
     /// The next datagram for the DLI side.
@@ -196,10 +234,8 @@ impl Bridge {
 
     /// The next frame for a vehicle: (index of the vehicle, frame).
     pub fn poll_vehicle(&mut self) -> Option<(usize, OutFrame)> {
-        self.aircraft
-            .iter_mut()
-            .enumerate()
-            .find_map(|(index, aircraft)| aircraft.mav.poll_transmit().map(|frame| (index, frame)))
+        let mut aircraft = self.aircraft.iter_mut().enumerate();
+        aircraft.find_map(|(index, one)| Some((index, one.link.poll_transmit()?)))
     }
 
     /// The next line for the log.
@@ -207,35 +243,47 @@ impl Bridge {
         self.log.pop_front()
     }
 
-    /// The number of DLI messages sent, by type.
-    pub(super) fn sent(&self) -> &ByType {
-        &self.outbox.sent
-    }
-
-    pub(super) fn stations(&self) -> &[Station] {
-        &self.stations
-    }
-
-    pub(super) fn desk<'a>(
+    fn effects<'a>(
         &'a mut self,
         now: Now,
-        store: &'a mut dyn Disk,
-    ) -> (Desk<'a>, &'a mut Vec<Aircraft>) {
-        let desk = Desk {
+        disk: &'a mut dyn Disk,
+    ) -> (DliEffects<'a>, &'a mut Vec<Aircraft>) {
+        let effects = DliEffects {
             now,
             vsm: self.vsm,
             multicast: self.multicast,
-            loss: self.loss,
-            provisional: self.provisional,
-            stations: &mut self.stations,
+            stations: &self.stations,
+            remembered: &mut self.remembered,
             alerts: &mut self.alerts,
             outbox: &mut self.outbox,
             counters: &mut self.counters,
             log: &mut self.log,
-            store,
+            disk,
         };
-        (desk, &mut self.aircraft)
+        (effects, &mut self.aircraft)
     }
+}
+
+/// How the link of a vehicle is configured, with what was learned of it in an earlier run.
+fn link_config(
+    vehicle: &crate::config::Vehicle,
+    own: Node,
+    end: &LinkEnd,
+    disk: &dyn Disk,
+) -> Result<LinkConfig<Peer>, StoreError> {
+    let security = if end.key.is_some() {
+        Security::Signed
+    } else {
+        Security::Off
+    };
+    let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
+    let mut link = LinkConfig::new(vehicle.system_id, security, endpoint);
+    link.own_system = own.system;
+    link.own_component = own.component;
+    link.link_id = vehicle.link_id;
+    link.vehicle_link_id = vehicle.vehicle_link_id;
+    link.known_link_id = disk.load::<LinkId>(&vehicle.id)?.and_then(|LinkId(id)| id);
+    Ok(link)
 }
 
 /// Answers come from whom the question was sent to; a question to everybody is answered by the VSM.
@@ -246,3 +294,6 @@ fn destination_as_source(destination: Id, vsm: Id) -> Id {
         destination
     }
 }
+
+/// Where nothing is waited for at all.
+const LONGEST_WAIT: Duration = Duration::from_secs(1);

@@ -4,7 +4,7 @@ use mapping::limits::metres;
 use mapping::mode::Px4Mode;
 use mapping::telemetry::Place;
 
-use crate::session::vehicle::VehicleLink;
+use crate::session::link::state::VehicleState;
 
 /// What the vehicle must show.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,7 +30,7 @@ pub(crate) enum Confirmation {
 
 impl Confirmation {
     /// Whether the vehicle shows it by now: a mode, and whether it is armed, in a message made after the last command.
-    pub(super) fn is_seen(&self, vehicle: &VehicleLink) -> bool {
+    pub(super) fn is_seen(&self, vehicle: &VehicleState) -> bool {
         let telemetry = &vehicle.telemetry;
         match self {
             Confirmation::Mode(modes) => {
@@ -66,7 +66,7 @@ impl Confirmation {
     }
 
     /// What has not been seen, for the operator.
-    pub(super) fn awaited(&self, vehicle: &VehicleLink) -> String {
+    pub(super) fn awaited(&self, vehicle: &VehicleState) -> String {
         match self {
             Confirmation::Mode(modes) => {
                 let wanted = modes.first().map_or("", |mode| mode.name());

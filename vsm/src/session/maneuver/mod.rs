@@ -20,7 +20,8 @@ use mavlink_link::dialect::{MavCmd, MavLandedState, MavResult};
 use mavlink_link::service::command::{self, Command, Outcome, Ticket};
 use mavlink_link::service::mission;
 
-use super::vehicle::VehicleLink;
+use super::link::services::Services;
+use super::link::state::VehicleState;
 
 /// What became of a maneuver.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,7 +100,7 @@ impl Maneuver {
         &mut self,
         now: Duration,
         event: &command::Event,
-        vehicle: &VehicleLink,
+        vehicle: &VehicleState,
     ) -> Progress {
         let command::Event::Done {
             ticket, outcome, ..
@@ -173,7 +174,12 @@ impl Maneuver {
     }
 
     /// Begins what can begin, looks at what is awaited.
-    pub(crate) fn advance(&mut self, now: Duration, vehicle: &mut VehicleLink) -> Progress {
+    pub(crate) fn advance(
+        &mut self,
+        now: Duration,
+        vehicle: &VehicleState,
+        services: &mut Services,
+    ) -> Progress {
         loop {
             let Some(step) = self.steps.front() else {
                 return Progress::Done;
@@ -188,7 +194,7 @@ impl Maneuver {
                     },
                 ) => {
                     let patient_until = now + *patience;
-                    match submit(vehicle, now, *command, what, patient_until) {
+                    match submit(services, now, *command, what, patient_until) {
                         Ok(waiting) => self.waiting = waiting,
                         Err(refused) => return refused,
                     }
@@ -197,13 +203,13 @@ impl Maneuver {
                     if *at <= now =>
                 {
                     let patient_until = *patient_until;
-                    match submit(vehicle, now, *command, what, patient_until) {
+                    match submit(services, now, *command, what, patient_until) {
                         Ok(waiting) => self.waiting = waiting,
                         Err(refused) => return refused,
                     }
                 }
                 (Waiting::Nothing, Step::SetCurrent(items)) => {
-                    match vehicle.missions.set_current(now, items.clone()) {
+                    match services.missions.set_current(now, items.clone()) {
                         Ok(()) => self.waiting = Waiting::Current,
                         Err(busy) => {
                             return Progress::Refused(format!("the mission service is {busy}"));
@@ -277,18 +283,23 @@ impl Maneuver {
     }
 
     /// Ends it before its end: withdraws what waits, and undoes what must not stay.
-    pub(crate) fn abandon(&mut self, now: Duration, vehicle: &mut VehicleLink) {
+    pub(crate) fn abandon(
+        &mut self,
+        now: Duration,
+        vehicle: &VehicleState,
+        services: &mut Services,
+    ) {
         if let Waiting::Answer { ticket, .. } = self.waiting {
-            vehicle.commands.withdraw(now, ticket);
+            services.commands.withdraw(now, ticket);
         }
         if matches!(self.waiting, Waiting::Current) {
-            vehicle.missions.cancel();
+            services.missions.cancel();
         }
         let on_ground =
             vehicle.telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
         if let (true, true, Some(undo)) = (self.armed_by_us, on_ground, self.undo) {
             // Full means that the vehicle does not answer; it disarms by itself on the ground.
-            let _ = vehicle.commands.submit(now, undo);
+            let _ = services.commands.submit(now, undo);
         }
     }
 
@@ -300,13 +311,13 @@ impl Maneuver {
 
 /// Sends a command; until then it is tried again where it is rejected for now.
 fn submit(
-    vehicle: &mut VehicleLink,
+    services: &mut Services,
     now: Duration,
     command: Command,
     what: &str,
     patient_until: Duration,
 ) -> Result<Waiting, Progress> {
-    match vehicle.commands.submit(now, command) {
+    match services.commands.submit(now, command) {
         Ok(ticket) => Ok(Waiting::Answer {
             ticket,
             patient_until,

@@ -1,0 +1,96 @@
+//! What the bridge asks of a vehicle for a message of a CUCS.
+
+use stanag_msgs::Message;
+use stanag_msgs::enums::{AckType, LoiBitmap};
+use stanag_msgs::messages::VsmAuthorisationResponse;
+
+use super::{Aircraft, Effects};
+use crate::session::context::Origin;
+use crate::session::effects::DliEffects;
+use crate::session::{authority, flight, mission, reports};
+
+impl Aircraft {
+    /// A message of the authority's, 1, 4 or 34000. The answer is for the caller to acknowledge.
+    pub(crate) fn ask_authority(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+        input: authority::Input<'_>,
+    ) -> AckType {
+        let answer = self.authority(dli, input);
+        self.settle(dli);
+        answer
+    }
+
+    /// 17001, 17002 or 40000.
+    ///
+    /// # Errors
+    /// Of 17001 and 17002 only: the reason, for the operator. The caller answers.
+    pub(crate) fn ask_reports(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+        input: reports::Input<'_>,
+    ) -> Result<(), String> {
+        if let reports::Input::ReportOnce { station, request } = input
+            && request.message_type == Some(VsmAuthorisationResponse::ID)
+        {
+            self.authority(
+                dli,
+                authority::Input::Again {
+                    station,
+                    request: None,
+                },
+            );
+            return Ok(());
+        }
+        let answer = self.reports(dli, input);
+        self.settle(dli);
+        answer
+    }
+
+    /// The right that a message needs; `None` where it is none that a CUCS commands with.
+    pub(crate) fn right_for(&self, message: &Message) -> Option<LoiBitmap> {
+        let mode = flight::mode_of(message, &self.vehicle.telemetry);
+        authority::right_for(message, mode)
+    }
+
+    /// A command of a CUCS that holds the right for it.
+    pub(crate) fn command(&mut self, dli: &mut DliEffects<'_>, origin: Origin, message: &Message) {
+        self.observe(
+            dli,
+            reports::Input::NoteIgnored {
+                origin: &origin,
+                message,
+            },
+        );
+        match message {
+            Message::VehicleOperatingModeCommand(_)
+            | Message::LoiterConfiguration(_)
+            | Message::UaStickCommand(_)
+            | Message::EngineCommand(_)
+            | Message::UnmannedAircraftLights(_) => {
+                self.flight(dli, flight::Input::Command { origin, message });
+            }
+            Message::ParameterRequest(_)
+            | Message::ParameterSetCommand(_)
+            | Message::PingRequest(_)
+            | Message::SubsystemStatusRequest(_)
+            | Message::SubsystemStatusDetailRequest(_) => {
+                self.observe(dli, reports::Input::Command { origin, message });
+            }
+            _ => self.mission(dli, mission::Input::Command { origin, message }),
+        }
+        self.settle(dli);
+    }
+
+    /// What this vehicle's machines may do, for what concerns no machine.
+    pub(crate) fn effects<'a>(&'a mut self, dli: &'a mut DliEffects<'_>) -> Effects<'a> {
+        Effects {
+            dli: dli.reborrow(),
+            id: self.config.id,
+            alerts: &mut self.alerts,
+            listeners: &mut self.listeners,
+            vehicle: &mut self.services,
+            requests: &mut self.requests,
+        }
+    }
+}

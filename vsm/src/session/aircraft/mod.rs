@@ -1,0 +1,342 @@
+//! One vehicle: the router between its five machines.
+//!
+//! A machine has the form `handle(&mut self, &Context, Input, &mut Effects)` and `poll_timeout(&self)`. It knows no
+//! sibling: it reads of one what [`context`](super::context) shows, and asks it for something by a
+//! [`Request`](super::effects::Request), which is delivered here after the call.
+//!
+//! | machine | decides |
+//! |---|---|
+//! | [`authority`] | which CUCS holds which level of interoperability; handovers, silence, the audit log |
+//! | [`mission`] | the stored plan, its upload, read-back and progress; the geofence |
+//! | [`flight`] | what a 2016 becomes: modes, maneuvers, sticks, set points, the loss action |
+//! | [`reports`] | what stations are sent: on schedule, on request, on change; configuration and parameters |
+//! | [`link`] | MAVLink: signatures and keys, what is believed, what is sent |
+//!
+//! Whatever comes in goes to one machine, then [`Aircraft::settle`] delivers what follows from it until nothing is left.
+//! `start`: how a vehicle begins, and what a restart finds; `commands`: what the bridge asks for a message of a CUCS.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use mavlink_link::frame::FrameView;
+use stanag_msgs::Id;
+use stanag_msgs::enums::AckType;
+
+use super::alerts::Alerts;
+use super::authority::{self, AuthorityMachine};
+use super::context::{Bounds, Context, Settings, WATCH_SLACK};
+use super::effects::{DliEffects, Effects, Request};
+use super::flight::{self, Flight};
+use super::link::VehicleLink;
+use super::link::event::VehicleEvent;
+use super::link::frame::Peer;
+use super::link::services::Services;
+use super::link::state::VehicleState;
+use super::mission::{self, Mission};
+use super::reports::{self, Reports};
+use super::station::GroundStation;
+use crate::config;
+
+/// The router.
+#[derive(Debug)]
+pub(crate) struct Aircraft {
+    pub(super) config: config::Vehicle,
+    settings: Settings,
+    bounds: Bounds,
+    pub(super) vehicle: VehicleState,
+    services: Services,
+    pub(super) alerts: Alerts,
+    listeners: Vec<usize>,
+    requests: VecDeque<Request>,
+    /// When the watches are due that look at what has come in since they last did.
+    watch_at: Option<Duration>,
+    pub(super) authority: AuthorityMachine,
+    pub(super) mission: Mission,
+    pub(super) flight: Flight,
+    pub(super) reports: Reports,
+    pub(super) link: VehicleLink,
+}
+
+// Both borrow single fields, so that a machine can be borrowed mutably beside them; a method would borrow all.
+macro_rules! context {
+    ($self:ident, $dli:ident) => {
+        Context {
+            now: $dli.now,
+            vsm: $dli.vsm,
+            config: &$self.config,
+            settings: &$self.settings,
+            bounds: &$self.bounds,
+            stations: $dli.stations,
+            controller: $self.authority.controller(),
+            vehicle: &$self.vehicle,
+        }
+    };
+}
+macro_rules! effects {
+    ($self:ident, $dli:ident) => {
+        &mut Effects {
+            dli: $dli.reborrow(),
+            id: $self.config.id,
+            alerts: &mut $self.alerts,
+            listeners: &mut $self.listeners,
+            vehicle: &mut $self.services,
+            requests: &mut $self.requests,
+        }
+    };
+}
+
+mod commands;
+mod start;
+
+impl Aircraft {
+    pub(crate) fn id(&self) -> Id {
+        self.config.id
+    }
+
+    /// Bytes from the vehicle's side. `tap` is shown every frame that is believed, for a recording.
+    pub(super) fn handle_datagram(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+        from: Peer,
+        bytes: &[u8],
+        tap: &mut dyn FnMut(&FrameView<'_>),
+    ) {
+        let (link, vehicle) = (&mut self.link, &mut self.vehicle);
+        link.handle_datagram(from, bytes, vehicle, effects!(self, dli), tap);
+        self.settle(dli);
+        self.mission(dli, mission::Input::WatchProgress);
+        self.authority(dli, authority::Input::Settle);
+        self.settle(dli);
+        self.watch_soon(dli.now.mono);
+    }
+
+    /// Does what is due. The order of the steps is the order in which stations see what follows from them.
+    pub(super) fn handle_timeout(&mut self, dli: &mut DliEffects<'_>) {
+        self.watch_at = None;
+        let (link, vehicle) = (&mut self.link, &mut self.vehicle);
+        link.handle_timeout(vehicle, effects!(self, dli));
+        self.authority(dli, authority::Input::WatchSilence);
+        self.deliver_requests(dli);
+        self.flight(dli, flight::Input::WatchLossAction);
+        self.settle(dli);
+        self.observe(dli, reports::Input::WatchModes);
+        self.mission(dli, mission::Input::CompareWithVehicle);
+        self.flight(dli, flight::Input::EndCutOffLaunch);
+        self.hold_operator_control(dli);
+        self.observe(dli, reports::Input::SendConfiguration);
+        self.observe(dli, reports::Input::WatchRequests);
+        self.mission(dli, mission::Input::WatchFence);
+        self.observe(dli, reports::Input::WatchHealth);
+        self.observe(dli, reports::Input::ClearAnswers);
+        self.mission(dli, mission::Input::AdvanceDownload);
+        self.authority(dli, authority::Input::Settle);
+        self.observe(dli, reports::Input::PushDue);
+        self.link.store_link_id(effects!(self, dli));
+        self.settle(dli);
+    }
+
+    /// When [`Aircraft::handle_timeout`] is next needed, by what each machine waits for.
+    pub(super) fn poll_timeout(
+        &self,
+        now: Duration,
+        stations: &[GroundStation],
+    ) -> Option<Duration> {
+        let limits = &self.settings.authority;
+        [
+            self.watch_at,
+            Some(self.link.poll_timeout(&self.vehicle, &self.services)),
+            self.authority.poll_timeout(now, stations, limits),
+            self.mission.poll_timeout(),
+            self.flight.poll_timeout(),
+            self.reports.poll_timeout(&self.alerts),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    /// Delivers requests, what the vehicle answered and what streams are due, until nothing is left to do now.
+    ///
+    /// It ends: a round begins only where the vehicle has answered something or a machine has asked something of
+    /// another, and no machine asks anything for an event that it has handled.
+    fn settle(&mut self, dli: &mut DliEffects<'_>) {
+        loop {
+            self.deliver_requests(dli);
+            let mut idle = true;
+            while let Some(event) = self.link.poll_event() {
+                idle = false;
+                self.deliver(dli, event);
+                self.deliver_requests(dli);
+            }
+            self.flight(dli, flight::Input::Advance);
+            self.mission(dli, mission::Input::Advance);
+            self.link.flush(&mut self.vehicle, effects!(self, dli));
+            if idle && self.requests.is_empty() && !self.link.has_events() {
+                return;
+            }
+        }
+    }
+
+    fn deliver_requests(&mut self, dli: &mut DliEffects<'_>) {
+        while let Some(request) = self.requests.pop_front() {
+            match request {
+                Request::Fly {
+                    origin,
+                    command,
+                    just_loaded,
+                } => {
+                    let input = flight::Input::Fly {
+                        origin,
+                        command: &command,
+                        just_loaded,
+                    };
+                    self.flight(dli, input);
+                }
+                Request::Hold => self.flight(dli, flight::Input::Hold),
+                Request::ControlChanged => {
+                    self.flight(dli, flight::Input::ControlChanged);
+                    self.link.operator_control.soon();
+                    self.hold_operator_control(dli);
+                }
+                Request::ControllerLost => self.flight(dli, flight::Input::ControllerLost),
+                Request::LoadAndFly {
+                    origin,
+                    route_type,
+                    command,
+                } => {
+                    let input = mission::Input::LoadAndFly {
+                        origin,
+                        route_type,
+                        command,
+                    };
+                    self.mission(dli, input);
+                }
+                Request::DropWaitingCommand { why, without_right } => {
+                    let input = mission::Input::DropWaitingCommand { why, without_right };
+                    self.mission(dli, input);
+                }
+                Request::ListenerChanged { station } => {
+                    self.observe(dli, reports::Input::ListenerChanged { station });
+                }
+                Request::Configured { changed, by } => {
+                    self.observe(dli, reports::Input::Configured { changed, by });
+                }
+                Request::AnswerLater {
+                    station,
+                    answers,
+                    origin,
+                } => {
+                    let input = reports::Input::AnswerLater {
+                        station,
+                        answers,
+                        origin,
+                    };
+                    self.observe(dli, input);
+                }
+            }
+        }
+    }
+
+    fn deliver(&mut self, dli: &mut DliEffects<'_>, event: VehicleEvent) {
+        match event {
+            VehicleEvent::LinkUp => {
+                self.mission(dli, mission::Input::LinkUp);
+                self.observe(dli, reports::Input::LinkUp);
+            }
+            VehicleEvent::Restarted => {
+                self.mission(dli, mission::Input::LinkUp);
+                self.observe(dli, reports::Input::Restarted);
+            }
+            VehicleEvent::Silent => self.observe(dli, reports::Input::LinkDown),
+            VehicleEvent::ModeChanged => {
+                self.flight(dli, flight::Input::ModeChanged);
+                self.observe(dli, reports::Input::ModeChanged);
+            }
+            VehicleEvent::Command(event) => {
+                self.link.operator_control.answered(&event);
+                self.flight(dli, flight::Input::CommandEnded(&event));
+                self.mission(dli, mission::Input::CommandEnded(&event));
+            }
+            VehicleEvent::Mission(event) => {
+                self.flight(dli, flight::Input::MissionServiceEnded(&event));
+                self.mission(dli, mission::Input::ServiceEnded(event));
+            }
+            VehicleEvent::Parameter(event) => {
+                self.observe(dli, reports::Input::ParameterServiceEnded(event));
+            }
+            VehicleEvent::ParameterReported(name, value) => {
+                self.observe(dli, reports::Input::ParameterReported(name, value));
+            }
+            VehicleEvent::PingReturned(seq) => {
+                self.observe(dli, reports::Input::PingReturned(seq));
+            }
+            VehicleEvent::Text(text) => self.observe(dli, reports::Input::Text(text)),
+            VehicleEvent::Link(event) => self.link.report(event, effects!(self, dli)),
+            VehicleEvent::ForeignControl(text) => effects!(self, dli).warn_of_link(text),
+            VehicleEvent::ControlStatus(status) => {
+                self.link.note_control_status(&status, effects!(self, dli));
+                self.hold_operator_control(dli);
+            }
+        }
+    }
+
+    /// Requests operator control of the vehicle while somebody controls it through this VSM, and releases it after.
+    fn hold_operator_control(&mut self, dli: &mut DliEffects<'_>) {
+        let wanted = self.authority.controller().is_some() || self.flight.view().loss_action;
+        self.link
+            .hold_operator_control(wanted, &self.vehicle, effects!(self, dli));
+    }
+
+    fn authority(&mut self, dli: &mut DliEffects<'_>, input: authority::Input<'_>) -> AckType {
+        let context = authority::Context {
+            common: context!(self, dli),
+            mission: self.mission.view(&self.vehicle, &self.services),
+            steering: self.flight.view().steering,
+        };
+        self.authority.handle(&context, input, effects!(self, dli))
+    }
+
+    fn mission(&mut self, dli: &mut DliEffects<'_>, input: mission::Input<'_>) {
+        let context = mission::Context {
+            common: context!(self, dli),
+            flight: self.flight.view(),
+            parameters: self.reports.parameters(),
+        };
+        self.mission.handle(&context, input, effects!(self, dli));
+    }
+
+    fn flight(&mut self, dli: &mut DliEffects<'_>, input: flight::Input<'_>) {
+        let context = flight::Context {
+            common: context!(self, dli),
+            mission: self.mission.view(&self.vehicle, &self.services),
+            parameters: self.reports.parameters(),
+        };
+        self.flight.handle(&context, input, effects!(self, dli));
+    }
+
+    fn reports(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+        input: reports::Input<'_>,
+    ) -> Result<(), String> {
+        let context = reports::Context {
+            common: context!(self, dli),
+            mission: self.mission.view(&self.vehicle, &self.services),
+            flight: self.flight.view(),
+        };
+        self.reports.handle(&context, input, effects!(self, dli))
+    }
+
+    /// An input of the reports that answers for itself.
+    fn observe(&mut self, dli: &mut DliEffects<'_>, input: reports::Input<'_>) {
+        let answered = self.reports(dli, input);
+        debug_assert!(
+            answered.is_ok(),
+            "only 17001 and 17002 are answered by the caller"
+        );
+    }
+
+    fn watch_soon(&mut self, now: Duration) {
+        self.watch_at.get_or_insert(now + WATCH_SLACK);
+    }
+}

@@ -1,0 +1,115 @@
+//! The start of a vehicle: its machines, and what a restart of the VSM finds of what they were doing.
+
+use std::collections::VecDeque;
+
+use mavlink_link::store::StoreError;
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
+
+use super::{Aircraft, Context, Effects};
+use crate::config;
+use crate::session::alerts::{Alerts, Cause};
+use crate::session::authority::AuthorityMachine;
+use crate::session::authority::record::KnownStation;
+use crate::session::context::{Bounds, Settings};
+use crate::session::duplicates::Seen;
+use crate::session::effects::DliEffects;
+use crate::session::flight::Flight;
+use crate::session::link::VehicleLink;
+use crate::session::link::services::Services;
+use crate::session::link::state::VehicleState;
+use crate::session::mission::Mission;
+use crate::session::reports::Reports;
+
+impl Aircraft {
+    /// `number` keeps the alert ids of the vehicles of one bridge apart.
+    pub(crate) fn new(
+        config: config::Vehicle,
+        settings: Settings,
+        link: VehicleLink,
+        services: Services,
+        number: i32,
+    ) -> Aircraft {
+        let bounds = Bounds::of(&config);
+        let areas = config.area.iter().map(config::Area::area).collect();
+        Aircraft {
+            settings,
+            bounds,
+            vehicle: VehicleState::default(),
+            services,
+            alerts: Alerts::new(number),
+            listeners: Vec::new(),
+            requests: VecDeque::new(),
+            watch_at: None,
+            authority: AuthorityMachine::default(),
+            mission: Mission::new(areas),
+            flight: Flight::default(),
+            reports: Reports::default(),
+            link,
+            config,
+        }
+    }
+
+    /// What a restart finds on disk, and the alerts that stand from the start.
+    ///
+    /// # Errors
+    /// A record exists and cannot be read: starting without it would lose what was promised.
+    pub(crate) fn restore(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+    ) -> Result<Vec<KnownStation>, StoreError> {
+        let known = self
+            .authority
+            .restore(&context!(self, dli), effects!(self, dli))?;
+        self.mission.restore(effects!(self, dli))?;
+        self.flight.restore(effects!(self, dli))?;
+        // Raised for whoever begins to listen: what a restart finds standing is no news to who listened before.
+        let listeners = std::mem::take(&mut self.listeners);
+        let effects = effects!(self, dli);
+        effects.raise(
+            Cause::VehicleSilent,
+            AlertPriority::Caution,
+            SubsystemId::Comms,
+            "the vehicle has not been heard yet: its state is not known",
+        );
+        if self.config.signing == config::Signing::Off {
+            effects.raise(
+                Cause::SigningOff,
+                AlertPriority::Warning,
+                SubsystemId::Comms,
+                "MAVLink signing is off: anyone in range of the link can command this vehicle",
+            );
+        }
+        self.listeners = listeners;
+        Ok(known)
+    }
+
+    /// A command that had no final answer when the VSM ended. False where it is forgotten: what only stores, and what
+    /// requests rights, leads to the same when it comes again.
+    pub(crate) fn resume_command(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+        station: usize,
+        seen: &Seen,
+    ) -> bool {
+        let origin = seen.origin(station);
+        match seen.message_type {
+            // A handover outlives the restart, and its end answers who requested it.
+            1 | 4 | 34000 => self.authority.resume(&context!(self, dli), origin),
+            2000 | 2017 | 13001 | 13002 | 13003 | 50001 | 50002 | 50016 => false,
+            _ => {
+                self.flight.cut_off(seen);
+                let mode = if seen.mode == 0 {
+                    String::new()
+                } else {
+                    format!(" (mode {})", seen.mode)
+                };
+                let why = format!(
+                    "the VSM was started anew while it was carried out{mode}: it is not gone on with, look what the \
+                     vehicle does"
+                );
+                effects!(self, dli).refuse(Some(origin), why);
+                true
+            }
+        }
+    }
+}

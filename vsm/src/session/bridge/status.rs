@@ -1,0 +1,260 @@
+//! What the bridge is doing, for `vsm status` and /status.json. Keys are named by their id only.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use mapping::route::Curved;
+use serde::Serialize;
+
+use super::Bridge;
+use crate::session::aircraft::Aircraft;
+use crate::session::authority::rules::Stage;
+use crate::session::counters::{ByType, Counters};
+use crate::session::link::key_agreement::ExchangeStatus;
+
+/// The whole bridge.
+#[derive(Debug, Clone, Serialize)]
+pub struct Status {
+    /// VSM ID.
+    pub vsm: String,
+    /// Since the start, s.
+    pub uptime_s: f64,
+    /// Drops and refusals of the DLI side, by name.
+    pub refused: Counters,
+    /// DLI messages taken, by type.
+    pub received: ByType,
+    /// DLI messages sent, by type.
+    pub sent: ByType,
+    /// The ground stations.
+    pub stations: Vec<StationStatus>,
+    /// The vehicles.
+    pub vehicles: Vec<VehicleStatus>,
+}
+
+/// One ground station.
+#[derive(Debug, Clone, Serialize)]
+pub struct StationStatus {
+    /// CUCS ID.
+    pub id: String,
+    /// Where it was heard last.
+    pub address: Option<String>,
+    /// Since it was heard, s.
+    pub silent_s: Option<f64>,
+}
+
+/// One vehicle.
+#[derive(Debug, Clone, Serialize)]
+pub struct VehicleStatus {
+    /// Vehicle ID.
+    pub id: String,
+    /// Tail Number.
+    pub tail_number: String,
+    /// Whether it is heard.
+    pub live: bool,
+    /// PX4's name of its mode.
+    pub mode: Option<&'static str>,
+    /// Armed.
+    pub armed: Option<bool>,
+    /// Degrees north, degrees east, metres above mean sea level.
+    pub position: Option<[f64; 3]>,
+    /// The CUCS that holds LOI 4 or 5.
+    pub controller: Option<String>,
+    /// The MAVLink system that may command it, 0 for nobody; none where the vehicle does not tell.
+    pub operator_control: Option<u8>,
+    /// LOI bits by CUCS.
+    pub rights: BTreeMap<String, u8>,
+    /// Who holds what, and since when.
+    pub holders: Vec<HolderStatus>,
+    /// Handovers that are not decided yet.
+    pub handovers: Vec<HandoverStatus>,
+    /// Items of the mission aboard, as loaded and read back.
+    pub mission_items: Option<usize>,
+    /// What became of its curved legs.
+    pub mission_curves: Option<CurvesStatus>,
+    /// Its MAVLink.
+    pub link: LinkStatus,
+}
+
+/// The curved legs of the mission aboard.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct CurvesStatus {
+    /// Curved legs.
+    pub legs: usize,
+    /// The chords that they are flown by.
+    pub chords: usize,
+    /// The tolerance that these were made with, m.
+    pub tolerance_m: f64,
+    /// Proven deviation, m.
+    pub bound_m: f64,
+    /// Forecast of the flown deviation, m; none for a fixed wing.
+    pub predicted_m: Option<f64>,
+    /// Forecast of the time that the curved legs take, s.
+    pub time_s: f64,
+}
+
+/// One holder of rights.
+#[derive(Debug, Clone, Serialize)]
+pub struct HolderStatus {
+    /// CUCS ID.
+    pub id: String,
+    /// LOI bits, the implied ones too.
+    pub loi: u8,
+    /// Payload stations, 1 to 32.
+    pub stations: Vec<u8>,
+    /// Since it last gained one, ms since 1970.
+    pub since_ms: Option<u64>,
+}
+
+/// One handover that is not decided yet.
+#[derive(Debug, Clone, Serialize)]
+pub struct HandoverStatus {
+    /// The holder.
+    pub from: Option<String>,
+    /// The acquiring CUCS.
+    pub to: String,
+    /// What passes.
+    pub rights: String,
+    /// What it waits for.
+    pub waits_for: &'static str,
+}
+
+/// One MAVLink link.
+#[derive(Debug, Clone, Serialize)]
+pub struct LinkStatus {
+    /// As configured.
+    pub address: String,
+    /// Where the vehicle is.
+    pub peer: Option<String>,
+    /// Whether frames are signed and verified.
+    pub signed: bool,
+    /// The key's id.
+    pub key_id: Option<String>,
+    /// How it stands: "waiting" (nothing accepted yet), "live", "behind" (verified, but its stamps have fallen back) or
+    /// "settling" (which of two keys the vehicle has is being found out).
+    pub state: &'static str,
+    /// Since when it has been live, s.
+    pub live_s: Option<f64>,
+    /// How keys are agreed about over the air, where they are.
+    pub exchange: Option<ExchangeStatus>,
+    /// Refused frames in the vehicle's name, by the reason.
+    pub refused: BTreeMap<&'static str, u64>,
+    /// Frames of other systems, which a vehicle passes on: no concern of this link.
+    pub strangers: u64,
+    /// Frames by what became of them.
+    pub frames: BTreeMap<&'static str, u64>,
+    /// Believed, by message id.
+    pub received: ByType,
+    /// Sent, by message id.
+    pub sent: ByType,
+}
+
+impl Bridge {
+    /// A picture of now.
+    #[must_use]
+    pub fn status(&self, vsm: String, now: Duration) -> Status {
+        let stations = self.stations.iter().map(|station| StationStatus {
+            id: station.id().to_string(),
+            address: station.peer.map(|peer| peer.to_string()),
+            silent_s: station
+                .received
+                .map(|at| now.saturating_sub(at).as_secs_f64()),
+        });
+        let vehicles = self.aircraft.iter().map(|aircraft| {
+            let telemetry = &aircraft.vehicle.telemetry;
+            let (link, rights) = (&aircraft.link, aircraft.authority.rights());
+            let uploaded = aircraft.mission.uploaded();
+            VehicleStatus {
+                id: aircraft.id().to_string(),
+                tail_number: aircraft.config.tail_number.clone(),
+                live: aircraft.vehicle.live(),
+                mode: telemetry.mode.map(mapping::mode::Px4Mode::name),
+                armed: telemetry.armed,
+                position: telemetry
+                    .position
+                    .map(|at| [at.latitude, at.longitude, at.amsl_m]),
+                controller: rights.controller().map(|id| id.to_string()),
+                operator_control: link.operator_control.owner(now),
+                rights: rights
+                    .holders()
+                    .map(|(id, _)| (id.to_string(), rights.granted(id).raw()))
+                    .collect(),
+                holders: holders(aircraft),
+                handovers: handovers(aircraft),
+                mission_items: uploaded.map(|mission| mission.compiled.items.len()),
+                mission_curves: curves(aircraft),
+                link: LinkStatus {
+                    address: aircraft.config.link.to_string(),
+                    peer: link.peer().map(|peer| peer.to_string()),
+                    signed: aircraft.config.signing != crate::config::Signing::Off,
+                    key_id: link.key().map(|key| key.id().to_string()),
+                    state: link.link_state_name(),
+                    live_s: link
+                        .live_since
+                        .map(|at| now.saturating_sub(at).as_secs_f64()),
+                    exchange: link.agreement.status(),
+                    refused: link.refused_frames(),
+                    strangers: link.stats().unexpected_system,
+                    frames: link.stats().iter().collect(),
+                    received: link.received.clone(),
+                    sent: link.sent.clone(),
+                },
+            }
+        });
+        Status {
+            vsm,
+            uptime_s: now.saturating_sub(self.started).as_secs_f64(),
+            refused: self.counters.clone(),
+            received: self.received.clone(),
+            sent: self.outbox.sent.clone(),
+            stations: stations.collect(),
+            vehicles: vehicles.collect(),
+        }
+    }
+}
+
+fn curves(aircraft: &Aircraft) -> Option<CurvesStatus> {
+    let Curved {
+        legs,
+        chords,
+        tolerance_m,
+        bound_m,
+        predicted_m,
+        time_s,
+    } = aircraft.mission.uploaded()?.compiled.curved?;
+    Some(CurvesStatus {
+        legs,
+        chords,
+        tolerance_m,
+        bound_m,
+        predicted_m,
+        time_s,
+    })
+}
+
+fn holders(aircraft: &Aircraft) -> Vec<HolderStatus> {
+    let holders = aircraft.authority.rights().holders().map(|(id, rights)| {
+        let since = aircraft.authority.since(id);
+        HolderStatus {
+            id: id.to_string(),
+            loi: rights.levels().raw(),
+            stations: rights.stations().iter().collect(),
+            since_ms: since.and_then(|since| u64::try_from(since.as_millis()).ok()),
+        }
+    });
+    holders.collect()
+}
+
+fn handovers(aircraft: &Aircraft) -> Vec<HandoverStatus> {
+    let pending = aircraft.authority.rights().pending().iter();
+    let pending = pending.map(|handover| HandoverStatus {
+        from: handover.from.map(|id| id.to_string()),
+        to: handover.to.to_string(),
+        rights: handover.rights.to_string(),
+        waits_for: match handover.stage {
+            Stage::Consent(_) => "consent of the holder",
+            Stage::Acceptance(_) => "acceptance of the successor",
+            Stage::Load(_) => "end of the load",
+        },
+    });
+    pending.collect()
+}

@@ -1,0 +1,263 @@
+//! What a machine reads: the time, the configuration, which stations there are, and what the vehicle shows.
+//!
+//! Read-only, and borrowed for one call. What a machine must know of a sibling comes beside it as a view (such as
+//! [`FlightView`]) that the router takes just before the call: a machine never holds on to another.
+
+use std::time::Duration;
+
+use mapping::altitude::{Agl, Altimeter};
+use mapping::limits::{Limits, Performance};
+use mapping::parameter::Parameters;
+use mapping::plan::Plan;
+use mapping::report::Commanded;
+use mapping::route::{Curving, Policy, Vertices};
+use mavlink_link::Now;
+use stanag_msgs::enums::{CommandedEngineState, RouteType};
+use stanag_msgs::messages::{LoiterConfiguration, UaStickCommand, VehicleId};
+use stanag_msgs::{Id, Text, TimeStamp};
+
+use super::authority::rules::Asker;
+use super::link::state::VehicleState;
+use super::mission::progress::RouteProgress;
+use super::mission::record::UploadedMission;
+use super::station::GroundStation;
+use crate::config;
+
+/// What every machine of a vehicle reads.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Context<'a> {
+    pub(crate) now: Now,
+    /// The identification number of this VSM.
+    pub(crate) vsm: Id,
+    pub(crate) config: &'a config::Vehicle,
+    pub(crate) settings: &'a Settings,
+    pub(crate) bounds: &'a Bounds,
+    pub(crate) stations: &'a [GroundStation],
+    /// The CUCS that holds LOI 4 or 5.
+    pub(crate) controller: Option<Id>,
+    /// As the vehicle last showed it, never as commanded.
+    pub(crate) vehicle: &'a VehicleState,
+}
+
+/// What the configuration says that is the same for every vehicle.
+#[derive(Debug, Clone)]
+pub(crate) struct Settings {
+    pub(crate) authority: config::Authority,
+    /// Which messages with a derived layout are used.
+    pub(crate) provisional: config::Provisional,
+    /// Where the status page is, for message 44000's reference to it.
+    pub(crate) web_page: Option<String>,
+}
+
+/// The bounds of what a vehicle is commanded to fly, from its configuration.
+#[derive(Debug, Clone)]
+pub(crate) struct Bounds {
+    pub(crate) agl: Agl,
+    pub(crate) limits: Limits,
+    /// Without what the vehicle's parameters add to it.
+    pub(crate) curving: Curving,
+}
+
+/// A message of a CUCS that may have to be answered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Origin {
+    /// Index of the station.
+    pub(crate) station: usize,
+    pub(crate) message_type: u16,
+    pub(crate) stamp: Option<TimeStamp>,
+    pub(crate) ack_requested: bool,
+}
+
+/// What the other machines may know of the mission.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MissionView<'a> {
+    /// What CUCSs have sent.
+    pub(crate) plan: &'a Plan,
+    /// What the vehicle carries, as it was read back from it.
+    pub(crate) uploaded: Option<&'a UploadedMission>,
+    /// What 13000 has loaded: flown by mode 11, also after another route was uploaded for another mode.
+    pub(crate) loaded: Option<&'a UploadedMission>,
+    pub(crate) progress: &'a RouteProgress,
+    pub(crate) transfer: Transfer,
+    /// A fence is being uploaded.
+    pub(crate) fence_busy: bool,
+    /// Why no upload, download or clearing can begin now.
+    pub(crate) may_change: Result<(), &'static str>,
+}
+
+/// What is on its way to the vehicle's mission store.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Transfer {
+    /// Nothing.
+    None,
+    /// A load or a clearing.
+    Running {
+        /// The station that asked for it; `None` where the VSM does by itself.
+        owner: Option<usize>,
+        /// A mode command is carried out once it is done: who gave it, `None` within for the VSM itself.
+        waiting_command: Option<Option<Origin>>,
+    },
+}
+
+/// What the other machines may know of how the vehicle is being flown.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FlightView<'a> {
+    /// A maneuver is in progress.
+    pub(crate) maneuver: bool,
+    /// Set points for mode 15 go out.
+    pub(crate) steering: bool,
+    /// The VSM flies the loss action, for a CUCS that was lost.
+    pub(crate) loss_action: bool,
+    /// What 3002 and 3004 report as commanded.
+    pub(crate) commanded: Commanded,
+    pub(crate) altimeter: Altimeter,
+    pub(crate) loiter: &'a LoiterConfiguration,
+    /// The last 2008.
+    pub(crate) engine_command: Option<CommandedEngineState>,
+    /// The last 2010.
+    pub(crate) sticks: Option<&'a UaStickCommand>,
+}
+
+/// The vehicle's parameters, as far as they have been read.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ParameterView<'a> {
+    pub(crate) values: &'a Parameters,
+    /// More of them are on their way.
+    pub(crate) reading: bool,
+}
+
+impl Context<'_> {
+    /// The vehicle.
+    pub(crate) fn id(&self) -> Id {
+        self.config.id
+    }
+
+    /// The time on a clock that does not go back.
+    pub(crate) fn mono(&self) -> Duration {
+        self.now.mono
+    }
+
+    /// A station as the authority knows it.
+    pub(crate) fn asker(&self, index: usize) -> Option<Asker> {
+        self.stations.get(index).map(GroundStation::asker)
+    }
+
+    /// Every CUCS of the configuration.
+    pub(crate) fn roster(&self) -> Vec<Asker> {
+        self.stations.iter().map(GroundStation::asker).collect()
+    }
+
+    /// The index of a station.
+    pub(crate) fn station_of(&self, id: Id) -> Option<usize> {
+        self.stations.iter().position(|station| station.id() == id)
+    }
+
+    /// Message 3.
+    pub(crate) fn vehicle_id(&self, mission: &MissionView<'_>, stamp: TimeStamp) -> VehicleId {
+        VehicleId {
+            time_stamp: Some(stamp),
+            vsm_id: Some(self.vsm),
+            vehicle_id_update: Some(self.id()),
+            vehicle_type: Some(self.vehicle.vehicle_type()),
+            vehicle_subtype: Some(0),
+            owning_id: Some((self.id().0 >> 24) as u8),
+            tail_number: Some(Text::new(&self.config.tail_number)),
+            mission_id: mission
+                .uploaded
+                .map(|uploaded| Text::new(&uploaded.mission_name)),
+            ..VehicleId::default()
+        }
+    }
+
+    /// Whether a message that names a VSM in a field is for this one: it names this VSM, everybody or nobody.
+    pub(crate) fn is_addressed(&self, vsm: Option<Id>) -> bool {
+        vsm.is_none_or(|id| [self.vsm, Id::BROADCAST, Id::NULL, Id(0)].contains(&id))
+    }
+}
+
+impl ParameterView<'_> {
+    /// A parameter of the vehicle, where it is known.
+    pub(crate) fn get(&self, name: &str) -> Option<f64> {
+        self.values.get(name)
+    }
+
+    /// How fast the vehicle may be commanded to fly, as 41003 reports it, and what it does by itself.
+    pub(crate) fn performance(&self, context: &Context<'_>) -> Performance {
+        let hovers = context.vehicle.telemetry.hovers();
+        Performance::of(hovers, self.values, &context.bounds.limits)
+    }
+
+    /// Whether parameters that bound a route are still on their way.
+    pub(crate) fn awaits_performance(&self) -> bool {
+        self.reading
+            && Performance::NAMES
+                .iter()
+                .any(|name| self.get(name).is_none())
+    }
+}
+
+impl MissionView<'_> {
+    /// Whether a load or a clearing runs.
+    pub(crate) fn is_transferring(&self) -> bool {
+        self.transfer != Transfer::None
+    }
+
+    /// The mode command that waits for its route to be uploaded: who gave it.
+    pub(crate) fn waiting_command(&self) -> Option<Option<Origin>> {
+        match self.transfer {
+            Transfer::Running {
+                waiting_command, ..
+            } => waiting_command,
+            Transfer::None => None,
+        }
+    }
+
+    /// Whether the vehicle carries a route of this type.
+    pub(crate) fn carries(&self, route_type: RouteType) -> bool {
+        self.uploaded
+            .is_some_and(|uploaded| uploaded.route_type == route_type)
+    }
+}
+
+impl Bounds {
+    /// What the configuration of a vehicle says.
+    pub(crate) fn of(config: &config::Vehicle) -> Bounds {
+        let config::Limits {
+            first_m,
+            leg_m,
+            lowest_m,
+            highest_m,
+            speed_m_s,
+        } = config.limits;
+        Bounds {
+            agl: match config.agl {
+                config::Agl::Home => Agl::AboveHome,
+                config::Agl::Refuse => Agl::Refuse,
+            },
+            limits: Limits {
+                first_m,
+                leg_m,
+                lowest_m,
+                highest_m,
+                speed_m_s,
+                items: usize::from(config.curve.max_items),
+            },
+            curving: Curving {
+                tolerance_m: config.curve.tolerance_m,
+                policy: match config.curve.policy {
+                    config::CurvePolicy::Slow => Policy::Slow,
+                    config::CurvePolicy::Refuse => Policy::Refuse,
+                },
+                vertices: match config.curve.vertices {
+                    config::CurveVertices::On => Vertices::OnCurve,
+                    config::CurveVertices::Free => Vertices::Free,
+                },
+                ..Curving::default()
+            },
+        }
+    }
+}
+
+/// Watches that nothing else wakes are looked at this long after their time: alerts may be late by as much, and so share
+/// the wake-ups of the reports that go out anyway.
+pub(crate) const WATCH_SLACK: Duration = Duration::from_millis(250);

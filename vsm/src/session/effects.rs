@@ -1,0 +1,346 @@
+//! What a machine may do: send, acknowledge, alert, command the vehicle, persist, and ask a sibling through the router.
+//!
+//! Nothing can be read back through it but whether an effect was possible. Two rules hold for every machine, because
+//! they are kept here and nowhere else:
+//!
+//! - **Persist, then answer.** [`Effects::disk`] writes before it returns. A message only joins the queue of the
+//!   bridge, and the shell takes it from there after the call: no answer can leave before what it promises is stored.
+//! - **A request to a sibling is carried out after the call**, by the router, in the order of the requests: a machine
+//!   never finds itself called again in the middle of a change.
+
+use std::collections::VecDeque;
+
+use mapping::alert;
+use mavlink_link::Now;
+use mavlink_link::store::Disk;
+use stanag_msgs::enums::{AckType, AlertPriority, RouteType, SubsystemId};
+use stanag_msgs::messages::{MessageAcknowledgement, VehicleOperatingModeCommand};
+use stanag_msgs::{Id, Message, TimeStamp};
+
+use super::alerts::{Alerts, Cause, Raised};
+use super::context::Origin;
+use super::counters::Counters;
+use super::duplicates::Remembered;
+use super::link::services::Services;
+use super::log::{LogEntry, LogLevel};
+use super::outbox::{Destination, Outbox};
+use super::station::GroundStation;
+
+/// What a machine of one vehicle may do. Borrowed for one call.
+pub(crate) struct Effects<'a> {
+    pub(crate) dli: DliEffects<'a>,
+    /// The vehicle in whose name is answered.
+    pub(crate) id: Id,
+    pub(crate) alerts: &'a mut Alerts,
+    /// The stations that hold LOI 2; written by the authority machine alone.
+    pub(crate) listeners: &'a mut Vec<usize>,
+    /// What is asked of the vehicle.
+    pub(crate) vehicle: &'a mut Services,
+    pub(crate) requests: &'a mut VecDeque<Request>,
+}
+
+/// What goes to the DLI side, to the log and to the disk: the same for all vehicles of a bridge.
+pub(crate) struct DliEffects<'a> {
+    pub(crate) now: Now,
+    pub(crate) vsm: Id,
+    pub(crate) multicast: bool,
+    pub(crate) stations: &'a [GroundStation],
+    /// What each station has sent lately, and what it was answered.
+    pub(crate) remembered: &'a mut [Remembered],
+    /// Alerts of the VSM itself, not of a vehicle.
+    pub(crate) alerts: &'a mut Alerts,
+    pub(crate) outbox: &'a mut Outbox,
+    pub(crate) counters: &'a mut Counters,
+    pub(crate) log: &'a mut VecDeque<LogEntry>,
+    pub(crate) disk: &'a mut dyn Disk,
+}
+
+/// What one machine asks of another.
+#[derive(Debug)]
+pub(crate) enum Request {
+    /// Of flight: carry out a 2016; without origin it is the VSM's own. `just_loaded`: the mission that it needs was
+    /// uploaded for it.
+    Fly {
+        origin: Option<Origin>,
+        command: Box<VehicleOperatingModeCommand>,
+        just_loaded: bool,
+    },
+    /// Of flight: put the vehicle on hold, whatever runs (the mission watchdog).
+    Hold,
+    /// Of flight and link: control has passed to another CUCS, or to nobody.
+    ControlChanged,
+    /// Of flight: the controlling CUCS was lost, and nobody has control.
+    ControllerLost,
+    /// Of mission: upload a route of this type, or again what 13000 has loaded where it is `None`; then fly this.
+    LoadAndFly {
+        origin: Option<Origin>,
+        route_type: Option<RouteType>,
+        command: Box<VehicleOperatingModeCommand>,
+    },
+    /// Of mission: refuse the mode command that waits for its route, for this reason. `without_right`: only where its
+    /// sender does not control the vehicle.
+    DropWaitingCommand { why: String, without_right: bool },
+    /// Of reports: the station has begun or ceased to hold LOI 2.
+    ListenerChanged { station: usize },
+    /// Of reports: these configuration values have changed; `by` knows already.
+    Configured {
+        changed: Vec<Message>,
+        by: Option<usize>,
+    },
+    /// Of reports: send these a few at a time, then acknowledge `origin` as carried out.
+    AnswerLater {
+        station: usize,
+        answers: Vec<Message>,
+        origin: Option<Origin>,
+    },
+}
+
+impl<'a> DliEffects<'a> {
+    /// The same for a shorter time.
+    pub(crate) fn reborrow(&mut self) -> DliEffects<'_> {
+        DliEffects {
+            now: self.now,
+            vsm: self.vsm,
+            multicast: self.multicast,
+            stations: self.stations,
+            remembered: self.remembered,
+            alerts: self.alerts,
+            outbox: self.outbox,
+            counters: self.counters,
+            log: self.log,
+            disk: self.disk,
+        }
+    }
+
+    /// The stamp of a message made now.
+    pub(crate) fn stamp(&mut self) -> TimeStamp {
+        self.outbox.stamp(self.now.wall)
+    }
+
+    /// Sends to one station, where its address is known.
+    pub(crate) fn send(&mut self, station: usize, source: Id, message: &Message) {
+        if let Some(station) = self.stations.get(station)
+            && let Some(peer) = station.peer
+        {
+            let to = Destination::Unicast(peer);
+            self.outbox.push(to, source, station.id(), message);
+        }
+    }
+
+    /// Sends a report to a station, and to the group where there is one: addressed to the station there too, so that it
+    /// can be distinguished from what another has scheduled.
+    pub(crate) fn publish(&mut self, station: usize, source: Id, message: &Message) {
+        self.send(station, source, message);
+        if self.multicast
+            && let Some(station) = self.stations.get(station)
+        {
+            let to = Destination::Multicast;
+            self.outbox.push(to, source, station.id(), message);
+        }
+    }
+
+    /// Answers with 17000 where one was requested, and remembers the answer for duplicates.
+    pub(crate) fn acknowledge(&mut self, source: Id, origin: &Origin, answer: AckType) {
+        if answer == AckType::Refused {
+            self.counters.count("refused");
+        }
+        if let (Some(station), Some(remembered), Some(stamp)) = (
+            self.stations.get(origin.station),
+            self.remembered.get_mut(origin.station),
+            origin.stamp,
+        ) {
+            remembered.answered(station.id(), origin.message_type, stamp, answer, self.disk);
+        }
+        if !origin.ack_requested {
+            return;
+        }
+        let message = MessageAcknowledgement {
+            time_stamp: Some(self.stamp()),
+            original_message_time_stamp: origin.stamp,
+            original_message_type: Some(origin.message_type),
+            acknowledgement_type: Some(answer),
+        };
+        self.send(origin.station, source, &message.into());
+    }
+
+    /// Sends an alert (16000) to these stations, by the group too, and writes it to the log.
+    pub(crate) fn alert(&mut self, source: Id, to: &[usize], raised: Option<Raised>) {
+        if let Some(raised) = raised {
+            let Raised { alert, .. } = &raised;
+            self.note(LogLevel::of(alert.priority), source, alert.text.clone());
+            self.show(source, to, &raised);
+        }
+    }
+
+    /// Sends an alert (16000) to these stations, by the group too.
+    pub(crate) fn show(&mut self, source: Id, to: &[usize], raised: &Raised) {
+        let Raised { alert, first } = raised;
+        let (outbox, wall) = (&mut *self.outbox, self.now.wall);
+        let messages: Vec<Message> = alert::messages(alert, *first, || outbox.stamp(wall))
+            .map(Message::SubsystemStatusAlert)
+            .collect();
+        for message in &messages {
+            for station in to {
+                self.publish(*station, source, message);
+            }
+        }
+    }
+
+    /// Refuses, in the name of the VSM, a message that is for no vehicle in particular.
+    pub(crate) fn refuse(&mut self, origin: &Origin, why: &str) {
+        let vsm = self.vsm;
+        self.acknowledge(vsm, origin, AckType::Refused);
+        let text = format!("{} refused: {why}", origin.message_type);
+        let to = [origin.station];
+        let raised = self.alerts.answer_sometimes(self.now.mono, &to, text);
+        self.alert(vsm, &to, raised);
+    }
+
+    /// Clears the VSM's own answers whose time is over.
+    pub(crate) fn clear_answers(&mut self) {
+        while let Some((to, raised)) = self.alerts.next_over(self.now.mono) {
+            self.show(self.vsm, &to, &raised);
+        }
+    }
+
+    /// A line of the log.
+    pub(crate) fn note(&mut self, level: LogLevel, about: Id, text: String) {
+        if self.log.len() < MAX_LOGGED {
+            self.log.push_back(LogEntry { level, about, text });
+        }
+    }
+}
+
+impl Effects<'_> {
+    /// The stamp of a message made now.
+    pub(crate) fn stamp(&mut self) -> TimeStamp {
+        self.dli.stamp()
+    }
+
+    /// Sends to one station.
+    pub(crate) fn send(&mut self, station: usize, message: &Message) {
+        self.dli.send(station, self.id, message);
+    }
+
+    /// Sends a report to one station, and to the group.
+    pub(crate) fn publish(&mut self, station: usize, message: &Message) {
+        self.dli.publish(station, self.id, message);
+    }
+
+    /// Sends a report to every station that holds LOI 2.
+    pub(crate) fn publish_to_listeners(&mut self, message: &Message) {
+        for station in self.listeners.iter() {
+            self.dli.publish(*station, self.id, message);
+        }
+    }
+
+    /// Answers with 17000 where one was requested.
+    pub(crate) fn acknowledge(&mut self, origin: &Origin, answer: AckType) {
+        self.dli.acknowledge(self.id, origin, answer);
+    }
+
+    /// Refuses a command: 17000 where it was requested, 16000 with the reason to its sender. The reason of a command of
+    /// the VSM itself goes to all who listen.
+    pub(crate) fn refuse(&mut self, origin: Option<Origin>, why: impl Into<String>) {
+        let why = why.into();
+        match origin {
+            Some(origin) => {
+                self.acknowledge(&origin, AckType::Refused);
+                let text = format!("{} refused: {why}", origin.message_type);
+                self.answer(&[origin.station], text);
+            }
+            None => {
+                let to = self.listeners.clone();
+                self.answer(&to, why);
+            }
+        }
+    }
+
+    /// Refuses a message that any listed CUCS may send, with any right or none. Of many that are alike only some are
+    /// answered with the reason, since nothing keeps a station from sending them.
+    pub(crate) fn refuse_unprivileged(&mut self, origin: &Origin, why: &str) {
+        self.acknowledge(origin, AckType::Refused);
+        let Some(station) = self.dli.stations.get(origin.station) else {
+            return;
+        };
+        let text = format!("{} of {} refused: {why}", origin.message_type, station.id());
+        let to = [origin.station];
+        let raised = self.alerts.answer_sometimes(self.dli.now.mono, &to, text);
+        self.dli.alert(self.id, &to, raised);
+    }
+
+    /// 16000 to these stations only: the answer to one message, cleared after a while.
+    pub(crate) fn answer(&mut self, to: &[usize], text: String) {
+        let raised = self.alerts.answer(self.dli.now.mono, to, text);
+        self.dli.alert(self.id, to, Some(raised));
+    }
+
+    /// Raises an alert that stands until it is cleared, or changes its text.
+    pub(crate) fn raise(
+        &mut self,
+        cause: Cause,
+        priority: AlertPriority,
+        subsystem: SubsystemId,
+        text: impl Into<String>,
+    ) {
+        let raised = self.alerts.raise(cause, priority, subsystem, text.into());
+        self.dli.alert(self.id, self.listeners, raised);
+    }
+
+    /// Clears an alert, where it stands.
+    pub(crate) fn clear(&mut self, cause: Cause, text: &str) {
+        let raised = self.alerts.clear(cause, text);
+        self.dli.alert(self.id, self.listeners, raised);
+    }
+
+    /// Alerts of something that happened once.
+    pub(crate) fn notify(
+        &mut self,
+        priority: AlertPriority,
+        subsystem: SubsystemId,
+        text: impl Into<String>,
+    ) {
+        let now = self.dli.now.mono;
+        let raised = self.alerts.notice(now, priority, subsystem, text.into());
+        self.dli.alert(self.id, self.listeners, raised);
+    }
+
+    /// Something that operators should know.
+    pub(crate) fn advise(&mut self, text: impl Into<String>) {
+        self.notify(AlertPriority::Nominal, SubsystemId::VsmStatus, text);
+    }
+
+    /// Notifies once that altitude type 2 is flown as height above home.
+    pub(crate) fn advise_agl(&mut self) {
+        if self.alerts.first_agl() {
+            self.advise("altitude type 2 (AGL) is flown as height above home");
+        }
+    }
+
+    /// Raises a warning of the VSM.
+    pub(crate) fn warn(&mut self, cause: Cause, text: impl Into<String>) {
+        self.raise(cause, AlertPriority::Warning, SubsystemId::VsmStatus, text);
+    }
+
+    /// Warns once of something on the vehicle's side.
+    pub(crate) fn warn_of_link(&mut self, text: impl Into<String>) {
+        self.notify(AlertPriority::Warning, SubsystemId::Comms, text);
+    }
+
+    /// A line of the log about the vehicle.
+    pub(crate) fn note(&mut self, level: LogLevel, text: impl Into<String>) {
+        self.dli.note(level, self.id, text.into());
+    }
+
+    /// Where records are stored: durable, as the record asks for, when the call returns.
+    pub(crate) fn disk(&mut self) -> &mut dyn Disk {
+        self.dli.disk
+    }
+
+    /// Asks a sibling, after this call.
+    pub(crate) fn request(&mut self, request: Request) {
+        self.requests.push_back(request);
+    }
+}
+
+const MAX_LOGGED: usize = 1_024;

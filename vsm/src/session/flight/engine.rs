@@ -1,0 +1,78 @@
+//! Engines (2008): arming and disarming by PX4's own rules.
+//!
+//! PX4 arms all motors together: an Engine Number says nothing but that the vehicle must have that engine. It is never
+//! forced: PX4 refuses to disarm in the air and to arm what is not ready, and its reason is passed on. It is put in
+//! AUTO.LOITER before it is armed on the ground: armed in AUTO.MISSION it would take off at once.
+
+use std::time::Duration;
+
+use mapping::mode::Px4Mode;
+use mapping::status;
+use stanag_msgs::enums::{CommandedEngineState as Wanted, OffOnNotspec, ReverseThrust};
+use stanag_msgs::messages::EngineCommand;
+
+use crate::session::link::state::VehicleState;
+use crate::session::maneuver::{self, Confirmation, Step};
+
+/// What a 2008 asks for, and the steps to it.
+///
+/// # Errors
+/// The reason, for the operator.
+pub(super) fn steps(
+    command: &EngineCommand,
+    vehicle: &VehicleState,
+) -> Result<(Wanted, Vec<Step>), String> {
+    let vehicle = &vehicle.telemetry;
+    let engines = status::engines(vehicle);
+    if let Some(number) = command.engine_number
+        && engines > 0
+        && number > engines
+    {
+        return Err(format!("Engine Number {number}, it has {engines}"));
+    }
+    if matches!(
+        command.reverse_thrust,
+        Some(ReverseThrust::On | ReverseThrust::Auto)
+    ) || command.reverse_thrust_power == Some(OffOnNotspec::On)
+    {
+        return Err("PX4 has no command for reverse thrust".to_owned());
+    }
+    if command.ignition_switch_power == Some(OffOnNotspec::On)
+        || command.ignition_switch_activation == Some(OffOnNotspec::On)
+    {
+        return Err("PX4 has no command for an ignition".to_owned());
+    }
+    let wanted = command.engine_command.ok_or("Engine Command is missing")?;
+    let arm = |armed: bool| {
+        let (what, confirmation) = if armed {
+            ("arming", Confirmation::Armed)
+        } else {
+            ("disarming", Confirmation::Disarmed)
+        };
+        let command = Step::Command {
+            command: maneuver::arm(armed),
+            what,
+            patience: if armed { ARM_PATIENCE } else { Duration::ZERO },
+        };
+        let confirm = Step::Confirm {
+            confirmation,
+            within: STATE_WITHIN,
+        };
+        [command, confirm]
+    };
+    match wanted {
+        Wanted::Stop => Ok((wanted, arm(false).into())),
+        Wanted::Start | Wanted::Enable if vehicle.armed == Some(true) => Ok((wanted, Vec::new())),
+        Wanted::Start | Wanted::Enable => {
+            let mut steps: Vec<Step> = maneuver::enter(&[Px4Mode::LOITER]).into();
+            steps.extend(arm(true));
+            Ok((wanted, steps))
+        }
+        other => Err(format!("Engine Command {} is not known", other.raw())),
+    }
+}
+
+/// After its start PX4 refuses to arm for some seconds.
+const ARM_PATIENCE: Duration = Duration::from_secs(8);
+/// HEARTBEAT comes at 1 Hz, and some of them are lost.
+const STATE_WITHIN: Duration = Duration::from_secs(6);

@@ -1,0 +1,727 @@
+//! How one vehicle is flown: what a command of a CUCS becomes, and what the VSM flies when there is none.
+//!
+//! A 2016 becomes a [task](situation::Task), most often a [maneuver](super::maneuver): steps for the vehicle, each
+//! confirmed by what it shows. One maneuver is in progress at a time; a later command supersedes it. Parts:
+//!
+//! - `mode_command`: what a 2016 asks of PX4, or why PX4 cannot do it; pure. `situation`: what it judges by
+//! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
+//! - `settings` (2017, altimeter), `engine` (2008)
+//! - `loss_action`: what is flown once the controlling CUCS is lost
+
+mod engine;
+mod loss_action;
+mod mode_command;
+mod settings;
+mod situation;
+mod steering;
+mod sticks;
+
+use std::ops::Deref;
+use std::time::Duration;
+
+use mapping::altitude::Altimeter;
+use mapping::configuration::changes;
+use mapping::mode::Px4Mode;
+use mapping::report::{self, Commanded};
+use mapping::telemetry::Telemetry;
+use mavlink_link::dialect::{MavLandedState, MavMessage};
+use mavlink_link::service::{command, mission};
+use mavlink_link::store::StoreError;
+use stanag_msgs::Message;
+use stanag_msgs::enums::{
+    AckType, AltitudeType, CommandedEngineState, FlightPathControlMode as Mode, RouteType,
+};
+use stanag_msgs::messages::{
+    EngineCommand, LoiterConfiguration, UaStickCommand, VehicleOperatingModeCommand,
+};
+
+use self::loss_action::{Action, LossAction, LossContext};
+use self::situation::{Situation, Task};
+use self::steering::Steering;
+use self::sticks::{Due, SEEN_WITHIN, Sticks};
+use super::context::{self, FlightView, MissionView, Origin, ParameterView};
+use super::duplicates::Seen;
+use super::effects::{Effects, Request};
+use super::ignored_fields;
+use super::maneuver::{self, Maneuver, Progress, Step};
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(crate) struct Flight {
+    /// In progress, and who commanded it; none for the VSM itself.
+    maneuver: Option<(Option<Origin>, Maneuver)>,
+    /// What 3002 and 3004 report as commanded.
+    commanded: Commanded,
+    /// The mode that the vehicle was in when it was.
+    commanded_in: Option<Px4Mode>,
+    loiter: LoiterConfiguration,
+    altimeter: Altimeter,
+    sticks: Sticks,
+    steering: Steering,
+    /// The last 2008.
+    engine_command: Option<CommandedEngineState>,
+    loss_action: LossAction,
+    /// A restart of the VSM cut off a launch, and what became of it is not known yet.
+    launch_cut_off: bool,
+}
+
+/// What it reads.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Context<'a> {
+    pub(crate) common: context::Context<'a>,
+    pub(crate) mission: MissionView<'a>,
+    pub(crate) parameters: ParameterView<'a>,
+}
+
+impl<'a> Deref for Context<'a> {
+    type Target = context::Context<'a>;
+
+    fn deref(&self) -> &context::Context<'a> {
+        &self.common
+    }
+}
+
+/// What happens to it.
+#[derive(Debug)]
+pub(crate) enum Input<'a> {
+    /// 2007, 2008, 2010, 2016 or 2017 of a CUCS that holds the right.
+    Command {
+        origin: Origin,
+        message: &'a Message,
+    },
+    /// A 2016 whose mission was uploaded for it (`just_loaded`), or one of the VSM itself, without origin.
+    Fly {
+        origin: Option<Origin>,
+        command: &'a VehicleOperatingModeCommand,
+        just_loaded: bool,
+    },
+    /// The mission watchdog stops the vehicle.
+    Hold,
+    /// Control has passed to another CUCS, or to nobody.
+    ControlChanged,
+    /// The controlling CUCS was lost, and nobody has control.
+    ControllerLost,
+    /// A command to the vehicle ended.
+    CommandEnded(&'a command::Event),
+    /// An operation of the mission service ended or progressed.
+    MissionServiceEnded(&'a mission::Event),
+    /// The vehicle shows another mode.
+    ModeChanged,
+    /// Sends the set points and sticks that are due, and lets the maneuver take its next step.
+    Advance,
+    /// Tries again what the vehicle does not show yet of the loss action.
+    WatchLossAction,
+    /// A launch that a restart of the VSM cut off leaves no running motors on the ground.
+    EndCutOffLaunch,
+}
+
+/// The mode that a 2016 is about: its own, or the present one where it names none; `None` of other messages.
+pub(crate) fn mode_of(message: &Message, telemetry: &Telemetry) -> Option<Mode> {
+    match message {
+        Message::VehicleOperatingModeCommand(command) => situation::mode_of(command, telemetry),
+        _ => None,
+    }
+}
+
+impl Flight {
+    /// What a restart finds.
+    ///
+    /// # Errors
+    /// A record exists and cannot be read.
+    pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+        self.altimeter = settings::stored_altimeter(effects)?;
+        Ok(())
+    }
+
+    /// A restart has cut off this command.
+    pub(crate) fn cut_off(&mut self, seen: &Seen) {
+        self.launch_cut_off |=
+            seen.message_type == 2016 && Mode::from_raw(seen.mode) == Mode::Launch;
+    }
+
+    /// What the other machines may know.
+    pub(crate) fn view(&self) -> FlightView<'_> {
+        FlightView {
+            maneuver: self.maneuver.is_some(),
+            steering: self.steering.engaged(),
+            loss_action: self.loss_action.is_active(),
+            commanded: self.commanded,
+            altimeter: self.altimeter,
+            loiter: &self.loiter,
+            engine_command: self.engine_command,
+            sticks: self.sticks.latest(),
+        }
+    }
+
+    /// Takes an input.
+    pub(crate) fn handle(
+        &mut self,
+        context: &Context<'_>,
+        input: Input<'_>,
+        effects: &mut Effects<'_>,
+    ) {
+        match input {
+            Input::Command { origin, message } => self.command(context, origin, message, effects),
+            Input::Fly {
+                origin,
+                command,
+                just_loaded,
+            } => self.operate(context, origin, command, just_loaded, effects),
+            Input::Hold => {
+                let hold = maneuver::enter(&[Px4Mode::LOITER]);
+                let maneuver = Maneuver::new(hold, Commanded::default());
+                self.begin(context, None, maneuver, effects);
+            }
+            Input::ControlChanged => self.control_changed(context, effects),
+            Input::ControllerLost => {
+                let on_loss = context.settings.authority.on_loss;
+                let steered = self.steering.engaged();
+                self.loss_action.begin(on_loss, steered, context.mono());
+                self.fly_loss_action(context, effects);
+            }
+            Input::CommandEnded(event) => {
+                let (now, vehicle) = (context.mono(), context.vehicle);
+                if let Some((origin, maneuver)) = &mut self.maneuver
+                    && let Progress::Refused(why) = maneuver.handle_command(now, event, vehicle)
+                {
+                    let origin = *origin;
+                    self.fail(context, origin, why, effects);
+                }
+            }
+            Input::MissionServiceEnded(event) => {
+                if let Some((origin, maneuver)) = &mut self.maneuver
+                    && let Progress::Refused(why) = maneuver.handle_mission(event)
+                {
+                    let origin = *origin;
+                    self.fail(context, origin, why, effects);
+                }
+            }
+            Input::ModeChanged => self.forget_commanded(context),
+            Input::Advance => {
+                self.stream_sticks(context, effects);
+                self.stream_set_points(context, effects);
+                self.advance(context, effects);
+            }
+            Input::WatchLossAction => self.fly_loss_action(context, effects),
+            Input::EndCutOffLaunch => self.end_cut_off_launch(context, effects),
+        }
+    }
+
+    /// When an input that depends on the time is next due.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        let maneuver = self.maneuver.as_ref();
+        [
+            maneuver.and_then(|(_, maneuver)| maneuver.poll_timeout()),
+            self.sticks.poll_timeout(),
+            self.steering.poll_timeout(),
+            self.loss_action.poll_timeout(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+}
+
+/// Commands, as they arrive.
+impl Flight {
+    fn command(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        message: &Message,
+        effects: &mut Effects<'_>,
+    ) {
+        match message {
+            Message::VehicleOperatingModeCommand(command) => {
+                effects.acknowledge(&origin, AckType::Received);
+                self.operate(context, Some(origin), command, false, effects);
+            }
+            Message::LoiterConfiguration(new) => {
+                self.configure_loiter(context, origin, new, effects);
+            }
+            Message::UaStickCommand(sticks) => {
+                self.take_sticks(context, origin, sticks, effects);
+            }
+            Message::EngineCommand(command) => {
+                self.command_engine(context, origin, command, effects);
+            }
+            _ => effects.refuse(
+                Some(origin),
+                "PX4 takes no command for lights: they show its state",
+            ),
+        }
+    }
+
+    /// 2017.
+    fn configure_loiter(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        new: &LoiterConfiguration,
+        effects: &mut Effects<'_>,
+    ) {
+        let hovers = context.vehicle.telemetry.hovers();
+        let merged = match settings::merged(&self.loiter, new, hovers) {
+            Ok(merged) => merged,
+            Err(why) => return effects.refuse(Some(origin), why),
+        };
+        let changed = changes::loiter(&merged, &self.loiter).collect();
+        self.loiter = merged;
+        effects.acknowledge(&origin, AckType::CarriedOut);
+        effects.request(Request::Configured {
+            changed,
+            by: Some(origin.station),
+        });
+    }
+
+    /// 2010.
+    fn take_sticks(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        sticks: &UaStickCommand,
+        effects: &mut Effects<'_>,
+    ) {
+        match self.sticks.take(context.mono(), sticks) {
+            Ok(()) => effects.acknowledge(&origin, AckType::CarriedOut),
+            Err(why) => effects.refuse(Some(origin), why),
+        }
+    }
+
+    /// 2008.
+    fn command_engine(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        command: &EngineCommand,
+        effects: &mut Effects<'_>,
+    ) {
+        effects.acknowledge(&origin, AckType::Received);
+        if !context.vehicle.live() {
+            return effects.refuse(Some(origin), SILENT);
+        }
+        match engine::steps(command, context.vehicle) {
+            Ok((wanted, steps)) => {
+                self.engine_command = Some(wanted);
+                let maneuver = Maneuver::new(steps, self.commanded);
+                self.begin(context, Some(origin), maneuver, effects);
+            }
+            Err(why) => effects.refuse(Some(origin), why),
+        }
+    }
+
+    /// 2016; without origin it is the VSM's own. `just_loaded`: the route that it needs was uploaded for it.
+    fn operate(
+        &mut self,
+        context: &Context<'_>,
+        origin: Option<Origin>,
+        command: &VehicleOperatingModeCommand,
+        just_loaded: bool,
+        effects: &mut Effects<'_>,
+    ) {
+        if !context.vehicle.live() {
+            return effects.refuse(origin, SILENT);
+        }
+        let telemetry = &context.vehicle.telemetry;
+        let altimeter = match settings::altimeter_of(command, self.altimeter) {
+            Ok(altimeter) => altimeter,
+            Err(why) => return effects.refuse(origin, why),
+        };
+        let enters = |(_, maneuver): &(_, Maneuver)| maneuver.enters_a_mode();
+        let situation = Situation {
+            telemetry,
+            uploaded: context.mission.uploaded,
+            loaded: context.mission.loaded,
+            plan: context.mission.plan,
+            just_loaded,
+            entering: context.mission.waiting_command().is_some()
+                || self.maneuver.as_ref().is_some_and(enters),
+            loiter: &self.loiter,
+            commanded: self.commanded,
+            agl: context.bounds.agl,
+            altimeter,
+            limits: context.bounds.limits,
+            performance: context.parameters.performance(context),
+        };
+        // What is refused changes nothing: the altimeter setting is stored only where the rest can be flown.
+        let task = mode_command::task(command, &situation).and_then(|task| {
+            self.set_altimeter(altimeter, origin, effects)
+                .map(|()| task)
+        });
+        let task = match task {
+            Ok(task) => task,
+            Err(why) => return effects.refuse(origin, why),
+        };
+        if command.commanded_altitude.is_some() && command.altitude_type == Some(AltitudeType::Agl)
+        {
+            effects.advise_agl();
+        }
+        if let Some((origin, mode)) = origin.zip(situation::mode_of(command, telemetry)) {
+            let routed = task.flies_a_route(telemetry.mode);
+            let names = ignored_fields::ignored_fields(command, mode, routed);
+            let place = format!(" in mode {}", mode.raw());
+            let text = ignored_fields::report(origin.message_type, &names, &place);
+            if let Some(text) = text {
+                effects.answer(&[origin.station], text);
+            }
+        }
+        match task {
+            Task::Nothing => {
+                if let Some(origin) = origin {
+                    effects.acknowledge(&origin, AckType::CarriedOut);
+                }
+            }
+            Task::Steps(steps, commanded) => {
+                if let Some(why) = waits_for_transfer(&steps, context) {
+                    return effects.refuse(origin, why);
+                }
+                let restarts = mode_command::restarts_route(command, telemetry)
+                    && command.select_flight_path_control_mode == Some(Mode::Waypoint);
+                if restarts && context.mission.progress.was_flown() {
+                    report_restart(context, effects);
+                }
+                self.begin(context, origin, Maneuver::new(steps, commanded), effects);
+            }
+            Task::Launch(steps, commanded) => {
+                let maneuver = Maneuver::new(steps, commanded).undone_by(maneuver::arm(false));
+                self.begin(context, origin, maneuver, effects);
+            }
+            Task::Manual => self.fly_manually(context, origin, effects),
+            Task::Steer(order, commanded) => {
+                self.steer(context, origin, order, commanded, effects);
+            }
+            Task::Load(route_type) => effects.request(Request::LoadAndFly {
+                origin,
+                route_type: Some(route_type),
+                command: Box::new(command.clone()),
+            }),
+            Task::Reload => effects.request(Request::LoadAndFly {
+                origin,
+                route_type: None,
+                command: Box::new(command.clone()),
+            }),
+        }
+    }
+
+    fn set_altimeter(
+        &mut self,
+        altimeter: Altimeter,
+        by: Option<Origin>,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), String> {
+        if altimeter != self.altimeter {
+            settings::store_altimeter(altimeter, effects)?;
+            self.altimeter = altimeter;
+            effects.request(Request::Configured {
+                changed: changes::altimeter(altimeter).into_iter().collect(),
+                by: by.map(|origin| origin.station),
+            });
+        }
+        Ok(())
+    }
+
+    /// Mode 2: the stream first, then the mode.
+    fn fly_manually(
+        &mut self,
+        context: &Context<'_>,
+        origin: Option<Origin>,
+        effects: &mut Effects<'_>,
+    ) {
+        let now = context.mono();
+        if !self.sticks.fresh(now) {
+            let why = "mode 2: no sticks (2010) come; send them first, 10 a second or more";
+            return effects.refuse(origin, why);
+        }
+        let mut steps = Vec::new();
+        if context.vehicle.telemetry.mode != Some(Px4Mode::POSCTL) {
+            // PX4 refuses the mode until it has seen sticks.
+            steps.push(Step::Pause(SEEN_WITHIN));
+        }
+        steps.extend(maneuver::enter(&[Px4Mode::POSCTL]));
+        let maneuver = Maneuver::new(steps, Commanded::default());
+        self.begin(context, origin, maneuver, effects);
+        // After `begin`: what it superseded has released the sticks.
+        self.sticks.engage(now);
+        self.stream_sticks(context, effects);
+    }
+
+    /// Mode 15: set points first, then the mode; within the mode the set points alone change.
+    fn steer(
+        &mut self,
+        context: &Context<'_>,
+        origin: Option<Origin>,
+        order: steering::Order,
+        commanded: Commanded,
+        effects: &mut Effects<'_>,
+    ) {
+        let telemetry = &context.vehicle.telemetry;
+        let entered = telemetry.mode == Some(Px4Mode::OFFBOARD) && self.steering.engaged();
+        let mut steering = self.steering.clone();
+        if let Err(why) = steering.take(context.mono(), order, telemetry) {
+            return effects.refuse(origin, why);
+        }
+        self.supersede(context, effects);
+        // After what was superseded has released the stream.
+        self.steering = steering;
+        self.stream_set_points(context, effects);
+        let steps: Vec<Step> = if entered {
+            Vec::new()
+        } else {
+            maneuver::enter(&[Px4Mode::OFFBOARD]).into()
+        };
+        self.begin(context, origin, Maneuver::new(steps, commanded), effects);
+    }
+}
+
+/// The maneuver in progress, and its end.
+impl Flight {
+    fn begin(
+        &mut self,
+        context: &Context<'_>,
+        origin: Option<Origin>,
+        maneuver: Maneuver,
+        effects: &mut Effects<'_>,
+    ) {
+        self.supersede(context, effects);
+        self.maneuver = Some((origin, maneuver));
+    }
+
+    /// Ends what runs, for a later command.
+    fn supersede(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let why = "superseded by a later command";
+        self.end_running(context, why, |_| true, effects);
+        // A command that waits for its route to be uploaded has not begun, and must not begin later.
+        if context.mission.waiting_command().is_some() {
+            effects.request(Request::DropWaitingCommand {
+                why: why.to_owned(),
+                without_right: false,
+            });
+        }
+    }
+
+    /// Control has passed to another CUCS, or to nobody: what its sender could not command now is not continued.
+    fn control_changed(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let controller = context.controller;
+        let why = match controller {
+            Some(id) => format!("{id} controls the vehicle now"),
+            None => "its sender does not control the vehicle any more, nobody does".to_owned(),
+        };
+        let without_right = |origin: Option<Origin>| {
+            origin.is_some_and(|origin| {
+                context.asker(origin.station).map(|asker| asker.id) != controller
+            })
+        };
+        self.end_running(context, &why, without_right, effects);
+        if context.mission.waiting_command().is_some() {
+            effects.request(Request::DropWaitingCommand {
+                why,
+                without_right: true,
+            });
+        }
+        self.sticks.forget();
+        let airborne = context.vehicle.telemetry.airborne();
+        if controller.is_none() && self.steering.engaged() && airborne {
+            // Steered by nobody it would fly straight on for ever.
+            self.operate(context, None, &select(Mode::Loiter), false, effects);
+        }
+    }
+
+    fn end_running(
+        &mut self,
+        context: &Context<'_>,
+        why: &str,
+        ends: impl Fn(Option<Origin>) -> bool,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some((origin, mut running)) = self.maneuver.take_if(|(origin, _)| ends(*origin)) {
+            running.abandon(context.mono(), context.vehicle, effects.vehicle);
+            self.release_streams(context);
+            self.forget_commanded(context);
+            effects.refuse(origin, why);
+        }
+    }
+
+    /// Ends streams whose mode was not entered; within their mode they must not starve.
+    fn release_streams(&mut self, context: &Context<'_>) {
+        let mode = context.vehicle.telemetry.mode;
+        if mode != Some(Px4Mode::POSCTL) {
+            self.sticks.release();
+        }
+        if mode != Some(Px4Mode::OFFBOARD) {
+            self.steering.release();
+        }
+    }
+
+    fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let Some((origin, maneuver)) = &mut self.maneuver else {
+            return;
+        };
+        let origin = *origin;
+        match maneuver.advance(context.mono(), context.vehicle, effects.vehicle) {
+            Progress::Going => {}
+            Progress::Done => {
+                // What it commanded goes with the mode that the vehicle shows now.
+                let telemetry = &context.vehicle.telemetry;
+                let uploaded = context.mission.uploaded;
+                self.commanded = maneuver.commanded;
+                self.commanded_in = telemetry.mode;
+                self.commanded.speed_leg =
+                    uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));
+                self.maneuver = None;
+                if let Some(origin) = origin {
+                    effects.acknowledge(&origin, AckType::CarriedOut);
+                }
+            }
+            Progress::Refused(why) => self.fail(context, origin, why, effects),
+        }
+    }
+
+    fn fail(
+        &mut self,
+        context: &Context<'_>,
+        origin: Option<Origin>,
+        why: String,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some((_, mut maneuver)) = self.maneuver.take() {
+            maneuver.abandon(context.mono(), context.vehicle, effects.vehicle);
+        }
+        self.release_streams(context);
+        self.forget_commanded(context);
+        effects.refuse(origin, why);
+    }
+
+    /// Forgets what was commanded in another mode: PX4 forgets speeds, places and altitudes when its mode changes; so
+    /// does this VSM, whoever has changed it. What a maneuver leads to is known at its end.
+    fn forget_commanded(&mut self, context: &Context<'_>) {
+        let mode = context.vehicle.telemetry.mode;
+        if self.maneuver.is_some() || self.commanded_in == mode {
+            return;
+        }
+        // It hovers where it has taken off to.
+        let taken_off =
+            self.commanded_in == Some(Px4Mode::TAKEOFF) && mode == Some(Px4Mode::LOITER);
+        if !taken_off {
+            self.commanded = Commanded::default();
+        }
+        self.commanded_in = mode;
+    }
+}
+
+/// What is flown without a command of the moment: streams, the loss action, a launch that was cut off.
+impl Flight {
+    fn stream_sticks(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let mode = context.vehicle.telemetry.mode;
+        let system = context.config.system_id;
+        match self.sticks.advance(context.mono(), mode, system) {
+            Due::None => {}
+            Due::Send(sticks) => effects.vehicle.post(MavMessage::MANUAL_CONTROL(sticks)),
+            Due::Stopped => effects.warn_of_link(
+                "the sticks (2010) have stopped: the vehicle does what it is set to do",
+            ),
+        }
+    }
+
+    fn stream_set_points(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let limits = &context.bounds.limits;
+        let system = context.config.system_id;
+        let due = self
+            .steering
+            .advance(context.mono(), context.vehicle, limits, system);
+        if let Some(message) = due {
+            effects.vehicle.post(message);
+        }
+    }
+
+    fn fly_loss_action(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let telemetry = &context.vehicle.telemetry;
+        let loss = LossContext {
+            now: context.mono(),
+            live: context.vehicle.live(),
+            on_ground: telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
+            controlled: context.controller.is_some(),
+            mode: telemetry.mode,
+            carries_contingency: context.mission.carries(RouteType::ContingencyA),
+            // A command of the VSM itself that waits for its route is the action's own.
+            busy: self.maneuver.is_some() || context.mission.waiting_command() == Some(None),
+            may_change_mission: context.mission.may_change.is_ok(),
+        };
+        match self.loss_action.poll(&loss, effects) {
+            None => {}
+            Some(Action::Hold) => {
+                self.operate(context, None, &select(Mode::Loiter), false, effects);
+            }
+            Some(Action::Contingency) => {
+                self.operate(context, None, &select(Mode::ContingencyA), false, effects);
+            }
+            Some(Action::Return) => {
+                let steps = maneuver::enter(&[Px4Mode::RTL]);
+                let maneuver = Maneuver::new(steps, Commanded::default());
+                self.begin(context, None, maneuver, effects);
+            }
+        }
+    }
+
+    /// A launch that a restart cut off leaves no running motors behind, as one that fails leaves none: a vehicle that is
+    /// still on the ground is disarmed; of one that flies operators are warned.
+    fn end_cut_off_launch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let telemetry = &context.vehicle.telemetry;
+        let known = (telemetry.armed, telemetry.landed);
+        let (true, true, (Some(armed), Some(_))) =
+            (self.launch_cut_off, context.vehicle.live(), known)
+        else {
+            return;
+        };
+        self.launch_cut_off = false;
+        let flies = telemetry.airborne();
+        if self.maneuver.is_some() || !(armed || flies) {
+            return;
+        }
+        effects.warn_of_link(if flies {
+            "the launch that a restart of the VSM cut off has taken the vehicle up: command what it is to do"
+        } else {
+            "the launch that a restart of the VSM cut off left the vehicle armed on the ground: it is disarmed"
+        });
+        if !flies {
+            let maneuver = Maneuver::new(maneuver::disarm(), self.commanded);
+            self.begin(context, None, maneuver, effects);
+        }
+    }
+}
+
+/// Why these steps must wait for a transfer to the vehicle, where they must: a mission that is being replaced could be
+/// flown from an index that meant another item.
+fn waits_for_transfer(steps: &[Step], context: &Context<'_>) -> Option<&'static str> {
+    let needs_mission = steps.iter().any(|step| matches!(step, Step::SetCurrent(_)));
+    let flies_mission = maneuver::mode_after(steps, None) == Some(Px4Mode::MISSION);
+    if context.mission.is_transferring() && (needs_mission || flies_mission) {
+        Some("a route is on its way aboard: wait for 14000")
+    } else if context.mission.fence_busy && needs_mission {
+        Some("a fence is on its way aboard: wait for 50018")
+    } else {
+        None
+    }
+}
+
+/// Reports that a route which has been flown to its end is flown again.
+fn report_restart(context: &Context<'_>, effects: &mut Effects<'_>) {
+    let uploaded = context.mission.uploaded;
+    let loops = uploaded.is_some_and(|uploaded| uploaded.compiled.circuit().is_some());
+    let once = if loops {
+        ", its loop only once: PX4 has counted it; clear and load the route for more"
+    } else {
+        ""
+    };
+    effects.advise(format!(
+        "mode 11: the route has been flown to its end, it is flown again from its start{once}"
+    ));
+}
+
+fn select(mode: Mode) -> VehicleOperatingModeCommand {
+    VehicleOperatingModeCommand {
+        select_flight_path_control_mode: Some(mode),
+        ..VehicleOperatingModeCommand::default()
+    }
+}
+
+const SILENT: &str = "the vehicle is silent: no command can be confirmed";

@@ -1,0 +1,610 @@
+//! What a 2016 asks of PX4, or why PX4 cannot do it: a pure function of the [`Situation`].
+//!
+//! [`task`] comes first, then the modes: routes (11, 19, 23, 24), launch (21), loiter (12), steering (15).
+
+use mapping::altitude::Level;
+use mapping::limits::metres;
+use mapping::mode::Px4Mode;
+use mapping::report::Commanded;
+use mapping::telemetry::Telemetry;
+use mavlink_link::dialect::MissionState;
+use stanag_msgs::enums::{
+    AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType, LoiterDirection,
+    RouteType, SpeedType,
+};
+use stanag_msgs::messages::VehicleOperatingModeCommand;
+
+use super::settings::circle;
+use super::situation::{
+    Situation, Task, altitude, checked_level, flown_as, has, level, mode_of, names_mode,
+    names_nothing, speed, steps_to_waypoint,
+};
+use super::steering::{self, Vertical};
+use crate::session::maneuver::{self, Step};
+use crate::session::mission::record::UploadedMission;
+
+/// Decides.
+///
+/// # Errors
+/// The reason, for the operator.
+pub(crate) fn task(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Task, String> {
+    let mode = mode_of(command, at.telemetry)
+        .ok_or("no mode is commanded, and the vehicle has told none")?;
+    if !names_mode(command) {
+        if names_nothing(command) {
+            // A setting that is kept, such as the altimeter's.
+            return Ok(Task::Nothing);
+        }
+        if at.entering {
+            return Err(
+                "no mode is commanded, and another is being entered: name the mode that it is for"
+                    .to_owned(),
+            );
+        }
+        if !matches!(mode, Mode::Waypoint | Mode::Loiter | Mode::Autopilot) {
+            return Err(format!(
+                "no mode is commanded, and in the present one, {}, nothing can be changed",
+                mode.raw()
+            ));
+        }
+    }
+    if let Some(heading) = command.heading_command_type
+        && heading != HeadingCommandType::None
+        && mode != Mode::Autopilot
+    {
+        return Err(format!(
+            "heading commands are not flown in mode {}",
+            mode.raw()
+        ));
+    }
+    match mode {
+        Mode::Waypoint => waypoint(command, at),
+        Mode::Loiter => loiter(command, at),
+        Mode::Launch => launch(command, at),
+        Mode::AutolandEngage if at.telemetry.airborne() && has(RouteType::Approach, at) => {
+            fly(command, RouteType::Approach, at)
+        }
+        Mode::AutolandEngage => Ok(plain(&[Px4Mode::LAND], at)),
+        Mode::ContingencyA => contingency(command, RouteType::ContingencyA, &[Px4Mode::RTL], at),
+        Mode::ContingencyB => contingency(command, RouteType::ContingencyB, &[Px4Mode::LAND], at),
+        // A multicopter that lands is stopped where it is; DO_GO_AROUND is for wings.
+        Mode::AutolandWaveOff if at.telemetry.mode == Some(Px4Mode::LAND) => {
+            Ok(plain(&[Px4Mode::LOITER], at))
+        }
+        Mode::AutolandWaveOff if at.telemetry.hovers() => Err(
+            "mode 20 (wave-off): the vehicle is not landing, there is nothing to break off"
+                .to_owned(),
+        ),
+        Mode::FlightDirector => Ok(Task::Manual),
+        Mode::Autopilot => steer(command, at),
+        other => Err(format!("mode {}: PX4 cannot do that", other.raw())),
+    }
+}
+
+fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
+    let commanded = if at.telemetry.mode.is_some_and(|mode| modes.contains(&mode)) {
+        at.commanded
+    } else {
+        Commanded::default()
+    };
+    Task::Steps(maneuver::enter(modes).into(), commanded)
+}
+
+fn contingency(
+    command: &VehicleOperatingModeCommand,
+    route: RouteType,
+    otherwise: &'static [Px4Mode],
+    at: &Situation<'_>,
+) -> Result<Task, String> {
+    if has(route, at) {
+        fly(command, route, at)
+    } else {
+        Ok(plain(otherwise, at))
+    }
+}
+
+/// Mode 11.
+fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
+    if altitude(command).is_some() {
+        return Err(
+            "mode 11 flies the altitudes of the route; command another in mode 12".to_owned(),
+        );
+    }
+    if at.uploaded.is_none() && at.loaded.is_none() {
+        return Err("mode 11: no route has been loaded (13000)".to_owned());
+    }
+    fly(command, RouteType::Flight, at)
+}
+
+/// The route of this type, once it is uploaded.
+fn fly(
+    command: &VehicleOperatingModeCommand,
+    route: RouteType,
+    at: &Situation<'_>,
+) -> Result<Task, String> {
+    // What makes it impossible is found out before another route goes aboard for it.
+    let speed = speed(command, at)?;
+    let number = command
+        .commanded_waypoint_number
+        .filter(|number| *number != 0);
+    let absent = |number: u16| format!("waypoint {number} is not in the route");
+    let uploaded = match at.uploaded {
+        Some(uploaded)
+            if serves(uploaded, route, at)
+                && holds(at.telemetry, uploaded)
+                && (route == RouteType::Flight || is_current(uploaded, route, at)) =>
+        {
+            uploaded
+        }
+        // Another route went aboard for another mode: what 13000 has loaded comes back.
+        _ if route == RouteType::Flight && at.loaded.is_some() && at.loaded != at.uploaded => {
+            let knows = |number| {
+                at.loaded
+                    .and_then(|loaded_mission| loaded_mission.compiled.first_item_of(number))
+            };
+            return match number.filter(|number| knows(*number).is_none()) {
+                Some(number) => Err(absent(number)),
+                None => Ok(Task::Reload),
+            };
+        }
+        // Mode 11 flies what 13000 has loaded, never what has been stored since.
+        _ if route == RouteType::Flight => {
+            return Err(
+                "mode 11: the loaded route is not aboard any more; load it again (13000)"
+                    .to_owned(),
+            );
+        }
+        _ => {
+            let sent = at.plan.route_of_type(route).map(|sent| at.plan.part(sent));
+            let knows = |number| sent.as_ref().and_then(|sent| sent.waypoint(number));
+            return match number.filter(|number| knows(*number).is_none()) {
+                Some(number) => Err(absent(number)),
+                None => Ok(Task::Load(route)),
+            };
+        }
+    };
+    let mut steps = Vec::new();
+    let enters = at.telemetry.mode != Some(Px4Mode::MISSION);
+    let start = match number {
+        Some(number) => Some(
+            uploaded
+                .compiled
+                .first_item_of(number)
+                .ok_or_else(|| format!("{} aboard", absent(number)))?,
+        ),
+        None => restarts_route(command, at.telemetry).then_some(0),
+    };
+    // A speed for the leg that is being flown is the operator's decision: it applies, and the mission watchdog holds a
+    // vehicle that flies past its waypoint.
+    let begins = enters || start.is_some();
+    if let Some(speed_m_s) = speed.filter(|_| begins && at.telemetry.hovers()) {
+        let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
+        let seq = seq.unwrap_or(0);
+        let level = Some(comes_level(uploaded, seq, enters, at));
+        if let Some(number) = uploaded
+            .compiled
+            .missed_at(seq, level, speed_m_s, &at.performance)
+        {
+            return Err(format!(
+                "at {speed_m_s:.1} m/s the vehicle could miss waypoint {number}, to or from which it climbs or \
+                 descends, and fly on: give the route this speed (13002), so that it stops there"
+            ));
+        }
+    }
+    steps.extend(start.map(|seq| Step::SetCurrent(seq..=uploaded.compiled.place_from(seq))));
+    if begins {
+        steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
+    }
+    let mut commanded = if enters {
+        Commanded::default()
+    } else {
+        at.commanded
+    };
+    if let Some(speed_m_s) = speed {
+        // After the mode: entering one takes PX4 back to its own speed.
+        steps.push(maneuver::change_speed(speed_m_s));
+        commanded.speed_m_s = Some(speed_m_s);
+        commanded.speed_type = Some(flown_as(at.telemetry));
+    }
+    Ok(Task::Steps(steps, commanded))
+}
+
+/// Whether the vehicle comes to the place that a flight from this item leads to first without a climb or a descent on the
+/// way: on entering AUTO.MISSION PX4 climbs before, on the spot.
+fn comes_level(uploaded: &UploadedMission, seq: u16, enters: bool, at: &Situation<'_>) -> bool {
+    let compiled = &uploaded.compiled;
+    let leg = compiled.leg_of_item(compiled.place_from(seq));
+    let leg = leg.and_then(|index| compiled.order.get(index));
+    let (Some(leg), Some(here), Some(home)) = (leg, at.telemetry.position, at.telemetry.home)
+    else {
+        return false;
+    };
+    let above_m = here.amsl_m - leg.level.amsl(home.amsl_m);
+    above_m.abs() < NEAR_M || (enters && above_m < 0.0)
+}
+
+/// Whether a route that has been flown to its end restarts: where the mode is commanded, and no waypoint.
+pub(crate) fn restarts_route(command: &VehicleOperatingModeCommand, vehicle: &Telemetry) -> bool {
+    let complete = vehicle
+        .mission
+        .is_some_and(|mission| mission.state == MissionState::MISSION_STATE_COMPLETE);
+    complete && names_mode(command) && !steps_to_waypoint(command)
+}
+
+/// Whether a route aboard is the one that is to be flown: mode 11 flies what 13000 has loaded, but for contingency routes.
+fn serves(uploaded: &UploadedMission, wanted: RouteType, at: &Situation<'_>) -> bool {
+    if wanted == RouteType::Flight {
+        let contingency = [RouteType::ContingencyA, RouteType::ContingencyB];
+        !contingency.contains(&uploaded.route_type)
+            && at
+                .loaded
+                .is_none_or(|loaded_mission| loaded_mission == uploaded)
+    } else {
+        uploaded.route_type == wanted
+    }
+}
+
+/// Whether the vehicle itself names the route that was loaded as its mission: another station may have changed it.
+fn holds(vehicle: &Telemetry, uploaded: &UploadedMission) -> bool {
+    uploaded.mission_id == 0
+        || vehicle
+            .mission
+            .is_some_and(|mission| mission.mission_id == uploaded.mission_id)
+}
+
+/// Whether a route that a mode has put aboard is still what has been sent. What 13000 has loaded stays until the next
+/// 13000.
+fn is_current(uploaded: &UploadedMission, route: RouteType, at: &Situation<'_>) -> bool {
+    at.just_loaded
+        || at.loaded == Some(uploaded)
+        || at
+            .plan
+            .route_of_type(route)
+            .is_none_or(|sent| at.plan.part(sent) == uploaded.plan)
+}
+
+/// Mode 21: to an altitude, and on along the launch route where there is one.
+fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
+    if at.telemetry.airborne() {
+        return Err("mode 21: the vehicle is in the air already".to_owned());
+    }
+    if at.telemetry.landed.is_none() {
+        return Err("mode 21: the vehicle has not told yet whether it stands".to_owned());
+    }
+    let route = has(RouteType::Launch, at);
+    if route && !at.telemetry.hovers() {
+        return Err("mode 21: the launch route of a fixed wing is not flown; delete it".to_owned());
+    }
+    let metres = altitude(command).ok_or("mode 21 needs a commanded altitude to take off to")?;
+    let level = checked_level(metres, command, at)?;
+    let home = at.telemetry.home.ok_or("mode 21: home is not known yet")?;
+    let amsl_m = level.amsl(home.amsl_m);
+    let height_m = amsl_m - home.amsl_m;
+    if height_m < LOWEST_LAUNCH_M {
+        return Err(format!(
+            "mode 21: {height_m:.1} m above home, expected at least {LOWEST_LAUNCH_M} m"
+        ));
+    }
+    let commanded = Commanded {
+        altitude_amsl_m: Some(amsl_m),
+        ..Commanded::default()
+    };
+    let mut steps = maneuver::launch(amsl_m);
+    if route {
+        match at.uploaded {
+            Some(uploaded)
+                if uploaded.route_type == RouteType::Launch
+                    && holds(at.telemetry, uploaded)
+                    && is_current(uploaded, RouteType::Launch, at) =>
+            {
+                steps.push(Step::SetCurrent(0..=uploaded.compiled.place_from(0)));
+                steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
+            }
+            _ => return Ok(Task::Load(RouteType::Launch)),
+        }
+    }
+    Ok(Task::Launch(steps, commanded))
+}
+
+/// A loiter as far as it is composed.
+struct Draft {
+    steps: Vec<Step>,
+    commanded: Commanded,
+    /// The speed that is still to be commanded by itself, m/s.
+    speed_m_s: Option<f64>,
+}
+
+/// Mode 12: here or at a place, at an altitude, hovering or on a circle.
+fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
+    let speed = speed(command, at)?;
+    let place = place(command, at)?;
+    let level = match altitude(command) {
+        Some(metres) => Some(checked_level(metres, command, at)?),
+        None => None,
+    };
+    if let (None, Some(kind)) = (level, command.altitude_command_type)
+        && !matches!(
+            kind,
+            AltitudeCommandType::None | AltitudeCommandType::Altitude
+        )
+    {
+        return Err(format!(
+            "mode 12: Altitude Command Type {} is not flown; a vertical speed needs mode 15",
+            kind.raw()
+        ));
+    }
+    let loiters = at.telemetry.mode.map(Px4Mode::reported) == Some(Mode::Loiter);
+    let mut draft = Draft {
+        steps: Vec::new(),
+        commanded: if loiters {
+            at.commanded
+        } else {
+            Commanded::default()
+        },
+        speed_m_s: speed,
+    };
+    if place.is_none() && level.is_none() {
+        stay(&mut draft, command, loiters, at)?;
+    } else {
+        go(&mut draft, place, level, at)?;
+    }
+    let Draft {
+        mut steps,
+        mut commanded,
+        speed_m_s,
+    } = draft;
+    if let Some(speed_m_s) = speed_m_s {
+        steps.push(maneuver::change_speed(speed_m_s));
+        commanded.speed_m_s = Some(speed_m_s);
+        commanded.speed_type = Some(flown_as(at.telemetry));
+    }
+    Ok(Task::Steps(steps, commanded))
+}
+
+/// Where it is, at its altitude.
+fn stay(
+    draft: &mut Draft,
+    command: &VehicleOperatingModeCommand,
+    loiters: bool,
+    at: &Situation<'_>,
+) -> Result<(), String> {
+    if !names_mode(command) && steps_to_waypoint(command) {
+        return Err("a commanded waypoint needs mode 11".to_owned());
+    }
+    match draft.speed_m_s {
+        // On a circle PX4 ignores any speed but that of DO_ORBIT.
+        Some(speed_m_s) if at.telemetry.mode == Some(Px4Mode::ORBIT) => {
+            draft.steps.extend(faster_or_slower(speed_m_s, at)?);
+            draft.speed_m_s = None;
+            draft.commanded.speed_m_s = Some(speed_m_s);
+            draft.commanded.speed_type = Some(flown_as(at.telemetry));
+        }
+        Some(_) if loiters => {}
+        _ if names_mode(command) => {
+            draft.steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
+            draft.commanded = Commanded::default();
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+/// At another place, or at another altitude.
+fn go(
+    draft: &mut Draft,
+    place: Option<(f64, f64)>,
+    level: Option<Level>,
+    at: &Situation<'_>,
+) -> Result<(), String> {
+    if !at.telemetry.airborne() {
+        return Err("a loiter position or altitude needs an airborne vehicle".to_owned());
+    }
+    let present = at
+        .telemetry
+        .position
+        .ok_or("the vehicle has told no position yet")?;
+    let home = at.telemetry.home.ok_or("home is not known yet")?;
+    let amsl_m = level.map_or(present.amsl_m, |level| level.amsl(home.amsl_m));
+    let hovers = at.telemetry.hovers();
+    match (place, circle(at.loiter, hovers)?) {
+        (Some(place), Some(radius_m)) => {
+            let turn = match at.loiter.loiter_direction {
+                Some(LoiterDirection::CounterClockwise) => -radius_m,
+                _ => radius_m,
+            };
+            let speed = draft.speed_m_s;
+            if hovers {
+                within_the_circle(speed, radius_m)?;
+                draft.speed_m_s = None;
+                draft.commanded.speed_m_s = speed;
+                draft.commanded.speed_type = speed.map(|_| SpeedType::Ground);
+            }
+            let steps = maneuver::orbit(place, amsl_m, turn, speed, hovers);
+            draft.steps.extend(steps);
+        }
+        _ => {
+            let steps = maneuver::reposition(place, amsl_m, None);
+            draft.steps.extend(steps);
+        }
+    }
+    draft.commanded.altitude_amsl_m = Some(amsl_m);
+    draft.commanded.loiter_position = place;
+    Ok(())
+}
+
+/// The circle that is flown, at another speed.
+fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, String> {
+    let orbit = at
+        .telemetry
+        .orbit
+        .ok_or("the vehicle has not told the circle that it flies")?;
+    within_the_circle(Some(speed_m_s), orbit.radius_m.abs())?;
+    let centre = (orbit.centre.latitude, orbit.centre.longitude);
+    let amsl_m = orbit.centre.amsl_m;
+    let mut steps = maneuver::orbit(centre, amsl_m, orbit.radius_m, Some(speed_m_s), true);
+    steps.push(maneuver::shows_speed(speed_m_s));
+    Ok(steps)
+}
+
+/// PX4 flies a circle more slowly than told where it would be drawn outward by more than it allows.
+fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String> {
+    let most_m_s = (MAX_INWARD_M_S2 * radius_m).sqrt();
+    match speed_m_s {
+        Some(speed_m_s) if speed_m_s > most_m_s => Err(format!(
+            "speed {speed_m_s:.1} m/s on a circle of {radius_m:.0} m, at most {most_m_s:.1}"
+        )),
+        _ => Ok(()),
+    }
+}
+
+fn place(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Option<(f64, f64)>, String> {
+    let (latitude, longitude) = match (
+        command.loiter_position_latitude,
+        command.loiter_position_longitude,
+    ) {
+        (None, None) => return Ok(None),
+        (Some(latitude), Some(longitude)) => (latitude.degrees(), longitude.degrees()),
+        _ => return Err("a loiter position needs latitude and longitude".to_owned()),
+    };
+    if latitude == 0.0 && longitude == 0.0 {
+        return Ok(None);
+    }
+    if !(-90.0..=90.0).contains(&latitude) {
+        return Err(format!(
+            "loiter latitude {latitude:.4} deg, expected -90 to 90"
+        ));
+    }
+    let from = at
+        .telemetry
+        .position
+        .ok_or("the vehicle has told no position yet")?;
+    let distance_m = metres((from.latitude, from.longitude), (latitude, longitude));
+    if distance_m > at.limits.leg_m {
+        return Err(format!(
+            "loiter position {distance_m:.0} m away, at most {:.0}",
+            at.limits.leg_m
+        ));
+    }
+    Ok(Some((latitude, longitude)))
+}
+
+/// Mode 15: speed, direction and climb by set points.
+fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
+    if !at.telemetry.hovers() {
+        return Err("mode 15: PX4 steers a fixed wing by no set points of speed".to_owned());
+    }
+    if !at.telemetry.airborne() {
+        return Err("mode 15 needs an airborne vehicle".to_owned());
+    }
+    let rate = command.commanded_vertical_speed.map(|rate| rate.si());
+    let altitude_m = command.commanded_altitude.map(|altitude| altitude.si());
+    let mut commanded = at.commanded;
+    let vertical = match command.altitude_command_type {
+        Some(AltitudeCommandType::None) => None,
+        None if altitude_m.is_none() => None,
+        Some(AltitudeCommandType::VerticalSpeed) => {
+            commanded.altitude_amsl_m = None;
+            Some(Vertical::Rate(
+                rate.ok_or("mode 15: Commanded Vertical Speed is missing")?,
+            ))
+        }
+        None | Some(AltitudeCommandType::Altitude | AltitudeCommandType::RateLimitedAltitude) => {
+            let home = at.telemetry.home.ok_or("home is not known yet")?;
+            let metres = altitude_m.ok_or("mode 15: Commanded Altitude is missing")?;
+            let amsl_m = level(metres, command, at)?.amsl(home.amsl_m);
+            commanded.altitude_amsl_m = Some(amsl_m);
+            let limited =
+                command.altitude_command_type == Some(AltitudeCommandType::RateLimitedAltitude);
+            let most_m_s = rate.filter(|rate| limited && *rate != 0.0);
+            Some(Vertical::Altitude {
+                amsl_m,
+                most_m_s: most_m_s.map_or(steering::CLIMB_M_S, f64::abs),
+            })
+        }
+        Some(other) => {
+            return Err(format!(
+                "Altitude Command Type {} is not known",
+                other.raw()
+            ));
+        }
+    };
+    let order = steering::Order {
+        speed_m_s: speed(command, at)?,
+        direction: steering::direction(command)?,
+        vertical,
+    };
+    if order.speed_m_s.is_some() {
+        commanded.speed_m_s = order.speed_m_s;
+        commanded.speed_type = Some(SpeedType::Ground);
+    }
+    commanded.loiter_position = None;
+    Ok(Task::Steer(order, commanded))
+}
+
+/// So near an altitude it is flown to without a swing, m.
+const NEAR_M: f64 = 1.0;
+/// What PX4 allows toward the centre of a circle, m/s2.
+const MAX_INWARD_M_S2: f64 = 2.0;
+/// PX4 does not leave the ground for less, m.
+const LOWEST_LAUNCH_M: f64 = 1.5;
+
+#[cfg(test)]
+mod tests {
+    use mapping::altitude::{Agl, Altimeter};
+    use mapping::limits::{Limits, Performance};
+    use mapping::plan::Plan;
+    use mapping::telemetry::{Place, Telemetry};
+    use mavlink_link::dialect::MavLandedState;
+    use stanag_msgs::Scaled;
+    use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
+    use stanag_msgs::messages::LoiterConfiguration;
+
+    use super::*;
+
+    #[test]
+    fn a_launch_waits_for_the_vehicles_word_that_it_stands() {
+        let home = Place {
+            latitude: 47.0,
+            longitude: 8.0,
+            amsl_m: 488.0,
+        };
+        let command = VehicleOperatingModeCommand {
+            select_flight_path_control_mode: Some(Mode::Launch),
+            commanded_altitude: Scaled::from_si(20.0).ok(),
+            altitude_type: Some(AltitudeType::Agl),
+            ..VehicleOperatingModeCommand::default()
+        };
+        let judged = |landed| {
+            let telemetry = Telemetry {
+                home: Some(home),
+                landed,
+                ..Telemetry::default()
+            };
+            let at = Situation {
+                telemetry: &telemetry,
+                uploaded: None,
+                loaded: None,
+                plan: &Plan::default(),
+                just_loaded: false,
+                entering: false,
+                loiter: &LoiterConfiguration::default(),
+                commanded: Commanded::default(),
+                agl: Agl::AboveHome,
+                altimeter: Altimeter::STANDARD,
+                limits: Limits::default(),
+                performance: Performance::default(),
+            };
+            task(&command, &at).map(|task| matches!(task, Task::Launch(..)))
+        };
+        let stands = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
+        assert_eq!(judged(Some(stands)), Ok(true));
+        // A VSM that was started anew while the vehicle flies.
+        assert!(judged(None).is_err_and(|why| why.contains("not told yet")));
+    }
+}

@@ -1,0 +1,206 @@
+//! What a 2016 is judged by, what it can become, and the values that it commands, checked.
+//!
+//! A field that is absent is not commanded. Neither are the values that a full presence vector carries for "nothing": an
+//! altitude or heading command type 0, speed 0, waypoint 0, and a loiter position of exactly 0, 0.
+
+use mapping::altitude::{self, Agl, Altimeter, Level};
+use mapping::limits::{Limits, Performance};
+use mapping::mode::Px4Mode;
+use mapping::plan::Plan;
+use mapping::report::Commanded;
+use mapping::route;
+use mapping::telemetry::Telemetry;
+use stanag_msgs::enums::{
+    AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType, RouteType, SpeedType,
+};
+use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
+
+use super::steering;
+use crate::session::maneuver::{self, Step};
+use crate::session::mission::record::UploadedMission;
+
+/// What a 2016 becomes.
+#[derive(Debug)]
+pub(crate) enum Task {
+    /// Nothing is asked of the vehicle, and what it does continues.
+    Nothing,
+    /// These steps; then this is what 3002 reports as commanded.
+    Steps(Vec<Step>, Commanded),
+    /// A launch: its steps, undone by disarming when it fails on the ground.
+    Launch(Vec<Step>, Commanded),
+    /// The route of this type must be uploaded first, then the command is judged again.
+    Load(RouteType),
+    /// What 13000 has loaded must be uploaded again first, then the command is judged again.
+    Reload,
+    /// Manual flight: sticks, then the mode.
+    Manual,
+    /// Steering: set points, then the mode.
+    Steer(steering::Order, Commanded),
+}
+
+impl Task {
+    /// Whether a route is flown for it, by a vehicle that is in the mode `now`.
+    pub(crate) fn flies_a_route(&self, now: Option<Px4Mode>) -> bool {
+        match self {
+            Task::Load(_) | Task::Reload => true,
+            Task::Steps(steps, _) | Task::Launch(steps, _) => {
+                maneuver::mode_after(steps, now) == Some(Px4Mode::MISSION)
+            }
+            Task::Nothing | Task::Manual | Task::Steer(..) => false,
+        }
+    }
+}
+
+/// What must be known to judge a 2016.
+#[derive(Debug, Clone)]
+pub(crate) struct Situation<'a> {
+    pub(crate) telemetry: &'a Telemetry,
+    pub(crate) uploaded: Option<&'a UploadedMission>,
+    /// What 13000 has loaded last.
+    pub(crate) loaded: Option<&'a UploadedMission>,
+    /// What has been sent.
+    pub(crate) plan: &'a Plan,
+    /// The uploaded route has just been uploaded for this command.
+    pub(crate) just_loaded: bool,
+    /// A command that enters a mode is being carried out.
+    pub(crate) entering: bool,
+    pub(crate) loiter: &'a LoiterConfiguration,
+    pub(crate) commanded: Commanded,
+    pub(crate) agl: Agl,
+    pub(crate) altimeter: Altimeter,
+    pub(crate) limits: Limits,
+    pub(crate) performance: Performance,
+}
+
+/// The mode that a command is about: its own, or the present one where it names none.
+pub(crate) fn mode_of(
+    command: &VehicleOperatingModeCommand,
+    telemetry: &Telemetry,
+) -> Option<Mode> {
+    command
+        .select_flight_path_control_mode
+        .filter(|mode| *mode != Mode::NoMode)
+        .or_else(|| telemetry.mode.map(Px4Mode::reported))
+}
+
+pub(super) fn steps_to_waypoint(command: &VehicleOperatingModeCommand) -> bool {
+    command
+        .commanded_waypoint_number
+        .is_some_and(|number| number != 0)
+}
+
+pub(super) fn names_mode(command: &VehicleOperatingModeCommand) -> bool {
+    command
+        .select_flight_path_control_mode
+        .is_some_and(|mode| mode != Mode::NoMode)
+}
+
+/// Whether no mode, altitude, speed, heading, place or waypoint is commanded: nothing is to be flown otherwise.
+pub(super) fn names_nothing(command: &VehicleOperatingModeCommand) -> bool {
+    let angles = [
+        command.loiter_position_latitude,
+        command.loiter_position_longitude,
+    ];
+    altitude(command).is_none()
+        && command
+            .commanded_vertical_speed
+            .is_none_or(|rate| rate.si() == 0.0)
+        && command
+            .commanded_speed
+            .is_none_or(|speed| speed.si() == 0.0)
+        && command
+            .heading_command_type
+            .is_none_or(|kind| kind == HeadingCommandType::None)
+        && !steps_to_waypoint(command)
+        && angles
+            .iter()
+            .all(|angle| angle.is_none_or(|angle| angle.degrees() == 0.0))
+}
+
+/// Whether the plan holds a route of this type.
+pub(super) fn has(route: RouteType, at: &Situation<'_>) -> bool {
+    at.plan.route_of_type(route).is_some()
+}
+
+/// Commanded Altitude, where one is commanded, m as its type says.
+pub(super) fn altitude(command: &VehicleOperatingModeCommand) -> Option<f64> {
+    match command.altitude_command_type {
+        Some(AltitudeCommandType::None) => None,
+        _ => command.commanded_altitude.map(|altitude| altitude.si()),
+    }
+}
+
+/// An altitude to fly at, within the limits.
+///
+/// # Errors
+/// The command is of another kind than a plain altitude, or beyond the limits.
+pub(super) fn checked_level(
+    metres: f64,
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Level, String> {
+    match command.altitude_command_type {
+        None | Some(AltitudeCommandType::Altitude) => {}
+        Some(other) => {
+            return Err(format!(
+                "Altitude Command Type {} is not flown, only 1 (altitude)",
+                other.raw()
+            ));
+        }
+    }
+    level(metres, command, at)
+}
+
+/// An altitude as it is flown, within the limits.
+pub(super) fn level(
+    metres: f64,
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Level, String> {
+    let (geoid_m, agl, altimeter) = (at.telemetry.geoid_m, at.agl, at.altimeter);
+    let level = altitude::level(metres, command.altitude_type, geoid_m, agl, altimeter)
+        .map_err(|fault| fault.to_string())?;
+    let home = at.telemetry.home.ok_or("home is not known yet")?;
+    route::height(level, &home, &at.limits).map_err(|fault| fault.to_string())?;
+    Ok(level)
+}
+
+/// Commanded Speed, where one is commanded, m/s.
+///
+/// # Errors
+/// It is beyond the limits, or of a type that is not flown.
+pub(super) fn speed(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Option<f64>, String> {
+    if command.speed_type == Some(SpeedType::Thrust)
+        && command.thrust.is_some_and(|thrust| thrust > 0)
+    {
+        return Err("Speed Type 3 (thrust) is not flown".to_owned());
+    }
+    let Some(speed_m_s) = command
+        .commanded_speed
+        .map(|speed| speed.si())
+        .filter(|speed| *speed > 0.0)
+    else {
+        return Ok(None);
+    };
+    let checked = at.performance.check(speed_m_s);
+    let speed_m_s = checked.map_err(|fault| fault.to_string())?;
+    match command.speed_type {
+        None | Some(SpeedType::Ground | SpeedType::Indicated | SpeedType::True) => {
+            Ok(Some(speed_m_s))
+        }
+        Some(other) => Err(format!("Speed Type {} is not flown", other.raw())),
+    }
+}
+
+/// What a speed is flown as, whatever type it was commanded as: PX4 takes the speed of a multicopter over ground and that
+/// of a fixed wing through the air.
+pub(super) fn flown_as(vehicle: &Telemetry) -> SpeedType {
+    if vehicle.hovers() {
+        SpeedType::Ground
+    } else {
+        SpeedType::Indicated
+    }
+}

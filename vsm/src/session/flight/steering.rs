@@ -1,0 +1,298 @@
+//! Steering (2016 mode 15): speed, course, heading, turn rate, altitude and vertical speed as OFFBOARD set points.
+//!
+//! Set points go out 20 times a second from before the mode is entered until the vehicle shows another one: PX4 takes a
+//! gap of a second for a loss and returns. While nothing is received from the vehicle they continue, level, for
+//! [`LONGEST_BLIND`] at most. What a command leaves out stays as it is steered; on entering that is what the vehicle does
+//! at the moment. Multicopters only: PX4 steers a fixed wing by no such set points.
+//!
+//! | 2016 | flown as |
+//! |---|---|
+//! | Heading Command Type 1, heading | nose and track that way |
+//! | 2, course | track and nose that way |
+//! | 3, heading and course | nose by the heading, track by the course |
+//! | 5, turn rate | nose and track turn, clockwise positive |
+//! | 4, roll | refused |
+//! | Altitude Command Type 1, 3 | climbs or sinks to the altitude; 3 with Commanded Vertical Speed at most |
+//! | 2, vertical speed | up positive, within the height limits of the vehicle |
+//! | Commanded Speed | speed over ground |
+
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+use mapping::limits::Limits;
+use mapping::mode::Px4Mode;
+use mapping::telemetry::Telemetry;
+use mavlink_link::dialect::{
+    MavFrame, MavMessage, PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA,
+};
+use stanag_msgs::enums::{HeadingCommandType, HeadingReference};
+use stanag_msgs::messages::VehicleOperatingModeCommand;
+
+use crate::session::link::state::VehicleState;
+
+/// What one command asks to be changed.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Order {
+    pub(crate) speed_m_s: Option<f64>,
+    pub(crate) direction: Option<Direction>,
+    pub(crate) vertical: Option<Vertical>,
+}
+
+/// Where nose and track point, rad from true north.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Direction {
+    Steady {
+        nose: f64,
+        track: f64,
+    },
+    /// Both turn, rad/s, clockwise positive.
+    Turning(f64),
+}
+
+/// How height is flown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Vertical {
+    /// To an altitude, at this rate at most.
+    Altitude { amsl_m: f64, most_m_s: f64 },
+    /// Up positive.
+    Rate(f64),
+}
+
+/// The direction that a command asks for.
+///
+/// # Errors
+/// The reason, for the operator.
+pub(crate) fn direction(
+    command: &VehicleOperatingModeCommand,
+) -> Result<Option<Direction>, String> {
+    let kind = command
+        .heading_command_type
+        .unwrap_or(HeadingCommandType::None);
+    let absolute = !matches!(
+        kind,
+        HeadingCommandType::None | HeadingCommandType::TurnRate
+    );
+    match command.heading_reference {
+        Some(HeadingReference::Magnetic) if absolute => {
+            return Err(
+                "mode 15: magnetic headings are not flown, the vehicle tells no declination"
+                    .to_owned(),
+            );
+        }
+        Some(HeadingReference::Unknown(value)) if absolute => {
+            return Err(format!("mode 15: Heading Reference {value} is not known"));
+        }
+        _ => {}
+    }
+    let missing = |field: &str| format!("mode 15: {field} is missing");
+    let heading = || {
+        let angle = command.commanded_heading.map(|angle| angle.radians());
+        angle.ok_or_else(|| missing("Commanded Heading"))
+    };
+    let course = || {
+        let angle = command.commanded_course.map(|angle| angle.radians());
+        angle.ok_or_else(|| missing("Commanded Course"))
+    };
+    let steady = |nose, track| Ok(Some(Direction::Steady { nose, track }));
+    match kind {
+        HeadingCommandType::None => Ok(None),
+        HeadingCommandType::Heading => steady(heading()?, heading()?),
+        HeadingCommandType::Course => steady(course()?, course()?),
+        HeadingCommandType::HeadingAndCourse => steady(heading()?, course()?),
+        HeadingCommandType::TurnRate => {
+            let rate = command.commanded_turn_rate.map(|rate| rate.si());
+            Ok(Some(Direction::Turning(
+                rate.ok_or_else(|| missing("Commanded Turn Rate"))?,
+            )))
+        }
+        other => Err(format!(
+            "mode 15: Heading Command Type {} is not flown",
+            other.raw()
+        )),
+    }
+}
+
+/// The machine.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Steering {
+    flown: Option<Flown>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Flown {
+    speed_m_s: f64,
+    direction: Direction,
+    /// Present nose and track.
+    nose: f64,
+    track: f64,
+    vertical: Vertical,
+    due: Duration,
+    last: Duration,
+    entered: bool,
+}
+
+impl Steering {
+    /// Whether set points go out.
+    pub(crate) fn engaged(&self) -> bool {
+        self.flown.is_some()
+    }
+
+    /// Takes an order, on top of what is steered or done now.
+    ///
+    /// # Errors
+    /// What the vehicle has not reported yet, for the operator.
+    pub(super) fn take(
+        &mut self,
+        now: Duration,
+        order: Order,
+        vehicle: &Telemetry,
+    ) -> Result<(), String> {
+        let mut flown = match self.flown {
+            Some(flown) => flown,
+            None => present(now, vehicle)?,
+        };
+        flown.speed_m_s = order.speed_m_s.unwrap_or(flown.speed_m_s);
+        flown.vertical = order.vertical.unwrap_or(flown.vertical);
+        if let Some(direction) = order.direction {
+            flown.direction = direction;
+            if let Direction::Steady { nose, track } = direction {
+                (flown.nose, flown.track) = (nose, track);
+            }
+        }
+        self.flown = Some(flown);
+        Ok(())
+    }
+
+    /// No more set points: the mode was not entered.
+    pub(crate) fn release(&mut self) {
+        self.flown = None;
+    }
+
+    /// The set point that is due. The stream ends when the vehicle has left the mode.
+    pub(super) fn advance(
+        &mut self,
+        now: Duration,
+        state: &VehicleState,
+        limits: &Limits,
+        system: u8,
+    ) -> Option<MavMessage> {
+        let silent_for = state
+            .mode_at()
+            .map_or(Duration::MAX, |at| now.saturating_sub(at));
+        if silent_for > LONGEST_BLIND {
+            // A vehicle that is silent for long cannot be steered: PX4 sees the set points end, and returns.
+            self.release();
+        }
+        let vehicle = &state.telemetry;
+        let flown = self.flown.as_mut()?;
+        let steered = vehicle.mode == Some(Px4Mode::OFFBOARD);
+        if flown.entered && !steered {
+            self.flown = None;
+            return None;
+        }
+        flown.entered |= steered;
+        if flown.due > now {
+            return None;
+        }
+        let span = now.saturating_sub(flown.last).as_secs_f64();
+        flown.last = now;
+        flown.due = if flown.due + PERIOD > now {
+            flown.due + PERIOD
+        } else {
+            now + PERIOD
+        };
+        if let Direction::Turning(rate) = flown.direction
+            && flown.entered
+        {
+            flown.nose = (flown.nose + rate * span).rem_euclid(TAU);
+            flown.track = (flown.track + rate * span).rem_euclid(TAU);
+        }
+        // Without its height nothing can be flown by it.
+        let climb_m_s = if !state.live() {
+            0.0
+        } else {
+            climb(flown.vertical, vehicle, limits)
+        };
+        Some(set_point(flown, climb_m_s, system))
+    }
+
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        self.flown.map(|flown| flown.due)
+    }
+}
+
+/// What the vehicle does at the moment, as an order to continue.
+fn present(now: Duration, vehicle: &Telemetry) -> Result<Flown, String> {
+    let [north, east, _] = vehicle
+        .velocity_ned
+        .ok_or("mode 15: the vehicle has told no velocity yet")?;
+    let nose = vehicle
+        .attitude
+        .ok_or("mode 15: the vehicle has told no heading yet")?
+        .yaw;
+    let place = vehicle
+        .position
+        .ok_or("mode 15: the vehicle has told no position yet")?;
+    let speed_m_s = north.hypot(east);
+    let moves = speed_m_s > SLOWEST_M_S;
+    let track = if moves { east.atan2(north) } else { nose };
+    Ok(Flown {
+        speed_m_s: if moves { speed_m_s } else { 0.0 },
+        direction: Direction::Steady { nose, track },
+        nose,
+        track,
+        vertical: Vertical::Altitude {
+            amsl_m: place.amsl_m,
+            most_m_s: CLIMB_M_S,
+        },
+        due: now,
+        last: now,
+        entered: false,
+    })
+}
+
+/// Metres a second upwards.
+fn climb(vertical: Vertical, vehicle: &Telemetry, limits: &Limits) -> f64 {
+    let (Some(place), Some(home)) = (vehicle.position, vehicle.home) else {
+        return 0.0;
+    };
+    let (low, high) = (
+        home.amsl_m + limits.lowest_m,
+        home.amsl_m + limits.highest_m,
+    );
+    let towards = |amsl_m: f64| (amsl_m - place.amsl_m) * APPROACH_PER_S;
+    match vertical {
+        Vertical::Altitude { amsl_m, most_m_s } => towards(amsl_m).clamp(-most_m_s, most_m_s),
+        // The limits are approached, not run into.
+        Vertical::Rate(rate) => rate.min(towards(high).max(0.0)).max(towards(low).min(0.0)),
+    }
+}
+
+fn set_point(flown: &Flown, climb_m_s: f64, system: u8) -> MavMessage {
+    let (sin, cos) = flown.track.sin_cos();
+    MavMessage::SET_POSITION_TARGET_LOCAL_NED(SET_POSITION_TARGET_LOCAL_NED_DATA {
+        target_system: system,
+        target_component: AUTOPILOT,
+        coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED,
+        type_mask: PositionTargetTypemask::from_bits_retain(VELOCITY_AND_YAW),
+        vx: (flown.speed_m_s * cos) as f32,
+        vy: (flown.speed_m_s * sin) as f32,
+        vz: -climb_m_s as f32,
+        yaw: flown.nose as f32,
+        ..SET_POSITION_TARGET_LOCAL_NED_DATA::default()
+    })
+}
+
+/// Set points continue for this long while nothing is received, level: a bad link is no reason to turn back.
+const LONGEST_BLIND: Duration = Duration::from_secs(10);
+/// Of set points: PX4 needs 2 a second.
+const PERIOD: Duration = Duration::from_millis(50);
+/// Position, acceleration and yaw rate are not for use.
+const VELOCITY_AND_YAW: u16 = 0x9c7;
+const AUTOPILOT: u8 = 1;
+/// Climb and sink rate to an altitude where none is commanded: within what PX4 flies unasked.
+pub(super) const CLIMB_M_S: f64 = 1.5;
+/// Rate of approach to an altitude, 1/s.
+const APPROACH_PER_S: f64 = 0.7;
+/// Slower, a track says nothing.
+const SLOWEST_M_S: f64 = 0.5;

@@ -1,0 +1,241 @@
+//! Manual flight: sticks (2010) become MANUAL_CONTROL, 25 times a second, for as long as they come.
+//!
+//! The stream starts with mode 2 (2016) and not before: PX4 breaks off a mission when sticks move. Mode 2 is refused
+//! without sticks. When they stop, the stream stops too, [`FRESH`] later: PX4 then sees the loss as it is and does what
+//! it is configured for (COM_RC_LOSS_T, NAV_RCL_ACT). The stream ends with the mode; continuing needs another 2016.
+//!
+//! No source gives the scale of the sticks: per cent of travel, -100 to 100, throttle 0 to 100. Right, forward (nose
+//! down) and clockwise are positive. An absent stick is centred, an absent throttle is half: hold the height.
+
+use std::time::Duration;
+
+use mapping::mode::Px4Mode;
+use mavlink_link::dialect::MANUAL_CONTROL_DATA;
+use stanag_msgs::messages::UaStickCommand;
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(crate) struct Sticks {
+    latest: Option<(Duration, UaStickCommand)>,
+    stream: Stream,
+    due: Duration,
+}
+
+/// The state of manual flight.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+enum Stream {
+    #[default]
+    Off,
+    /// Mode 2 is commanded; the vehicle does not show it yet.
+    Entering,
+    /// The vehicle is flown by hand.
+    Flying,
+    /// It is flown by hand, and the sticks have stopped.
+    Lost,
+}
+
+/// What is due now.
+#[derive(Debug, PartialEq)]
+pub(super) enum Due {
+    None,
+    Send(MANUAL_CONTROL_DATA),
+    /// The sticks have just stopped.
+    Stopped,
+}
+
+impl Sticks {
+    /// Takes a 2010. One older than the last, by its stamp, has been overtaken and changes nothing.
+    pub(super) fn take(&mut self, now: Duration, sticks: &UaStickCommand) -> Result<(), String> {
+        let signed = [
+            ("Lateral Stick", sticks.lateral_stick),
+            ("Longitudinal Stick", sticks.longitudinal_stick),
+            ("Rotational Stick", sticks.rotational_stick_rudder),
+        ];
+        for (name, value) in signed {
+            if let Some(value) = value.filter(|value| !(-100..=100).contains(value)) {
+                return Err(format!("{name} {value}, expected -100 to 100"));
+            }
+        }
+        if let Some(throttle) = sticks.throttle_stick_engine_1.filter(|value| *value > 100) {
+            return Err(format!("Throttle Stick {throttle}, expected 0 to 100"));
+        }
+        let overtaken = self.latest.as_ref().is_some_and(|(_, latest)| {
+            match (latest.time_stamp, sticks.time_stamp) {
+                (Some(latest), Some(new)) => new < latest && latest.0 - new.0 < CLOCK_SET_MS,
+                _ => false,
+            }
+        });
+        if !overtaken {
+            self.latest = Some((now, sticks.clone()));
+        }
+        Ok(())
+    }
+
+    /// Another CUCS controls, or none: the sticks of the one before no longer count, nor do its stamps, since each CUCS
+    /// has a clock of its own.
+    pub(crate) fn forget(&mut self) {
+        self.latest = None;
+    }
+
+    /// Whether sticks come.
+    pub(super) fn fresh(&self, now: Duration) -> bool {
+        self.latest
+            .as_ref()
+            .is_some_and(|(at, _)| now.saturating_sub(*at) < FRESH)
+    }
+
+    pub(super) fn engage(&mut self, now: Duration) {
+        self.stream = Stream::Entering;
+        self.due = now;
+    }
+
+    /// Ends the stream: mode 2 was not entered, or another mode is.
+    pub(crate) fn release(&mut self) {
+        self.stream = Stream::Off;
+    }
+
+    pub(super) fn advance(&mut self, now: Duration, mode: Option<Px4Mode>, system: u8) -> Due {
+        let by_hand = mode == Some(Px4Mode::POSCTL);
+        match self.stream {
+            Stream::Off => return Due::None,
+            Stream::Entering if by_hand => self.stream = Stream::Flying,
+            Stream::Entering => {}
+            Stream::Flying | Stream::Lost if !by_hand => {
+                self.release();
+                return Due::None;
+            }
+            Stream::Flying | Stream::Lost => {}
+        }
+        if !self.fresh(now) {
+            let known = std::mem::replace(&mut self.stream, Stream::Lost) == Stream::Lost;
+            return if known { Due::None } else { Due::Stopped };
+        }
+        if self.stream == Stream::Lost {
+            self.stream = Stream::Flying;
+        }
+        if self.due > now {
+            return Due::None;
+        }
+        self.due = if self.due + PERIOD > now {
+            self.due + PERIOD
+        } else {
+            now + PERIOD
+        };
+        match &self.latest {
+            Some((_, sticks)) => Due::Send(manual_control(sticks, system)),
+            None => Due::None,
+        }
+    }
+
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        match self.stream {
+            Stream::Entering | Stream::Flying => Some(self.due),
+            Stream::Off | Stream::Lost => None,
+        }
+    }
+
+    /// The last 2010.
+    pub(crate) fn latest(&self) -> Option<&UaStickCommand> {
+        self.latest.as_ref().map(|(_, sticks)| sticks)
+    }
+}
+
+fn manual_control(sticks: &UaStickCommand, system: u8) -> MANUAL_CONTROL_DATA {
+    let axis = |stick: Option<i8>| i16::from(stick.unwrap_or(0)) * 10;
+    MANUAL_CONTROL_DATA {
+        target: system,
+        x: axis(sticks.longitudinal_stick),
+        y: axis(sticks.lateral_stick),
+        z: sticks
+            .throttle_stick_engine_1
+            .map_or(HALF_THROTTLE, |throttle| i16::from(throttle) * 10),
+        r: axis(sticks.rotational_stick_rudder),
+        ..MANUAL_CONTROL_DATA::default()
+    }
+}
+
+/// Sticks count for so long. A link that loses every other of 10 a second still flies.
+const FRESH: Duration = Duration::from_millis(300);
+/// PX4 takes this long to accept that there are sticks: until then it refuses the mode, with a STATUSTEXT.
+pub(super) const SEEN_WITHIN: Duration = Duration::from_millis(500);
+/// Of MANUAL_CONTROL.
+const PERIOD: Duration = Duration::from_millis(40);
+const HALF_THROTTLE: i16 = 500;
+/// A stamp so far back is that of a clock that was set.
+const CLOCK_SET_MS: u64 = 10_000;
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::TimeStamp;
+
+    use super::*;
+
+    fn forward(stamp: u64, per_cent: i8) -> UaStickCommand {
+        UaStickCommand {
+            time_stamp: Some(TimeStamp(stamp)),
+            longitudinal_stick: Some(per_cent),
+            ..UaStickCommand::default()
+        }
+    }
+
+    fn x(due: Due) -> Option<i16> {
+        match due {
+            Due::Send(m) => Some(m.x),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn the_stream_is_at_least_20_hertz_while_sticks_come_and_ends_with_them() {
+        let ms = Duration::from_millis;
+        let mut sticks = Sticks::default();
+        assert_eq!(sticks.advance(ms(0), Some(Px4Mode::POSCTL), 1), Due::None);
+        sticks.take(ms(0), &forward(1, 50)).unwrap();
+        sticks.engage(ms(0));
+        let (mut sent, mut stopped) = (0, 0);
+        for now in 0..2_000 {
+            if now < 1_000 && now % 100 == 0 {
+                sticks.take(ms(now), &forward(now + 1, 50)).unwrap();
+            }
+            match sticks.advance(ms(now), Some(Px4Mode::POSCTL), 1) {
+                Due::Stopped => stopped += 1,
+                due => sent += u32::from(x(due) == Some(500)),
+            }
+        }
+        // 0.9 s of sticks and 0.3 s of grace.
+        assert!((29..=31).contains(&sent), "{sent}");
+        assert_eq!(stopped, 1);
+    }
+
+    #[test]
+    fn an_overtaken_stick_changes_nothing_and_a_wild_one_is_refused() {
+        let mut sticks = Sticks::default();
+        sticks.take(Duration::ZERO, &forward(500, 20)).unwrap();
+        sticks.take(Duration::ZERO, &forward(400, -80)).unwrap();
+        sticks.engage(Duration::ZERO);
+        assert_eq!(x(sticks.advance(Duration::ZERO, None, 1)), Some(200));
+        assert!(sticks.take(Duration::ZERO, &forward(600, 101)).is_err());
+    }
+
+    #[test]
+    fn the_sticks_of_another_controller_count_whatever_its_clock() {
+        let ms = Duration::from_millis;
+        let mut sticks = Sticks::default();
+        sticks.take(ms(0), &forward(5_000, 20)).unwrap();
+        sticks.engage(ms(0));
+        assert_eq!(
+            x(sticks.advance(ms(0), Some(Px4Mode::POSCTL), 1)),
+            Some(200)
+        );
+        sticks.forget();
+        assert_eq!(
+            sticks.advance(ms(40), Some(Px4Mode::POSCTL), 1),
+            Due::Stopped
+        );
+        sticks.take(ms(80), &forward(4_000, -30)).unwrap();
+        assert_eq!(
+            x(sticks.advance(ms(80), Some(Px4Mode::POSCTL), 1)),
+            Some(-300)
+        );
+    }
+}

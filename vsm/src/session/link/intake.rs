@@ -1,0 +1,192 @@
+//! What a vehicle sends: only frames that the link believes update its state, and only fresh ones answer a request.
+
+use mavlink_link::dialect::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
+use mavlink_link::frame::{FrameView, Header};
+use mavlink_link::service::{Node, param};
+
+use super::event::VehicleEvent;
+use super::frame::Peer;
+use super::services::Services;
+use super::state::VehicleState;
+use super::{Fresh, VehicleLink, auth};
+use crate::session::effects::Effects;
+
+impl VehicleLink {
+    /// Takes what arrived. `tap` is shown every frame that is believed, for a recording.
+    pub(crate) fn handle_datagram(
+        &mut self,
+        from: Peer,
+        bytes: &[u8],
+        vehicle: &mut VehicleState,
+        effects: &mut Effects<'_>,
+        tap: &mut dyn FnMut(&FrameView<'_>),
+    ) {
+        let now = effects.dli.now;
+        if self.recover_key_from(now, from, bytes, effects) {
+            return;
+        }
+        if self.look_for_next_key(now, from, bytes, effects.dli.disk) {
+            self.collect(vehicle, effects);
+            self.flush(vehicle, effects);
+            return;
+        }
+        // The link borrows itself while it delivers: what it delivers is taken in afterwards.
+        let mut believed = std::mem::take(&mut self.believed);
+        let asked = self.asked;
+        let (link, key, received) = (&mut self.link, self.key.as_mut(), &mut self.received);
+        link.handle_datagram(
+            now,
+            from,
+            bytes,
+            auth(key, effects.dli.disk),
+            &mut |delivery| {
+                tap(&delivery.frame);
+                received.count(delivery.header.message_id);
+                let fresh = Fresh {
+                    mission: delivery.can_answer(asked.mission),
+                    command: delivery.can_answer(asked.command),
+                    parameter: delivery.can_answer(asked.parameter),
+                    state: delivery.can_answer(asked.last),
+                };
+                if let Ok(message) = delivery.message {
+                    let Header {
+                        system_id,
+                        component_id,
+                        ..
+                    } = delivery.header;
+                    believed.push((Node::new(system_id, component_id), message, fresh));
+                }
+            },
+        );
+        for (node, message, fresh) in believed.drain(..) {
+            self.handle_message(node, &message, fresh, vehicle, effects);
+        }
+        self.believed = believed;
+        self.collect(vehicle, effects);
+        self.flush(vehicle, effects);
+    }
+
+    fn handle_message(
+        &mut self,
+        node: Node,
+        message: &MavMessage,
+        fresh: Fresh,
+        vehicle: &mut VehicleState,
+        effects: &mut Effects<'_>,
+    ) {
+        let now = effects.dli.now.mono;
+        self.texts.handle_message(now, node, message);
+        if node != self.vehicle {
+            return;
+        }
+        self.watch_control(node, message, effects);
+        #[allow(deprecated, reason = "what PX4 answers")]
+        if let MavMessage::PING(ping) = message
+            && ping.target_system == self.link.config().own_system
+        {
+            self.events.push_back(VehicleEvent::PingReturned(ping.seq));
+        }
+        let mode = vehicle.telemetry.mode;
+        vehicle.telemetry.update(message);
+        if matches!(
+            message,
+            MavMessage::HEARTBEAT(_) | MavMessage::CURRENT_MODE(_)
+        ) {
+            vehicle.state_is_newer |= fresh.state;
+            vehicle.mode_at = Some(now);
+        }
+        let Services {
+            missions,
+            commands,
+            parameters,
+            intervals,
+            ..
+        } = &mut *effects.vehicle;
+        if let MavMessage::HEARTBEAT(_) = message {
+            vehicle.heartbeat_at = Some(now);
+            if vehicle.silent {
+                vehicle.silent = false;
+                // It may have been given another mission meanwhile.
+                vehicle.telemetry.mission = None;
+                intervals.ask_again();
+                self.events.push_back(VehicleEvent::LinkUp);
+            }
+        }
+        if has_restarted(message, vehicle) {
+            // The rates that were requested ended with the earlier boot.
+            vehicle.telemetry.start_anew();
+            intervals.ask_again();
+            self.events.push_back(VehicleEvent::Restarted);
+        }
+        if let MavMessage::MISSION_CURRENT(_) = message {
+            vehicle.progress_boot_ms = vehicle.boot_ms;
+        }
+        if vehicle.telemetry.mode != mode {
+            self.events.push_back(VehicleEvent::ModeChanged);
+        }
+        missions.handle_message(now, node, message, fresh.mission);
+        commands.handle_message(now, node, message, fresh.command);
+        let answered = parameters.handle_message(now, node, message, fresh.parameter);
+        if let MavMessage::PARAM_VALUE(reported) = message
+            && !answered
+            && let Some((name, value)) = param::told(reported)
+        {
+            let event = VehicleEvent::ParameterReported(name, value);
+            self.events.push_back(event);
+        }
+    }
+
+    /// What it reports of who commands it: answers to other systems, who is in control, and who requests it.
+    fn watch_control(&mut self, node: Node, message: &MavMessage, effects: &mut Effects<'_>) {
+        let own = self.link.config().own_system;
+        match message {
+            MavMessage::COMMAND_ACK(ack) if ack.target_system != 0 && ack.target_system != own => {
+                self.events.push_back(VehicleEvent::ForeignControl(format!(
+                    "MAVLink system {} commands the vehicle too: command {}, not through this VSM",
+                    ack.target_system, ack.command as u32
+                )));
+            }
+            MavMessage::CONTROL_STATUS(status) => {
+                let event = VehicleEvent::ControlStatus(status.clone());
+                self.events.push_back(event);
+            }
+            MavMessage::COMMAND_LONG(requested)
+                if requested.command == MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL
+                    && requested.target_system == own =>
+            {
+                self.events.push_back(VehicleEvent::ForeignControl(format!(
+                    "MAVLink system {} asks for operator control of the vehicle: it can have it once control is given up",
+                    requested.param4 as u8
+                )));
+                // That it was received, no more: whether control is given up is for the CUCS to decide.
+                effects
+                    .vehicle
+                    .post(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+                        command: requested.command,
+                        result: MavResult::MAV_RESULT_ACCEPTED,
+                        target_system: node.system,
+                        target_component: node.component,
+                        ..COMMAND_ACK_DATA::default()
+                    }));
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Keeps the vehicle's clock since boot. One that goes back is that of another boot.
+fn has_restarted(message: &MavMessage, vehicle: &mut VehicleState) -> bool {
+    let boot_ms = match message {
+        MavMessage::ATTITUDE(m) => m.time_boot_ms,
+        MavMessage::GLOBAL_POSITION_INT(m) => m.time_boot_ms,
+        _ => return false,
+    };
+    // Frames of one link may overtake each other a little.
+    let earlier = vehicle
+        .boot_ms
+        .is_some_and(|before| boot_ms.saturating_add(BOOT_SLACK_MS) < before);
+    vehicle.boot_ms = Some(boot_ms);
+    earlier
+}
+
+const BOOT_SLACK_MS: u32 = 1_000;

@@ -1,0 +1,274 @@
+//! The MAVLink side of one vehicle: what is believed of it, what is sent to it, and under which key.
+//!
+//! Promised: only verified frames of the vehicle's autopilot (component 1) reach [its state](state), and only fresh ones
+//! confirm anything. Where signing is off by configuration every frame of its system id counts. Parts:
+//!
+//! - [`state`]: what the vehicle shows; [`services`]: what may be asked of it. The router lends both to the other machines
+//! - `intake`: bytes become state, answers and [events](event); `sending`: messages become signed frames
+//! - `key_agreement`: a key agreed over the air is looked for in the vehicle's frames; `key_recovery`: which of two keys
+//!   the vehicle has, after a rollover that a restart cut off
+//! - `operator_control`: who may command the vehicle as MAVLink has it; `link_id`: its signing link id, over restarts
+
+pub(crate) mod event;
+pub(crate) mod frame;
+mod intake;
+pub(crate) mod key_agreement;
+pub(crate) mod key_recovery;
+mod link_id;
+mod operator_control;
+mod rates;
+mod sending;
+pub(crate) mod services;
+pub(crate) mod state;
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use mavlink_link::dialect::{MavMessage, MavSeverity};
+use mavlink_link::link::{Alert, Auth, Event, Link, LinkStats};
+use mavlink_link::receiver::{AUTOPILOT, KeyState};
+use mavlink_link::service::Node;
+use mavlink_link::service::text::Texts;
+use mavlink_link::signing::Stamp;
+use mavlink_link::store::Disk;
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
+
+use self::event::VehicleEvent;
+use self::frame::{OutFrame, Peer};
+use self::key_agreement::Agreement;
+use self::key_recovery::KeyRecovery;
+use self::operator_control::OperatorControl;
+use self::services::Services;
+use self::state::VehicleState;
+use super::counters::ByType;
+use super::effects::Effects;
+use super::log::LogLevel;
+
+pub(crate) use link_id::LinkId;
+
+/// The machine.
+#[derive(Debug)]
+pub(crate) struct VehicleLink {
+    vehicle: Node,
+    pub(super) link: Link<Peer>,
+    pub(super) key: Option<KeyState>,
+    pub(super) key_recovery: KeyRecovery,
+    pub(super) agreement: Agreement,
+    pub(super) operator_control: OperatorControl,
+    /// The vehicle's signing link id as it is stored.
+    stored_link_id: Option<u8>,
+    /// Since when frames have been accepted without a break.
+    pub(super) live_since: Option<Duration>,
+    texts: Texts,
+    asked: Asked,
+    believed: Vec<(Node, MavMessage, Fresh)>,
+    events: VecDeque<VehicleEvent>,
+    out: VecDeque<OutFrame>,
+    pub(super) received: ByType,
+    pub(super) sent: ByType,
+}
+
+/// Stamps of what was requested: an answer is never stamped below its request.
+#[derive(Debug, Clone, Copy, Default)]
+struct Asked {
+    /// First message of the mission operation that runs.
+    mission: Option<Stamp>,
+    /// First try of the command that runs.
+    command: Option<Stamp>,
+    /// First of the parameters that are requested.
+    parameter: Option<Stamp>,
+    /// The last command that may change its state.
+    last: Option<Stamp>,
+}
+
+/// Which requests a message can be an answer to.
+#[derive(Debug, Clone, Copy)]
+struct Fresh {
+    mission: bool,
+    command: bool,
+    parameter: bool,
+    state: bool,
+}
+
+impl VehicleLink {
+    pub(crate) fn new(link: Link<Peer>, key: Option<KeyState>) -> VehicleLink {
+        let vehicle = Node::new(link.config().vehicle_system, AUTOPILOT);
+        VehicleLink {
+            vehicle,
+            stored_link_id: link.config().known_link_id,
+            link,
+            key,
+            key_recovery: KeyRecovery::default(),
+            agreement: Agreement::default(),
+            operator_control: OperatorControl::default(),
+            live_since: None,
+            texts: Texts::new(vehicle.system),
+            asked: Asked::default(),
+            believed: Vec::new(),
+            events: VecDeque::new(),
+            out: VecDeque::new(),
+            received: ByType::default(),
+            sent: ByType::default(),
+        }
+    }
+
+    /// The autopilot that it believes.
+    pub(crate) fn autopilot(&self) -> Node {
+        self.vehicle
+    }
+
+    pub(crate) fn peer(&self) -> Option<Peer> {
+        self.link.peer()
+    }
+
+    pub(crate) fn stats(&self) -> LinkStats {
+        self.link.stats()
+    }
+
+    pub(crate) fn key(&self) -> Option<&KeyState> {
+        self.key.as_ref()
+    }
+
+    /// Does what is due.
+    pub(crate) fn handle_timeout(&mut self, vehicle: &mut VehicleState, effects: &mut Effects<'_>) {
+        let now = effects.dli.now;
+        self.recover_key(effects);
+        self.link.handle_timeout(now);
+        let Services {
+            missions,
+            commands,
+            parameters,
+            intervals,
+            ..
+        } = &mut *effects.vehicle;
+        missions.handle_timeout(now.mono);
+        commands.handle_timeout(now.mono);
+        parameters.handle_timeout(now.mono);
+        self.texts.handle_timeout(now.mono);
+        let silent = vehicle.silent_at().is_none_or(|at| at <= now.mono);
+        if silent && !vehicle.silent {
+            vehicle.silent = true;
+            self.events.push_back(VehicleEvent::Silent);
+        }
+        if vehicle.live() {
+            intervals.advance(now.mono, commands);
+        }
+        self.collect(vehicle, effects);
+        self.flush(vehicle, effects);
+    }
+
+    /// When [`VehicleLink::handle_timeout`] is next needed.
+    pub(crate) fn poll_timeout(&self, vehicle: &VehicleState, services: &Services) -> Duration {
+        let silence = vehicle.silent_at().filter(|_| vehicle.live());
+        let intervals = services.intervals.poll_timeout().filter(|_| vehicle.live());
+        [
+            services.missions.poll_timeout(),
+            services.commands.poll_timeout(),
+            services.parameters.poll_timeout(),
+            self.texts.poll_timeout(),
+            silence,
+            intervals,
+            self.key_recovery.poll_timeout(),
+            self.operator_control.poll_timeout(),
+        ]
+        .into_iter()
+        .flatten()
+        .fold(self.link.poll_timeout(), Duration::min)
+    }
+
+    pub(crate) fn poll_event(&mut self) -> Option<VehicleEvent> {
+        self.events.pop_front()
+    }
+
+    /// Whether there is an event that nobody has taken yet.
+    pub(crate) fn has_events(&self) -> bool {
+        !self.events.is_empty()
+    }
+
+    pub(crate) fn poll_transmit(&mut self) -> Option<OutFrame> {
+        self.out.pop_front()
+    }
+
+    /// Moves what the services and the link report to the events and alerts.
+    fn collect(&mut self, vehicle: &mut VehicleState, effects: &mut Effects<'_>) {
+        let now = effects.dli.now.mono;
+        while let Some(event) = effects.vehicle.missions.poll_event() {
+            self.events.push_back(VehicleEvent::Mission(event));
+        }
+        while let Some(event) = effects.vehicle.parameters.poll_event() {
+            self.events.push_back(VehicleEvent::Parameter(event));
+        }
+        while let Some(text) = self.texts.poll_event() {
+            if text.severity as u32 <= MavSeverity::MAV_SEVERITY_WARNING as u32 {
+                vehicle.complaint = Some((now, text.text.clone()));
+            }
+            self.events.push_back(VehicleEvent::Text(text));
+        }
+        while let Some(event) = self.link.poll_event() {
+            match event {
+                Event::Live => self.live_since = Some(now),
+                Event::Behind => self.live_since = None,
+                Event::KeyExchange(frame) if self.agreement.wanted => {
+                    self.agreement.queue(frame);
+                    continue;
+                }
+                _ => {}
+            }
+            self.events.push_back(VehicleEvent::Link(event));
+        }
+    }
+
+    /// Reports to operators and the log what became of the link.
+    pub(crate) fn report(&self, event: Event<Peer>, effects: &mut Effects<'_>) {
+        match event {
+            Event::PeerChanged { from, to } => {
+                let text = match from {
+                    None => format!("the vehicle's address is {to}"),
+                    Some(from) => format!("the vehicle's address is {to}, it was {from}"),
+                };
+                effects.note(LogLevel::Info, text);
+            }
+            Event::Behind => {
+                effects.note(LogLevel::Info, "its stamps are behind: it has restarted");
+            }
+            Event::Live => {
+                effects.note(LogLevel::Info, "the link is live");
+                if let Some(key) = self.key.as_ref().map(KeyState::id) {
+                    let text = format!("MAVLink is signed and verified, key {key}");
+                    effects.notify(AlertPriority::Nominal, SubsystemId::Comms, text);
+                }
+            }
+            Event::Alert(alert) => effects.warn_of_link(alert_text(alert)),
+            // No exchange is configured for this vehicle.
+            Event::KeyExchange(_) => effects.dli.counters.count("key exchange ignored"),
+        }
+    }
+}
+
+/// How the link signs and verifies: by the key, or not at all where signing is off by configuration.
+fn auth<'a>(key: Option<&'a mut KeyState>, store: &'a mut dyn Disk) -> Auth<'a> {
+    match key {
+        Some(key) => Auth::Signed { key, store },
+        None => Auth::Off,
+    }
+}
+
+/// What operators are sent for a link's alert.
+pub(crate) fn alert_text(alert: Alert) -> &'static str {
+    use Alert as A;
+    match alert {
+        A::WallFarAhead => {
+            "this computer's clock is over a year ahead of the signing clock: check it"
+        }
+        A::CeilingNotStored => {
+            "the signing clock cannot be stored: sending and accepting will stop"
+        }
+        A::ClockExhausted => "the signing clock is exhausted: a new key is needed",
+        A::StaysBehind => "the vehicle's stamps stay behind: no frame of it is believed",
+        A::VehicleUnsigned => "the vehicle sends unsigned: its key may be lost",
+        A::BadSignatures => "many frames with bad signatures: an attack, or two keys",
+        A::Future => "frames with stamps over an hour ahead are refused",
+        A::LinkIdMoved => "the autopilot signs with another link id",
+        A::StreamTableFull => "too many signing streams: one is refused",
+    }
+}

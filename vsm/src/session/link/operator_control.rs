@@ -1,0 +1,141 @@
+//! Operator control: who may command the vehicle as MAVLink has it.
+//!
+//! Where the vehicle reports who may command it (CONTROL_STATUS), the VSM requests operator control
+//! (REQUEST_OPERATOR_CONTROL) for as long as a CUCS holds LOI 4 or 5, or the VSM flies for one that is lost, and
+//! releases it when nobody does: what is decided between the CUCSs is then visible to other MAVLink stations, and holds
+//! against them. It asks that no other be granted it without being asked first; who requests it is reported to the CUCS,
+//! which decides by giving control up. Of a vehicle that does not report it nothing is requested (PX4 v1.18 does not).
+
+use std::time::Duration;
+
+use mavlink_link::dialect::{CONTROL_STATUS_DATA, GcsControlStatusFlags, MavCmd};
+use mavlink_link::service::command::{self, Command, Payload, Repetition, Ticket};
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
+
+use super::VehicleLink;
+use super::state::VehicleState;
+use crate::session::alerts::Cause;
+use crate::session::effects::Effects;
+
+/// What the vehicle reports of it, and what is requested.
+#[derive(Debug, Default)]
+pub(crate) struct OperatorControl {
+    /// Who may command, 0 for nobody, and when that was reported.
+    reported: Option<(u8, Duration)>,
+    ticket: Option<Ticket>,
+    next_at: Duration,
+    /// Held, or requested, although nobody controls the vehicle; or the other way round.
+    pending: bool,
+}
+
+impl OperatorControl {
+    /// Who may command the vehicle, 0 for nobody; `None` where it does not report it.
+    pub(crate) fn owner(&self, now: Duration) -> Option<u8> {
+        let (owner, at) = self.reported?;
+        (now.saturating_sub(at) < STALE).then_some(owner)
+    }
+
+    /// Control has changed hands: the request that follows need not wait.
+    pub(crate) fn soon(&mut self) {
+        self.next_at = Duration::ZERO;
+    }
+
+    /// The end of a command: the next CONTROL_STATUS shows what came of it.
+    pub(crate) fn answered(&mut self, event: &command::Event) {
+        if let command::Event::Done { ticket, .. } = event
+            && self.ticket == Some(*ticket)
+        {
+            self.ticket = None;
+        }
+    }
+
+    /// When the next request may be made, where one is wanted.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        self.pending.then_some(self.next_at)
+    }
+}
+
+impl VehicleLink {
+    /// Keeps what a CONTROL_STATUS of the vehicle says.
+    pub(crate) fn note_control_status(
+        &mut self,
+        status: &CONTROL_STATUS_DATA,
+        effects: &mut Effects<'_>,
+    ) {
+        let manager = GcsControlStatusFlags::GCS_CONTROL_STATUS_FLAGS_SYSTEM_MANAGER;
+        if !status.flags.contains(manager) {
+            return;
+        }
+        let own = effects.vehicle.own_system();
+        // Where several own it, each of them may command.
+        let owner = if status.gcs_secondary.contains(&own) {
+            own
+        } else {
+            status.gcs_main
+        };
+        self.operator_control.reported = Some((owner, effects.dli.now.mono));
+        match owner {
+            0 => effects.clear(
+                Cause::OperatorControl,
+                "no MAVLink system has operator control of the vehicle any more",
+            ),
+            system if system == own => effects.clear(
+                Cause::OperatorControl,
+                "this VSM has operator control of the vehicle",
+            ),
+            system => effects.raise(
+                Cause::OperatorControl,
+                AlertPriority::Warning,
+                SubsystemId::Comms,
+                format!(
+                    "MAVLink system {system} has operator control of the vehicle: it refuses commands of this VSM"
+                ),
+            ),
+        }
+    }
+
+    /// Requests operator control where it is `wanted`, or releases it, of a vehicle that reports it.
+    pub(crate) fn hold_operator_control(
+        &mut self,
+        wanted: bool,
+        vehicle: &VehicleState,
+        effects: &mut Effects<'_>,
+    ) {
+        let now = effects.dli.now.mono;
+        let own = effects.vehicle.own_system();
+        let control = &mut self.operator_control;
+        let Some(owner) = control.owner(now) else {
+            control.pending = false;
+            return;
+        };
+        control.pending = wanted != (owner == own) && control.ticket.is_none() && vehicle.live();
+        if !control.pending || control.next_at > now {
+            return;
+        }
+        control.next_at = now + BETWEEN;
+        let params = [
+            f32::from(u8::from(wanted)),
+            0.0,
+            SHOWN_FOR_S,
+            f32::from(own),
+            0.0,
+            0.0,
+            0.0,
+        ];
+        let command = Command {
+            command: MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL,
+            payload: Payload::Long(params),
+            repetition: Repetition::Safe,
+        };
+        // A full queue is tried again later.
+        control.ticket = effects.vehicle.commands.submit(now, command).ok();
+        control.pending = control.ticket.is_none();
+    }
+}
+
+/// CONTROL_STATUS comes at 1 Hz.
+const STALE: Duration = Duration::from_secs(5);
+/// From one try to the next.
+const BETWEEN: Duration = Duration::from_secs(2);
+/// param3 of the request: how long another station is shown that it waits, s.
+const SHOWN_FOR_S: f32 = 10.0;

@@ -1,0 +1,24 @@
+//! Which messages are requested of a vehicle, and how often.
+
+use mavlink_link::service::interval::Rate;
+
+/// What the DLI needs of the vehicle; and off what PX4 streams at up to 50 Hz by default and nobody here needs: a radio has
+/// no room for it.
+pub(super) const RATES: &[(u32, Rate)] = &[
+    // First: with it a lossy link is not mistaken for a silent vehicle (its other source, HEARTBEAT, comes at 1 Hz).
+    (436, Rate::Hz(5.0)), // CURRENT_MODE
+    (30, Rate::Hz(5.0)),  // ATTITUDE
+    (33, Rate::Hz(5.0)),  // GLOBAL_POSITION_INT
+    (32, Rate::Hz(5.0)),  // LOCAL_POSITION_NED
+    (245, Rate::Hz(2.0)), // EXTENDED_SYS_STATE
+    (242, Rate::Hz(1.0)), // HOME_POSITION
+    (24, Rate::Hz(1.0)),  // GPS_RAW_INT
+    (74, Rate::Hz(2.0)),  // VFR_HUD
+    (87, Rate::Hz(2.0)),  // POSITION_TARGET_GLOBAL_INT
+    (1, Rate::Hz(1.0)),   // SYS_STATUS
+    (147, Rate::Hz(0.5)), // BATTERY_STATUS
+    (31, Rate::Off),      // ATTITUDE_QUATERNION
+    (83, Rate::Off),      // ATTITUDE_TARGET
+    (85, Rate::Off),      // POSITION_TARGET_LOCAL_NED
+    (36, Rate::Off),      // SERVO_OUTPUT_RAW
+];

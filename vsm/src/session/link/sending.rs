@@ -1,0 +1,106 @@
+//! What goes to the vehicle: signed at the moment of sending; the stamps of requests are kept, so that an answer can be
+//! told from a recording of an older one.
+
+use mavlink::Message as _;
+use mavlink_link::Now;
+use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::signing::Stamp;
+use mavlink_link::store::Disk;
+
+use super::event::VehicleEvent;
+use super::frame::OutFrame;
+use super::services::Services;
+use super::state::VehicleState;
+use super::{VehicleLink, auth};
+use crate::session::effects::Effects;
+
+impl VehicleLink {
+    /// Signs and queues what the link and the services want sent; called after each change of theirs.
+    pub(crate) fn flush(&mut self, vehicle: &mut VehicleState, effects: &mut Effects<'_>) {
+        let Effects {
+            dli,
+            vehicle: services,
+            ..
+        } = effects;
+        self.flush_services(dli.now, vehicle, services, dli.disk);
+    }
+
+    pub(super) fn flush_services(
+        &mut self,
+        now: Now,
+        vehicle: &mut VehicleState,
+        services: &mut Services,
+        store: &mut dyn Disk,
+    ) {
+        let mut bytes = [0; MAX_FRAME];
+        while let Some(sent) =
+            self.link
+                .poll_transmit(now, auth(self.key.as_mut(), store), &mut bytes)
+        {
+            self.sent.count(HEARTBEAT);
+            self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
+        }
+        while let Some(message) = services.posts.pop_front() {
+            self.send(now, &message, store);
+        }
+        if services.missions.busy().is_none() {
+            self.asked.mission = None;
+        }
+        while let Some(message) = services.missions.poll_transmit() {
+            let stamp = self.send(now, &message, store);
+            self.asked.mission = self.asked.mission.or(stamp);
+        }
+        if services.parameters.pending() == 0 {
+            self.asked.parameter = None;
+        }
+        while let Some(message) = services.parameters.poll_transmit() {
+            let stamp = self.send(now, &message, store);
+            self.asked.parameter = self.asked.parameter.or(stamp);
+        }
+        loop {
+            while let Some(event) = services.commands.poll_event() {
+                self.asked.command = None;
+                if services.intervals.handle_event(now.mono, &event) {
+                    services.intervals.advance(now.mono, &mut services.commands);
+                } else {
+                    self.events.push_back(VehicleEvent::Command(event));
+                }
+            }
+            let Some(message) = services.commands.poll_transmit() else {
+                break;
+            };
+            let stamp = self.send(now, &message, store);
+            self.asked.command = self.asked.command.or(stamp);
+            if may_change_state(&message) {
+                self.asked.last = stamp.or(self.asked.last);
+                vehicle.state_is_newer = false;
+            }
+        }
+    }
+
+    fn send(&mut self, now: Now, message: &MavMessage, store: &mut dyn Disk) -> Option<Stamp> {
+        let mut bytes = [0; MAX_FRAME];
+        // Refusals are counted and alerted by the link; the service repeats or gives up by its own timing.
+        let sent = self
+            .link
+            .send(now, auth(self.key.as_mut(), store), message, &mut bytes)
+            .ok()?;
+        self.sent.count(message.message_id());
+        self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
+        sent.stamp
+    }
+}
+
+/// Rates and messages are requested all the time: a mode that was reported meanwhile is no less fresh for it.
+fn may_change_state(command: &MavMessage) -> bool {
+    !matches!(
+        command,
+        MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL | MavCmd::MAV_CMD_REQUEST_MESSAGE,
+            ..
+        })
+    )
+}
+
+const HEARTBEAT: u32 = 0;

@@ -1,0 +1,53 @@
+//! What may be asked of the vehicle: commands, missions, parameters, rates, and messages that nothing answers.
+//!
+//! Each is a machine of `mavlink_link::service` that repeats until it is answered. The link machine sends what they
+//! queue, signed at the moment of sending, and returns their ends as [`VehicleEvent`](super::event::VehicleEvent)s.
+
+use std::collections::VecDeque;
+
+use mavlink_link::dialect::MavMessage;
+use mavlink_link::service::interval::{Intervals, Rate};
+use mavlink_link::service::{Node, command, mission, param};
+
+use super::rates::RATES;
+
+/// The services of one vehicle.
+#[derive(Debug)]
+pub(crate) struct Services {
+    pub(crate) missions: mission::Client,
+    pub(crate) commands: command::Client,
+    pub(crate) parameters: param::Client,
+    pub(super) intervals: Intervals,
+    pub(super) posts: VecDeque<MavMessage>,
+    own_system: u8,
+}
+
+impl Services {
+    /// For `own`, this VSM, towards `vehicle`, its autopilot.
+    pub(crate) fn new(own: Node, vehicle: Node) -> Services {
+        Services {
+            missions: mission::Client::new(own, vehicle, mission::Timing::default()),
+            commands: command::Client::new(own, vehicle, command::Timing::default()),
+            parameters: param::Client::new(own, vehicle, param::Timing::default()),
+            intervals: Intervals::new(RATES.iter().copied()),
+            posts: VecDeque::new(),
+            own_system: own.system,
+        }
+    }
+
+    /// Sends a message that nothing answers.
+    pub(crate) fn post(&mut self, message: MavMessage) {
+        self.posts.push_back(message);
+    }
+
+    /// Requests a message at a rate from now on, as soon as another command may be sent.
+    pub(crate) fn request_rate(&mut self, message: u32, hertz: f32) {
+        self.intervals.wish(message, Rate::Hz(hertz));
+    }
+
+    /// The MAVLink system id of this VSM.
+    pub(crate) fn own_system(&self) -> u8 {
+        self.own_system
+    }
+
+}

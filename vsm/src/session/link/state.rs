@@ -1,0 +1,95 @@
+//! What the vehicle shows of itself: its telemetry, and how fresh that is.
+//!
+//! Written by the link machine alone, from verified frames of the autopilot; read by every other machine.
+
+use std::time::Duration;
+
+use mapping::telemetry::Telemetry;
+use mavlink_link::dialect::MavType;
+
+/// As the vehicle last showed it.
+#[derive(Debug)]
+pub(crate) struct VehicleState {
+    pub(crate) telemetry: Telemetry,
+    /// Its HEARTBEAT came last at this time.
+    pub(super) heartbeat_at: Option<Duration>,
+    /// It reported its mode last at this time.
+    pub(super) mode_at: Option<Duration>,
+    pub(super) silent: bool,
+    pub(super) boot_ms: Option<u32>,
+    pub(super) progress_boot_ms: Option<u32>,
+    pub(super) state_is_newer: bool,
+    pub(super) complaint: Option<(Duration, String)>,
+}
+
+impl Default for VehicleState {
+    fn default() -> VehicleState {
+        VehicleState {
+            telemetry: Telemetry::default(),
+            heartbeat_at: None,
+            mode_at: None,
+            silent: true,
+            boot_ms: None,
+            progress_boot_ms: None,
+            state_is_newer: true,
+            complaint: None,
+        }
+    }
+}
+
+impl VehicleState {
+    /// Whether data is received from it: its telemetry is not stale.
+    pub(crate) fn live(&self) -> bool {
+        !self.silent
+    }
+
+    /// When it last reported its mode.
+    pub(crate) fn mode_at(&self) -> Option<Duration> {
+        self.mode_at
+    }
+
+    /// When it counts as silent, if nothing more comes.
+    pub(super) fn silent_at(&self) -> Option<Duration> {
+        let (mode, beat) = self.mode_at.zip(self.heartbeat_at)?;
+        Some((mode + SILENCE).min(beat + NO_HEARTBEAT))
+    }
+
+    /// Its clock since boot, ms, as of its latest message that shows it.
+    pub(crate) fn boot_ms(&self) -> Option<u32> {
+        self.boot_ms
+    }
+
+    /// The same when it last reported the progress of its mission (MISSION_CURRENT).
+    pub(crate) fn progress_boot_ms(&self) -> Option<u32> {
+        self.progress_boot_ms
+    }
+
+    /// Whether its mode was reported by a message made after the last command was sent that may change it.
+    pub(crate) fn state_is_newer_than_command(&self) -> bool {
+        self.state_is_newer
+    }
+
+    /// Vehicle Type of messages 2 to 5: the custodian's list of types is not public, MAVLink's MAV_TYPE stands in; 0
+    /// before it is known.
+    pub(crate) fn vehicle_type(&self) -> u16 {
+        let kind = self.telemetry.vehicle_type;
+        kind.map_or(0, |kind: MavType| kind as u16)
+    }
+
+    /// What the vehicle complained of just now by STATUSTEXT, to be appended to a refusal.
+    pub(crate) fn latest_complaint(&self, now: Duration) -> Option<String> {
+        let (at, text) = self.complaint.as_ref()?;
+        (now.saturating_sub(*at) < COMPLAINT_LIFE).then(|| format!(" ({text})"))
+    }
+}
+
+/// A vehicle that has not reported its mode for this long, by HEARTBEAT or CURRENT_MODE, is silent, and its telemetry is
+/// stale.
+///
+/// Heartbeats alone would not do: they come once a second, and where four packets of ten are lost three in a row are
+/// missing every few seconds, while all other messages arrive.
+pub(crate) const SILENCE: Duration = Duration::from_millis(3_500);
+/// And so is one without a heartbeat for this long, since nothing else reports whether it is armed.
+const NO_HEARTBEAT: Duration = Duration::from_secs(10);
+/// A complaint belongs to a refusal that follows within this time.
+const COMPLAINT_LIFE: Duration = Duration::from_secs(3);

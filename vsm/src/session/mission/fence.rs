@@ -1,0 +1,440 @@
+//! The geofence of one vehicle: areas of the configuration and of a CUCS (50016, 50017), uploaded, read back and
+//! compared; 50018 reports how it went.
+//!
+//! Areas of the configuration are always part of the fence. What the fence should be is compared with what the vehicle
+//! names when its data first arrives, and from then on: one that is the same is not sent again; of one that another
+//! station has changed there is a warning, and no contest.
+
+use std::time::Duration;
+
+use mapping::area::{self, Area, AreaError, Areas, FencePoint};
+use mavlink_link::service::mission::{self, Item, MavMissionType, plan_id};
+use mavlink_link::store::{Store as _, StoreError};
+use serde::{Deserialize, Serialize};
+use stanag_msgs::enums::{AckType, AreaPlanMode as Mode, MissionTransferStatus};
+use stanag_msgs::messages::{AreaTransferCommand, AreaTransferStatus, AreaVertex};
+use stanag_msgs::{Id, Message};
+
+use super::input::Context;
+use super::record::{decode_messages, encode_messages};
+use super::upload::{Fault, Progress, Upload};
+use crate::session::alerts::Cause;
+use crate::session::context::{Origin, WATCH_SLACK};
+use crate::session::effects::{Effects, Request};
+use crate::session::store::{record_fault, vehicle_record};
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(super) struct Fence {
+    configured: Vec<Area>,
+    /// As a CUCS has sent them.
+    sent: Areas,
+    /// Those that were loaded last.
+    loaded: Areas,
+    /// Whether a fence was ever requested, here or in the configuration: else the vehicle's own is left alone.
+    wanted: bool,
+    /// The id by which the vehicle names the fence that it should hold.
+    id: Option<u32>,
+    /// When what the vehicle holds is compared for the first time, or an upload is tried again.
+    look_at: Option<Duration>,
+    /// That was due, and could not be done yet: what it waits for is an event.
+    postponed: bool,
+    work: Option<Work>,
+}
+
+#[derive(Debug)]
+struct Work {
+    requester: Requester,
+    areas: Areas,
+    points: Vec<FencePoint>,
+    upload: Upload,
+}
+
+/// Who requested it, and how; none where the VSM does without.
+type Requester = Option<(Origin, Mode)>;
+/// An area and its vertex, for 50018.
+type Vertex = (u16, u8);
+
+#[derive(Serialize, Deserialize)]
+struct Record {
+    sent: Vec<String>,
+    loaded: Vec<String>,
+    wanted: bool,
+}
+
+vehicle_record!(Record, "areas", Process);
+
+impl Fence {
+    /// With the areas of the configuration.
+    pub(super) fn new(configured: Vec<Area>) -> Fence {
+        Fence {
+            wanted: !configured.is_empty(),
+            configured,
+            ..Fence::default()
+        }
+    }
+
+    /// Whether a fence is on its way.
+    pub(super) fn busy(&self) -> bool {
+        self.work.is_some()
+    }
+
+    /// The vehicle is there, or there again: what it holds is compared once it has had the time to report it.
+    pub(super) fn look_again(&mut self, now: Duration) {
+        self.look_at = Some(now + LOOK_AFTER);
+        self.postponed = false;
+    }
+
+    /// When [`Fence::watch`] is due by the time alone.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        let due = match &self.work {
+            Some(work) => work.upload.poll_timeout(),
+            None => self.look_at.filter(|_| self.wanted && !self.postponed),
+        };
+        due.map(|due| due + WATCH_SLACK)
+    }
+
+    /// 50016: stored at once, uploaded by 50017.
+    pub(super) fn store_area(
+        &mut self,
+        origin: Origin,
+        vertex: &AreaVertex,
+        effects: &mut Effects<'_>,
+    ) {
+        let before = self.sent.clone();
+        let stored = self.sent.store(vertex).map_err(|fault| fault.to_string());
+        let stored = stored.and_then(|()| {
+            self.save(effects)
+                .map_err(|fault| format!("it cannot be stored: {fault}"))
+        });
+        match stored {
+            Ok(()) => effects.acknowledge(&origin, AckType::CarriedOut),
+            Err(why) => {
+                self.sent = before;
+                effects.refuse(Some(origin), why);
+            }
+        }
+    }
+
+    /// 50017. `free`: why no upload can begin now.
+    pub(super) fn command(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        command: &AreaTransferCommand,
+        free: Result<(), &'static str>,
+        effects: &mut Effects<'_>,
+    ) {
+        effects.acknowledge(&origin, AckType::Received);
+        let Some(mode) = command.area_plan_mode else {
+            return effects.refuse(Some(origin), "Area Plan Mode is missing");
+        };
+        let none = AreaError {
+            area: 0,
+            vertex: None,
+            reason: area::Reason::None,
+        };
+        let (areas, points) = match mode {
+            Mode::Load | Mode::Download if self.sent.is_empty() => (Areas::default(), Err(none)),
+            Mode::Load => {
+                let place = context.vehicle.telemetry.position;
+                let at = place.map(|place| (place.latitude, place.longitude));
+                (self.sent.clone(), self.points(&self.sent, at))
+            }
+            Mode::Clear => (Areas::default(), self.points(&Areas::default(), None)),
+            Mode::Download => {
+                let mut answers: Vec<Message> = self.sent.messages().collect();
+                answers.push(status(mode, MissionTransferStatus::Complete, None).into());
+                return effects.request(Request::AnswerLater {
+                    station: origin.station,
+                    answers,
+                    origin: Some(origin),
+                });
+            }
+            Mode::Unknown(value) => {
+                let why = format!("Area Plan Mode {value}, expected 1 to 3");
+                return effects.refuse(Some(origin), why);
+            }
+        };
+        let requester = Some((origin, mode));
+        match points {
+            Ok(points) => self.begin(context, requester, areas, points, free, effects),
+            Err(fault) => {
+                let vertex = (fault.area, fault.vertex.unwrap_or(0));
+                self.end(context, requester, Some(vertex), fault.to_string(), effects);
+            }
+        }
+    }
+
+    fn points(&self, areas: &Areas, at: Option<(f64, f64)>) -> Result<Vec<FencePoint>, AreaError> {
+        area::fence(&self.configured, &areas.whole()?, at)
+    }
+
+    fn begin(
+        &mut self,
+        context: &Context<'_>,
+        requester: Requester,
+        areas: Areas,
+        points: Vec<FencePoint>,
+        free: Result<(), &'static str>,
+        effects: &mut Effects<'_>,
+    ) {
+        let now = context.mono();
+        let begun = free.map_err(str::to_owned).and_then(|()| {
+            let vehicle = &mut *effects.vehicle;
+            let begun = if points.is_empty() {
+                Upload::clear(now, KIND, vehicle)
+            } else {
+                Upload::send(now, KIND, &items(&points), vehicle)
+            };
+            begun.map_err(|fault| format!("the mission service is {fault}"))
+        });
+        match begun {
+            Ok(upload) => {
+                if let Some((origin, mode)) = requester {
+                    let running = MissionTransferStatus::InProgress;
+                    report(effects, origin.station, mode, running, None);
+                }
+                self.work = Some(Work {
+                    requester,
+                    areas,
+                    points,
+                    upload,
+                });
+            }
+            Err(why) => self.end(context, requester, None, why, effects),
+        }
+    }
+
+    /// What the mission service has done with the fence. False where it is about a mission.
+    pub(super) fn handle_service(
+        &mut self,
+        context: &Context<'_>,
+        event: &mission::Event,
+        effects: &mut Effects<'_>,
+    ) -> bool {
+        let Some(work) = &mut self.work else {
+            return false;
+        };
+        let items = items(&work.points);
+        let progress = work
+            .upload
+            .handle(context.mono(), event, &items, effects.vehicle);
+        self.follow(context, progress, effects);
+        true
+    }
+
+    /// MISSION_CURRENT must name the fence that was read back; and later still. `free`: why no upload can begin now.
+    pub(super) fn watch(
+        &mut self,
+        context: &Context<'_>,
+        free: Result<(), &'static str>,
+        effects: &mut Effects<'_>,
+    ) {
+        let mission = context.vehicle.telemetry.mission;
+        let named = mission.map(|mission| mission.fence_id);
+        let now = context.mono();
+        if let Some(work) = &self.work {
+            let progress = work.upload.check(now, named, true);
+            if progress != Progress::Going {
+                return self.follow(context, progress, effects);
+            }
+        }
+        let due = self.look_at.is_some_and(|at| at <= now);
+        if !self.wanted || !context.vehicle.live() || free.is_err() {
+            self.postponed |= due;
+            return;
+        }
+        if due {
+            self.look_at = None;
+            let areas = self.loaded.clone();
+            match self.points(&areas, None) {
+                Ok(points) => {
+                    let id = plan_id(&items(&points));
+                    if named == Some(id) {
+                        self.id = Some(id);
+                    } else {
+                        self.begin(context, None, areas, points, free, effects);
+                    }
+                }
+                Err(fault) => effects.warn(Cause::Fence, fault.to_string()),
+            }
+            return;
+        }
+        let (Some(id), None) = (self.id.filter(|id| *id != 0), self.look_at) else {
+            return;
+        };
+        if named.is_some_and(|named| named != id) {
+            let text = "the fence aboard is not the one that was loaded: load it again (50017)";
+            effects.warn(Cause::Fence, text);
+        } else {
+            effects.clear(Cause::Fence, UPLOADED);
+        }
+    }
+
+    fn follow(&mut self, context: &Context<'_>, progress: Progress, effects: &mut Effects<'_>) {
+        match progress {
+            Progress::Going | Progress::Percent(_) => {}
+            Progress::Done(id) => {
+                if let Some(work) = self.work.take() {
+                    self.uploaded(context, work, id, effects);
+                }
+            }
+            Progress::Failed(fault) => {
+                if let Some(work) = self.work.take() {
+                    let vertex = vertex_of(&work.points, &fault);
+                    self.end(
+                        context,
+                        work.requester,
+                        vertex,
+                        fault.explain("fence"),
+                        effects,
+                    );
+                }
+            }
+        }
+    }
+
+    fn uploaded(&mut self, context: &Context<'_>, work: Work, id: u32, effects: &mut Effects<'_>) {
+        let requester = work.requester;
+        self.loaded = work.areas;
+        self.wanted = !self.loaded.is_empty() || !self.configured.is_empty();
+        self.id = Some(id);
+        if let Some((_, Mode::Clear)) = requester {
+            self.sent.clear();
+        }
+        effects.clear(Cause::Fence, UPLOADED);
+        if let Err(fault) = self.save(effects) {
+            let why = format!("the fence is aboard, but cannot be stored: {fault}");
+            return self.end(context, requester, None, why, effects);
+        }
+        if self.wanted {
+            advise_breach(context, effects);
+        }
+        if let Some((origin, mode)) = requester {
+            let complete = MissionTransferStatus::Complete;
+            report(effects, origin.station, mode, complete, None);
+            effects.acknowledge(&origin, AckType::CarriedOut);
+        }
+    }
+
+    fn end(
+        &mut self,
+        context: &Context<'_>,
+        requester: Requester,
+        vertex: Option<Vertex>,
+        why: String,
+        effects: &mut Effects<'_>,
+    ) {
+        match requester {
+            Some((origin, mode)) => {
+                let aborted = MissionTransferStatus::Aborted;
+                report(effects, origin.station, mode, aborted, vertex);
+                effects.refuse(Some(origin), why);
+            }
+            None => {
+                // The vehicle flies without a fence that it should have.
+                self.look_at = Some(context.mono() + TRY_AGAIN);
+                self.postponed = false;
+                effects.warn(Cause::Fence, format!("the fence is not aboard: {why}"));
+            }
+        }
+    }
+
+    fn save(&self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+        let vehicle = effects.id;
+        let lines = |areas: &Areas| encode_messages(areas.messages(), Id::NULL, vehicle);
+        let record = Record {
+            sent: lines(&self.sent),
+            loaded: lines(&self.loaded),
+            wanted: self.wanted,
+        };
+        effects.disk().save(&vehicle, &record)
+    }
+
+    /// The areas of before a restart.
+    ///
+    /// # Errors
+    /// Their record is there and cannot be read.
+    pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+        let vehicle = effects.id;
+        let Some(record) = effects.disk().load::<Record>(&vehicle)? else {
+            return Ok(());
+        };
+        let unreadable = |cause: String| record_fault("areas", vehicle, cause);
+        self.sent = areas(&record.sent).map_err(unreadable)?;
+        self.loaded = areas(&record.loaded).map_err(unreadable)?;
+        self.wanted |= record.wanted;
+        Ok(())
+    }
+}
+
+/// The areas of a record.
+fn areas(lines: &[String]) -> Result<Areas, String> {
+    let mut areas = Areas::default();
+    for (_, message) in decode_messages(lines).map_err(|cause| cause.to_string())? {
+        if let Message::AreaVertex(vertex) = message {
+            areas.store(&vertex).map_err(|cause| cause.to_string())?;
+        }
+    }
+    Ok(areas)
+}
+
+fn items(points: &[FencePoint]) -> Vec<Item> {
+    points.iter().map(|point| point.item).collect()
+}
+
+/// What the vehicle does where it breaks the fence, by its own parameter.
+fn advise_breach(context: &Context<'_>, effects: &mut Effects<'_>) {
+    let Some(action) = context.parameters.get("GF_ACTION") else {
+        return;
+    };
+    let what = match action as i64 {
+        0 => "does nothing",
+        1 => "only says so",
+        2 => "holds",
+        3 => "returns",
+        4 => "terminates its flight",
+        5 => "lands",
+        _ => "does something that is not known here",
+    };
+    effects.advise(format!(
+        "where it breaks the fence the vehicle {what} (GF_ACTION {action})"
+    ));
+}
+
+fn report(
+    effects: &mut Effects<'_>,
+    station: usize,
+    mode: Mode,
+    state: MissionTransferStatus,
+    vertex: Option<Vertex>,
+) {
+    let report = AreaTransferStatus {
+        time_stamp: Some(effects.stamp()),
+        ..status(mode, state, vertex)
+    };
+    effects.send(station, &report.into());
+}
+
+fn status(mode: Mode, status: MissionTransferStatus, vertex: Option<Vertex>) -> AreaTransferStatus {
+    AreaTransferStatus {
+        area_plan_mode: Some(mode),
+        status: Some(status),
+        area_id: vertex.map(|(area, _)| area),
+        vertex_number: vertex.map(|(_, vertex)| vertex),
+        ..AreaTransferStatus::default()
+    }
+}
+
+/// The vertex of the item at which the vehicle refused.
+fn vertex_of(points: &[FencePoint], fault: &Fault) -> Option<Vertex> {
+    let point = points.get(fault.item()?)?;
+    Some((point.area, point.vertex))
+}
+
+const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
+/// Why the warning is cleared.
+const UPLOADED: &str = "the fence is aboard";
+const LOOK_AFTER: Duration = Duration::from_secs(3);
+const TRY_AGAIN: Duration = Duration::from_secs(30);

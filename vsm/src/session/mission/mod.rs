@@ -1,0 +1,223 @@
+//! The mission of one vehicle: the plan that CUCSs send, its way to the vehicle and back, and the geofence.
+//!
+//! A plan is stored as it comes (13001 to 13003, curves). 13000 compiles a route of it whole, uploads it, reads it back
+//! and compares it, and waits until the vehicle itself names it as its mission: only then it counts as loaded. Parts, in
+//! the order of a route's life:
+//!
+//! - [`input`]: what the machine reads, and what happens to it
+//! - [`store`]: the plan, what is loaded and what the vehicle carries, in memory and, as [`record`] writes it, on disk
+//! - [`transfer`]: 13000, the load or clearing that it begins, and how that ends, reported by 14000 ([`status`]);
+//!   [`download`]: the way back to a station
+//! - [`route_upload`]: a route is compiled, and the vehicle held if it must be; [`upload`]: items on their way to the
+//!   vehicle, for routes and for the fence
+//! - [`progress`]: where along its route the vehicle is; [`watchdog`]: whether it gets any nearer; [`resync`]: whether it
+//!   still carries what was loaded
+//! - [`fence`]: areas of the configuration and of a CUCS
+
+mod download;
+mod fence;
+mod input;
+pub(crate) mod progress;
+pub(crate) mod record;
+mod resync;
+mod route_upload;
+mod status;
+mod store;
+mod transfer;
+mod upload;
+mod watchdog;
+
+pub(crate) use input::{Context, Input};
+
+use std::time::Duration;
+
+use mapping::area::Area;
+use mavlink_link::service::mission;
+use mavlink_link::store::StoreError;
+use stanag_msgs::Message;
+use stanag_msgs::enums::AckType;
+
+use self::fence::Fence;
+use self::progress::RouteProgress;
+use self::record::UploadedMission;
+use self::resync::Resync;
+use self::store::MissionStore;
+use self::transfer::{Free, Transfers};
+use self::watchdog::MissionWatchdog;
+use super::context::{MissionView, Origin};
+use super::effects::Effects;
+use super::link::services::Services;
+use super::link::state::VehicleState;
+
+/// The machine.
+#[derive(Debug)]
+pub(crate) struct Mission {
+    store: MissionStore,
+    transfers: Transfers,
+    progress: RouteProgress,
+    watchdog: MissionWatchdog,
+    resync: Resync,
+    fence: Fence,
+}
+
+impl Mission {
+    /// With the fence areas of the configuration.
+    pub(crate) fn new(areas: Vec<Area>) -> Mission {
+        Mission {
+            store: MissionStore::default(),
+            transfers: Transfers::default(),
+            progress: RouteProgress::default(),
+            watchdog: MissionWatchdog::default(),
+            resync: Resync::default(),
+            fence: Fence::new(areas),
+        }
+    }
+
+    /// What a restart finds.
+    ///
+    /// # Errors
+    /// A record exists and cannot be read.
+    pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+        self.store.restore(effects)?;
+        self.fence.restore(effects)
+    }
+
+    /// What the vehicle carries.
+    pub(crate) fn uploaded(&self) -> Option<&UploadedMission> {
+        self.store.uploaded.as_ref()
+    }
+
+    /// What the other machines may know.
+    pub(crate) fn view(&self, vehicle: &VehicleState, services: &Services) -> MissionView<'_> {
+        MissionView {
+            plan: self.store.plan(),
+            uploaded: self.uploaded(),
+            loaded: self.store.loaded.as_ref(),
+            progress: &self.progress,
+            transfer: self.transfers.view(),
+            fence_busy: self.fence.busy(),
+            may_change: self.may_change(vehicle, services),
+        }
+    }
+
+    /// Whether an upload, a download or a clearing can begin now, or why not.
+    fn may_change(&self, vehicle: &VehicleState, services: &Services) -> Free {
+        if !vehicle.live() {
+            return Err("the vehicle is silent: nothing can be loaded");
+        }
+        let busy = services.missions.busy().is_some();
+        if self.transfers.is_running() || self.fence.busy() || busy {
+            return Err("another transfer is in progress");
+        }
+        Ok(())
+    }
+
+    /// Takes an input.
+    pub(crate) fn handle(
+        &mut self,
+        context: &Context<'_>,
+        input: Input<'_>,
+        effects: &mut Effects<'_>,
+    ) {
+        let free = self.may_change(context.vehicle, effects.vehicle);
+        let telemetry = &context.vehicle.telemetry;
+        let Mission {
+            store,
+            transfers,
+            progress,
+            watchdog,
+            resync,
+            fence,
+        } = self;
+        match input {
+            Input::Command { origin, message } => {
+                self.command(context, origin, message, free, effects);
+            }
+            Input::LoadAndFly {
+                origin,
+                route_type,
+                command,
+            } => {
+                let waiting = (origin, route_type, command);
+                transfers.load_and_fly(context, waiting, store, free, effects);
+            }
+            Input::DropWaitingCommand { why, without_right } => {
+                transfers.drop_waiting_command(context, &why, without_right, effects);
+            }
+            Input::CommandEnded(event) => {
+                transfers.handle_command(context, event, store, progress, effects);
+            }
+            Input::ServiceEnded(event) => {
+                if let mission::Event::CurrentSet { .. } = &event {
+                    progress.sent_on(telemetry);
+                }
+                if !fence.handle_service(context, &event, effects) {
+                    transfers.handle_service(context, &event, store, progress, effects);
+                }
+            }
+            Input::LinkUp => {
+                resync.begin();
+                fence.look_again(context.mono());
+            }
+            Input::Advance => transfers.advance(context, store, progress, effects),
+            Input::WatchProgress => {
+                let uploaded = store.uploaded.as_ref();
+                if let Some(uploaded) = uploaded {
+                    progress.look(&uploaded.compiled, telemetry);
+                }
+                watchdog.watch(context, uploaded, transfers.is_running(), effects);
+            }
+            Input::CompareWithVehicle => {
+                let uploaded = store.uploaded.as_ref();
+                if resync.compare(context, uploaded, free.is_ok(), effects)
+                    && let Some(uploaded) = uploaded
+                {
+                    transfers.load_again(uploaded);
+                }
+            }
+            Input::WatchFence => fence.watch(context, free, effects),
+            Input::AdvanceDownload => transfers.advance_download(context, effects),
+        }
+    }
+
+    fn command(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        message: &Message,
+        free: Free,
+        effects: &mut Effects<'_>,
+    ) {
+        let Mission {
+            store,
+            transfers,
+            fence,
+            ..
+        } = self;
+        match message {
+            Message::MissionTransferCommand(command) => {
+                transfers.command(context, origin, command, store, free, effects);
+            }
+            Message::AreaVertex(vertex) => fence.store_area(origin, vertex, effects),
+            Message::AreaTransferCommand(command) => {
+                fence.command(context, origin, command, free, effects);
+            }
+            _ => {
+                let Some(station) = context.stations.get(origin.station) else {
+                    return;
+                };
+                match store.store(message, station.id(), effects) {
+                    Ok(()) => effects.acknowledge(&origin, AckType::CarriedOut),
+                    Err(why) => effects.refuse(Some(origin), why),
+                }
+            }
+        }
+    }
+
+    /// When an input that depends on the time is next due.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        let transfers = self.transfers.poll_timeout();
+        let fence = self.fence.poll_timeout();
+        transfers.into_iter().chain(fence).min()
+    }
+}

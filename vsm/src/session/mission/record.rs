@@ -1,0 +1,314 @@
+//! Plans as bytes on disk: what a CUCS has sent, and what was uploaded to the vehicle.
+//!
+//! Messages are stored as they came, DLI bytes in hex: a field that nothing here reads is not lost.
+
+use mapping::altitude::Level;
+use mapping::plan::Plan;
+use mapping::route::{CompiledMission, Curved, Leg};
+use mavlink_link::service::mission::Item;
+use serde::{Deserialize, Serialize};
+use stanag_msgs::enums::RouteType;
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, frames};
+
+use crate::session::store::{from_json, to_json};
+
+/// The route that the vehicle carries, as it was read back from it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct UploadedMission {
+    pub(crate) compiled: CompiledMission,
+    /// MISSION_CURRENT.mission_id of it, 0 where the vehicle has none.
+    pub(crate) mission_id: u32,
+    pub(crate) route_type: RouteType,
+    /// 13000's Mission ID, for 14000 and 3.
+    pub(crate) mission_name: String,
+    /// The messages that it was made of; none in a record of an earlier version.
+    pub(crate) plan: Plan,
+}
+
+impl UploadedMission {
+    /// Whether it is the route of this name.
+    pub(crate) fn is_of(&self, route_id: &str) -> bool {
+        self.plan.route_named(route_id).is_some()
+    }
+}
+
+/// A record that does not read back.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the stored plan cannot be read: {0}")]
+pub(crate) struct RecordError(String);
+
+#[derive(Serialize, Deserialize)]
+struct PlanRecord {
+    /// One message a line, as DLI bytes in hex.
+    messages: Vec<String>,
+}
+
+/// The bytes of a plan's record.
+pub(super) fn encode_plan(plan: &Plan, cucs: Id, vehicle: Id) -> Vec<u8> {
+    let messages = encode_messages(plan.messages(), cucs, vehicle);
+    to_json(&PlanRecord { messages })
+}
+
+/// The plan of a record, and of how many messages it is made.
+pub(super) fn decode_plan(bytes: &[u8], vehicle: Id) -> Result<(Plan, usize), RecordError> {
+    let record: PlanRecord = from_json(bytes).map_err(RecordError)?;
+    let mut plan = Plan::default();
+    store_all(&mut plan, &record.messages, vehicle)?;
+    Ok((plan, record.messages.len()))
+}
+
+/// Messages of a record, one a line.
+pub(super) fn encode_messages(
+    messages: impl Iterator<Item = Message>,
+    cucs: Id,
+    vehicle: Id,
+) -> Vec<String> {
+    messages
+        .filter_map(|message| encode_message(&message, cucs, vehicle).ok())
+        .collect()
+}
+
+/// A message as DLI bytes in hex.
+pub(super) fn encode_message(
+    message: &Message,
+    cucs: Id,
+    vehicle: Id,
+) -> Result<String, RecordError> {
+    let mut bytes = [0; MAX_DATAGRAM];
+    let envelope = Envelope::new(cucs, vehicle);
+    let length = message.encode(&envelope, &mut bytes).map_err(fault)?;
+    Ok(hex(bytes.get(..length).unwrap_or_default()))
+}
+
+/// The messages of a record, each with its source.
+pub(super) fn decode_messages(
+    lines: impl IntoIterator<Item = impl AsRef<str>>,
+) -> Result<Vec<(Id, Message)>, RecordError> {
+    let mut messages = Vec::new();
+    for line in lines {
+        let line = line.as_ref();
+        let bytes = unhex(line).ok_or_else(|| RecordError(format!("not hex: {line}")))?;
+        for frame in frames(&bytes) {
+            let frame = frame.map_err(fault)?;
+            let message = Message::decode(frame.header.message_type, frame.data).map_err(fault)?;
+            messages.push((frame.header.source, message));
+        }
+    }
+    Ok(messages)
+}
+
+/// Stores the messages of a record in a plan, in their order.
+pub(super) fn store_all(
+    plan: &mut Plan,
+    lines: impl IntoIterator<Item = impl AsRef<str>>,
+    vehicle: Id,
+) -> Result<(), RecordError> {
+    for (source, message) in decode_messages(lines)? {
+        // 50001 names the CUCS that sent it; the record may have been written for another since.
+        let cucs = match &message {
+            Message::CurveSegmentPaper(curve) => curve.cucs_id.unwrap_or(source),
+            _ => source,
+        };
+        plan.store(&message, cucs, vehicle).map_err(fault)?;
+    }
+    Ok(())
+}
+
+fn fault(cause: impl std::fmt::Display) -> RecordError {
+    RecordError(cause.to_string())
+}
+
+#[derive(Serialize, Deserialize)]
+struct UploadedRecord {
+    mission_id: u32,
+    mission_name: String,
+    route_type: u8,
+    items: Vec<ItemRecord>,
+    waypoint_of: Vec<u16>,
+    legs: Vec<LegRecord>,
+    #[serde(default)]
+    curved: Option<CurvedRecord>,
+    /// As in the record of a plan.
+    #[serde(default)]
+    messages: Vec<String>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct ItemRecord(#[serde(with = "ItemFields")] Item);
+
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Item")]
+struct ItemFields {
+    frame: u8,
+    command: u16,
+    current: bool,
+    autocontinue: bool,
+    #[serde(with = "as_bits")]
+    params: [f32; 4],
+    x: i32,
+    y: i32,
+    #[serde(with = "as_bits")]
+    z: f32,
+}
+
+#[derive(Serialize, Deserialize)]
+struct CurvedRecord(#[serde(with = "CurvedFields")] Curved);
+
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Curved")]
+struct CurvedFields {
+    legs: usize,
+    chords: usize,
+    tolerance_m: f64,
+    bound_m: f64,
+    predicted_m: Option<f64>,
+    time_s: f64,
+}
+
+/// One of the two altitudes is there.
+#[derive(Serialize, Deserialize)]
+struct LegRecord {
+    number: u16,
+    latitude: f64,
+    longitude: f64,
+    amsl_m: Option<f64>,
+    above_home_m: Option<f64>,
+    speed_m_s: Option<f64>,
+}
+
+impl From<&Leg> for LegRecord {
+    fn from(leg: &Leg) -> LegRecord {
+        let (amsl_m, above_home_m) = match leg.level {
+            Level::Amsl(m) => (Some(m), None),
+            Level::AboveHome(m) => (None, Some(m)),
+        };
+        LegRecord {
+            number: leg.number,
+            latitude: leg.latitude,
+            longitude: leg.longitude,
+            amsl_m,
+            above_home_m,
+            speed_m_s: leg.speed_m_s,
+        }
+    }
+}
+
+impl LegRecord {
+    fn leg(&self) -> Option<Leg> {
+        let above_home = || self.above_home_m.map(Level::AboveHome);
+        Some(Leg {
+            number: self.number,
+            latitude: self.latitude,
+            longitude: self.longitude,
+            level: self.amsl_m.map(Level::Amsl).or_else(above_home)?,
+            speed_m_s: self.speed_m_s,
+        })
+    }
+}
+
+/// Floats as their bits: JSON has no NaN, and a parameter of an item that is not set is one.
+mod as_bits {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    /// An f32, or some.
+    pub(super) trait Floats: Sized {
+        type Bits: Serialize + for<'de> Deserialize<'de>;
+        fn bits(&self) -> Self::Bits;
+        fn of(bits: Self::Bits) -> Self;
+    }
+
+    impl Floats for f32 {
+        type Bits = u32;
+        fn bits(&self) -> u32 {
+            self.to_bits()
+        }
+        fn of(bits: u32) -> f32 {
+            f32::from_bits(bits)
+        }
+    }
+
+    impl Floats for [f32; 4] {
+        type Bits = [u32; 4];
+        fn bits(&self) -> [u32; 4] {
+            self.map(f32::to_bits)
+        }
+        fn of(bits: [u32; 4]) -> [f32; 4] {
+            bits.map(f32::from_bits)
+        }
+    }
+
+    pub(super) fn serialize<F: Floats, S: Serializer>(
+        floats: &F,
+        to: S,
+    ) -> Result<S::Ok, S::Error> {
+        floats.bits().serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, F: Floats, D: Deserializer<'de>>(
+        from: D,
+    ) -> Result<F, D::Error> {
+        F::Bits::deserialize(from).map(F::of)
+    }
+}
+
+/// The bytes of the record of what was uploaded.
+pub(super) fn encode_uploaded(uploaded: &UploadedMission, vehicle: Id) -> Vec<u8> {
+    let compiled = &uploaded.compiled;
+    to_json(&UploadedRecord {
+        mission_id: uploaded.mission_id,
+        mission_name: uploaded.mission_name.clone(),
+        route_type: uploaded.route_type.raw(),
+        items: compiled.items.iter().copied().map(ItemRecord).collect(),
+        waypoint_of: compiled.waypoint_of.clone(),
+        legs: compiled.order.iter().map(LegRecord::from).collect(),
+        curved: compiled.curved.map(CurvedRecord),
+        messages: encode_messages(uploaded.plan.messages(), Id::NULL, vehicle),
+    })
+}
+
+/// What a record says was uploaded.
+pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMission, RecordError> {
+    let record: UploadedRecord = from_json(bytes).map_err(RecordError)?;
+    let order: Option<Vec<Leg>> = record.legs.iter().map(LegRecord::leg).collect();
+    let order = order.ok_or_else(|| fault("a leg without altitude"))?;
+    if record.items.len() != record.waypoint_of.len() {
+        return Err(fault("items and waypoints do not match"));
+    }
+    let mut plan = Plan::default();
+    store_all(&mut plan, &record.messages, vehicle)?;
+    Ok(UploadedMission {
+        plan,
+        compiled: CompiledMission {
+            items: record.items.into_iter().map(|item| item.0).collect(),
+            waypoint_of: record.waypoint_of,
+            order,
+            curved: record.curved.map(|curved| curved.0),
+            notes: Vec::new(),
+        },
+        mission_id: record.mission_id,
+        route_type: RouteType::from_raw(record.route_type),
+        mission_name: record.mission_name,
+    })
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes
+        .iter()
+        .flat_map(|byte| [byte >> 4, byte & 15])
+        .filter_map(|n| char::from_digit(n.into(), 16))
+        .collect()
+}
+
+fn unhex(text: &str) -> Option<Vec<u8>> {
+    let digits: Option<Vec<u8>> = text
+        .chars()
+        .map(|c| c.to_digit(16).and_then(|n| u8::try_from(n).ok()))
+        .collect();
+    let digits = digits?;
+    (digits.len() % 2 == 0).then(|| {
+        digits
+            .chunks(2)
+            .map(|pair| pair[0] << 4 | pair[1])
+            .collect()
+    })
+}

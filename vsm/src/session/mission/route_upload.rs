@@ -1,0 +1,384 @@
+//! A route on its way to the vehicle: compiled, the vehicle held if it must be, then uploaded.
+//!
+//! Nothing is sent before the whole route is valid. A different plan uploaded while the vehicle flies its mission
+//! would be flown at once from the same index: the vehicle is put in AUTO.LOITER first.
+
+use std::time::Duration;
+
+use mapping::altitude::AltitudeError;
+use mapping::mode::Px4Mode;
+use mapping::plan::Plan;
+use mapping::report::Commanded;
+use mapping::route::{self, CompiledMission, Reason, RouteError, Site};
+use mavlink_link::dialect::MissionState;
+use mavlink_link::service::command;
+use mavlink_link::service::mission::{self, MavMissionType, Operation, plan_id};
+use stanag_msgs::enums::RouteType;
+use stanag_msgs::messages::UaRoute;
+
+use super::record::UploadedMission;
+use super::upload::{self, Fault, Upload};
+use crate::session::link::services::Services;
+use crate::session::link::state::VehicleState;
+use crate::session::maneuver::{self, Maneuver};
+
+/// The machine.
+#[derive(Debug)]
+pub(super) struct RouteUpload {
+    phase: Phase,
+    pub(super) route_type: RouteType,
+    /// The messages of the route that is sent, as they were when it was.
+    pub(super) plan: Plan,
+    /// The vehicle was taken out of AUTO.MISSION for it.
+    pub(super) held: bool,
+    /// What is compiled; `None` for one that was compiled before.
+    route: Option<UaRoute>,
+}
+
+#[derive(Debug)]
+enum Phase {
+    /// Compiled before, and uploaded once: sent as it was.
+    Again {
+        compiled: CompiledMission,
+    },
+    /// Waits for home, for the parameters that are being read, and for the geoid separation where an altitude needs it.
+    Site {
+        deadline: Duration,
+    },
+    /// The vehicle is put on hold.
+    Hold {
+        maneuver: Maneuver,
+        compiled: CompiledMission,
+    },
+    Upload {
+        upload: Upload,
+        compiled: CompiledMission,
+    },
+    Ended,
+}
+
+/// What became of it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Outcome {
+    Going,
+    /// Per cent complete, when it has grown.
+    Percent(u8),
+    /// The vehicle carries it, and names it as its mission.
+    Done {
+        compiled: CompiledMission,
+        mission_id: u32,
+    },
+    /// `touched`: the vehicle may carry something else than before.
+    Refused {
+        waypoint: Option<u16>,
+        why: String,
+        touched: bool,
+    },
+}
+
+impl RouteUpload {
+    /// Of a route of the stored plan.
+    pub(super) fn new(now: Duration, route: &UaRoute, route_type: RouteType) -> RouteUpload {
+        RouteUpload {
+            phase: Phase::Site {
+                deadline: now + SITE_WITHIN,
+            },
+            route_type,
+            plan: Plan::default(),
+            held: false,
+            route: Some(route.clone()),
+        }
+    }
+
+    /// Of a route that the vehicle carried before.
+    pub(super) fn again(uploaded: &UploadedMission) -> RouteUpload {
+        RouteUpload {
+            phase: Phase::Again {
+                compiled: uploaded.compiled.clone(),
+            },
+            route_type: uploaded.route_type,
+            plan: uploaded.plan.clone(),
+            held: false,
+            route: None,
+        }
+    }
+
+    /// Whether it may wait for what the vehicle has not reported yet.
+    pub(super) fn may_wait(&self, now: Duration) -> bool {
+        matches!(self.phase, Phase::Site { deadline } if now < deadline)
+    }
+
+    /// Whether nothing has been requested of the vehicle yet.
+    pub(super) fn has_not_begun(&self) -> bool {
+        matches!(self.phase, Phase::Site { .. } | Phase::Again { .. })
+    }
+
+    /// Begins what can begin, checks what is awaited.
+    pub(super) fn advance(
+        &mut self,
+        now: Duration,
+        plan: &Plan,
+        site: Option<&Site>,
+        state: &VehicleState,
+        vehicle: &mut Services,
+    ) -> Outcome {
+        match std::mem::replace(&mut self.phase, Phase::Ended) {
+            Phase::Site { deadline } => match self.compile(now < deadline, plan, site) {
+                Ok(Some(compiled)) => self.begin(now, compiled, state, vehicle),
+                Ok(None) => {
+                    self.phase = Phase::Site { deadline };
+                    Outcome::Going
+                }
+                Err(refused) => refused,
+            },
+            Phase::Again { compiled } => self.begin(now, compiled, state, vehicle),
+            Phase::Hold {
+                mut maneuver,
+                compiled,
+            } => match maneuver.advance(now, state, vehicle) {
+                maneuver::Progress::Going => {
+                    self.phase = Phase::Hold { maneuver, compiled };
+                    Outcome::Going
+                }
+                maneuver::Progress::Done => self.send(now, compiled, vehicle),
+                maneuver::Progress::Refused(why) => not_held(&why),
+            },
+            Phase::Upload { upload, compiled } => {
+                let mission = state.telemetry.mission;
+                let flyable = mission
+                    .is_some_and(|mission| mission.state != MissionState::MISSION_STATE_NO_MISSION);
+                let named = mission.map(|mission| mission.mission_id);
+                let progress = upload.check(now, named, flyable);
+                self.follow(now, progress, upload, compiled, state)
+            }
+            Phase::Ended => Outcome::Going,
+        }
+    }
+
+    /// The end of a command, while the vehicle is put on hold.
+    pub(super) fn handle_command(
+        &mut self,
+        now: Duration,
+        event: &command::Event,
+        state: &VehicleState,
+    ) -> Outcome {
+        let Phase::Hold { maneuver, .. } = &mut self.phase else {
+            return Outcome::Going;
+        };
+        match maneuver.handle_command(now, event, state) {
+            maneuver::Progress::Refused(why) => {
+                self.phase = Phase::Ended;
+                not_held(&why)
+            }
+            maneuver::Progress::Going | maneuver::Progress::Done => Outcome::Going,
+        }
+    }
+
+    /// What the mission service has done.
+    pub(super) fn handle_service(
+        &mut self,
+        now: Duration,
+        event: &mission::Event,
+        state: &VehicleState,
+        vehicle: &mut Services,
+    ) -> Outcome {
+        match std::mem::replace(&mut self.phase, Phase::Ended) {
+            Phase::Upload {
+                mut upload,
+                compiled,
+            } => {
+                let progress = upload.handle(now, event, &compiled.items, vehicle);
+                self.follow(now, progress, upload, compiled, state)
+            }
+            other => {
+                self.phase = other;
+                Outcome::Going
+            }
+        }
+    }
+
+    /// When [`RouteUpload::advance`] is next needed, beside after what the vehicle sends.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        match &self.phase {
+            Phase::Site { deadline } => Some(*deadline),
+            Phase::Hold { maneuver, .. } => maneuver.poll_timeout(),
+            Phase::Upload { upload, .. } => upload.poll_timeout(),
+            // Begins with the next step, which follows at once.
+            Phase::Again { .. } | Phase::Ended => None,
+        }
+    }
+
+    /// Ends it (13000 mode 5). True where the vehicle may carry something else than before.
+    pub(super) fn cancel(
+        &mut self,
+        now: Duration,
+        state: &VehicleState,
+        vehicle: &mut Services,
+    ) -> bool {
+        match std::mem::replace(&mut self.phase, Phase::Ended) {
+            Phase::Hold { mut maneuver, .. } => {
+                maneuver.abandon(now, state, vehicle);
+                false
+            }
+            Phase::Upload { upload, .. } => {
+                upload.cancel(vehicle);
+                upload.touched()
+            }
+            Phase::Again { .. } | Phase::Site { .. } | Phase::Ended => false,
+        }
+    }
+
+    /// The route as mission items; `None` where that must `wait` for what the vehicle reports.
+    fn compile(
+        &mut self,
+        wait: bool,
+        plan: &Plan,
+        site: Option<&Site>,
+    ) -> Result<Option<CompiledMission>, Outcome> {
+        let route = self.route.as_ref();
+        let initial = route.and_then(|route| route.initial_waypoint_number);
+        let compiled = site.map(|site| route::compile(plan, initial.unwrap_or(0), site));
+        let mut compiled = match compiled {
+            Some(Ok(compiled)) => compiled,
+            Some(Err(RouteError {
+                reason: Reason::Altitude(AltitudeError::NoGeoid),
+                ..
+            }))
+            | None
+                if wait =>
+            {
+                return Ok(None);
+            }
+            Some(Err(fault)) => {
+                return Err(refused(Some(fault.waypoint), fault.to_string(), false));
+            }
+            None => {
+                let why = "the vehicle has not told its home position".to_owned();
+                return Err(refused(None, why, false));
+            }
+        };
+        if let Some(route) = route {
+            self.plan = plan.part(route);
+        }
+        if self.route_type == RouteType::Approach {
+            compiled.land_at_the_end();
+        }
+        Ok(Some(compiled))
+    }
+
+    /// Sends it, from AUTO.LOITER where another mission is flown.
+    fn begin(
+        &mut self,
+        now: Duration,
+        compiled: CompiledMission,
+        state: &VehicleState,
+        vehicle: &mut Services,
+    ) -> Outcome {
+        let telemetry = &state.telemetry;
+        let same = telemetry
+            .mission
+            .is_some_and(|mission| mission.mission_id == plan_id(&compiled.items));
+        if same {
+            return match Upload::read_back(now, KIND, vehicle) {
+                Ok(upload) => self.begun(upload, compiled, 50),
+                Err(fault) => refused(None, Fault::NotRead(fault).explain("plan"), false),
+            };
+        }
+        if telemetry.mode == Some(Px4Mode::MISSION) && !telemetry.stands() {
+            let maneuver = Maneuver::new(maneuver::enter(&[Px4Mode::LOITER]), Commanded::default());
+            self.phase = Phase::Hold { maneuver, compiled };
+            self.held = true;
+            return Outcome::Percent(0);
+        }
+        self.send(now, compiled, vehicle)
+    }
+
+    fn send(
+        &mut self,
+        now: Duration,
+        compiled: CompiledMission,
+        vehicle: &mut Services,
+    ) -> Outcome {
+        match Upload::send(now, KIND, &compiled.items, vehicle) {
+            Ok(upload) => self.begun(upload, compiled, 0),
+            Err(fault) => refused(None, Fault::NotSent(fault).explain("plan"), false),
+        }
+    }
+
+    fn begun(&mut self, upload: Upload, compiled: CompiledMission, percent: u8) -> Outcome {
+        self.phase = Phase::Upload { upload, compiled };
+        Outcome::Percent(percent)
+    }
+
+    fn follow(
+        &mut self,
+        now: Duration,
+        progress: upload::Progress,
+        upload: Upload,
+        compiled: CompiledMission,
+        state: &VehicleState,
+    ) -> Outcome {
+        match progress {
+            upload::Progress::Going => {
+                self.phase = Phase::Upload { upload, compiled };
+                Outcome::Going
+            }
+            upload::Progress::Percent(percent) => self.begun(upload, compiled, percent),
+            upload::Progress::Done(mission_id) => Outcome::Done {
+                compiled,
+                mission_id,
+            },
+            upload::Progress::Failed(fault) => {
+                let item = fault.item().filter(|_| is_of_upload(&fault));
+                let waypoint = item.and_then(|item| compiled.waypoint_of.get(item).copied());
+                refused(waypoint, explain(&fault, now, state), upload.touched())
+            }
+        }
+    }
+}
+
+fn is_of_upload(fault: &Fault) -> bool {
+    matches!(
+        fault,
+        Fault::Service {
+            operation: Operation::Upload,
+            ..
+        }
+    )
+}
+
+fn explain(fault: &Fault, now: Duration, state: &VehicleState) -> String {
+    let complaint = || state.latest_complaint(now).unwrap_or_default();
+    match fault {
+        Fault::Service { operation, .. } => {
+            let what = if *operation == Operation::Upload {
+                "upload"
+            } else {
+                "read-back"
+            };
+            format!("{what}: {}", fault.explain("plan"))
+        }
+        Fault::NotNamed => format!(
+            "the vehicle does not report the loaded route as its mission{}",
+            complaint()
+        ),
+        Fault::Unusable => format!("{}{}", fault.explain("route"), complaint()),
+        Fault::NotSent(_) | Fault::NotRead(_) | Fault::Differs(_) => fault.explain("plan"),
+    }
+}
+
+fn not_held(why: &str) -> Outcome {
+    refused(None, format!("the vehicle does not hold: {why}"), false)
+}
+
+fn refused(waypoint: Option<u16>, why: String, touched: bool) -> Outcome {
+    Outcome::Refused {
+        waypoint,
+        why,
+        touched,
+    }
+}
+
+const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
+/// PX4 reports its home some seconds after its start, every 2 s.
+const SITE_WITHIN: Duration = Duration::from_secs(10);

@@ -1,0 +1,59 @@
+//! 14000: how far the transfer of a plan is, and how it ended.
+
+use stanag_msgs::Text;
+use stanag_msgs::enums::{AckType, MissionPlanMode as Mode, MissionTransferStatus as Status};
+use stanag_msgs::messages::MissionUploadDownloadStatus;
+
+use crate::session::context::Origin;
+use crate::session::effects::Effects;
+
+/// 14000 with status 0.
+pub(super) fn report(effects: &mut Effects<'_>, station: usize, name: &str, percent: u8) {
+    let status = (Status::InProgress, percent);
+    send(effects, station, name, Mode::Load, status, None);
+}
+
+/// 17000, and 14000 with status 1 at 100 per cent.
+pub(super) fn complete(effects: &mut Effects<'_>, origin: &Origin, name: &str, mode: Mode) {
+    effects.acknowledge(origin, AckType::CarriedOut);
+    let status = (Status::Complete, 100);
+    send(effects, origin.station, name, mode, status, None);
+}
+
+/// 14000 with status 2, and 16000 with the reason.
+pub(super) fn reject(
+    effects: &mut Effects<'_>,
+    origin: Origin,
+    name: &str,
+    mode: Mode,
+    waypoint: Option<u16>,
+    why: impl Into<String>,
+) {
+    let status = (Status::Aborted, 0);
+    send(effects, origin.station, name, mode, status, waypoint);
+    effects.refuse(Some(origin), why);
+}
+
+/// Why nothing is done with a route.
+pub(super) fn not_received(route_id: &str) -> String {
+    format!("route {route_id:?} has not been received (13001)")
+}
+
+fn send(
+    effects: &mut Effects<'_>,
+    station: usize,
+    name: &str,
+    mode: Mode,
+    (status, percent): (Status, u8),
+    waypoint: Option<u16>,
+) {
+    let message = MissionUploadDownloadStatus {
+        time_stamp: Some(effects.stamp()),
+        mission_id: Some(Text::new(name)),
+        status: Some(status),
+        percent_complete: Some(percent),
+        waypoint_request: waypoint,
+        mission_plan_mode: Some(mode),
+    };
+    effects.send(station, &message.into());
+}

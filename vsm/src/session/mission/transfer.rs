@@ -1,0 +1,658 @@
+//! The Mission Transfer Command (13000), and what is on its way to the vehicle for it or for a mode command.
+//!
+//! One load or clearing at a time, and one download. Each is answered by 14000, and refused with the reason.
+
+use std::time::Duration;
+
+use mapping::altitude::Level;
+use mapping::mode::Px4Mode;
+use mapping::route::{CompiledMission, Site};
+use mavlink_link::dialect::MissionState;
+use mavlink_link::service::command;
+use mavlink_link::service::mission::{self, Failure, MavMissionType};
+use stanag_msgs::Id;
+use stanag_msgs::enums::{AckType, MissionPlanMode as Mode, RouteType};
+use stanag_msgs::messages::{MissionTransferCommand, UaRoute, VehicleOperatingModeCommand};
+
+use super::download::{Download, Part};
+use super::input::Context;
+use super::progress::RouteProgress;
+use super::record::UploadedMission;
+use super::route_upload::{Outcome, RouteUpload};
+use super::status::{self, not_received};
+use super::store::MissionStore;
+use super::upload::{Fault, Progress, Upload};
+use crate::session::context::{Origin, Transfer};
+use crate::session::effects::{Effects, Request};
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(super) struct Transfers {
+    load: Option<Load>,
+    download: Option<Download>,
+}
+
+/// A load or a clearing.
+#[derive(Debug)]
+struct Load {
+    work: Work,
+    /// Who requested it by 13000; none where a mode command needs another route.
+    origin: Option<Origin>,
+    mission_name: String,
+    /// Flown once the route is uploaded.
+    then: Option<(Option<Origin>, Box<VehicleOperatingModeCommand>)>,
+    /// It waits for a maneuver to end.
+    blocked: bool,
+}
+
+#[expect(clippy::large_enum_variant, reason = "one a vehicle, and rare")]
+#[derive(Debug)]
+enum Work {
+    Load(RouteUpload),
+    /// Of everything, or of the route of this name, which is the one that the vehicle carries.
+    Clear {
+        route_id: Option<String>,
+        upload: Upload,
+    },
+}
+
+/// A mode command that waits for a route of this type to be uploaded, or for the loaded one, and who gave it.
+pub(super) type WaitingCommand = (
+    Option<Origin>,
+    Option<RouteType>,
+    Box<VehicleOperatingModeCommand>,
+);
+/// Whether the vehicle's mission store can be changed now, or why not.
+pub(super) type Free = Result<(), &'static str>;
+
+impl Transfers {
+    /// 13000.
+    pub(super) fn command(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        command: &MissionTransferCommand,
+        store: &mut MissionStore,
+        free: Free,
+        effects: &mut Effects<'_>,
+    ) {
+        effects.acknowledge(&origin, AckType::Received);
+        let mission_id = command.mission_id.as_ref();
+        let name = mission_id.map_or_else(String::new, |id| id.as_str().to_owned());
+        let route_id = command.route_id.as_ref().map(|id| id.as_str());
+        let route_id = route_id.filter(|id| !id.is_empty());
+        let part = match command.mission_plan_mode {
+            Some(Mode::Load) => {
+                return self.load(context, (origin, name), route_id, store, free, effects);
+            }
+            Some(Mode::Clear) => {
+                return self.clear(context, (origin, name), route_id, store, free, effects);
+            }
+            Some(Mode::Cancel) => return self.cancel(context, (origin, &name), store, effects),
+            Some(Mode::Download) => route_id.map_or(Part::All, Part::Route),
+            Some(mode @ Mode::DownloadWaypoint) => match command.waypoint_number {
+                Some(number) => Part::Waypoint(number),
+                None => {
+                    let why = "Waypoint Number is missing";
+                    return status::reject(effects, origin, &name, mode, None, why);
+                }
+            },
+            Some(mode @ Mode::Unknown(value)) => {
+                let why = format!("Mission Plan Mode {value}, expected 1 to 5");
+                return status::reject(effects, origin, &name, mode, None, why);
+            }
+            None => return effects.refuse(Some(origin), "Mission Plan Mode is missing"),
+        };
+        let (busy, to) = (self.download.is_some(), (origin, name.as_str()));
+        if let Some(download) = Download::begin(context, store, to, part, busy, effects) {
+            self.download = Some(download);
+            self.advance_download(context, effects);
+        }
+    }
+
+    fn load(
+        &mut self,
+        context: &Context<'_>,
+        (origin, name): (Origin, String),
+        route_id: Option<&str>,
+        store: &MissionStore,
+        free: Free,
+        effects: &mut Effects<'_>,
+    ) {
+        let found = free
+            .map_err(str::to_owned)
+            .and_then(|()| route_to_load(store, route_id));
+        let (route, route_type) = match found {
+            Ok(found) => found,
+            Err(why) => return status::reject(effects, origin, &name, Mode::Load, None, why),
+        };
+        let flights = store.plan().routes().iter();
+        let flights = flights.filter(|route| mapping::plan::route_type(route) == RouteType::Flight);
+        if route_id.is_none() && flights.count() > 1 {
+            let named = route.route_id.as_ref().map_or("", |id| id.as_str());
+            effects.advise(format!(
+                "13000 names no Route ID: of several flight routes the latest, {named:?}, is loaded"
+            ));
+        }
+        status::report(effects, origin.station, &name, 0);
+        self.load = Some(Load {
+            origin: Some(origin),
+            ..Load::of(RouteUpload::new(context.mono(), route, route_type), name)
+        });
+    }
+
+    /// Everything, or one route: of one that it does not carry the vehicle knows nothing.
+    fn clear(
+        &mut self,
+        context: &Context<'_>,
+        (origin, name): (Origin, String),
+        route_id: Option<&str>,
+        store: &mut MissionStore,
+        free: Free,
+        effects: &mut Effects<'_>,
+    ) {
+        let is_of = |route: &Option<UploadedMission>, id: &str| {
+            route.as_ref().is_some_and(|route| route.is_of(id))
+        };
+        if let Some(id) = route_id.filter(|id| !is_of(&store.uploaded, id)) {
+            let known = store.plan().route_named(id).is_some() || is_of(&store.loaded, id);
+            let fault = if !known {
+                Some(not_received(id))
+            } else {
+                let busy = self.load.is_some();
+                busy.then(|| "another transfer is in progress".to_owned())
+            };
+            if let Some(why) = fault {
+                return status::reject(effects, origin, &name, Mode::Clear, None, why);
+            }
+            let saved = store.forget_route(id, cucs_of(context, &origin), effects);
+            return answer_clear(saved, origin, &name, effects);
+        }
+        let kind = MavMissionType::MAV_MISSION_TYPE_MISSION;
+        let begun = free.map_err(str::to_owned).and_then(|()| {
+            Upload::clear(context.mono(), kind, effects.vehicle)
+                .map_err(|fault| format!("the mission service is {fault}"))
+        });
+        match begun {
+            Ok(upload) => {
+                self.load = Some(Load {
+                    work: Work::Clear {
+                        route_id: route_id.map(str::to_owned),
+                        upload,
+                    },
+                    origin: Some(origin),
+                    mission_name: name,
+                    then: None,
+                    blocked: false,
+                });
+            }
+            Err(why) => status::reject(effects, origin, &name, Mode::Clear, None, why),
+        }
+    }
+
+    fn cancel(
+        &mut self,
+        context: &Context<'_>,
+        (origin, name): (Origin, &str),
+        store: &mut MissionStore,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some(mut load) = self.load.take() {
+            match &mut load.work {
+                Work::Load(upload) => {
+                    if upload.cancel(context.mono(), context.vehicle, effects.vehicle) {
+                        store.forget_uploaded(effects);
+                    }
+                }
+                Work::Clear { upload, .. } => upload.cancel(effects.vehicle),
+            }
+            load.end(None, "cancelled".to_owned(), effects);
+        }
+        status::complete(effects, &origin, name, Mode::Cancel);
+    }
+
+    /// A mode command that needs another route uploaded first: the latest of a type, or what 13000 has loaded.
+    pub(super) fn load_and_fly(
+        &mut self,
+        context: &Context<'_>,
+        (origin, route_type, command): WaitingCommand,
+        store: &MissionStore,
+        free: Free,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Err(why) = free {
+            return effects.refuse(origin, why);
+        }
+        let loaded = store.loaded.as_ref();
+        let upload = match route_type {
+            Some(route_type) => store
+                .plan()
+                .route_of_type(route_type)
+                .map(|route| RouteUpload::new(context.mono(), route, route_type)),
+            None => loaded.map(RouteUpload::again),
+        };
+        let Some(upload) = upload else {
+            return effects.refuse(origin, "no such route has been received (13001)");
+        };
+        let name = loaded.map_or_else(String::new, |loaded| loaded.mission_name.clone());
+        self.load = Some(Load {
+            then: Some((origin, command)),
+            ..Load::of(upload, name)
+        });
+    }
+
+    /// What the vehicle carried, and no longer does: nobody has requested that.
+    pub(super) fn load_again(&mut self, uploaded: &UploadedMission) {
+        let upload = RouteUpload::again(uploaded);
+        self.load = Some(Load::of(upload, uploaded.mission_name.clone()));
+    }
+
+    /// Refuses the mode command that waits for its route: it has not begun, and must not begin later.
+    pub(super) fn drop_waiting_command(
+        &mut self,
+        context: &Context<'_>,
+        why: &str,
+        without_right: bool,
+        effects: &mut Effects<'_>,
+    ) {
+        let drops = |(origin, _): &mut (Option<Origin>, _)| {
+            let sender = |origin: Origin| context.asker(origin.station).map(|asker| asker.id);
+            !without_right || origin.is_some_and(|origin| sender(origin) != context.controller)
+        };
+        let waiting = self.load.as_mut().map(|load| &mut load.then);
+        if let Some((origin, _)) = waiting.and_then(|then| then.take_if(drops)) {
+            effects.refuse(origin, why);
+        }
+    }
+
+    /// Lets a load take its next step.
+    pub(super) fn advance(
+        &mut self,
+        context: &Context<'_>,
+        store: &mut MissionStore,
+        progress: &mut RouteProgress,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(Load {
+            work: Work::Load(upload),
+            blocked,
+            ..
+        }) = &mut self.load
+        else {
+            return;
+        };
+        let now = context.mono();
+        *blocked = false;
+        // The parameters bound the route.
+        if context.parameters.awaits_performance() && upload.may_wait(now) {
+            return;
+        }
+        // A mode on its way in must be seen before another plan goes up: it could be flown at once.
+        if context.flight.maneuver && upload.has_not_begun() {
+            *blocked = true;
+            return;
+        }
+        let held = upload.held;
+        let site = site(context);
+        let (state, vehicle) = (context.vehicle, &mut *effects.vehicle);
+        let outcome = upload.advance(now, store.plan(), site.as_ref(), state, vehicle);
+        if upload.held && !held {
+            effects.advise(
+                "the vehicle flies its mission: it is put on hold (mode 12) while another plan goes aboard",
+            );
+        }
+        self.follow(context, outcome, store, progress, effects);
+    }
+
+    /// The end of a command, while the vehicle is put on hold for a load.
+    pub(super) fn handle_command(
+        &mut self,
+        context: &Context<'_>,
+        event: &command::Event,
+        store: &mut MissionStore,
+        progress: &mut RouteProgress,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some(Load {
+            work: Work::Load(upload),
+            ..
+        }) = &mut self.load
+        {
+            let outcome = upload.handle_command(context.mono(), event, context.vehicle);
+            self.follow(context, outcome, store, progress, effects);
+        }
+    }
+
+    /// What the mission service has done for a load or a clearing.
+    pub(super) fn handle_service(
+        &mut self,
+        context: &Context<'_>,
+        event: &mission::Event,
+        store: &mut MissionStore,
+        progress: &mut RouteProgress,
+        effects: &mut Effects<'_>,
+    ) {
+        let now = context.mono();
+        match self.load.as_mut().map(|load| &mut load.work) {
+            Some(Work::Load(upload)) => {
+                let outcome = upload.handle_service(now, event, context.vehicle, effects.vehicle);
+                self.follow(context, outcome, store, progress, effects);
+            }
+            Some(Work::Clear { upload, .. }) => {
+                match upload.handle(now, event, &[], effects.vehicle) {
+                    Progress::Done(_) => self.cleared(context, store, effects),
+                    Progress::Failed(fault) => self.not_cleared(&fault, store, effects),
+                    Progress::Going | Progress::Percent(_) => {}
+                }
+            }
+            None => {}
+        }
+    }
+
+    /// The vehicle carries no mission any more.
+    fn cleared(
+        &mut self,
+        context: &Context<'_>,
+        store: &mut MissionStore,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some(Load {
+            work: Work::Clear { route_id, .. },
+            origin: Some(origin),
+            mission_name,
+            ..
+        }) = self.load.take()
+        {
+            let cucs = cucs_of(context, &origin);
+            let saved = store.cleared(route_id.as_deref(), cucs, effects);
+            answer_clear(saved, origin, &mission_name, effects);
+        }
+    }
+
+    fn not_cleared(&mut self, fault: &Fault, store: &mut MissionStore, effects: &mut Effects<'_>) {
+        if let Some(load) = self.load.take() {
+            load.end(None, format!("clear: {}", fault.explain("plan")), effects);
+        }
+        let cancelled = |reason: &Failure| *reason == Failure::Cancelled;
+        if !matches!(fault, Fault::Service { reason, .. } if cancelled(reason)) {
+            store.forget_uploaded(effects);
+        }
+    }
+
+    /// What became of a load.
+    fn follow(
+        &mut self,
+        context: &Context<'_>,
+        outcome: Outcome,
+        store: &mut MissionStore,
+        progress: &mut RouteProgress,
+        effects: &mut Effects<'_>,
+    ) {
+        match outcome {
+            Outcome::Going => {}
+            Outcome::Percent(percent) => {
+                if let Some(load) = &self.load
+                    && let Some(origin) = load.origin
+                {
+                    status::report(effects, origin.station, &load.mission_name, percent);
+                }
+            }
+            Outcome::Done {
+                compiled,
+                mission_id,
+            } => {
+                if let Some(Load {
+                    work: Work::Load(upload),
+                    ..
+                }) = &mut self.load
+                {
+                    let uploaded = UploadedMission {
+                        compiled,
+                        mission_id,
+                        route_type: upload.route_type,
+                        mission_name: String::new(),
+                        plan: std::mem::take(&mut upload.plan),
+                    };
+                    self.uploaded(context, uploaded, store, progress, effects);
+                }
+            }
+            Outcome::Refused {
+                waypoint,
+                why,
+                touched,
+            } => {
+                let Some(load) = self.load.take() else { return };
+                if touched {
+                    if load.origin.is_some() {
+                        store.loaded = None;
+                    }
+                    store.forget_uploaded(effects);
+                }
+                load.end(waypoint, why, effects);
+            }
+        }
+    }
+
+    /// The vehicle carries a route, and names it as its mission.
+    fn uploaded(
+        &mut self,
+        context: &Context<'_>,
+        mut uploaded: UploadedMission,
+        store: &mut MissionStore,
+        progress: &mut RouteProgress,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(load) = self.load.take() else { return };
+        uploaded.mission_name.clone_from(&load.mission_name);
+        let compiled = &uploaded.compiled;
+        let above_home = |level: Level| matches!(level, Level::AboveHome(_));
+        if compiled.order.iter().any(|leg| above_home(leg.level)) {
+            effects.advise_agl();
+        }
+        for note in &compiled.notes {
+            effects.advise(note);
+        }
+        let before = store.uploaded.as_ref();
+        if before.is_none_or(|before| before.compiled.items != compiled.items) {
+            progress.begin(&context.vehicle.telemetry);
+        } else if load.origin.is_some() {
+            advise_where_it_continues(context, compiled, effects);
+        }
+        // Only 13000 loads; a route that a mode needed is carried for that. What was loaded may have been sent again.
+        let loaded = store.loaded.as_ref();
+        if load.origin.is_some() || loaded.is_some_and(|loaded| is_same(loaded, &uploaded)) {
+            store.loaded = Some(uploaded.clone());
+        }
+        store.uploaded = Some(uploaded);
+        // What is answered as loaded must still be known after a crash.
+        if let Err(fault) = store.save_uploaded(effects) {
+            let why = format!("the route is aboard, but cannot be stored: {fault}");
+            return load.end(None, why, effects);
+        }
+        if let Some(origin) = &load.origin {
+            // The plan is whole now. Its log holds it as well: a record that cannot be written costs nothing.
+            store.fold_log(cucs_of(context, origin), effects).ok();
+        }
+        load.done(effects);
+    }
+
+    /// Sends the next few messages of a download.
+    pub(super) fn advance_download(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let ended = |download: &mut Download| download.advance(context, effects);
+        self.download.take_if(ended);
+    }
+
+    /// Whether a load or a clearing runs.
+    pub(super) fn is_running(&self) -> bool {
+        self.load.is_some()
+    }
+
+    /// What the other machines may know.
+    pub(super) fn view(&self) -> Transfer {
+        let Some(load) = &self.load else {
+            return Transfer::None;
+        };
+        let waiting_command = load.then.as_ref().map(|(origin, _)| *origin);
+        Transfer::Running {
+            owner: load
+                .origin
+                .or(waiting_command.flatten())
+                .map(|origin| origin.station),
+            waiting_command,
+        }
+    }
+
+    /// When a load or a download takes its next step.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        let load = self.load.as_ref().and_then(|load| match &load.work {
+            Work::Load(upload) if !load.blocked => upload.poll_timeout(),
+            // The end of the maneuver, or of the clearing, is an event.
+            Work::Load(_) | Work::Clear { .. } => None,
+        });
+        let download = self.download.as_ref().map(Download::poll_timeout);
+        load.into_iter().chain(download).min()
+    }
+}
+
+impl Load {
+    /// Of a route that nobody has requested.
+    fn of(upload: RouteUpload, mission_name: String) -> Load {
+        Load {
+            work: Work::Load(upload),
+            origin: None,
+            mission_name,
+            then: None,
+            blocked: false,
+        }
+    }
+
+    /// Whether nobody has requested it: the vehicle had lost what was loaded.
+    fn is_own(&self) -> bool {
+        self.origin.is_none() && self.then.is_none()
+    }
+
+    /// Whether the vehicle was taken out of its mission for it.
+    fn held(&self) -> bool {
+        matches!(&self.work, Work::Load(upload) if upload.held)
+    }
+
+    /// Answers whoever requested it, and flies it where that was commanded.
+    fn done(self, effects: &mut Effects<'_>) {
+        if self.then.is_none() && self.held() {
+            effects.advise(
+                "another plan is aboard, and the vehicle holds (mode 12): mode 11 flies it",
+            );
+        }
+        if self.is_own() {
+            effects.advise("the loaded plan is aboard again");
+        }
+        if let Some(origin) = self.origin {
+            status::complete(effects, &origin, &self.mission_name, Mode::Load);
+        }
+        if let Some((origin, command)) = self.then {
+            effects.request(Request::Fly {
+                origin,
+                command,
+                just_loaded: true,
+            });
+        }
+    }
+
+    /// Answers that it has failed.
+    fn end(self, waypoint: Option<u16>, why: String, effects: &mut Effects<'_>) {
+        let why = if self.held() {
+            format!("{why}; the vehicle was put on hold (mode 12) for it")
+        } else {
+            why
+        };
+        let mode = match self.work {
+            Work::Load(_) => Mode::Load,
+            Work::Clear { .. } => Mode::Clear,
+        };
+        if self.is_own() {
+            effects.warn_of_link(format!("the loaded plan is not aboard any more: {why}"));
+        }
+        if let Some((origin, _)) = self.then {
+            effects.refuse(origin, why.clone());
+        }
+        if let Some(origin) = self.origin {
+            status::reject(effects, origin, &self.mission_name, mode, waypoint, why);
+        }
+    }
+}
+
+/// The route that a load means: the one named, else the latest flight route, else the latest of all.
+fn route_to_load<'a>(
+    store: &'a MissionStore,
+    route_id: Option<&str>,
+) -> Result<(&'a UaRoute, RouteType), String> {
+    let plan = store.plan();
+    let route = match route_id {
+        Some(id) => plan.route_named(id).ok_or_else(|| not_received(id))?,
+        None => plan
+            .route_of_type(RouteType::Flight)
+            .or_else(|| plan.routes().last())
+            .ok_or("no route has been received (13001)")?,
+    };
+    Ok((route, mapping::plan::route_type(route)))
+}
+
+fn answer_clear(
+    saved: Result<(), impl std::fmt::Display>,
+    origin: Origin,
+    name: &str,
+    effects: &mut Effects<'_>,
+) {
+    match saved {
+        Ok(()) => status::complete(effects, &origin, name, Mode::Clear),
+        Err(fault) => {
+            let why = format!("what is left cannot be stored: {fault}");
+            status::reject(effects, origin, name, Mode::Clear, None, why);
+        }
+    }
+}
+
+/// What the vehicle has reported of where it is and what it can do; `None` before it has reported its home.
+fn site(context: &Context<'_>) -> Option<Site> {
+    let telemetry = &context.vehicle.telemetry;
+    Some(Site {
+        home: telemetry.home?,
+        geoid_m: telemetry.geoid_m,
+        agl: context.bounds.agl,
+        altimeter: context.flight.altimeter,
+        hovers: telemetry.hovers(),
+        limits: context.bounds.limits,
+        performance: context.parameters.performance(context),
+        curving: context.bounds.curving,
+    })
+}
+
+/// PX4 applies nothing of a plan that it holds already: what has been flown of it is not flown again.
+fn advise_where_it_continues(
+    context: &Context<'_>,
+    compiled: &CompiledMission,
+    effects: &mut Effects<'_>,
+) {
+    let telemetry = &context.vehicle.telemetry;
+    let mission = telemetry.mission.filter(|mission| {
+        telemetry.mode != Some(Px4Mode::MISSION)
+            && mission.seq > compiled.place_from(0)
+            && mission.state != MissionState::MISSION_STATE_COMPLETE
+    });
+    let Some(mission) = mission else { return };
+    if let Some(number) = compiled.waypoint_of.get(usize::from(mission.seq)) {
+        effects.advise(format!(
+            "the vehicle holds this plan already: mode 11 goes on to waypoint {number}, unless another is commanded"
+        ));
+    }
+}
+
+/// Whether the vehicle carries what was loaded before, as it was.
+fn is_same(loaded: &UploadedMission, uploaded: &UploadedMission) -> bool {
+    loaded.route_type == uploaded.route_type && loaded.compiled.items == uploaded.compiled.items
+}
+
+fn cucs_of(context: &Context<'_>, origin: &Origin) -> Id {
+    let asker = context.asker(origin.station);
+    asker.map_or(Id::NULL, |asker| asker.id)
+}

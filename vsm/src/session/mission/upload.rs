@@ -1,0 +1,300 @@
+//! Items on their way to the vehicle's mission store, for routes and for the fence.
+//!
+//! A MISSION_ACK proves little: it may be of another station's transfer, and PX4 stores some fields otherwise than they
+//! were sent. So the items are read back and compared, and then MISSION_CURRENT must name them by their id: only that
+//! says that the vehicle flies by these items, and by no others.
+//!
+//! ```text
+//! send ------> Sending --Uploaded--> Reading --same items--> Naming --MISSION_CURRENT--> done
+//! read_back -----------------------> Reading --other items--> Sending (where nothing has been sent yet)
+//! clear -----> Clearing --Cleared----------------------------------------------------> done
+//! ```
+
+use std::time::Duration;
+
+use mavlink_link::service::mission::{
+    self, Difference, Failure, Item, MavMissionResult, MavMissionType, Operation, StartError,
+    verify,
+};
+
+use crate::session::link::services::Services;
+
+/// The machine. Its owner keeps the items.
+#[derive(Debug)]
+pub(super) struct Upload {
+    kind: MavMissionType,
+    phase: Phase,
+    /// The vehicle may hold some of the items.
+    touched: bool,
+    /// As it was reported last.
+    percent: u8,
+}
+
+#[derive(Debug)]
+enum Phase {
+    Clearing,
+    Sending,
+    Reading,
+    Naming { id: u32, deadline: Duration },
+}
+
+/// How far it is.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Progress {
+    Going,
+    /// Per cent complete, where that has grown; the read-back is the second half.
+    Percent(u8),
+    /// The vehicle names the items by this id; 0 where it has no ids, or where everything is cleared.
+    Done(u32),
+    Failed(Fault),
+}
+
+/// Why it did not reach its end.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Fault {
+    NotSent(StartError),
+    NotRead(StartError),
+    Service {
+        operation: Operation,
+        reason: Failure,
+    },
+    Differs(Difference),
+    /// MISSION_CURRENT names something else.
+    NotNamed,
+    /// MISSION_CURRENT names it, and does not call it flyable.
+    Unusable,
+}
+
+impl Upload {
+    /// Begins to send.
+    pub(super) fn send(
+        now: Duration,
+        kind: MavMissionType,
+        items: &[Item],
+        vehicle: &mut Services,
+    ) -> Result<Upload, StartError> {
+        vehicle.missions.upload(now, kind, items.to_vec())?;
+        Ok(Upload::begun(kind, Phase::Sending, 0))
+    }
+
+    /// Begins with the read-back: the vehicle names these items already, and PX4 would apply nothing of an upload.
+    pub(super) fn read_back(
+        now: Duration,
+        kind: MavMissionType,
+        vehicle: &mut Services,
+    ) -> Result<Upload, StartError> {
+        vehicle.missions.download(now, kind)?;
+        Ok(Upload::begun(kind, Phase::Reading, HALF))
+    }
+
+    /// Begins to clear all items of a kind.
+    pub(super) fn clear(
+        now: Duration,
+        kind: MavMissionType,
+        vehicle: &mut Services,
+    ) -> Result<Upload, StartError> {
+        vehicle.missions.clear(now, kind)?;
+        Ok(Upload::begun(kind, Phase::Clearing, 0))
+    }
+
+    fn begun(kind: MavMissionType, phase: Phase, percent: u8) -> Upload {
+        Upload {
+            kind,
+            phase,
+            touched: false,
+            percent,
+        }
+    }
+
+    /// Whether the vehicle may hold some of the items.
+    pub(super) fn touched(&self) -> bool {
+        self.touched
+    }
+
+    /// What the mission service has done.
+    pub(super) fn handle(
+        &mut self,
+        now: Duration,
+        event: &mission::Event,
+        items: &[Item],
+        vehicle: &mut Services,
+    ) -> Progress {
+        use mission::Event as E;
+        match (&self.phase, event) {
+            (Phase::Clearing, E::Cleared { .. }) => Progress::Done(0),
+            (
+                Phase::Sending,
+                E::Progress {
+                    operation: Operation::Upload,
+                    percent,
+                    ..
+                },
+            ) => {
+                self.touched = true;
+                self.grown(percent / 2)
+            }
+            (
+                Phase::Reading,
+                E::Progress {
+                    operation: Operation::Download,
+                    percent,
+                    ..
+                },
+            ) => self.grown(HALF + percent / 2),
+            (Phase::Sending, E::Uploaded { .. }) => {
+                self.touched = true;
+                match vehicle.missions.download(now, self.kind) {
+                    Ok(()) => {
+                        self.phase = Phase::Reading;
+                        self.grown(HALF)
+                    }
+                    Err(fault) => Progress::Failed(Fault::NotRead(fault)),
+                }
+            }
+            (
+                Phase::Reading,
+                E::Downloaded {
+                    items: read,
+                    opaque_id,
+                    ..
+                },
+            ) => match verify(self.kind, items, read) {
+                Ok(()) => {
+                    self.phase = Phase::Naming {
+                        id: *opaque_id,
+                        deadline: now + NAMED_WITHIN,
+                    };
+                    Progress::Going
+                }
+                Err(difference) if self.touched => Progress::Failed(Fault::Differs(difference)),
+                // It names these items, and holds others: they are sent after all.
+                Err(_) => match vehicle.missions.upload(now, self.kind, items.to_vec()) {
+                    Ok(()) => {
+                        self.phase = Phase::Sending;
+                        Progress::Percent(0)
+                    }
+                    Err(fault) => Progress::Failed(Fault::NotSent(fault)),
+                },
+            },
+            (
+                phase,
+                E::Failed {
+                    operation, reason, ..
+                },
+            ) if phase.operation() == Some(*operation) => Progress::Failed(Fault::Service {
+                operation: *operation,
+                reason: reason.clone(),
+            }),
+            _ => Progress::Going,
+        }
+    }
+
+    /// Whether MISSION_CURRENT names the items, and calls them usable. `named`: the id that it holds for this kind.
+    pub(super) fn check(&self, now: Duration, named: Option<u32>, usable: bool) -> Progress {
+        let Phase::Naming { id, deadline } = self.phase else {
+            return Progress::Going;
+        };
+        let is_named = id == 0 || named == Some(id);
+        if is_named && usable {
+            Progress::Done(id)
+        } else if now < deadline {
+            Progress::Going
+        } else if is_named {
+            Progress::Failed(Fault::Unusable)
+        } else {
+            Progress::Failed(Fault::NotNamed)
+        }
+    }
+
+    /// When [`Upload::check`] gives up.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        match self.phase {
+            Phase::Naming { deadline, .. } => Some(deadline),
+            Phase::Clearing | Phase::Sending | Phase::Reading => None,
+        }
+    }
+
+    /// Ends it.
+    pub(super) fn cancel(&self, vehicle: &mut Services) {
+        if self.phase.operation().is_some() {
+            vehicle.missions.cancel();
+        }
+    }
+
+    fn grown(&mut self, percent: u8) -> Progress {
+        // A step of five: 14000 is a report, not a stream.
+        if percent < self.percent.saturating_add(5) {
+            return Progress::Going;
+        }
+        self.percent = percent;
+        Progress::Percent(percent)
+    }
+}
+
+impl Phase {
+    /// What the mission service is busy with.
+    fn operation(&self) -> Option<Operation> {
+        match self {
+            Phase::Clearing => Some(Operation::Clear),
+            Phase::Sending => Some(Operation::Upload),
+            Phase::Reading => Some(Operation::Download),
+            Phase::Naming { .. } => None,
+        }
+    }
+}
+
+impl Fault {
+    /// For an operator; `what` is a plan or a fence.
+    pub(super) fn explain(&self, what: &str) -> String {
+        match self {
+            Fault::NotSent(fault) => format!("the upload cannot begin: {fault}"),
+            Fault::NotRead(fault) => format!("the read-back cannot begin: {fault}"),
+            Fault::Service { reason, .. } => explain(reason),
+            Fault::Differs(difference) => format!("the vehicle holds another {what}: {difference}"),
+            Fault::NotNamed => format!("the vehicle does not report the loaded {what} as its own"),
+            Fault::Unusable => format!("the vehicle finds the {what} infeasible"),
+        }
+    }
+
+    /// The item at which the vehicle refused.
+    pub(super) fn item(&self) -> Option<usize> {
+        match self {
+            Fault::Service {
+                reason: Failure::Refused { seq: Some(seq), .. },
+                ..
+            } => Some(usize::from(*seq)),
+            _ => None,
+        }
+    }
+}
+
+fn explain(reason: &Failure) -> String {
+    match reason {
+        Failure::Refused { result, seq } => {
+            let at = seq.map_or_else(String::new, |seq| format!(" at item {seq}"));
+            format!("the vehicle refuses it{at}: {}", mission_result(*result))
+        }
+        Failure::OtherPlan { .. } => "the vehicle acknowledged another plan".to_owned(),
+        Failure::NoAnswer { .. } => "the vehicle does not answer".to_owned(),
+        Failure::Cancelled => "cancelled".to_owned(),
+    }
+}
+
+fn mission_result(result: MavMissionResult) -> &'static str {
+    use MavMissionResult as R;
+    match result {
+        R::MAV_MISSION_NO_SPACE => "no space for so many items",
+        R::MAV_MISSION_UNSUPPORTED => "unsupported item",
+        R::MAV_MISSION_UNSUPPORTED_FRAME => "unsupported frame",
+        R::MAV_MISSION_DENIED => "denied",
+        R::MAV_MISSION_INVALID_SEQUENCE => "items out of sequence",
+        R::MAV_MISSION_OPERATION_CANCELLED => "cancelled",
+        R::MAV_MISSION_ERROR => "error, perhaps another station's transfer",
+        _ => "invalid parameter",
+    }
+}
+
+/// Per cent complete when the read-back begins.
+const HALF: u8 = 50;
+/// MISSION_CURRENT comes at 1 Hz at least, and some are lost.
+const NAMED_WITHIN: Duration = Duration::from_secs(5);

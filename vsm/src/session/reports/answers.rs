@@ -1,0 +1,141 @@
+//! Answers of many messages: sent a few at a time, so that they do not overflow the buffers of a small ground station; 17000
+//! "carried out" follows the last.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use stanag_msgs::enums::AckType;
+use stanag_msgs::{Message, TimeStamp};
+
+use crate::session::context::Origin;
+use crate::session::effects::Effects;
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(super) struct AnswerQueue {
+    queue: VecDeque<Outgoing>,
+    due: Option<Duration>,
+}
+
+#[derive(Debug)]
+enum Outgoing {
+    Answer(usize, Box<Message>),
+    Done(Origin),
+}
+
+impl AnswerQueue {
+    /// How much waits to be sent.
+    pub(super) fn len(&self) -> usize {
+        self.queue.len()
+    }
+
+    /// Whether no more is taken.
+    pub(super) fn is_full(&self) -> bool {
+        self.queue.len() > MAX_WAITING
+    }
+
+    /// Queues answers to a station, without sending any.
+    pub(super) fn push(
+        &mut self,
+        now: Duration,
+        station: usize,
+        answers: impl IntoIterator<Item = Message>,
+        origin: Option<Origin>,
+    ) {
+        let answers = answers.into_iter();
+        self.queue
+            .extend(answers.map(|answer| Outgoing::Answer(station, Box::new(answer))));
+        self.queue.extend(origin.map(Outgoing::Done));
+        if !self.queue.is_empty() {
+            self.due.get_or_insert(now);
+        }
+    }
+
+    /// Answers a station, a few messages at a time, then acknowledges `origin` as carried out.
+    pub(super) fn answer(
+        &mut self,
+        station: usize,
+        answers: impl IntoIterator<Item = Message>,
+        origin: Option<Origin>,
+        effects: &mut Effects<'_>,
+    ) {
+        if self.is_full() {
+            if let Some(origin) = origin {
+                effects.refuse(Some(origin), "too many answers wait to be sent");
+            }
+            return;
+        }
+        self.push(effects.dli.now.mono, station, answers, origin);
+        self.send_due(effects);
+    }
+
+    /// Drops what a station has not been sent yet; the requests that are not answered to their end.
+    pub(super) fn abort(&mut self, station: usize) -> Vec<Origin> {
+        let mut ended = Vec::new();
+        self.queue.retain(|outgoing| match outgoing {
+            Outgoing::Answer(to, _) => *to != station,
+            Outgoing::Done(origin) => {
+                if origin.station == station {
+                    ended.push(*origin);
+                }
+                origin.station != station
+            }
+        });
+        ended
+    }
+
+    /// Sends what is due.
+    pub(super) fn send_due(&mut self, effects: &mut Effects<'_>) {
+        let now = effects.dli.now.mono;
+        if self.due.is_none_or(|due| due > now) {
+            return;
+        }
+        for _ in 0..BURST {
+            match self.queue.pop_front() {
+                None => break,
+                Some(Outgoing::Answer(to, answer)) => {
+                    let answer = stamped(*answer, effects.stamp());
+                    effects.send(to, &answer);
+                }
+                Some(Outgoing::Done(origin)) => {
+                    effects.acknowledge(&origin, AckType::CarriedOut);
+                }
+            }
+        }
+        self.due = (!self.queue.is_empty()).then_some(now + PAUSE);
+    }
+
+    /// When the next answers are due.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        self.due
+    }
+}
+
+/// An answer with its time.
+fn stamped(mut answer: Message, stamp: TimeStamp) -> Message {
+    let place = match &mut answer {
+        Message::FieldConfigurationIntegerResponse(m) => &mut m.time_stamp,
+        Message::FieldConfigurationFloatResponse(m) => &mut m.time_stamp,
+        Message::FieldConfigurationEnumeratedResponse(m) => &mut m.time_stamp,
+        Message::FieldConfigurationUnsignedResponse(m) => &mut m.time_stamp,
+        Message::FieldConfigurationCharacterResponse(m) => &mut m.time_stamp,
+        Message::ConfigurationComplete(m) => &mut m.time_stamp,
+        Message::VsmServicesReportMessage(m) => &mut m.time_stamp,
+        Message::UaRouteConfiguration(m) => &mut m.time_stamp,
+        Message::MessageParameterAvailability(m) => &mut m.time_stamp,
+        Message::FieldChangeIntegerCommand(m) => &mut m.time_stamp,
+        Message::FieldChangeEnumeratedCommand(m) => &mut m.time_stamp,
+        Message::ParameterReport(m) => &mut m.time_stamp,
+        Message::AreaVertex(m) => &mut m.time_stamp,
+        Message::AreaTransferStatus(m) => &mut m.time_stamp,
+        _ => return answer,
+    };
+    *place = Some(stamp);
+    answer
+}
+
+/// Messages of one burst, and the pause after it.
+const BURST: usize = 16;
+const PAUSE: Duration = Duration::from_millis(20);
+/// Answers and requests that may wait; a level of interoperability has some 200.
+pub(super) const MAX_WAITING: usize = 4_096;

@@ -1,0 +1,144 @@
+//! The reports, composed from what the vehicle shows: 3, 3001, 3002, 4000, 4001 and 16002, which are pushed; and status in
+//! detail, only on request by 17001 or 17002: 3000, 3004 to 3007, 3009 to 3011, 12101, 16001.
+//!
+//! What the vehicle must stream for the latter is requested of the vehicle then, not before: a radio has no room for it.
+
+use mapping::parameter::Parameters;
+use mapping::{report, status};
+use stanag_msgs::enums::CommandedEngineState;
+use stanag_msgs::messages::{Heartbeat, UaStickStatus};
+use stanag_msgs::{Message, TimeStamp};
+
+use super::health::detail_reference;
+use crate::session::context::{Context, FlightView, MissionView};
+use crate::session::effects::Effects;
+
+/// What 17001 and 17002 can request, and the reports that are made on request only.
+pub(super) const REPORTS: &[u16] = &[3, 3001, 3002, 4000, 4001, 16002];
+pub(super) const DETAILS: &[u16] = &[3000, 3004, 3005, 3006, 3007, 3009, 3010, 3011, 12101, 16001];
+
+/// What reports are made of.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sources<'a> {
+    pub(super) common: Context<'a>,
+    pub(super) mission: MissionView<'a>,
+    pub(super) flight: FlightView<'a>,
+    pub(super) parameters: &'a Parameters,
+}
+
+/// The messages of a report: several where each is about an engine or a subsystem.
+pub(super) fn all(sources: &Sources<'_>, message: u16, effects: &mut Effects<'_>) -> Vec<Message> {
+    if DETAILS.contains(&message) {
+        request_streams(message, effects);
+        return details(sources, message, effects);
+    }
+    one(sources, message, effects.stamp()).into_iter().collect()
+}
+
+/// A report that is pushed.
+pub(super) fn one(sources: &Sources<'_>, message: u16, stamp: TimeStamp) -> Option<Message> {
+    let context = &sources.common;
+    let (vehicle, live) = (&context.vehicle.telemetry, context.vehicle.live());
+    let compiled = sources.mission.uploaded.map(|uploaded| &uploaded.compiled);
+    match message {
+        3 => Some(context.vehicle_id(&sources.mission, stamp).into()),
+        3001 if live => {
+            report::operating_mode(vehicle, stamp).map(Message::VehicleOperatingModeReport)
+        }
+        3001 => Some(report::no_operating_mode(stamp).into()),
+        3002 => {
+            let commanded = &sources.flight.commanded;
+            Some(report::operating_states(vehicle, commanded, compiled, !live, stamp).into())
+        }
+        // What a silent vehicle reported last is no state of now: it is not repeated.
+        4000 if live => report::inertial_states(vehicle, stamp).map(Message::InertialStates),
+        4001 if live => {
+            let along = compiled.map(|compiled| sources.mission.progress.along(compiled, vehicle));
+            let along = along.unwrap_or_default();
+            Some(report::waypoint_states(vehicle, compiled, along, stamp).into())
+        }
+        16002 => Some(Message::Heartbeat(Heartbeat {
+            time_stamp: Some(stamp),
+        })),
+        _ => None,
+    }
+}
+
+/// Requests of the vehicle what a report is made of, beyond what it streams anyway.
+pub(super) fn request_streams(report: u16, effects: &mut Effects<'_>) {
+    match report {
+        3009 => effects.vehicle.request_rate(WIND_COV, 1.0),
+        3010 => effects.vehicle.request_rate(HIGHRES_IMU, 5.0),
+        16001 => effects.vehicle.request_rate(ESTIMATOR_STATUS, 1.0),
+        _ => {}
+    }
+}
+
+/// Status in detail; none of a silent vehicle but what the VSM itself knows.
+fn details(sources: &Sources<'_>, report: u16, effects: &mut Effects<'_>) -> Vec<Message> {
+    let Sources {
+        common: context,
+        flight,
+        ..
+    } = sources;
+    let (vehicle, live) = (&context.vehicle.telemetry, context.vehicle.live());
+    match report {
+        3000 => vec![status::configuration(vehicle, effects.stamp()).into()],
+        3004 => {
+            let stamp = effects.stamp();
+            vec![
+                status::loiter_configuration(vehicle, flight.loiter, &flight.commanded, stamp)
+                    .into(),
+            ]
+        }
+        3005 => vec![status::termination(effects.stamp()).into()],
+        3006 => vec![status::lights(effects.stamp()).into()],
+        3007 if live => {
+            // A command that the vehicle refused is not one that its engines follow.
+            let followed = flight
+                .engine_command
+                .filter(|command| vehicle.armed == Some(*command != CommandedEngineState::Stop));
+            (1..=status::engines(vehicle))
+                .map(|number| status::engine(vehicle, number, followed, effects.stamp()).into())
+                .collect()
+        }
+        3009 if live => {
+            let (altimeter, agl) = (flight.altimeter, context.bounds.agl);
+            vec![status::air_and_ground(vehicle, altimeter, agl, effects.stamp()).into()]
+        }
+        3010 if live => vec![status::body_sensed(vehicle, effects.stamp()).into()],
+        3011 => {
+            let stamp = effects.stamp();
+            flight
+                .sticks
+                .map(|sticks| sticks_status(sticks, stamp))
+                .into_iter()
+                .collect()
+        }
+        12101 if live => vec![status::battery(vehicle, effects.stamp()).into()],
+        16001 => status::subsystems(vehicle, sources.parameters, live)
+            .into_iter()
+            .map(|state| {
+                let reference = detail_reference(effects.alerts, state.0);
+                status::subsystem_report(state, reference, effects.stamp()).into()
+            })
+            .collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// 3011: the sticks that came last.
+fn sticks_status(sticks: &stanag_msgs::messages::UaStickCommand, stamp: TimeStamp) -> Message {
+    Message::from(UaStickStatus {
+        time_stamp: Some(stamp),
+        lateral_stick: sticks.lateral_stick,
+        longitudinal_stick: sticks.longitudinal_stick,
+        rotational_stick_rudder: sticks.rotational_stick_rudder,
+        throttle_stick_engine_1: sticks.throttle_stick_engine_1,
+        ..UaStickStatus::default()
+    })
+}
+
+const WIND_COV: u32 = 231;
+const HIGHRES_IMU: u32 = 105;
+const ESTIMATOR_STATUS: u32 = 230;

@@ -1,0 +1,323 @@
+//! The configuration phase: the vehicle's parameters are read once it is there, 40000 is answered from them, and stations
+//! that were configured are sent what changes later.
+//!
+//! No right is needed: configuration comes before a grant.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use mapping::configuration::changes::Available;
+use mapping::configuration::{self, Level, Request, Scope, Subject};
+use mapping::limits::Performance;
+use mapping::parameter::{NAMES, Parameters};
+use mavlink_link::service::param::{Name, Value};
+use stanag_msgs::Message;
+use stanag_msgs::enums::{AckType, AlertPriority, SubsystemId};
+use stanag_msgs::messages::FieldConfigurationRequest;
+
+use super::answers::{AnswerQueue, MAX_WAITING};
+use crate::config::Provisional;
+use crate::session::alerts::Cause;
+use crate::session::context::{Context, MissionView, Origin, ParameterView};
+use crate::session::effects::Effects;
+use crate::session::log::LogLevel;
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(super) struct Configuration {
+    parameters: Parameters,
+    reading: Reading,
+    /// Requests that wait until the parameters are read.
+    waiting: Vec<(Origin, Request)>,
+    /// Stations that have been configured: they are sent changes.
+    configured: BTreeSet<usize>,
+    /// What they were last sent of the modes that can be commanded.
+    modes: Option<Available>,
+}
+
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+enum Reading {
+    #[default]
+    NotYet,
+    /// So many parameters are still to come.
+    Left(usize),
+    Done,
+}
+
+impl Configuration {
+    /// The parameters that have been read.
+    pub(super) fn parameters(&self) -> ParameterView<'_> {
+        ParameterView {
+            values: &self.parameters,
+            reading: self.is_reading(),
+        }
+    }
+
+    fn is_reading(&self) -> bool {
+        matches!(self.reading, Reading::Left(_))
+    }
+
+    /// 40000.
+    pub(super) fn configure(
+        &mut self,
+        context: &Context<'_>,
+        mission: &MissionView<'_>,
+        origin: Origin,
+        request: &FieldConfigurationRequest,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        if context.settings.provisional == Provisional::Off {
+            let why = "its layout is derived from Edition 2, and dli.provisional is off";
+            return effects.refuse(Some(origin), why);
+        }
+        if !context.is_addressed(request.vsm_id) {
+            return effects.refuse(Some(origin), "VSM ID is another VSM's");
+        }
+        let request = match Request::read(request) {
+            Ok(request) => request,
+            Err(fault) => return effects.refuse(Some(origin), fault.to_string()),
+        };
+        if matches!(request.scope, Scope::Abort) {
+            let mut ended = answers.abort(origin.station);
+            let of_it = |(one, _): &mut (Origin, _)| one.station == origin.station;
+            ended.extend(self.waiting.extract_if(.., of_it).map(|(one, _)| one));
+            for ended in ended {
+                effects.acknowledge(&ended, AckType::Refused);
+            }
+        }
+        if answers.len() + self.waiting.len() > MAX_WAITING {
+            let why = "too many configuration requests are being answered";
+            return effects.refuse(Some(origin), why);
+        }
+        effects.acknowledge(&origin, AckType::Received);
+        if context.vehicle.live() && self.is_reading() {
+            return self.waiting.push((origin, request));
+        }
+        self.answer(context, mission, origin, &request, answers, effects);
+    }
+
+    fn answer(
+        &mut self,
+        context: &Context<'_>,
+        mission: &MissionView<'_>,
+        origin: Origin,
+        request: &Request,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        let all = configuration::answers(&self.subject(context), request);
+        let (now, to) = (context.mono(), origin.station);
+        answers.push(now, to, all, Some(origin));
+        if let Scope::Level(Level::Control) = request.scope {
+            let available = available_modes(context, mission);
+            self.configured.insert(to);
+            self.modes = Some(available);
+            answers.push(now, to, available.all(), None);
+        }
+        answers.send_due(effects);
+    }
+
+    /// The vehicle is there, or there again: its parameters are to be read, in this order; none while they already are.
+    pub(super) fn names_to_read(&self) -> Vec<Name> {
+        if self.is_reading() {
+            return Vec::new();
+        }
+        // What bounds routes first: a load waits for it.
+        let others = NAMES
+            .iter()
+            .filter(|name| !Performance::NAMES.contains(name));
+        let names = Performance::NAMES.iter().chain(others);
+        names.filter_map(|name| Name::new(name).ok()).collect()
+    }
+
+    /// So many of them have been requested.
+    pub(super) fn begin_reading(&mut self, requested: usize) {
+        self.reading = Reading::Left(requested);
+    }
+
+    /// So many of them have come, or will not. Who has waited is answered once all have.
+    pub(super) fn count_read(
+        &mut self,
+        context: &Context<'_>,
+        mission: &MissionView<'_>,
+        count: usize,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Reading::Left(left) = self.reading {
+            let left = left.saturating_sub(count);
+            self.reading = Reading::Left(left);
+            if left == 0 {
+                self.end_reading(context, mission, answers, effects);
+            }
+        }
+    }
+
+    /// The vehicle is silent: what is known is all that will be.
+    pub(super) fn stop_reading(
+        &mut self,
+        context: &Context<'_>,
+        mission: &MissionView<'_>,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        if self.is_reading() {
+            self.end_reading(context, mission, answers, effects);
+        }
+        self.reading = Reading::NotYet;
+    }
+
+    fn end_reading(
+        &mut self,
+        context: &Context<'_>,
+        mission: &MissionView<'_>,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        self.reading = Reading::Done;
+        self.report_own_failsafe(effects);
+        for (origin, request) in std::mem::take(&mut self.waiting) {
+            self.answer(context, mission, origin, &request, answers, effects);
+        }
+    }
+
+    /// Keeps a value that the vehicle has reported; where it is another, stations that were configured are sent what it
+    /// changes.
+    pub(super) fn store_parameter(
+        &mut self,
+        context: &Context<'_>,
+        name: Name,
+        value: Value,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        let value = match value {
+            Value::Int(value) => f64::from(value),
+            Value::Real(value) => f64::from(value),
+        };
+        let known = self.parameters.get(name.as_str()).is_some();
+        // Only a value that was known before can change what has been reported.
+        let before = if known {
+            self.bounded(context)
+        } else {
+            Vec::new()
+        };
+        if !self.parameters.set(name.as_str(), value) || !known {
+            return;
+        }
+        let text = format!("the vehicle's parameter {} is now {value}", name.as_str());
+        effects.note(LogLevel::Info, text);
+        self.report_own_failsafe(effects);
+        let changed: Vec<Message> = self
+            .bounded(context)
+            .into_iter()
+            .zip(before)
+            .filter(|(now, before)| now != before)
+            .map(|(now, _)| now)
+            .collect();
+        self.report_changes(&changed, None, answers, effects);
+    }
+
+    /// Reports by 44003 which modes can be commanded now, where that has changed.
+    pub(super) fn watch_modes(
+        &mut self,
+        context: &Context<'_>,
+        mission: &MissionView<'_>,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        // Where nobody was configured yet there is nothing to change.
+        if let Some(before) = self.modes {
+            let available = available_modes(context, mission);
+            self.modes = Some(available);
+            let changed: Vec<Message> = available.changes(&before).collect();
+            self.report_changes(&changed, None, answers, effects);
+        }
+    }
+
+    /// Sends changes to the stations that 40000 has configured, but for the one that made them.
+    pub(super) fn report_changes(
+        &self,
+        changed: &[Message],
+        by: Option<usize>,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        if changed.is_empty() || answers.is_full() {
+            return;
+        }
+        let now: Duration = effects.dli.now.mono;
+        for station in self.configured.iter().filter(|index| Some(**index) != by) {
+            answers.push(now, *station, changed.iter().cloned(), None);
+        }
+        answers.send_due(effects);
+    }
+
+    /// The answers that parameters bound, in an order that is always the same.
+    fn bounded(&self, context: &Context<'_>) -> Vec<Message> {
+        let subject = self.subject(context);
+        [Level::Status, Level::Control]
+            .into_iter()
+            .flat_map(|level| {
+                let scope = Scope::Level(level);
+                configuration::answers(&subject, &Request { scope })
+            })
+            .collect()
+    }
+
+    fn subject<'a>(&'a self, context: &Context<'a>) -> Subject<'a> {
+        let telemetry = &context.vehicle.telemetry;
+        Subject {
+            vsm: context.vsm,
+            vehicle_type: context.vehicle.vehicle_type(),
+            hovers: telemetry.hovers(),
+            home: telemetry.home,
+            limits: context.bounds.limits,
+            agl: context.bounds.agl,
+            parameters: &self.parameters,
+            web_page: context.settings.web_page.as_deref(),
+        }
+    }
+
+    /// PX4's own reaction to the loss of this VSM, as its parameters say. It is changed only on command.
+    fn report_own_failsafe(&self, effects: &mut Effects<'_>) {
+        let parameters = &self.parameters;
+        let (Some(action), Some(after_s)) =
+            (parameters.get(LOSS_ACTION), parameters.get(LOSS_TIME))
+        else {
+            return;
+        };
+        let text = format!(
+            "without this link the vehicle {} after {after_s} s (NAV_DLL_ACT {action}, COM_DL_LOSS_T {after_s})",
+            own_failsafe(action)
+        );
+        let (nominal, comms) = (AlertPriority::Nominal, SubsystemId::Comms);
+        effects.raise(Cause::OwnFailsafe, nominal, comms, text);
+    }
+}
+
+fn available_modes(context: &Context<'_>, mission: &MissionView<'_>) -> Available {
+    Available {
+        launch: !context.vehicle.telemetry.airborne(),
+        waypoint: mission.uploaded.is_some(),
+    }
+}
+
+/// NAV_DLL_ACT as PX4 documents it.
+fn own_failsafe(action: f64) -> &'static str {
+    match action as i64 {
+        0 => "goes on as it is",
+        1 => "holds",
+        2 => "returns",
+        3 => "lands",
+        5 => "terminates its flight",
+        6 => "disarms",
+        _ => "does something that is not known here",
+    }
+}
+
+/// What PX4 does when it receives nothing from a ground station.
+const LOSS_ACTION: &str = "NAV_DLL_ACT";
+/// After how long it does so, s.
+const LOSS_TIME: &str = "COM_DL_LOSS_T";

@@ -1,0 +1,205 @@
+//! What the vehicle reports of its own health: as alerts that stand as long as their cause (16000), and as subsystem
+//! status on request (15000, 15001).
+//!
+//! A cause must have lasted before it is raised, and be gone for a while before it is cleared: one that comes and goes
+//! makes one alert, not a storm. While the vehicle is silent nothing changes: what it reported last may no longer hold.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use mapping::health::{Finding, HealthFault, findings};
+use mapping::parameter::Parameters;
+use mapping::status;
+use stanag_msgs::Text;
+use stanag_msgs::enums::{AckType, SubsystemBitmap, SubsystemId};
+use stanag_msgs::messages::{
+    SubsystemStatusDetailRequest, SubsystemStatusReport, SubsystemStatusRequest,
+};
+
+use crate::config::Provisional;
+use crate::session::alerts::{Alerts, Cause};
+use crate::session::context::{Context, Origin, WATCH_SLACK};
+use crate::session::effects::Effects;
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(super) struct HealthWatch {
+    /// Causes that are raised, or about to be.
+    causes: BTreeMap<HealthFault, Watched>,
+    /// The vehicle was live when it was last looked at: else nothing is waited for.
+    live: bool,
+}
+
+#[derive(Debug)]
+struct Watched {
+    /// Since when it is as it is now: present, or gone.
+    since: Duration,
+    present: bool,
+    raised: bool,
+}
+
+impl HealthWatch {
+    /// Raises what has lasted, clears what is gone.
+    pub(super) fn watch(
+        &mut self,
+        context: &Context<'_>,
+        parameters: &Parameters,
+        effects: &mut Effects<'_>,
+    ) {
+        self.live = context.vehicle.live();
+        if !self.live {
+            return;
+        }
+        let found = findings(&context.vehicle.telemetry, parameters);
+        for fault in HealthFault::ALL {
+            let finding = found.iter().find(|finding| finding.ailment == fault);
+            self.watch_one(context.mono(), fault, finding, effects);
+        }
+    }
+
+    fn watch_one(
+        &mut self,
+        now: Duration,
+        fault: HealthFault,
+        finding: Option<&Finding>,
+        effects: &mut Effects<'_>,
+    ) {
+        if finding.is_none() && !self.causes.contains_key(&fault) {
+            return;
+        }
+        let watched = self.causes.entry(fault).or_insert(Watched {
+            since: now,
+            present: true,
+            raised: false,
+        });
+        if watched.present != finding.is_some() {
+            watched.present = finding.is_some();
+            watched.since = now;
+        }
+        let lasted = now.saturating_sub(watched.since);
+        match finding {
+            Some(finding) if watched.raised || lasted >= RAISE_AFTER => {
+                watched.raised = true;
+                let Finding {
+                    priority,
+                    subsystem,
+                    ..
+                } = *finding;
+                let text = finding.text.as_str();
+                effects.raise(Cause::HealthFault(fault), priority, subsystem, text);
+            }
+            None if lasted >= CLEAR_AFTER => {
+                self.causes.remove(&fault);
+                effects.clear(Cause::HealthFault(fault), fault.over());
+            }
+            _ => {}
+        }
+    }
+
+    /// When a cause has lasted long enough, or been gone for long enough.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        let pending =
+            self.causes
+                .values()
+                .filter_map(|watched| match (watched.present, watched.raised) {
+                    (true, true) => None,
+                    (true, false) => Some(watched.since + RAISE_AFTER),
+                    (false, _) => Some(watched.since + CLEAR_AFTER),
+                });
+        pending
+            .filter(|_| self.live)
+            .map(|at| at + WATCH_SLACK)
+            .min()
+    }
+}
+
+/// 15000: 16001 of each subsystem that is requested, all where none is named.
+pub(super) fn subsystem_status(
+    context: &Context<'_>,
+    parameters: &Parameters,
+    origin: Origin,
+    request: &SubsystemStatusRequest,
+    effects: &mut Effects<'_>,
+) {
+    if let Err(why) = edition_2(context) {
+        return effects.refuse(Some(origin), why);
+    }
+    let requested = request.subsystem_id.map_or(0, SubsystemBitmap::raw);
+    let live = context.vehicle.live();
+    let states = status::subsystems(&context.vehicle.telemetry, parameters, live);
+    let wanted: Vec<_> = states
+        .into_iter()
+        .filter(|(subsystem, _)| requested == 0 || requested >> subsystem.raw() & 1 == 1)
+        .collect();
+    if wanted.is_empty() {
+        let why = format!("nothing is known of the subsystems {requested:#x}");
+        return effects.refuse(Some(origin), why);
+    }
+    for state in wanted {
+        let reference = detail_reference(effects.alerts, state.0);
+        let report = status::subsystem_report(state, reference, effects.stamp());
+        effects.send(origin.station, &report.into());
+    }
+    effects.acknowledge(&origin, AckType::CarriedOut);
+}
+
+/// 15001: 16001 with the text of each alert that stands for a subsystem.
+pub(super) fn subsystem_detail(
+    context: &Context<'_>,
+    origin: Origin,
+    request: &SubsystemStatusDetailRequest,
+    effects: &mut Effects<'_>,
+) {
+    if let Err(why) = edition_2(context) {
+        return effects.refuse(Some(origin), why);
+    }
+    let reference = request.subsystem_state_report_reference.unwrap_or(NO_MORE);
+    let standing: Vec<_> = effects
+        .alerts
+        .standing()
+        .filter(|alert| reference_of(alert.subsystem) == reference)
+        .map(|alert| (alert.subsystem, alert.priority, alert.text.clone()))
+        .collect();
+    if standing.is_empty() {
+        let why = format!("there is nothing more to ask about {reference}");
+        return effects.refuse(Some(origin), why);
+    }
+    for (subsystem, priority, text) in standing {
+        let report = SubsystemStatusReport {
+            report_text_reference: Some(Text::new(&text)),
+            ..status::subsystem_report((subsystem, priority), NO_MORE, effects.stamp())
+        };
+        effects.send(origin.station, &report.into());
+    }
+    effects.acknowledge(&origin, AckType::CarriedOut);
+}
+
+/// The reference by which 15001 requests detail of this subsystem: -1 where no alert stands for it.
+pub(super) fn detail_reference(alerts: &Alerts, subsystem: SubsystemId) -> i32 {
+    let stands = alerts.standing().any(|alert| alert.subsystem == subsystem);
+    if stands {
+        reference_of(subsystem)
+    } else {
+        NO_MORE
+    }
+}
+
+fn reference_of(subsystem: SubsystemId) -> i32 {
+    i32::from(subsystem.raw()) + 1
+}
+
+/// Both requests are known from Edition 2 alone.
+fn edition_2(context: &Context<'_>) -> Result<(), String> {
+    match context.settings.provisional {
+        Provisional::Off => {
+            Err("its layout is derived from Edition 2, and dli.provisional is off".to_owned())
+        }
+        Provisional::Status | Provisional::All => Ok(()),
+    }
+}
+
+/// SYS_STATUS comes at 1 Hz: a fault that is reported once and never again is none.
+const RAISE_AFTER: Duration = Duration::from_millis(1_500);
+const CLEAR_AFTER: Duration = Duration::from_secs(3);
+/// 1101.06: there is no more detail.
+const NO_MORE: i32 = -1;

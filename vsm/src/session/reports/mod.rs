@@ -1,0 +1,509 @@
+//! What the stations of one vehicle are sent: on schedule, on request and on change; and what they configure.
+//!
+//! - `compose`: the reports, from what the vehicle shows; `push`: when each is due to whom (17001)
+//! - `requests`: what is requested of the vehicle for one answer: its software, a ping
+//! - `answers`: answers of many messages, a few at a time
+//! - `configuration`: the configuration phase (40000), and changes of what it has reported
+//! - `parameters`: the vehicle's parameters for stations (50010 to 50012)
+//! - `health`: what the vehicle reports of its own health, as alerts and as subsystem status (15000, 15001)
+
+mod answers;
+mod compose;
+mod configuration;
+mod health;
+mod parameters;
+mod push;
+mod requests;
+
+use std::collections::BTreeSet;
+use std::ops::Deref;
+use std::time::Duration;
+
+use mapping::configuration::changes;
+use mapping::mode::Px4Mode;
+use mapping::parameter;
+use mavlink_link::service::param::{self, Event};
+use mavlink_link::service::text;
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
+use stanag_msgs::messages::{
+    FieldConfigurationRequest, GenericInformationRequestMessage, ScheduleMessageUpdateCommand,
+    SoftwareVersionReport, SubsystemStatusReport,
+};
+use stanag_msgs::{Message, table};
+
+use self::answers::AnswerQueue;
+use self::compose::{DETAILS, REPORTS, Sources};
+use self::configuration::Configuration;
+use self::health::HealthWatch;
+use self::parameters::{ParameterRequests, Purpose};
+use self::push::{Period, Push};
+use self::requests::Requests;
+use super::alerts::{Alerts, Cause};
+use super::context::{self, FlightView, MissionView, Origin, ParameterView};
+use super::effects::Effects;
+use super::ignored_fields;
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(crate) struct Reports {
+    push: Push,
+    requests: Requests,
+    answers: AnswerQueue,
+    configuration: Configuration,
+    parameters: ParameterRequests,
+    health: HealthWatch,
+    /// Fields without effect that stations were already sent: station, message, field.
+    ignored: BTreeSet<(usize, u16, u8)>,
+}
+
+/// What it reads.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Context<'a> {
+    pub(crate) common: context::Context<'a>,
+    pub(crate) mission: MissionView<'a>,
+    pub(crate) flight: FlightView<'a>,
+}
+
+impl<'a> Deref for Context<'a> {
+    type Target = context::Context<'a>;
+
+    fn deref(&self) -> &context::Context<'a> {
+        &self.common
+    }
+}
+
+/// What happens to it.
+#[derive(Debug)]
+pub(crate) enum Input<'a> {
+    /// 50010, 50011, 50014, 15000 or 15001 of a CUCS that holds the right.
+    Command {
+        origin: Origin,
+        message: &'a Message,
+    },
+    /// 40000.
+    Configure {
+        origin: Origin,
+        request: &'a FieldConfigurationRequest,
+    },
+    /// 17001 of a station that holds LOI 2.
+    Schedule {
+        station: usize,
+        command: &'a ScheduleMessageUpdateCommand,
+    },
+    /// 17002 of a station that holds LOI 2.
+    ReportOnce {
+        station: usize,
+        request: &'a GenericInformationRequestMessage,
+    },
+    /// A command is about to be carried out: its station is told once of fields that never have an effect.
+    NoteIgnored {
+        origin: &'a Origin,
+        message: &'a Message,
+    },
+    /// The station has begun or ceased to hold LOI 2: what it scheduled is forgotten.
+    ListenerChanged {
+        station: usize,
+    },
+    /// A heartbeat after silence, or the first.
+    LinkUp,
+    /// The vehicle is silent.
+    LinkDown,
+    /// The vehicle has restarted.
+    Restarted,
+    ModeChanged,
+    ParameterServiceEnded(param::Event),
+    /// The vehicle reports a parameter that nobody requested: somebody has changed it.
+    ParameterReported(param::Name, param::Value),
+    PingReturned(u32),
+    /// A text of the vehicle.
+    Text(text::Text),
+    /// These configuration values have changed; `by` knows already.
+    Configured {
+        changed: Vec<Message>,
+        by: Option<usize>,
+    },
+    /// Send these a few at a time, then acknowledge `origin` as carried out.
+    AnswerLater {
+        station: usize,
+        answers: Vec<Message>,
+        origin: Option<Origin>,
+    },
+    /// Reports by 44003 which modes can be commanded now, where that has changed.
+    WatchModes,
+    SendConfiguration,
+    WatchRequests,
+    WatchHealth,
+    ClearAnswers,
+    /// Sends the reports whose time has come.
+    PushDue,
+}
+
+impl Reports {
+    /// The vehicle's parameters, as far as they have been read.
+    pub(crate) fn parameters(&self) -> ParameterView<'_> {
+        self.configuration.parameters()
+    }
+
+    /// Takes an input.
+    ///
+    /// # Errors
+    /// Of 17001 and 17002 only: the reason, for the operator. The caller answers.
+    pub(crate) fn handle(
+        &mut self,
+        context: &Context<'_>,
+        input: Input<'_>,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), String> {
+        let (common, mission) = (&context.common, &context.mission);
+        let answers = &mut self.answers;
+        match input {
+            Input::Command { origin, message } => self.command(context, origin, message, effects),
+            Input::Configure { origin, request } => {
+                let configuration = &mut self.configuration;
+                configuration.configure(common, mission, origin, request, answers, effects);
+            }
+            Input::Schedule { station, command } => return self.schedule(station, command),
+            Input::ReportOnce { station, request } => {
+                return self.report_once(context, station, request, effects);
+            }
+            Input::NoteIgnored { origin, message } => self.note_ignored(origin, message, effects),
+            Input::ListenerChanged { station } => {
+                self.push.forget(station);
+                if effects.listeners.contains(&station) {
+                    self.push.begin(common.mono(), station);
+                }
+                self.ignored.retain(|(of, _, _)| *of != station);
+            }
+            Input::LinkUp => {
+                effects.clear(Cause::VehicleSilent, "the vehicle is heard");
+                self.report_state(context, effects);
+                self.read_parameters(context, effects);
+            }
+            Input::LinkDown => {
+                let configuration = &mut self.configuration;
+                configuration.stop_reading(common, mission, answers, effects);
+                effects.raise(
+                    Cause::VehicleSilent,
+                    AlertPriority::Warning,
+                    SubsystemId::Comms,
+                    "the vehicle is silent: its state is not known",
+                );
+                self.report_state(context, effects);
+            }
+            Input::Restarted => {
+                self.read_parameters(context, effects);
+                let text = "the autopilot has restarted";
+                effects.notify(AlertPriority::Warning, AUTOPILOT_SUBSYSTEM, text);
+            }
+            Input::ModeChanged => {
+                self.report_state(context, effects);
+                let mode = common.vehicle.telemetry.mode.map(Px4Mode::reported);
+                if let Some(forced) = mode.and_then(changes::mode) {
+                    self.configuration
+                        .report_changes(&[forced], None, &mut self.answers, effects);
+                }
+            }
+            Input::ParameterServiceEnded(event) => self.parameter_ended(context, event, effects),
+            Input::ParameterReported(name, value) => {
+                let before = self.learn_parameter(context, name, value, None, effects);
+                if let Some(before) = before.filter(|before| *before != value) {
+                    effects.advise(parameters::foreign_change(name, value, before));
+                }
+            }
+            Input::PingReturned(seq) => self.requests.ping_returned(seq, effects),
+            Input::Text(text) => {
+                let priority = mapping::alert::priority(text.severity);
+                effects.notify(priority, AUTOPILOT_SUBSYSTEM, text.text);
+            }
+            Input::Configured { changed, by } => {
+                self.configuration
+                    .report_changes(&changed, by, answers, effects);
+            }
+            Input::AnswerLater {
+                station,
+                answers: all,
+                origin,
+            } => answers.answer(station, all, origin, effects),
+            Input::WatchModes => {
+                self.configuration
+                    .watch_modes(common, mission, answers, effects);
+            }
+            Input::SendConfiguration => answers.send_due(effects),
+            Input::WatchRequests => self.requests.watch(common, effects),
+            Input::WatchHealth => {
+                let parameters = self.configuration.parameters().values;
+                self.health.watch(common, parameters, effects);
+            }
+            Input::ClearAnswers => {
+                while let Some((to, raised)) = effects.alerts.next_over(common.mono()) {
+                    effects.dli.show(common.id(), &to, &raised);
+                }
+            }
+            Input::PushDue => self.push_due(context, effects),
+        }
+        Ok(())
+    }
+
+    /// When an input that depends on the time is next due.
+    pub(crate) fn poll_timeout(&self, alerts: &Alerts) -> Option<Duration> {
+        [
+            self.push.poll_timeout(),
+            self.requests.poll_timeout(),
+            self.answers.poll_timeout(),
+            self.health.poll_timeout(),
+            alerts.poll_timeout(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    fn sources<'a>(&'a self, context: &Context<'a>) -> Sources<'a> {
+        Sources {
+            common: context.common,
+            mission: context.mission,
+            flight: context.flight,
+            parameters: self.configuration.parameters().values,
+        }
+    }
+}
+
+/// Commands and requests.
+impl Reports {
+    fn command(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        message: &Message,
+        effects: &mut Effects<'_>,
+    ) {
+        let common = &context.common;
+        match message {
+            Message::ParameterRequest(request) => {
+                self.parameters.request(origin, request, effects);
+            }
+            Message::ParameterSetCommand(command) => {
+                self.parameters.set(origin, command, effects);
+            }
+            Message::PingRequest(request) => {
+                self.requests.ping(common, origin, request, effects);
+            }
+            Message::SubsystemStatusRequest(request) => {
+                compose::request_streams(SubsystemStatusReport::ID, effects);
+                let parameters = self.configuration.parameters().values;
+                health::subsystem_status(common, parameters, origin, request, effects);
+            }
+            Message::SubsystemStatusDetailRequest(request) => {
+                health::subsystem_detail(common, origin, request, effects);
+            }
+            other => debug_assert!(false, "message {} is no command of reports", other.id()),
+        }
+    }
+
+    /// 17001.
+    fn schedule(
+        &mut self,
+        station: usize,
+        command: &ScheduleMessageUpdateCommand,
+    ) -> Result<(), String> {
+        let message = command
+            .requested_message_type
+            .ok_or("Requested Message Type is missing")?;
+        let hertz = command.frequency.ok_or("Frequency is missing")?;
+        known_report(message)?;
+        if hertz > MAX_HERTZ {
+            return Err(format!(
+                "Frequency {hertz} Hz, expected 1 to {MAX_HERTZ}, or 0 for no longer"
+            ));
+        }
+        let period = match hertz {
+            0 => Period::Never,
+            hertz => Period::Every(Duration::from_secs(1) / u32::from(hertz)),
+        };
+        self.push.schedule(station, message, period);
+        Ok(())
+    }
+
+    /// 17002: a report, at once, of all its fields or those requested.
+    fn report_once(
+        &mut self,
+        context: &Context<'_>,
+        station: usize,
+        request: &GenericInformationRequestMessage,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), String> {
+        let message = request.message_type.ok_or("Message Type is missing")?;
+        let fields = request.requested_field_presence_vector.map(|all| all.get());
+        if message == SoftwareVersionReport::ID {
+            self.requests
+                .software(&context.common, station, fields, effects);
+            return Ok(());
+        }
+        known_report(message)?;
+        let reports = compose::all(&self.sources(context), message, effects);
+        for report in &reports {
+            match fields {
+                // An empty vector requests nothing in particular.
+                None | Some(0) => effects.send(station, report),
+                Some(fields) => effects.send(station, &table::select(report, fields)),
+            }
+        }
+        if reports.is_empty() {
+            return Err(format!("of {message} the vehicle has told nothing yet"));
+        }
+        Ok(())
+    }
+
+    /// Reports once to a station each field of its messages that asks for something and never has an effect here.
+    fn note_ignored(&mut self, origin: &Origin, message: &Message, effects: &mut Effects<'_>) {
+        let unused = ignored_fields::unused_fields(message).into_iter();
+        let names: Vec<&str> = unused
+            .filter(|field| {
+                self.ignored
+                    .insert((origin.station, message.id(), field.bit))
+            })
+            .map(|field| field.name)
+            .collect();
+        if let Some(text) = ignored_fields::report(origin.message_type, &names, "") {
+            effects.answer(&[origin.station], text);
+        }
+    }
+}
+
+/// Reports on schedule and on change.
+impl Reports {
+    fn push_due(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        for index in 0..effects.listeners.len() {
+            let station = effects.listeners[index];
+            while let Some(message) = self.push.next_due(context.mono(), station) {
+                if DETAILS.contains(&message) {
+                    for report in compose::all(&self.sources(context), message, effects) {
+                        effects.publish(station, &report);
+                    }
+                    continue;
+                }
+                // Not by `all`: the reports that are pushed all the time take no allocation.
+                let stamp = effects.stamp();
+                if let Some(report) = compose::one(&self.sources(context), message, stamp) {
+                    effects.publish(station, &report);
+                }
+            }
+        }
+    }
+
+    /// 3001 and 3002 on change, beside their period.
+    fn report_state(&self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        for message in [3001, 3002] {
+            let stamp = effects.stamp();
+            if let Some(report) = compose::one(&self.sources(context), message, stamp) {
+                effects.publish_to_listeners(&report);
+            }
+        }
+    }
+}
+
+/// The vehicle's parameters.
+impl Reports {
+    fn read_parameters(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let names = self.configuration.names_to_read();
+        if names.is_empty() {
+            return;
+        }
+        let requested = self.parameters.read_for_configuration(names, effects);
+        self.configuration.begin_reading(requested);
+        self.count_read(context, 0, effects);
+    }
+
+    fn count_read(&mut self, context: &Context<'_>, count: usize, effects: &mut Effects<'_>) {
+        let (common, mission) = (&context.common, &context.mission);
+        self.configuration
+            .count_read(common, mission, count, &mut self.answers, effects);
+    }
+
+    /// The end of a request, or its progress.
+    fn parameter_ended(&mut self, context: &Context<'_>, event: Event, effects: &mut Effects<'_>) {
+        if let Event::Progress { .. } = event {
+            return;
+        }
+        let origin = match self.parameters.ended() {
+            None => return,
+            Some(Purpose::Configuration) => {
+                // A vehicle that lacks it is bounded by the rest.
+                if let Event::Read { name, value } = event {
+                    self.learn_parameter(context, name, value, None, effects);
+                }
+                return self.count_read(context, 1, effects);
+            }
+            Some(Purpose::Station(origin)) => origin,
+        };
+        let station = origin.station;
+        if let Some(why) = parameters::refusal(&event) {
+            return effects.refuse(Some(origin), why);
+        }
+        match event {
+            Event::Read { name, value } | Event::Set { name, value } => {
+                self.learn_parameter(context, name, value, Some(station), effects);
+                let report = parameters::report(name, value);
+                self.answers
+                    .answer(station, [report], Some(origin), effects);
+            }
+            Event::List { entries, .. } => {
+                let count = u16::try_from(entries.len()).unwrap_or(u16::MAX);
+                let all: Vec<Message> = (0..)
+                    .zip(&entries)
+                    .map(|(index, entry)| {
+                        let place = Some((index, count));
+                        parameter::report(entry.name.as_str(), entry.value, place, None).into()
+                    })
+                    .collect();
+                for entry in entries {
+                    let (name, value) = (entry.name, entry.value);
+                    self.learn_parameter(context, name, value, Some(station), effects);
+                }
+                self.answers.answer(station, all, Some(origin), effects);
+            }
+            Event::Progress { .. } | Event::Refused { .. } | Event::ListFailed { .. } => {}
+        }
+    }
+
+    /// Keeps a value; who follows the parameter is sent it where it is another than before, but for `asker`. Returns the
+    /// value before.
+    fn learn_parameter(
+        &mut self,
+        context: &Context<'_>,
+        name: param::Name,
+        value: param::Value,
+        asker: Option<usize>,
+        effects: &mut Effects<'_>,
+    ) -> Option<param::Value> {
+        self.configuration.store_parameter(
+            &context.common,
+            name,
+            value,
+            &mut self.answers,
+            effects,
+        );
+        let before = self.parameters.learn(name, value)?;
+        if before != value {
+            let followers = self.parameters.followers(name);
+            for station in followers.filter(|station| Some(*station) != asker) {
+                let report = parameters::report(name, value);
+                self.answers.answer(station, [report], None, effects);
+            }
+        }
+        Some(before)
+    }
+}
+
+fn known_report(message: u16) -> Result<(), String> {
+    if REPORTS.contains(&message) || DETAILS.contains(&message) {
+        Ok(())
+    } else {
+        Err(format!("message {message} is no report of this VSM"))
+    }
+}
+
+/// Subsystem ID of what the autopilot reports of itself: VSM specific.
+const AUTOPILOT_SUBSYSTEM: SubsystemId = SubsystemId::from_raw(20);
+/// The range that Edition 2 gives for 17001's Frequency.
+const MAX_HERTZ: u16 = 100;

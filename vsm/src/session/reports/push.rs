@@ -1,0 +1,87 @@
+//! When each report is due to whom: 3001, 3002, 4000 and 4001 from the grant of LOI 2, and what 17001 schedules.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// When each message is next due for each station of one vehicle.
+#[derive(Debug, Default)]
+pub(super) struct Push {
+    due: BTreeMap<(usize, u16), Duration>,
+    /// What stations have scheduled by 17001: (station, message type) to period.
+    scheduled: BTreeMap<(usize, u16), Period>,
+}
+
+/// How often a message goes to a station.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Period {
+    /// 17001 with frequency 0: not at all.
+    Never,
+    Every(Duration),
+}
+
+impl Push {
+    /// 17001: all of a station's messages are due again.
+    pub(super) fn schedule(&mut self, station: usize, message: u16, period: Period) {
+        self.scheduled.insert((station, message), period);
+        self.reset(station);
+    }
+
+    /// The station no longer listens, or begins to: what it has scheduled is forgotten.
+    pub(super) fn forget(&mut self, station: usize) {
+        self.scheduled.retain(|(of, _), _| *of != station);
+        self.reset(station);
+    }
+
+    /// The station begins to listen: its first reports are due now.
+    pub(super) fn begin(&mut self, now: Duration, station: usize) {
+        let messages = DEFAULTS.iter().map(|(message, _)| (station, *message));
+        self.due.extend(messages.map(|place| (place, now)));
+    }
+
+    fn reset(&mut self, station: usize) {
+        self.due.retain(|(of, _), _| *of != station);
+    }
+
+    /// A message that is due now for a listening station, until there is none. Each is due again a period later.
+    pub(super) fn next_due(&mut self, now: Duration, station: usize) -> Option<u16> {
+        let Push { due, scheduled } = self;
+        let defaults = DEFAULTS
+            .iter()
+            .filter(|(message, _)| !scheduled.contains_key(&(station, *message)))
+            .copied();
+        let all = scheduled
+            .range((station, 0)..=(station, u16::MAX))
+            .filter_map(|((_, message), period)| match period {
+                Period::Every(period) => Some((*message, *period)),
+                Period::Never => None,
+            });
+        for (message, period) in defaults.chain(all) {
+            let due = due.entry((station, message)).or_insert(now);
+            if *due > now {
+                continue;
+            }
+            // Kept in step, unless a pause was longer than the period.
+            *due = if *due + period > now {
+                *due + period
+            } else {
+                now + period
+            };
+            return Some(message);
+        }
+        None
+    }
+
+    /// When the next message is due.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        self.due.values().min().copied()
+    }
+}
+
+/// What is pushed without any 17001; 3001 on change too. At most 500 ms apart, with room for a late timer.
+const DEFAULTS: &[(u16, Duration)] = &[
+    (3001, Duration::from_millis(400)),
+    (3002, Duration::from_millis(400)),
+    (4000, Duration::from_millis(200)),
+    (4001, Duration::from_millis(400)),
+    (16002, Duration::from_millis(1_000)),
+];
