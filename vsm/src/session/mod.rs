@@ -81,6 +81,8 @@ mod outbox;
 mod reports;
 mod station;
 pub(crate) mod store;
+#[cfg(test)]
+mod testing;
 
 pub use authority::audit::{Broken, Chain, Entry, Verified};
 pub use authority::rules::{

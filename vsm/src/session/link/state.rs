@@ -38,6 +38,12 @@ impl Default for VehicleState {
 }
 
 impl VehicleState {
+    /// Makes it live, without a link.
+    #[cfg(test)]
+    pub(crate) fn set_live(&mut self) {
+        self.silent = false;
+    }
+
     /// Whether data is received from it: its telemetry is not stale.
     pub(crate) fn live(&self) -> bool {
         !self.silent

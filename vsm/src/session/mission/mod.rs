@@ -221,3 +221,6 @@ impl Mission {
         transfers.into_iter().chain(fence).min()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -325,3 +325,285 @@ const UPLOADED: &str = "aboard";
 const FOLD_LINES: usize = 1_000;
 /// Half of what is read of a file at the start.
 const FOLD_BYTES: usize = 8 << 20;
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+    use std::rc::Rc;
+    use std::time::{Duration, Instant};
+
+    use mavlink_link::store::MemoryDisk;
+    use stanag_msgs::enums::AltitudeType;
+    use stanag_msgs::messages::{UaPositionWaypoint, UaRoute};
+    use stanag_msgs::scalar::{Bam32, Scaled};
+    use stanag_msgs::{Text, TimeStamp};
+    use zeroize::Zeroizing;
+
+    use super::*;
+    use crate::session::testing::{CUCS, VEHICLE, World};
+
+    /// A disk that counts the bytes written to it, and after which change the process ends.
+    #[derive(Debug, Default, Clone)]
+    struct Counted {
+        disk: MemoryDisk,
+        written: usize,
+        /// So many changes are still made.
+        left: Option<u32>,
+        /// Of the first that is not made, so many bytes of an appended line are.
+        torn: usize,
+    }
+
+    #[derive(Debug, Default, Clone)]
+    struct Shared(Rc<RefCell<Counted>>);
+
+    impl Shared {
+        fn admit(&self, bytes: usize) -> Result<(), StoreError> {
+            let mut counted = self.0.borrow_mut();
+            counted.written += bytes;
+            match &mut counted.left {
+                Some(0) => Err(StoreError::new("any", "killed")),
+                Some(left) => {
+                    *left -= 1;
+                    Ok(())
+                }
+                None => Ok(()),
+            }
+        }
+    }
+
+    impl Disk for Shared {
+        fn read(&self, name: &str, max: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+            self.0.borrow().disk.read(name, max)
+        }
+
+        fn replace(&mut self, name: &str, bytes: &[u8], to: Durability) -> Result<(), StoreError> {
+            self.admit(bytes.len())?;
+            self.0.borrow_mut().disk.replace(name, bytes, to)
+        }
+
+        fn append(&mut self, name: &str, bytes: &[u8], to: Durability) -> Result<(), StoreError> {
+            let admitted = self.admit(bytes.len());
+            let mut counted = self.0.borrow_mut();
+            let whole = admitted.is_ok();
+            let some = if whole {
+                bytes.len()
+            } else {
+                counted.torn.min(bytes.len())
+            };
+            counted.disk.append(name, &bytes[..some], to)?;
+            admitted
+        }
+
+        fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
+            self.admit(0)?;
+            self.0.borrow_mut().disk.rename(from, to)
+        }
+
+        fn remove(&mut self, name: &str) -> Result<(), StoreError> {
+            self.admit(0)?;
+            self.0.borrow_mut().disk.remove(name)
+        }
+    }
+
+    fn world() -> (World, Shared) {
+        let disk = Shared::default();
+        let mut world = World::new();
+        world.disk = Box::new(disk.clone());
+        (world, disk)
+    }
+
+    fn waypoint(number: u16, next: u16) -> Message {
+        let degrees = f64::from(number) * 1e-3;
+        UaPositionWaypoint {
+            time_stamp: Some(TimeStamp(u64::from(number))),
+            waypoint_number: Some(number),
+            waypoint_to_latitude_or_relative_y: Some(Bam32::from_degrees(degrees)),
+            waypoint_to_longitude_or_relative_x: Some(Bam32::from_degrees(degrees)),
+            waypoint_to_altitude: Some(Scaled::saturating_from_si(50.0)),
+            waypoint_altitude_type: Some(AltitudeType::Agl),
+            waypoint_to_speed: Some(Scaled::saturating_from_si(5.0)),
+            next_waypoint: Some(next),
+            ..UaPositionWaypoint::default()
+        }
+        .into()
+    }
+
+    fn route(name: &str, initial: u16) -> Message {
+        UaRoute {
+            route_id: Some(Text::new(name)),
+            initial_waypoint_number: Some(initial),
+            ..UaRoute::default()
+        }
+        .into()
+    }
+
+    fn store(world: &mut World, store: &mut MissionStore, message: &Message) -> Result<(), String> {
+        world.act(|_, _, _, effects| store.store(message, CUCS, effects))
+    }
+
+    fn restored(world: &mut World) -> MissionStore {
+        let mut store = MissionStore::default();
+        let restored = world.act(|_, _, _, effects| store.restore(effects));
+        restored.expect("the records are read");
+        store
+    }
+
+    #[test]
+    fn ten_thousand_waypoints_are_stored_in_seconds_and_megabytes() {
+        let (mut world, disk) = world();
+        let mut plan = MissionStore::default();
+        let started = Instant::now();
+        store(&mut world, &mut plan, &route("R", 1)).expect("stored");
+        for number in 1..=10_000 {
+            let next = if number == 10_000 { 0 } else { number + 1 };
+            store(&mut world, &mut plan, &waypoint(number, next)).expect("stored");
+        }
+        let took = started.elapsed();
+        let written = disk.0.borrow().written;
+        assert!(written < 20_000_000, "{written} bytes written");
+        assert!(took < Duration::from_secs(5), "{took:?}");
+        assert_eq!(restored(&mut world).plan(), plan.plan());
+        world
+            .act(|_, _, _, effects| plan.fold_log(CUCS, effects))
+            .expect("folded");
+        assert!(
+            !disk
+                .0
+                .borrow()
+                .disk
+                .records
+                .contains_key("plan-1b000101.log")
+        );
+        assert_eq!(restored(&mut world).plan(), plan.plan());
+    }
+
+    #[test]
+    fn the_log_of_a_short_plan_that_is_sent_again_and_again_stays_short() {
+        let (mut world, disk) = world();
+        let mut plan = MissionStore::default();
+        for round in 0..5_000_u16 {
+            let message = waypoint(1 + round % 3, 2 + round % 5);
+            store(&mut world, &mut plan, &message).expect("stored");
+        }
+        let lines = |disk: &Shared| {
+            let counted = disk.0.borrow();
+            let log = &counted.disk.records["plan-1b000101.log"];
+            log.iter().filter(|byte| **byte == b'\n').count()
+        };
+        assert!(lines(&disk) <= FOLD_LINES + 2 * 3 + 1, "{}", lines(&disk));
+        assert_eq!(restored(&mut world).plan(), plan.plan());
+    }
+
+    /// Messages with a clearing among them; whatever change of the disk is the last that is made, and wherever it tears
+    /// a line, a restart finds what was answered, with or without what was not.
+    #[test]
+    fn a_process_that_ends_at_any_moment_loses_nothing_that_was_answered() {
+        enum Step {
+            Store(Message),
+            Fold,
+            Clear,
+        }
+        let steps = || {
+            let plan = [route("R", 1), waypoint(1, 2), waypoint(2, 0)].map(Step::Store);
+            let again = [route("R", 1), waypoint(1, 3)].map(Step::Store);
+            let last = [waypoint(3, 0), waypoint(4, 0)].map(Step::Store);
+            // The record of a plan that is cleared twice is the same both times.
+            (plan.into_iter().chain([Step::Clear]))
+                .chain(again)
+                .chain([Step::Clear, Step::Store(waypoint(1, 2)), Step::Fold])
+                .chain(last)
+        };
+        let mut cut_off = 0;
+        for left in 0..40 {
+            for torn in [0, 1, 40, usize::MAX] {
+                let (mut world, disk) = world();
+                let mut plan = MissionStore::default();
+                disk.0.borrow_mut().left = Some(left);
+                disk.0.borrow_mut().torn = torn;
+                let (mut before, mut after) = (Plan::default(), Plan::default());
+                for step in steps() {
+                    let done = match &step {
+                        Step::Store(message) => {
+                            after.store(message, CUCS, VEHICLE).expect("it fits");
+                            store(&mut world, &mut plan, message).is_ok()
+                        }
+                        Step::Fold => world
+                            .act(|_, _, _, effects| plan.fold_log(CUCS, effects))
+                            .is_ok(),
+                        Step::Clear => {
+                            after.clear();
+                            world
+                                .act(|_, _, _, effects| plan.cleared(None, CUCS, effects))
+                                .is_ok()
+                        }
+                    };
+                    if !done {
+                        cut_off += 1;
+                        break;
+                    }
+                    before.clone_from(&after);
+                }
+                disk.0.borrow_mut().left = None;
+                let mut found = restored(&mut world);
+                let case = format!("{left} changes, {torn} bytes");
+                assert!([&before, &after].contains(&found.plan()), "{case}");
+                // What comes next is stored behind it, whatever is on the disk.
+                let next = waypoint(9, 0);
+                store(&mut world, &mut found, &next).expect("stored");
+                store(&mut world, &mut found, &waypoint(10, 0)).expect("stored");
+                assert_eq!(restored(&mut world).plan(), found.plan(), "{case}");
+            }
+        }
+        assert!(cut_off > 60, "{cut_off}");
+    }
+
+    #[test]
+    fn a_message_that_the_disk_refuses_is_not_in_the_plan_and_the_next_one_is() {
+        let (mut world, disk) = world();
+        let mut plan = MissionStore::default();
+        store(&mut world, &mut plan, &waypoint(1, 0)).expect("stored");
+        disk.0.borrow_mut().left = Some(0);
+        disk.0.borrow_mut().torn = 30;
+        let refused = store(&mut world, &mut plan, &waypoint(2, 0));
+        assert!(refused.is_err_and(|why| why.starts_with("it cannot be stored: ")));
+        disk.0.borrow_mut().left = None;
+        store(&mut world, &mut plan, &waypoint(3, 0)).expect("stored");
+        assert!(plan.plan().waypoint(2).is_none() && plan.plan().waypoint(3).is_some());
+        assert_eq!(restored(&mut world).plan(), plan.plan());
+    }
+
+    #[test]
+    fn a_record_of_before_the_log_is_read_and_a_log_of_another_record_is_not() {
+        let (mut world, disk) = world();
+        let mut plan = MissionStore::default();
+        for message in [route("R", 1), waypoint(1, 0)] {
+            store(&mut world, &mut plan, &message).expect("stored");
+        }
+        // An earlier version knows the record alone.
+        let mut old = Plan::default();
+        old.store(&waypoint(7, 0), CUCS, VEHICLE).expect("it fits");
+        let record = record::encode_plan(&old, CUCS, VEHICLE);
+        let mut disk = disk;
+        disk.replace("plan-1b000101.json", &record, Durability::Process)
+            .expect("written");
+        let mut found = restored(&mut world);
+        assert_eq!(*found.plan(), old);
+        store(&mut world, &mut found, &waypoint(8, 0)).expect("stored");
+        assert_eq!(restored(&mut world).plan(), found.plan());
+    }
+
+    #[test]
+    fn a_whole_line_that_is_no_message_stops_the_start() {
+        let (mut world, mut disk) = world();
+        let mut plan = MissionStore::default();
+        store(&mut world, &mut plan, &waypoint(1, 0)).expect("stored");
+        disk.append("plan-1b000101.log", b"not hex\n", Durability::Process)
+            .expect("written");
+        let mut found = MissionStore::default();
+        let restored = world.act(|_, _, _, effects| found.restore(effects));
+        assert_eq!(
+            restored.expect_err("it is refused").name,
+            "plan-1b000101.log"
+        );
+    }
+}

@@ -1,0 +1,385 @@
+//! The machine without the others: the vehicle's side is played by the test, event by event.
+
+use mapping::altitude::Altimeter;
+use mapping::area::Shape;
+use mapping::route::{self, Site};
+use mapping::telemetry::{MissionProgress, Place};
+use mavlink_link::dialect::MissionState;
+use mavlink_link::service::mission::{
+    Event, Item, MavMissionType, Operation, plan_id, px4_read_back,
+};
+use stanag_msgs::enums::{AltitudeType, MissionPlanMode as Mode, MissionTransferStatus as Status};
+use stanag_msgs::messages::{
+    MissionTransferCommand, UaPositionWaypoint, UaRoute, VehicleOperatingModeCommand,
+};
+use stanag_msgs::scalar::{Bam32, Scaled};
+use stanag_msgs::{Text, TimeStamp};
+
+use super::*;
+use crate::session::effects::Request;
+use crate::session::testing::{CUCS, World, origin};
+
+const MISSION: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
+const FENCE: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
+const SECOND: Duration = Duration::from_secs(1);
+
+fn handle(world: &mut World, mission: &mut Mission, input: Input<'_>) {
+    world.act(|common, flight, parameters, effects| {
+        let context = Context {
+            common,
+            flight,
+            parameters,
+        };
+        mission.handle(&context, input, effects);
+    });
+}
+
+fn command(world: &mut World, mission: &mut Mission, message: impl Into<Message>) {
+    let message = message.into();
+    let input = Input::Command {
+        origin: origin(&message),
+        message: &message,
+    };
+    handle(world, mission, input);
+    handle(world, mission, Input::Advance);
+}
+
+/// The mission service has done what it was busy with.
+fn ended(world: &mut World, mission: &mut Mission, operation: Operation, event: Event) {
+    assert_eq!(world.services.missions.busy(), Some(operation));
+    world.services.missions.cancel();
+    while world.services.missions.poll_event().is_some() {}
+    handle(world, mission, Input::ServiceEnded(event));
+    handle(world, mission, Input::Advance);
+}
+
+/// It has taken items, and returns them as PX4 does.
+fn transferred(
+    world: &mut World,
+    mission: &mut Mission,
+    kind: MavMissionType,
+    items: &[Item],
+) -> u32 {
+    let opaque_id = plan_id(items);
+    let uploaded = Event::Uploaded { kind, opaque_id };
+    ended(world, mission, Operation::Upload, uploaded);
+    let items = items.iter().map(|item| px4_read_back(kind, item)).collect();
+    let downloaded = Event::Downloaded {
+        kind,
+        items,
+        opaque_id,
+    };
+    ended(world, mission, Operation::Download, downloaded);
+    opaque_id
+}
+
+/// What MISSION_CURRENT shows.
+fn named(mission_id: u32, fence_id: u32) -> Option<MissionProgress> {
+    Some(MissionProgress {
+        seq: 0,
+        total: Some(2),
+        state: MissionState::MISSION_STATE_NOT_STARTED,
+        mission_id,
+        fence_id,
+    })
+}
+
+/// On the ground at home, with a route of two waypoints stored.
+fn ready() -> (World, Mission) {
+    let (mut world, mut mission) = (World::new(), Mission::new(Vec::new()));
+    world.vehicle.telemetry.home = Some(Place {
+        latitude: 47.0,
+        longitude: 8.0,
+        amsl_m: 400.0,
+    });
+    let route = UaRoute {
+        initial_waypoint_number: Some(1),
+        route_id: Some(Text::new("R")),
+        ..UaRoute::default()
+    };
+    command(&mut world, &mut mission, route);
+    for (number, next) in [(1, 2), (2, 0)] {
+        let north = 47.0 + f64::from(number) * 1e-4;
+        let waypoint = UaPositionWaypoint {
+            time_stamp: Some(TimeStamp(number.into())),
+            waypoint_number: Some(number),
+            waypoint_to_latitude_or_relative_y: Some(Bam32::from_degrees(north)),
+            waypoint_to_longitude_or_relative_x: Some(Bam32::from_degrees(8.0)),
+            waypoint_to_altitude: Some(Scaled::saturating_from_si(20.0)),
+            waypoint_altitude_type: Some(AltitudeType::Agl),
+            next_waypoint: Some(next),
+            ..UaPositionWaypoint::default()
+        };
+        command(&mut world, &mut mission, waypoint);
+    }
+    assert_eq!(answers(&mut world), [AckType::CarriedOut; 3]);
+    (world, mission)
+}
+
+/// The items that the stored route is compiled to.
+fn compiled(world: &mut World, mission: &Mission) -> Vec<Item> {
+    let plan = mission.store.plan();
+    world.act(|context, _, parameters, _| {
+        let telemetry = &context.vehicle.telemetry;
+        let site = Site {
+            home: telemetry.home.expect("it was set"),
+            geoid_m: telemetry.geoid_m,
+            agl: context.bounds.agl,
+            altimeter: Altimeter::STANDARD,
+            hovers: telemetry.hovers(),
+            limits: context.bounds.limits,
+            performance: parameters.performance(&context),
+            curving: context.bounds.curving,
+        };
+        route::compile(plan, 1, &site).expect("it is valid").items
+    })
+}
+
+fn transfer(mode: Mode) -> MissionTransferCommand {
+    MissionTransferCommand {
+        mission_id: Some(Text::new("M")),
+        mission_plan_mode: Some(mode),
+        ..MissionTransferCommand::default()
+    }
+}
+
+/// The acknowledgements since the last look.
+fn answers(world: &mut World) -> Vec<AckType> {
+    let ack = |message| match message {
+        Message::MessageAcknowledgement(ack) => ack.acknowledgement_type,
+        _ => None,
+    };
+    world.sent_to(0).into_iter().filter_map(ack).collect()
+}
+
+/// Status and per cent of the 14000s since the last look, and the texts of the alerts.
+fn reports(world: &mut World) -> (Vec<(Status, u8)>, String) {
+    let (mut reports, mut texts) = (Vec::new(), String::new());
+    for message in world.sent_to(0) {
+        match message {
+            Message::MissionUploadDownloadStatus(report) => {
+                reports.extend(report.status.zip(report.percent_complete));
+            }
+            Message::SubsystemStatusAlert(alert) => {
+                texts += alert.text.as_ref().map_or("", |text| text.as_str());
+            }
+            _ => {}
+        }
+    }
+    (reports, texts)
+}
+
+#[test]
+fn a_route_is_loaded_once_the_vehicle_names_it_and_a_restart_finds_it() {
+    let (mut world, mut mission) = ready();
+    let items = compiled(&mut world, &mission);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let id = transferred(&mut world, &mut mission, MISSION, &items);
+    assert!(mission.uploaded().is_none(), "MISSION_CURRENT is awaited");
+    assert_eq!(mission.poll_timeout(), Some(world.now.mono + 5 * SECOND));
+    let (progress, _) = reports(&mut world);
+    let begun = [0, 0, 50].map(|percent| (Status::InProgress, percent));
+    assert_eq!(progress, begun);
+
+    world.vehicle.telemetry.mission = named(id, 0);
+    handle(&mut world, &mut mission, Input::Advance);
+    assert_eq!(reports(&mut world).0, [(Status::Complete, 100)]);
+    let view = mission.view(&world.vehicle, &world.services);
+    assert_eq!(view.uploaded.map(|route| route.mission_id), Some(id));
+    assert_eq!(view.loaded, view.uploaded);
+    assert_eq!(mission.poll_timeout(), None);
+
+    let mut found = Mission::new(Vec::new());
+    let restored = world.act(|_, _, _, effects| found.restore(effects));
+    restored.expect("the records are read");
+    assert_eq!(found.store.plan(), mission.store.plan());
+    let notes = |route: Option<&UploadedMission>| {
+        let mut route = route.expect("it is there").clone();
+        route.compiled.notes.clear();
+        route
+    };
+    assert_eq!(notes(found.uploaded()), notes(mission.uploaded()));
+}
+
+#[test]
+fn a_vehicle_that_holds_something_else_than_was_sent_carries_nothing() {
+    let (mut world, mut mission) = ready();
+    let items = compiled(&mut world, &mission);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let uploaded = Event::Uploaded {
+        kind: MISSION,
+        opaque_id: 1,
+    };
+    ended(&mut world, &mut mission, Operation::Upload, uploaded);
+    let downloaded = Event::Downloaded {
+        kind: MISSION,
+        items: items[1..].to_vec(),
+        opaque_id: 1,
+    };
+    ended(&mut world, &mut mission, Operation::Download, downloaded);
+    let (progress, texts) = reports(&mut world);
+    assert_eq!(progress.last(), Some(&(Status::Aborted, 0)));
+    assert!(texts.contains("the vehicle holds another plan"), "{texts}");
+    assert!(!mission.transfers.is_running() && mission.uploaded().is_none());
+}
+
+#[test]
+fn a_mode_command_flies_once_its_route_is_uploaded_unless_it_was_dropped() {
+    for dropped in [false, true] {
+        let (mut world, mut mission) = ready();
+        let items = compiled(&mut world, &mission);
+        let wanted = VehicleOperatingModeCommand::default();
+        let message = wanted.clone().into();
+        let input = Input::LoadAndFly {
+            origin: Some(origin(&message)),
+            route_type: Some(stanag_msgs::enums::RouteType::Flight),
+            command: Box::new(wanted),
+        };
+        handle(&mut world, &mut mission, input);
+        // A mode on its way in must be seen first, and what waits for that needs no time.
+        world.maneuver = true;
+        handle(&mut world, &mut mission, Input::Advance);
+        assert_eq!(world.services.missions.busy(), None);
+        assert_eq!(mission.poll_timeout(), None);
+        world.maneuver = false;
+        handle(&mut world, &mut mission, Input::Advance);
+        world.controller = dropped
+            .then_some(stanag_msgs::Id(CUCS.0 + 1))
+            .or(Some(CUCS));
+        let why = "another controls".to_owned();
+        let drop = Input::DropWaitingCommand {
+            why,
+            without_right: true,
+        };
+        handle(&mut world, &mut mission, drop);
+        let id = transferred(&mut world, &mut mission, MISSION, &items);
+        world.vehicle.telemetry.mission = named(id, 0);
+        handle(&mut world, &mut mission, Input::Advance);
+        let flown = world.requests.iter().any(|request| {
+            matches!(
+                request,
+                Request::Fly {
+                    just_loaded: true,
+                    ..
+                }
+            )
+        });
+        assert_eq!(flown, !dropped);
+        let refused = answers(&mut world).contains(&AckType::Refused);
+        assert_eq!(refused, dropped);
+        // Only 13000 loads.
+        assert!(mission.uploaded().is_some() && mission.store.loaded.is_none());
+    }
+}
+
+#[test]
+fn a_returned_vehicle_with_another_mission_is_sent_the_loaded_one_again() {
+    let (mut world, mut mission) = ready();
+    let items = compiled(&mut world, &mission);
+    handle(&mut world, &mut mission, Input::LinkUp);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let id = transferred(&mut world, &mut mission, MISSION, &items);
+    world.vehicle.telemetry.mission = named(id, 0);
+    handle(&mut world, &mut mission, Input::Advance);
+    handle(&mut world, &mut mission, Input::CompareWithVehicle);
+    world.vehicle.telemetry.mission = named(id + 1, 0);
+    handle(&mut world, &mut mission, Input::CompareWithVehicle);
+    assert!(!mission.transfers.is_running(), "it has not been away");
+    handle(&mut world, &mut mission, Input::LinkUp);
+    handle(&mut world, &mut mission, Input::CompareWithVehicle);
+    assert!(mission.transfers.is_running());
+    assert!(
+        reports(&mut world)
+            .1
+            .contains("the loaded one is sent again")
+    );
+    handle(&mut world, &mut mission, Input::Advance);
+    assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
+}
+
+#[test]
+fn a_download_sends_eight_messages_and_pauses() {
+    let (mut world, mut mission) = ready();
+    for number in 10..20 {
+        let waypoint = UaPositionWaypoint {
+            waypoint_number: Some(number),
+            ..UaPositionWaypoint::default()
+        };
+        command(&mut world, &mut mission, waypoint);
+    }
+    world.sent_to(0);
+    command(&mut world, &mut mission, transfer(Mode::Download));
+    let plan = |messages: Vec<Message>| {
+        let plan = |message: &&Message| matches!(message.id(), 13001 | 13002);
+        messages.iter().filter(plan).count()
+    };
+    assert_eq!(plan(world.sent_to(0)), 8);
+    handle(&mut world, &mut mission, Input::AdvanceDownload);
+    assert_eq!(plan(world.sent_to(0)), 0);
+    let due = mission.poll_timeout().expect("a pause");
+    world.advance(due.saturating_sub(world.now.mono));
+    handle(&mut world, &mut mission, Input::AdvanceDownload);
+    assert_eq!(plan(world.sent_to(0)), 5);
+    assert_eq!(mission.poll_timeout(), None);
+}
+
+#[test]
+fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
+    let mut world = World::new();
+    let circle = Area {
+        keep_in: true,
+        shape: Shape::Circle {
+            centre: (47.0, 8.0),
+            radius_m: 500.0,
+        },
+    };
+    let items: Vec<Item> = mapping::area::fence(&[circle.clone()], &[], None)
+        .expect("a fence")
+        .iter()
+        .map(|point| point.item)
+        .collect();
+    let mut mission = Mission::new(vec![circle]);
+    assert_eq!(mission.poll_timeout(), None);
+    handle(&mut world, &mut mission, Input::LinkUp);
+    let due = mission.poll_timeout().expect("the comparison");
+    world.advance(due.saturating_sub(world.now.mono));
+    handle(&mut world, &mut mission, Input::WatchFence);
+    let id = transferred(&mut world, &mut mission, FENCE, &items);
+    assert!(mission.view(&world.vehicle, &world.services).fence_busy);
+    world.vehicle.telemetry.mission = named(0, id);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert!(!mission.view(&world.vehicle, &world.services).fence_busy);
+    assert_eq!(mission.poll_timeout(), None);
+    // Another station changes it.
+    world.sent_to(0);
+    world.vehicle.telemetry.mission = named(0, id + 1);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    let (_, texts) = reports(&mut world);
+    assert!(texts.contains("is not the one that was loaded"), "{texts}");
+}
+
+#[test]
+fn a_comparison_of_the_fence_that_a_silent_vehicle_delays_wakes_nobody() {
+    let mut world = World::new();
+    let circle = Area {
+        keep_in: true,
+        shape: Shape::Circle {
+            centre: (47.0, 8.0),
+            radius_m: 500.0,
+        },
+    };
+    let mut mission = Mission::new(vec![circle]);
+    handle(&mut world, &mut mission, Input::LinkUp);
+    world.vehicle = VehicleState::default();
+    world.advance(10 * SECOND);
+    assert!(
+        mission
+            .poll_timeout()
+            .is_some_and(|due| due < world.now.mono)
+    );
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert_eq!(mission.poll_timeout(), None);
+    world.vehicle.set_live();
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
+}
