@@ -165,7 +165,7 @@ struct CurvedFields {
     time_s: f64,
 }
 
-/// One of the two altitudes is there.
+/// One of the two altitudes is set.
 #[derive(Serialize, Deserialize)]
 struct LegRecord {
     number: u16,
@@ -311,4 +311,24 @@ fn unhex(text: &str) -> Option<Vec<u8>> {
             .map(|pair| pair[0] << 4 | pair[1])
             .collect()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As versions before this one wrote it: a restart with a newer one must not lose a mission.
+    const RECORD: &str = r#"{"mission_id":7,"mission_name":"M","route_type":8,"items":[{"frame":3,"command":16,"current":true,"autocontinue":true,"params":[0,1065353216,0,2143289344],"x":470000000,"y":-80000000,"z":1101004800}],"waypoint_of":[1],"legs":[{"number":1,"latitude":47.0,"longitude":-8.0,"amsl_m":null,"above_home_m":20.0,"speed_m_s":5.5}],"curved":{"legs":1,"chords":9,"tolerance_m":0.5,"bound_m":0.4,"predicted_m":null,"time_s":12.25},"messages":[]}"#;
+
+    #[test]
+    fn the_record_of_an_uploaded_mission_keeps_its_bytes() {
+        let vehicle = Id(0x1b00_0101);
+        let uploaded = decode_uploaded(RECORD.as_bytes(), vehicle).expect("it is read");
+        assert!(uploaded.compiled.items[0].params[3].is_nan());
+        assert_eq!(uploaded.compiled.order[0].level, Level::AboveHome(20.0));
+        let written = encode_uploaded(&uploaded, vehicle);
+        assert_eq!(String::from_utf8_lossy(&written), RECORD);
+        let without = RECORD.replace("\"above_home_m\":20.0", "\"above_home_m\":null");
+        assert!(decode_uploaded(without.as_bytes(), vehicle).is_err());
+    }
 }
