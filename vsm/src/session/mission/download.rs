@@ -33,12 +33,6 @@ pub(super) enum Part<'a> {
     Waypoint(u16),
 }
 
-impl<'a> Part<'a> {
-    pub(super) fn of_route(id: Option<&'a str>) -> Part<'a> {
-        id.map_or(Part::All, Part::Route)
-    }
-}
-
 impl Download {
     /// The plan as the CUCS sent it, in its own numbers, or a part of it. Of the route that 13000 has loaded it is what
     /// was uploaded, not what has been sent since; of the others what they would be loaded as.

@@ -129,7 +129,7 @@ impl RouteUpload {
                     self.phase = Phase::Site { deadline };
                     Outcome::Going
                 }
-                Err(refused) => refused,
+                Err((waypoint, why)) => refused(waypoint, why, false),
             },
             Phase::Again { compiled } => self.begin(now, compiled, state, vehicle),
             Phase::Hold {
@@ -234,7 +234,7 @@ impl RouteUpload {
         wait: bool,
         plan: &Plan,
         site: Option<&Site>,
-    ) -> Result<Option<CompiledMission>, Outcome> {
+    ) -> Result<Option<CompiledMission>, (Option<u16>, String)> {
         let route = self.route.as_ref();
         let initial = route.and_then(|route| route.initial_waypoint_number);
         let compiled = site.map(|site| route::compile(plan, initial.unwrap_or(0), site));
@@ -250,11 +250,11 @@ impl RouteUpload {
                 return Ok(None);
             }
             Some(Err(fault)) => {
-                return Err(refused(Some(fault.waypoint), fault.to_string(), false));
+                return Err((Some(fault.waypoint), fault.to_string()));
             }
             None => {
                 let why = "the vehicle has not told its home position".to_owned();
-                return Err(refused(None, why, false));
+                return Err((None, why));
             }
         };
         if let Some(route) = route {

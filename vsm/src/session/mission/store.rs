@@ -568,7 +568,7 @@ mod tests {
                 assert_eq!(restored(&mut world).plan(), found.plan(), "{case}");
             }
         }
-        assert!(cut_off > 100, "{cut_off}");
+        assert!(cut_off > 80, "{cut_off}");
     }
 
     #[test]

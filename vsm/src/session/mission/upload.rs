@@ -183,7 +183,7 @@ impl Upload {
                 },
             ) if phase.operation() == Some(*operation) => Progress::Failed(Fault::Service {
                 operation: *operation,
-                reason: reason.clone(),
+                reason: *reason,
             }),
             _ => Progress::Going,
         }
