@@ -351,6 +351,8 @@ mod tests {
         left: Option<u32>,
         /// Of the first that is not made, so many bytes of an appended line are.
         torn: usize,
+        /// No file can be removed.
+        stuck: bool,
     }
 
     #[derive(Debug, Default, Clone)]
@@ -401,6 +403,9 @@ mod tests {
 
         fn remove(&mut self, name: &str) -> Result<(), StoreError> {
             self.admit(0)?;
+            if self.0.borrow().stuck {
+                return Err(StoreError::new(name, "cannot be removed"));
+            }
             self.0.borrow_mut().disk.remove(name)
         }
     }
@@ -604,6 +609,23 @@ mod tests {
         assert_eq!(*found.plan(), old);
         store(&mut world, &mut found, &waypoint(8, 0)).expect("stored");
         assert_eq!(restored(&mut world).plan(), found.plan());
+    }
+
+    #[test]
+    fn a_log_that_cannot_be_removed_does_not_bring_a_cleared_plan_back() {
+        let (mut world, disk) = world();
+        let mut plan = MissionStore::default();
+        let clear = |world: &mut World, plan: &mut MissionStore| {
+            world.act(|_, _, _, effects| plan.cleared(None, CUCS, effects))
+        };
+        store(&mut world, &mut plan, &waypoint(1, 0)).expect("stored");
+        disk.0.borrow_mut().stuck = true;
+        // The log continues a record that is not there any more.
+        clear(&mut world, &mut plan).expect("cleared");
+        assert!(restored(&mut world).plan().is_empty());
+        store(&mut world, &mut plan, &waypoint(2, 0)).expect("stored");
+        // Now it continues the record of a cleared plan: another such record would not outdate it.
+        assert!(clear(&mut world, &mut plan).is_err());
     }
 
     #[test]
