@@ -13,14 +13,14 @@
 //! | [`link`] | MAVLink: signatures and keys, what is believed, what is sent |
 //!
 //! Whatever comes in goes to one machine, then [`Aircraft::settle`] delivers what follows from it until nothing is left.
-//! `start`: how a vehicle begins, and what a restart finds; `commands`: what the bridge asks for a message of a CUCS.
+//! `machines`: what each is lent for an input; `start`: how a vehicle begins, and what a restart finds; `commands`: what
+//! the bridge asks for a message of a CUCS.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use mavlink_link::frame::FrameView;
 use stanag_msgs::Id;
-use stanag_msgs::enums::AckType;
 
 use super::alerts::Alerts;
 use super::authority::{self, AuthorityMachine};
@@ -86,6 +86,7 @@ macro_rules! effects {
 }
 
 mod commands;
+mod machines;
 mod start;
 
 impl Aircraft {
@@ -278,62 +279,6 @@ impl Aircraft {
                 self.hold_operator_control(dli);
             }
         }
-    }
-
-    /// Requests operator control of the vehicle while somebody controls it through this VSM, and releases it after.
-    fn hold_operator_control(&mut self, dli: &mut DliEffects<'_>) {
-        let wanted = self.authority.controller().is_some() || self.flight.view().loss_action;
-        self.link
-            .hold_operator_control(wanted, &self.vehicle, effects!(self, dli));
-    }
-
-    fn authority(&mut self, dli: &mut DliEffects<'_>, input: authority::Input<'_>) -> AckType {
-        let context = authority::Context {
-            common: context!(self, dli),
-            mission: self.mission.view(&self.vehicle, &self.services),
-            steering: self.flight.view().steering,
-        };
-        self.authority.handle(&context, input, effects!(self, dli))
-    }
-
-    fn mission(&mut self, dli: &mut DliEffects<'_>, input: mission::Input<'_>) {
-        let context = mission::Context {
-            common: context!(self, dli),
-            flight: self.flight.view(),
-            parameters: self.reports.parameters(),
-        };
-        self.mission.handle(&context, input, effects!(self, dli));
-    }
-
-    fn flight(&mut self, dli: &mut DliEffects<'_>, input: flight::Input<'_>) {
-        let context = flight::Context {
-            common: context!(self, dli),
-            mission: self.mission.view(&self.vehicle, &self.services),
-            parameters: self.reports.parameters(),
-        };
-        self.flight.handle(&context, input, effects!(self, dli));
-    }
-
-    fn reports(
-        &mut self,
-        dli: &mut DliEffects<'_>,
-        input: reports::Input<'_>,
-    ) -> Result<(), String> {
-        let context = reports::Context {
-            common: context!(self, dli),
-            mission: self.mission.view(&self.vehicle, &self.services),
-            flight: self.flight.view(),
-        };
-        self.reports.handle(&context, input, effects!(self, dli))
-    }
-
-    /// An input of the reports that answers for itself.
-    fn observe(&mut self, dli: &mut DliEffects<'_>, input: reports::Input<'_>) {
-        let answered = self.reports(dli, input);
-        debug_assert!(
-            answered.is_ok(),
-            "only 17001 and 17002 are answered by the caller"
-        );
     }
 
     fn watch_soon(&mut self, now: Duration) {

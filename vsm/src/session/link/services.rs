@@ -49,5 +49,4 @@ impl Services {
     pub(crate) fn own_system(&self) -> u8 {
         self.own_system
     }
-
 }

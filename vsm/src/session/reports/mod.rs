@@ -198,9 +198,9 @@ impl Reports {
             Input::ModeChanged => {
                 self.report_state(context, effects);
                 let mode = common.vehicle.telemetry.mode.map(Px4Mode::reported);
-                if let Some(forced) = mode.and_then(changes::mode) {
+                if let Some(changed) = mode.and_then(changes::mode) {
                     self.configuration
-                        .report_changes(&[forced], None, &mut self.answers, effects);
+                        .report_changes(&[changed], None, &mut self.answers, effects);
                 }
             }
             Input::ParameterServiceEnded(event) => self.parameter_ended(context, event, effects),

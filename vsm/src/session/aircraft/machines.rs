@@ -1,0 +1,69 @@
+//! The five machines, each lent what it reads and what it may do for one input.
+
+use stanag_msgs::enums::AckType;
+
+use super::{Aircraft, Context, Effects};
+use crate::session::effects::DliEffects;
+use crate::session::{authority, flight, mission, reports};
+
+impl Aircraft {
+    /// Requests operator control of the vehicle while somebody controls it through this VSM, and releases it after.
+    pub(super) fn hold_operator_control(&mut self, dli: &mut DliEffects<'_>) {
+        let wanted = self.authority.controller().is_some() || self.flight.view().loss_action;
+        self.link
+            .hold_operator_control(wanted, &self.vehicle, effects!(self, dli));
+    }
+
+    pub(super) fn authority(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+        input: authority::Input<'_>,
+    ) -> AckType {
+        let context = authority::Context {
+            common: context!(self, dli),
+            mission: self.mission.view(&self.vehicle, &self.services),
+            steering: self.flight.view().steering,
+        };
+        self.authority.handle(&context, input, effects!(self, dli))
+    }
+
+    pub(super) fn mission(&mut self, dli: &mut DliEffects<'_>, input: mission::Input<'_>) {
+        let context = mission::Context {
+            common: context!(self, dli),
+            flight: self.flight.view(),
+            parameters: self.reports.parameters(),
+        };
+        self.mission.handle(&context, input, effects!(self, dli));
+    }
+
+    pub(super) fn flight(&mut self, dli: &mut DliEffects<'_>, input: flight::Input<'_>) {
+        let context = flight::Context {
+            common: context!(self, dli),
+            mission: self.mission.view(&self.vehicle, &self.services),
+            parameters: self.reports.parameters(),
+        };
+        self.flight.handle(&context, input, effects!(self, dli));
+    }
+
+    pub(super) fn reports(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+        input: reports::Input<'_>,
+    ) -> Result<(), String> {
+        let context = reports::Context {
+            common: context!(self, dli),
+            mission: self.mission.view(&self.vehicle, &self.services),
+            flight: self.flight.view(),
+        };
+        self.reports.handle(&context, input, effects!(self, dli))
+    }
+
+    /// An input of the reports that answers for itself.
+    pub(super) fn observe(&mut self, dli: &mut DliEffects<'_>, input: reports::Input<'_>) {
+        let answered = self.reports(dli, input);
+        debug_assert!(
+            answered.is_ok(),
+            "only 17001 and 17002 are answered by the caller"
+        );
+    }
+}
