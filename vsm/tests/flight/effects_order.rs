@@ -562,14 +562,19 @@ fn a_command_log_that_cannot_be_written_is_reported_and_stops_nothing() {
 #[test]
 fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
     let mut scene = Scene::controlled(px4_sim::Config::default());
-    for message in line(2, 20.0) {
+    for (number, message) in line(2, 20.0).into_iter().enumerate() {
         let answer = format!("A 17000 {} CarriedOut", message.id());
         let trace = scene.give(A, message);
+        // The first message of a plan begins its log, the others are appended.
+        let stored = match number {
+            0 => "disk save plan-1b000101.log Process",
+            _ => "disk append plan-1b000101.log Process",
+        };
         assert_trace(
             &trace,
             &[
                 "disk append commands-1b0000a0.log Process",
-                "disk save plan-1b000101.json Process",
+                stored,
                 "disk append commands-1b0000a0.log Process",
                 &answer,
             ],
@@ -602,6 +607,9 @@ fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
         &[
             "disk save chosen-1b000101.json Power",
             "disk save aboard-1b000101.json Power",
+            // What is loaded is a good moment to fold the plan's log into its record.
+            "disk save plan-1b000101.json Process",
+            "disk remove plan-1b000101.log Power",
             "disk append commands-1b0000a0.log Process",
             // That AGL is flown above home, once.
             "A 16000 Nominal VsmStatus 6 new",
@@ -640,7 +648,7 @@ fn a_plan_that_cannot_be_stored_is_refused_and_unknown() {
         &waypoint,
         &[
             "disk append commands-1b0000a0.log Process",
-            "disk save plan-1b000101.json Process FAILS",
+            "disk append plan-1b000101.log Process FAILS",
             "disk append commands-1b0000a0.log Process",
             "A 17000 13002 Refused",
             "A 16000 Caution VsmStatus 6 new",
@@ -880,6 +888,8 @@ fn timeouts_while_another_station_owns_the_vehicle() {
             "A 16002",
             // 1: the link.
             "mav HEARTBEAT",
+            // 7: what a step submits is sent by the same call.
+            "mav MAV_CMD_REQUEST_OPERATOR_CONTROL 1",
         ],
     );
     let trace = scene.jump(2.1);
@@ -898,8 +908,7 @@ fn timeouts_while_another_station_owns_the_vehicle() {
             "A 16002",
             // 1: the link.
             "mav HEARTBEAT",
-            // 7, of the timeout before, and its repetition by 1: sent with the next flush.
-            "mav MAV_CMD_REQUEST_OPERATOR_CONTROL 1",
+            // 1: the repetition of what 7 sent in the timeout before.
             "mav MAV_CMD_REQUEST_OPERATOR_CONTROL 1",
         ],
     );
@@ -970,8 +979,6 @@ fn one_timeout_that_ends_a_load_and_completes_a_handover() {
             "B 16000 Nominal Comms 4 new",
             "B 16000 Warning Comms 8 new",
             // 15: what is pushed.
-            "A 3001",
-            "A 3002",
             "A 16002",
             "B 3001",
             "B 3002",

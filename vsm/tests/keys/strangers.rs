@@ -39,7 +39,7 @@ async fn no_stranger_ends_the_search_for_the_key_or_keeps_the_vehicle_down() {
     ground.write_key("uav1.key.next", SECOND);
     let _bridge = ground.start_bridge();
     ground
-        .link_status("key_recovery", |link| link["state"] == "key_recovery")
+        .link_status("settling", |link| link["state"] == "settling")
         .await;
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     for frame in [strangers(None), strangers(None), strangers(Some(FIRST))] {

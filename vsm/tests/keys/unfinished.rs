@@ -32,7 +32,7 @@ async fn the_bridge_finds_out_that_the_vehicle_has_kept_its_key() {
     let _vehicle = ground.vehicle(Some(FIRST), 0).await;
     let _bridge = ground.start_bridge();
     let link = ground
-        .link_status("key_recovery", |link| link["state"] == "key_recovery")
+        .link_status("settling", |link| link["state"] == "settling")
         .await;
     assert_eq!(link["key_id"], Value::Null, "{link:#}");
     tokio::time::sleep(Duration::from_secs(20)).await;

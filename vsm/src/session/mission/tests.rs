@@ -333,7 +333,7 @@ fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
             radius_m: 500.0,
         },
     };
-    let items: Vec<Item> = mapping::area::fence(&[circle.clone()], &[], None)
+    let items: Vec<Item> = mapping::area::fence(std::slice::from_ref(&circle), &[], None)
         .expect("a fence")
         .iter()
         .map(|point| point.item)
