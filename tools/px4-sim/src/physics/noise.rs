@@ -3,23 +3,29 @@
 //! Everything random in a vehicle comes from generators seeded by [`Config::seed`](crate::Config::seed), one for each
 //! part, so that the same settings give the same flight to the last bit.
 
-use fastrand::Rng;
+use rand_xoshiro::SplitMix64;
+use rand_xoshiro::rand_core::{Rng as _, SeedableRng as _};
 
 use super::motion::Ned;
 
 /// A seeded source of normally distributed numbers.
 #[derive(Debug, Clone)]
-pub(crate) struct Noise(Rng);
+pub(crate) struct Noise(SplitMix64);
 
 impl Noise {
     /// Starts at `seed`.
     pub(crate) fn new(seed: u64) -> Self {
-        Self(Rng::with_seed(seed))
+        Self(SplitMix64::from_seed(seed.to_le_bytes()))
     }
 
     /// Close to normal, standard deviation one: the sum of twelve uniforms, so at most six: gusts are bounded.
     fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.0.f64()).sum::<f64>() - 6.0
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+
+    /// Uniform in [0, 1): the 53 bits that a double holds.
+    fn uniform(&mut self) -> f64 {
+        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
 

@@ -108,14 +108,14 @@ impl VehicleLink {
                 vehicle.silent = false;
                 // It may have been given another mission meanwhile.
                 vehicle.telemetry.mission = None;
-                intervals.ask_again();
+                intervals.request_again();
                 self.events.push_back(VehicleEvent::LinkUp);
             }
         }
         if has_restarted(message, vehicle) {
             // The rates that were requested ended with the earlier boot.
             vehicle.telemetry.start_anew();
-            intervals.ask_again();
+            intervals.request_again();
             self.events.push_back(VehicleEvent::Restarted);
         }
         if let MavMessage::MISSION_CURRENT(_) = message {
@@ -129,7 +129,7 @@ impl VehicleLink {
         let answered = parameters.handle_message(now, node, message, fresh.parameter);
         if let MavMessage::PARAM_VALUE(reported) = message
             && !answered
-            && let Some((name, value)) = param::told(reported)
+            && let Some((name, value)) = param::named_value(reported)
         {
             let event = VehicleEvent::ParameterReported(name, value);
             self.events.push_back(event);

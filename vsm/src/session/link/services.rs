@@ -42,7 +42,7 @@ impl Services {
 
     /// Requests a message at a rate from now on, as soon as another command may be sent.
     pub(crate) fn request_rate(&mut self, message: u32, hertz: f32) {
-        self.intervals.wish(message, Rate::Hz(hertz));
+        self.intervals.request(message, Rate::Hz(hertz));
     }
 
     /// The MAVLink system id of this VSM.

@@ -518,18 +518,27 @@ mod tests {
             Clear,
         }
         let steps = || {
-            let plan = [route("R", 1), waypoint(1, 2), waypoint(2, 0)].map(|message| Step::Store(Box::new(message)));
-            let again = [route("R", 1), waypoint(1, 3)].map(|message| Step::Store(Box::new(message)));
-            let last = [waypoint(3, 0), waypoint(4, 0)].map(|message| Step::Store(Box::new(message)));
+            let plan = [route("R", 1), waypoint(1, 2), waypoint(2, 0)]
+                .map(|message| Step::Store(Box::new(message)));
+            let again =
+                [route("R", 1), waypoint(1, 3)].map(|message| Step::Store(Box::new(message)));
+            let last =
+                [waypoint(3, 0), waypoint(4, 0)].map(|message| Step::Store(Box::new(message)));
             // The record of a plan that is cleared twice is the same both times.
             (plan.into_iter().chain([Step::Clear]))
                 .chain(again)
-                .chain([Step::Clear, Step::Store(Box::new(waypoint(1, 2))), Step::Fold])
+                .chain([
+                    Step::Clear,
+                    Step::Store(Box::new(waypoint(1, 2))),
+                    Step::Fold,
+                ])
                 .chain(last)
                 // Here the log, read once more over the record that holds it, would remove the curve.
                 .chain([waypoint(1, 5), curve(1, 3)].map(|message| Step::Store(Box::new(message))))
                 .chain([Step::Fold])
-                .chain([waypoint(1, 2), waypoint(1, 3)].map(|message| Step::Store(Box::new(message))))
+                .chain(
+                    [waypoint(1, 2), waypoint(1, 3)].map(|message| Step::Store(Box::new(message))),
+                )
                 .chain([Step::Fold])
         };
         let mut cut_off = 0;
