@@ -229,7 +229,10 @@ impl AuthorityMachine {
                 station.silence_changes_at(known, now, limits)
             })
             .map(|at| at + WATCH_SLACK);
-        silences.chain(self.rights.poll_timeout()).min()
+        let due = silences.chain(self.rights.poll_timeout()).min()?;
+        // A decision that could not be stored is still due: it is tried again from time to time, not as fast as it fails.
+        let failed = due + WATCH_SLACK < now;
+        Some(if failed { now + WATCH_SLACK } else { due })
     }
 }
 
