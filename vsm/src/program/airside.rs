@@ -9,9 +9,9 @@ use crate::shell::{pairing_socket, status_socket};
 use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use serde_json::Value;
-use tokio::signal::unix::{SignalKind, signal};
 
-use super::{Failure, run, status};
+use super::process::{Failure, bad, failed, log, print, runtime, stop_signal};
+use super::status;
 
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true)]
@@ -55,40 +55,26 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
 }
 
 fn load(path: &Path) -> Result<AirsideConfig, Failure> {
-    AirsideConfig::load(path).map_err(|fault| Failure::Bad(anyhow!(fault)))
+    AirsideConfig::load(path).map_err(bad)
 }
 
 fn serve(path: &Path) -> Result<(), Failure> {
     let config = load(path)?;
-    run::log();
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .context("no asynchronous runtime")
-        .map_err(Failure::Failed)?;
+    log();
+    let runtime = runtime()?;
     runtime.block_on(async {
         let server = AirsideServer::open(&config).map_err(|fault| match fault {
-            AirsideError::Keys(_) | AirsideError::OpenLink { .. } => Failure::Bad(anyhow!(fault)),
-            other => Failure::Failed(anyhow!(other)),
+            AirsideError::Keys(_) | AirsideError::OpenLink { .. } => bad(fault),
+            other => failed(other),
         })?;
-        let mut terminate =
-            signal(SignalKind::terminate()).map_err(|fault| Failure::Failed(fault.into()))?;
-        let mut interrupt =
-            signal(SignalKind::interrupt()).map_err(|fault| Failure::Failed(fault.into()))?;
+        let stop = stop_signal()?;
         let ready = format!(
             "vsm: airside: ready: radio {}, PX4 {}\n",
             config.radio.get_ref().link,
             config.px4.get_ref().link
         );
         let _ = io::stderr().write_all(ready.as_bytes());
-        server
-            .serve(async {
-                tokio::select! {
-                    _ = terminate.recv() => {}
-                    _ = interrupt.recv() => {}
-                }
-            })
-            .await;
+        server.serve(stop).await;
         tracing::info!("stopped");
         Ok(())
     })
@@ -103,7 +89,7 @@ fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
             io::stdin()
                 .read_line(&mut line)
                 .context("standard input")
-                .map_err(Failure::Failed)?;
+                .map_err(failed)?;
             Some(line.trim().to_owned())
         }
         _ => code,
@@ -120,11 +106,11 @@ fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
             config.store.dir.display()
         )
     })
-    .map_err(Failure::Failed)?;
+    .map_err(failed)?;
     if paired {
         Ok(())
     } else {
-        Err(Failure::Failed(anyhow!("nobody was paired with")))
+        Err(failed(anyhow!("nobody was paired with")))
     }
 }
 
@@ -137,18 +123,16 @@ fn show(path: &Path, json: bool) -> Result<(), Failure> {
                 config.store.dir.display()
             )
         })
-        .map_err(Failure::Failed)?;
+        .map_err(failed)?;
     let text = if json {
         text + "\n"
     } else {
         let status = serde_json::from_str(&text)
             .context("the running agent answers with something else")
-            .map_err(Failure::Failed)?;
+            .map_err(failed)?;
         readable(&status)
     };
-    io::stdout()
-        .write_all(text.as_bytes())
-        .map_err(|fault| Failure::Failed(fault.into()))
+    print(&text)
 }
 
 fn readable(of: &Value) -> String {

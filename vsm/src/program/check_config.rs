@@ -1,24 +1,22 @@
 //! `vsm check-config`.
 
-use std::io::{self, Write};
 use std::path::Path;
 
 use crate::config::airside::AirsideConfig;
 use crate::config::{Config, ExchangeMode, Signing};
 use crate::shell::key_file;
 use crate::shell::server::StartError;
-use anyhow::anyhow;
 use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 
-use super::Failure;
+use super::process::{Failure, bad, print};
 
 pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     // A file that cannot be read is told by the one that reads it in earnest.
     if std::fs::read_to_string(path).is_ok_and(|text| AirsideConfig::is_meant_by(&text)) {
         return check_airside(path);
     }
-    let config = Config::load(path).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    let config = Config::load(path).map_err(bad)?;
     let mut text = format!("{}: good\n", path.display());
     text += &format!("  VSM {} on {}", config.dli.vsm_id, config.dli.listen);
     if let Some(group) = config.dli.multicast {
@@ -57,12 +55,12 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
                 "signed, no key yet: begin with `vsm pair`".to_owned()
             }
             Signing::KeyFile(file, _) => {
-                let key = key_file::read(file).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+                let key = key_file::read(file).map_err(bad)?;
                 let key = key.id();
                 if let Some((one, _)) = keys.iter().find(|(_, known)| *known == key) {
                     let (one, other) = (*one, vehicle.id);
                     let fault = StartError::SameKey { one, other, key };
-                    return Err(Failure::Bad(anyhow!(fault)));
+                    return Err(bad(fault));
                 }
                 keys.push((vehicle.id, key));
                 format!("signed, key id {key}")
@@ -74,20 +72,18 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
             vehicle.id, vehicle.system_id, vehicle.link
         );
     }
-    io::stdout()
-        .write_all(text.as_bytes())
-        .map_err(|fault| Failure::Failed(fault.into()))
+    print(&text)
 }
 
 fn check_airside(path: &Path) -> Result<(), Failure> {
-    let config = AirsideConfig::load(path).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    let config = AirsideConfig::load(path).map_err(bad)?;
     let (agent, radio, px4) = (
         config.agent.get_ref(),
         config.radio.get_ref(),
         config.px4.get_ref(),
     );
     let key = if agent.key_file.exists() {
-        let key = key_file::read(&agent.key_file).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+        let key = key_file::read(&agent.key_file).map_err(bad)?;
         format!("key id {}", key.id())
     } else {
         "no key yet: nothing is relayed before one has been agreed".to_owned()
@@ -118,7 +114,5 @@ fn check_airside(path: &Path) -> Result<(), Failure> {
         px4.link,
         config.store.dir.display()
     );
-    io::stdout()
-        .write_all(text.as_bytes())
-        .map_err(|fault| Failure::Failed(fault.into()))
+    print(&text)
 }

@@ -4,7 +4,7 @@ use std::io::{self, BufRead, BufWriter, Write};
 
 use stanag_msgs::json;
 
-use super::Failure;
+use super::process::{Failure, failed};
 
 pub(crate) fn decode(raw: bool) -> Result<(), Failure> {
     each_line(|line, out| {
@@ -48,6 +48,6 @@ fn each_line(
     match done {
         // Whoever read our output has seen enough.
         Err(cause) if cause.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        other => other.map_err(|cause| Failure::Failed(cause.into())),
+        other => other.map_err(failed),
     }
 }

@@ -1,6 +1,5 @@
 //! `vsm key`: provision, rotate, revoke and list signing keys, and show their clocks.
 
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -18,7 +17,7 @@ use mavlink_link::provisioning::{Event, Outcome, State};
 use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::Store as _;
 
-use super::Failure;
+use super::process::{Failure, bad, failed, runtime, say};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
@@ -121,14 +120,14 @@ fn provision(
     let (config, vehicle, path, _) = open(which)?;
     let key = || match from {
         None => random(),
-        Some(file) => key_file::read(file).map_err(|fault| Failure::Bad(anyhow!(fault))),
+        Some(file) => key_file::read(file).map_err(bad),
     };
     if let Some(file) = sitl_file {
-        return write_sitl_file(&config, &path, key()?, file).map_err(Failure::Failed);
+        return write_sitl_file(&config, &path, key()?, file).map_err(failed);
     }
     if path.exists() {
         let path = path.display();
-        return Err(Failure::Bad(anyhow!(
+        return Err(bad(anyhow!(
             "{path} exists: the vehicle has had a key from here; replace it with `vsm key rotate`"
         )));
     }
@@ -144,7 +143,7 @@ fn replace(which: &Which, over: &Over, revoke: bool) -> Result<(), Failure> {
     let (config, vehicle, path, _) = open(which)?;
     if !path.exists() {
         let path = path.display();
-        return Err(Failure::Bad(anyhow!(
+        return Err(bad(anyhow!(
             "{path} does not exist: there is no key to replace; begin with `vsm key provision`"
         )));
     }
@@ -154,7 +153,7 @@ fn replace(which: &Which, over: &Over, revoke: bool) -> Result<(), Failure> {
 }
 
 fn random() -> Result<SigningKey, Failure> {
-    key_file::random().map_err(|cause| Failure::Failed(cause.into()))
+    key_file::random().map_err(failed)
 }
 
 /// Which key the vehicle must have in the end.
@@ -202,14 +201,12 @@ fn hand_over(
     if wish == Wish::Revoke && ending == Ending::Ended(Outcome::Committed) {
         say("the old key is deleted");
     }
-    conclude(ending, path).map_err(Failure::Failed)
+    conclude(ending, path).map_err(failed)
 }
 
 fn holds_previous(path: &Path) -> Result<bool, Failure> {
-    let keys = KeyStore::open(path).map_err(|fault| Failure::Failed(anyhow!(fault)))?;
-    let previous = keys
-        .previous()
-        .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+    let keys = KeyStore::open(path).map_err(failed)?;
+    let previous = keys.previous().map_err(failed)?;
     Ok(previous.is_some())
 }
 
@@ -225,19 +222,13 @@ fn round(
         What::InForceAgain => None,
     };
     let (leftover, mut sent) = (beside(path, ".next").exists(), false);
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .context("no asynchronous runtime")
-        .map_err(Failure::Failed)?;
+    let runtime = runtime()?;
     let (ending, another) = runtime.block_on(async {
         let link =
             KeyLink::open(config, vehicle, path, what, over.trust()).map_err(
                 |fault| match fault {
-                    KeyLinkError::OpenLink { .. } | KeyLinkError::Keys(_) => {
-                        Failure::Bad(anyhow!(fault))
-                    }
-                    other => Failure::Failed(anyhow!(other)),
+                    KeyLinkError::OpenLink { .. } | KeyLinkError::Keys(_) => bad(fault),
+                    other => failed(other),
                 },
             )?;
         say(&format!(
@@ -250,8 +241,7 @@ fn round(
         let another = wished.is_some_and(|wished| wished != link.new_id());
         if wish == Wish::Revoke && wished.is_some() {
             // Whoever finds out that the vehicle has the new key deletes the old one: this command, or `vsm run`.
-            link.revoke_current()
-                .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+            link.revoke_current().map_err(failed)?;
         }
         let mut watch = |event| {
             sent |= event == Event::State(State::Sent);
@@ -260,15 +250,14 @@ fn round(
         let ending = link
             .run(Duration::from_secs(over.wait_s), &mut watch)
             .await
-            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+            .map_err(failed)?;
         Ok((ending, another))
     })?;
     let committed = ending == Ending::Ended(Outcome::Committed);
     if wished.is_some() && !sent && !leftover && !committed {
         // The vehicle has never been sent it: nobody must take it for one that it may have.
-        let keys = KeyStore::open(path).map_err(|fault| Failure::Failed(anyhow!(fault)))?;
-        keys.drop_next()
-            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        let keys = KeyStore::open(path).map_err(failed)?;
+        keys.drop_next().map_err(failed)?;
     }
     Ok((ending, another))
 }
@@ -396,11 +385,11 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
         }
         Ok(())
     };
-    shown().map_err(Failure::Failed)
+    shown().map_err(failed)
 }
 
 fn list(config: &Path) -> Result<(), Failure> {
-    let config = Config::load(config).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    let config = Config::load(config).map_err(bad)?;
     if let Some(own) = peek_identity(&config.store.dir) {
         say(&format!("this VSM: fingerprint {}", own.fingerprint()));
     }
@@ -418,15 +407,14 @@ fn list(config: &Path) -> Result<(), Failure> {
             if !file.exists() {
                 continue;
             }
-            let key = key_file::read(&file).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+            let key = key_file::read(&file).map_err(bad)?;
             say(&format!(
                 "vehicle {}: key {} {meaning}",
                 vehicle.id,
                 key.id()
             ));
         }
-        let record = peek::<ExchangeRecord>(&config.store.dir, &vehicle.id)
-            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        let record = peek::<ExchangeRecord>(&config.store.dir, &vehicle.id).map_err(failed)?;
         if let Some(peer) = record.as_ref().and_then(ExchangeRecord::peer) {
             say(&format!(
                 "vehicle {}: paired with agent {}",
@@ -453,7 +441,7 @@ fn beside(path: &Path, part: &str) -> PathBuf {
 
 /// The configuration, the vehicle that is meant, its key file and how keys are agreed about.
 pub(super) fn open(which: &Which) -> Result<(Config, Vehicle, PathBuf, Exchange), Failure> {
-    let config = Config::load(&which.config).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    let config = Config::load(&which.config).map_err(bad)?;
     let found: Vec<Vehicle> = config
         .vehicles()
         .filter(|vehicle| {
@@ -465,13 +453,13 @@ pub(super) fn open(which: &Which) -> Result<(Config, Vehicle, PathBuf, Exchange)
         .cloned()
         .collect();
     let [vehicle] = &found[..] else {
-        return Err(Failure::Bad(anyhow!(
+        return Err(bad(anyhow!(
             "{} vehicles of the configuration are meant, expected one: name it with --vehicle ID",
             found.len()
         )));
     };
     let Signing::KeyFile(path, exchange) = &vehicle.signing else {
-        return Err(Failure::Bad(anyhow!(
+        return Err(bad(anyhow!(
             "vehicle {}: signing is \"off\" in the configuration; name a key_file there first",
             vehicle.id
         )));
@@ -484,9 +472,4 @@ fn wall_stamp() -> anyhow::Result<Stamp> {
         .duration_since(UNIX_EPOCH)
         .context("this computer's clock is before 1970")?;
     Ok(Stamp::from_unix(wall))
-}
-
-pub(super) fn say(line: &str) {
-    // Nobody is left to tell when standard output is gone.
-    let _ = writeln!(io::stdout(), "{line}");
 }

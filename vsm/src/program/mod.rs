@@ -8,6 +8,7 @@ mod dli_lines;
 mod key;
 mod keygen;
 mod pair;
+mod process;
 mod run;
 mod status;
 
@@ -15,8 +16,10 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use crate::shell::key_file;
 use clap::{CommandFactory as _, Parser, Subcommand};
+
+use self::process::Failure;
+use crate::shell::key_file;
 
 /// A bridge from STANAG 4586 (AEP-84) to PX4 over signed MAVLink 2.
 #[derive(Debug, Parser)]
@@ -86,14 +89,6 @@ impl Command {
             Command::Status { .. } | Command::Decode { .. } | Command::Encode { .. }
         )
     }
-}
-
-/// Why the program ends with another status than 0.
-pub(crate) enum Failure {
-    /// Status 1.
-    Failed(anyhow::Error),
-    /// Status 2: arguments or configuration.
-    Bad(anyhow::Error),
 }
 
 /// The command line, for completions and the manual page.

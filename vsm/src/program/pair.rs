@@ -6,13 +6,13 @@ use std::time::Duration;
 use crate::shell::key_file::system_random;
 use crate::shell::key_store::KeyStore;
 use crate::shell::pairing::{Ending, Pairing};
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use clap::Args;
 use mavlink_link::exchange::{InitiatorEvent, PairingCode};
 use zeroize::Zeroizing;
 
-use super::Failure;
-use super::key::{Which, open, say};
+use super::key::{Which, open};
+use super::process::{Failure, bad, failed, runtime, say};
 
 #[derive(Debug, Args)]
 pub(crate) struct Pair {
@@ -33,16 +33,11 @@ pub(crate) fn run(arguments: Pair) -> Result<(), Failure> {
         code,
         wait_s,
     } = arguments;
-    let code = read_code(code).map_err(Failure::Bad)?;
+    let code = read_code(code).map_err(bad)?;
     let (config, vehicle, path, exchange) = open(&which)?;
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .context("no asynchronous runtime")
-        .map_err(Failure::Failed)?;
+    let runtime = runtime()?;
     let ending = runtime.block_on(async {
-        let pairing = Pairing::open(&config, &vehicle, (&path, exchange), code)
-            .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+        let pairing = Pairing::open(&config, &vehicle, (&path, exchange), code).map_err(failed)?;
         say(&format!(
             "this VSM's fingerprint: {}",
             pairing.own_key().fingerprint()
@@ -62,20 +57,16 @@ pub(crate) fn run(arguments: Pair) -> Result<(), Failure> {
                           `vsm run`"
             ));
             // A first key is in force as soon as the vehicle has it, and `vsm run` knows no other.
-            let keys = KeyStore::open(&path).map_err(|fault| Failure::Failed(anyhow!(fault)))?;
-            let none = keys
-                .current()
-                .map_err(|fault| Failure::Failed(anyhow!(fault)))?
-                .is_none();
+            let keys = KeyStore::open(&path).map_err(failed)?;
+            let none = keys.current().map_err(failed)?.is_none();
             if none {
-                keys.commit()
-                    .map_err(|fault| Failure::Failed(anyhow!(fault)))?;
+                keys.commit().map_err(failed)?;
             }
             Ok(())
         }
         Ending::NotAnswered(said) => {
             let said = said.map_or(String::new(), |status| format!("; somebody said: {status}"));
-            Err(Failure::Failed(anyhow!(
+            Err(failed(anyhow!(
                 "nobody answered with this code within {wait_s} s: is the agent's window open (`vsm airside pair`), and \
                  the code the same{said}"
             )))

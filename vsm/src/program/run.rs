@@ -1,36 +1,24 @@
 //! `vsm run`.
 
-use std::io::{self, IsTerminal as _, Write};
+use std::io::{self, Write};
 use std::path::Path;
 
 use crate::config::{Config, Signing};
 use crate::shell::server::{Server, StartError};
 use crate::shell::service;
-use anyhow::{Context as _, anyhow};
-use tokio::signal::unix::{SignalKind, signal};
-use tracing_subscriber::EnvFilter;
 
-use super::Failure;
+use super::process::{Failure, bad, failed, log, runtime, stop_signal};
 
 pub(crate) fn run(path: &Path) -> Result<(), Failure> {
-    let config = Config::load(path).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    let config = Config::load(path).map_err(bad)?;
     log();
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .context("no asynchronous runtime")
-        .map_err(Failure::Failed)?;
+    let runtime = runtime()?;
     runtime.block_on(async {
         let server = Server::open(&config).map_err(|fault| match fault {
-            StartError::Key(_) | StartError::Keys(_) | StartError::SameKey { .. } => {
-                Failure::Bad(anyhow!(fault))
-            }
-            other => Failure::Failed(anyhow!(other)),
+            StartError::Key(_) | StartError::Keys(_) | StartError::SameKey { .. } => bad(fault),
+            other => failed(other),
         })?;
-        let mut terminate =
-            signal(SignalKind::terminate()).map_err(|fault| Failure::Failed(fault.into()))?;
-        let mut interrupt =
-            signal(SignalKind::interrupt()).map_err(|fault| Failure::Failed(fault.into()))?;
+        let stop = stop_signal()?;
         for vehicle in config
             .vehicles()
             .filter(|vehicle| vehicle.signing == Signing::Off)
@@ -50,28 +38,9 @@ pub(crate) fn run(path: &Path) -> Result<(), Failure> {
         );
         let _ = io::stderr().write_all(ready.as_bytes());
         service::ready();
-        server
-            .serve(async {
-                tokio::select! {
-                    _ = terminate.recv() => {}
-                    _ = interrupt.recv() => {}
-                }
-            })
-            .await;
+        server.serve(stop).await;
         service::stopping();
         tracing::info!("stopped");
         Ok(())
     })
-}
-
-/// To standard error; RUST_LOG chooses how much, default info.
-pub(super) fn log() {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    // A second call in one process finds a log already: that is fine.
-    let _ = tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(io::stderr)
-        .with_ansi(io::stderr().is_terminal())
-        .with_target(false)
-        .try_init();
 }

@@ -1,18 +1,17 @@
 //! `vsm status`.
 
-use std::io::{self, Write};
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use crate::config::Config;
 use crate::shell::status_socket;
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use serde_json::Value;
 
-use super::Failure;
+use super::process::{Failure, bad, failed, print};
 
 pub(crate) fn show(path: &Path, json: bool) -> Result<(), Failure> {
-    let config = Config::load(path).map_err(|fault| Failure::Bad(anyhow!(fault)))?;
+    let config = Config::load(path).map_err(bad)?;
     let text = status_socket::ask(&config.store.dir)
         .with_context(|| {
             format!(
@@ -20,15 +19,13 @@ pub(crate) fn show(path: &Path, json: bool) -> Result<(), Failure> {
                 config.store.dir.display()
             )
         })
-        .map_err(Failure::Failed)?;
+        .map_err(failed)?;
     let text = if json {
         text + "\n"
     } else {
-        readable(&text).map_err(Failure::Failed)?
+        readable(&text).map_err(failed)?
     };
-    io::stdout()
-        .write_all(text.as_bytes())
-        .map_err(|fault| Failure::Failed(fault.into()))
+    print(&text)
 }
 
 fn readable(json: &str) -> anyhow::Result<String> {

@@ -4,7 +4,7 @@ use std::future::Future;
 use std::io;
 use std::time::Duration;
 
-use mavlink_link::exchange::PairingCode;
+use mavlink_link::exchange::{PairingCode, PinnedPeer};
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::Endpoint;
 use mavlink_link::receiver::Stream;
@@ -15,18 +15,17 @@ use tokio::task::JoinHandle;
 use zeroize::Zeroize;
 
 use super::airside_disk::AirsideDisk;
-use super::clock::Clock;
+use super::clock::{Clock, NOT_BEFORE};
 use super::disk::{FileDisk, OpenError};
 use super::key_file::system_random;
 use super::key_link;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::pairing_socket::{self, Asker};
-use super::server::NOT_BEFORE;
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
-use crate::airside::{Agent, AgentError, AirsideStatus, PairingNews, Settings, Side};
+use crate::airside::{Agent, AgentError, AirsideStatus, Held, PairingNews, Settings, Side};
 use crate::config::airside::AirsideConfig;
-use crate::key_exchange;
+use crate::key_exchange::{self, ExchangeRecord};
 use crate::session::{LogLevel, Peer};
 use mavlink_link::store::StoreError;
 
@@ -124,7 +123,7 @@ impl AirsideServer {
             keys,
             vehicle: own.vehicle_id,
         };
-        let held = disk.held()?;
+        let held = held(&disk)?;
         let agent = Agent::start(settings, identity, held, clock.now(), &mut disk)?;
         Ok(AirsideServer {
             agent,
@@ -272,6 +271,22 @@ impl AirsideServer {
             }
         }
     }
+}
+
+/// The keys as they lie on disk, and whom the agent was paired with.
+fn held(disk: &AirsideDisk) -> Result<Held, AirsideError> {
+    let record = ExchangeRecord::load(&disk.store, disk.vehicle)?;
+    let peer = record.peer().map(|key| PinnedPeer {
+        key,
+        counter: record.counter,
+    });
+    Ok(Held {
+        peer,
+        epoch: record.epoch,
+        current: disk.keys.current()?,
+        next: disk.keys.next()?,
+        previous: disk.keys.previous()?,
+    })
 }
 
 /// What somebody wants at the window; never where nobody has come.

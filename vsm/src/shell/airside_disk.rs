@@ -5,10 +5,9 @@ use mavlink_link::signing::SigningKey;
 use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
 
-use super::airside::AirsideError;
 use super::disk::FileDisk;
 use super::key_store::{KeyStore, KeyStoreError};
-use crate::airside::{Held, Keys};
+use crate::airside::Keys;
 use crate::key_exchange::ExchangeRecord;
 
 /// Both, locked for this process.
@@ -17,27 +16,6 @@ pub struct AirsideDisk {
     pub(super) store: FileDisk,
     pub(super) keys: KeyStore,
     pub(super) vehicle: Id,
-}
-
-impl AirsideDisk {
-    /// The keys as they lie there, and whom it was paired with.
-    ///
-    /// # Errors
-    /// One is there and cannot be used.
-    pub fn held(&self) -> Result<Held, AirsideError> {
-        let record = ExchangeRecord::load(&self.store, self.vehicle)?;
-        let peer = record.peer().map(|key| PinnedPeer {
-            key,
-            counter: record.counter,
-        });
-        Ok(Held {
-            peer,
-            epoch: record.epoch,
-            current: self.keys.current()?,
-            next: self.keys.next()?,
-            previous: self.keys.previous()?,
-        })
-    }
 }
 
 impl AirsideDisk {

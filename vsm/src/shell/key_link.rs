@@ -17,10 +17,9 @@ use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use tokio::time::{Instant, sleep_until};
 use zeroize::Zeroize;
 
-use super::clock::Clock;
+use super::clock::{Clock, NOT_BEFORE};
 use super::disk::{FileDisk, OpenError};
 use super::key_store::{KeyStore, KeyStoreError};
-use super::server::NOT_BEFORE;
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use crate::config::{Config, LinkAddress, Vehicle};
 use crate::session::Peer;

@@ -82,7 +82,10 @@ fn outputs() -> BTreeMap<PathBuf, String> {
     let mut outputs = BTreeMap::from(
         [
             ("packaging/wireshark/stanag4586.lua", dissector::script()),
-            ("docs/reference/support.md", support::markdown()),
+            (
+                "docs/reference/support.md",
+                support::markdown(reference::place),
+            ),
             (
                 "docs/reference/configuration.md",
                 vsm::config::reference::markdown(),

@@ -8,8 +8,8 @@ use mavlink::Message as _;
 use mavlink_link::dialect::MavMessage;
 use stanag_msgs::table::{FieldInfo, MESSAGES, MessageInfo};
 
-/// `docs/reference/support.md`.
-pub(super) fn markdown() -> String {
+/// `docs/reference/support.md`; `place` is the file and heading of a message's description.
+pub(super) fn markdown(place: impl Fn(&MessageInfo) -> String) -> String {
     let mut page = String::from(HEAD);
     let _ = writeln!(
         page,
@@ -22,7 +22,7 @@ pub(super) fn markdown() -> String {
             page,
             "| [{0}](dli/{1}) | {2} | {3} | {taken} | {sends} | {4} | {5} |",
             message.id,
-            super::reference::place(message),
+            place(message),
             message.name,
             message.direction.text(),
             message.layout.text(),

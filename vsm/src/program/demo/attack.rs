@@ -7,21 +7,23 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use cucs::Station;
 use stanag_msgs::Id;
-use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess};
+use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
 
 use super::altitudes::{Altitudes, Panel};
 use super::attacker::{LinkAttacker, Shots, forge};
+use super::story::{
+    CUCS, FLIGHT_WITHIN, READY_WITHIN, Story, await_mode, await_position, discover, take_control,
+};
 use super::track::Track;
 use super::world::{Protection, Remains, World};
-use super::{CUCS, FLIGHT_WITHIN, READY_WITHIN, Story, await_mode};
-use crate::program::Failure;
+use crate::program::process::{Failure, failed};
 
 /// Flies both and leaves the picture in `out`.
 pub(crate) fn run(out: &Path, speed: f64) -> Result<(), Failure> {
-    show(out, speed).map_err(Failure::Failed)
+    show(out, speed).map_err(failed)
 }
 
 /// One flight, and what became of the attack.
@@ -161,22 +163,9 @@ async fn hover_and_attack(world: &World, story: &mut Story) -> anyhow::Result<Sh
 
 /// Discovers, takes control, launches; the vehicle holds then.
 async fn take_off(station: &mut Station, story: &mut Story) -> anyhow::Result<Id> {
-    station.set_heartbeats(true);
-    let found = station.discover().await?;
-    let Some(vehicle) = found.first().map(|found| found.vehicle) else {
-        bail!("no vehicle was discovered")
-    };
-    let wanted = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
-    station
-        .request(vehicle, wanted, RequestedAccess::Request)
-        .await?;
-    station
-        .wait_until("position of the vehicle", READY_WITHIN, |session| {
-            session
-                .vehicle(vehicle)
-                .is_some_and(|vehicle| vehicle.position().is_some())
-        })
-        .await?;
+    let vehicle = discover(station).await?;
+    take_control(station, vehicle).await?;
+    await_position(station, vehicle).await?;
     // Refused until the vehicle knows where its home is.
     let patience = Instant::now() + READY_WITHIN;
     loop {

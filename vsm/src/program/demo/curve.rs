@@ -13,8 +13,8 @@ use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message};
 
 use super::picture::Planned;
+use super::story::{FLIGHT_WITHIN, Story, await_mode};
 use super::track::Point;
-use super::{Story, await_mode};
 
 /// The route: also an example for `cucs send`.
 const ROUTE: &str = include_str!("../../../../examples/everland.route.toml");
@@ -246,7 +246,7 @@ pub(crate) async fn flight(
                 .is_some_and(|v| v.from_waypoint() != passed)
         };
         station
-            .wait_until("the next waypoint", super::FLIGHT_WITHIN, another)
+            .wait_until("the next waypoint", FLIGHT_WITHIN, another)
             .await?;
         passed = station.vehicle(vehicle).and_then(|v| v.from_waypoint());
         if let Some(number) = passed {

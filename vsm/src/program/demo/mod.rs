@@ -8,26 +8,25 @@ pub(crate) mod attack;
 mod attacker;
 mod curve;
 mod picture;
+mod story;
 mod table;
 mod track;
 mod world;
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use cucs::{LoiterAt, Route, Session, Station, Waypoint};
 use stanag_msgs::Id;
-use stanag_msgs::enums::{
-    AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess, WaypointSpeedType,
-};
+use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode, WaypointSpeedType};
 
 use self::curve::Section;
 use self::picture::{Picture, Planned};
+use self::story::{CUCS, FLIGHT_WITHIN, Story, await_mode, await_position, discover, take_control};
 use self::track::{Point, Track};
 use self::world::{Protection, Remains, World};
-use super::Failure;
+use super::process::{Failure, failed};
 
 /// Fly the bridge, a simulated PX4 and a CUCS on loopback, and leave a picture and a recording
 #[derive(Debug, clap::Args)]
@@ -58,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         (false, true) => fly_curves(out, *speed),
         (false, false) => fly(out, *speed),
     };
-    flown.map_err(Failure::Failed)
+    flown.map_err(failed)
 }
 
 fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
@@ -169,24 +168,11 @@ fn leave(
 
 /// Finds the vehicle and takes control of it.
 async fn take_over(station: &mut Station, story: &mut Story) -> anyhow::Result<Id> {
-    station.set_heartbeats(true);
-    let found = station.discover().await?;
-    let Some(vehicle) = found.first().map(|found| found.vehicle) else {
-        bail!("no vehicle was discovered")
-    };
+    let vehicle = discover(station).await?;
     story.tell(format!("discovered {vehicle}"));
-    let wanted = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
-    station
-        .request(vehicle, wanted, RequestedAccess::Request)
-        .await?;
+    take_control(station, vehicle).await?;
     story.tell("control granted: LOI 4 and 5");
-    station
-        .wait_until("position of the vehicle", READY_WITHIN, |session| {
-            session
-                .vehicle(vehicle)
-                .is_some_and(|vehicle| vehicle.position().is_some())
-        })
-        .await?;
+    await_position(station, vehicle).await?;
     Ok(vehicle)
 }
 
@@ -302,45 +288,6 @@ async fn await_waypoint(
     Ok(())
 }
 
-async fn await_mode(
-    station: &mut Station,
-    vehicle: Id,
-    mode: Mode,
-    what: &str,
-) -> anyhow::Result<()> {
-    let reached = |session: &Session| {
-        session
-            .vehicle(vehicle)
-            .is_some_and(|v| v.mode() == Some(mode))
-    };
-    Ok(station.wait_until(what, FLIGHT_WITHIN, reached).await?)
-}
-
-/// Tells what happens as it happens.
-struct Story {
-    started: Instant,
-    speed: f64,
-}
-
-impl Story {
-    fn begin(speed: f64) -> Story {
-        let mut story = Story {
-            started: Instant::now(),
-            speed,
-        };
-        story.tell(format!(
-            "a simulated PX4, {speed} times faster than time; signing clocks stay real"
-        ));
-        story
-    }
-
-    fn tell(&mut self, what: impl std::fmt::Display) {
-        let line = format!("[{:5.1} s] {what}\n", self.started.elapsed().as_secs_f64());
-        // A reader that is gone must not stop a flight half-way.
-        let _ = io::stdout().write_all(line.as_bytes());
-    }
-}
-
 /// Number, m north and east of home, m above home, m/s, next.
 const WAYPOINTS: &[(u16, f64, f64, f64, f64, u16)] = &[
     (10, 60.0, 0.0, 30.0, 8.0, 7),
@@ -394,7 +341,6 @@ fn planned() -> Planned {
 
 /// What flies, for the note of a picture.
 const CHAIN: &str = "CUCS over DLI, bridge, signed MAVLink 2, simulated PX4";
-const CUCS: Id = Id(0x1b00_00a0);
 /// Where px4-sim stands by default.
 const HOME: (f64, f64) = (47.397_743_4, 8.545_593_9);
 const HOME_POINT: Point = Point {
@@ -408,5 +354,3 @@ const METRES_A_DEGREE: f64 = 111_194.93;
 const LAUNCH_M: f64 = 30.0;
 const HIGHER_M: f64 = 45.0;
 const SLOWER_M_S: f64 = 5.0;
-const READY_WITHIN: Duration = Duration::from_secs(15);
-const FLIGHT_WITHIN: Duration = Duration::from_secs(60);

@@ -12,7 +12,6 @@ use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::rc::Rc;
-use std::time::Duration;
 
 use tokio::net::{TcpListener, UnixListener};
 use tokio::task::LocalSet;
@@ -95,6 +94,3 @@ impl Server {
         shared.status()
     }
 }
-
-/// 2026-01-01: no clock of ours starts before the program was written.
-pub(super) const NOT_BEFORE: Duration = Duration::from_secs(1_767_225_600);

@@ -12,11 +12,11 @@ use tokio::net::TcpListener;
 use tokio::sync::Notify;
 
 use super::shared::{Core, Shared};
-use super::{NOT_BEFORE, Server, StartError};
+use super::{Server, StartError};
 use crate::config::{Config, ExchangeMode, Signing, Vehicle};
 use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::{Bridge, LinkEnd};
-use crate::shell::clock::Clock;
+use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;

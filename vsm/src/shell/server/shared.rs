@@ -6,10 +6,9 @@ use std::time::Duration;
 use mavlink_link::Now;
 use tokio::sync::Notify;
 
-use super::NOT_BEFORE;
 use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Status};
-use crate::shell::clock::Clock;
+use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;

@@ -1,0 +1,83 @@
+//! What every flight of the demo does: it is narrated as it happens, and begins with a CUCS that finds its vehicle.
+
+use std::io::{self, Write};
+use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use cucs::{Session, Station};
+use stanag_msgs::Id;
+use stanag_msgs::enums::{FlightPathControlMode as Mode, LoiBitmap, RequestedAccess};
+
+/// Tells what happens as it happens.
+pub(super) struct Story {
+    pub(super) started: Instant,
+    pub(super) speed: f64,
+}
+
+impl Story {
+    pub(super) fn begin(speed: f64) -> Story {
+        let mut story = Story {
+            started: Instant::now(),
+            speed,
+        };
+        story.tell(format!(
+            "a simulated PX4, {speed} times faster than time; signing clocks stay real"
+        ));
+        story
+    }
+
+    pub(super) fn tell(&mut self, what: impl std::fmt::Display) {
+        let line = format!("[{:5.1} s] {what}\n", self.started.elapsed().as_secs_f64());
+        // A reader that is gone must not stop a flight half-way.
+        let _ = io::stdout().write_all(line.as_bytes());
+    }
+}
+
+/// The one vehicle of the demo.
+pub(super) async fn discover(station: &mut Station) -> anyhow::Result<Id> {
+    station.set_heartbeats(true);
+    let found = station.discover().await?;
+    let Some(vehicle) = found.first().map(|found| found.vehicle) else {
+        bail!("no vehicle was discovered")
+    };
+    Ok(vehicle)
+}
+
+/// LOI 4 and 5 of it.
+pub(super) async fn take_control(station: &mut Station, vehicle: Id) -> anyhow::Result<()> {
+    let wanted = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
+    station
+        .request(vehicle, wanted, RequestedAccess::Request)
+        .await?;
+    Ok(())
+}
+
+pub(super) async fn await_position(station: &mut Station, vehicle: Id) -> anyhow::Result<()> {
+    let known = |session: &Session| {
+        session
+            .vehicle(vehicle)
+            .is_some_and(|vehicle| vehicle.position().is_some())
+    };
+    Ok(station
+        .wait_until("position of the vehicle", READY_WITHIN, known)
+        .await?)
+}
+
+pub(super) async fn await_mode(
+    station: &mut Station,
+    vehicle: Id,
+    mode: Mode,
+    what: &str,
+) -> anyhow::Result<()> {
+    let reached = |session: &Session| {
+        session
+            .vehicle(vehicle)
+            .is_some_and(|v| v.mode() == Some(mode))
+    };
+    Ok(station.wait_until(what, FLIGHT_WITHIN, reached).await?)
+}
+
+/// The demo's CUCS.
+pub(super) const CUCS: Id = Id(0x1b00_00a0);
+pub(super) const READY_WITHIN: Duration = Duration::from_secs(15);
+pub(super) const FLIGHT_WITHIN: Duration = Duration::from_secs(60);

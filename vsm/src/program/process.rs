@@ -1,0 +1,68 @@
+//! What the subcommands share: how they fail, the runtime, the log, the signals that end them, and standard output.
+
+use std::io::{self, IsTerminal as _, Write};
+
+use anyhow::Context as _;
+use tokio::runtime::{Builder, Runtime};
+use tokio::signal::unix::{SignalKind, signal};
+use tracing_subscriber::EnvFilter;
+
+/// Why the program ends with another status than 0.
+pub(crate) enum Failure {
+    /// Status 1.
+    Failed(anyhow::Error),
+    /// Status 2: arguments or configuration.
+    Bad(anyhow::Error),
+}
+
+pub(crate) fn failed(fault: impl Into<anyhow::Error>) -> Failure {
+    Failure::Failed(fault.into())
+}
+
+pub(crate) fn bad(fault: impl Into<anyhow::Error>) -> Failure {
+    Failure::Bad(fault.into())
+}
+
+/// One thread, sockets and timers.
+pub(crate) fn runtime() -> Result<Runtime, Failure> {
+    Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("no asynchronous runtime")
+        .map_err(failed)
+}
+
+/// Done at SIGTERM or SIGINT, which no longer end the process from this call on.
+pub(crate) fn stop_signal() -> Result<impl Future<Output = ()>, Failure> {
+    let mut terminate = signal(SignalKind::terminate()).map_err(failed)?;
+    let mut interrupt = signal(SignalKind::interrupt()).map_err(failed)?;
+    Ok(async move {
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = interrupt.recv() => {}
+        }
+    })
+}
+
+/// To standard error; RUST_LOG chooses how much, default info.
+pub(crate) fn log() {
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    // A second call in one process finds a log already: that is fine.
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(io::stderr)
+        .with_ansi(io::stderr().is_terminal())
+        .with_target(false)
+        .try_init();
+}
+
+/// Writes a whole report.
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
+    io::stdout().write_all(text.as_bytes()).map_err(failed)
+}
+
+/// Writes a line on the way.
+pub(crate) fn say(line: &str) {
+    // Nobody is left to tell when standard output is gone.
+    let _ = writeln!(io::stdout(), "{line}");
+}
