@@ -6,83 +6,69 @@
 
 use mavlink_link::Now;
 use mavlink_link::frame::MAX_FRAME;
-use mavlink_link::link::{Auth, Link};
+use mavlink_link::link::{Auth, Link, LinkConfig};
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
+use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::store::StoreError;
 
+use super::keys::{Keys, with_clock};
+use super::output::{Side, Transmit};
 use super::phase::Phase;
-use super::{Agent, Keys, Side, Transmit};
-use crate::session::{LogLevel, Peer};
+use crate::session::Peer;
 
-/// A second receiver on PX4's link, for the key before.
+/// A second receiver on PX4's link, for the key before, as long as there is one to look for.
+#[derive(Debug, Default)]
+pub(super) struct Fallback(Option<Receiver>);
+
 #[derive(Debug)]
-pub(super) struct Fallback {
+struct Receiver {
     link: Link<Peer>,
     key: KeyState,
 }
 
-impl Agent {
+impl Fallback {
     /// The heartbeat that is due under the key before, if any.
-    pub(super) fn fallback_transmit(
+    pub(super) fn poll_transmit(
         &mut self,
         now: Now,
+        phase: &Phase,
         keys: &mut dyn Keys,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit> {
-        if !matches!(self.phase, Phase::Relaying(_)) {
-            self.fallback = None;
+        if !matches!(phase, Phase::Relaying(_)) {
+            self.0 = None;
         }
-        let Fallback { link, key } = self.fallback.as_mut()?;
-        let sent = link.poll_transmit(
-            now,
-            Auth::Signed {
-                key,
-                store: keys.disk(),
-            },
-            out,
-        )?;
-        Some(Transmit {
-            side: Side::Px4,
-            to: sent.to,
-            len: sent.len,
-            secret: false,
-        })
+        let Receiver { link, key } = self.0.as_mut()?;
+        let store = keys.disk();
+        let sent = link.poll_transmit(now, Auth::Signed { key, store }, out)?;
+        Some(Transmit::new(Side::Px4, sent.to, sent.len))
     }
 
-    /// Whether these bytes show that the autopilot signs with the key before now.
+    /// Whether these bytes show that the autopilot signs with the key before now. `px4` is how its link is configured.
+    ///
+    /// # Errors
+    /// The clock of the key before cannot be read.
     pub(super) fn is_under_previous(
         &mut self,
         now: Now,
-        from: Peer,
-        bytes: &[u8],
+        (from, bytes): (Peer, &[u8]),
+        previous: Option<&SigningKey>,
+        (px4, not_before): (&LinkConfig<Peer>, Stamp),
         keys: &mut dyn Keys,
-    ) -> bool {
-        let previous = match &self.phase {
-            Phase::Relaying(relaying) => relaying.previous.as_ref(),
-            _ => None,
-        };
+    ) -> Result<bool, StoreError> {
         let Some(previous) = previous else {
-            self.fallback = None;
-            return false;
+            self.0 = None;
+            return Ok(false);
         };
-        let id = previous.id();
-        if self
-            .fallback
-            .as_ref()
-            .is_none_or(|held| held.key.id() != id)
-        {
-            let key = match self.state_of(previous.duplicate(), now, keys) {
-                Ok(key) => key,
-                Err(fault) => {
-                    self.note(LogLevel::Error, format!("the key before: {fault}"));
-                    return false;
-                }
-            };
-            let link = Link::new(*self.px4.config());
-            self.fallback = Some(Fallback { link, key });
-        }
-        let Some(Fallback { link, key }) = &mut self.fallback else {
-            return false;
+        let held = self.0.take().filter(|held| held.key.id() == previous.id());
+        let receiver = match held {
+            Some(held) => held,
+            None => Receiver {
+                key: with_clock(previous.duplicate(), not_before, now, keys)?,
+                link: Link::new(*px4),
+            },
         };
+        let Receiver { link, key } = self.0.insert(receiver);
         let auth = Auth::Signed {
             key,
             store: keys.disk(),
@@ -94,8 +80,8 @@ impl Agent {
         // PX4's link under the key in force sees the same bytes, and tells.
         while link.poll_event().is_some() {}
         if proven {
-            self.fallback = None;
+            self.0 = None;
         }
-        proven
+        Ok(proven)
     }
 }

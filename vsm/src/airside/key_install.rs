@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::dialect::MavSeverity;
-use mavlink_link::exchange::Status;
+use mavlink_link::exchange::{ResponderEvent, Status};
 use mavlink_link::link::Endpoint;
 use mavlink_link::provisioning::{
     Event, KeyRollover, KeyRolloverConfig, KeySlot, Outcome, StartError, State,
@@ -12,9 +12,10 @@ use mavlink_link::provisioning::{
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::SigningKey;
 
+use super::agent::Agent;
+use super::keys::{Keys, with_clock};
 use super::phase::{Cause, HandingOver, Phase, Relaying};
 use super::relay::FrameForwarder;
-use super::{Agent, Keys};
 use crate::session::{LogLevel, Peer};
 
 impl Agent {
@@ -49,13 +50,93 @@ impl Agent {
         Ok(())
     }
 
+    /// Does what follows from the exchange: a key that is agreed goes to PX4, the rest to the log.
+    pub(super) fn follow_exchange(&mut self, now: Now, keys: &mut dyn Keys) {
+        while let Some(event) = self.exchange.poll_event() {
+            match event {
+                ResponderEvent::Staged { key, epoch } => {
+                    self.reports
+                        .note(LogLevel::Info, format!("key {key} agreed, epoch {epoch}"));
+                    self.hand_over_staged(now, keys);
+                }
+                ResponderEvent::Withdrawn => self.give_up_staged(),
+                ResponderEvent::Paired { peer } => {
+                    let fingerprint = peer.fingerprint();
+                    self.reports.note(
+                        LogLevel::Warning,
+                        format!("paired with the ground {fingerprint}; only it can agree about keys from now on"),
+                    );
+                }
+                ResponderEvent::WindowClosed => {
+                    self.reports
+                        .note(LogLevel::Info, "the pairing window is closed");
+                }
+                ResponderEvent::WrongCode => {
+                    self.reports.note(
+                        LogLevel::Warning,
+                        "somebody tried to pair with a wrong code",
+                    );
+                }
+                ResponderEvent::NotStored(fault) => {
+                    self.reports.note(
+                        LogLevel::Error,
+                        format!("the exchange cannot be stored: {fault}"),
+                    );
+                }
+            }
+        }
+    }
+
+    /// A key of an exchange is on disk: PX4 is to have it.
+    fn hand_over_staged(&mut self, now: Now, keys: &mut dyn Keys) {
+        let next = match keys.next() {
+            Ok(Some(next)) => next,
+            Ok(None) => return,
+            Err(fault) => {
+                self.reports.note(
+                    LogLevel::Error,
+                    format!("the agreed key cannot be read: {fault}"),
+                );
+                return;
+            }
+        };
+        let old = match std::mem::replace(&mut self.phase, Phase::Keyless) {
+            Phase::Relaying(relaying) => Some(relaying.key),
+            Phase::HandingOver(on) => on.handover.into_old(),
+            Phase::Keyless | Phase::CannotSign { .. } => None,
+        };
+        if let Err(fault) = self.hand_over(old, next, Cause::NewKey, now, keys) {
+            // The key stays on disk, and a restart of the agent goes on with it.
+            self.reports.note(
+                LogLevel::Error,
+                format!("the agreed key cannot be handed over: {fault}"),
+            );
+            return;
+        }
+        self.exchange.responder.report(Status::WaitDisarm, 0);
+    }
+
+    /// The staged key must not be sent any more: PX4 goes on with the one that it has.
+    fn give_up_staged(&mut self) {
+        self.reports
+            .note(LogLevel::Info, "the agreed key is given up for another");
+        self.phase = match std::mem::replace(&mut self.phase, Phase::Keyless) {
+            Phase::HandingOver(on) if on.cause == Cause::NewKey => on
+                .handover
+                .into_old()
+                .map_or(Phase::Keyless, |key| Phase::relaying(key, None)),
+            Phase::CannotSign { .. } => Phase::Keyless,
+            other => other,
+        };
+    }
+
     /// PX4 sends unsigned, or signs with the key before: the one in force is handed over again.
     pub(super) fn key_lost(&mut self, unsigned: bool, now: Now, keys: &mut dyn Keys) {
         let Phase::Relaying(relaying) = std::mem::replace(&mut self.phase, Phase::Keyless) else {
             return;
         };
         let Relaying { key, previous } = *relaying;
-        self.note(
+        self.reports.note(
             LogLevel::Error,
             if unsigned {
                 "PX4 sends UNSIGNED: it has lost its key, as by a power cut. It is given the key again; no command \
@@ -69,9 +150,12 @@ impl Agent {
         } else {
             "Agent: PX4 fell back to the key before"
         };
-        self.tell_ground(MavSeverity::MAV_SEVERITY_CRITICAL, text);
+        self.reports
+            .alert_ground(MavSeverity::MAV_SEVERITY_CRITICAL, text);
         let old = match previous.as_ref().map(SigningKey::duplicate) {
-            Some(previous) if !unsigned => self.state_of(previous, now, keys).map(Some),
+            Some(previous) if !unsigned => {
+                with_clock(previous, self.settings.not_before, now, keys).map(Some)
+            }
             _ => Ok(None),
         };
         let begun = old
@@ -84,7 +168,7 @@ impl Agent {
         }
         if let Err(fault) = begun {
             // The clock cannot be read: nothing passes under a key that PX4 does not have, and it is tried again.
-            self.note(
+            self.reports.note(
                 LogLevel::Error,
                 format!("the key cannot be given again: {fault}"),
             );
@@ -100,7 +184,7 @@ impl Agent {
         *again_at = now.mono.saturating_add(ASK_AGAIN);
         let key = key.duplicate();
         if let Err(fault) = self.hand_over(None, key, Cause::LostKey, now, keys) {
-            self.note(
+            self.reports.note(
                 LogLevel::Error,
                 format!("the key cannot be given again: {fault}"),
             );
@@ -118,15 +202,13 @@ impl Agent {
             return;
         };
         let cause = on.cause;
-        let (queued, counted) = (self.queue.len(), self.to_ground);
+        let mark = self.relay.mark();
         let mut forwarder = FrameForwarder {
             mono: now.mono,
             own_component: self.settings.own_component,
             ground: self.radio.peer(),
             watch: &mut self.watch,
-            queue: &mut self.queue,
-            held_back: &mut self.held_back,
-            to_ground: &mut self.to_ground,
+            relay: &mut self.relay,
         };
         on.handover
             .handle_and_pass(now, from, bytes, keys.disk(), &mut |under, frame| {
@@ -139,8 +221,7 @@ impl Agent {
         let undecided = matches!(&self.phase, Phase::HandingOver(on) if on.commit_at.is_some());
         if undecided {
             // What verified under a key that is not in force on disk yet is not delivered.
-            self.queue.truncate(queued);
-            self.to_ground = counted;
+            self.relay.undo(mark);
         }
     }
 
@@ -172,12 +253,12 @@ impl Agent {
         };
         for event in told {
             if let Event::State(state) = event {
-                self.tell_state(state);
+                self.exchange.report_state(state);
             }
-            self.tell_handover(event);
+            self.note_progress(event);
         }
         if let Some(fault) = fault {
-            self.note(
+            self.reports.note(
                 LogLevel::Error,
                 format!("PX4 has the new key, but it cannot be made the one in force: {fault}"),
             );
@@ -222,19 +303,22 @@ impl Agent {
                 LogLevel::Error,
             ),
         };
-        self.note(level, text);
+        self.reports.note(level, text);
         match (outcome, cause) {
             (Outcome::Committed, Cause::LostKey) => {
                 let text = "Agent: PX4 signs with its key again";
-                self.tell_ground(MavSeverity::MAV_SEVERITY_NOTICE, text);
+                self.reports
+                    .alert_ground(MavSeverity::MAV_SEVERITY_NOTICE, text);
             }
             (Outcome::RolledBack, Cause::NewKey) => {
                 let text = "Agent: PX4 keeps its key, the new one is dropped";
-                self.tell_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
+                self.reports
+                    .alert_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
             }
             (Outcome::SeveralAutopilots, _) => {
                 let text = "Agent: several autopilots, the key is refused";
-                self.tell_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
+                self.reports
+                    .alert_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
             }
             (Outcome::Committed, Cause::NewKey)
             | (Outcome::RolledBack, Cause::LostKey)
@@ -244,17 +328,17 @@ impl Agent {
             && matches!(outcome, Outcome::RolledBack | Outcome::SeveralAutopilots)
             && let Err(fault) = keys.drop_next()
         {
-            self.note(
+            self.reports.note(
                 LogLevel::Warning,
                 format!("key {id} cannot be deleted: {fault}"),
             );
         }
         match outcome {
-            Outcome::Committed => self.responder.key_active(),
-            Outcome::RolledBack if cause == Cause::NewKey => self.responder.key_dropped(),
+            Outcome::Committed => self.exchange.responder.key_active(),
+            Outcome::RolledBack if cause == Cause::NewKey => self.exchange.responder.key_dropped(),
             Outcome::RolledBack => {}
-            Outcome::NeverSigns => self.responder.report(Status::CannotSign, 0),
-            Outcome::SeveralAutopilots => self.tell_refused(),
+            Outcome::NeverSigns => self.exchange.responder.report(Status::CannotSign, 0),
+            Outcome::SeveralAutopilots => self.exchange.report_refused(),
         }
         let previous = match (outcome, cause) {
             (Outcome::Committed, Cause::NewKey) => handover.old_key(),
@@ -270,7 +354,7 @@ impl Agent {
             let old = handover.into_old();
             self.phase = later(key.duplicate());
             if let Err(fault) = self.hand_over(old, key, cause, now, keys) {
-                self.note(
+                self.reports.note(
                     LogLevel::Error,
                     format!("the key cannot be given again: {fault}"),
                 );
@@ -292,7 +376,7 @@ impl Agent {
         };
     }
 
-    fn tell_handover(&mut self, event: Event) {
+    fn note_progress(&mut self, event: Event) {
         let (level, text) = match event {
             Event::State(State::Staged) => (
                 LogLevel::Info,
@@ -332,7 +416,7 @@ impl Agent {
             ),
             Event::State(State::Committed) | Event::Commit | Event::Ended(_) => return,
         };
-        self.note(level, text);
+        self.reports.note(level, text);
     }
 }
 

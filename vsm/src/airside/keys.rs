@@ -1,7 +1,10 @@
 //! What the agent needs of a disk: the ceilings of its signing clocks, and the keys with their order.
 
+use mavlink_link::Now;
+use mavlink_link::clock::Origin;
 use mavlink_link::exchange::{PinnedPeer, ResponderStore};
-use mavlink_link::signing::SigningKey;
+use mavlink_link::receiver::KeyState;
+use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::{Disk, StoreError};
 
 /// The key files beside the clocks and what the exchange keeps. Each call returns only when a power cut could not undo
@@ -51,4 +54,14 @@ pub struct Held {
     pub peer: Option<PinnedPeer>,
     /// The highest epoch ever stored.
     pub epoch: u32,
+}
+
+/// A key with its clock, read from disk.
+pub(super) fn with_clock(
+    key: SigningKey,
+    not_before: Stamp,
+    now: Now,
+    keys: &mut dyn Keys,
+) -> Result<KeyState, StoreError> {
+    KeyState::start(key, Origin::KeyFile, not_before, now, keys.disk())
 }

@@ -12,11 +12,17 @@
 //!   command reaches it.
 //!
 //! What the promise against replays after PX4's restart is worth hangs on PX4 having no other radio.
+//!
+//! From the bottom up: `phase` is how it stands with PX4's key, `keys` its disk, `output` what it gives out. The parts
+//! `watch`, `relay`, `fallback` and `exchange` know no sibling; `agent` is the struct that has them all. Above it,
+//! `key_install` takes a key to PX4, `transmit` chooses the next frame, `start` begins; this file is the router.
 
+mod agent;
 mod exchange;
 mod fallback;
 mod key_install;
 mod keys;
+mod output;
 mod phase;
 mod relay;
 mod start;
@@ -24,81 +30,193 @@ mod status;
 mod transmit;
 mod watch;
 
+pub use agent::{Agent, Settings};
 pub use exchange::PairingNews;
 pub use keys::{Held, Keys};
-pub use start::{AgentError, Settings};
+pub use output::{Note, Side, Transmit};
+pub use start::AgentError;
 pub use status::{AirsideStatus, SideStatus};
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::dialect::MavSeverity;
-use mavlink_link::exchange::{Fingerprint, Responder};
-use mavlink_link::link::{Alert, Event, Link};
+use mavlink_link::exchange::{PairingCode, Random, VehicleState, WindowError};
+use mavlink_link::link::{Alert, Auth, Event, KeyExchangeFrame, LinkState};
 
-use self::fallback::Fallback;
-use self::phase::Phase;
-use self::relay::Relayed;
-use self::watch::Watch;
-use crate::session::{Counters, LogLevel, Peer, link_alert_text};
-
-/// One of the agent's two links.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Side {
-    /// To the ground.
-    Radio,
-    /// To PX4.
-    Px4,
-}
-
-/// A frame that stands ready in the caller's buffer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Transmit {
-    /// Which link it goes out on.
-    pub side: Side,
-    /// Where it must go.
-    pub to: Peer,
-    /// Its bytes in the buffer.
-    pub len: usize,
-    /// It holds a key: wipe the buffer once it is sent.
-    pub secret: bool,
-}
-
-/// A line for the log.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Note {
-    /// How much it matters.
-    pub level: LogLevel,
-    /// What happened.
-    pub text: String,
-}
-
-/// The machine.
-#[derive(Debug)]
-pub struct Agent {
-    settings: Settings,
-    started: Duration,
-    radio: Link<Peer>,
-    px4: Link<Peer>,
-    phase: Phase,
-    /// The agent's own static key, as people compare it.
-    identity: Fingerprint,
-    responder: Responder<Peer>,
-    news: VecDeque<PairingNews>,
-    /// Looks for the key before in what does not verify under the one in force.
-    fallback: Option<Fallback>,
-    watch: Watch,
-    queue: VecDeque<Relayed>,
-    notes: VecDeque<Note>,
-    /// What the ground should know; it alerts its operators.
-    texts: VecDeque<(MavSeverity, &'static str)>,
-    held_back: Counters,
-    to_px4: u64,
-    to_ground: u64,
-}
+use self::phase::{Cause, Phase};
+use self::relay::FrameForwarder;
+use crate::session::{LogLevel, Peer};
 
 impl Agent {
+    /// Opens the window for one pairing with this code, for 10 minutes.
+    ///
+    /// # Errors
+    /// A key is on its way to PX4, or the disk failed.
+    pub fn open_window(
+        &mut self,
+        now: Now,
+        code: &PairingCode,
+        keys: &mut dyn Keys,
+    ) -> Result<(), WindowError> {
+        self.exchange.open_window(now, code, keys)?;
+        self.reports.note(
+            LogLevel::Warning,
+            "the pairing window is open for 10 minutes",
+        );
+        self.follow_exchange(now, keys);
+        Ok(())
+    }
+
+    /// Closes the window: nobody waits at it any more.
+    pub fn close_window(&mut self) {
+        self.exchange.responder.close_window();
+    }
+
+    /// What has happened at the pairing window.
+    pub fn poll_pairing(&mut self) -> Option<PairingNews> {
+        self.exchange.poll_news()
+    }
+
+    /// Takes what came from the ground. `random` is for the exchange.
+    pub fn handle_radio(
+        &mut self,
+        now: Now,
+        from: Peer,
+        bytes: &[u8],
+        random: &mut dyn Random,
+        keys: &mut dyn Keys,
+    ) {
+        let closed = self.phase.is_closed(now.mono, self.px4.accepted_at());
+        let to = self.px4.peer();
+        let auth = self.phase.ground_auth(keys);
+        self.radio
+            .handle_datagram(now, from, bytes, auth, &mut |delivery| {
+                self.relay.pass_to_px4(&delivery, to, closed);
+            });
+        while let Some(event) = self.radio.poll_event() {
+            match event {
+                Event::KeyExchange(frame) => self.take_exchange(now, &frame, random, keys),
+                Event::Alert(alert) => self.reports.note_alert("the ground's link", alert),
+                Event::PeerChanged { to, .. } => {
+                    self.reports
+                        .note(LogLevel::Info, format!("the ground is at {to}"));
+                }
+                Event::Behind | Event::Live => {}
+            }
+        }
+    }
+
+    /// Takes what came from PX4.
+    pub fn handle_px4(&mut self, now: Now, from: Peer, bytes: &[u8], keys: &mut dyn Keys) {
+        match &self.phase {
+            Phase::Keyless | Phase::CannotSign { .. } => {}
+            Phase::HandingOver(_) => self.take_while_handing_over(now, from, bytes, keys),
+            Phase::Relaying(_) => self.take_and_relay(now, from, bytes, keys),
+        }
+    }
+
+    fn take_and_relay(&mut self, now: Now, from: Peer, bytes: &[u8], keys: &mut dyn Keys) {
+        let Phase::Relaying(relaying) = &mut self.phase else {
+            return;
+        };
+        let bad_before = self.px4.stats().bad_signature;
+        let auth = Auth::Signed {
+            key: &mut relaying.key,
+            store: keys.disk(),
+        };
+        let mut forwarder = FrameForwarder {
+            mono: now.mono,
+            own_component: self.settings.own_component,
+            ground: self.radio.peer(),
+            watch: &mut self.watch,
+            relay: &mut self.relay,
+        };
+        self.px4
+            .handle_datagram(now, from, bytes, auth, &mut |delivery| {
+                if delivery.verified {
+                    forwarder.pass(&delivery.frame);
+                }
+            });
+        let mut unsigned = false;
+        while let Some(event) = self.px4.poll_event() {
+            match event {
+                Event::Alert(Alert::VehicleUnsigned) => unsigned = true,
+                Event::Alert(alert) => self.reports.note_alert("PX4's link", alert),
+                Event::Live => self
+                    .reports
+                    .note(LogLevel::Info, "link to PX4 is up, signed and verified"),
+                Event::Behind => self.reports.note(
+                    LogLevel::Info,
+                    "PX4's timestamps went back: it has restarted; sending it a current timestamp",
+                ),
+                Event::PeerChanged { .. } | Event::KeyExchange(_) => {}
+            }
+        }
+        let fell_back =
+            self.px4.stats().bad_signature > bad_before && self.fell_back(now, from, bytes, keys);
+        if unsigned || fell_back {
+            self.key_lost(unsigned, now, keys);
+        } else if self.watch.take_restart() {
+            self.px4_restarted(keys);
+        }
+    }
+
+    /// It signs with the current key after a start: the one before has come to its end.
+    fn px4_restarted(&mut self, keys: &mut dyn Keys) {
+        self.reports
+            .note(LogLevel::Info, "PX4 has restarted and signs");
+        if let Phase::Relaying(relaying) = &mut self.phase
+            && relaying.previous.is_some()
+        {
+            match keys.drop_previous() {
+                Ok(()) => relaying.previous = None,
+                Err(fault) => self.reports.note(
+                    LogLevel::Warning,
+                    format!("the key before cannot be deleted: {fault}"),
+                ),
+            }
+        }
+    }
+
+    /// Whether PX4 signs with the key before.
+    fn fell_back(&mut self, now: Now, from: Peer, bytes: &[u8], keys: &mut dyn Keys) -> bool {
+        let previous = match &self.phase {
+            Phase::Relaying(relaying) => relaying.previous.as_ref(),
+            _ => None,
+        };
+        let link = (self.px4.config(), self.settings.not_before);
+        let found = self
+            .fallback
+            .is_under_previous(now, (from, bytes), previous, link, keys);
+        found.unwrap_or_else(|fault| {
+            let text = format!("the key before: {fault}");
+            self.reports.note(LogLevel::Error, text);
+            false
+        })
+    }
+
+    fn take_exchange(
+        &mut self,
+        now: Now,
+        frame: &KeyExchangeFrame<Peer>,
+        random: &mut dyn Random,
+        keys: &mut dyn Keys,
+    ) {
+        if matches!(&self.phase, Phase::HandingOver(on) if on.cause == Cause::LostKey) {
+            // Seconds, as a rule: until then it is not known under which key PX4 is to be given another.
+            self.relay
+                .held_back
+                .count("KEY_EXCHANGE while PX4 is given its key again");
+            return;
+        }
+        let vehicle = VehicleState {
+            armed: self.watch.is_armed(),
+            signed: matches!(self.phase, Phase::Relaying(_)) && self.px4.state() == LinkState::Live,
+        };
+        self.exchange.handle(now, frame, vehicle, random, keys);
+        self.follow_exchange(now, keys);
+    }
+
     /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
     #[must_use]
     pub fn poll_timeout(&self) -> Duration {
@@ -111,13 +229,17 @@ impl Agent {
                 .unwrap_or(Duration::MAX)
                 .min(on.handover.poll_timeout()),
         };
-        self.radio.poll_timeout().min(px4).min(self.exchange_due())
+        self.radio
+            .poll_timeout()
+            .min(px4)
+            .min(self.exchange.poll_timeout())
     }
 
     /// Does what is due by now. Calling it early or late does no harm.
     pub fn handle_timeout(&mut self, now: Now, keys: &mut dyn Keys) {
         self.radio.handle_timeout(now);
-        self.exchange_timeout(now, keys);
+        self.exchange.responder.handle_timeout(now.mono);
+        self.follow_exchange(now, keys);
         match &mut self.phase {
             Phase::Keyless => {}
             Phase::CannotSign { again_at, .. } if *again_at <= now.mono => {
@@ -132,14 +254,14 @@ impl Agent {
         }
         while let Some(event) = self.px4.poll_event() {
             if let Event::Alert(alert) = event {
-                self.tell_alert("PX4's link", alert);
+                self.reports.note_alert("PX4's link", alert);
             }
         }
     }
 
     /// The next thing for the log.
     pub fn poll_note(&mut self) -> Option<Note> {
-        self.notes.pop_front()
+        self.reports.poll_note()
     }
 
     /// How it stands.
@@ -151,18 +273,23 @@ impl Agent {
             state: self.phase.name(),
             key_id: self.phase.key_id().map(|id| id.to_string()),
             next_key_id: self.phase.next_id().map(|id| id.to_string()),
-            to_px4: self.to_px4,
-            to_ground: self.to_ground,
-            held_back: self.held_back.clone(),
+            to_px4: self.relay.to_px4,
+            to_ground: self.relay.to_ground,
+            held_back: self.relay.held_back.clone(),
             identity: self.identity.to_string(),
             ground: self
+                .exchange
                 .responder
                 .memory()
                 .peer
                 .map(|peer| peer.key.fingerprint().to_string()),
-            window_s: self.responder.window(mono).map(|left| left.as_secs()),
+            window_s: self
+                .exchange
+                .responder
+                .window(mono)
+                .map(|left| left.as_secs()),
             exchange: {
-                let stats = self.responder.stats();
+                let stats = self.exchange.responder.stats();
                 let told = [("taken", stats.taken)].into_iter();
                 told.chain(stats.by_reason())
                     .filter(|&(_, count)| count > 0)
@@ -172,29 +299,4 @@ impl Agent {
             px4: SideStatus::new(self.px4.peer(), &self.px4.stats()),
         }
     }
-
-    fn tell_alert(&mut self, link: &str, alert: Alert) {
-        let text = match alert {
-            Alert::VehicleUnsigned | Alert::StaysBehind => "stamps or signatures are missing",
-            other => link_alert_text(other),
-        };
-        self.note(LogLevel::Warning, format!("{link}: {text}"));
-    }
-
-    /// At most 50 bytes, the longest that STATUSTEXT holds in one.
-    fn tell_ground(&mut self, severity: MavSeverity, text: &'static str) {
-        if self.texts.len() < MAX_TEXTS {
-            self.texts.push_back((severity, text));
-        }
-    }
-
-    fn note(&mut self, level: LogLevel, text: impl Into<String>) {
-        if self.notes.len() < MAX_NOTES {
-            let text = text.into();
-            self.notes.push_back(Note { level, text });
-        }
-    }
 }
-
-const MAX_NOTES: usize = 256;
-const MAX_TEXTS: usize = 8;

@@ -7,7 +7,7 @@ use mavlink_link::provisioning::{KeyRollover, KeySlot, State};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{KeyId, SigningKey};
 
-use super::Keys;
+use super::keys::Keys;
 use crate::session::Peer;
 
 /// The phases of an agent's life; each says what is relayed.

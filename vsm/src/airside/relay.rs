@@ -1,147 +1,106 @@
 //! What passes from the one link to the other, byte for byte, and why the rest is held back.
+//!
+//! Frames wait in one growing buffer of which each is a slice ([`Bytes`]). The buffer is used again once they are sent,
+//! so a relay that keeps up allocates nothing for a frame.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use mavlink_link::Now;
-use mavlink_link::exchange::Random;
+use bytes::{Bytes, BytesMut};
 use mavlink_link::frame::{FrameView, MAX_FRAME, SETUP_SIGNING_ID};
-use mavlink_link::link::{Alert, Auth, Event};
+use mavlink_link::link::Delivery;
 
-use super::phase::Phase;
+use super::output::{Side, Transmit};
 use super::watch::Watch;
-use super::{Agent, Keys, Side};
-use crate::session::{Counters, LogLevel, Peer};
+use crate::session::{Counters, Peer};
 
 /// A frame on its way through, as it came.
 #[derive(Debug)]
-pub(super) struct Relayed {
-    pub(super) side: Side,
-    pub(super) to: Peer,
-    pub(super) len: usize,
-    pub(super) bytes: [u8; MAX_FRAME],
+struct Relayed {
+    side: Side,
+    to: Peer,
+    bytes: Bytes,
 }
 
-impl Agent {
-    /// Takes what came from the ground. `random` is for the exchange.
-    pub fn handle_radio(
-        &mut self,
-        now: Now,
-        from: Peer,
-        bytes: &[u8],
-        random: &mut dyn Random,
-        keys: &mut dyn Keys,
-    ) {
-        let closed = self.phase.is_closed(now.mono, self.px4.accepted_at());
-        let to = self.px4.peer();
-        let Agent {
-            radio,
-            phase,
-            queue,
-            held_back,
-            to_px4,
-            ..
-        } = self;
-        let auth = phase.ground_auth(keys);
-        radio.handle_datagram(now, from, bytes, auth, &mut |delivery| {
-            let why = match to {
-                _ if !delivery.verified => "unsigned",
-                _ if delivery.header.message_id == SETUP_SIGNING_ID => {
-                    "SETUP_SIGNING from the ground"
+/// The frames on their way through, and the count of all.
+#[derive(Debug)]
+pub(super) struct Relay {
+    queue: VecDeque<Relayed>,
+    buffer: BytesMut,
+    pub(super) held_back: Counters,
+    pub(super) to_px4: u64,
+    pub(super) to_ground: u64,
+}
+
+impl Default for Relay {
+    fn default() -> Relay {
+        Relay {
+            queue: VecDeque::new(),
+            buffer: BytesMut::with_capacity(BUFFER_BYTES),
+            held_back: Counters::default(),
+            to_px4: 0,
+            to_ground: 0,
+        }
+    }
+}
+
+/// How much the relay had taken at some time.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Mark {
+    queued: usize,
+    to_ground: u64,
+}
+
+impl Relay {
+    /// A frame of the ground. `closed`: PX4 does not sign, and would carry out anybody's command.
+    pub(super) fn pass_to_px4(&mut self, delivery: &Delivery<'_>, px4: Option<Peer>, closed: bool) {
+        let why = match px4 {
+            _ if !delivery.verified => "unsigned",
+            _ if delivery.header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from the ground",
+            _ if closed => "PX4 is not heard, signed",
+            None => "PX4 has not been heard",
+            Some(to) => match self.enqueue(Side::Px4, to, &delivery.frame) {
+                true => {
+                    self.to_px4 += 1;
+                    return;
                 }
-                _ if closed => "PX4 is not heard, signed",
-                None => "PX4 has not been heard",
-                Some(to) => match enqueue(queue, Side::Px4, to, &delivery.frame) {
-                    true => {
-                        *to_px4 += 1;
-                        return;
-                    }
-                    false => "too much at once",
-                },
-            };
-            held_back.count(why);
-        });
-        while let Some(event) = self.radio.poll_event() {
-            match event {
-                Event::KeyExchange(frame) => self.take_exchange(now, &frame, random, keys),
-                Event::Alert(alert) => self.tell_alert("the ground's link", alert),
-                Event::PeerChanged { to, .. } => {
-                    self.note(LogLevel::Info, format!("the ground is at {to}"));
-                }
-                Event::Behind | Event::Live => {}
-            }
+                false => "too much at once",
+            },
+        };
+        self.held_back.count(why);
+    }
+
+    /// False where the queue is full.
+    fn enqueue(&mut self, side: Side, to: Peer, frame: &FrameView<'_>) -> bool {
+        if self.queue.len() >= MAX_RELAYED {
+            return false;
+        }
+        self.buffer.extend_from_slice(frame.as_bytes());
+        let bytes = self.buffer.split().freeze();
+        self.queue.push_back(Relayed { side, to, bytes });
+        true
+    }
+
+    /// Where the relay stands, to go back to with [`Relay::undo`].
+    pub(super) fn mark(&self) -> Mark {
+        Mark {
+            queued: self.queue.len(),
+            to_ground: self.to_ground,
         }
     }
 
-    /// Takes what came from PX4.
-    pub fn handle_px4(&mut self, now: Now, from: Peer, bytes: &[u8], keys: &mut dyn Keys) {
-        match &self.phase {
-            Phase::Keyless | Phase::CannotSign { .. } => {}
-            Phase::HandingOver(_) => self.take_while_handing_over(now, from, bytes, keys),
-            Phase::Relaying(_) => self.take_and_relay(now, from, bytes, keys),
-        }
+    /// Forgets the frames of PX4 that were taken since.
+    pub(super) fn undo(&mut self, since: Mark) {
+        self.queue.truncate(since.queued);
+        self.to_ground = since.to_ground;
     }
 
-    fn take_and_relay(&mut self, now: Now, from: Peer, bytes: &[u8], keys: &mut dyn Keys) {
-        let Phase::Relaying(relaying) = &mut self.phase else {
-            return;
-        };
-        let bad_before = self.px4.stats().bad_signature;
-        let auth = Auth::Signed {
-            key: &mut relaying.key,
-            store: keys.disk(),
-        };
-        let mut forwarder = FrameForwarder {
-            mono: now.mono,
-            own_component: self.settings.own_component,
-            ground: self.radio.peer(),
-            watch: &mut self.watch,
-            queue: &mut self.queue,
-            held_back: &mut self.held_back,
-            to_ground: &mut self.to_ground,
-        };
-        self.px4
-            .handle_datagram(now, from, bytes, auth, &mut |delivery| {
-                if delivery.verified {
-                    forwarder.pass(&delivery.frame);
-                }
-            });
-        let mut unsigned = false;
-        while let Some(event) = self.px4.poll_event() {
-            match event {
-                Event::Alert(Alert::VehicleUnsigned) => unsigned = true,
-                Event::Alert(alert) => self.tell_alert("PX4's link", alert),
-                Event::Live => self.note(LogLevel::Info, "link to PX4 is up, signed and verified"),
-                Event::Behind => self.note(
-                    LogLevel::Info,
-                    "PX4's timestamps went back: it has restarted; sending it a current timestamp",
-                ),
-                Event::PeerChanged { .. } | Event::KeyExchange(_) => {}
-            }
-        }
-        let fell_back = self.px4.stats().bad_signature > bad_before
-            && self.is_under_previous(now, from, bytes, keys);
-        if unsigned || fell_back {
-            self.key_lost(unsigned, now, keys);
-        } else if self.watch.take_restart() {
-            self.px4_restarted(keys);
-        }
-    }
-
-    /// It signs with the current key after a start: the one before has come to its end.
-    fn px4_restarted(&mut self, keys: &mut dyn Keys) {
-        self.note(LogLevel::Info, "PX4 has restarted and signs");
-        if let Phase::Relaying(relaying) = &mut self.phase
-            && relaying.previous.is_some()
-        {
-            match keys.drop_previous() {
-                Ok(()) => relaying.previous = None,
-                Err(fault) => self.note(
-                    LogLevel::Warning,
-                    format!("the key before cannot be deleted: {fault}"),
-                ),
-            }
-        }
+    /// Writes the next frame into `out`.
+    pub(super) fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<Transmit> {
+        let Relayed { side, to, bytes } = self.queue.pop_front()?;
+        let len = bytes.len();
+        out.get_mut(..len)?.copy_from_slice(&bytes);
+        Some(Transmit::new(side, to, len))
     }
 }
 
@@ -151,9 +110,7 @@ pub(super) struct FrameForwarder<'a> {
     pub(super) own_component: u8,
     pub(super) ground: Option<Peer>,
     pub(super) watch: &'a mut Watch,
-    pub(super) queue: &'a mut VecDeque<Relayed>,
-    pub(super) held_back: &'a mut Counters,
-    pub(super) to_ground: &'a mut u64,
+    pub(super) relay: &'a mut Relay,
 }
 
 impl FrameForwarder<'_> {
@@ -165,37 +122,18 @@ impl FrameForwarder<'_> {
             _ if header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from PX4",
             _ if header.component_id == self.own_component => "our own frame, reflected",
             None => "the ground has not been heard",
-            Some(to) => match enqueue(self.queue, Side::Radio, to, frame) {
+            Some(to) => match self.relay.enqueue(Side::Radio, to, frame) {
                 true => {
-                    *self.to_ground += 1;
+                    self.relay.to_ground += 1;
                     return;
                 }
                 false => "too much at once",
             },
         };
-        self.held_back.count(why);
+        self.relay.held_back.count(why);
     }
-}
-
-/// False where the queue is full.
-fn enqueue(queue: &mut VecDeque<Relayed>, side: Side, to: Peer, frame: &FrameView<'_>) -> bool {
-    let frame = frame.as_bytes();
-    let mut bytes = [0; MAX_FRAME];
-    let Some(place) = bytes.get_mut(..frame.len()) else {
-        return false;
-    };
-    if queue.len() >= MAX_RELAYED {
-        return false;
-    }
-    place.copy_from_slice(frame);
-    queue.push_back(Relayed {
-        side,
-        to,
-        len: frame.len(),
-        bytes,
-    });
-    true
 }
 
 /// Frames of one datagram, many times over: more than this is a flood.
 const MAX_RELAYED: usize = 1_024;
+const BUFFER_BYTES: usize = 64 * 1024;

@@ -1,47 +1,25 @@
 //! How an agent starts: anew, or where an earlier process was ended, with a handover that goes on.
 
-use std::collections::VecDeque;
-
 use mavlink_link::Now;
-use mavlink_link::clock::{Ceiling, Origin};
+use mavlink_link::clock::Ceiling;
 use mavlink_link::exchange::{
     Identity, Node, Parties, Responder, ResponderConfig, ResponderMemory, StagedKey, Wanted,
 };
-use mavlink_link::link::{Endpoint, Link, LinkConfig, Role, Security};
+use mavlink_link::link::{Link, LinkConfig, Role, Security};
 use mavlink_link::provisioning;
-use mavlink_link::receiver::{AllowedStreams, KeyState, Stream};
-use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::receiver::AllowedStreams;
+use mavlink_link::signing::SigningKey;
 use mavlink_link::store::{Store as _, StoreError};
 
+use super::agent::{Agent, Settings};
+use super::exchange::Exchange;
+use super::fallback::Fallback;
+use super::keys::{Held, Keys, with_clock};
+use super::output::Reports;
 use super::phase::{Cause, Phase};
+use super::relay::Relay;
 use super::watch::Watch;
-use super::{Agent, Held, Keys};
-use crate::session::{Counters, LogLevel, Peer};
-
-/// What an agent is told before it starts.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Settings {
-    /// The vehicle's system id: PX4's, and the agent's own towards the ground.
-    pub vehicle_system: u8,
-    /// The agent's own system id towards PX4, which must be another than the vehicle's.
-    pub own_system: u8,
-    /// The agent's component id on both sides.
-    pub own_component: u8,
-    /// The agent's link id on both sides.
-    pub own_link_id: u8,
-    /// Who may speak to PX4, the VSM first; at most [`AllowedStreams::MAX`].
-    pub talkers: Vec<Stream>,
-    /// Where the ground is, where that is known.
-    pub radio: Endpoint<Peer>,
-    /// Where PX4 is, where that is known.
-    pub px4: Endpoint<Peer>,
-    /// Whether PX4 is given the same key with a new stamp after each of its starts.
-    pub restamp: bool,
-    /// A date that cannot be in the future.
-    pub not_before: Stamp,
-    /// The VSM's and the vehicle's identification numbers, DLI.
-    pub ids: [u32; 2],
-}
+use crate::session::LogLevel;
 
 /// Why an agent does not start.
 #[derive(Debug, thiserror::Error)]
@@ -125,20 +103,15 @@ impl Agent {
         };
         let mut agent = Agent {
             identity: fingerprint,
-            responder: Responder::new(exchange, memory, now.mono),
-            news: VecDeque::new(),
+            exchange: Exchange::new(Responder::new(exchange, memory, now.mono)),
             started: now.mono,
             radio: Link::new(radio),
             px4: Link::new(px4),
             phase: Phase::Keyless,
-            fallback: None,
+            fallback: Fallback::default(),
             watch: Watch::default(),
-            queue: VecDeque::new(),
-            notes: VecDeque::new(),
-            texts: VecDeque::new(),
-            held_back: Counters::default(),
-            to_px4: 0,
-            to_ground: 0,
+            relay: Relay::default(),
+            reports: Reports::default(),
             settings,
         };
         agent.resume(held, now, keys)?;
@@ -148,10 +121,10 @@ impl Agent {
     fn resume(&mut self, held: Held, now: Now, keys: &mut dyn Keys) -> Result<(), AgentError> {
         let current = match held.current {
             None => None,
-            Some(key) => Some(self.state_of(key, now, keys)?),
+            Some(key) => Some(with_clock(key, self.settings.not_before, now, keys)?),
         };
         if let Some(next) = held.next {
-            self.note(
+            self.reports.note(
                 LogLevel::Warning,
                 format!(
                     "the handover of key {} is not finished: resuming it",
@@ -164,16 +137,5 @@ impl Agent {
             self.phase = Phase::relaying(key, held.previous);
         }
         Ok(())
-    }
-
-    /// A key with its clock, read from disk.
-    pub(super) fn state_of(
-        &self,
-        key: SigningKey,
-        now: Now,
-        keys: &mut dyn Keys,
-    ) -> Result<KeyState, StoreError> {
-        let not_before = self.settings.not_before;
-        KeyState::start(key, Origin::KeyFile, not_before, now, keys.disk())
     }
 }

@@ -7,8 +7,10 @@ use mavlink_link::link::Auth;
 use mavlink_link::receiver::AUTOPILOT;
 use zeroize::Zeroizing;
 
+use super::agent::Agent;
+use super::keys::Keys;
+use super::output::{Side, Transmit};
 use super::phase::Phase;
-use super::{Agent, Keys, Side, Transmit};
 use crate::session::LogLevel;
 
 impl Agent {
@@ -19,18 +21,16 @@ impl Agent {
         keys: &mut dyn Keys,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit> {
-        if let Some(relayed) = self.queue.pop_front() {
-            *out = relayed.bytes;
-            return Some(Transmit {
-                side: relayed.side,
-                to: relayed.to,
-                len: relayed.len,
-                secret: false,
-            });
+        if let Some(relayed) = self.relay.poll_transmit(out) {
+            return Some(relayed);
         }
-        self.fallback_transmit(now, keys, out)
+        self.fallback
+            .poll_transmit(now, &self.phase, keys, out)
             .or_else(|| self.px4_transmit(now, keys, out))
-            .or_else(|| self.exchange_transmit(now, keys, out))
+            .or_else(|| {
+                let ground = (&mut self.radio, &mut self.phase);
+                self.exchange.poll_transmit(now, ground, keys, out)
+            })
             .or_else(|| self.radio_transmit(now, keys, out))
     }
 
@@ -66,7 +66,7 @@ impl Agent {
                     .px4
                     .send_raw(now, auth, SETUP_SIGNING_ID, &*payload, None, out)
                     .ok()?;
-                self.note(
+                self.reports.note(
                     LogLevel::Info,
                     "PX4 has started, disarmed: its key is given a new stamp; do not cut its power for 5 s",
                 );
@@ -100,7 +100,11 @@ impl Agent {
         if matches!(auth, Auth::Off) {
             return None;
         }
-        let text = if heard { self.texts.pop_front() } else { None };
+        let text = if heard {
+            self.reports.poll_text()
+        } else {
+            None
+        };
         let sent = match text {
             Some((severity, text)) => {
                 let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA {
@@ -112,11 +116,6 @@ impl Agent {
             }
             None => self.radio.poll_transmit(now, auth, out)?,
         };
-        Some(Transmit {
-            side: Side::Radio,
-            to: sent.to,
-            len: sent.len,
-            secret: false,
-        })
+        Some(Transmit::new(Side::Radio, sent.to, sent.len))
     }
 }

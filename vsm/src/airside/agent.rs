@@ -1,0 +1,58 @@
+//! The parts of the machine. What one part alone does is in its own file; what needs several is in the files above.
+
+use std::time::Duration;
+
+use mavlink_link::exchange::Fingerprint;
+use mavlink_link::link::{Endpoint, Link};
+use mavlink_link::receiver::Stream;
+use mavlink_link::signing::Stamp;
+
+use super::exchange::Exchange;
+use super::fallback::Fallback;
+use super::output::Reports;
+use super::phase::Phase;
+use super::relay::Relay;
+use super::watch::Watch;
+use crate::session::Peer;
+
+/// What an agent is configured with.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Settings {
+    /// The vehicle's system id: PX4's, and the agent's own towards the ground.
+    pub vehicle_system: u8,
+    /// The agent's own system id towards PX4, which must be another than the vehicle's.
+    pub own_system: u8,
+    /// The agent's component id on both sides.
+    pub own_component: u8,
+    /// The agent's link id on both sides.
+    pub own_link_id: u8,
+    /// Who may speak to PX4, the VSM first; at most [`AllowedStreams::MAX`].
+    pub talkers: Vec<Stream>,
+    /// Where the ground is, where that is known.
+    pub radio: Endpoint<Peer>,
+    /// Where PX4 is, where that is known.
+    pub px4: Endpoint<Peer>,
+    /// Whether PX4 is given the same key with a new stamp after each of its starts.
+    pub restamp: bool,
+    /// A date that cannot be in the future.
+    pub not_before: Stamp,
+    /// The VSM's and the vehicle's identification numbers, DLI.
+    pub ids: [u32; 2],
+}
+
+/// The machine.
+#[derive(Debug)]
+pub struct Agent {
+    pub(super) settings: Settings,
+    pub(super) started: Duration,
+    pub(super) radio: Link<Peer>,
+    pub(super) px4: Link<Peer>,
+    pub(super) phase: Phase,
+    /// The agent's own static key, as people compare it.
+    pub(super) identity: Fingerprint,
+    pub(super) exchange: Exchange,
+    pub(super) fallback: Fallback,
+    pub(super) watch: Watch,
+    pub(super) relay: Relay,
+    pub(super) reports: Reports,
+}

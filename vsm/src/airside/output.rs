@@ -1,0 +1,93 @@
+//! What the agent gives out: frames for its two links, lines for the log, and texts for the ground.
+
+use std::collections::VecDeque;
+
+use mavlink_link::dialect::MavSeverity;
+use mavlink_link::link::Alert;
+
+use crate::session::{LogLevel, Peer, link_alert_text};
+
+/// One of the agent's two links.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// To the ground.
+    Radio,
+    /// To PX4.
+    Px4,
+}
+
+/// A frame that stands ready in the caller's buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Transmit {
+    /// Which link it goes out on.
+    pub side: Side,
+    /// Where it must go.
+    pub to: Peer,
+    /// Its bytes in the buffer.
+    pub len: usize,
+    /// It holds a key: wipe the buffer once it is sent.
+    pub secret: bool,
+}
+
+/// A line for the log.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    /// How much it matters.
+    pub level: LogLevel,
+    /// What happened.
+    pub text: String,
+}
+
+impl Transmit {
+    pub(super) fn new(side: Side, to: Peer, len: usize) -> Transmit {
+        Transmit {
+            side,
+            to,
+            len,
+            secret: false,
+        }
+    }
+}
+
+/// What people are to know. Whoever is on a link can cause entries at will: what finds no room is dropped.
+#[derive(Debug, Default)]
+pub(super) struct Reports {
+    notes: VecDeque<Note>,
+    texts: VecDeque<(MavSeverity, &'static str)>,
+}
+
+impl Reports {
+    /// A line for the log.
+    pub(super) fn note(&mut self, level: LogLevel, text: impl Into<String>) {
+        if self.notes.len() < MAX_NOTES {
+            let text = text.into();
+            self.notes.push_back(Note { level, text });
+        }
+    }
+
+    pub(super) fn note_alert(&mut self, link: &str, alert: Alert) {
+        let text = match alert {
+            Alert::VehicleUnsigned | Alert::StaysBehind => "stamps or signatures are missing",
+            other => link_alert_text(other),
+        };
+        self.note(LogLevel::Warning, format!("{link}: {text}"));
+    }
+
+    /// A text for the ground, which alerts its operators: at most 50 bytes, the longest that STATUSTEXT holds in one.
+    pub(super) fn alert_ground(&mut self, severity: MavSeverity, text: &'static str) {
+        if self.texts.len() < MAX_TEXTS {
+            self.texts.push_back((severity, text));
+        }
+    }
+
+    pub(super) fn poll_note(&mut self) -> Option<Note> {
+        self.notes.pop_front()
+    }
+
+    pub(super) fn poll_text(&mut self) -> Option<(MavSeverity, &'static str)> {
+        self.texts.pop_front()
+    }
+}
+
+const MAX_NOTES: usize = 256;
+const MAX_TEXTS: usize = 8;
