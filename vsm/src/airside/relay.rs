@@ -59,7 +59,7 @@ impl Relay {
             _ if delivery.header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from the ground",
             _ if closed => "PX4 is not heard, signed",
             None => "PX4 has not been heard",
-            Some(to) => match self.enqueue(Side::Px4, to, &delivery.frame) {
+            Some(to) => match self.enqueue(Side::Px4, to, delivery.frame.as_bytes()) {
                 true => {
                     self.to_px4 += 1;
                     return;
@@ -71,11 +71,11 @@ impl Relay {
     }
 
     /// False where the queue is full.
-    fn enqueue(&mut self, side: Side, to: Peer, frame: &FrameView<'_>) -> bool {
+    fn enqueue(&mut self, side: Side, to: Peer, frame: &[u8]) -> bool {
         if self.queue.len() >= MAX_RELAYED {
             return false;
         }
-        self.buffer.extend_from_slice(frame.as_bytes());
+        self.buffer.extend_from_slice(frame);
         let bytes = self.buffer.split().freeze();
         self.queue.push_back(Relayed { side, to, bytes });
         true
@@ -122,7 +122,7 @@ impl FrameForwarder<'_> {
             _ if header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from PX4",
             _ if header.component_id == self.own_component => "our own frame, reflected",
             None => "the ground has not been heard",
-            Some(to) => match self.relay.enqueue(Side::Radio, to, frame) {
+            Some(to) => match self.relay.enqueue(Side::Radio, to, frame.as_bytes()) {
                 true => {
                     self.relay.to_ground += 1;
                     return;
@@ -137,3 +137,27 @@ impl FrameForwarder<'_> {
 /// Frames of one datagram, many times over: more than this is a flood.
 const MAX_RELAYED: usize = 1_024;
 const BUFFER_BYTES: usize = 64 * 1024;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_relay_that_keeps_up_reuses_its_buffer() {
+        let mut relay = Relay::default();
+        let first = relay.buffer.as_ptr() as usize;
+        for round in 0..2_000_u32 {
+            let frame = [round as u8; 200];
+            for _ in 0..3 {
+                assert!(relay.enqueue(Side::Px4, Peer::Serial, &frame));
+            }
+            for queued in &relay.queue {
+                assert!((first..first + BUFFER_BYTES).contains(&(queued.bytes.as_ptr() as usize)));
+            }
+            let mut out = [0; MAX_FRAME];
+            while let Some(sent) = relay.poll_transmit(&mut out) {
+                assert_eq!(out[..sent.len], frame);
+            }
+        }
+    }
+}
