@@ -253,7 +253,10 @@ fn links(text: &str) -> Vec<&str> {
 }
 
 fn pages() -> Vec<PathBuf> {
-    let mut found = vec![root().join("README.md"), root().join("ARCHITECTURE.md")];
+    let mut found: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"]
+        .iter()
+        .map(|page| root().join(page))
+        .collect();
     for folder in ["docs/guide", "docs/reference", "docs/reference/dli"] {
         for entry in fs::read_dir(root().join(folder)).expect("the documents") {
             let path = entry.expect("an entry").path();
