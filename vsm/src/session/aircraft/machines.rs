@@ -11,7 +11,8 @@ impl Aircraft {
     pub(super) fn hold_operator_control(&mut self, dli: &mut DliEffects<'_>) {
         let wanted = self.authority.controller().is_some() || self.flight.view().loss_action;
         self.link
-            .hold_operator_control(wanted, &self.vehicle, effects!(self, dli));
+            .operator_control
+            .hold(wanted, &self.vehicle, effects!(self, dli));
     }
 
     pub(super) fn authority(

@@ -275,7 +275,9 @@ impl Aircraft {
             VehicleEvent::Link(event) => self.link.report(event, effects!(self, dli)),
             VehicleEvent::ForeignControl(text) => effects!(self, dli).warn_of_link(text),
             VehicleEvent::ControlStatus(status) => {
-                self.link.note_control_status(&status, effects!(self, dli));
+                self.link
+                    .operator_control
+                    .note(&status, effects!(self, dli));
                 self.hold_operator_control(dli);
             }
         }

@@ -6,6 +6,7 @@ use mavlink_link::service::{Node, param};
 
 use super::event::VehicleEvent;
 use super::frame::Peer;
+use super::key_recovery::KeyChange;
 use super::services::Services;
 use super::state::VehicleState;
 use super::{Fresh, VehicleLink, auth};
@@ -22,10 +23,14 @@ impl VehicleLink {
         tap: &mut dyn FnMut(&FrameView<'_>),
     ) {
         let now = effects.dli.now;
-        if self.recover_key_from(now, from, bytes, effects) {
-            return;
+        if (self.key_recovery).handle_datagram(now, from, bytes, effects.dli.disk) {
+            return self.advance_key_recovery(effects);
         }
-        if self.look_for_next_key(now, from, bytes, effects.dli.disk) {
+        let (current, out, store) = (self.key.as_ref(), &mut self.out, &mut *effects.dli.disk);
+        let proven = self.agreement.look(now, from, bytes, current, out, store);
+        if proven.is_some() {
+            self.key = proven;
+            self.key_recovery.change = Some(KeyChange::Commit);
             self.collect(vehicle, effects);
             self.flush(vehicle, effects);
             return;

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::clock::Origin;
-use mavlink_link::frame::{KEY_EXCHANGE_ID, MAX_FRAME};
-use mavlink_link::link::{KeyExchangeFrame, Link};
+use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::link::{Auth, KeyExchangeFrame, Link, LinkConfig};
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
 use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::{Disk, StoreError};
@@ -18,8 +18,6 @@ use serde::Serialize;
 use stanag_msgs::enums::AlertPriority;
 
 use super::frame::{OutFrame, Peer};
-use super::key_recovery::KeyChange;
-use super::{VehicleLink, auth};
 
 /// The part of the exchange that a vehicle's link holds.
 #[derive(Debug, Default)]
@@ -78,15 +76,14 @@ impl Agreement {
     pub(crate) fn status(&self) -> Option<ExchangeStatus> {
         self.status.clone()
     }
-}
 
-impl VehicleLink {
     /// A key that the vehicle may sign with from some moment on: it is looked for in its frames.
     ///
     /// # Errors
     /// The clock of the key cannot be read.
-    pub(crate) fn offer_next_key(
+    pub(super) fn offer(
         &mut self,
+        config: LinkConfig<Peer>,
         key: SigningKey,
         now: Now,
         not_before: Duration,
@@ -98,81 +95,73 @@ impl VehicleLink {
             initial: not_before,
         };
         let key = KeyState::start(key, origin, not_before, now, store)?;
-        let link = Link::new(*self.link.config());
-        self.agreement.next = Some(Box::new(NextKey { link, key }));
+        let link = Link::new(config);
+        self.next = Some(Box::new(NextKey { link, key }));
         Ok(())
     }
 
     /// Looks for the next key in what arrived: the first frame of the autopilot that is accepted under it is the proof.
     /// One with an old stamp may be a recording: it is answered by a heartbeat under that key, which lifts a vehicle that
-    /// has it. True where the proof was among these bytes, which have been taken then.
-    pub(super) fn look_for_next_key(
+    /// has it. Returns the key where the proof was among these bytes, which have been taken then.
+    pub(super) fn look(
         &mut self,
         now: Now,
         from: Peer,
         bytes: &[u8],
+        current: Option<&KeyState>,
+        out: &mut VecDeque<OutFrame>,
         store: &mut dyn Disk,
-    ) -> bool {
-        let Some(next) = &mut self.agreement.next else {
-            return false;
-        };
-        let NextKey { link, key } = &mut **next;
+    ) -> Option<KeyState> {
+        let NextKey { link, key } = self.next.as_deref_mut()?;
         let stale = link.stats().stale;
         let mut proven = false;
-        link.handle_datagram(now, from, bytes, auth(Some(key), store), &mut |delivery| {
+        let auth = Auth::Signed {
+            key: &mut *key,
+            store: &mut *store,
+        };
+        link.handle_datagram(now, from, bytes, auth, &mut |delivery| {
             proven |= delivery.verified && delivery.header.component_id == AUTOPILOT;
         });
-        // The link under the current key sees the same bytes, and tells.
+        // The link under the current key sees the same bytes, and reports them.
         while link.poll_event().is_some() {}
         if link.stats().stale > stale
-            && let Some(current) = &self.key
+            && let Some(current) = current
         {
             // As when it is adopted: what lifts the vehicle must be above what it has had from us.
             let _ = key.follow(current.clock().reading(now), now, store);
         }
         let mut frame = [0; MAX_FRAME];
-        while let Some(sent) = link.poll_transmit(now, auth(Some(key), store), &mut frame) {
-            self.out.push_back(OutFrame::new(sent.to, sent.len, frame));
+        loop {
+            let auth = Auth::Signed {
+                key: &mut *key,
+                store: &mut *store,
+            };
+            let Some(sent) = link.poll_transmit(now, auth, &mut frame) else {
+                break;
+            };
+            out.push_back(OutFrame::new(sent.to, sent.len, frame));
         }
         if proven {
-            self.adopt_next_key(now, store);
-            self.key_recovery.change = Some(KeyChange::Commit);
+            self.adopt(now, current, store)
+        } else {
+            None
         }
-        proven
     }
 
-    /// The vehicle signs with the next key already.
-    pub(crate) fn adopt_next_key(&mut self, now: Now, store: &mut dyn Disk) {
-        let Some(mut next) = self.agreement.next.take() else {
-            return;
-        };
-        if let Some(current) = &self.key {
-            // The vehicle has one table of streams for all keys, so our stamps go on rising. Where they cannot, its
-            // receiver tells by silence, as with any clock that is behind.
-            let _ = next.key.follow(current.clock().reading(now), now, store);
-        }
-        self.key = Some(next.key);
-    }
-
-    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` where there is none yet.
-    pub(crate) fn send_key_exchange(
+    /// Ends the search: the vehicle signs with the next key already. Returns that key.
+    pub(super) fn adopt(
         &mut self,
         now: Now,
-        payload: &[u8],
-        otherwise: Option<Peer>,
+        current: Option<&KeyState>,
         store: &mut dyn Disk,
-    ) {
-        let to = self.link.peer().or(otherwise);
-        let mut bytes = [0; MAX_FRAME];
-        let auth = auth(self.key.as_mut(), store);
-        // A message that cannot leave is lost, and sent again in time.
-        if let Ok(sent) = self
-            .link
-            .send_raw(now, auth, KEY_EXCHANGE_ID, payload, to, &mut bytes)
-        {
-            self.sent.count(KEY_EXCHANGE_ID);
-            self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
+    ) -> Option<KeyState> {
+        let mut next = self.next.take()?;
+        if let Some(current) = current {
+            // The vehicle has one table of streams for all keys, so our stamps go on rising. Where they cannot, its
+            // receiver shows it by silence, as with any clock that is behind.
+            let _ = next.key.follow(current.clock().reading(now), now, store);
         }
+        Some(next.key)
     }
 }
 

@@ -1,19 +1,18 @@
 //! A key rollover that an earlier process did not finish: which of the two keys the vehicle has is found out in flight,
 //! by asking under both. The key itself is never sent from here.
 
-use std::collections::BTreeMap;
+use std::collections::VecDeque;
 
 use mavlink_link::Now;
 use mavlink_link::frame::MAX_FRAME;
-use mavlink_link::link::{self, Alert, LinkState};
+use mavlink_link::link::{self, Alert, LinkConfig};
 use mavlink_link::provisioning::{Event, KeyRollover, KeyRolloverConfig, Outcome, StartError};
+use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::Disk;
 
-use super::VehicleLink;
 use super::event::VehicleEvent;
 use super::frame::{OutFrame, Peer};
-use crate::session::effects::Effects;
 
 /// What the shell does with the key files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +34,7 @@ pub(crate) struct KeyRecovery {
 }
 
 impl KeyRecovery {
-    /// When [`VehicleLink::handle_timeout`] is next needed for it.
+    /// When [`KeyRecovery::handle_timeout`] is next needed.
     pub(super) fn poll_timeout(&self) -> Option<std::time::Duration> {
         self.rollover
             .as_ref()
@@ -46,123 +45,91 @@ impl KeyRecovery {
     pub(super) fn is_open(&self) -> bool {
         self.rollover.is_some()
     }
-}
 
-impl VehicleLink {
-    /// The vehicle may have `next` instead of its key: until that is known nothing of it is delivered.
-    pub(crate) fn begin_key_recovery(
+    /// Begins the search between the `current` key and `next`.
+    pub(super) fn begin(
         &mut self,
+        link: LinkConfig<Peer>,
+        current: Option<KeyState>,
         next: SigningKey,
         not_before: Stamp,
         now: Now,
         store: &mut dyn Disk,
     ) -> Result<(), StartError> {
         let config = KeyRolloverConfig {
-            link: *self.link.config(),
+            link,
             not_before,
             may_send_key: false,
             believe_unsigned: false,
         };
-        let rollover = KeyRollover::start(config, self.key.take(), next, now, store)?;
-        self.key_recovery.rollover = Some(Box::new(rollover));
+        let rollover = KeyRollover::start(config, current, next, now, store)?;
+        self.rollover = Some(Box::new(rollover));
         Ok(())
     }
 
     /// Takes a datagram while the key is not known. True where it has been taken.
-    pub(super) fn recover_key_from(
+    pub(super) fn handle_datagram(
         &mut self,
         now: Now,
         from: Peer,
         bytes: &[u8],
-        effects: &mut Effects<'_>,
+        store: &mut dyn Disk,
     ) -> bool {
-        let Some(rollover) = &mut self.key_recovery.rollover else {
+        let Some(rollover) = &mut self.rollover else {
             return false;
         };
-        rollover.handle_datagram(now, from, bytes, effects.dli.disk);
-        self.advance_key_recovery(effects);
+        rollover.handle_datagram(now, from, bytes, store);
         true
     }
 
     /// Does what is due while the key is not known.
-    pub(super) fn recover_key(&mut self, effects: &mut Effects<'_>) {
-        if let Some(rollover) = &mut self.key_recovery.rollover {
-            rollover.handle_timeout(effects.dli.now);
-            self.advance_key_recovery(effects);
+    pub(super) fn handle_timeout(&mut self, now: Now) {
+        if let Some(rollover) = &mut self.rollover {
+            rollover.handle_timeout(now);
         }
     }
 
-    fn advance_key_recovery(&mut self, effects: &mut Effects<'_>) {
-        let now = effects.dli.now;
-        let KeyRecovery {
-            rollover: running,
-            reported_open,
-            change,
-        } = &mut self.key_recovery;
-        let Some(rollover) = running else {
+    /// Moves what the search sends and reports to `out` and `events`. Once the vehicle has proved which key it has, that
+    /// is the `key` in force.
+    pub(super) fn advance(
+        &mut self,
+        now: Now,
+        key: &mut Option<KeyState>,
+        out: &mut VecDeque<OutFrame>,
+        events: &mut VecDeque<VehicleEvent>,
+        store: &mut dyn Disk,
+    ) {
+        let Some(rollover) = &mut self.rollover else {
             return;
         };
         let mut bytes = [0; MAX_FRAME];
-        while let Some(sent) = rollover.poll_transmit(now, effects.dli.disk, &mut bytes) {
-            self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
+        while let Some(sent) = rollover.poll_transmit(now, store, &mut bytes) {
+            out.push_back(OutFrame::new(sent.to, sent.len, bytes));
         }
         while let Some(event) = rollover.poll_event() {
             match event {
-                Event::Commit => *change = Some(KeyChange::Commit),
-                Event::Ended(Outcome::RolledBack) => *change = Some(KeyChange::DropNext),
+                Event::Commit => self.change = Some(KeyChange::Commit),
+                Event::Ended(Outcome::RolledBack) => self.change = Some(KeyChange::DropNext),
                 _ => {}
             }
         }
-        if rollover.vehicle_is_open(now.mono) && !*reported_open {
-            *reported_open = true;
-            self.events.push_back(VehicleEvent::Link(link::Event::Alert(
-                Alert::VehicleUnsigned,
-            )));
+        if rollover.vehicle_is_open(now.mono) && !self.reported_open {
+            self.reported_open = true;
+            let alert = link::Event::Alert(Alert::VehicleUnsigned);
+            events.push_back(VehicleEvent::Link(alert));
         }
         // Only what the vehicle has proved ends the search: without a key nothing could ever be believed again.
         if let Some(Outcome::Committed | Outcome::RolledBack) = rollover.outcome()
-            && let Some(rollover) = running.take()
+            && let Some(rollover) = self.rollover.take()
         {
-            self.key = rollover.into_key_in_force();
+            *key = rollover.into_key_in_force();
         }
     }
 
-    /// How the link stands, for the status.
-    pub(crate) fn link_state_name(&self) -> &'static str {
-        if self.key_recovery.is_open() {
-            return "settling";
-        }
-        match self.link.state() {
-            LinkState::Waiting => "waiting",
-            LinkState::Live => "live",
-            LinkState::Behind => "behind",
-        }
-    }
-
-    /// Frames that carried the vehicle's system id and were refused, by the reason.
-    pub(crate) fn refused_frames(&self) -> BTreeMap<&'static str, u64> {
-        let stats = self.stats();
-        let key_recovery = self.key_recovery.rollover.as_deref();
-        let (unsigned, foreign) = key_recovery.map_or((0, 0), |rollover| {
+    /// Frames that were not signed, and frames signed with neither key, during the search.
+    pub(super) fn refused_frames(&self) -> (u64, u64) {
+        self.rollover.as_deref().map_or((0, 0), |rollover| {
             (rollover.disbelieved_frames(), rollover.foreign_frames())
-        });
-        [
-            ("not signed", stats.unsigned_vehicle + unsigned),
-            (
-                "signature does not fit the key",
-                stats.bad_signature + foreign,
-            ),
-            ("replayed, reordered or fallen back", stats.stale),
-            ("stamp over an hour ahead", stats.future),
-            ("another link's stream", stats.unexpected_link),
-            ("stream not on the list", stats.not_listed),
-            ("too many streams", stats.stream_table_full),
-            ("signing clock not stored", stats.ceiling_not_stored),
-            ("our own frame, reflected", stats.reflected),
-            ("not from the peer", stats.wrong_peer),
-        ]
-        .into_iter()
-        .filter(|&(_, count)| count > 0)
-        .collect()
+        })
     }
 }

@@ -1,12 +1,8 @@
 //! The signing link id that a vehicle's autopilot uses on its link, stored over restarts: recordings of another of its
 //! links, played in at a start, are then refused from the first one on.
 
-use mavlink_link::store::{Durability, Record, Store as _};
+use mavlink_link::store::{Durability, Record};
 use stanag_msgs::Id;
-
-use super::VehicleLink;
-use crate::session::effects::Effects;
-use crate::session::log::LogLevel;
 
 /// What was learned in an earlier run; `None` within for a record that cannot be understood: it is learned again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,22 +24,5 @@ impl Record for LinkId {
     fn decode(bytes: &[u8]) -> Result<LinkId, String> {
         let text = std::str::from_utf8(bytes).ok();
         Ok(LinkId(text.and_then(|text| text.trim().parse().ok())))
-    }
-}
-
-impl VehicleLink {
-    /// Stores the link id that was learned, where it is another than the stored one.
-    pub(crate) fn store_link_id(&mut self, effects: &mut Effects<'_>) {
-        let learned = self.link.learned_link_id();
-        if learned.is_none() || self.stored_link_id == learned {
-            return;
-        }
-        // Not tried again: a disk that fails is logged once, and costs one observation at the next start.
-        self.stored_link_id = learned;
-        let vehicle = effects.id;
-        if let Err(fault) = effects.disk().save(&vehicle, &LinkId(learned)) {
-            let text = format!("the vehicle's link id is not kept: {fault}");
-            effects.note(LogLevel::Warning, text);
-        }
     }
 }

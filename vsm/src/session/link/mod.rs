@@ -21,16 +21,18 @@ mod sending;
 pub(crate) mod services;
 pub(crate) mod state;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
+use mavlink_link::Now;
 use mavlink_link::dialect::{MavMessage, MavSeverity};
-use mavlink_link::link::{Alert, Auth, Event, Link, LinkStats};
+use mavlink_link::link::{Alert, Auth, Event, Link, LinkState, LinkStats};
+use mavlink_link::provisioning::StartError;
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
 use mavlink_link::service::Node;
 use mavlink_link::service::text::Texts;
-use mavlink_link::signing::Stamp;
-use mavlink_link::store::Disk;
+use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::store::{Disk, Store as _, StoreError};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use self::event::VehicleEvent;
@@ -132,7 +134,8 @@ impl VehicleLink {
     /// Does what is due.
     pub(crate) fn handle_timeout(&mut self, vehicle: &mut VehicleState, effects: &mut Effects<'_>) {
         let now = effects.dli.now;
-        self.recover_key(effects);
+        self.key_recovery.handle_timeout(now);
+        self.advance_key_recovery(effects);
         self.link.handle_timeout(now);
         let Services {
             missions,
@@ -242,6 +245,107 @@ impl VehicleLink {
             // No exchange is configured for this vehicle.
             Event::KeyExchange(_) => effects.dli.counters.count("key exchange ignored"),
         }
+    }
+}
+
+/// Keys that the vehicle may have instead of the one in force.
+impl VehicleLink {
+    /// The vehicle may have `next` instead of its key: until that is known nothing of it is delivered.
+    ///
+    /// # Errors
+    /// The disk cannot be read, or both are the same key.
+    pub(crate) fn begin_key_recovery(
+        &mut self,
+        next: SigningKey,
+        not_before: Stamp,
+        now: Now,
+        store: &mut dyn Disk,
+    ) -> Result<(), StartError> {
+        let (config, current) = (*self.link.config(), self.key.take());
+        self.key_recovery
+            .begin(config, current, next, not_before, now, store)
+    }
+
+    fn advance_key_recovery(&mut self, effects: &mut Effects<'_>) {
+        let (key, out, events) = (&mut self.key, &mut self.out, &mut self.events);
+        self.key_recovery
+            .advance(effects.dli.now, key, out, events, effects.dli.disk);
+    }
+
+    /// A key that the vehicle may sign with from some moment on: it is looked for in its frames.
+    ///
+    /// # Errors
+    /// The clock of the key cannot be read.
+    pub(crate) fn offer_next_key(
+        &mut self,
+        key: SigningKey,
+        now: Now,
+        not_before: Duration,
+        store: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        self.agreement
+            .offer(*self.link.config(), key, now, not_before, store)
+    }
+
+    /// The vehicle signs with the next key already.
+    pub(crate) fn adopt_next_key(&mut self, now: Now, store: &mut dyn Disk) {
+        if let Some(next) = self.agreement.adopt(now, self.key.as_ref(), store) {
+            self.key = Some(next);
+        }
+    }
+
+    /// Stores the link id that was learned, where it is another than the stored one.
+    pub(crate) fn store_link_id(&mut self, effects: &mut Effects<'_>) {
+        let learned = self.link.learned_link_id();
+        if learned.is_none() || self.stored_link_id == learned {
+            return;
+        }
+        // Not tried again: a disk that fails is logged once, and costs one observation at the next start.
+        self.stored_link_id = learned;
+        let vehicle = effects.id;
+        if let Err(fault) = effects.disk().save(&vehicle, &LinkId(learned)) {
+            let text = format!("the vehicle's link id is not kept: {fault}");
+            effects.note(LogLevel::Warning, text);
+        }
+    }
+}
+
+/// For the status.
+impl VehicleLink {
+    /// How the link stands, for the status.
+    pub(crate) fn link_state_name(&self) -> &'static str {
+        if self.key_recovery.is_open() {
+            return "settling";
+        }
+        match self.link.state() {
+            LinkState::Waiting => "waiting",
+            LinkState::Live => "live",
+            LinkState::Behind => "behind",
+        }
+    }
+
+    /// Frames that carried the vehicle's system id and were refused, by the reason.
+    pub(crate) fn refused_frames(&self) -> BTreeMap<&'static str, u64> {
+        let stats = self.stats();
+        let (unsigned, foreign) = self.key_recovery.refused_frames();
+        [
+            ("not signed", stats.unsigned_vehicle + unsigned),
+            (
+                "signature does not fit the key",
+                stats.bad_signature + foreign,
+            ),
+            ("replayed, reordered or fallen back", stats.stale),
+            ("stamp over an hour ahead", stats.future),
+            ("another link's stream", stats.unexpected_link),
+            ("stream not on the list", stats.not_listed),
+            ("too many streams", stats.stream_table_full),
+            ("signing clock not stored", stats.ceiling_not_stored),
+            ("our own frame, reflected", stats.reflected),
+            ("not from the peer", stats.wrong_peer),
+        ]
+        .into_iter()
+        .filter(|&(_, count)| count > 0)
+        .collect()
     }
 }
 

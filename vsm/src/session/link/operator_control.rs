@@ -12,7 +12,6 @@ use mavlink_link::dialect::{CONTROL_STATUS_DATA, GcsControlStatusFlags, MavCmd};
 use mavlink_link::service::command::{self, Command, Payload, Repetition, Ticket};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
-use super::VehicleLink;
 use super::state::VehicleState;
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
@@ -53,15 +52,9 @@ impl OperatorControl {
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         self.pending.then_some(self.next_at)
     }
-}
 
-impl VehicleLink {
     /// Keeps what a CONTROL_STATUS of the vehicle says.
-    pub(crate) fn note_control_status(
-        &mut self,
-        status: &CONTROL_STATUS_DATA,
-        effects: &mut Effects<'_>,
-    ) {
+    pub(crate) fn note(&mut self, status: &CONTROL_STATUS_DATA, effects: &mut Effects<'_>) {
         let manager = GcsControlStatusFlags::GCS_CONTROL_STATUS_FLAGS_SYSTEM_MANAGER;
         if !status.flags.contains(manager) {
             return;
@@ -73,7 +66,7 @@ impl VehicleLink {
         } else {
             status.gcs_main
         };
-        self.operator_control.reported = Some((owner, effects.dli.now.mono));
+        self.reported = Some((owner, effects.dli.now.mono));
         match owner {
             0 => effects.clear(
                 Cause::OperatorControl,
@@ -95,24 +88,18 @@ impl VehicleLink {
     }
 
     /// Requests operator control where it is `wanted`, or releases it, of a vehicle that reports it.
-    pub(crate) fn hold_operator_control(
-        &mut self,
-        wanted: bool,
-        vehicle: &VehicleState,
-        effects: &mut Effects<'_>,
-    ) {
+    pub(crate) fn hold(&mut self, wanted: bool, vehicle: &VehicleState, effects: &mut Effects<'_>) {
         let now = effects.dli.now.mono;
         let own = effects.vehicle.own_system();
-        let control = &mut self.operator_control;
-        let Some(owner) = control.owner(now) else {
-            control.pending = false;
+        let Some(owner) = self.owner(now) else {
+            self.pending = false;
             return;
         };
-        control.pending = wanted != (owner == own) && control.ticket.is_none() && vehicle.live();
-        if !control.pending || control.next_at > now {
+        self.pending = wanted != (owner == own) && self.ticket.is_none() && vehicle.live();
+        if !self.pending || self.next_at > now {
             return;
         }
-        control.next_at = now + BETWEEN;
+        self.next_at = now + BETWEEN;
         let params = [
             f32::from(u8::from(wanted)),
             0.0,
@@ -128,8 +115,8 @@ impl VehicleLink {
             repetition: Repetition::Safe,
         };
         // A full queue is tried again later.
-        control.ticket = effects.vehicle.commands.submit(now, command).ok();
-        control.pending = control.ticket.is_none();
+        self.ticket = effects.vehicle.commands.submit(now, command).ok();
+        self.pending = self.ticket.is_none();
     }
 }
 

@@ -4,12 +4,12 @@
 use mavlink::Message as _;
 use mavlink_link::Now;
 use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
-use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::frame::{KEY_EXCHANGE_ID, MAX_FRAME};
 use mavlink_link::signing::Stamp;
 use mavlink_link::store::Disk;
 
 use super::event::VehicleEvent;
-use super::frame::OutFrame;
+use super::frame::{OutFrame, Peer};
 use super::services::Services;
 use super::state::VehicleState;
 use super::{VehicleLink, auth};
@@ -89,6 +89,27 @@ impl VehicleLink {
         self.sent.count(message.message_id());
         self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
         sent.stamp
+    }
+
+    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` where there is none yet.
+    pub(crate) fn send_key_exchange(
+        &mut self,
+        now: Now,
+        payload: &[u8],
+        otherwise: Option<Peer>,
+        store: &mut dyn Disk,
+    ) {
+        let to = self.link.peer().or(otherwise);
+        let mut bytes = [0; MAX_FRAME];
+        let auth = auth(self.key.as_mut(), store);
+        // A message that cannot leave is lost, and sent again in time.
+        if let Ok(sent) = self
+            .link
+            .send_raw(now, auth, KEY_EXCHANGE_ID, payload, to, &mut bytes)
+        {
+            self.sent.count(KEY_EXCHANGE_ID);
+            self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
+        }
     }
 }
 
