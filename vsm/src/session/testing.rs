@@ -5,22 +5,32 @@ use std::path::Path;
 use std::time::Duration;
 
 use mapping::altitude::Altimeter;
+use mapping::mode::Px4Mode;
 use mapping::parameter::Parameters;
+use mapping::plan::Plan;
 use mapping::report::Commanded;
+use mapping::telemetry::{Attitude, Place};
 use mavlink_link::Now;
-use mavlink_link::service::Node;
+use mavlink_link::dialect::{
+    COMMAND_ACK_DATA, MavCmd, MavLandedState, MavMessage, MavResult, MavType,
+};
+use mavlink_link::service::{Node, command};
 use mavlink_link::store::{Disk, MemoryDisk};
+use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::LoiterConfiguration;
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::alerts::Alerts;
-use super::context::{Bounds, Context, FlightView, Origin, ParameterView, Settings};
+use super::context::{
+    Bounds, Context, FlightView, MissionView, Origin, ParameterView, Settings, Transfer,
+};
 use super::counters::Counters;
 use super::duplicates::Remembered;
 use super::effects::{DliEffects, Effects, Request};
 use super::link::services::Services;
 use super::link::state::VehicleState;
 use super::log::LogEntry;
+use super::mission::progress::RouteProgress;
 use super::outbox::Outbox;
 use super::station::GroundStation;
 use crate::config::{self, Config};
@@ -50,9 +60,19 @@ pub(crate) struct World {
     pub(crate) loiter: LoiterConfiguration,
     /// A maneuver is in progress.
     pub(crate) maneuver: bool,
+    pub(crate) plan: Plan,
+    pub(crate) transfer: Transfer,
+    progress: RouteProgress,
     remembered: Vec<Remembered>,
     vsm_alerts: Alerts,
     outbox: Outbox,
+}
+
+/// What the other machines show.
+pub(crate) struct Views<'a> {
+    pub(crate) mission: MissionView<'a>,
+    pub(crate) flight: FlightView<'a>,
+    pub(crate) parameters: ParameterView<'a>,
 }
 
 impl World {
@@ -110,11 +130,90 @@ impl World {
             parameters: Parameters::default(),
             loiter: LoiterConfiguration::default(),
             maneuver: false,
+            plan: Plan::default(),
+            transfer: Transfer::None,
+            progress: RouteProgress::default(),
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
             vsm_alerts: Alerts::new(0),
             outbox: Outbox::default(),
             stations,
         }
+    }
+
+    /// The same with a multicopter in the air, 20 m above home, in this mode.
+    pub(crate) fn airborne(mode: Px4Mode) -> World {
+        let mut world = World::new();
+        let home = Place {
+            latitude: 47.0,
+            longitude: 8.0,
+            amsl_m: 400.0,
+        };
+        let telemetry = &mut world.vehicle.telemetry;
+        telemetry.vehicle_type = Some(MavType::MAV_TYPE_QUADROTOR);
+        telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_IN_AIR);
+        telemetry.armed = Some(true);
+        telemetry.home = Some(home);
+        telemetry.position = Some(Place {
+            amsl_m: 420.0,
+            ..home
+        });
+        telemetry.velocity_ned = Some([3.0, 0.0, 0.0]);
+        telemetry.attitude = Some(Attitude {
+            roll: 0.0,
+            pitch: 0.0,
+            yaw: 0.0,
+            roll_rate: 0.0,
+            pitch_rate: 0.0,
+            yaw_rate: 0.0,
+        });
+        world.show_mode(mode);
+        world
+    }
+
+    /// The vehicle reports this mode, by a message made after the last command.
+    pub(crate) fn show_mode(&mut self, mode: Px4Mode) {
+        self.vehicle.show_mode(self.now.mono, mode);
+    }
+
+    /// From now on nothing can be written.
+    pub(crate) fn fill_disk(&mut self) {
+        self.disk = Box::new(MemoryDisk {
+            full: Some(""),
+            ..MemoryDisk::default()
+        });
+    }
+
+    /// The modes of PX4 that the vehicle was commanded to enter since the last look; other commands are dropped.
+    pub(crate) fn commanded_modes(&mut self) -> Vec<Px4Mode> {
+        let mut modes = Vec::new();
+        while let Some(message) = self.services.commands.poll_transmit() {
+            if let MavMessage::COMMAND_LONG(command) = message
+                && command.command == MavCmd::MAV_CMD_DO_SET_MODE
+            {
+                let (main, sub) = (command.param2 as u32, command.param3 as u32);
+                modes.push(Px4Mode(main << 16 | sub << 24));
+            }
+        }
+        modes
+    }
+
+    /// The vehicle answers the command that it was sent last. Returns how the commands that have ended did.
+    pub(crate) fn answer(&mut self, command: MavCmd, result: MavResult) -> Vec<command::Event> {
+        let commands = &mut self.services.commands;
+        let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+            command,
+            result,
+            target_system: 245,
+            target_component: 190,
+            ..COMMAND_ACK_DATA::default()
+        });
+        commands.handle_message(self.now.mono, Node::new(1, 1), &ack, true);
+        std::iter::from_fn(|| commands.poll_event()).collect()
+    }
+
+    /// What was sent to the vehicle beside commands since the last look.
+    pub(crate) fn posts(&mut self) -> Vec<MavMessage> {
+        self.services.take_posts()
     }
 
     pub(crate) fn advance(&mut self, span: Duration) {
@@ -125,7 +224,7 @@ impl World {
     /// Lets a machine act: what it reads, what the other machines show, and what it may do.
     pub(crate) fn act<R>(
         &mut self,
-        act: impl FnOnce(Context<'_>, FlightView<'_>, ParameterView<'_>, &mut Effects<'_>) -> R,
+        act: impl FnOnce(Context<'_>, Views<'_>, &mut Effects<'_>) -> R,
     ) -> R {
         let context = Context {
             now: self.now,
@@ -151,6 +250,23 @@ impl World {
             values: &self.parameters,
             reading: false,
         };
+        let mission = MissionView {
+            plan: &self.plan,
+            uploaded: None,
+            loaded: None,
+            progress: &self.progress,
+            transfer: self.transfer,
+            fence_busy: false,
+            may_change: match self.transfer {
+                Transfer::None => Ok(()),
+                Transfer::Running { .. } => Err("a transfer is running"),
+            },
+        };
+        let views = Views {
+            mission,
+            flight,
+            parameters,
+        };
         let mut effects = Effects {
             dli: DliEffects {
                 now: self.now,
@@ -170,7 +286,7 @@ impl World {
             vehicle: &mut self.services,
             requests: &mut self.requests,
         };
-        act(context, flight, parameters, &mut effects)
+        act(context, views, &mut effects)
     }
 
     /// What was sent to a station since this was last called for any; what went to others is dropped.
@@ -198,4 +314,13 @@ pub(crate) fn origin(message: &Message) -> Origin {
         stamp: Some(TimeStamp(1)),
         ack_requested: true,
     }
+}
+
+/// The acknowledgements among these messages.
+pub(crate) fn acknowledgements(messages: &[Message]) -> Vec<AckType> {
+    let ack = |message: &Message| match message {
+        Message::MessageAcknowledgement(ack) => ack.acknowledgement_type,
+        _ => None,
+    };
+    messages.iter().filter_map(ack).collect()
 }

@@ -174,3 +174,161 @@ fn name(action: Action) -> &'static str {
 const MAX_TRIES: u32 = 2;
 /// From one try, or look, to the next.
 const RETRY_INTERVAL: Duration = Duration::from_secs(2);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::testing::World;
+
+    /// In the air, in a mode that no action leads to, with nobody in control.
+    fn flying(world: &World) -> LossContext {
+        LossContext {
+            now: world.now.mono,
+            live: true,
+            on_ground: false,
+            controlled: false,
+            mode: Some(Px4Mode::POSCTL),
+            carries_contingency: false,
+            busy: false,
+            may_change_mission: true,
+        }
+    }
+
+    fn poll(world: &mut World, machine: &mut LossAction, context: LossContext) -> Option<Action> {
+        world.act(|_, _, effects| machine.poll(&context, effects))
+    }
+
+    fn begun(world: &World, on_loss: OnLoss, steered: bool) -> LossAction {
+        let mut machine = LossAction::default();
+        machine.begin(on_loss, steered, world.now.mono);
+        machine
+    }
+
+    #[test]
+    fn returns_home_after_the_hold_was_refused_twice() {
+        let mut world = World::new();
+        let mut machine = begun(&world, OnLoss::Hold, false);
+        let expected = [Action::Hold, Action::Hold, Action::Return, Action::Return];
+        for (tries, action) in expected.into_iter().enumerate() {
+            let context = flying(&world);
+            assert_eq!(poll(&mut world, &mut machine, context), Some(action));
+            assert_eq!(poll(&mut world, &mut machine, context), None, "not at once");
+            let emergency = world.alerts.standing().next().map(|alert| alert.priority);
+            assert_eq!(emergency.is_some(), tries > 0);
+            assert!(emergency.is_none_or(|priority| priority == AlertPriority::Emergency));
+            assert_eq!(
+                machine.poll_timeout(),
+                Some(world.now.mono + RETRY_INTERVAL)
+            );
+            world.advance(RETRY_INTERVAL);
+        }
+        let returning = LossContext {
+            mode: Some(Px4Mode::RTL),
+            ..flying(&world)
+        };
+        assert_eq!(poll(&mut world, &mut machine, returning), None);
+        assert!(!machine.is_active() && machine.poll_timeout().is_none());
+        assert_eq!(world.alerts.standing().count(), 0);
+    }
+
+    #[test]
+    fn tries_are_not_counted_while_the_vehicle_is_silent_or_busy() {
+        let mut world = World::new();
+        let mut machine = begun(&world, OnLoss::Hold, false);
+        for round in 0..10 {
+            let context = LossContext {
+                live: round % 2 == 0,
+                busy: true,
+                ..flying(&world)
+            };
+            assert_eq!(poll(&mut world, &mut machine, context), None);
+            assert!(machine.is_active());
+            world.advance(RETRY_INTERVAL);
+        }
+        assert_eq!(world.alerts.standing().count(), 0, "it has refused nothing");
+        for action in [Action::Hold, Action::Hold, Action::Return] {
+            let context = flying(&world);
+            assert_eq!(poll(&mut world, &mut machine, context), Some(action));
+            world.advance(RETRY_INTERVAL);
+        }
+    }
+
+    #[test]
+    fn a_silent_vehicle_is_not_done_whatever_it_showed_last() {
+        let mut world = World::new();
+        let mut machine = begun(&world, OnLoss::Rtl, false);
+        let last_shown = LossContext {
+            live: false,
+            on_ground: true,
+            mode: Some(Px4Mode::RTL),
+            ..flying(&world)
+        };
+        assert_eq!(poll(&mut world, &mut machine, last_shown), None);
+        assert!(machine.is_active());
+        world.advance(RETRY_INTERVAL);
+        let context = flying(&world);
+        assert_eq!(
+            poll(&mut world, &mut machine, context),
+            Some(Action::Return)
+        );
+    }
+
+    #[test]
+    fn a_contingency_that_cannot_be_uploaded_now_becomes_a_return() {
+        let mut world = World::new();
+        let mut machine = begun(&world, OnLoss::Contingency, false);
+        let transferring = LossContext {
+            may_change_mission: false,
+            ..flying(&world)
+        };
+        let action = poll(&mut world, &mut machine, transferring);
+        assert_eq!(action, Some(Action::Return));
+    }
+
+    #[test]
+    fn a_mission_ends_the_action_only_where_it_is_the_contingency() {
+        for carries_contingency in [false, true] {
+            let mut world = World::new();
+            let mut machine = begun(&world, OnLoss::Contingency, false);
+            let context = LossContext {
+                mode: Some(Px4Mode::MISSION),
+                carries_contingency,
+                ..flying(&world)
+            };
+            let action = poll(&mut world, &mut machine, context);
+            let expected = (!carries_contingency).then_some(Action::Contingency);
+            assert_eq!(action, expected);
+            assert_eq!(machine.is_active(), !carries_contingency);
+        }
+    }
+
+    #[test]
+    fn it_ends_on_the_ground_and_once_a_station_controls_even_a_silent_vehicle() {
+        let mut world = World::new();
+        let (ground, taken) = (
+            LossContext {
+                on_ground: true,
+                ..flying(&world)
+            },
+            LossContext {
+                controlled: true,
+                live: false,
+                ..flying(&world)
+            },
+        );
+        for context in [ground, taken] {
+            let mut machine = begun(&world, OnLoss::Rtl, false);
+            assert_eq!(poll(&mut world, &mut machine, context), None);
+            assert!(!machine.is_active());
+        }
+    }
+
+    #[test]
+    fn continue_holds_only_a_vehicle_that_was_steered() {
+        let mut world = World::new();
+        assert!(!begun(&world, OnLoss::Continue, false).is_active());
+        let mut machine = begun(&world, OnLoss::Continue, true);
+        let context = flying(&world);
+        assert_eq!(poll(&mut world, &mut machine, context), Some(Action::Hold));
+    }
+}

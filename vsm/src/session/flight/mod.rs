@@ -15,6 +15,8 @@ mod settings;
 mod situation;
 mod steering;
 mod sticks;
+#[cfg(test)]
+mod tests;
 
 use std::ops::Deref;
 use std::time::Duration;

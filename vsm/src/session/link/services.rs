@@ -40,6 +40,12 @@ impl Services {
         self.posts.push_back(message);
     }
 
+    /// What would be sent, without a link.
+    #[cfg(test)]
+    pub(crate) fn take_posts(&mut self) -> Vec<MavMessage> {
+        self.posts.drain(..).collect()
+    }
+
     /// Requests a message at a rate from now on, as soon as another command may be sent.
     pub(crate) fn request_rate(&mut self, message: u32, hertz: f32) {
         self.intervals.request(message, Rate::Hz(hertz));

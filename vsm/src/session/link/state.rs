@@ -44,6 +44,14 @@ impl VehicleState {
         self.silent = false;
     }
 
+    /// Makes it report a mode just now, without a link.
+    #[cfg(test)]
+    pub(crate) fn show_mode(&mut self, now: Duration, mode: mapping::mode::Px4Mode) {
+        self.telemetry.mode = Some(mode);
+        self.mode_at = Some(now);
+        self.state_is_newer = true;
+    }
+
     /// Whether data is received from it: its telemetry is not stale.
     pub(crate) fn live(&self) -> bool {
         !self.silent

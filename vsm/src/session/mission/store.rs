@@ -452,12 +452,12 @@ mod tests {
     }
 
     fn store(world: &mut World, store: &mut MissionStore, message: &Message) -> Result<(), String> {
-        world.act(|_, _, _, effects| store.store(message, CUCS, effects))
+        world.act(|_, _, effects| store.store(message, CUCS, effects))
     }
 
     fn restored(world: &mut World) -> MissionStore {
         let mut store = MissionStore::default();
-        let restored = world.act(|_, _, _, effects| store.restore(effects));
+        let restored = world.act(|_, _, effects| store.restore(effects));
         restored.expect("the records are read");
         store
     }
@@ -478,7 +478,7 @@ mod tests {
         assert!(took < Duration::from_secs(5), "{took:?}");
         assert_eq!(restored(&mut world).plan(), plan.plan());
         world
-            .act(|_, _, _, effects| plan.fold_log(CUCS, effects))
+            .act(|_, _, effects| plan.fold_log(CUCS, effects))
             .expect("folded");
         assert!(
             !disk
@@ -556,12 +556,12 @@ mod tests {
                             store(&mut world, &mut plan, message).is_ok()
                         }
                         Step::Fold => world
-                            .act(|_, _, _, effects| plan.fold_log(CUCS, effects))
+                            .act(|_, _, effects| plan.fold_log(CUCS, effects))
                             .is_ok(),
                         Step::Clear => {
                             after.clear();
                             world
-                                .act(|_, _, _, effects| plan.cleared(None, CUCS, effects))
+                                .act(|_, _, effects| plan.cleared(None, CUCS, effects))
                                 .is_ok()
                         }
                     };
@@ -625,7 +625,7 @@ mod tests {
         let (mut world, disk) = world();
         let mut plan = MissionStore::default();
         let clear = |world: &mut World, plan: &mut MissionStore| {
-            world.act(|_, _, _, effects| plan.cleared(None, CUCS, effects))
+            world.act(|_, _, effects| plan.cleared(None, CUCS, effects))
         };
         store(&mut world, &mut plan, &waypoint(1, 0)).expect("stored");
         disk.0.borrow_mut().stuck = true;
@@ -645,7 +645,7 @@ mod tests {
         disk.append("plan-1b000101.log", b"not hex\n", Durability::Process)
             .expect("written");
         let mut found = MissionStore::default();
-        let restored = world.act(|_, _, _, effects| found.restore(effects));
+        let restored = world.act(|_, _, effects| found.restore(effects));
         assert_eq!(
             restored.expect_err("it is refused").name,
             "plan-1b000101.log"

@@ -17,18 +17,18 @@ use stanag_msgs::{Text, TimeStamp};
 
 use super::*;
 use crate::session::effects::Request;
-use crate::session::testing::{CUCS, World, origin};
+use crate::session::testing::{CUCS, World, acknowledgements, origin};
 
 const MISSION: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
 const FENCE: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
 const SECOND: Duration = Duration::from_secs(1);
 
 fn handle(world: &mut World, mission: &mut Mission, input: Input<'_>) {
-    world.act(|common, flight, parameters, effects| {
+    world.act(|common, views, effects| {
         let context = Context {
             common,
-            flight,
-            parameters,
+            flight: views.flight,
+            parameters: views.parameters,
         };
         mission.handle(&context, input, effects);
     });
@@ -119,7 +119,7 @@ fn ready() -> (World, Mission) {
 /// The items that the stored route is compiled to.
 fn compiled(world: &mut World, mission: &Mission) -> Vec<Item> {
     let plan = mission.store.plan();
-    world.act(|context, _, parameters, _| {
+    world.act(|context, views, _| {
         let telemetry = &context.vehicle.telemetry;
         let site = Site {
             home: telemetry.home.expect("it was set"),
@@ -128,7 +128,7 @@ fn compiled(world: &mut World, mission: &Mission) -> Vec<Item> {
             altimeter: Altimeter::STANDARD,
             hovers: telemetry.hovers(),
             limits: context.bounds.limits,
-            performance: parameters.performance(&context),
+            performance: views.parameters.performance(&context),
             curving: context.bounds.curving,
         };
         route::compile(plan, 1, &site).expect("it is valid").items
@@ -145,11 +145,7 @@ fn transfer(mode: Mode) -> MissionTransferCommand {
 
 /// The acknowledgements since the last look.
 fn answers(world: &mut World) -> Vec<AckType> {
-    let ack = |message| match message {
-        Message::MessageAcknowledgement(ack) => ack.acknowledgement_type,
-        _ => None,
-    };
-    world.sent_to(0).into_iter().filter_map(ack).collect()
+    acknowledgements(&world.sent_to(0))
 }
 
 /// Status and per cent of the 14000s since the last look, and the texts of the alerts.
@@ -190,7 +186,7 @@ fn a_route_is_loaded_once_the_vehicle_names_it_and_a_restart_finds_it() {
     assert_eq!(mission.poll_timeout(), None);
 
     let mut found = Mission::new(Vec::new());
-    let restored = world.act(|_, _, _, effects| found.restore(effects));
+    let restored = world.act(|_, _, effects| found.restore(effects));
     restored.expect("the records are read");
     assert_eq!(found.store.plan(), mission.store.plan());
     let notes = |route: Option<&UploadedMission>| {

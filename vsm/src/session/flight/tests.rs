@@ -1,0 +1,303 @@
+//! The machine without the others: commands go in, the vehicle's side is played by the test.
+
+use mavlink_link::dialect::{MavCmd, MavResult};
+use stanag_msgs::TimeStamp;
+use stanag_msgs::enums::HeadingCommandType;
+use stanag_msgs::scalar::{Bam16, Scaled};
+
+use super::*;
+use crate::config::OnLoss;
+use crate::session::testing::{World, acknowledgements, origin};
+
+const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
+const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
+
+fn handle(world: &mut World, flight: &mut Flight, input: Input<'_>) {
+    world.act(|common, views, effects| {
+        let context = Context {
+            common,
+            mission: views.mission,
+            parameters: views.parameters,
+        };
+        flight.handle(&context, input, effects);
+    });
+}
+
+/// A message of station 0, and what the machine does at once.
+fn command(world: &mut World, flight: &mut Flight, message: impl Into<Message>) -> Vec<AckType> {
+    let message = message.into();
+    let input = Input::Command {
+        origin: origin(&message),
+        message: &message,
+    };
+    handle(world, flight, input);
+    handle(world, flight, Input::Advance);
+    acknowledgements(&world.sent_to(0))
+}
+
+/// The vehicle answers a change of mode.
+fn answer_mode(world: &mut World, flight: &mut Flight, result: MavResult) -> Vec<AckType> {
+    for event in world.answer(MavCmd::MAV_CMD_DO_SET_MODE, result) {
+        handle(world, flight, Input::CommandEnded(&event));
+    }
+    handle(world, flight, Input::Advance);
+    acknowledgements(&world.sent_to(0))
+}
+
+fn sticks() -> UaStickCommand {
+    UaStickCommand {
+        time_stamp: Some(TimeStamp(1)),
+        longitudinal_stick: Some(50),
+        ..UaStickCommand::default()
+    }
+}
+
+fn turn_to(heading: f64) -> VehicleOperatingModeCommand {
+    VehicleOperatingModeCommand {
+        heading_command_type: Some(HeadingCommandType::Heading),
+        commanded_heading: Some(Bam16::from_radians(heading)),
+        ..select(Mode::Autopilot)
+    }
+}
+
+/// Steered by set points, in the mode for that.
+fn steered() -> (World, Flight) {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    let answers = command(&mut world, &mut flight, turn_to(0.0));
+    assert_eq!(answers, [AckType::Received]);
+    assert_eq!(world.posts().len(), 1, "a set point before the mode");
+    assert_eq!(world.commanded_modes(), [Px4Mode::OFFBOARD]);
+    world.show_mode(Px4Mode::OFFBOARD);
+    let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+    assert_eq!(answers, [AckType::CarriedOut]);
+    (world, flight)
+}
+
+#[test]
+fn a_mode_is_carried_out_once_the_vehicle_shows_it_not_when_it_accepts_it() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    let answers = command(&mut world, &mut flight, select(Mode::Loiter));
+    assert_eq!(answers, [AckType::Received]);
+    assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
+    assert_eq!(answer_mode(&mut world, &mut flight, ACCEPTED), []);
+    assert!(flight.view().maneuver);
+    world.show_mode(Px4Mode::LOITER);
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(acknowledgements(&world.sent_to(0)), [AckType::CarriedOut]);
+    assert!(!flight.view().maneuver && flight.poll_timeout().is_none());
+}
+
+#[test]
+fn a_later_command_supersedes_the_one_in_progress() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    command(&mut world, &mut flight, select(Mode::Loiter));
+    assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
+    let answers = command(&mut world, &mut flight, select(Mode::AutolandEngage));
+    assert_eq!(answers, [AckType::Received, AckType::Refused]);
+    let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+    assert_eq!(answers, [], "an answer to the first is none to the second");
+    world.show_mode(Px4Mode::LAND);
+    let mut sent = world.commanded_modes();
+    assert_eq!(sent.pop(), Some(Px4Mode::LAND));
+    let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+    assert_eq!(answers, [AckType::CarriedOut]);
+}
+
+#[test]
+fn sticks_stream_before_manual_flight_and_no_longer_once_it_is_refused() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    let manual = || select(Mode::FlightDirector);
+    let answers = command(&mut world, &mut flight, manual());
+    assert_eq!(answers, [AckType::Received, AckType::Refused], "no sticks");
+    assert_eq!(
+        command(&mut world, &mut flight, sticks()),
+        [AckType::CarriedOut]
+    );
+    assert!(
+        world.posts().is_empty(),
+        "PX4 breaks off a mission when sticks move"
+    );
+    command(&mut world, &mut flight, manual());
+    assert_eq!(world.posts().len(), 1);
+    assert_eq!(
+        world.commanded_modes(),
+        [],
+        "PX4 must have seen sticks first"
+    );
+    world.advance(SEEN_WITHIN);
+    command(&mut world, &mut flight, sticks());
+    assert_eq!(world.posts().len(), 1);
+    assert_eq!(world.commanded_modes(), [Px4Mode::POSCTL]);
+    let answers = answer_mode(&mut world, &mut flight, DENIED);
+    assert_eq!(answers, [AckType::Refused]);
+    world.advance(Duration::from_millis(100));
+    handle(&mut world, &mut flight, Input::Advance);
+    assert!(world.posts().is_empty() && flight.poll_timeout().is_none());
+}
+
+#[test]
+fn within_its_mode_steering_changes_set_points_alone() {
+    let (mut world, mut flight) = steered();
+    world.posts();
+    world.advance(Duration::from_millis(50));
+    let answers = command(&mut world, &mut flight, turn_to(1.0));
+    assert_eq!(answers, [AckType::Received, AckType::CarriedOut]);
+    assert_eq!(world.commanded_modes(), []);
+    let posts = world.posts();
+    let [MavMessage::SET_POSITION_TARGET_LOCAL_NED(set_point)] = posts.as_slice() else {
+        panic!("one set point, not {posts:?}");
+    };
+    assert!((set_point.yaw - 1.0).abs() < 1e-3, "{}", set_point.yaw);
+}
+
+#[test]
+fn set_points_end_when_their_mode_is_refused_or_left() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    command(&mut world, &mut flight, turn_to(0.0));
+    assert!(flight.view().steering);
+    world.commanded_modes();
+    let answers = answer_mode(&mut world, &mut flight, DENIED);
+    assert_eq!(answers, [AckType::Refused]);
+    assert!(!flight.view().steering);
+
+    let (mut world, mut flight) = steered();
+    world.show_mode(Px4Mode::POSCTL);
+    handle(&mut world, &mut flight, Input::Advance);
+    assert!(!flight.view().steering);
+}
+
+#[test]
+fn a_steered_vehicle_that_nobody_controls_any_more_is_held() {
+    for nobody in [false, true] {
+        let (mut world, mut flight) = steered();
+        if nobody {
+            world.controller = None;
+        }
+        handle(&mut world, &mut flight, Input::ControlChanged);
+        handle(&mut world, &mut flight, Input::Advance);
+        let expected: &[Px4Mode] = if nobody { &[Px4Mode::LOITER] } else { &[] };
+        assert_eq!(world.commanded_modes(), expected);
+        assert!(
+            flight.view().steering,
+            "until the vehicle shows another mode"
+        );
+    }
+}
+
+#[test]
+fn a_maneuver_ends_with_the_right_of_its_sender_and_one_of_the_vsm_does_not() {
+    for of_the_vsm in [false, true] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+        if of_the_vsm {
+            handle(&mut world, &mut flight, Input::Hold);
+            handle(&mut world, &mut flight, Input::Advance);
+        } else {
+            command(&mut world, &mut flight, select(Mode::Loiter));
+        }
+        world.controller = None;
+        handle(&mut world, &mut flight, Input::ControlChanged);
+        assert_eq!(flight.view().maneuver, of_the_vsm);
+        let expected: &[AckType] = if of_the_vsm { &[] } else { &[AckType::Refused] };
+        assert_eq!(acknowledgements(&world.sent_to(0)), expected);
+    }
+}
+
+#[test]
+fn a_command_that_waits_for_its_route_does_not_begin_after_a_later_one() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    world.transfer = context::Transfer::Running {
+        owner: None,
+        waiting_command: Some(None),
+    };
+    command(&mut world, &mut flight, select(Mode::Loiter));
+    assert!(
+        matches!(
+            world.requests.pop_front(),
+            Some(Request::DropWaitingCommand {
+                without_right: false,
+                ..
+            })
+        ),
+        "what waits for its route must not begin after a later command"
+    );
+}
+
+#[test]
+fn an_altimeter_setting_is_stored_before_it_applies_and_refused_by_a_full_disk() {
+    let set = || VehicleOperatingModeCommand {
+        altimeter_setting: Some(Scaled::saturating_from_si(100_000.0)),
+        ..select(Mode::Loiter)
+    };
+    let wanted = Altimeter::new(100_000.0).expect("a pressure");
+
+    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    command(&mut world, &mut flight, set());
+    assert_eq!(flight.view().altimeter, wanted);
+    assert!(matches!(
+        world.requests.pop_front(),
+        Some(Request::Configured { by: Some(0), .. })
+    ));
+    let mut restarted = Flight::default();
+    let restored = world.act(|_, _, effects| restarted.restore(effects));
+    restored.expect("the record is read");
+    assert_eq!(restarted.view().altimeter, wanted);
+
+    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    world.fill_disk();
+    let answers = command(&mut world, &mut flight, set());
+    assert_eq!(answers, [AckType::Received, AckType::Refused]);
+    assert_eq!(flight.view().altimeter, Altimeter::STANDARD);
+    assert!(world.requests.is_empty());
+    assert_eq!(world.commanded_modes(), [], "the whole command is refused");
+}
+
+#[test]
+fn nothing_is_commanded_of_a_silent_vehicle() {
+    let mut flight = Flight::default();
+    let mut world = World::new();
+    world.vehicle = crate::session::link::state::VehicleState::default();
+    let answers = command(&mut world, &mut flight, select(Mode::Loiter));
+    assert_eq!(answers, [AckType::Received, AckType::Refused]);
+    assert_eq!(world.commanded_modes(), []);
+}
+
+#[test]
+fn the_loss_of_the_controller_is_flown_home_where_the_hold_is_refused_twice() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    world.settings.authority.on_loss = OnLoss::Hold;
+    world.controller = None;
+    handle(&mut world, &mut flight, Input::ControllerLost);
+    assert!(flight.view().loss_action);
+    for mode in [Px4Mode::LOITER, Px4Mode::LOITER, Px4Mode::RTL] {
+        handle(&mut world, &mut flight, Input::WatchLossAction);
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(world.commanded_modes(), [mode]);
+        answer_mode(&mut world, &mut flight, DENIED);
+        assert!(!flight.view().maneuver);
+        let due = flight.poll_timeout().expect("the next try");
+        world.advance(due.saturating_sub(world.now.mono));
+    }
+    world.show_mode(Px4Mode::RTL);
+    handle(&mut world, &mut flight, Input::WatchLossAction);
+    assert!(!flight.view().loss_action && flight.poll_timeout().is_none());
+}
+
+#[test]
+fn a_launch_that_a_restart_cut_off_leaves_no_running_motors_on_the_ground() {
+    for airborne in [false, true] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        flight.launch_cut_off = true;
+        if !airborne {
+            let landed = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
+            world.vehicle.telemetry.landed = Some(landed);
+        }
+        handle(&mut world, &mut flight, Input::EndCutOffLaunch);
+        handle(&mut world, &mut flight, Input::Advance);
+        let disarms = world.services.commands.poll_transmit().is_some_and(|sent| {
+            matches!(sent, MavMessage::COMMAND_LONG(sent)
+                if sent.command == MavCmd::MAV_CMD_COMPONENT_ARM_DISARM && sent.param1 == 0.0)
+        });
+        assert_eq!(disarms, !airborne);
+        assert!(!flight.launch_cut_off, "once");
+    }
+}
