@@ -117,6 +117,7 @@ impl Aircraft {
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
         link.handle_timeout(vehicle, effects!(self, dli));
         self.authority(dli, authority::Input::WatchSilence);
+        // At once: the loss of the controller is flown in this call, not at the next timeout.
         self.deliver_requests(dli);
         self.flight(dli, flight::Input::WatchLossAction);
         self.settle(dli);

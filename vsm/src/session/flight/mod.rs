@@ -200,6 +200,7 @@ impl Flight {
             }
             Input::ModeChanged => self.forget_commanded(context),
             Input::Advance => {
+                // Streams before modes: PX4 rejects POSCTL without sticks and OFFBOARD without set points.
                 self.stream_sticks(context, effects);
                 self.stream_set_points(context, effects);
                 self.advance(context, effects);

@@ -80,6 +80,7 @@ impl VehicleLink {
         effects: &mut Effects<'_>,
     ) {
         let now = effects.dli.now.mono;
+        // A text may come from any component of the vehicle's system; state and answers only from its autopilot.
         self.texts.handle_message(now, node, message);
         if node != self.vehicle {
             return;
@@ -97,6 +98,7 @@ impl VehicleLink {
             message,
             MavMessage::HEARTBEAT(_) | MavMessage::CURRENT_MODE(_)
         ) {
+            // A heartbeat that was on its way when a command was sent shows the mode of before it, and confirms nothing.
             vehicle.state_is_newer |= fresh.state;
             vehicle.mode_at = Some(now);
         }

@@ -49,6 +49,7 @@ impl VehicleLink {
         }
         while let Some(message) = services.missions.poll_transmit() {
             let stamp = self.send(now, &message, store);
+            // The first stamp is kept: the answer to it may arrive after a repeat was sent.
             self.asked.mission = self.asked.mission.or(stamp);
         }
         if services.parameters.pending() == 0 {

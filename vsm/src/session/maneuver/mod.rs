@@ -130,6 +130,8 @@ impl Maneuver {
                 self.next();
                 Progress::Going
             }
+            // PX4 rejects arming so for some seconds after its start, and a mode whose stream it has not seen yet: the
+            // same command is accepted a little later.
             Outcome::Answered {
                 result: MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
                 ..

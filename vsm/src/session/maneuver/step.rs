@@ -90,6 +90,7 @@ pub(crate) fn mode_after(steps: &[Step], now: Option<Px4Mode>) -> Option<Px4Mode
 /// Arms, and takes off to an altitude above mean sea level.
 pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
     const TAKEN_OFF: &[Px4Mode] = &[Px4Mode::TAKEOFF, Px4Mode::LOITER];
+    // Armed in AUTO.MISSION, PX4 would take off along its mission at once.
     let mut steps: Vec<Step> = enter(&[Px4Mode::LOITER]).into();
     // PX4 takes plain AUTO.TAKEOFF to MIS_TAKEOFF_ALT: the altitude must be in the command. Unused parameters that
     // are neither 0 nor NaN are denied.

@@ -279,11 +279,13 @@ impl RouteUpload {
             .mission
             .is_some_and(|mission| mission.mission_id == plan_id(&compiled.items));
         if same {
+            // PX4 applies nothing of an upload that it names already: only a read-back shows whether it holds these items.
             return match Upload::read_back(now, KIND, vehicle) {
                 Ok(upload) => self.begun(upload, compiled, 50),
                 Err(fault) => refused(None, Fault::NotRead(fault).explain("plan"), false),
             };
         }
+        // PX4 flies another plan from the index that it has reached in this one.
         if telemetry.mode == Some(Px4Mode::MISSION) && !telemetry.stands() {
             let maneuver = Maneuver::new(maneuver::enter(&[Px4Mode::LOITER]), Commanded::default());
             self.phase = Phase::Hold { maneuver, compiled };
