@@ -14,6 +14,8 @@ pub(crate) mod audit;
 mod messages;
 pub(crate) mod record;
 pub(crate) mod rules;
+#[cfg(test)]
+mod tests;
 
 use std::ops::Deref;
 use std::time::Duration;
@@ -718,6 +720,8 @@ impl AuthorityMachine {
         effects.dli.alert(context.id(), &to, raised);
         self.report_handover(context, Some(id), None, status, effects);
         if silence == Silence::Lost {
+            // After `ControlChanged`, which the decision has requested: that puts a steered vehicle on hold, and would
+            // supersede the action if it came second.
             effects.request(Request::ControllerLost);
         }
     }

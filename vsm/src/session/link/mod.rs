@@ -20,6 +20,8 @@ mod rates;
 mod sending;
 pub(crate) mod services;
 pub(crate) mod state;
+#[cfg(test)]
+mod tests;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;

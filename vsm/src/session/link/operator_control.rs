@@ -126,3 +126,88 @@ const STALE: Duration = Duration::from_secs(5);
 const BETWEEN: Duration = Duration::from_secs(2);
 /// param3 of the request: how long another station is shown that it waits, s.
 const SHOWN_FOR_S: f32 = 10.0;
+
+#[cfg(test)]
+mod tests {
+    use mavlink_link::dialect::{MavMessage, MavResult};
+    use stanag_msgs::enums::AlertPriority;
+
+    use super::*;
+    use crate::session::testing::World;
+
+    const OWN: u8 = 245;
+
+    fn report(world: &mut World, control: &mut OperatorControl, owner: u8) {
+        let status = CONTROL_STATUS_DATA {
+            gcs_main: owner,
+            flags: GcsControlStatusFlags::GCS_CONTROL_STATUS_FLAGS_SYSTEM_MANAGER,
+            ..CONTROL_STATUS_DATA::default()
+        };
+        world.act(|_, _, effects| control.note(&status, effects));
+    }
+
+    /// What is requested now: `true` for control, `false` for its release.
+    fn hold(world: &mut World, control: &mut OperatorControl, wanted: bool) -> Option<bool> {
+        world.act(|context, _, effects| control.hold(wanted, context.vehicle, effects));
+        match world.services.commands.poll_transmit() {
+            Some(MavMessage::COMMAND_LONG(sent)) => {
+                assert_eq!(sent.command, MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL);
+                assert_eq!(sent.param4, f32::from(OWN));
+                Some(sent.param1 == 1.0)
+            }
+            other => {
+                assert_eq!(other, None);
+                None
+            }
+        }
+    }
+
+    fn answer(world: &mut World, control: &mut OperatorControl) {
+        let command = MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL;
+        for event in world.answer(command, MavResult::MAV_RESULT_ACCEPTED) {
+            control.answered(&event);
+        }
+    }
+
+    #[test]
+    fn nothing_is_requested_of_a_vehicle_that_does_not_report_it_or_no_longer() {
+        let (mut world, mut control) = (World::new(), OperatorControl::default());
+        assert_eq!(hold(&mut world, &mut control, true), None);
+        report(&mut world, &mut control, 0);
+        world.advance(STALE);
+        assert_eq!(hold(&mut world, &mut control, true), None);
+        assert_eq!(control.poll_timeout(), None);
+    }
+
+    #[test]
+    fn control_is_requested_until_it_is_shown_and_released_when_it_is_not_wanted() {
+        let (mut world, mut control) = (World::new(), OperatorControl::default());
+        report(&mut world, &mut control, 0);
+        assert_eq!(hold(&mut world, &mut control, false), None);
+        assert_eq!(hold(&mut world, &mut control, true), Some(true));
+        assert_eq!(hold(&mut world, &mut control, true), None, "unanswered");
+        answer(&mut world, &mut control);
+        assert_eq!(hold(&mut world, &mut control, true), None, "not at once");
+        assert_eq!(control.poll_timeout(), Some(world.now.mono + BETWEEN));
+        world.advance(BETWEEN);
+        assert_eq!(hold(&mut world, &mut control, true), Some(true));
+        answer(&mut world, &mut control);
+        report(&mut world, &mut control, OWN);
+        assert_eq!(hold(&mut world, &mut control, true), None);
+        assert_eq!(control.poll_timeout(), None);
+        // Control has passed to nobody: the release need not wait.
+        control.soon();
+        assert_eq!(hold(&mut world, &mut control, false), Some(false));
+    }
+
+    #[test]
+    fn another_owner_is_warned_of_until_this_vsm_is_shown() {
+        let (mut world, mut control) = (World::new(), OperatorControl::default());
+        report(&mut world, &mut control, 250);
+        let standing: Vec<_> = world.alerts.standing().map(|one| one.priority).collect();
+        assert_eq!(standing, [AlertPriority::Warning]);
+        report(&mut world, &mut control, OWN);
+        assert_eq!(world.alerts.standing().count(), 0);
+        assert_eq!(control.owner(world.now.mono), Some(OWN));
+    }
+}

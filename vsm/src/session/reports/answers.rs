@@ -139,3 +139,68 @@ const BURST: usize = 16;
 const PAUSE: Duration = Duration::from_millis(20);
 /// Answers and requests that may wait; a level of interoperability has some 200.
 pub(super) const MAX_WAITING: usize = 4_096;
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::messages::ParameterReport;
+
+    use super::*;
+    use crate::session::testing::{World, acknowledgements, origin};
+
+    fn reports(count: usize) -> Vec<Message> {
+        vec![ParameterReport::default().into(); count]
+    }
+
+    /// How many of them station 0 has been sent, and the acknowledgements.
+    fn sent(world: &mut World) -> (usize, Vec<AckType>) {
+        let messages = world.sent_to(0);
+        let report = |message: &&Message| matches!(message, Message::ParameterReport(_));
+        let count = messages.iter().filter(report).count();
+        (count, acknowledgements(&messages))
+    }
+
+    #[test]
+    fn answers_go_out_in_bursts_and_the_acknowledgement_follows_the_last() {
+        let (mut world, mut queue) = (World::new(), AnswerQueue::default());
+        let of = origin(&ParameterReport::default().into());
+        world.act(|_, _, effects| queue.answer(0, reports(40), Some(of), effects));
+        assert_eq!(sent(&mut world), (BURST, vec![]));
+        assert_eq!(queue.poll_timeout(), Some(world.now.mono + PAUSE));
+        world.act(|_, _, effects| queue.send_due(effects));
+        assert_eq!(
+            sent(&mut world),
+            (0, vec![]),
+            "not before the pause is over"
+        );
+        world.advance(PAUSE);
+        world.act(|_, _, effects| queue.send_due(effects));
+        assert_eq!(sent(&mut world), (BURST, vec![]));
+        world.advance(PAUSE);
+        world.act(|_, _, effects| queue.send_due(effects));
+        assert_eq!(sent(&mut world), (8, vec![AckType::CarriedOut]));
+        assert_eq!(queue.poll_timeout(), None);
+    }
+
+    #[test]
+    fn what_a_station_is_not_sent_any_more_ends_its_request_and_no_other() {
+        let (mut world, mut queue) = (World::new(), AnswerQueue::default());
+        let of = origin(&ParameterReport::default().into());
+        let other = Origin { station: 1, ..of };
+        queue.push(world.now.mono, 1, reports(1), Some(other));
+        queue.push(world.now.mono, 0, reports(1), Some(of));
+        assert_eq!(queue.abort(1), [other]);
+        world.act(|_, _, effects| queue.send_due(effects));
+        assert_eq!(sent(&mut world), (1, vec![AckType::CarriedOut]));
+        assert_eq!(queue.len(), 0);
+    }
+
+    #[test]
+    fn a_full_queue_refuses_and_keeps_what_it_has() {
+        let (mut world, mut queue) = (World::new(), AnswerQueue::default());
+        let of = origin(&ParameterReport::default().into());
+        queue.push(world.now.mono, 0, reports(MAX_WAITING + 1), None);
+        world.act(|_, _, effects| queue.answer(0, reports(1), Some(of), effects));
+        assert_eq!(sent(&mut world), (0, vec![AckType::Refused]));
+        assert_eq!(queue.len(), MAX_WAITING + 1);
+    }
+}

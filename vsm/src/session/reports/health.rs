@@ -203,3 +203,76 @@ const RAISE_AFTER: Duration = Duration::from_millis(1_500);
 const CLEAR_AFTER: Duration = Duration::from_secs(3);
 /// 1101.06: there is no more detail.
 const NO_MORE: i32 = -1;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::link::state::VehicleState;
+    use crate::session::testing::World;
+
+    /// A look at a vehicle with or without a GPS position.
+    fn watch(world: &mut World, health: &mut HealthWatch, gps_fix: bool) -> usize {
+        world.vehicle.telemetry.gps_fix = Some(gps_fix);
+        world.act(|context, views, effects| {
+            health.watch(&context, views.parameters.values, effects);
+        });
+        world.alerts.standing().count()
+    }
+
+    #[test]
+    fn a_fault_is_raised_once_it_has_lasted_and_cleared_once_it_is_gone() {
+        let (mut world, mut health) = (World::new(), HealthWatch::default());
+        let millisecond = Duration::from_millis(1);
+        assert_eq!(watch(&mut world, &mut health, false), 0);
+        let due = world.now.mono + RAISE_AFTER + WATCH_SLACK;
+        assert_eq!(health.poll_timeout(), Some(due));
+        world.advance(RAISE_AFTER - millisecond);
+        assert_eq!(watch(&mut world, &mut health, false), 0);
+        world.advance(millisecond);
+        assert_eq!(watch(&mut world, &mut health, false), 1);
+        assert_eq!(health.poll_timeout(), None, "it stands as long as it lasts");
+        assert_eq!(watch(&mut world, &mut health, true), 1);
+        let due = world.now.mono + CLEAR_AFTER + WATCH_SLACK;
+        assert_eq!(health.poll_timeout(), Some(due));
+        world.advance(CLEAR_AFTER - millisecond);
+        assert_eq!(watch(&mut world, &mut health, true), 1);
+        world.advance(millisecond);
+        assert_eq!(watch(&mut world, &mut health, true), 0);
+        assert_eq!(health.poll_timeout(), None);
+    }
+
+    #[test]
+    fn a_fault_that_comes_and_goes_is_no_storm_of_alerts() {
+        let (mut world, mut health) = (World::new(), HealthWatch::default());
+        for round in 0..20 {
+            assert_eq!(watch(&mut world, &mut health, round % 2 == 1), 0);
+            world.advance(Duration::from_secs(1));
+        }
+        world.advance(RAISE_AFTER);
+        watch(&mut world, &mut health, false);
+        world.advance(RAISE_AFTER);
+        assert_eq!(watch(&mut world, &mut health, false), 1);
+        for round in 0..20 {
+            assert_eq!(watch(&mut world, &mut health, round % 2 == 0), 1);
+            world.advance(Duration::from_secs(1));
+        }
+    }
+
+    #[test]
+    fn nothing_is_raised_cleared_or_awaited_while_the_vehicle_is_silent() {
+        for fault in [false, true] {
+            let (mut world, mut health) = (World::new(), HealthWatch::default());
+            watch(&mut world, &mut health, !fault);
+            world.advance(RAISE_AFTER);
+            let before = watch(&mut world, &mut health, !fault);
+            assert_eq!(before, usize::from(fault));
+            // Its last messages show the contrary, and it is silent from then on.
+            watch(&mut world, &mut health, fault);
+            assert!(health.poll_timeout().is_some());
+            world.vehicle = VehicleState::default();
+            world.advance(Duration::from_secs(60));
+            assert_eq!(watch(&mut world, &mut health, fault), before);
+            assert_eq!(health.poll_timeout(), None);
+        }
+    }
+}

@@ -14,6 +14,8 @@ mod health;
 mod parameters;
 mod push;
 mod requests;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeSet;
 use std::ops::Deref;

@@ -45,6 +45,7 @@ impl Push {
     /// A message that is due now for a listening station, until there is none. Each is due again a period later.
     pub(super) fn next_due(&mut self, now: Duration, station: usize) -> Option<u16> {
         let Push { due, scheduled } = self;
+        // What a station has scheduled replaces the default of that message, for that station alone.
         let defaults = DEFAULTS
             .iter()
             .filter(|(message, _)| !scheduled.contains_key(&(station, *message)))
@@ -85,3 +86,64 @@ const DEFAULTS: &[(u16, Duration)] = &[
     (4001, Duration::from_millis(400)),
     (16002, Duration::from_millis(1_000)),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ms(millis: u64) -> Duration {
+        Duration::from_millis(millis)
+    }
+
+    fn due(push: &mut Push, now: Duration, station: usize) -> Vec<u16> {
+        let mut messages: Vec<u16> = std::iter::from_fn(|| push.next_due(now, station)).collect();
+        messages.sort_unstable();
+        messages
+    }
+
+    #[test]
+    fn a_new_listener_is_sent_each_report_at_once_and_then_in_its_period() {
+        let mut push = Push::default();
+        push.begin(ms(0), 0);
+        assert_eq!(due(&mut push, ms(0), 0), [3001, 3002, 4000, 4001, 16002]);
+        assert!(due(&mut push, ms(0), 0).is_empty());
+        assert_eq!(push.poll_timeout(), Some(ms(200)));
+        assert_eq!(due(&mut push, ms(200), 0), [4000]);
+        assert_eq!(due(&mut push, ms(400), 0), [3001, 3002, 4000, 4001]);
+        assert_eq!(
+            due(&mut push, ms(1_000), 0),
+            [3001, 3002, 4000, 4001, 16002]
+        );
+    }
+
+    #[test]
+    fn a_late_timer_does_not_shift_the_period_and_a_long_pause_is_not_made_up_for() {
+        let mut push = Push::default();
+        push.begin(ms(0), 0);
+        due(&mut push, ms(0), 0);
+        assert_eq!(due(&mut push, ms(250), 0), [4000]);
+        assert!(due(&mut push, ms(399), 0).is_empty());
+        assert!(due(&mut push, ms(400), 0).contains(&4000));
+        let after_a_pause = due(&mut push, ms(10_000), 0);
+        assert_eq!(after_a_pause, [3001, 3002, 4000, 4001, 16002], "each once");
+        assert_eq!(push.poll_timeout(), Some(ms(10_200)));
+    }
+
+    #[test]
+    fn a_schedule_holds_for_its_station_until_it_no_longer_listens() {
+        let mut push = Push::default();
+        for station in [0, 1] {
+            push.begin(ms(0), station);
+            due(&mut push, ms(0), station);
+        }
+        push.schedule(0, 4000, Period::Never);
+        push.schedule(0, 3001, Period::Every(ms(100)));
+        push.schedule(0, 101, Period::Every(ms(1_000)));
+        assert_eq!(due(&mut push, ms(0), 0), [101, 3001, 3002, 4001, 16002]);
+        assert_eq!(due(&mut push, ms(100), 0), [3001]);
+        assert_eq!(due(&mut push, ms(200), 0), [3001], "4000 is cancelled");
+        assert_eq!(due(&mut push, ms(200), 1), [4000], "by the other");
+        push.forget(0);
+        assert_eq!(due(&mut push, ms(300), 0), [3001, 3002, 4000, 4001, 16002]);
+    }
+}

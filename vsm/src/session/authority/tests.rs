@@ -1,0 +1,318 @@
+//! The machine without the others: what stations ask for, the disk and the time are played by the test.
+
+use mavlink_link::store::MemoryDisk;
+use stanag_msgs::messages::{
+    EngineCommand, ParameterRequest, UaRoute, VehicleOperatingModeCommand,
+};
+
+use super::*;
+use crate::session::testing::{CUCS, World, acknowledgements, origin};
+
+/// The station with the index 1.
+const SECOND: Id = Id(CUCS.0 + 1);
+const LOI4_5: LoiBitmap = CONTROL;
+/// What who controls holds: it listens, too.
+const GRANTED: LoiBitmap = LOI4_5.union(LoiBitmap::LOI2);
+
+/// Two stations, none of which holds anything.
+fn start() -> (World, AuthorityMachine) {
+    let mut world = World::new();
+    world.controller = None;
+    world.listeners.clear();
+    (world, AuthorityMachine::default())
+}
+
+fn handle(world: &mut World, machine: &mut AuthorityMachine, input: Input<'_>) -> AckType {
+    world.act(|common, views, effects| {
+        let context = Context {
+            common,
+            mission: views.mission,
+            steering: false,
+        };
+        machine.handle(&context, input, effects)
+    })
+}
+
+/// A message 1 of a station.
+fn authorise(
+    world: &mut World,
+    machine: &mut AuthorityMachine,
+    station: usize,
+    access: RequestedAccess,
+    levels: LoiBitmap,
+) -> AckType {
+    let request = CucsAuthorisationRequest {
+        requested_handover_loi: Some(levels),
+        requested_handover_access: Some(access),
+        ..CucsAuthorisationRequest::default()
+    };
+    let origin = Origin {
+        station,
+        ..origin(&request.clone().into())
+    };
+    let input = Input::Authorise {
+        origin: &origin,
+        request: &request,
+        to_all: false,
+    };
+    handle(world, machine, input)
+}
+
+fn request(
+    world: &mut World,
+    machine: &mut AuthorityMachine,
+    station: usize,
+    levels: LoiBitmap,
+) -> AckType {
+    authorise(world, machine, station, RequestedAccess::Request, levels)
+}
+
+/// What the 2s among these messages name as granted.
+fn granted(messages: &[Message]) -> Vec<LoiBitmap> {
+    let granted = |message: &Message| match message {
+        Message::VsmAuthorisationResponse(response) => response.loi_granted,
+        _ => None,
+    };
+    messages.iter().filter_map(granted).collect()
+}
+
+fn priorities(world: &World) -> Vec<AlertPriority> {
+    let standing = world.alerts.standing();
+    standing.map(|alert| alert.priority).collect()
+}
+
+#[test]
+fn a_grant_is_stored_so_that_a_restart_finds_what_was_answered() {
+    let (mut world, mut machine) = start();
+    let answer = request(&mut world, &mut machine, 0, LOI4_5);
+    assert_eq!(answer, AckType::CarriedOut);
+    assert_eq!(granted(&world.sent_to(0)), [GRANTED]);
+    assert_eq!(machine.controller(), Some(CUCS));
+    assert!(matches!(
+        world.requests.pop_front(),
+        Some(Request::ControlChanged)
+    ));
+
+    let mut restarted = AuthorityMachine::default();
+    let restored = world.act(|context, _, effects| restarted.restore(&context, effects));
+    let known = restored.expect("the record is read");
+    assert_eq!(restarted.rights().record(), machine.rights().record());
+    assert_eq!(known.first().map(|station| station.id), Some(CUCS));
+    assert_eq!(restarted.since(CUCS), Some(world.now.wall));
+}
+
+#[test]
+fn a_grant_that_the_disk_refuses_is_taken_back_and_the_audit_log_reports_it() {
+    let (mut world, mut machine) = start();
+    world.disk = Box::new(MemoryDisk {
+        full: Some("authority"),
+        ..MemoryDisk::default()
+    });
+    let levels = GRANTED;
+    let answer = request(&mut world, &mut machine, 0, levels);
+    assert_eq!(answer, AckType::Refused);
+    assert_eq!(granted(&world.sent_to(0)), [LoiBitmap::NONE]);
+    assert_eq!(machine.controller(), None);
+    assert!(world.listeners.is_empty() && world.requests.is_empty());
+    assert_eq!(machine.since(CUCS), None);
+    assert_eq!(priorities(&world), [AlertPriority::Warning]);
+    let log = world.disk.read("audit-1b000101.log", u64::MAX);
+    let log = log.expect("it can be read").expect("it was written");
+    let verified = audit::Chain::verify(&log);
+    assert_eq!(verified.broken, None);
+    assert_eq!(
+        verified.chain.lines(),
+        2,
+        "the change, and that it does not hold"
+    );
+
+    // Once there is room again the same request is granted, and the alert is cleared.
+    world.disk = Box::new(MemoryDisk::default());
+    let answer = request(&mut world, &mut machine, 0, levels);
+    assert_eq!(answer, AckType::CarriedOut);
+    assert_eq!(world.listeners, [0]);
+    assert_eq!(priorities(&world), []);
+}
+
+#[test]
+fn a_release_is_granted_whatever_else_it_names() {
+    let (mut world, mut machine) = start();
+    request(&mut world, &mut machine, 0, LOI4_5);
+    world.requests.clear();
+    let release = RequestedAccess::Relinquish;
+    let strange = LoiBitmap::from_raw(0xff);
+    let answer = authorise(&mut world, &mut machine, 0, release, strange);
+    assert_eq!(answer, AckType::CarriedOut);
+    assert_eq!(machine.controller(), None);
+    assert!(matches!(
+        world.requests.pop_front(),
+        Some(Request::ControlChanged)
+    ));
+    // As a request the same levels are refused, whole.
+    let answer = request(&mut world, &mut machine, 0, strange);
+    assert_eq!(answer, AckType::Refused);
+    assert!(machine.rights().held(CUCS).is_empty());
+}
+
+#[test]
+fn a_new_listener_is_sent_the_vehicle_and_the_alerts_that_stand() {
+    let (mut world, mut machine) = start();
+    let (warning, comms) = (AlertPriority::Warning, SubsystemId::Comms);
+    let raised = world
+        .alerts
+        .raise(Cause::Fence, warning, comms, "the fence".to_owned());
+    assert!(raised.is_some());
+    for expected in [1, 0] {
+        request(&mut world, &mut machine, 1, LoiBitmap::LOI2);
+        let messages = world.sent_to(1);
+        let count = |id| messages.iter().filter(|message| message.id() == id).count();
+        assert_eq!([count(3), count(16000)], [expected; 2], "once");
+        assert_eq!(world.requests.drain(..).count(), expected);
+        assert_eq!(world.listeners, [1]);
+    }
+    let release = RequestedAccess::Relinquish;
+    authorise(&mut world, &mut machine, 1, release, LoiBitmap::LOI2);
+    assert!(world.listeners.is_empty());
+    assert!(matches!(
+        world.requests.pop_front(),
+        Some(Request::ListenerChanged { station: 1 })
+    ));
+}
+
+/// Station 0 controls, sends heartbeats, and was received just now.
+fn heartbeats() -> (World, AuthorityMachine) {
+    let (mut world, mut machine) = start();
+    world.stations[0].sends_heartbeats = true;
+    world.stations[0].received = Some(world.now.mono);
+    request(&mut world, &mut machine, 0, LOI4_5);
+    world.requests.clear();
+    (world, machine)
+}
+
+#[test]
+fn the_silence_of_the_controller_is_warned_of_offered_and_acted_on_at_its_times() {
+    let (mut world, mut machine) = heartbeats();
+    let limits = world.settings.authority;
+    let received = world.now.mono;
+    let mut standing = Vec::new();
+    for (limit_s, priority) in [
+        (limits.warn_s, AlertPriority::Caution),
+        (limits.offer_s, AlertPriority::Warning),
+        (limits.act_s, AlertPriority::Emergency),
+    ] {
+        let at = received + Duration::from_secs_f64(limit_s);
+        let due = machine.poll_timeout(world.now.mono, &world.stations, &limits);
+        assert_eq!(due, Some(at + WATCH_SLACK));
+        world.now.mono = at - Duration::from_millis(1);
+        handle(&mut world, &mut machine, Input::WatchSilence);
+        assert_eq!(priorities(&world), standing, "not before {limit_s} s");
+        assert_eq!(machine.controller(), Some(CUCS));
+        world.now.mono = at;
+        handle(&mut world, &mut machine, Input::WatchSilence);
+        standing = vec![priority];
+        assert_eq!(priorities(&world), standing);
+    }
+    assert_eq!(machine.controller(), None);
+    let requests: Vec<Request> = world.requests.drain(..).collect();
+    let passed = |request: &Request| matches!(request, Request::ControlChanged);
+    let lost = |request: &Request| matches!(request, Request::ControllerLost);
+    let (passed, lost) = (
+        requests.iter().position(passed),
+        requests.iter().position(lost),
+    );
+    // A steered vehicle is held when control passes to nobody: that must not supersede the action for the loss.
+    assert!(passed.is_some() && lost > passed, "{requests:?}");
+    let due = machine.poll_timeout(world.now.mono, &world.stations, &limits);
+    assert_eq!(due, None);
+}
+
+#[test]
+fn a_controller_that_is_received_again_clears_the_alert_and_keeps_control() {
+    let (mut world, mut machine) = heartbeats();
+    world.advance(Duration::from_secs_f64(world.settings.authority.offer_s));
+    handle(&mut world, &mut machine, Input::WatchSilence);
+    assert_eq!(priorities(&world), [AlertPriority::Warning]);
+    world.stations[0].received = Some(world.now.mono);
+    handle(&mut world, &mut machine, Input::WatchSilence);
+    assert_eq!(priorities(&world), []);
+    assert_eq!(machine.controller(), Some(CUCS));
+    assert!(world.requests.is_empty());
+}
+
+#[test]
+fn a_station_that_never_sent_heartbeats_loses_nothing_by_silence() {
+    let (mut world, mut machine) = heartbeats();
+    world.stations[0].sends_heartbeats = false;
+    world.advance(Duration::from_secs(3_600));
+    handle(&mut world, &mut machine, Input::WatchSilence);
+    assert_eq!(machine.controller(), Some(CUCS));
+    assert_eq!(priorities(&world), []);
+}
+
+#[test]
+fn a_handover_passes_the_wish_on_and_answers_both_once_the_holder_consents() {
+    let (mut world, mut machine) = start();
+    request(&mut world, &mut machine, 0, LOI4_5);
+    let mut hand_over = |world: &mut World, station: usize, acquirer: Option<Id>| {
+        let request = PositiveHandoverAuthorisationRequest {
+            requested_handover_loi: Some(LOI4_5),
+            requesting_cucs_id: acquirer,
+            ..PositiveHandoverAuthorisationRequest::default()
+        };
+        let origin = Origin {
+            station,
+            ..origin(&request.clone().into())
+        };
+        let input = Input::HandOver {
+            origin: &origin,
+            request: &request,
+        };
+        let answer = handle(world, &mut machine, input);
+        (answer, machine.controller())
+    };
+    world.sent_to(0);
+    world.requests.clear();
+    let wished = hand_over(&mut world, 1, None);
+    assert_eq!(wished, (AckType::Received, Some(CUCS)));
+    let wishes = |message: &Message| match message {
+        Message::PositiveHandoverAuthorisationRequest(wish) => wish.requesting_cucs_id,
+        _ => None,
+    };
+    let wishes: Vec<Id> = world.sent_to(0).iter().filter_map(wishes).collect();
+    assert_eq!(wishes, [SECOND]);
+    assert!(world.requests.is_empty(), "nothing has passed yet");
+
+    let consented = hand_over(&mut world, 0, Some(SECOND));
+    assert_eq!(consented, (AckType::CarriedOut, Some(SECOND)));
+    let sent = world.sent_to(1);
+    assert_eq!(acknowledgements(&sent), [AckType::CarriedOut]);
+    assert_eq!(granted(&sent).last(), Some(&GRANTED));
+    assert!(matches!(
+        world.requests.pop_front(),
+        Some(Request::ControlChanged)
+    ));
+}
+
+#[test]
+fn each_message_needs_the_right_of_its_kind() {
+    let fly = Message::from(VehicleOperatingModeCommand::default());
+    for (mode, right) in [
+        (None, LoiBitmap::LOI4),
+        (Some(Mode::Loiter), LoiBitmap::LOI4),
+        (Some(Mode::Autopilot), LoiBitmap::LOI4),
+        (Some(Mode::Launch), LoiBitmap::LOI5),
+        (Some(Mode::AutolandEngage), LoiBitmap::LOI5),
+        (Some(Mode::AutolandWaveOff), LoiBitmap::LOI5),
+    ] {
+        assert_eq!(right_for(&fly, mode), Some(right), "{mode:?}");
+    }
+    for (message, right) in [
+        (EngineCommand::default().into(), Some(LoiBitmap::LOI5)),
+        (UaRoute::default().into(), Some(LoiBitmap::LOI4)),
+        (ParameterRequest::default().into(), Some(LoiBitmap::LOI2)),
+        (CucsAuthorisationRequest::default().into(), None),
+    ] {
+        let message: Message = message;
+        assert_eq!(right_for(&message, None), right, "{}", message.id());
+    }
+}

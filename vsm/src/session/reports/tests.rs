@@ -1,0 +1,176 @@
+//! The machine without the others: parameters and their followers, schedules, the silence of the vehicle.
+
+use mavlink_link::service::param::{Name, Value};
+use stanag_msgs::enums::AckType;
+use stanag_msgs::messages::{ParameterRequest, ParameterSetCommand};
+
+use super::*;
+use crate::session::testing::{World, acknowledgements, origin};
+
+const NAME: &str = "MPC_XY_CRUISE";
+
+fn handle(world: &mut World, reports: &mut Reports, input: Input<'_>) -> Result<(), String> {
+    world.act(|common, views, effects| {
+        let context = Context {
+            common,
+            mission: views.mission,
+            flight: views.flight,
+        };
+        reports.handle(&context, input, effects)
+    })
+}
+
+fn observe(world: &mut World, reports: &mut Reports, input: Input<'_>) {
+    handle(world, reports, input).expect("an input that is answered by the machine");
+}
+
+fn command(world: &mut World, reports: &mut Reports, station: usize, message: impl Into<Message>) {
+    let message = message.into();
+    let input = Input::Command {
+        origin: Origin {
+            station,
+            ..origin(&message)
+        },
+        message: &message,
+    };
+    observe(world, reports, input);
+}
+
+/// Ids of what a station was sent.
+fn sent(world: &mut World, station: usize) -> Vec<u16> {
+    world.sent_to(station).iter().map(Message::id).collect()
+}
+
+fn name() -> Name {
+    Name::new(NAME).expect("a name")
+}
+
+fn read(value: f32) -> Input<'static> {
+    Input::ParameterServiceEnded(Event::Read {
+        name: name(),
+        value: Value::Real(value),
+    })
+}
+
+fn reported(value: f32) -> Input<'static> {
+    Input::ParameterReported(name(), Value::Real(value))
+}
+
+/// Station 0 has read a parameter, which is 5.
+fn followed() -> (World, Reports) {
+    let (mut world, mut reports) = (World::new(), Reports::default());
+    let request = ParameterRequest {
+        parameter_name: Some(stanag_msgs::Text::new(NAME)),
+        ..ParameterRequest::default()
+    };
+    command(&mut world, &mut reports, 0, request);
+    assert_eq!(acknowledgements(&world.sent_to(0)), [AckType::Received]);
+    observe(&mut world, &mut reports, read(5.0));
+    assert_eq!(sent(&mut world, 0), [50012, 17000]);
+    (world, reports)
+}
+
+#[test]
+fn who_has_read_a_parameter_is_sent_its_changes_and_all_are_warned_of_a_foreign_one() {
+    for (station, expected) in [(0, &[50012, 16000][..]), (1, &[16000])] {
+        let (mut world, mut reports) = followed();
+        world.advance(Duration::from_secs(1));
+        observe(&mut world, &mut reports, reported(6.0));
+        assert_eq!(sent(&mut world, station), expected);
+        world.advance(Duration::from_secs(1));
+        observe(&mut world, &mut reports, reported(6.0));
+        assert!(sent(&mut world, station).is_empty(), "it is as it was");
+    }
+}
+
+#[test]
+fn a_follower_is_sent_what_another_station_sets_and_that_one_its_own_answer() {
+    for (station, expected) in [(0, &[50012][..]), (1, &[17000, 50012, 17000])] {
+        let (mut world, mut reports) = followed();
+        world.advance(Duration::from_secs(1));
+        let set = ParameterSetCommand {
+            parameter_name: Some(stanag_msgs::Text::new(NAME)),
+            commanded_value: Some(7.0),
+            ..ParameterSetCommand::default()
+        };
+        command(&mut world, &mut reports, 1, set);
+        let ended = Event::Set {
+            name: name(),
+            value: Value::Real(7.0),
+        };
+        world.advance(Duration::from_secs(1));
+        observe(
+            &mut world,
+            &mut reports,
+            Input::ParameterServiceEnded(ended),
+        );
+        assert_eq!(sent(&mut world, station), expected);
+    }
+}
+
+#[test]
+fn a_schedule_of_what_is_no_report_or_of_too_many_a_second_is_refused() {
+    let (mut world, mut reports) = (World::new(), Reports::default());
+    for (message, hertz, accepted) in [
+        (4000, MAX_HERTZ, true),
+        (4000, 0, true),
+        (4000, MAX_HERTZ + 1, false),
+        (13000, 1, false),
+    ] {
+        let command = ScheduleMessageUpdateCommand {
+            requested_message_type: Some(message),
+            frequency: Some(hertz),
+            ..ScheduleMessageUpdateCommand::default()
+        };
+        let input = Input::Schedule {
+            station: 0,
+            command: &command,
+        };
+        let answer = handle(&mut world, &mut reports, input);
+        assert_eq!(answer.is_ok(), accepted, "{message} at {hertz} Hz");
+    }
+}
+
+#[test]
+fn a_station_that_begins_to_listen_is_sent_reports_until_it_ceases() {
+    let (mut world, mut reports) = (World::airborne(Px4Mode::LOITER), Reports::default());
+    world.listeners = vec![1];
+    observe(
+        &mut world,
+        &mut reports,
+        Input::ListenerChanged { station: 1 },
+    );
+    let due = reports.poll_timeout(&world.alerts);
+    assert_eq!(due, Some(world.now.mono));
+    observe(&mut world, &mut reports, Input::PushDue);
+    let messages = sent(&mut world, 1);
+    assert!(
+        messages.contains(&3001) && messages.contains(&3002),
+        "{messages:?}"
+    );
+    world.listeners.clear();
+    observe(
+        &mut world,
+        &mut reports,
+        Input::ListenerChanged { station: 1 },
+    );
+    world.advance(Duration::from_secs(10));
+    observe(&mut world, &mut reports, Input::PushDue);
+    assert!(sent(&mut world, 1).is_empty());
+    assert_eq!(reports.poll_timeout(&world.alerts), None);
+}
+
+#[test]
+fn the_silence_of_the_vehicle_stands_as_an_alert_until_it_is_received_again() {
+    let (mut world, mut reports) = (World::airborne(Px4Mode::LOITER), Reports::default());
+    observe(&mut world, &mut reports, Input::LinkDown);
+    let standing: Vec<AlertPriority> = world.alerts.standing().map(|one| one.priority).collect();
+    assert_eq!(standing, [AlertPriority::Warning]);
+    let messages = sent(&mut world, 0);
+    assert!(
+        messages.contains(&3001) && messages.contains(&3002),
+        "on change"
+    );
+    observe(&mut world, &mut reports, Input::LinkUp);
+    assert_eq!(world.alerts.standing().count(), 0);
+}
