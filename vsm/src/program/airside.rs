@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use crate::config::airside::AirsideConfig;
 use crate::shell::airside::{AirsideError, AirsideServer};
-use crate::shell::{pairing_socket, status_socket};
+use crate::shell::pairing_socket;
 use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use serde_json::Value;
 
-use super::process::{Failure, bad, failed, log, print, runtime, stop_signal};
+use super::process::{Failure, bad, failed, log, runtime, stop_signal};
 use super::status;
 
 #[derive(Debug, Args)]
@@ -100,12 +100,7 @@ fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
         // Nobody is left to tell when standard output is gone.
         let _ = writeln!(io::stdout(), "{line}");
     })
-    .with_context(|| {
-        format!(
-            "no agent answers for the store {}: is it running?",
-            config.store.dir.display()
-        )
-    })
+    .with_context(|| status::no_answer("agent", &config.store.dir))
     .map_err(failed)?;
     if paired {
         Ok(())
@@ -116,23 +111,7 @@ fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
 
 fn show(path: &Path, json: bool) -> Result<(), Failure> {
     let config = load(path)?;
-    let text = status_socket::ask(&config.store.dir)
-        .with_context(|| {
-            format!(
-                "no agent answers for the store {}: is it running?",
-                config.store.dir.display()
-            )
-        })
-        .map_err(failed)?;
-    let text = if json {
-        text + "\n"
-    } else {
-        let status = serde_json::from_str(&text)
-            .context("the running agent answers with something else")
-            .map_err(failed)?;
-        readable(&status)
-    };
-    print(&text)
+    status::report("agent", &config.store.dir, json, readable)
 }
 
 fn readable(of: &Value) -> String {

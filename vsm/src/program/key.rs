@@ -1,12 +1,11 @@
-//! `vsm key`: provision, rotate, revoke and list signing keys, and show their clocks.
+//! `vsm key` and `vsm keygen`: make, provision, rotate, revoke and list signing keys, and show their clocks.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use crate::config::{Config, Exchange, Signing, Vehicle};
 use crate::key_exchange::ExchangeRecord;
-use crate::shell::disk::FileDisk;
-use crate::shell::disk::{peek, peek_identity};
+use crate::shell::disk::{FileDisk, peek, peek_identity};
 use crate::shell::key_file;
 use crate::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust, What};
 use crate::shell::key_store::{KeyStore, real_path};
@@ -17,7 +16,7 @@ use mavlink_link::provisioning::{Event, Outcome, State};
 use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::Store as _;
 
-use super::process::{Failure, bad, failed, runtime, say};
+use super::process::{Failure, bad, failed, print, runtime, say};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
@@ -109,6 +108,14 @@ pub(crate) fn run(action: Action) -> Result<(), Failure> {
         Action::Clock { vehicle, accept } => clock(&vehicle, accept),
         Action::List { config } => list(&config),
     }
+}
+
+/// `vsm keygen`: a key for a vehicle that is given it by other means.
+pub(crate) fn generate(path: &Path) -> Result<(), Failure> {
+    key_file::generate(path).map_err(failed)?;
+    let key = key_file::read(path).map_err(failed)?;
+    let text = format!("{}: a new key, id {}\n", path.display(), key.id());
+    print(&text)
 }
 
 fn provision(

@@ -6,7 +6,6 @@ mod check_config;
 mod demo;
 mod dli_lines;
 mod key;
-mod keygen;
 mod pair;
 mod process;
 mod run;
@@ -111,7 +110,7 @@ pub fn main() -> ExitCode {
         Command::Airside(arguments) => airside::run(arguments),
         Command::CheckConfig { file } => check_config::check(&file),
         Command::Status { config, json } => status::show(&config, json),
-        Command::Keygen { file } => keygen::generate(&file),
+        Command::Keygen { file } => key::generate(&file),
         Command::Key { action } => key::run(action),
         Command::Pair(arguments) => pair::run(arguments),
         Command::Decode { raw } => dli_lines::decode(raw),

@@ -12,25 +12,34 @@ use super::process::{Failure, bad, failed, print};
 
 pub(crate) fn show(path: &Path, json: bool) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
-    let text = status_socket::ask(&config.store.dir)
-        .with_context(|| {
-            format!(
-                "no vsm answers for the store {}: is it running?",
-                config.store.dir.display()
-            )
-        })
-        .map_err(failed)?;
-    let text = if json {
-        text + "\n"
-    } else {
-        readable(&text).map_err(failed)?
-    };
-    print(&text)
+    report("vsm", &config.store.dir, json, readable)
 }
 
-fn readable(json: &str) -> anyhow::Result<String> {
-    let status: Value =
-        serde_json::from_str(json).context("the running vsm answers with something else")?;
+/// Prints what the program that runs on a store says of its state.
+pub(super) fn report(
+    who: &str,
+    store: &Path,
+    json: bool,
+    readable: fn(&Value) -> String,
+) -> Result<(), Failure> {
+    let text = status_socket::ask(store)
+        .with_context(|| no_answer(who, store))
+        .map_err(failed)?;
+    if json {
+        return print(&(text + "\n"));
+    }
+    let status = serde_json::from_str(&text)
+        .with_context(|| format!("the running {who} answers with something else"))
+        .map_err(failed)?;
+    print(&readable(&status))
+}
+
+pub(super) fn no_answer(who: &str, store: &Path) -> String {
+    let store = store.display();
+    format!("no {who} answers for the store {store}: is it running?")
+}
+
+fn readable(status: &Value) -> String {
     let mut text = format!(
         "VSM {}, up {:.0} s\n",
         plain(&status["vsm"]),
@@ -96,7 +105,7 @@ fn readable(json: &str) -> anyhow::Result<String> {
     text += &counts("DLI received by type: ", &status["received"]);
     text += &counts("DLI sent by type: ", &status["sent"]);
     text += &counts("DLI refused: ", &status["refused"]);
-    Ok(text)
+    text
 }
 
 /// `  1b:00:00:a0 holds LOI 2, 4, 5, for 12 s`: what, and since when.

@@ -9,8 +9,7 @@ use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::Endpoint;
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
-use tokio::io::AsyncWriteExt;
-use tokio::net::{UnixListener, UnixStream};
+use tokio::net::UnixListener;
 use tokio::task::JoinHandle;
 use zeroize::Zeroize;
 
@@ -167,7 +166,9 @@ impl AirsideServer {
                     Err(cause) => pause_after("PX4's link", &cause).await,
                 },
                 asked = self.status.accept() => match asked {
-                    Ok((stream, _)) => tell(stream, self.picture()).await,
+                    Ok((stream, _)) => {
+                        status_socket::answer(stream, &self.picture(), STATUS_WITHIN).await;
+                    }
                     Err(cause) => pause_after("the status socket", &cause).await,
                 },
                 asked = self.pairing.accept() => match asked {
@@ -305,12 +306,6 @@ async fn gone(asker: &mut Option<Asker>) {
     }
 }
 
-/// Whoever asks and does not read must not hold up the links: a socket takes this much at once.
-async fn tell(mut stream: UnixStream, status: AirsideStatus) {
-    let text = serde_json::to_string(&status).unwrap_or_default();
-    let _ = tokio::time::timeout(STATUS_WITHIN, stream.write_all(text.as_bytes())).await;
-}
-
 /// A link that fails again and again is said once in a while, and takes no whole core.
 async fn pause_after(what: &str, cause: &io::Error) {
     tracing::warn!("{what}: {cause}");
@@ -318,6 +313,7 @@ async fn pause_after(what: &str, cause: &io::Error) {
 }
 
 const LARGEST: usize = 65_536;
+/// A socket takes a whole status at once: the links wait no longer for one who does not read.
 const STATUS_WITHIN: Duration = Duration::from_millis(100);
 const GREETING_WITHIN: Duration = Duration::from_secs(5);
 const PAUSE: Duration = Duration::from_millis(100);

@@ -6,6 +6,8 @@ use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use serde::Serialize;
+use tokio::io::AsyncWriteExt;
 use tokio::net::UnixListener;
 
 /// Where the socket of a store folder is.
@@ -27,6 +29,13 @@ pub fn listen(store: &Path) -> io::Result<UnixListener> {
     let listener = UnixListener::bind(&path)?;
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600))?;
     Ok(listener)
+}
+
+/// Answers one who asks, `within` which they must have read: whoever asks and does not read holds up nothing else for
+/// longer.
+pub async fn answer(mut stream: tokio::net::UnixStream, status: &impl Serialize, within: Duration) {
+    let text = serde_json::to_string(status).unwrap_or_default();
+    let _ = tokio::time::timeout(within, stream.write_all(text.as_bytes())).await;
 }
 
 /// Asks a running bridge.

@@ -6,13 +6,13 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use mavlink_link::frame::FrameView;
-use tokio::io::AsyncWriteExt;
 use tokio::net::{UdpSocket, UnixListener};
 
 use super::shared::{Core, Shared};
 use crate::session::Destination;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
+use crate::shell::status_socket;
 
 pub(super) async fn receive_dli(shared: Rc<Shared>, socket: Rc<UdpSocket>) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
@@ -136,12 +136,8 @@ pub(super) async fn keep_time(shared: Rc<Shared>) {
 pub(super) async fn tell_status(shared: Rc<Shared>, listener: UnixListener) {
     loop {
         match listener.accept().await {
-            Ok((mut stream, _)) => {
-                let status = shared.status();
-                let text = serde_json::to_string(&status).unwrap_or_default();
-                // Whoever asks and does not read must not hold up the next.
-                let _ =
-                    tokio::time::timeout(STATUS_WITHIN, stream.write_all(text.as_bytes())).await;
+            Ok((stream, _)) => {
+                status_socket::answer(stream, &shared.status(), STATUS_WITHIN).await;
             }
             Err(cause) => pause_after("the status socket", &cause).await,
         }
