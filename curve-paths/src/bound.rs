@@ -101,11 +101,11 @@ pub fn off_curve_m(c: [Vec3; 4], v: Vec3) -> f64 {
         return worst;
     }
     let back: f64 = s.windows(2).map(|p| (p[0] - p[1]).max(0.0)).sum();
-    let (least, most) = (
+    let (min, max) = (
         s.iter().copied().fold(0.0, f64::min),
         s.iter().copied().fold(1.0, f64::max),
     );
-    let lag_m = (back - least + (most - 1.0)) * l2.sqrt();
+    let lag_m = (back - min + (max - 1.0)) * l2.sqrt();
     across.hypot(lag_m).max(ends)
 }
 
@@ -142,17 +142,17 @@ fn greatest(x: [f64; 4]) -> f64 {
     };
     let (d0, d1, d2) = (x[1] - x[0], x[2] - x[1], x[3] - x[2]);
     let (a, b, c) = (d0 - 2.0 * d1 + d2, d1 - d0, d0);
-    let mut most = x[0].abs().max(x[3].abs());
+    let mut max = x[0].abs().max(x[3].abs());
     let discriminant = b * b - a * c;
     if discriminant >= 0.0 {
         let q = -(b + discriminant.sqrt().copysign(b));
         for t in [q / a, c / q] {
             if t > 0.0 && t < 1.0 {
-                most = most.max(at(t).abs());
+                max = max.max(at(t).abs());
             }
         }
     }
-    most
+    max
 }
 
 /// Squared length under which a chord has no direction worth using, m^2.

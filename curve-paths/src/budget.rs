@@ -23,12 +23,12 @@ pub struct Budgeted {
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum BudgetError {
     /// The route's own waypoints are too many already.
-    #[error("at most {max_vertices} vertices, but the ends of the legs alone are {least}")]
+    #[error("at most {max_vertices} vertices, but the ends of the legs alone are {min}")]
     TooFew {
         /// What was allowed.
         max_vertices: usize,
         /// The ends of the legs, joints counted once.
-        least: usize,
+        min: usize,
     },
     /// The route cannot be densified at all.
     #[error(transparent)]
@@ -47,16 +47,13 @@ pub fn densify_to_budget(
     options: &Options,
 ) -> Result<Budgeted, BudgetError> {
     let fixed_m = check(legs, options)?;
-    let least = legs.len() + 1;
-    if max_vertices < least {
-        return Err(BudgetError::TooFew {
-            max_vertices,
-            least,
-        });
+    let min = legs.len() + 1;
+    if max_vertices < min {
+        return Err(BudgetError::TooFew { max_vertices, min });
     }
     let curves = Curves::new(legs, max_vertices, options);
-    let asked_m = options.tolerance_m - fixed_m;
-    let mut high = if curves.fit(asked_m) {
+    let requested_m = options.tolerance_m - fixed_m;
+    let mut high = if curves.fit(requested_m) {
         let densified = densify(legs, options)?;
         let tolerance_m = options.tolerance_m;
         if densified.vertices.len() <= max_vertices {
@@ -67,7 +64,7 @@ pub fn densify_to_budget(
         }
         tolerance_m
     } else {
-        fixed_m + curves.smallest(asked_m)
+        fixed_m + curves.smallest(requested_m)
     };
     // The least chord can ask for more than the count did: then the tolerance gives way by small steps.
     let mut last = None;
@@ -92,7 +89,7 @@ pub fn densify_to_budget(
     }
     let too_few = BudgetError::TooFew {
         max_vertices,
-        least: max_vertices + 1,
+        min: max_vertices + 1,
     };
     Err(last.map_or(too_few, BudgetError::Densify))
 }
@@ -100,7 +97,7 @@ pub fn densify_to_budget(
 /// The curved legs of a route, and the chords that there may be of them.
 struct Curves<'a> {
     legs: Vec<&'a BezierLeg>,
-    most: usize,
+    max: usize,
     allowance: ErrorAllowance,
 }
 
@@ -115,7 +112,7 @@ impl<'a> Curves<'a> {
         let others = 1 + legs.len() - curves.len();
         Self {
             legs: curves,
-            most: max_vertices.saturating_sub(others),
+            max: max_vertices.saturating_sub(others),
             allowance: options.allowance,
         }
     }
@@ -131,7 +128,7 @@ impl<'a> Curves<'a> {
     /// Whether they fit at this tolerance, fixed allowance taken off; it stops counting where they do not.
     fn fit(&self, tolerance_m: f64) -> bool {
         let rules = self.rules(tolerance_m);
-        let mut left = self.most;
+        let mut left = self.max;
         self.legs.iter().all(|leg| {
             let chords = length(leg, &rules, left).ceil() as usize;
             let fits = chords <= left;
@@ -155,7 +152,7 @@ impl<'a> Curves<'a> {
             } else {
                 aim / BESIDE
             };
-            at = if walks < FORETOLD && near > low && near < high {
+            at = if walks < PREDICTED_WALKS && near > low && near < high {
                 near
             } else if high.is_finite() {
                 (low * high).sqrt()
@@ -164,13 +161,13 @@ impl<'a> Curves<'a> {
             };
             walks += 1;
             let rules = self.rules(at);
-            let enough = 4 * self.most;
+            let enough = 4 * self.max;
             let mut chords = 0;
             for (leg, known) in self.legs.iter().zip(&mut lengths) {
                 *known = length(leg, &rules, enough);
                 chords += known.ceil() as usize;
             }
-            if chords <= self.most {
+            if chords <= self.max {
                 high = at;
             } else {
                 low = at;
@@ -186,12 +183,12 @@ impl<'a> Curves<'a> {
             lengths.iter().map(whole).sum()
         };
         let (mut fits, mut over) = (0.0, 1.0);
-        while chords(over) <= self.most && over < MAX_SHRINK {
+        while chords(over) <= self.max && over < MAX_SHRINK {
             (fits, over) = (over, 2.0 * over);
         }
         for _ in 0..SHRINK_STEPS {
             let middle = 0.5 * (fits + over);
-            if chords(middle) <= self.most {
+            if chords(middle) <= self.max {
                 fits = middle;
             } else {
                 over = middle;
@@ -207,7 +204,7 @@ const NARROW: f64 = 1.001;
 /// How far beside what is foretold is tried: two such steps are within the width.
 const BESIDE: f64 = 1.000_3;
 /// Walks by what the one before foretells, before halving.
-const FORETOLD: u32 = 10;
+const PREDICTED_WALKS: u32 = 10;
 /// Lengths are not stretched further than this.
 const MAX_SHRINK: f64 = 1e6;
 /// Halvings of the interval in which the shrinking is sought.

@@ -79,8 +79,8 @@ impl Cubic {
         if polygon - chord <= 1e-9 || depth >= DEEPEST {
             return 0.5 * (polygon + chord);
         }
-        let least = sides[0].min(sides[1]).min(sides[2]);
-        if polygon <= 1.001 * chord && polygon <= EVEN * least {
+        let min = sides[0].min(sides[1]).min(sides[2]);
+        if polygon <= 1.001 * chord && polygon <= EVEN * min {
             return GAUSS_5
                 .iter()
                 .map(|&(t, w)| w * self.derivative(t).norm())

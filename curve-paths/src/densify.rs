@@ -140,12 +140,12 @@ pub enum DensifyError {
         gap_m: f64,
     },
     /// The tolerance is no number, or smaller than what the allowance take of it.
-    #[error("tolerance is {tolerance_m} m, expected {least_m:.4} to 10000 m")]
+    #[error("tolerance is {tolerance_m} m, expected {min_m:.4} to 10000 m")]
     Tolerance {
         /// What was asked for, m.
         tolerance_m: f64,
         /// The least that can be kept, m.
-        least_m: f64,
+        min_m: f64,
     },
     /// The curve turns too tightly for chords of the least length.
     #[error("leg {leg} at t = {t:.4}: no chord of {min_chord_m} m keeps {tolerance_m} m")]
@@ -298,11 +298,11 @@ pub(crate) fn check(legs: &[Leg], options: &Options) -> Result<f64, DensifyError
     }
     let highest_m = legs.iter().map(highest).fold(0.0, f64::max);
     let fixed_m = options.allowance.fixed_m(highest_m);
-    let least_m = fixed_m + MIN_GEOMETRY_M;
-    if !(least_m..=MAX_TOLERANCE_M).contains(&options.tolerance_m) {
+    let min_m = fixed_m + MIN_GEOMETRY_M;
+    if !(min_m..=MAX_TOLERANCE_M).contains(&options.tolerance_m) {
         return Err(DensifyError::Tolerance {
             tolerance_m: options.tolerance_m,
-            least_m,
+            min_m,
         });
     }
     Ok(fixed_m)

@@ -110,7 +110,7 @@ pub enum LegError {
         value: f64,
     },
     /// A coordinate or altitude is beyond its range.
-    #[error("{point}: {field} is {value}, expected {least} to {most}")]
+    #[error("{point}: {field} is {value}, expected {min} to {max}")]
     OutOfRange {
         /// The point of the leg.
         point: &'static str,
@@ -119,12 +119,12 @@ pub enum LegError {
         /// What stood there.
         value: f64,
         /// Smallest legal value.
-        least: f64,
+        min: f64,
         /// Greatest legal value.
-        most: f64,
+        max: f64,
     },
     /// A control point is too far from its end, or P4 from P1.
-    #[error("{point} is {distance_m:.0} m from {from}, expected at most {most_m:.0} m")]
+    #[error("{point} is {distance_m:.0} m from {from}, expected at most {max_m:.0} m")]
     TooFar {
         /// The point of the leg.
         point: &'static str,
@@ -133,7 +133,7 @@ pub enum LegError {
         /// Their distance, m.
         distance_m: f64,
         /// Greatest legal distance, m.
-        most_m: f64,
+        max_m: f64,
     },
     /// Only one of P2 and P3 carries an altitude.
     #[error(
@@ -434,14 +434,14 @@ pub(crate) fn check_reach(
     point: &'static str,
     from: &'static str,
     distance_m: f64,
-    most_m: f64,
+    max_m: f64,
 ) -> Result<(), LegError> {
-    if distance_m > most_m {
+    if distance_m > max_m {
         Err(LegError::TooFar {
             point,
             from,
             distance_m,
-            most_m,
+            max_m,
         })
     } else {
         Ok(())
@@ -452,8 +452,8 @@ fn check_number(
     point: &'static str,
     field: &'static str,
     value: f64,
-    least: f64,
-    most: f64,
+    min: f64,
+    max: f64,
 ) -> Result<(), LegError> {
     if !value.is_finite() {
         return Err(LegError::NotFinite {
@@ -462,13 +462,13 @@ fn check_number(
             value,
         });
     }
-    if !(least..=most).contains(&value) {
+    if !(min..=max).contains(&value) {
         return Err(LegError::OutOfRange {
             point,
             field,
             value,
-            least,
-            most,
+            min,
+            max,
         });
     }
     Ok(())

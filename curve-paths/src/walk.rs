@@ -82,7 +82,7 @@ pub(crate) fn walk(
 ) -> Result<(), Stuck> {
     let mut local = Local::new(leg, &rules.allowance);
     if rules.min_chord_m > 0.0 {
-        return walk_with_least(leg, &mut local, rules, visit);
+        return walk_with_min(leg, &mut local, rules, visit);
     }
     let whole = local.chord(1.0);
     if whole.bound_m <= rules.tolerance_m {
@@ -188,7 +188,7 @@ pub(crate) fn length_guessed(leg: &BezierLeg, rules: &Rules) -> f64 {
 
 /// As the greedy walk, with no chord under the least length. A last chord that is too short is lengthened at the cost
 /// of the one before it; where that fails too, a dynamic program over a grid decides.
-fn walk_with_least(
+fn walk_with_min(
     leg: &BezierLeg,
     local: &mut Local<'_>,
     rules: &Rules,
@@ -211,7 +211,7 @@ fn walk_with_least(
                 _ => None,
             };
             if balance.is_none() {
-                return optimum_with_least(leg, rules, visit);
+                return optimum_with_min(leg, rules, visit);
             }
             break;
         }
@@ -251,7 +251,7 @@ fn rebalanced(leg: &BezierLeg, chord: &Chord, rules: &Rules) -> Option<(Chord, C
 
 /// The fewest chords with vertices on an even grid of t, none under the least length. Only near cusps does it come
 /// to this, so its cost (a few ms) and its buffers do not matter.
-fn optimum_with_least(
+fn optimum_with_min(
     leg: &BezierLeg,
     rules: &Rules,
     mut visit: impl FnMut(&Chord),

@@ -406,12 +406,12 @@ mod tests {
         };
         areas.store(&circle).unwrap();
         let items = fence(&[], &areas.whole().unwrap(), Some((47.01, 8.01))).unwrap();
-        let told: Vec<_> = items
+        let reported: Vec<_> = items
             .iter()
             .map(|point| (point.item.command, point.item.params[0]))
             .collect();
         assert_eq!(
-            told,
+            reported,
             [
                 (5001, 4.0),
                 (5001, 4.0),

@@ -34,7 +34,7 @@ pub enum HealthFault {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
     /// What it is about.
-    pub ailment: HealthFault,
+    pub fault: HealthFault,
     /// How urgent.
     pub priority: AlertPriority,
     /// What of the aircraft.
@@ -82,9 +82,9 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
     let health = vehicle.sensed.health;
     let fails = |sensors: u32| health.is_some_and(|health| health.fails(sensors));
     let mut all = Vec::new();
-    let mut found = |ailment, priority, subsystem, text: &str| {
+    let mut found = |fault, priority, subsystem, text: &str| {
         all.push(Finding {
-            ailment,
+            fault,
             priority,
             subsystem,
             text: text.to_owned(),
@@ -223,13 +223,13 @@ mod tests {
     fn found(vehicle: &Telemetry) -> Vec<(HealthFault, AlertPriority)> {
         let findings = findings(vehicle, &Parameters::default());
         let all = findings.iter();
-        all.map(|finding| (finding.ailment, finding.priority))
+        all.map(|finding| (finding.fault, finding.priority))
             .collect()
     }
 
     #[test]
-    fn each_sensor_of_sys_status_has_an_ailment_of_its_own() {
-        for (bit, ailment) in [
+    fn each_sensor_of_sys_status_has_a_fault_of_its_own() {
+        for (bit, fault) in [
             (GYRO, HealthFault::InertialSensors),
             (ACCELEROMETER, HealthFault::InertialSensors),
             (MAGNETOMETER, HealthFault::Compass),
@@ -245,7 +245,7 @@ mod tests {
             });
             let found = found(&vehicle);
             assert_eq!(found.len(), 1, "{bit:#x}");
-            assert_eq!(found[0].0, ailment);
+            assert_eq!(found[0].0, fault);
             vehicle.sensed.health = Some(Health {
                 enabled: 0,
                 healthy: 0,
@@ -292,7 +292,7 @@ mod tests {
             vehicle.sensed.estimator = Some(estimator);
             for finding in findings(&vehicle, &Parameters::default()) {
                 assert!(finding.text.len() <= crate::alert::TEXT, "{}", finding.text);
-                assert!(finding.ailment.over().len() <= crate::alert::TEXT);
+                assert!(finding.fault.over().len() <= crate::alert::TEXT);
             }
         }
     }

@@ -158,8 +158,8 @@ mod tests {
     }
 
     #[test]
-    fn it_is_what_the_vehicle_has_told_within_the_configured_limits() {
-        let told = parameters(&[
+    fn the_vehicle_s_own_values_apply_within_the_configured_limits() {
+        let reported = parameters(&[
             ("MPC_XY_VEL_MAX", 12.0),
             ("MPC_XY_CRUISE", 7.0),
             ("NAV_ACC_RAD", 4.0),
@@ -177,7 +177,7 @@ mod tests {
                 fastest_m_s,
                 cruise_m_s,
                 acceptance_m,
-            } = Performance::of(hovers, &told, &limits);
+            } = Performance::of(hovers, &reported, &limits);
             [slowest_m_s, fastest_m_s, cruise_m_s, acceptance_m]
         };
         assert_eq!(of(true, 100.0), [0.5, 12.0, 7.0, 4.0]);
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_told_is_as_px4_comes_and_as_the_limits_allow() {
+    fn unknown_values_are_px4_s_defaults_within_the_limits() {
         let Performance {
             slowest_m_s,
             fastest_m_s,
@@ -209,16 +209,16 @@ mod tests {
 
     #[test]
     fn a_speed_beyond_it_is_refused_with_the_range() {
-        let told = parameters(&[("MPC_XY_VEL_MAX", 12.0)]);
-        let performance = Performance::of(true, &told, &Limits::default());
+        let reported = parameters(&[("MPC_XY_VEL_MAX", 12.0)]);
+        let performance = Performance::of(true, &reported, &Limits::default());
         for fine in [0.5, 12.0] {
             assert_eq!(performance.check(fine), Ok(fine));
         }
         for beyond in [0.0, 12.5, -1.0, f64::NAN, f64::INFINITY] {
             assert!(performance.check(beyond).is_err(), "{beyond}");
         }
-        let said = performance.check(20.0).map_err(|fault| fault.to_string());
+        let fault = performance.check(20.0).map_err(|fault| fault.to_string());
         let expected = "speed 20.0 m/s, expected 0.5 to 12.0".to_owned();
-        assert_eq!(said, Err(expected));
+        assert_eq!(fault, Err(expected));
     }
 }

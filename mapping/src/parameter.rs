@@ -203,14 +203,14 @@ pub fn report(
         Value::Int(value) => (ParameterKind::Integer, f64::from(value)),
         Value::Real(value) => (ParameterKind::Float, f64::from(value)),
     };
-    let least = |range: &Range| range.values.first().map(|value| f64::from(*value));
+    let min = |range: &Range| range.values.first().map(|value| f64::from(*value));
     let greatest = |range: &Range| range.values.last().map(|value| f64::from(*value));
     ParameterReport {
         time_stamp: stamp,
         parameter_name: Some(Text::new(name)),
         parameter_kind: Some(kind),
         value: Some(value),
-        minimum: range.as_ref().and_then(|range| range.low.or(least(range))),
+        minimum: range.as_ref().and_then(|range| range.low.or(min(range))),
         maximum: range
             .as_ref()
             .and_then(|range| range.high.or(greatest(range))),
@@ -325,14 +325,17 @@ mod tests {
     }
 
     #[test]
-    fn a_report_tells_the_range_with_the_value() {
-        let told = report("COM_DL_LOSS_T", Value::Int(10), Some((3, 9)), None);
-        assert_eq!((told.minimum, told.maximum), (Some(5.0), Some(300.0)));
+    fn a_report_contains_the_range_with_the_value() {
+        let reported = report("COM_DL_LOSS_T", Value::Int(10), Some((3, 9)), None);
         assert_eq!(
-            (told.parameter_index, told.parameter_count),
+            (reported.minimum, reported.maximum),
+            (Some(5.0), Some(300.0))
+        );
+        assert_eq!(
+            (reported.parameter_index, reported.parameter_count),
             (Some(3), Some(9))
         );
-        let told = report("NAV_DLL_ACT", Value::Int(0), None, None);
-        assert_eq!((told.minimum, told.maximum), (Some(0.0), Some(6.0)));
+        let reported = report("NAV_DLL_ACT", Value::Int(0), None, None);
+        assert_eq!((reported.minimum, reported.maximum), (Some(0.0), Some(6.0)));
     }
 }

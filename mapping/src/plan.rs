@@ -67,14 +67,14 @@ pub enum StoreError {
         number: u16,
     },
     /// A coordinate of 50001 that is no angle on the earth.
-    #[error("50001 {field} {value} rad, expected -{most:.4} to {most:.4}")]
+    #[error("50001 {field} {value} rad, expected -{max:.4} to {max:.4}")]
     Angle {
         /// The field.
         field: &'static str,
         /// What it holds.
         value: f64,
         /// The greatest that it can be.
-        most: f64,
+        max: f64,
     },
     /// A Time Stamp of 50001 that is no number.
     #[error("50001 Time Stamp {0} ms, expected a number")]
@@ -356,13 +356,17 @@ impl Plan {
                 .map(Message::UaLoiterWaypoint);
             std::iter::once(Message::UaPositionWaypoint(waypoint.clone())).chain(loiter)
         });
-        let stray = self
+        let without_waypoint = self
             .loiters
             .iter()
             .filter(|(number, _)| !self.waypoints.contains_key(number));
-        let stray = stray.map(|(_, loiter)| Message::UaLoiterWaypoint(loiter.clone()));
+        let without_waypoint =
+            without_waypoint.map(|(_, loiter)| Message::UaLoiterWaypoint(loiter.clone()));
         let curves = self.curves.values().map(Curve::message);
-        routes.chain(waypoints).chain(stray).chain(curves)
+        routes
+            .chain(waypoints)
+            .chain(without_waypoint)
+            .chain(curves)
     }
 }
 
@@ -413,10 +417,10 @@ fn ends(message: u16, p1: Option<u16>, p4: Option<u16>) -> Result<(u16, u16), St
 }
 
 /// A float can be no number at all: BAM cannot.
-fn angle(field: &'static str, found: Option<f64>, most: f64) -> Result<(), StoreError> {
+fn angle(field: &'static str, found: Option<f64>, max: f64) -> Result<(), StoreError> {
     match found {
-        Some(value) if !(-most..=most).contains(&value) => {
-            Err(StoreError::Angle { field, value, most })
+        Some(value) if !(-max..=max).contains(&value) => {
+            Err(StoreError::Angle { field, value, max })
         }
         _ => Ok(()),
     }

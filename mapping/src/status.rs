@@ -219,14 +219,14 @@ pub fn software(
     SoftwareVersionReport {
         time_stamp: Some(stamp),
         vsm_version: Some(Text::new(vsm_version)),
-        autopilot_version: vehicle.map(|told| Text::new(&told.version)),
+        autopilot_version: vehicle.map(|reported| Text::new(&reported.version)),
         autopilot_source: vehicle
-            .filter(|told| told.source != 0)
-            .map(|told| hex(told.source)),
-        board_version: vehicle.map(|told| told.board),
+            .filter(|reported| reported.source != 0)
+            .map(|reported| hex(reported.source)),
+        board_version: vehicle.map(|reported| reported.board),
         hardware_id: vehicle
-            .filter(|told| told.hardware != 0)
-            .map(|told| hex(told.hardware)),
+            .filter(|reported| reported.hardware != 0)
+            .map(|reported| hex(reported.hardware)),
     }
 }
 
@@ -244,7 +244,7 @@ pub fn subsystems(
     } else {
         Vec::new()
     };
-    let state = |subsystem: SubsystemId, told: bool| {
+    let state = |subsystem: SubsystemId, reported: bool| {
         let here = found
             .iter()
             .filter(|finding| finding.subsystem == subsystem);
@@ -253,7 +253,7 @@ pub fn subsystems(
             .max_by_key(|state| state.raw());
         let state = match worst {
             Some(worst) => worst,
-            None if live && told => State::Nominal,
+            None if live && reported => State::Nominal,
             None => State::Cleared,
         };
         (subsystem, state)

@@ -246,7 +246,7 @@ impl Telemetry {
 
     /// Forgets where it was and what it flew: it has started anew, perhaps somewhere else. What it is stays, and what
     /// its sensors tell is told again.
-    pub fn start_anew(&mut self) {
+    pub fn restart(&mut self) {
         self.landed = None;
         self.position = None;
         self.above_home_m = None;
@@ -403,16 +403,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_version_is_told_as_people_write_it() {
-        let told = |flight_sw_version| {
+    fn a_version_is_reported_as_people_write_it() {
+        let reported = |flight_sw_version| {
             let message = AUTOPILOT_VERSION_DATA {
                 flight_sw_version,
                 ..AUTOPILOT_VERSION_DATA::default()
             };
             Software::of(&message).version
         };
-        assert_eq!(told(0x0112_0080), "1.18.0-beta");
-        assert_eq!(told(0x010f_02ff), "1.15.2");
-        assert_eq!(told(0x0113_0000), "1.19.0-dev");
+        assert_eq!(reported(0x0112_0080), "1.18.0-beta");
+        assert_eq!(reported(0x010f_02ff), "1.15.2");
+        assert_eq!(reported(0x0113_0000), "1.19.0-dev");
     }
 }

@@ -323,7 +323,7 @@ fn a_curve_stays_where_its_waypoint_is_sent_again_for_the_same_leg() {
 }
 
 #[test]
-fn too_few_items_mean_the_smallest_tolerance_that_they_allow_and_it_is_said() {
+fn too_few_items_mean_the_smallest_tolerance_that_they_allow_and_a_note() {
     let curves = [Message::CurveSegment(curve(9, 4))];
     let within = |items: usize| {
         let mut site = site();
@@ -344,9 +344,9 @@ fn too_few_items_mean_the_smallest_tolerance_that_they_allow_and_it_is_said() {
         let curved = compiled.curved.expect("a curve");
         assert!(compiled.items.len() <= items);
         assert!(curved.bound_m <= curved.tolerance_m && curved.tolerance_m > before_m - 1e-9);
-        let said = format!("tolerance {:.2} m, not 1 m", curved.tolerance_m);
+        let note_text = format!("tolerance {:.2} m, not 1 m", curved.tolerance_m);
         assert!(
-            compiled.notes.iter().any(|note| note.contains(&said)),
+            compiled.notes.iter().any(|note| note.contains(&note_text)),
             "{:?}",
             compiled.notes
         );
@@ -391,12 +391,12 @@ fn free_vertices_are_fewer_and_the_ends_stay() {
 }
 
 #[test]
-fn the_forecast_goes_by_what_the_vehicle_has_told_of_itself() {
+fn the_prediction_uses_the_vehicle_s_own_parameters() {
     let curves = [Message::CurveSegment(curve(9, 4))];
     let mut slow = site();
-    let mut told = Parameters::default();
-    told.set("MPC_ACC_HOR", 0.1);
-    slow.curving.know(&told);
+    let mut reported = Parameters::default();
+    reported.set("MPC_ACC_HOR", 0.1);
+    slow.curving.know(&reported);
     let time_s = |site: &Site| {
         let compiled = planned_at(&curves, site).expect("flown");
         compiled.curved.expect("a curve").time_s

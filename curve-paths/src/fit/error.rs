@@ -8,14 +8,14 @@ use crate::leg::LegError;
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum FitError {
     /// The tolerance is out of range.
-    #[error("tolerance is {tolerance_m} m, expected {least_m} to {most_m} m")]
+    #[error("tolerance is {tolerance_m} m, expected {min_m} to {max_m} m")]
     Tolerance {
         /// What was asked for, m.
         tolerance_m: f64,
         /// The least, m.
-        least_m: f64,
+        min_m: f64,
         /// The most, m.
-        most_m: f64,
+        max_m: f64,
     },
     /// The search found nothing that a dense measure confirms.
     #[error("the best fit is {deviation_m} m off, expected at most {tolerance_m} m")]
@@ -47,8 +47,8 @@ pub(super) fn check_tolerance(tolerance_m: f64) -> Result<(), FitError> {
     } else {
         Err(FitError::Tolerance {
             tolerance_m,
-            least_m: MIN_M,
-            most_m: MAX_M,
+            min_m: MIN_M,
+            max_m: MAX_M,
         })
     }
 }

@@ -176,12 +176,12 @@ impl<'a> Search<'a> {
         let mut q1 = p1 + Vec2::new(step[0], step[1]);
         let mut q2 = p2 + Vec2::new(step[2], step[3]);
         // A tangent that is given points forward.
-        let least = MIN_ARM * (p3 - p0).norm();
+        let min = MIN_ARM * (p3 - p0).norm();
         if let Some(d) = self.tangents.start {
-            q1 = p0 + d * (q1 - p0).dot(d).max(least);
+            q1 = p0 + d * (q1 - p0).dot(d).max(min);
         }
         if let Some(d) = self.tangents.end {
-            q2 = p3 - d * (p3 - q2).dot(d).max(least);
+            q2 = p3 - d * (p3 - q2).dot(d).max(min);
         }
         self.cubic = Cubic2([p0, q1, q2, p3]);
         self.by_point = false;

@@ -29,8 +29,8 @@ pub(crate) fn fewest(
     let tries = starts.len();
     for (k, start) in starts.into_iter().enumerate() {
         progress(k as f64 / tries as f64);
-        let most = best.as_ref().map_or(usize::MAX, Vec::len);
-        if let Some(chain) = chain_from(start, shape, reaches, cubics, most) {
+        let max = best.as_ref().map_or(usize::MAX, Vec::len);
+        if let Some(chain) = chain_from(start, shape, reaches, cubics, max) {
             best = Some(chain);
         }
     }
@@ -44,7 +44,7 @@ fn chain_from(
     shape: &Shape<'_>,
     reaches: &[usize],
     cubics: &mut Cubics<'_>,
-    most: usize,
+    max: usize,
 ) -> Option<Vec<Link>> {
     let end = shape.end(start);
     let is_corner = |i: usize| shape.corners.contains(&(i % shape.count));
@@ -52,7 +52,7 @@ fn chain_from(
     let mut at = start;
     let mut direction: Option<Vec2> = None;
     while at < end {
-        if chain.len() + 1 >= most {
+        if chain.len() + 1 >= max {
             return None;
         }
         let lap = if shape.closed {
@@ -99,8 +99,8 @@ fn chain_from(
 
 /// Whether both ends have a direction worth the name.
 fn has_arms(c: &Cubic2) -> bool {
-    let least = 0.99 * MIN_ARM * (c.0[3] - c.0[0]).norm();
-    (c.0[1] - c.0[0]).norm() >= least && (c.0[3] - c.0[2]).norm() >= least
+    let min = 0.99 * MIN_ARM * (c.0[3] - c.0[0]).norm();
+    (c.0[1] - c.0[0]).norm() >= min && (c.0[3] - c.0[2]).norm() >= min
 }
 
 fn leaving(c: &Cubic2) -> Vec2 {

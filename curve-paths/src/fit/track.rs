@@ -17,12 +17,12 @@ pub struct Track {
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum TrackError {
     /// Too few different fixes.
-    #[error("{count} different fixes, expected at least {least}")]
+    #[error("{count} different fixes, expected at least {min}")]
     TooFew {
         /// How many there are, repeated ones counted once.
         count: usize,
         /// How many are needed: 2, or 3 for a closed track.
-        least: usize,
+        min: usize,
     },
     /// A fix is not a position.
     #[error("fix {index}: {error}")]
@@ -34,7 +34,7 @@ pub enum TrackError {
     },
     /// The track is too wide for one plane.
     #[error(
-        "fix {index} is {distance_m:.0} m from the middle of the track, expected at most {most_m:.0} m"
+        "fix {index} is {distance_m:.0} m from the middle of the track, expected at most {max_m:.0} m"
     )]
     TooWide {
         /// The fix, from 0.
@@ -42,7 +42,7 @@ pub enum TrackError {
         /// Its distance, m.
         distance_m: f64,
         /// The greatest, m.
-        most_m: f64,
+        max_m: f64,
     },
 }
 
@@ -70,11 +70,11 @@ impl Track {
         {
             kept.pop();
         }
-        let least = if closed { 3 } else { 2 };
-        if kept.len() < least {
+        let min = if closed { 3 } else { 2 };
+        if kept.len() < min {
             return Err(TrackError::TooFew {
                 count: kept.len(),
-                least,
+                min,
             });
         }
         let track = Self {
@@ -88,7 +88,7 @@ impl Track {
                 return Err(TrackError::TooWide {
                     index,
                     distance_m,
-                    most_m: MAX_REACH_M,
+                    max_m: MAX_REACH_M,
                 });
             }
         }

@@ -183,12 +183,9 @@ fn chords_are_proven_and_few(leg: &BezierLeg) {
         assert!(bound_m <= 1.0, "{bound_m} {leg:?}");
     }
     let plain = densify(&[Leg::from(*leg)], &Options::geometry(1.0)).unwrap();
-    let least = fewest_chords(leg, 1.0, &ErrorAllowance::NONE, 200);
+    let min = fewest_chords(leg, 1.0, &ErrorAllowance::NONE, 200);
     let chords = plain.vertices.len() - 1;
-    assert!(
-        chords as f64 <= 1.05 * least as f64 + 1.0,
-        "{chords} {least}"
-    );
+    assert!(chords as f64 <= 1.05 * min as f64 + 1.0, "{chords} {min}");
 }
 
 #[test]

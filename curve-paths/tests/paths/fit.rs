@@ -56,16 +56,16 @@ fn what_is_no_track_is_refused() {
     let p = Position::new(37.0, 127.0, 0.0);
     assert_eq!(
         Track::new(&[], false),
-        Err(TrackError::TooFew { count: 0, least: 2 })
+        Err(TrackError::TooFew { count: 0, min: 2 })
     );
     assert_eq!(
         Track::new(&[p, p, p], false),
-        Err(TrackError::TooFew { count: 1, least: 2 })
+        Err(TrackError::TooFew { count: 1, min: 2 })
     );
     let q = Position::new(37.001, 127.0, 0.0);
     assert_eq!(
         Track::new(&[p, q, p], true),
-        Err(TrackError::TooFew { count: 2, least: 3 })
+        Err(TrackError::TooFew { count: 2, min: 3 })
     );
     let bad = Position::new(f64::NAN, 127.0, 0.0);
     assert!(matches!(
@@ -102,13 +102,16 @@ fn the_progress_rises_to_one() {
         .collect();
     let track = Track::new(&fixes, false).unwrap();
     for continuity in [Continuity::G0, Continuity::G1] {
-        let mut said = Vec::new();
+        let mut progress = Vec::new();
         let options = FitOptions {
             tolerance_m: 1.0,
             continuity,
             corner_deg: None,
         };
-        fit(&track, &options, &mut |done| said.push(done)).unwrap();
-        assert!(said.is_sorted() && said.last() == Some(&1.0), "{said:?}");
+        fit(&track, &options, &mut |done| progress.push(done)).unwrap();
+        assert!(
+            progress.is_sorted() && progress.last() == Some(&1.0),
+            "{progress:?}"
+        );
     }
 }

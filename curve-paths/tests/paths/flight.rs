@@ -101,7 +101,7 @@ fn the_policy_refuse_names_the_place_the_figure_and_the_fastest_speed() {
 }
 
 #[test]
-fn a_multicopter_is_slowed_by_short_chords_and_says_what_flying_adds() {
+fn a_multicopter_is_slowed_by_short_chords_and_the_flown_deviation_is_predicted() {
     let legs = route();
     let copter = Airframe::Multicopter(Multicopter::default());
     let plan = |tolerance_m: f64, speed: f64| {

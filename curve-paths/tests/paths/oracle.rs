@@ -80,12 +80,12 @@ fn judged(seeds: impl Iterator<Item = u64>) -> [usize; 3] {
         if n > 60 {
             continue;
         }
-        let least = kit::curves::fewest_chords(&leg, tolerance_m, &ErrorAllowance::NONE, GRID);
+        let min = kit::curves::fewest_chords(&leg, tolerance_m, &ErrorAllowance::NONE, GRID);
         assert!(
-            n as f64 <= 1.05 * least as f64 + 1.0,
-            "{kind:?} {seed}: {n} chords, {least} would do"
+            n as f64 <= 1.05 * min as f64 + 1.0,
+            "{kind:?} {seed}: {n} chords, {min} would do"
         );
-        sums = [sums[0] + 1, sums[1] + n, sums[2] + least];
+        sums = [sums[0] + 1, sums[1] + n, sums[2] + min];
     }
     sums
 }
@@ -127,7 +127,7 @@ fn vertices_off_the_curve_keep_the_promise_with_a_quarter_fewer_chords() {
 }
 
 #[test]
-fn a_least_chord_is_kept_or_refused() {
+fn a_minimum_chord_is_kept_or_refused() {
     let (mut kept, mut refused) = (0, 0);
     for seed in 0..LEGS / 4 {
         let (kind, leg) = random_leg(seed);
@@ -167,9 +167,9 @@ fn a_budget_is_kept_with_the_smallest_tolerance() {
             min_chord_m: 0.0,
             ..Options::flight(0.02)
         };
-        for most in [2, 5, 20, 80] {
-            let found = densify_to_budget(&route, most, &options).unwrap();
-            assert!(found.densified.vertices.len() <= most);
+        for max in [2, 5, 20, 80] {
+            let found = densify_to_budget(&route, max, &options).unwrap();
+            assert!(found.densified.vertices.len() <= max);
             assert!(found.densified.bound_m <= found.tolerance_m);
             if found.tolerance_m > options.tolerance_m {
                 let tighter = Options {
@@ -178,8 +178,8 @@ fn a_budget_is_kept_with_the_smallest_tolerance() {
                 };
                 if tighter.tolerance_m > 0.02 {
                     assert!(
-                        densify(&route, &tighter).unwrap().vertices.len() > most,
-                        "{seed} {most}"
+                        densify(&route, &tighter).unwrap().vertices.len() > max,
+                        "{seed} {max}"
                     );
                 }
             }

@@ -103,8 +103,8 @@ pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds
         },
         (3002, "Power Level") => Bounds::between(0.0, 100.0, "%; VFR_HUD.throttle"),
         (4000, "U_Speed" | "V_Speed") => {
-            let most = performance(subject).fastest_m_s;
-            Bounds::between(-most, most, "m/s; fastest level flight")
+            let max = performance(subject).fastest_m_s;
+            Bounds::between(-max, max, "m/s; fastest level flight")
         }
         (4000, "W_Speed") => {
             let of = |name| subject.parameters.above_zero(name);

@@ -93,7 +93,7 @@ impl Available {
     pub fn all(self) -> impl Iterator<Item = Message> {
         self.states()
             .into_iter()
-            .map(|(mode, available)| said(mode, available))
+            .map(|(mode, available)| availability(mode, available))
     }
 
     /// One 44003 for each mode that was other before.
@@ -102,7 +102,7 @@ impl Available {
             .into_iter()
             .zip(before.states())
             .filter(|(now, before)| now != before)
-            .map(|((mode, available), _)| said(mode, available))
+            .map(|((mode, available), _)| availability(mode, available))
     }
 
     fn states(self) -> [(FlightPathControlMode, bool); 2] {
@@ -113,7 +113,7 @@ impl Available {
     }
 }
 
-fn said(mode: FlightPathControlMode, available: bool) -> Message {
+fn availability(mode: FlightPathControlMode, available: bool) -> Message {
     Message::MessageParameterAvailability(MessageParameterAvailability {
         station_number_1_16: Some(0),
         reported_message: Some(2016),
@@ -140,26 +140,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_value_is_told_by_the_message_of_its_kind_in_steps() {
-        let told = altimeter(Altimeter::new(101_820.0).expect("a setting"));
+    fn a_value_is_reported_by_the_message_of_its_kind_in_steps() {
+        let reported = altimeter(Altimeter::new(101_820.0).expect("a setting"));
         let expected = FieldChangeIntegerCommand {
             requested_message: Some(2016),
             requested_field: Some(16),
             commanded_value: Some(10_182),
             ..FieldChangeIntegerCommand::default()
         };
-        assert_eq!(told, Some(expected.into()));
-        let Some(Message::FieldChangeEnumeratedCommand(told)) =
+        assert_eq!(reported, Some(expected.into()));
+        let Some(Message::FieldChangeEnumeratedCommand(reported)) =
             mode(FlightPathControlMode::AutolandEngage)
         else {
             panic!("an enumerated field")
         };
-        assert_eq!(told.requested_field, Some(2));
-        assert_eq!(told.commanded_enumeration_index_value, Some(19));
+        assert_eq!(reported.requested_field, Some(2));
+        assert_eq!(reported.commanded_enumeration_index_value, Some(19));
     }
 
     #[test]
-    fn of_a_loiter_only_what_is_other_is_told() {
+    fn of_a_loiter_only_what_changed_is_reported() {
         let before = LoiterConfiguration {
             loiter_type: Some(LoiterType::Circular),
             loiter_radius: Some(Scaled::saturating_from_si(30.0)),
@@ -170,7 +170,9 @@ mod tests {
             loiter_direction: Some(LoiterDirection::CounterClockwise),
             ..before.clone()
         };
-        let ids: Vec<u16> = loiter(&now, &before).map(|told| told.id()).collect();
+        let ids: Vec<u16> = loiter(&now, &before)
+            .map(|reported| reported.id())
+            .collect();
         assert_eq!(ids, [44_000, 44_002]);
         assert_eq!(loiter(&now, &now).count(), 0);
     }

@@ -119,11 +119,11 @@ impl Request {
 }
 
 fn single(request: &FieldConfigurationRequest) -> Result<Scope, RequestError> {
-    let wanted = request.requested_message.unwrap_or(0);
-    let message = u16::try_from(wanted)
+    let requested = request.requested_message.unwrap_or(0);
+    let message = u16::try_from(requested)
         .ok()
         .and_then(table::message)
-        .ok_or(RequestError::Message(wanted))?;
+        .ok_or(RequestError::Message(requested))?;
     match request.requested_field {
         None | Some(0) => Ok(Scope::Message(message)),
         Some(number) => message

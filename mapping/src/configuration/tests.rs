@@ -46,7 +46,7 @@ fn subject(parameters: &Parameters) -> Subject<'_> {
     }
 }
 
-fn ask(kind: ConfigRequestType, message: u32, field: u8) -> Vec<Message> {
+fn answers_to(kind: ConfigRequestType, message: u32, field: u8) -> Vec<Message> {
     let request = FieldConfigurationRequest {
         request_type: Some(kind),
         requested_message: Some(message),
@@ -58,7 +58,7 @@ fn ask(kind: ConfigRequestType, message: u32, field: u8) -> Vec<Message> {
 
 #[test]
 fn a_speed_is_bounded_by_the_vehicle_and_starts_at_its_own() {
-    let answers = ask(ConfigRequestType::SingleParameter, 2016, 13);
+    let answers = answers_to(ConfigRequestType::SingleParameter, 2016, 13);
     let [
         Message::FieldConfigurationUnsignedResponse(speed),
         Message::ConfigurationComplete(_),
@@ -73,7 +73,7 @@ fn a_speed_is_bounded_by_the_vehicle_and_starts_at_its_own() {
 
 #[test]
 fn an_altitude_is_bounded_by_the_fence() {
-    let answers = ask(ConfigRequestType::SingleParameter, 13002, 6);
+    let answers = answers_to(ConfigRequestType::SingleParameter, 13002, 6);
     let Message::FieldConfigurationIntegerResponse(altitude) = &answers[0] else {
         panic!("{answers:?}")
     };
@@ -84,7 +84,7 @@ fn an_altitude_is_bounded_by_the_fence() {
 
 #[test]
 fn the_battery_has_its_caution_and_its_warning() {
-    let answers = ask(ConfigRequestType::SingleParameter, 3002, 12);
+    let answers = answers_to(ConfigRequestType::SingleParameter, 3002, 12);
     let Message::FieldConfigurationUnsignedResponse(energy) = &answers[0] else {
         panic!("{answers:?}")
     };
@@ -94,35 +94,38 @@ fn the_battery_has_its_caution_and_its_warning() {
 }
 
 #[test]
-fn refused_values_unused_fields_and_unsupported_messages_are_said() {
-    let said = |kind, message, field, index: Option<u8>| {
-        ask(kind, message, 0).iter().any(|answer| match answer {
-            Message::MessageParameterAvailability(said) => {
-                said.reported_message == Some(message)
-                    && said.reported_field == Some(field)
-                    && said.reported_enumerated_index == index
-                    && match index {
-                        None => said.field_available == Some(FieldAvailable::NotAvailable),
-                        Some(_) => {
-                            said.enumerated_index_enable == Some(EnumIndexEnable::NotImplemented)
+fn refused_values_unused_fields_and_unsupported_messages_are_reported() {
+    let reported = |kind, message, field, index: Option<u8>| {
+        answers_to(kind, message, 0)
+            .iter()
+            .any(|answer| match answer {
+                Message::MessageParameterAvailability(reported) => {
+                    reported.reported_message == Some(message)
+                        && reported.reported_field == Some(field)
+                        && reported.reported_enumerated_index == index
+                        && match index {
+                            None => reported.field_available == Some(FieldAvailable::NotAvailable),
+                            Some(_) => {
+                                reported.enumerated_index_enable
+                                    == Some(EnumIndexEnable::NotImplemented)
+                            }
                         }
-                    }
-            }
-            _ => false,
-        })
+                }
+                _ => false,
+            })
     };
     let single = ConfigRequestType::SingleParameter;
     // Terrain avoidance; thrust; the whole of flight termination.
-    assert!(said(single, 2016, 2, Some(16)));
-    assert!(!said(single, 2016, 2, Some(11)));
-    assert!(said(single, 2016, 22, None));
-    assert!(!said(single, 2016, 13, None));
-    assert!(said(single, 2005, 0, None));
+    assert!(reported(single, 2016, 2, Some(16)));
+    assert!(!reported(single, 2016, 2, Some(11)));
+    assert!(reported(single, 2016, 22, None));
+    assert!(!reported(single, 2016, 13, None));
+    assert!(reported(single, 2005, 0, None));
 }
 
 #[test]
 fn own_modes_are_described_by_name() {
-    let answers = ask(ConfigRequestType::Loi2, 0, 0);
+    let answers = answers_to(ConfigRequestType::Loi2, 0, 0);
     let rtl = answers.iter().find_map(|answer| match answer {
         Message::FieldConfigurationEnumeratedResponse(own)
             if own.requested_message == Some(3001)
@@ -139,7 +142,7 @@ fn own_modes_are_described_by_name() {
 fn every_answer_fits_a_datagram_and_every_level_ends() {
     use ConfigRequestType as T;
     for kind in [T::Loi2, T::Loi3, T::Loi4, T::Loi5, T::DataLink, T::Abort] {
-        let answers = ask(kind, 0, 0);
+        let answers = answers_to(kind, 0, 0);
         assert!(matches!(
             answers.last(),
             Some(Message::ConfigurationComplete(_))

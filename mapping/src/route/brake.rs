@@ -74,16 +74,16 @@ pub(crate) fn missed_at(
             is_passed(item) && fast && changes(at)
         })
     };
-    let until_told = |from: usize| {
+    let until_speed_change = |from: usize| {
         let on = items.iter().enumerate().skip(from);
         on.take_while(|(_, item)| item.command != DO_CHANGE_SPEED)
     };
     // What a loop leads back to comes after what follows: it is passed at the same speed.
-    let back = until_told(start)
+    let back = until_speed_change(start)
         .filter(|(_, item)| item.command == DO_JUMP)
         .map(|(_, item)| item.params[0] as usize);
-    let again = back.flat_map(until_told);
-    until_told(start)
+    let again = back.flat_map(until_speed_change);
+    until_speed_change(start)
         .chain(again)
         .map(|(at, _)| at)
         .find(|at| too_fast(*at))
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_vehicle_flies_unasked_counts_where_the_route_has_no_speed() {
+    fn the_cruise_speed_counts_where_the_route_has_no_speed() {
         let climb = [to(30.0, 0.0), to(45.0, 0.0)];
         let braked = |cruise_m_s| {
             let performance = Performance {
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_speed_that_is_commanded_in_flight_is_judged_until_the_route_says_another() {
+    fn a_speed_that_is_commanded_in_flight_is_judged_until_the_route_sets_another() {
         let route = [
             to(30.0, 0.0),
             to(30.0, 0.0),
@@ -303,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hold_that_was_asked_for_stays_and_another_frame_is_another_height() {
+    fn a_requested_hold_stays_and_another_frame_is_another_height() {
         let held = Item {
             params: [20.0, 3.0, 0.0, f32::NAN],
             ..to(30.0, 3.0)

@@ -250,7 +250,7 @@ impl<'a> Draft<'a> {
             for end in ends {
                 curve::widen(&mut compiled.items, end, &site.performance);
             }
-            say_own_radius(&mut compiled, &straight, &site.performance);
+            note_own_radius(&mut compiled, &straight, &site.performance);
         }
         compiled.items.first_mut()?.current = true;
         Some(compiled)
@@ -283,7 +283,7 @@ fn stop_where_missed(
 }
 
 /// Says where waypoints are taken within the vehicle's own radius, and that is too small for it.
-fn say_own_radius(compiled: &mut CompiledMission, straight: &[usize], performance: &Performance) {
+fn note_own_radius(compiled: &mut CompiledMission, straight: &[usize], performance: &Performance) {
     let own_m = performance.acceptance_m;
     let mut items = straight.iter().filter_map(|at| compiled.items.get(*at));
     let own = items.any(|item| item.command == NAV_WAYPOINT && item.params[1] <= 0.0);
@@ -304,18 +304,18 @@ fn distance(to: &Leg, from: Option<&Leg>, site: &Site) -> Result<(), Reason> {
     match from {
         None => {
             let home = (site.home.latitude, site.home.longitude);
-            let (distance_m, most_m) = (metres(home, here), site.limits.first_m);
-            if distance_m > most_m {
-                Err(Reason::FarFromHome { distance_m, most_m })
+            let (distance_m, max_m) = (metres(home, here), site.limits.first_m);
+            if distance_m > max_m {
+                Err(Reason::FarFromHome { distance_m, max_m })
             } else {
                 Ok(())
             }
         }
         Some(from) => {
             let before = (from.latitude, from.longitude);
-            let (distance_m, most_m) = (metres(before, here), site.limits.leg_m);
-            if distance_m > most_m {
-                Err(Reason::LongLeg { distance_m, most_m })
+            let (distance_m, max_m) = (metres(before, here), site.limits.leg_m);
+            if distance_m > max_m {
+                Err(Reason::LongLeg { distance_m, max_m })
             } else {
                 Ok(())
             }

@@ -57,20 +57,20 @@ pub enum Reason {
     #[error("{0:.1} m above ground, expected more than 0")]
     InTheGround(f64),
     /// The first waypoint is too far from home.
-    #[error("{distance_m:.0} m from home, at most {most_m:.0}")]
+    #[error("{distance_m:.0} m from home, at most {max_m:.0}")]
     FarFromHome {
         /// Metres.
         distance_m: f64,
         /// Metres.
-        most_m: f64,
+        max_m: f64,
     },
     /// A leg is too long.
-    #[error("{distance_m:.0} m from the waypoint before, at most {most_m:.0}")]
+    #[error("{distance_m:.0} m from the waypoint before, at most {max_m:.0}")]
     LongLeg {
         /// Metres.
         distance_m: f64,
         /// Metres.
-        most_m: f64,
+        max_m: f64,
     },
     /// A speed that the vehicle does not fly.
     #[error(transparent)]
@@ -90,7 +90,7 @@ pub enum Reason {
     #[error("PX4 cannot loiter in a {0}")]
     LoiterType(&'static str),
     /// A circle that is too wide.
-    #[error("Loiter Radius {0:.0} m, at most {most:.0}", most = WIDEST_CIRCLE_M)]
+    #[error("Loiter Radius {0:.0} m, at most {max:.0}", max = WIDEST_CIRCLE_M)]
     LoiterRadius(f64),
     /// A number of turns: PX4 has no such item.
     #[error(

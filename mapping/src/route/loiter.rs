@@ -31,21 +31,21 @@ pub(super) struct Loiter {
 
 /// `leg_speed_m_s` is the speed of the leg to the loiter, where one is commanded.
 pub(super) fn loiter(
-    asked: &UaLoiterWaypoint,
+    requested: &UaLoiterWaypoint,
     leg_speed_m_s: Option<f64>,
     hovers: bool,
     performance: &Performance,
 ) -> Result<Loiter, Reason> {
-    pattern(asked, hovers)?;
-    let radius_m = radius(asked, hovers)?;
+    pattern(requested, hovers)?;
+    let radius_m = radius(requested, hovers)?;
     let speed_m_s = if hovers {
         None
     } else {
-        speed(asked, performance)?
+        speed(requested, performance)?
     };
-    let seconds = match asked.loiter_duration.filter(|duration| *duration > 0) {
+    let seconds = match requested.loiter_duration.filter(|duration| *duration > 0) {
         None => None,
-        Some(duration) => match asked.loiter_duration_units {
+        Some(duration) => match requested.loiter_duration_units {
             None | Some(LoiterDurationUnits::Seconds) => Some(f64::from(duration)),
             Some(LoiterDurationUnits::Turns) => match speed_m_s.or(leg_speed_m_s) {
                 Some(speed_m_s) if !hovers && radius_m != 0.0 => {
@@ -73,8 +73,8 @@ pub(super) fn loiter(
     })
 }
 
-fn pattern(asked: &UaLoiterWaypoint, hovers: bool) -> Result<(), Reason> {
-    match asked.waypoint_loiter_type {
+fn pattern(requested: &UaLoiterWaypoint, hovers: bool) -> Result<(), Reason> {
+    match requested.waypoint_loiter_type {
         None | Some(LoiterType::Circular) => Ok(()),
         Some(LoiterType::Hover) if hovers => Ok(()),
         Some(LoiterType::Hover) => Err(Reason::LoiterType("hover: it is a fixed wing")),
@@ -88,12 +88,12 @@ fn pattern(asked: &UaLoiterWaypoint, hovers: bool) -> Result<(), Reason> {
 }
 
 /// Metres, negative for counter-clockwise; 0 is the vehicle's own radius.
-fn radius(asked: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
-    let radius_m = asked.loiter_radius.map_or(0.0, |radius| radius.si());
+fn radius(requested: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
+    let radius_m = requested.loiter_radius.map_or(0.0, |radius| radius.si());
     if !hovers && radius_m > WIDEST_CIRCLE_M {
         return Err(Reason::LoiterRadius(radius_m));
     }
-    match asked.loiter_direction {
+    match requested.loiter_direction {
         None | Some(LoiterDirection::VehicleDependent) => Ok(radius_m),
         _ if hovers => Ok(radius_m),
         // The sign of a radius of 0 says nothing.
@@ -110,11 +110,11 @@ fn radius(asked: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
     }
 }
 
-fn speed(asked: &UaLoiterWaypoint, performance: &Performance) -> Result<Option<f64>, Reason> {
-    let Some(speed_m_s) = asked.loiter_speed.map(|speed| speed.si()) else {
+fn speed(requested: &UaLoiterWaypoint, performance: &Performance) -> Result<Option<f64>, Reason> {
+    let Some(speed_m_s) = requested.loiter_speed.map(|speed| speed.si()) else {
         return Ok(None);
     };
-    match asked.speed_type {
+    match requested.speed_type {
         None | Some(SpeedType::Indicated | SpeedType::True | SpeedType::Ground) => {}
         Some(other) => {
             return Err(Reason::UnknownValue {
@@ -142,57 +142,64 @@ mod tests {
         }
     }
 
-    fn made(asked: &UaLoiterWaypoint, leg: Option<f64>, hovers: bool) -> Result<Loiter, Reason> {
-        loiter(asked, leg, hovers, &Performance::default())
+    fn made(
+        requested: &UaLoiterWaypoint,
+        leg: Option<f64>,
+        hovers: bool,
+    ) -> Result<Loiter, Reason> {
+        loiter(requested, leg, hovers, &Performance::default())
     }
 
     #[test]
     fn the_sign_of_the_radius_is_the_direction() {
-        let mut asked = circle();
+        let mut requested = circle();
         for (direction, radius) in [
             (LoiterDirection::Clockwise, 60.0),
             (LoiterDirection::CounterClockwise, -60.0),
             (LoiterDirection::VehicleDependent, 60.0),
         ] {
-            asked.loiter_direction = Some(direction);
-            let item = made(&asked, None, false).unwrap();
+            requested.loiter_direction = Some(direction);
+            let item = made(&requested, None, false).unwrap();
             assert_eq!((item.command, item.params[2]), (NAV_LOITER_UNLIM, radius));
         }
-        asked.loiter_direction = Some(LoiterDirection::IntoWind);
-        assert!(made(&asked, None, false).is_err());
-        asked.loiter_direction = Some(LoiterDirection::CounterClockwise);
-        asked.loiter_radius = None;
-        assert!(matches!(made(&asked, None, false), Err(Reason::Missing(_))));
+        requested.loiter_direction = Some(LoiterDirection::IntoWind);
+        assert!(made(&requested, None, false).is_err());
+        requested.loiter_direction = Some(LoiterDirection::CounterClockwise);
+        requested.loiter_radius = None;
+        assert!(matches!(
+            made(&requested, None, false),
+            Err(Reason::Missing(_))
+        ));
     }
 
     #[test]
     fn turns_are_flown_as_time_where_radius_and_speed_are_known() {
-        let mut asked = circle();
-        asked.loiter_duration = Some(3);
-        asked.loiter_duration_units = Some(LoiterDurationUnits::Turns);
-        assert_eq!(made(&asked, None, false), Err(Reason::LoiterTurns));
-        assert_eq!(made(&asked, Some(15.0), true), Err(Reason::LoiterTurns));
-        let item = made(&asked, Some(15.0), false).unwrap();
+        let mut requested = circle();
+        requested.loiter_duration = Some(3);
+        requested.loiter_duration_units = Some(LoiterDurationUnits::Turns);
+        assert_eq!(made(&requested, None, false), Err(Reason::LoiterTurns));
+        assert_eq!(made(&requested, Some(15.0), true), Err(Reason::LoiterTurns));
+        let item = made(&requested, Some(15.0), false).unwrap();
         assert_eq!(item.command, NAV_LOITER_TIME);
         assert!((item.params[0] - 75.4).abs() < 0.01, "{:?}", item.params);
-        asked.loiter_speed = Some(Scaled::saturating_from_si(30.0));
-        let item = made(&asked, Some(15.0), false).unwrap();
+        requested.loiter_speed = Some(Scaled::saturating_from_si(30.0));
+        let item = made(&requested, Some(15.0), false).unwrap();
         assert!((item.params[0] - 37.7).abs() < 0.01, "{:?}", item.params);
         assert_eq!(item.speed_m_s, Some(30.0));
     }
 
     #[test]
     fn a_fixed_wing_does_not_hover_and_nobody_flies_a_racetrack() {
-        let mut asked = circle();
-        asked.waypoint_loiter_type = Some(LoiterType::Hover);
-        assert!(made(&asked, None, true).is_ok());
+        let mut requested = circle();
+        requested.waypoint_loiter_type = Some(LoiterType::Hover);
+        assert!(made(&requested, None, true).is_ok());
         assert!(matches!(
-            made(&asked, None, false),
+            made(&requested, None, false),
             Err(Reason::LoiterType(_))
         ));
-        asked.waypoint_loiter_type = Some(LoiterType::Racetrack);
+        requested.waypoint_loiter_type = Some(LoiterType::Racetrack);
         assert!(matches!(
-            made(&asked, None, true),
+            made(&requested, None, true),
             Err(Reason::LoiterType(_))
         ));
     }

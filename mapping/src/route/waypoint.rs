@@ -77,15 +77,15 @@ fn speed(waypoint: &UaPositionWaypoint, performance: &Performance) -> Result<Opt
 pub(super) fn items(
     leg: &Leg,
     waypoint: &UaPositionWaypoint,
-    asked: Option<&UaLoiterWaypoint>,
+    requested: Option<&UaLoiterWaypoint>,
     site: &Site,
 ) -> Result<Vec<Item>, Reason> {
     let there = |command, params| placed((leg.latitude, leg.longitude), leg.level, command, params);
     let fly_to = there(NAV_WAYPOINT, [0.0, acceptance(waypoint)?, 0.0, f32::NAN]);
-    let Some(asked) = asked else {
+    let Some(requested) = requested else {
         return Ok(vec![fly_to]);
     };
-    let loiter = loiter::loiter(asked, leg.speed_m_s, site.hovers, &site.performance)?;
+    let loiter = loiter::loiter(requested, leg.speed_m_s, site.hovers, &site.performance)?;
     let stay = there(loiter.command, loiter.params);
     match loiter
         .speed_m_s

@@ -158,17 +158,17 @@ fn report(legs: &[BezierLeg], planes: &[Plane]) {
 /// criterion tells contain what else the machine did.
 #[expect(clippy::print_stdout, reason = "as above")]
 fn fastest(rows: &[(&str, &dyn Fn() -> usize)]) {
-    let mut least = vec![f64::INFINITY; rows.len()];
+    let mut min = vec![f64::INFINITY; rows.len()];
     for _ in 0..ROUNDS {
-        for ((_, points), least) in rows.iter().zip(&mut least) {
+        for ((_, points), min) in rows.iter().zip(&mut min) {
             let begun = Instant::now();
             let points = black_box(points());
-            *least = least.min(begun.elapsed().as_secs_f64() / points as f64);
+            *min = min.min(begun.elapsed().as_secs_f64() / points as f64);
         }
     }
     println!("fastest of {ROUNDS} rounds: million points a second");
-    for ((name, _), least) in rows.iter().zip(least) {
-        println!("{name:>20} {:>8.1}", 1e-6 / least);
+    for ((name, _), min) in rows.iter().zip(min) {
+        println!("{name:>20} {:>8.1}", 1e-6 / min);
     }
 }
 

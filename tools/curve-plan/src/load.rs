@@ -72,9 +72,8 @@ impl Loaded {
         let answer =
             |e: &dyn std::fmt::Display| Failure::Answer(format!("{}: {e}", self.file.display()));
         match how.max_items {
-            Some(most) => {
-                let found =
-                    densify_to_budget(&self.legs, most, &options).map_err(|e| answer(&e))?;
+            Some(max) => {
+                let found = densify_to_budget(&self.legs, max, &options).map_err(|e| answer(&e))?;
                 Ok((found.densified, found.tolerance_m))
             }
             None => Ok((

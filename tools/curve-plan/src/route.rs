@@ -40,7 +40,7 @@ pub(crate) enum Datum {
     /// The WGS-84 ellipsoid.
     Ellipsoid,
     /// Not said.
-    Unsaid,
+    Unstated,
 }
 
 impl Datum {
@@ -49,7 +49,7 @@ impl Datum {
             Some(AltitudeType::Barometric | AltitudeType::Pressure) => Self::SeaLevel,
             Some(AltitudeType::Agl) => Self::Home,
             Some(AltitudeType::Wgs84) => Self::Ellipsoid,
-            _ => Self::Unsaid,
+            _ => Self::Unstated,
         }
     }
 
@@ -58,7 +58,7 @@ impl Datum {
             Self::SeaLevel => Some(AltitudeType::Barometric),
             Self::Home => Some(AltitudeType::Agl),
             Self::Ellipsoid => Some(AltitudeType::Wgs84),
-            Self::Unsaid => None,
+            Self::Unstated => None,
         }
     }
 }

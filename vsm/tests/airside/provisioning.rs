@@ -60,21 +60,21 @@ fn a_px4_without_a_key_is_given_its_first() {
 }
 
 #[test]
-fn the_link_goes_on_under_the_old_key_until_px4_has_the_new_one() {
+fn the_link_keeps_the_old_key_until_px4_has_the_new_one() {
     let mut world = rotation();
     world.run(6.0);
     assert_eq!(world.state(), "staged");
-    let heard = world.heard().len();
-    assert!(heard > 0);
+    let received = world.received().len();
+    assert!(received > 0);
     let now = world.now;
     let bytes = world.ground.as_mut().unwrap().frame(now, &arm());
     assert!(world.passes(GROUND, &bytes));
     world.run(1.0);
-    assert!(world.heard().len() > heard);
+    assert!(world.received().len() > received);
 }
 
 #[test]
-fn a_rotation_keeps_the_key_before_until_px4_has_started_anew() {
+fn a_rotation_keeps_the_previous_key_until_px4_has_restarted() {
     let mut world = rotation();
     world.run(25.0);
     assert!(has(&world, 6), "{:?}", world.log);
@@ -137,15 +137,16 @@ fn an_unsigned_px4_after_a_power_cut_gets_its_key_again_and_no_command_before() 
     // And so is the ground.
     world.run(1.0);
     let texts = &world.ground.as_ref().unwrap().texts;
-    let told: Vec<bool> = ["UNSIGNED", "again"]
+    let reported: Vec<bool> = ["UNSIGNED", "again"]
         .iter()
         .map(|word| texts.iter().any(|text| text.contains(word)))
         .collect();
-    assert_eq!(told, [true, true], "{texts:?}");
+    assert_eq!(reported, [true, true], "{texts:?}");
 }
 
 #[test]
-fn a_px4_that_falls_back_to_the_key_before_is_not_delivered_and_gets_the_new_one_again() {
+fn frames_of_a_px4_that_reverts_to_the_previous_key_are_not_delivered_and_it_gets_the_new_one_again()
+ {
     let mut world = rotation();
     world.run(25.0);
     assert!(has(&world, 6));
@@ -159,7 +160,7 @@ fn a_px4_that_falls_back_to_the_key_before_is_not_delivered_and_gets_the_new_one
     let now = world.now;
     let before = world.ground.replace(Ground::new(key(5), now));
     world.run(1.9);
-    assert!(world.heard().is_empty());
+    assert!(world.received().is_empty());
     world.ground = before;
     world.run(10.0);
     assert!(has(&world, 6), "{:?}", world.log);
@@ -171,7 +172,7 @@ fn a_px4_that_falls_back_to_the_key_before_is_not_delivered_and_gets_the_new_one
 }
 
 #[test]
-fn a_px4_that_cannot_sign_is_told_apart_and_asked_again() {
+fn a_px4_that_cannot_sign_is_recognised_and_retried() {
     let mut world = first();
     world.cannot_sign = true;
     world.run(40.0);
@@ -246,12 +247,12 @@ fn a_full_disk_delivers_nothing_under_a_key_that_is_not_in_force_there() {
     world.on_secret = Some(Mishap::DiskFull);
     world.run(18.0);
     assert!(world.px4_has(&key(6)));
-    assert!(world.heard().is_empty());
+    assert!(world.received().is_empty());
     assert!(world.disk.next.is_some());
     world.disk.full = false;
     world.run(5.0);
     assert!(has(&world, 6), "{} {:?}", world.state(), world.log);
-    assert!(!world.heard().is_empty());
+    assert!(!world.received().is_empty());
 }
 
 #[test]

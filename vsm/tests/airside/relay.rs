@@ -45,7 +45,7 @@ fn a_signed_command_of_the_listed_talker_passes_unaltered() {
 #[test]
 fn frames_of_the_autopilot_pass_to_the_ground_and_lift_its_clock() {
     let world = World::live();
-    assert!(world.heard().contains(&0), "{:?}", world.heard());
+    assert!(world.received().contains(&0), "{:?}", world.received());
     assert_eq!(world.state(), "relaying");
 }
 
@@ -197,7 +197,7 @@ fn a_stranger_moves_neither_peer_nor_state() {
 #[test]
 fn px4s_unsigned_frames_and_setup_signing_do_not_reach_the_ground() {
     let mut world = World::live();
-    let before = world.heard().len();
+    let before = world.received().len();
     let px4 = Stream {
         system: 1,
         component: 1,
@@ -213,7 +213,7 @@ fn px4s_unsigned_frames_and_setup_signing_do_not_reach_the_ground() {
     let setup = frame(px4, SETUP_SIGNING, &[2; 42], Some((&key(5), stamp)));
     world.agent.handle_px4(now, from, &setup, &mut world.disk);
     world.drain();
-    assert_eq!(world.heard().len(), before);
+    assert_eq!(world.received().len(), before);
     assert_eq!(world.held_back("SETUP_SIGNING from PX4"), 1);
     assert_eq!(world.state(), "relaying");
 }

@@ -138,7 +138,7 @@ pub(crate) struct Ground {
     pub(crate) key: KeyState,
     disk: MemoryDisk,
     /// Ids of frames of component 1 delivered so far.
-    pub(crate) heard: Vec<u32>,
+    pub(crate) received: Vec<u32>,
     /// What the agent said.
     pub(crate) texts: Vec<String>,
 }
@@ -153,7 +153,7 @@ impl Ground {
             link: Link::new(config),
             key,
             disk,
-            heard: vec![],
+            received: vec![],
             texts: vec![],
         }
     }
@@ -163,14 +163,14 @@ impl Ground {
             key: &mut self.key,
             store: &mut self.disk,
         };
-        let (heard, texts) = (&mut self.heard, &mut self.texts);
+        let (received, texts) = (&mut self.received, &mut self.texts);
         self.link
             .handle_datagram(now, at(9), bytes, auth, &mut |delivery| {
                 assert!(delivery.verified);
                 if delivery.header.component_id == 1 {
-                    heard.push(delivery.header.message_id);
-                } else if let Ok(MavMessage::STATUSTEXT(said)) = &delivery.message {
-                    texts.push(said.text.to_str().unwrap().to_owned());
+                    received.push(delivery.header.message_id);
+                } else if let Ok(MavMessage::STATUSTEXT(text)) = &delivery.message {
+                    texts.push(text.text.to_str().unwrap().to_owned());
                 }
             });
     }
@@ -293,7 +293,7 @@ impl World {
     pub(crate) fn live() -> World {
         let mut world = World::new(Some(key(5)), Signing::with_key(key(5), 0));
         world.run(4.0);
-        assert!(!world.heard().is_empty(), "{:?}", world.log);
+        assert!(!world.received().is_empty(), "{:?}", world.log);
         world.to_px4.clear();
         world
     }
@@ -377,8 +377,8 @@ impl World {
         self.agent = start(settings(), &mut self.disk, self.now);
     }
 
-    pub(crate) fn heard(&self) -> &[u32] {
-        self.ground.as_ref().map_or(&[], |ground| &ground.heard)
+    pub(crate) fn received(&self) -> &[u32] {
+        self.ground.as_ref().map_or(&[], |ground| &ground.received)
     }
 
     pub(crate) fn state(&self) -> &'static str {

@@ -39,7 +39,7 @@ pub(crate) fn frames() -> Vec<Vec<u8>> {
 
 /// A vehicle that is heard, then one vector of each type that a station sends, with time between.
 pub(crate) fn sessions() -> Vec<Vec<u8>> {
-    let mut heard = Vec::new();
+    let mut received = Vec::new();
     for bytes in capture("03-arm-takeoff-mission-landa")
         .into_iter()
         .take(400)
@@ -48,22 +48,22 @@ pub(crate) fn sessions() -> Vec<Vec<u8>> {
         let mut frames = parser.feed(&bytes);
         while let Some(Ok(view)) = frames.next() {
             let id = view.header().message_id;
-            if [0, 24, 33, 242, 245].contains(&id) && heard.len() < 2_000 {
+            if [0, 24, 33, 242, 245].contains(&id) && received.len() < 2_000 {
                 let mut data = (id as u16).to_le_bytes().to_vec();
                 data.extend(view.payload());
-                push(&mut heard, FRAME, &data);
+                push(&mut received, FRAME, &data);
             }
         }
     }
     let request = [&[0, 1][..], &request_of_all()].concat();
-    push(&mut heard, MESSAGE, &request);
+    push(&mut received, MESSAGE, &request);
     let mut seeds = Vec::new();
     for datagram in datagrams() {
         for frame in dli_frames(&datagram).flatten() {
             if frame.data.len() > 250 {
                 continue;
             }
-            let mut session = heard.clone();
+            let mut session = received.clone();
             let data = [&frame.header.message_type.to_be_bytes()[..], frame.data].concat();
             push(&mut session, MESSAGE, &data);
             session.extend([TIME, 50]);

@@ -17,7 +17,7 @@ fn flip(scene: &mut Scene, times: usize) {
                 .until(5.0, |rig| rig.stations[B].end(ticket).is_some());
             assert!(answered);
         }
-        scene.rig.stations[B].heard.clear();
+        scene.rig.stations[B].received.clear();
     }
 }
 

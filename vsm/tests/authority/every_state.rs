@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use crate::model::{AuthorityModel, FULL, Scope};
 use stateright::{Checker as _, Model as _};
 
-fn check(scope: Scope, at_least: usize) {
+fn check(scope: Scope, min_states: usize) {
     let checker = AuthorityModel::new(scope)
         .checker()
         .threads(1)
@@ -23,7 +23,7 @@ fn check(scope: Scope, at_least: usize) {
     checker.assert_properties();
     checker.model().assert_moved();
     assert!(
-        checker.unique_state_count() >= at_least,
+        checker.unique_state_count() >= min_states,
         "only {} states: the model does not move",
         checker.unique_state_count()
     );

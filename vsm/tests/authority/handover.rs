@@ -10,7 +10,7 @@ const DONE: Option<AckType> = Some(AckType::CarriedOut);
 const NO: Option<AckType> = Some(AckType::Refused);
 
 fn reported(scene: &Scene, by: usize, status: HandoverStatus) -> bool {
-    scene.heard(
+    scene.received(
         by,
         |m| matches!(m, Message::HandoverStatusReport(m) if m.status == Some(status)),
     )
@@ -31,7 +31,7 @@ fn the_holder_consents() {
     let wish = scene.hand_over(B, B, CONTROL);
     scene.rig.run(0.3);
     assert_eq!(scene.controller(), Some(A), "control stays until it passes");
-    assert!(scene.heard(A, |m| matches!(
+    assert!(scene.received(A, |m| matches!(
         m,
         Message::PositiveHandoverAuthorisationRequest(_)
     )));
@@ -132,7 +132,7 @@ fn a_transfer_waits_until_the_upload_has_ended() {
     for message in waypoints {
         assert_eq!(scene.rig.carry_out(message), DONE);
     }
-    let load = scene.rig.tell(orders::load());
+    let load = scene.rig.send(orders::load());
     scene.rig.run(0.02);
     let taken = scene.ask(B, RequestedAccess::Override, CONTROL);
     assert!(
@@ -156,7 +156,7 @@ fn a_transfer_waits_until_the_upload_has_ended() {
 #[test]
 fn during_launch_control_passes_by_override_only() {
     let mut scene = Scene::controlled();
-    scene.rig.tell(orders::launch(40.0));
+    scene.rig.send(orders::launch(40.0));
     assert!(scene.rig.until(20.0, |rig| rig.truth().position.d < -3.0));
     scene.note_event("A launches");
     let wish = scene.hand_over(C, C, CONTROL);
@@ -173,7 +173,7 @@ fn during_launch_control_passes_by_override_only() {
 #[test]
 fn a_release_during_launch_is_granted_and_the_vehicle_continues() {
     let mut scene = Scene::controlled();
-    scene.rig.tell(orders::launch(20.0));
+    scene.rig.send(orders::launch(20.0));
     assert!(scene.rig.until(20.0, |rig| rig.truth().position.d < -3.0));
     scene.note_event("A launches");
     let release = scene.ask(A, RequestedAccess::Relinquish, 0);
@@ -205,7 +205,7 @@ fn a_silent_holder_is_succeeded_and_gets_nothing_back() {
         Some(C),
         "who comes back gets nothing by itself"
     );
-    let command = scene.rig.tell_as(A, 0, orders::mode(Mode::Loiter));
+    let command = scene.rig.send_as(A, 0, orders::mode(Mode::Loiter));
     assert_eq!(scene.end(A, command), NO);
     scene.drawn("a_silent_holder_is_succeeded_and_gets_nothing_back");
 }
@@ -227,7 +227,7 @@ fn a_lost_holder_leaves_control_free() {
         assert!(reported(&scene, A, status), "{status:?}");
     }
     for text in ["is silent", "another may take control", "is lost"] {
-        assert!(scene.rig.stations[A].was_told(text), "{text}");
+        assert!(scene.rig.stations[A].has_alert(text), "{text}");
     }
     scene.drawn("a_lost_holder_leaves_control_free");
 }
@@ -284,7 +284,7 @@ fn what_cannot_be_stored_is_not_granted() {
     let request = scene.ask(A, RequestedAccess::Request, CONTROL);
     assert_eq!(scene.end(A, request), NO);
     assert_eq!(scene.controller(), None);
-    assert!(scene.rig.stations[A].was_told("refused: it cannot be stored"));
+    assert!(scene.rig.stations[A].has_alert("refused: it cannot be stored"));
     scene.rig.store.full = None;
     scene.take(A);
     assert_eq!(scene.controller(), Some(A));
@@ -301,13 +301,13 @@ fn a_transition_is_refused_where_provisional_layouts_only_report() {
 #[test]
 fn the_vehicles_own_failsafe_is_reported_to_listeners() {
     let mut scene = Scene::controlled();
-    let told = |rig: &kit::bridge::Rig| rig.stations[A].was_told("NAV_DLL_ACT");
+    let alerted = |rig: &kit::bridge::Rig| rig.stations[A].has_alert("NAV_DLL_ACT");
     assert!(
-        scene.rig.until(20.0, told),
+        scene.rig.until(20.0, alerted),
         "{:?}",
         scene.rig.stations[A].alerts()
     );
-    assert!(scene.rig.stations[A].was_told("COM_DL_LOSS_T 10"));
+    assert!(scene.rig.stations[A].has_alert("COM_DL_LOSS_T 10"));
 }
 
 #[test]
@@ -379,14 +379,14 @@ fn a_named_successor_lets_it_lapse() {
 }
 
 #[test]
-fn a_release_while_another_asks_hands_over_at_once() {
+fn a_release_during_a_request_hands_over_at_once() {
     let mut scene = Scene::controlled();
     let wish = scene.hand_over(B, B, CONTROL);
     scene.rig.run(0.3);
     let release = scene.ask(A, RequestedAccess::Relinquish, 0);
     assert_eq!((scene.end(A, release), scene.end(B, wish)), (DONE, DONE));
     assert_eq!(scene.controller(), Some(B));
-    scene.drawn("a_release_while_another_asks_hands_over_at_once");
+    scene.drawn("a_release_during_a_request_hands_over_at_once");
 }
 
 #[test]
@@ -418,7 +418,7 @@ fn a_part_is_granted_and_the_rest_is_named() {
             _ => None,
         });
     assert_eq!(granted.map(|levels| levels.raw()), Some(0x03));
-    assert!(scene.rig.stations[C].was_told("LOI 4, 5 refused"));
+    assert!(scene.rig.stations[C].has_alert("LOI 4, 5 refused"));
     assert_eq!(scene.controller(), Some(A));
     scene.drawn("a_part_is_granted_and_the_rest_is_named");
 }

@@ -200,13 +200,13 @@ fn a_hundred_thousand_commands_without_the_right_reach_nothing() {
         let Some(message) = random.message(info, stamp) else {
             continue;
         };
-        scene.rig.stations[by].say_as_is(kit::bridge::vehicle_id(0), &message);
+        scene.rig.stations[by].send_as_is(kit::bridge::vehicle_id(0), &message);
         let count = sent.entry(info.id).or_default();
         *count += 1;
         if stamp.is_multiple_of(50) {
             scene.rig.run(0.01);
             let stations = scene.rig.stations.iter_mut();
-            stations.for_each(|station| station.heard.clear());
+            stations.for_each(|station| station.received.clear());
         }
     }
     scene.rig.run(1.0);

@@ -6,25 +6,25 @@ use stanag_msgs::Id;
 use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 
-fn tell(scene: &mut Scene, by: usize, to: Id, loi: u8, access: RequestedAccess) -> Ticket {
+fn send(scene: &mut Scene, by: usize, to: Id, loi: u8, access: RequestedAccess) -> Ticket {
     let request = CucsAuthorisationRequest {
         requested_handover_loi: Some(LoiBitmap::from_raw(loi)),
         requested_handover_access: Some(access),
         ..CucsAuthorisationRequest::default()
     };
     let now = scene.rig.station_now();
-    scene.rig.stations[by].tell(now, to, request.into())
+    scene.rig.stations[by].send(now, to, request.into())
 }
 
 #[test]
 fn levels_that_are_named_are_released_by_the_vsm_and_by_everybody() {
     for to in [VSM, Id::BROADCAST] {
         let mut scene = Scene::controlled();
-        let release = tell(&mut scene, A, to, CONTROL, RequestedAccess::Relinquish);
+        let release = send(&mut scene, A, to, CONTROL, RequestedAccess::Relinquish);
         assert_eq!(scene.end(A, release), Some(AckType::CarriedOut));
         assert_eq!(scene.controller(), None, "{to}");
         // Again: there is nothing left, and that is no fault.
-        let release = tell(&mut scene, A, to, CONTROL, RequestedAccess::Relinquish);
+        let release = send(&mut scene, A, to, CONTROL, RequestedAccess::Relinquish);
         assert_eq!(scene.end(A, release), Some(AckType::CarriedOut));
     }
 }
@@ -32,18 +32,18 @@ fn levels_that_are_named_are_released_by_the_vsm_and_by_everybody() {
 #[test]
 fn a_release_of_no_level_to_all_is_refused_to_a_holder_and_is_a_question_of_others() {
     let mut scene = Scene::controlled();
-    let release = tell(&mut scene, A, VSM, 0, RequestedAccess::Relinquish);
+    let release = send(&mut scene, A, VSM, 0, RequestedAccess::Relinquish);
     assert_eq!(scene.end(A, release), Some(AckType::Refused));
-    assert!(scene.rig.stations[A].was_told("nothing is released: name the levels"));
+    assert!(scene.rig.stations[A].has_alert("nothing is released: name the levels"));
     assert_eq!(scene.controller(), Some(A));
-    let question = tell(&mut scene, B, VSM, 0, RequestedAccess::Relinquish);
+    let question = send(&mut scene, B, VSM, 0, RequestedAccess::Relinquish);
     assert_eq!(scene.end(B, question), Some(AckType::CarriedOut));
 }
 
 #[test]
 fn rights_are_not_given_over_all_vehicles_at_once() {
     let mut scene = Scene::new();
-    let request = tell(
+    let request = send(
         &mut scene,
         B,
         Id::BROADCAST,
@@ -51,7 +51,7 @@ fn rights_are_not_given_over_all_vehicles_at_once() {
         RequestedAccess::Override,
     );
     assert_eq!(scene.end(B, request), Some(AckType::Refused));
-    assert!(scene.rig.stations[B].was_told("rights are asked of a vehicle"));
+    assert!(scene.rig.stations[B].has_alert("rights are asked of a vehicle"));
     assert_eq!(scene.controller(), None);
 }
 
@@ -61,7 +61,7 @@ fn a_question_brings_what_is_pending_again() {
     scene.hand_over(B, B, CONTROL);
     scene.rig.run(0.3);
     scene.rig.stations[A].latest.clear();
-    let question = tell(&mut scene, A, Id::BROADCAST, 0, RequestedAccess::Unknown(9));
+    let question = send(&mut scene, A, Id::BROADCAST, 0, RequestedAccess::Unknown(9));
     assert_eq!(scene.end(A, question), Some(AckType::CarriedOut));
     let asked = scene.rig.stations[A]
         .latest
@@ -70,15 +70,15 @@ fn a_question_brings_what_is_pending_again() {
 }
 
 #[test]
-fn who_comes_back_without_heartbeats_loses_nothing_by_silence() {
+fn a_station_that_returns_without_heartbeats_loses_nothing_by_silence() {
     let mut scene = Scene::controlled();
     scene.rig.stations[A].heartbeats = true;
     scene.rig.run(3.0);
     scene.rig.stations[A].heartbeats = false;
     let vehicle = kit::bridge::vehicle_id(0);
-    let release = tell(&mut scene, A, vehicle, 0, RequestedAccess::Relinquish);
+    let release = send(&mut scene, A, vehicle, 0, RequestedAccess::Relinquish);
     assert_eq!(scene.end(A, release), Some(AckType::CarriedOut));
-    let request = tell(&mut scene, A, vehicle, CONTROL, RequestedAccess::Request);
+    let request = send(&mut scene, A, vehicle, CONTROL, RequestedAccess::Request);
     assert_eq!(scene.end(A, request), Some(AckType::CarriedOut));
     scene.rig.run(30.0);
     assert_eq!(scene.controller(), Some(A));

@@ -41,7 +41,7 @@ override = true
 
 pub struct Scene {
     pub rig: Rig,
-    said: Vec<(Duration, String)>,
+    lines: Vec<(Duration, String)>,
     from: Duration,
 }
 
@@ -63,7 +63,7 @@ impl Scene {
         let from = rig.clock.elapsed();
         Scene {
             rig,
-            said: Vec::new(),
+            lines: Vec::new(),
             from,
         }
     }
@@ -73,7 +73,7 @@ impl Scene {
         let mut scene = Scene::new();
         scene.take(A);
         scene.from = scene.rig.clock.elapsed();
-        scene.said.clear();
+        scene.lines.clear();
         scene
     }
 
@@ -108,7 +108,7 @@ impl Scene {
             controlled_station_17_32: Some(stations.high()),
             ..CucsAuthorisationRequest::default()
         };
-        self.rig.tell_as(by, 0, message)
+        self.rig.send_as(by, 0, message)
     }
 
     /// Message 4 that names `acquirer`.
@@ -127,7 +127,7 @@ impl Scene {
             requesting_cucs_id: Some(self.rig.stations[acquirer].id),
             ..PositiveHandoverAuthorisationRequest::default()
         };
-        self.rig.tell_as(by, 0, message)
+        self.rig.send_as(by, 0, message)
     }
 
     /// 34000.
@@ -140,7 +140,7 @@ impl Scene {
             acquiring_cucs_id: Some(self.rig.stations[acquirer].id),
             ..VehicleDataLinkTransitionCoordination::default()
         };
-        self.rig.tell_as(by, 0, message)
+        self.rig.send_as(by, 0, message)
     }
 
     /// Waits 60 s at most for the end of a message.
@@ -178,15 +178,15 @@ impl Scene {
     }
 
     /// Whether a station was sent a message that fits.
-    pub fn heard(&self, by: usize, fits: impl Fn(&Message) -> bool) -> bool {
-        let heard = &self.rig.stations[by].heard;
-        heard
+    pub fn received(&self, by: usize, fits: impl Fn(&Message) -> bool) -> bool {
+        let received = &self.rig.stations[by].received;
+        received
             .iter()
             .any(|(at, _, message)| *at >= self.from && fits(message))
     }
 
     pub fn note_event(&mut self, text: &str) {
-        self.said.push((
+        self.lines.push((
             self.rig.clock.elapsed(),
             format!("    Note over VSM: {text}"),
         ));
@@ -194,15 +194,15 @@ impl Scene {
 
     fn note(&mut self, by: usize, text: &str) {
         let line = format!("    {}->>VSM: {text}", name(self.rig.stations[by].id));
-        self.said.push((self.rig.clock.elapsed(), line));
+        self.lines.push((self.rig.clock.elapsed(), line));
     }
 
     /// What was said, as a Mermaid sequence diagram.
     pub fn diagram(&self) -> String {
-        let mut lines = self.said.clone();
+        let mut lines = self.lines.clone();
         for station in &self.rig.stations {
             let mut last = None;
-            for (at, source, message) in &station.heard {
+            for (at, source, message) in &station.received {
                 if *at < self.from || *source != vehicle_id(0) {
                     continue;
                 }

@@ -48,7 +48,7 @@ pub(super) fn traces(trial: &Trial, message: &Message) -> String {
     let marks: Vec<usize> = rig
         .stations
         .iter()
-        .map(|station| station.heard.len())
+        .map(|station| station.received.len())
         .collect();
     (trial.act)(&mut rig, message);
     rig.run(1.0);
@@ -56,16 +56,16 @@ pub(super) fn traces(trial: &Trial, message: &Message) -> String {
     for (station, mark) in rig.stations.iter().zip(marks) {
         let mut counts: BTreeMap<u16, usize> = BTreeMap::new();
         let mut latest: BTreeMap<u16, String> = BTreeMap::new();
-        for (_, from, message) in &station.heard[mark..] {
+        for (_, from, message) in &station.received[mark..] {
             if is_of_no_effect(message) {
                 continue;
             }
             *counts.entry(message.id()).or_default() += 1;
-            let told = unstamped(message);
+            let reported = unstamped(message);
             if PERIODIC.contains(&message.id()) {
-                latest.insert(message.id(), told);
+                latest.insert(message.id(), reported);
             } else {
-                let _ = writeln!(trace, "{from} {told}");
+                let _ = writeln!(trace, "{from} {reported}");
             }
         }
         let _ = writeln!(trace, "{counts:?}\n{latest:#?}");
@@ -99,7 +99,7 @@ fn is_of_no_effect(message: &Message) -> bool {
 }
 
 /// Sends it to the vehicle and waits for its end.
-pub(super) fn tell(rig: &mut Rig, message: &Message) {
+pub(super) fn send(rig: &mut Rig, message: &Message) {
     let end = rig.carry_out(message.clone());
     // The end itself can be seen: 16000 tells a refusal, and this that there was an answer.
     assert!(end.is_some(), "message {} is not answered", message.id());

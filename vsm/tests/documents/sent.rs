@@ -38,19 +38,19 @@ fn sent_fields_are_sent_and_no_others() {
             kept.extend(fields.into_iter().map(|(name, _)| name));
         }
     };
-    let heard = |rig: &Rig| -> Vec<Message> {
-        let heard = rig.stations.iter().flat_map(|station| &station.heard);
-        heard.map(|(_, _, message)| message.clone()).collect()
+    let received = |rig: &Rig| -> Vec<Message> {
+        let received = rig.stations.iter().flat_map(|station| &station.received);
+        received.map(|(_, _, message)| message.clone()).collect()
     };
     for trial in trials() {
         let mut rig = trial.prepared();
         (trial.act)(&mut rig, &(trial.base)());
         rig.run(1.0);
-        keep_messages(&heard(&rig));
+        keep_messages(&received(&rig));
     }
-    keep_messages(&heard(&everything(Airframe::Quad)));
-    keep_messages(&heard(&everything(Airframe::Plane)));
-    keep_messages(&heard(&services()));
+    keep_messages(&received(&everything(Airframe::Quad)));
+    keep_messages(&received(&everything(Airframe::Plane)));
+    keep_messages(&received(&services()));
     keep_messages(&of_other_sensors());
     // 17000 is taken off by the stations: each of its fields is looked at there.
     let acknowledged = &table::message(17_000).expect("17000").fields;
@@ -102,7 +102,7 @@ fn everything(airframe: Airframe) -> Rig {
                 request_type: Some(ConfigRequestType::from_raw(kind)),
                 ..FieldConfigurationRequest::default()
             };
-            let ticket = rig.tell_as(station, 0, request);
+            let ticket = rig.send_as(station, 0, request);
             assert_eq!(rig.end_as(station, ticket), Some(AckType::CarriedOut));
         }
     }
@@ -154,7 +154,7 @@ fn everything(airframe: Airframe) -> Rig {
         done(&mut rig, request(3007));
     }
     rig.take_off(30.0);
-    rig.say(sticks());
+    rig.send_once(sticks());
     let altimeter = VehicleOperatingModeCommand {
         altimeter_setting: Some(Scaled::saturating_from_si(101_500.0)),
         ..orders::mode(Mode::Loiter)
@@ -212,9 +212,9 @@ fn everything(airframe: Airframe) -> Rig {
         requesting_cucs_id: Some(cucs(1)),
         ..PositiveHandoverAuthorisationRequest::default()
     };
-    let _ = rig.tell_as(1, 0, wish.clone());
+    let _ = rig.send_as(1, 0, wish.clone());
     rig.run(2.0);
-    let _ = rig.tell(wish);
+    let _ = rig.send(wish);
     rig.run(5.0);
     rig
 }
@@ -251,7 +251,7 @@ fn services() -> Rig {
 /// Reports of what a vehicle has told that the simulated one does not.
 fn of_other_sensors() -> Vec<Message> {
     let mut vehicle = Telemetry::default();
-    let told = [
+    let reported = [
         MavMessage::HIGHRES_IMU(HIGHRES_IMU_DATA::default()),
         MavMessage::BATTERY_STATUS(BATTERY_STATUS_DATA {
             current_battery: 1_200,
@@ -263,7 +263,7 @@ fn of_other_sensors() -> Vec<Message> {
             ..AUTOPILOT_VERSION_DATA::default()
         }),
     ];
-    for message in &told {
+    for message in &reported {
         assert!(vehicle.update(message));
     }
     let stamp = TimeStamp(1);

@@ -161,7 +161,7 @@ fn some_value(field: &FieldInfo) -> Value {
 }
 
 #[test]
-fn every_time_stamp_tells_a_duplicate_and_is_returned() {
+fn every_time_stamp_identifies_a_duplicate_and_is_returned() {
     let mut seen = BTreeSet::new();
     for trial in trials() {
         let base = (trial.base)();
@@ -174,7 +174,7 @@ fn every_time_stamp_tells_a_duplicate_and_is_returned() {
         }
         let mut rig = trial.prepared();
         // 17000 is matched by the stamp that it returns.
-        let ticket = rig.tell(base.clone());
+        let ticket = rig.send(base.clone());
         let end = rig.end(ticket);
         assert!(end.is_some(), "{} is not answered", base.id());
         rig.run(0.5);
@@ -208,9 +208,9 @@ fn an_overtaken_stick_command_changes_nothing() {
         let mut rig = Rig::ready();
         rig.take_off(20.0);
         for round in 0..40 {
-            rig.say(crate::trials::messages::sticks());
+            rig.send_once(crate::trials::messages::sticks());
             if round == 2 {
-                let _ = rig.tell(orders::mode(
+                let _ = rig.send(orders::mode(
                     stanag_msgs::enums::FlightPathControlMode::FlightDirector,
                 ));
             }

@@ -65,11 +65,11 @@ fn a_returned_vehicle_that_lost_the_plan_is_given_it_again() {
     assert!(
         rig.until(20.0, |rig| rig
             .station()
-            .was_told("the loaded plan is aboard again")),
+            .has_alert("the loaded plan is aboard again")),
         "{:?}",
         rig.station().alerts()
     );
-    assert!(rig.station().was_told("the loaded one is sent again"));
+    assert!(rig.station().has_alert("the loaded one is sent again"));
     assert!(plans(&rig) > before);
     rig.take_off(20.0);
     assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
@@ -82,7 +82,7 @@ fn a_vehicle_that_restarted_without_its_plan_is_given_it_again() {
     assert!(
         rig.until(40.0, |rig| rig
             .station()
-            .was_told("the loaded plan is aboard again")),
+            .has_alert("the loaded plan is aboard again")),
         "{:?}",
         rig.station().alerts()
     );
@@ -96,8 +96,8 @@ fn a_returned_vehicle_with_the_same_plan_is_left_alone() {
     rig.run(5.0);
     rig.mav.faults.loss = 0.0;
     rig.run(10.0);
-    assert!(rig.station().was_told("the vehicle is heard"));
-    assert!(!rig.station().was_told("another plan"));
+    assert!(rig.station().has_alert("the vehicle is heard"));
+    assert!(!rig.station().has_alert("another plan"));
     assert_eq!(plans(&rig), before);
 }
 
@@ -120,7 +120,7 @@ fn a_plan_is_not_exchanged_under_a_vehicle_that_flies_its_mission() {
         .insert(name.to_owned(), other.into_bytes());
     rig.restart_bridge();
     assert!(
-        rig.until(10.0, |rig| rig.station().was_told("load it again (13000)")),
+        rig.until(10.0, |rig| rig.station().has_alert("load it again (13000)")),
         "{:?}",
         rig.station().alerts()
     );
@@ -131,7 +131,7 @@ fn a_plan_is_not_exchanged_under_a_vehicle_that_flies_its_mission() {
     assert!(
         rig.until(10.0, |rig| rig
             .station()
-            .was_told("once it leaves AUTO.MISSION")),
+            .has_alert("once it leaves AUTO.MISSION")),
         "{:?}",
         rig.station().alerts()
     );
@@ -154,7 +154,7 @@ fn who_commands_the_vehicle_beside_this_vsm_is_reported() {
     assert!(
         rig.until(3.0, |rig| {
             rig.station()
-                .was_told("MAVLink system 255 commands the vehicle too: command 179")
+                .has_alert("MAVLink system 255 commands the vehicle too: command 179")
         }),
         "{:?}",
         rig.station().alerts()

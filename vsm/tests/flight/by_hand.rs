@@ -25,7 +25,7 @@ fn sticks(forward: i8, right: i8, throttle: u8) -> UaStickCommand {
 /// Sends these sticks ten times a second for so long.
 fn fly(rig: &mut Rig, seconds: f64, held: &UaStickCommand) {
     for _ in 0..(seconds * 10.0) as u32 {
-        rig.say(held.clone());
+        rig.send_once(held.clone());
         rig.run(0.1);
     }
 }
@@ -36,7 +36,7 @@ fn command_while(
     held: &UaStickCommand,
     command: VehicleOperatingModeCommand,
 ) -> Option<AckType> {
-    let ticket = rig.tell(command);
+    let ticket = rig.send(command);
     for _ in 0..150 {
         fly(rig, 0.1, held);
         if let Some(end) = rig.station().end(ticket) {
@@ -59,7 +59,7 @@ fn sticks_fly_and_their_loss_is_the_vehicles_own_to_treat() {
         rig.carry_out(orders::mode(Mode::FlightDirector)),
         Some(AckType::Refused)
     );
-    assert!(rig.station().was_told("no sticks"));
+    assert!(rig.station().has_alert("no sticks"));
     assert_ne!(rig.truth().mode, Px4::PosCtl);
 
     let centred = sticks(0, 0, 50);
@@ -88,14 +88,14 @@ fn sticks_fly_and_their_loss_is_the_vehicles_own_to_treat() {
 
     // They stop: the vehicle sees the loss as it is.
     assert!(rig.until(10.0, |rig| rig.truth().mode != Px4::PosCtl));
-    assert!(rig.station().was_told("have stopped"));
+    assert!(rig.station().has_alert("have stopped"));
     let mode = rig.truth().mode;
     fly(&mut rig, 2.0, &sticks(100, 0, 50));
     assert_eq!(rig.truth().mode, mode, "sticks alone take nothing back");
 }
 
 #[test]
-fn a_mission_is_not_broken_off_by_sticks_that_nobody_asked_for() {
+fn a_mission_is_not_interrupted_by_sticks_that_nobody_requested() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
@@ -178,7 +178,7 @@ fn steering_holds_course_speed_altitude_and_turns() {
     rig.run(15.0);
     assert_eq!(rig.truth().mode, Px4::Loiter);
     assert!(
-        !rig.station().was_told("Failsafe"),
+        !rig.station().has_alert("Failsafe"),
         "{:?}",
         rig.station().alerts()
     );
@@ -209,7 +209,7 @@ fn set_points_do_not_starve_while_the_ground_station_is_silent_or_the_link_is_ba
 fn steering_that_cannot_be_flown_is_refused_with_the_reason() {
     let mut rig = Rig::ready();
     assert_eq!(rig.carry_out(steer()), Some(AckType::Refused));
-    assert!(rig.station().was_told("needs an airborne vehicle"));
+    assert!(rig.station().has_alert("needs an airborne vehicle"));
     rig.take_off(20.0);
     let mut roll = steer();
     roll.heading_command_type = Some(HeadingCommandType::Roll);
@@ -217,7 +217,7 @@ fn steering_that_cannot_be_flown_is_refused_with_the_reason() {
     let mut nowhere = steer();
     nowhere.heading_command_type = Some(HeadingCommandType::Course);
     assert_eq!(rig.carry_out(nowhere), Some(AckType::Refused));
-    assert!(rig.station().was_told("Commanded Course is missing"));
+    assert!(rig.station().has_alert("Commanded Course is missing"));
     assert_ne!(rig.truth().mode, Px4::Offboard);
 }
 
@@ -248,7 +248,7 @@ fn engines_start_and_stop_by_the_vehicles_rules() {
     assert!(rig.truth().armed, "it flies");
     assert!(
         rig.station()
-            .was_told("disarming: the vehicle says temporarily rejected")
+            .has_alert("disarming: the vehicle says temporarily rejected")
     );
     let mut fifth = engine(CommandedEngineState::Start);
     fifth.engine_number = Some(5);
@@ -259,5 +259,5 @@ fn engines_start_and_stop_by_the_vehicles_rules() {
         ..UnmannedAircraftLights::default()
     };
     assert_eq!(rig.carry_out(lights), Some(AckType::Refused));
-    assert!(rig.station().was_told("no command for lights"));
+    assert!(rig.station().has_alert("no command for lights"));
 }

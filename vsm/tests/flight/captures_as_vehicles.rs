@@ -91,7 +91,7 @@ impl Play {
             requested_handover_loi: Some(LoiBitmap::LOI2),
             ..orders::request_control()
         };
-        station.tell(start, vehicle_id(0), listen.into());
+        station.send(start, vehicle_id(0), listen.into());
 
         let mut lines = Vec::new();
         let mut played = datagrams.iter().peekable();

@@ -53,9 +53,9 @@ fn fly_over_points_are_flown_over_in_climb_descent_and_level() {
             furthest < last_north + 5.0,
             "{climb_m} m: it flew on to {furthest} m"
         );
-        let told = rig.station().was_told("the vehicle stops at each point");
+        let reported = rig.station().has_alert("the vehicle stops at each point");
         assert_eq!(
-            told,
+            reported,
             climb_m != 0.0,
             "{climb_m} m: {:?}",
             rig.station().alerts()
@@ -90,7 +90,7 @@ fn a_speed_at_which_a_waypoint_of_the_climb_would_be_missed_is_refused() {
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
     rig.take_off(20.0);
     assert_eq!(rig.carry_out(fly_at(10.0)), Some(AckType::Refused));
-    assert!(rig.station().was_told("could miss waypoint 1"));
+    assert!(rig.station().has_alert("could miss waypoint 1"));
     assert_eq!(rig.carry_out(fly_at(5.0)), Some(AckType::CarriedOut));
     assert!(rig.until(200.0, |rig| rig.truth().position.n > 495.0));
 }
@@ -107,7 +107,7 @@ fn a_level_route_is_flown_as_fast_as_is_commanded() {
     assert_eq!(rig.carry_out(fly_at(4.0)), Some(AckType::CarriedOut));
     assert!(rig.until(10.0, |rig| (rig.truth().velocity.n - 4.0).abs() < 0.3));
     assert!(
-        !rig.station().was_told("not heeded"),
+        !rig.station().has_alert("not heeded"),
         "{:?}",
         rig.station().alerts()
     );
@@ -134,11 +134,11 @@ fn the_vehicles_own_radius_is_read_and_braked_for_where_it_is_small() {
         }
         rig.send_plan(plan);
         assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
-        let said = |text| rig.station().was_told(text);
+        let has_alert = |text| rig.station().has_alert(text);
         assert_eq!(
             (
-                said("the vehicle stops at each point"),
-                said("NAV_ACC_RAD is")
+                has_alert("the vehicle stops at each point"),
+                has_alert("NAV_ACC_RAD is")
             ),
             (stops, warns),
             "{radius_m} m: {:?}",
@@ -164,7 +164,7 @@ fn a_landing_is_broken_off_where_the_vehicle_is() {
     let early = rig.carry_out(orders::mode(Mode::AutolandWaveOff));
     assert_eq!(early, Some(AckType::Refused), "it does not land");
     assert!(
-        rig.station().was_told("nothing to break off"),
+        rig.station().has_alert("nothing to break off"),
         "{:?}",
         rig.station().alerts()
     );

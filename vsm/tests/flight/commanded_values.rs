@@ -155,6 +155,6 @@ fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
     assert_eq!(end, Some(AckType::Refused));
     assert!(
         rig.station()
-            .was_told("speed 8.0 m/s on a circle of 30 m, at most 7.7")
+            .has_alert("speed 8.0 m/s on a circle of 30 m, at most 7.7")
     );
 }

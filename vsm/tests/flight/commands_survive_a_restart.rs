@@ -24,7 +24,7 @@ fn a_mode_replayed_after_a_restart_is_answered_and_not_flown() {
     rig.send_plan(orders::square());
     assert_eq!(rig.carry_out(orders::load()), DONE);
     rig.take_off(20.0);
-    let hold = rig.tell(orders::mode(Mode::Loiter));
+    let hold = rig.send(orders::mode(Mode::Loiter));
     assert_eq!(rig.end(hold), DONE);
     assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
     rig.restart_bridge();
@@ -36,9 +36,9 @@ fn a_mode_replayed_after_a_restart_is_answered_and_not_flown() {
 #[test]
 fn a_refused_command_and_a_clear_replayed_after_a_restart_do_nothing() {
     let mut rig = Rig::ready();
-    let early = rig.tell(orders::mode(Mode::Waypoint));
+    let early = rig.send(orders::mode(Mode::Waypoint));
     assert_eq!(rig.end(early), Some(AckType::Refused));
-    let clear = rig.tell(orders::transfer(MissionPlanMode::Clear));
+    let clear = rig.send(orders::transfer(MissionPlanMode::Clear));
     assert_eq!(rig.end(clear), DONE);
     rig.send_plan(orders::square());
     assert_eq!(rig.carry_out(orders::load()), DONE);
@@ -60,7 +60,7 @@ fn a_release_and_a_request_replayed_after_a_restart_move_no_right() {
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..orders::request_control()
     };
-    let release = rig.tell(release);
+    let release = rig.send(release);
     assert_eq!(rig.end(release), DONE);
     assert_eq!(rig.carry_out(orders::request_control()), DONE);
     rig.restart_bridge();
@@ -72,7 +72,7 @@ fn a_release_and_a_request_replayed_after_a_restart_move_no_right() {
 #[test]
 fn a_launch_that_a_restart_interrupts_is_reported_and_leaves_no_running_motors() {
     let mut rig = Rig::ready();
-    let launch = rig.tell(orders::launch(20.0));
+    let launch = rig.send(orders::launch(20.0));
     assert!(rig.until(3.0, |rig| rig.truth().armed));
     rig.stations[0].give_up(launch);
     rig.restart_bridge();
@@ -85,7 +85,7 @@ fn a_launch_that_a_restart_interrupts_is_reported_and_leaves_no_running_motors()
     assert_eq!(rig.station().end(launch), Some(AckType::Refused));
     for text in ["started anew", "left the vehicle armed on the ground"] {
         assert!(
-            rig.station().was_told(text),
+            rig.station().has_alert(text),
             "{text}: {:?}",
             rig.station().alerts()
         );
@@ -99,7 +99,7 @@ fn a_launch_that_a_restart_interrupts_is_reported_and_leaves_no_running_motors()
 #[test]
 fn a_launch_that_took_the_vehicle_up_before_the_restart_is_reported_and_continues() {
     let mut rig = Rig::ready();
-    let launch = rig.tell(orders::launch(20.0));
+    let launch = rig.send(orders::launch(20.0));
     // Off the ground, and the VSM has not been told yet.
     assert!(rig.until(20.0, |rig| !rig.truth().landed));
     assert_eq!(rig.station().end(launch), None, "too late for this test");
@@ -108,7 +108,7 @@ fn a_launch_that_took_the_vehicle_up_before_the_restart_is_reported_and_continue
     assert!(
         rig.until(8.0, |rig| rig
             .station()
-            .was_told("has taken the vehicle up")),
+            .has_alert("has taken the vehicle up")),
         "{:?}",
         rig.station().alerts()
     );
@@ -120,14 +120,14 @@ fn a_launch_that_took_the_vehicle_up_before_the_restart_is_reported_and_continue
 fn an_upload_that_a_restart_interrupts_is_reported_and_can_be_repeated() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    let load = rig.tell(orders::load());
+    let load = rig.send(orders::load());
     rig.run(0.05);
     assert_eq!(rig.station().end(load), None, "too late for this test");
     rig.restart_bridge();
     assert_eq!(rig.end(load), Some(AckType::Refused));
     assert!(
         rig.station()
-            .was_told("13000 refused: the VSM was started anew")
+            .has_alert("13000 refused: the VSM was started anew")
     );
     // PX4 waits 5 s for the rest of the one that was cut off.
     rig.run(6.0);
@@ -140,24 +140,24 @@ fn a_command_that_cannot_be_logged_is_carried_out_and_that_is_reported() {
     rig.take_off(20.0);
     rig.store.full = Some("commands");
     assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
-    assert!(rig.station().was_told("commands cannot be written down"));
+    assert!(rig.station().has_alert("commands cannot be written down"));
     rig.store.full = None;
     assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
     rig.run(0.5);
-    assert!(rig.station().was_told("commands are written down again"));
+    assert!(rig.station().has_alert("commands are written down again"));
 }
 
 #[test]
 fn the_record_of_commands_is_bounded_and_sticks_take_no_room_in_it() {
     let mut rig = Rig::ready();
-    let hold = rig.tell(orders::mode(Mode::AutolandWaveOff));
+    let hold = rig.send(orders::mode(Mode::AutolandWaveOff));
     assert_eq!(rig.end(hold), Some(AckType::Refused));
     // More sticks than are remembered of one kind of message, and some commands.
     for n in 0..1_500 {
         let sticks = stanag_msgs::messages::UaStickCommand::default();
-        rig.say(Message::from(sticks));
+        rig.send_once(Message::from(sticks));
         if n % 10 == 0 {
-            rig.say(orders::waypoint(200, 0, f64::from(n), 0.0, 20.0));
+            rig.send_once(orders::waypoint(200, 0, f64::from(n), 0.0, 20.0));
         }
         rig.run(0.01);
     }

@@ -99,7 +99,7 @@ fn what_the_present_mode_cannot_change_is_refused() {
     rig.take_off(20.0);
     assert_eq!(rig.carry_out(orders::mode(Mode::AutolandEngage)), DONE);
     assert_eq!(rig.carry_out(speed(3.0)), NO);
-    assert!(rig.station().was_told("no mode is commanded"));
+    assert!(rig.station().has_alert("no mode is commanded"));
     assert_eq!(rig.truth().mode, Px4::Land);
     assert_eq!(rig.carry_out(altimeter()), DONE);
     assert_eq!(rig.truth().mode, Px4::Land);

@@ -16,14 +16,14 @@ use stanag_msgs::{Message, Scaled, table};
 
 /// What the answers say of one field, in steps on the wire.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Told {
+struct Reported {
     default: Option<i64>,
     low: Option<i64>,
     high: Option<i64>,
 }
 
 /// All that a station has been told: by message and field, from 1.
-type Screen = BTreeMap<(u32, u8), Told>;
+type Screen = BTreeMap<(u32, u8), Reported>;
 
 fn ask(kind: ConfigRequestType) -> FieldConfigurationRequest {
     FieldConfigurationRequest {
@@ -35,11 +35,11 @@ fn ask(kind: ConfigRequestType) -> FieldConfigurationRequest {
 
 fn screen(rig: &Rig) -> Screen {
     let mut screen = Screen::new();
-    for (_, _, message) in &rig.station().heard {
-        let (place, told) = match message {
+    for (_, _, message) in &rig.station().received {
+        let (place, reported) = match message {
             Message::FieldConfigurationIntegerResponse(m) => (
                 (m.requested_message, m.requested_field),
-                Told {
+                Reported {
                     default: m.default_value.map(i64::from),
                     low: m.min_value.map(i64::from),
                     high: m.max_value.map(i64::from),
@@ -47,7 +47,7 @@ fn screen(rig: &Rig) -> Screen {
             ),
             Message::FieldConfigurationUnsignedResponse(m) => (
                 (m.requested_message, m.requested_field),
-                Told {
+                Reported {
                     default: m.default_value.map(i64::from),
                     low: m.min_value.map(i64::from),
                     high: m.max_value.map(i64::from),
@@ -55,15 +55,15 @@ fn screen(rig: &Rig) -> Screen {
             ),
             Message::FieldConfigurationEnumeratedResponse(m) => (
                 (m.requested_message, m.requested_field),
-                Told {
+                Reported {
                     default: m.default_value.map(i64::from),
-                    ..Told::default()
+                    ..Reported::default()
                 },
             ),
             _ => continue,
         };
         if let (Some(message), Some(field)) = place {
-            screen.insert((message, field), told);
+            screen.insert((message, field), reported);
         }
     }
     screen
@@ -73,14 +73,14 @@ fn screen(rig: &Rig) -> Screen {
 fn build(
     screen: &Screen,
     message: u16,
-    pick: impl Fn(&Told) -> Option<i64>,
+    pick: impl Fn(&Reported) -> Option<i64>,
     own: &[(&str, i64)],
 ) -> Message {
     let info = table::message(message).expect("a message of the table");
     let mut fields = Map::new();
     for field in info.fields {
-        let told = screen.get(&(message.into(), field.bit + 1));
-        if let Some(value) = told.and_then(&pick) {
+        let reported = screen.get(&(message.into(), field.bit + 1));
+        if let Some(value) = reported.and_then(&pick) {
             fields.insert(field.name.to_owned(), Value::from(value));
         }
     }
@@ -108,7 +108,7 @@ fn configured() -> (Rig, Screen) {
 #[test]
 fn a_launch_a_loiter_and_a_route_are_built_from_the_answers_alone() {
     let (mut rig, screen) = configured();
-    let start = |told: &Told| told.default;
+    let start = |reported: &Reported| reported.default;
     let launch = build(
         &screen,
         2016,
@@ -145,42 +145,45 @@ fn a_launch_a_loiter_and_a_route_are_built_from_the_answers_alone() {
 #[test]
 fn the_ends_of_all_ranges_are_flown_and_a_step_beyond_is_refused() {
     let (mut rig, screen) = configured();
-    let bounded: Vec<(u8, Told)> = screen
+    let bounded: Vec<(u8, Reported)> = screen
         .iter()
-        .filter(|((message, field), told)| {
+        .filter(|((message, field), reported)| {
             // Numbers of waypoints make no route of one point.
-            *message == 13002 && told.high.is_some() && ![2, 11].contains(field)
+            *message == 13002 && reported.high.is_some() && ![2, 11].contains(field)
         })
-        .map(|((_, field), told)| (*field, *told))
+        .map(|((_, field), reported)| (*field, *reported))
         .collect();
     assert!(bounded.len() >= 4, "{bounded:?}");
     let mut load = |route: Message| {
-        for message in [build(&screen, 13001, |told| told.default, &[]), route] {
+        for message in [
+            build(&screen, 13001, |reported| reported.default, &[]),
+            route,
+        ] {
             assert_eq!(rig.carry_out(message), Some(AckType::CarriedOut));
         }
-        rig.carry_out(build(&screen, 13000, |told| told.default, &[]))
+        rig.carry_out(build(&screen, 13000, |reported| reported.default, &[]))
     };
     let numbers = [("Waypoint Number", 1), ("Next Waypoint", 0)];
     for pick in [
-        |told: &Told| told.high.or(told.default),
-        |told: &Told| told.low.or(told.default),
+        |reported: &Reported| reported.high.or(reported.default),
+        |reported: &Reported| reported.low.or(reported.default),
     ] {
         let route = build(&screen, 13002, pick, &numbers);
         assert_eq!(load(route), Some(AckType::CarriedOut));
     }
     let info = table::message(13002).expect("a message of the table");
-    for (field, told) in bounded {
+    for (field, reported) in bounded {
         let name = info.fields[usize::from(field) - 1].name;
         // A square within the circle of the limits: its corner is not its edge.
         if name.contains("tude or Relative") {
             continue;
         }
-        let beyond = [(name, told.high.expect("bounded") + 1)];
-        let route = build(&screen, 13002, |told| told.default, &beyond);
+        let beyond = [(name, reported.high.expect("bounded") + 1)];
+        let route = build(&screen, 13002, |reported| reported.default, &beyond);
         assert_eq!(
             load(route),
             Some(AckType::Refused),
-            "{name} beyond {told:?}"
+            "{name} beyond {reported:?}"
         );
     }
 }
@@ -199,17 +202,18 @@ fn the_answers_are_of_this_vehicle() {
 fn modes_that_come_and_go_are_reported_to_those_that_requested_them() {
     let (mut rig, _) = configured();
     let launch = |rig: &Rig| {
-        let said = rig.station().heard.iter().rev();
-        said.filter_map(|(_, _, message)| match message {
-            Message::MessageParameterAvailability(MessageParameterAvailability {
-                reported_message: Some(2016),
-                reported_enumerated_index: Some(21),
-                enumerated_index_enable,
-                ..
-            }) => *enumerated_index_enable,
-            _ => None,
-        })
-        .next()
+        let alert = rig.station().received.iter().rev();
+        alert
+            .filter_map(|(_, _, message)| match message {
+                Message::MessageParameterAvailability(MessageParameterAvailability {
+                    reported_message: Some(2016),
+                    reported_enumerated_index: Some(21),
+                    enumerated_index_enable,
+                    ..
+                }) => *enumerated_index_enable,
+                _ => None,
+            })
+            .next()
     };
     assert_eq!(launch(&rig), Some(EnumIndexEnable::Available));
     assert_eq!(
@@ -231,13 +235,13 @@ fn no_grant_is_needed_and_every_level_ends_with_41005() {
     rig.run(9.0);
     use ConfigRequestType as T;
     for kind in [T::Loi2, T::Loi3, T::Loi4, T::Loi5, T::DataLink] {
-        let before = rig.station().heard.len();
+        let before = rig.station().received.len();
         assert_eq!(rig.carry_out(ask(kind)), Some(AckType::CarriedOut));
         rig.run(0.1);
         let complete = |message: &Message| matches!(message, Message::ConfigurationComplete(_));
-        let heard = &rig.station().heard[before..];
-        assert_eq!(heard.iter().filter(|(_, _, m)| complete(m)).count(), 1);
-        assert!(heard.iter().all(|(_, from, _)| *from == vehicle_id(0)));
+        let received = &rig.station().received[before..];
+        assert_eq!(received.iter().filter(|(_, _, m)| complete(m)).count(), 1);
+        assert!(received.iter().all(|(_, from, _)| *from == vehicle_id(0)));
     }
     let none = FieldConfigurationRequest::default();
     assert_eq!(rig.carry_out(none), Some(AckType::Refused));
@@ -268,13 +272,13 @@ fn nothing_is_answered_where_provisional_layouts_are_off() {
     rig.run(5.0);
     let end = rig.carry_out(ask(ConfigRequestType::Loi4));
     assert_eq!(end, Some(AckType::Refused));
-    assert!(rig.station().was_told("dli.provisional is off"));
+    assert!(rig.station().has_alert("dli.provisional is off"));
 }
 
 /// The 44000 and 44002 that a station has heard since: message, field, value.
 fn forced(rig: &Rig, station: usize, mark: usize) -> Vec<(u16, u8, i32)> {
-    let heard = rig.stations[station].heard[mark..].iter();
-    heard
+    let received = rig.stations[station].received[mark..].iter();
+    received
         .filter_map(|(_, _, message)| match message {
             Message::FieldChangeIntegerCommand(m) => {
                 Some((m.requested_message?, m.requested_field?, m.commanded_value?))
@@ -296,11 +300,11 @@ fn what_another_station_or_the_vehicle_sets_is_reported_to_those_that_requested_
         ..Setup::default()
     });
     for station in [0, 1] {
-        let ticket = rig.tell_as(station, 0, ask(ConfigRequestType::Loi4));
+        let ticket = rig.send_as(station, 0, ask(ConfigRequestType::Loi4));
         assert_eq!(rig.end_as(station, ticket), Some(AckType::CarriedOut));
     }
     rig.run(1.0);
-    let marks: Vec<usize> = rig.stations.iter().map(|one| one.heard.len()).collect();
+    let marks: Vec<usize> = rig.stations.iter().map(|one| one.received.len()).collect();
     let circle = LoiterConfiguration {
         loiter_type: Some(LoiterType::Circular),
         loiter_radius: Some(Scaled::saturating_from_si(60.0)),
@@ -319,7 +323,7 @@ fn what_another_station_or_the_vehicle_sets_is_reported_to_those_that_requested_
     assert_eq!(forced(&rig, 0, marks[0]), []);
     assert_eq!(forced(&rig, 2, marks[2]), []);
     // The same once more is no change.
-    let mark = rig.stations[1].heard.len();
+    let mark = rig.stations[1].received.len();
     let setting = VehicleOperatingModeCommand {
         altimeter_setting: Some(Scaled::saturating_from_si(101_820.0)),
         ..orders::mode(Mode::Loiter)
@@ -339,12 +343,12 @@ fn what_another_station_or_the_vehicle_sets_is_reported_to_those_that_requested_
 #[test]
 fn a_radius_is_bounded_as_it_is_taken() {
     let (mut rig, screen) = configured();
-    let told = screen[&(2017, 3)].high.expect("a widest circle");
+    let reported = screen[&(2017, 3)].high.expect("a widest circle");
     let radius = |steps: i64| LoiterConfiguration {
         loiter_radius: Some(Scaled::from_raw(u16::try_from(steps).expect("it fits"))),
         ..LoiterConfiguration::default()
     };
-    assert_eq!(rig.carry_out(radius(told)), Some(AckType::CarriedOut));
-    assert_eq!(rig.carry_out(radius(told + 1)), Some(AckType::Refused));
-    assert_eq!(screen[&(13003, 4)].high, Some(told));
+    assert_eq!(rig.carry_out(radius(reported)), Some(AckType::CarriedOut));
+    assert_eq!(rig.carry_out(radius(reported + 1)), Some(AckType::Refused));
+    assert_eq!(screen[&(13003, 4)].high, Some(reported));
 }

@@ -280,22 +280,22 @@ fn ten_routes_are_flown_within_the_predicted_deviation_past_every_point_at_5_and
                 ..Setup::default()
             };
             let mut rig = loaded(setup, plan(&curves, speed_m_s));
-            let told = curved(&rig);
-            let predicted_m = told.predicted_m.expect("a multicopter's");
+            let reported = curved(&rig);
+            let predicted_m = reported.predicted_m.expect("a multicopter's");
             assert!(
-                told.legs == curves.len() && told.bound_m <= 1.0,
-                "{name}: {told:?}"
+                reported.legs == curves.len() && reported.bound_m <= 1.0,
+                "{name}: {reported:?}"
             );
-            let said = format!("flown within {predicted_m:.1} m, predicted and not promised");
+            let text = format!("flown within {predicted_m:.1} m, predicted and not promised");
             assert!(
-                rig.station().was_told(&said),
+                rig.station().has_alert(&text),
                 "{name}: {:?}",
                 rig.station().alerts()
             );
             let track = flown(&mut rig, 25.0);
             let legs = legs(&curves);
             let dense = densify(&legs, &Options::flight(1.0)).expect("flyable");
-            assert_eq!(dense.vertices.len() - 1, told.chords, "{name}");
+            assert_eq!(dense.vertices.len() - 1, reported.chords, "{name}");
             // Points at several altitudes get a wider radius: the swing in height.
             let climbs = dense
                 .vertices
@@ -314,7 +314,7 @@ fn ten_routes_are_flown_within_the_predicted_deviation_past_every_point_at_5_and
                 flown.deviation_m <= predicted_m && flown.passed == flown.points,
                 "{name} at {speed_m_s} m/s: {flown:?} of {predicted_m}"
             );
-            assert!(!rig.station().was_told("told to hold"), "{name}");
+            assert!(!rig.station().has_alert("told to hold"), "{name}");
         }
     }
 }
@@ -336,7 +336,7 @@ fn two_bends() -> Vec<Curve> {
 }
 
 #[test]
-fn while_chords_are_flown_4001_says_the_cucs_own_numbers() {
+fn while_chords_are_flown_4001_reports_the_cucs_own_numbers() {
     let mut rig = loaded(Setup::default(), plan(&two_bends(), 5.0));
     rig.take_off(30.0);
     assert_eq!(
@@ -382,19 +382,19 @@ fn a_flight_to_the_end_of_a_curve_finds_its_item() {
 #[test]
 fn a_download_gives_back_the_curves_and_no_chords() {
     let mut rig = loaded(Setup::default(), plan(&two_bends(), 5.0));
-    rig.stations[0].heard.clear();
+    rig.stations[0].received.clear();
     let end = rig.carry_out(orders::transfer(MissionPlanMode::Download));
     assert_eq!(end, Some(AckType::CarriedOut));
     rig.run(1.0);
-    let heard: Vec<&Message> = rig
+    let received: Vec<&Message> = rig
         .station()
-        .heard
+        .received
         .iter()
         .map(|(_, _, message)| message)
         .collect();
     let mut curves = Vec::new();
     let mut waypoints = Vec::new();
-    for message in heard {
+    for message in received {
         match message {
             Message::CurveSegment(curve) => {
                 curves.push(CurveSegment {
@@ -479,7 +479,7 @@ fn a_curve_that_cannot_be_flown_is_refused_by_14000_and_16000_with_its_waypoint(
     assert_eq!(status, Some((MissionTransferStatus::Aborted, 693)));
     assert!(
         rig.station()
-            .was_told("waypoint 693: its curved leg to 686: P2 is"),
+            .has_alert("waypoint 693: its curved leg to 686: P2 is"),
         "{:?}",
         rig.station().alerts()
     );
@@ -490,7 +490,7 @@ fn a_curve_that_cannot_be_flown_is_refused_by_14000_and_16000_with_its_waypoint(
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
     assert!(
         rig.station()
-            .was_told("waypoint 700: two curved legs start at it"),
+            .has_alert("waypoint 700: two curved legs start at it"),
         "{:?}",
         rig.station().alerts()
     );
@@ -503,25 +503,25 @@ fn too_few_items_are_kept_with_the_smallest_tolerance_reported_at_load() {
         ..Setup::default()
     };
     let mut rig = loaded(setup, plan(&two_bends(), 5.0));
-    let told = curved(&rig);
+    let reported = curved(&rig);
     assert!(
-        told.tolerance_m > 1.0 && told.bound_m <= told.tolerance_m,
-        "{told:?}"
+        reported.tolerance_m > 1.0 && reported.bound_m <= reported.tolerance_m,
+        "{reported:?}"
     );
-    let said = format!(
+    let text = format!(
         "tolerance {:.2} m, not 1 m: the smallest that 14 items allow",
-        told.tolerance_m
+        reported.tolerance_m
     );
     assert!(
-        rig.station().was_told(&said),
+        rig.station().has_alert(&text),
         "{:?}",
         rig.station().alerts()
     );
     assert!(uploaded(&rig).1 <= 14, "{:?}", uploaded(&rig));
     // What is said outlives the bridge.
     rig.restart_bridge();
-    assert_eq!(curved(&rig).tolerance_m, told.tolerance_m);
-    let predicted_m = told.predicted_m.expect("a multicopter's");
+    assert_eq!(curved(&rig).tolerance_m, reported.tolerance_m);
+    let predicted_m = reported.predicted_m.expect("a multicopter's");
     rig.run(5.0);
     let track = flown(&mut rig, 30.0);
     let legs = legs(&two_bends());

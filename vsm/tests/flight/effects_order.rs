@@ -165,7 +165,7 @@ impl Scene {
     fn give(&mut self, station: usize, message: impl Into<Message>) -> Trace {
         let now = now(self.clock);
         let from = &mut self.stations[station];
-        let ticket = from.tell(now, vehicle_id(0), message.into());
+        let ticket = from.send(now, vehicle_id(0), message.into());
         let datagrams = from.advance(now);
         from.give_up(ticket);
         let address = from.address;

@@ -8,12 +8,12 @@ use stanag_msgs::messages::UaPositionWaypoint;
 
 /// The waypoints that a download of the plan brings.
 fn downloaded(rig: &mut Rig) -> Vec<UaPositionWaypoint> {
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     let end = rig.carry_out(orders::transfer(MissionPlanMode::Download));
     assert_eq!(end, Some(AckType::CarriedOut));
     rig.run(0.5);
-    let heard = rig.station().heard[mark..].iter();
-    heard
+    let received = rig.station().received[mark..].iter();
+    received
         .filter_map(|(_, _, message)| match message {
             Message::UaPositionWaypoint(waypoint) => Some(waypoint.clone()),
             _ => None,
@@ -25,7 +25,7 @@ fn downloaded(rig: &mut Rig) -> Vec<UaPositionWaypoint> {
 fn a_repeated_command_is_acknowledged_again_and_not_carried_out_again() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
-    let low = rig.tell(hold_at(15.0));
+    let low = rig.send(hold_at(15.0));
     assert_eq!(rig.end(low), Some(AckType::CarriedOut));
     assert_eq!(rig.carry_out(hold_at(35.0)), Some(AckType::CarriedOut));
     assert!(rig.until(60.0, |rig| -rig.truth().position.d > 34.0));
@@ -59,11 +59,11 @@ fn a_bridge_restarted_in_flight_knows_its_plan_its_rights_and_where_the_vehicle_
 
     rig.stop_bridge();
     rig.run(3.0);
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     rig.start_bridge();
     // Status comes without being asked for: authority and the station's address were stored.
     let to = |rig: &Rig| {
-        rig.station().heard[mark..]
+        rig.station().received[mark..]
             .iter()
             .rev()
             .find_map(|(_, _, m)| match m {
@@ -88,7 +88,7 @@ fn a_bridge_restarted_in_flight_knows_its_plan_its_rights_and_where_the_vehicle_
 fn a_vehicle_that_restarts_is_reported_and_commanded_again() {
     let mut rig = Rig::ready();
     rig.vehicles[0].restart();
-    assert!(rig.until(20.0, |rig| rig.station().was_told("has restarted")));
+    assert!(rig.until(20.0, |rig| rig.station().has_alert("has restarted")));
     rig.run(8.0);
     rig.send_plan(orders::square());
     assert_eq!(
@@ -111,7 +111,7 @@ fn a_vehicle_that_restarts_elsewhere_is_not_launched_by_its_old_home() {
     };
     *rig.vehicles[0].vehicle_mut() = px4_sim::Vehicle::new(vehicle);
     rig.vehicles[0].restart();
-    assert!(rig.until(20.0, |rig| rig.station().was_told("has restarted")));
+    assert!(rig.until(20.0, |rig| rig.station().has_alert("has restarted")));
     let mut end = None;
     for _ in 0..30 {
         end = rig.carry_out(orders::launch(20.0));
@@ -140,9 +140,9 @@ fn a_full_disk_accepts_nothing_and_loses_nothing() {
     rig.send_plan(orders::square());
     rig.store.full = Some("plan");
     let moved = orders::waypoint(102, 103, 40.0, 40.0, 60.0);
-    let moved = rig.tell(moved);
+    let moved = rig.send(moved);
     assert_eq!(rig.end(moved), Some(AckType::Refused));
-    assert!(rig.station().was_told("it cannot be stored"));
+    assert!(rig.station().has_alert("it cannot be stored"));
     assert!(rig.store.refused > 0);
     rig.restart_bridge();
     rig.run(2.0);

@@ -52,13 +52,13 @@ fn order(mode: AreaPlanMode) -> AreaTransferCommand {
 }
 
 fn status(rig: &Rig) -> AreaTransferStatus {
-    let told = rig
+    let reported = rig
         .station()
         .last(vehicle_id(0), 50018, |message| match message {
             Message::AreaTransferStatus(status) => Some(status.clone()),
             _ => None,
         });
-    told.expect("a 50018")
+    reported.expect("a 50018")
 }
 
 fn carried_out(rig: &mut Rig, message: impl Into<Message>) {
@@ -91,7 +91,7 @@ fn areas_go_aboard_whole_and_bound_the_routes_that_the_vehicle_takes() {
     assert_eq!(status(&rig).status, Some(MissionTransferStatus::Complete));
     assert!(
         rig.station()
-            .was_told("where it breaks the fence the vehicle holds")
+            .has_alert("where it breaks the fence the vehicle holds")
     );
     // A route through the circle is one that the vehicle itself refuses.
     rig.send_plan(vec![
@@ -102,7 +102,7 @@ fn areas_go_aboard_whole_and_bound_the_routes_that_the_vehicle_takes() {
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
     rig.run(0.5);
     assert!(
-        rig.station().was_told("Geofence violation"),
+        rig.station().has_alert("Geofence violation"),
         "{:?}",
         rig.station().alerts()
     );
@@ -121,12 +121,15 @@ fn what_makes_no_fence_is_refused_with_the_vertex_and_nothing_goes_aboard() {
         Some(AckType::Refused)
     );
     rig.run(0.1);
-    let told = status(&rig);
-    assert_eq!((told.area_id, told.vertex_number), (Some(7), Some(3)));
-    assert_eq!(told.status, Some(MissionTransferStatus::Aborted));
+    let reported = status(&rig);
+    assert_eq!(
+        (reported.area_id, reported.vertex_number),
+        (Some(7), Some(3))
+    );
+    assert_eq!(reported.status, Some(MissionTransferStatus::Aborted));
     assert!(
         rig.station()
-            .was_told("area 7 vertex 3: it has not been received")
+            .has_alert("area 7 vertex 3: it has not been received")
     );
     carried_out(&mut rig, order(AreaPlanMode::Clear));
     // The vehicle stands within it.
@@ -138,7 +141,7 @@ fn what_makes_no_fence_is_refused_with_the_vertex_and_nothing_goes_aboard() {
     rig.run(0.1);
     assert!(
         rig.station()
-            .was_told("area 8: the vehicle is inside it now")
+            .has_alert("area 8: the vehicle is inside it now")
     );
     assert!(aboard(&rig).is_empty());
     // By itself no corner of anything.
@@ -166,7 +169,7 @@ fn sixty_four_vertices_go_aboard_and_one_more_does_not() {
     assert_eq!(rig.carry_out(more), Some(AckType::Refused));
     rig.run(0.1);
     assert!(
-        rig.station().was_told("65 vertices"),
+        rig.station().has_alert("65 vertices"),
         "{:?}",
         rig.station().alerts()
     );
@@ -181,9 +184,9 @@ fn areas_come_back_as_they_were_sent_and_survive_a_restart() {
     carried_out(&mut rig, order(AreaPlanMode::Load));
     rig.restart_bridge();
     rig.run(8.0);
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     carried_out(&mut rig, order(AreaPlanMode::Download));
-    let came: Vec<AreaVertex> = rig.station().heard[mark..]
+    let came: Vec<AreaVertex> = rig.station().received[mark..]
         .iter()
         .filter_map(|(_, _, message)| match message {
             Message::AreaVertex(vertex) => Some(vertex.clone()),
@@ -218,7 +221,7 @@ fn configured() -> Setup {
 }
 
 #[test]
-fn areas_of_the_configuration_are_aboard_before_anybody_asks_and_stay() {
+fn areas_of_the_configuration_are_uploaded_before_any_request_and_stay() {
     let mut rig = Rig::ready_with(configured());
     assert!(rig.until(10.0, |rig| aboard(rig) == [5003]));
     rig.send_plan(vec![circle(1, AreaType::KeepOutCircle, (200.0, 0.0), 20.0)]);
@@ -231,7 +234,7 @@ fn areas_of_the_configuration_are_aboard_before_anybody_asks_and_stay() {
         Some(AckType::Refused)
     );
     rig.run(0.1);
-    assert!(rig.station().was_told("set by the configuration"));
+    assert!(rig.station().has_alert("set by the configuration"));
     assert_eq!(aboard(&rig), [5003, 5004]);
     carried_out(&mut rig, order(AreaPlanMode::Clear));
     assert_eq!(aboard(&rig), [5003]);
@@ -253,7 +256,7 @@ fn a_fence_that_another_station_takes_away_is_warned_of_until_it_is_back() {
     rig.send_plan(polygon(1, AreaType::KeepInPolygon, &SQUARE));
     carried_out(&mut rig, order(AreaPlanMode::Load));
     rig.run(5.0);
-    assert!(!rig.station().was_told("is not the one that was loaded"));
+    assert!(!rig.station().has_alert("is not the one that was loaded"));
     let clear = MavMessage::MISSION_CLEAR_ALL(MISSION_CLEAR_ALL_DATA {
         target_system: 1,
         target_component: 1,
@@ -263,8 +266,8 @@ fn a_fence_that_another_station_takes_away_is_warned_of_until_it_is_back() {
         .vehicle_mut()
         .handle_message(Node::new(255, 190), &clear);
     assert!(rig.until(5.0, |rig| {
-        rig.station().was_told("is not the one that was loaded")
+        rig.station().has_alert("is not the one that was loaded")
     }));
     carried_out(&mut rig, order(AreaPlanMode::Load));
-    assert!(rig.until(5.0, |rig| rig.station().was_told("the fence is aboard")));
+    assert!(rig.until(5.0, |rig| rig.station().has_alert("the fence is aboard")));
 }

@@ -20,7 +20,7 @@ struct Outcome {
     load: AckType,
     hold: AckType,
     control: AckType,
-    told: bool,
+    reported: bool,
     lost: bool,
     land: AckType,
 }
@@ -46,20 +46,20 @@ fn fly(record: &'static str) -> Outcome {
         requested_handover_loi: Some(stanag_msgs::enums::LoiBitmap::LOI2),
         ..orders::request_control()
     };
-    let ticket = rig.tell_as(1, 0, listen);
+    let ticket = rig.send_as(1, 0, listen);
     let control = rig.end_as(1, ticket).unwrap_or(AckType::Unknown(0));
     // Long enough for the signing clock to want its next ceiling.
     rig.run(120.0);
-    let told = ["cannot be stored", "could not be stored", "No space left"]
+    let reported = ["cannot be stored", "could not be stored", "No space left"]
         .iter()
-        .any(|text| rig.station().was_told(text));
+        .any(|text| rig.station().has_alert(text));
     rig.store.full = None;
     rig.restart_bridge();
     rig.run(5.0);
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     let down = end(&mut rig, orders::transfer(MissionPlanMode::Download));
     rig.run(0.5);
-    let height = rig.station().heard[mark..]
+    let height = rig.station().received[mark..]
         .iter()
         .find_map(|(_, _, m)| match m {
             Message::UaPositionWaypoint(w) if w.waypoint_number == Some(102) => {
@@ -79,7 +79,7 @@ fn fly(record: &'static str) -> Outcome {
         load,
         hold,
         control,
-        told,
+        reported,
         lost,
         land,
     }
@@ -106,7 +106,7 @@ fn a_record_that_cannot_be_written_refuses_what_it_must_keep_and_loses_nothing()
             word(outcome.load),
             word(outcome.hold),
             word(outcome.control),
-            yes(outcome.told),
+            yes(outcome.reported),
             yes(outcome.lost),
             word(outcome.land)
         )

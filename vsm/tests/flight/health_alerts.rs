@@ -11,8 +11,8 @@ use stanag_msgs::messages::{
 };
 
 fn alerts(rig: &Rig, mark: usize) -> Vec<SubsystemStatusAlert> {
-    let heard = rig.station().heard[mark..].iter();
-    heard
+    let received = rig.station().received[mark..].iter();
+    received
         .filter_map(|(_, _, message)| match message {
             Message::SubsystemStatusAlert(alert) => Some(alert.clone()),
             _ => None,
@@ -21,8 +21,8 @@ fn alerts(rig: &Rig, mark: usize) -> Vec<SubsystemStatusAlert> {
 }
 
 fn reports(rig: &Rig, mark: usize) -> Vec<SubsystemStatusReport> {
-    let heard = rig.station().heard[mark..].iter();
-    heard
+    let received = rig.station().received[mark..].iter();
+    received
         .filter_map(|(_, _, message)| match message {
             Message::SubsystemStatusReport(report) => Some(report.clone()),
             _ => None,
@@ -50,7 +50,7 @@ fn comes_and_goes(
         Some(AckType::CarriedOut)
     );
     rig.run(3.0);
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     ail(&mut rig, health_faults);
     rig.run(8.0);
     let raised = alerts(&rig, mark);
@@ -61,12 +61,14 @@ fn comes_and_goes(
     assert_eq!(alert.subsystem_id, Some(subsystem), "{text}");
     assert_eq!(alert.alert_type, Some(AlertType::NotClearable));
     assert!(
-        alert.text.is_some_and(|told| told.as_str().contains(text)),
+        alert
+            .text
+            .is_some_and(|reported| reported.as_str().contains(text)),
         "{alert:?}"
     );
     let id = alert.alert_warning_id.expect("an id");
     assert!(id < 0, "the first instance is negative");
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     ail(&mut rig, HealthFaults::default());
     rig.run(8.0);
     let cleared = alerts(&rig, mark);
@@ -82,24 +84,24 @@ fn comes_and_goes(
 #[test]
 fn a_text_of_the_vehicle_is_an_event_and_is_never_cleared() {
     let mut rig = Rig::ready();
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     rig.take_off(15.0);
     rig.run(60.0);
-    let heard = alerts(&rig, mark);
+    let received = alerts(&rig, mark);
     let of_the_vehicle = |alert: &&SubsystemStatusAlert| {
         alert.subsystem_id == Some(SubsystemId::from_raw(AUTOPILOT))
     };
-    let texts: Vec<_> = heard.iter().filter(of_the_vehicle).collect();
-    let says = |text: &str| {
-        let mut told = texts.iter().filter_map(|alert| alert.text);
-        told.any(|told| told.as_str().contains(text))
+    let texts: Vec<_> = received.iter().filter(of_the_vehicle).collect();
+    let has_text = |text: &str| {
+        let mut reported = texts.iter().filter_map(|alert| alert.text);
+        reported.any(|reported| reported.as_str().contains(text))
     };
-    assert!(says("Takeoff detected"), "{texts:#?}");
+    assert!(has_text("Takeoff detected"), "{texts:#?}");
     for text in &texts {
         let id = text.alert_warning_id.expect("an id");
         assert!(id < 0, "its first and only instance: {text:?}");
         assert_eq!(text.alert_type, Some(AlertType::Clearable), "{text:?}");
-        let later = heard
+        let later = received
             .iter()
             .filter(|alert| alert.alert_warning_id == Some(-id));
         assert_eq!(later.count(), 0, "{text:?}");
@@ -180,7 +182,7 @@ fn a_low_battery_is_a_caution_of_energy() {
 #[test]
 fn a_battery_that_drains_is_reported_once_a_level_under_one_id() {
     let mut rig = Rig::ready();
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     for percent in (1..=20).rev() {
         ail(
             &mut rig,
@@ -191,8 +193,8 @@ fn a_battery_that_drains_is_reported_once_a_level_under_one_id() {
         );
         rig.run(2.5);
     }
-    let told = alerts(&rig, mark);
-    let levels: Vec<_> = told.iter().filter_map(|alert| alert.priority).collect();
+    let reported = alerts(&rig, mark);
+    let levels: Vec<_> = reported.iter().filter_map(|alert| alert.priority).collect();
     assert_eq!(
         levels,
         [
@@ -201,7 +203,7 @@ fn a_battery_that_drains_is_reported_once_a_level_under_one_id() {
             AlertPriority::Emergency
         ]
     );
-    let ids: Vec<i32> = told
+    let ids: Vec<i32> = reported
         .iter()
         .filter_map(|alert| alert.alert_warning_id)
         .collect();
@@ -211,7 +213,7 @@ fn a_battery_that_drains_is_reported_once_a_level_under_one_id() {
 #[test]
 fn a_cause_that_comes_and_goes_is_no_storm() {
     let mut rig = Rig::ready();
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     for round in 0..60 {
         ail(
             &mut rig,
@@ -220,8 +222,8 @@ fn a_cause_that_comes_and_goes_is_no_storm() {
         rig.run(1.0);
     }
     // Three causes: each raised at most once, none cleared while it still comes back.
-    let told = alerts(&rig, mark);
-    assert!(told.len() <= 3, "{}", told.len());
+    let reported = alerts(&rig, mark);
+    assert!(reported.len() <= 3, "{}", reported.len());
 }
 
 #[test]
@@ -234,7 +236,7 @@ fn one_that_stands_is_reported_to_a_station_that_comes_later() {
         Some(AckType::CarriedOut)
     );
     rig.run(1.0);
-    assert!(rig.station().was_told("the barometer fails"));
+    assert!(rig.station().has_alert("the barometer fails"));
 }
 
 #[test]
@@ -245,7 +247,7 @@ fn a_silent_vehicle_is_neither_well_nor_worse() {
     rig.mav.faults.loss = 1.0;
     rig.run(5.0);
     ail(&mut rig, HealthFaults::default());
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     rig.run(20.0);
     assert!(
         alerts(&rig, mark)
@@ -254,11 +256,11 @@ fn a_silent_vehicle_is_neither_well_nor_worse() {
     );
     rig.mav.faults.loss = 0.0;
     rig.run(10.0);
-    assert!(rig.station().was_told("the compass is well again"));
+    assert!(rig.station().has_alert("the compass is well again"));
 }
 
 #[test]
-fn subsystems_are_told_on_15000_and_their_alerts_on_15001() {
+fn subsystems_are_reported_on_15000_and_their_alerts_on_15001() {
     let mut rig = Rig::ready();
     let ask = |bits: u32| SubsystemStatusRequest {
         subsystem_id: Some(SubsystemBitmap::from_raw(bits)),
@@ -268,16 +270,16 @@ fn subsystems_are_told_on_15000_and_their_alerts_on_15001() {
         subsystem_state_report_reference: Some(reference),
         ..SubsystemStatusDetailRequest::default()
     };
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     assert_eq!(rig.carry_out(ask(0)), Some(AckType::CarriedOut));
     assert_eq!(reports(&rig, mark).len(), 4);
     ail(&mut rig, unhealthy(0x4));
     rig.run(5.0);
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     assert_eq!(rig.carry_out(ask(0x20)), Some(AckType::CarriedOut));
-    let told = reports(&rig, mark);
-    let [navigation] = &told[..] else {
-        panic!("{told:#?}")
+    let reported = reports(&rig, mark);
+    let [navigation] = &reported[..] else {
+        panic!("{reported:#?}")
     };
     assert_eq!(navigation.subsystem_id, Some(SubsystemId::Navigation));
     assert_eq!(navigation.subsystem_state, Some(AlertPriority::Warning));
@@ -285,10 +287,10 @@ fn subsystems_are_told_on_15000_and_their_alerts_on_15001() {
         .subsystem_state_report_reference
         .expect("a reference");
     assert!(reference > 0);
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     assert_eq!(rig.carry_out(detail(reference)), Some(AckType::CarriedOut));
-    let told = reports(&rig, mark);
-    let text = told[0].report_text_reference.expect("a text");
+    let reported = reports(&rig, mark);
+    let text = reported[0].report_text_reference.expect("a text");
     assert!(text.as_str().contains("compass"), "{text:?}");
     assert_eq!(rig.carry_out(detail(77)), Some(AckType::Refused));
     assert_eq!(

@@ -17,7 +17,7 @@ fn abandoned(tables: &'static str, plan: Vec<Message>) -> Rig {
         requested_handover_loi: Some(stanag_msgs::enums::LoiBitmap::LOI2),
         ..orders::request_control()
     };
-    let ticket = rig.tell_as(1, 0, listen);
+    let ticket = rig.send_as(1, 0, listen);
     rig.until(5.0, |rig| rig.stations[1].end(ticket).is_some());
     rig.send_plan(plan);
     rig.take_off(20.0);
@@ -44,8 +44,8 @@ fn contingency(first_north_m: f64) -> Vec<Message> {
     ]
 }
 
-fn told(text: &'static str) -> impl Fn(&Rig) -> bool {
-    move |rig| rig.stations[1].was_told(text)
+fn has_alert_with(text: &'static str) -> impl Fn(&Rig) -> bool {
+    move |rig| rig.stations[1].has_alert(text)
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn a_contingency_route_is_flown() {
         rig.stations[1].alerts()
     );
     rig.run(20.0);
-    assert!(!rig.stations[1].was_told("does not fly contingency A"));
+    assert!(!rig.stations[1].has_alert("does not fly contingency A"));
 }
 
 #[test]
@@ -77,13 +77,13 @@ fn a_contingency_route_that_cannot_be_flown_gives_way_to_the_return() {
     );
     for text in ["try 2", "does not fly contingency A: it is to return"] {
         assert!(
-            rig.stations[1].was_told(text),
+            rig.stations[1].has_alert(text),
             "{text}: {:?}",
             rig.stations[1].alerts()
         );
     }
     rig.run(2.0);
-    assert!(rig.stations[1].was_told("the vehicle does what is to be done"));
+    assert!(rig.stations[1].has_alert("the vehicle does what is to be done"));
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn a_vehicle_that_is_silent_at_the_loss_is_brought_home_when_the_link_is_back() 
     rig.run(4.0);
     rig.mav.faults.loss = 1.0;
     assert!(
-        rig.until(20.0, told("is lost")),
+        rig.until(20.0, has_alert_with("is lost")),
         "{:?}",
         rig.stations[1].alerts()
     );
@@ -114,12 +114,12 @@ fn what_is_reported_of_a_loss_is_what_is_flown() {
         rig.stations[1].alerts()
     );
     assert!(
-        rig.stations[1].was_told("no contingency A is known, the vehicle is to return"),
+        rig.stations[1].has_alert("no contingency A is known, the vehicle is to return"),
         "{:?}",
         rig.stations[1].alerts()
     );
     for wrong in ["contingency A is flown", "control has passed on"] {
-        assert!(!rig.stations[1].was_told(wrong), "{wrong}");
+        assert!(!rig.stations[1].has_alert(wrong), "{wrong}");
     }
 }
 
@@ -133,7 +133,7 @@ fn a_vehicle_on_the_ground_is_reported_as_flying_nothing() {
     rig.run(2.0);
     rig.stations[0].heartbeats = false;
     assert!(
-        rig.until(20.0, |rig| rig.station().was_told(
+        rig.until(20.0, |rig| rig.station().has_alert(
             "is lost, nobody controls the vehicle: the vehicle stands"
         )),
         "{:?}",
@@ -150,7 +150,7 @@ fn the_main_route_is_flown_again_after_the_contingency() {
     plan.push(orders::load().into());
     let mut rig = abandoned("[authority]\non_loss = \"contingency\"\n", plan);
     assert!(rig.until(30.0, |rig| rig.truth().mode == Px4::Mission));
-    assert!(rig.stations[1].was_told("the vehicle is to fly contingency A"));
+    assert!(rig.stations[1].has_alert("the vehicle is to fly contingency A"));
     assert_eq!(
         rig.carry_out(orders::request_control()),
         Some(AckType::CarriedOut)
@@ -177,10 +177,10 @@ fn who_takes_control_ends_what_was_flown_for_nobody() {
         "[authority]\non_loss = \"contingency\"\n",
         contingency(20_000.0),
     );
-    assert!(rig.until(40.0, told("is lost")));
-    let taken = rig.tell_as(1, 0, orders::request_control());
+    assert!(rig.until(40.0, has_alert_with("is lost")));
+    let taken = rig.send_as(1, 0, orders::request_control());
     assert!(rig.until(5.0, |rig| rig.stations[1].end(taken).is_some()));
-    let hold = rig.tell_as(1, 0, orders::mode(Mode::Loiter));
+    let hold = rig.send_as(1, 0, orders::mode(Mode::Loiter));
     assert!(rig.until(20.0, |rig| rig.stations[1].end(hold).is_some()));
     assert_eq!(rig.stations[1].end(hold), Some(AckType::CarriedOut));
     rig.run(20.0);

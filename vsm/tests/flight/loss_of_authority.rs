@@ -18,7 +18,7 @@ fn release() -> CucsAuthorisationRequest {
 #[test]
 fn a_launch_that_has_not_begun_ends_with_the_release() {
     let mut rig = Rig::ready();
-    let launch = rig.tell(orders::launch(20.0));
+    let launch = rig.send(orders::launch(20.0));
     rig.run(0.05);
     assert_eq!(rig.carry_out(release()), Some(AckType::CarriedOut));
     rig.run(25.0);
@@ -42,7 +42,7 @@ fn a_command_that_waits_for_its_route_gives_way_to_a_later_one() {
         orders::waypoint(8, 0, 50.0, 50.0, 20.0).into(),
     ];
     rig.send_plan(plan);
-    let earlier = rig.tell(orders::mode(Mode::ContingencyA));
+    let earlier = rig.send(orders::mode(Mode::ContingencyA));
     rig.run(0.02);
     assert_eq!(
         rig.carry_out(orders::mode(Mode::Loiter)),

@@ -33,20 +33,20 @@ fn the_table_of_outcomes_is_up_to_date() {
         let name = format!("{:.0} % lost", loss * 100.0);
         (name, Faults::lossy(loss))
     });
-    let late = [0.5, 1.0, 2.0].map(|most_s| {
-        let name = format!("10 % lost, up to {most_s} s late");
-        (name, Faults::late(most_s))
+    let late = [0.5, 1.0, 2.0].map(|max_s| {
+        let name = format!("10 % lost, up to {max_s} s late");
+        (name, Faults::late(max_s))
     });
     for (name, faults) in lossy.into_iter().chain(late) {
         let outcome = flights(faults);
         assert_eq!((outcome.lost, outcome.twice), (0, 0), "{name}: {outcome:?}");
         // At the worst rate an order may now and then need giving more than six times.
-        let (least, completed) = if faults.loss > 0.3 {
+        let (min, completed) = if faults.loss > 0.3 {
             (FLIGHTS - 2, format!("{} or more of {FLIGHTS}", FLIGHTS - 2))
         } else {
             (FLIGHTS, format!("{FLIGHTS} of {FLIGHTS}"))
         };
-        assert!(outcome.completed >= least, "{name}: {outcome:?}");
+        assert!(outcome.completed >= min, "{name}: {outcome:?}");
         writeln!(
             table,
             "| {name} | {completed} | {} | {} | {} |",

@@ -24,7 +24,7 @@ fn rig() -> Rig {
         (2, 1, listen.clone()),
         (3, 1, listen),
     ] {
-        let ticket = rig.tell_as(station, vehicle, request);
+        let ticket = rig.send_as(station, vehicle, request);
         assert_eq!(rig.end_as(station, ticket), Some(AckType::CarriedOut));
     }
     rig
@@ -38,7 +38,7 @@ fn each_command_reaches_its_vehicle_and_each_report_its_stations() {
         .map(|(station, vehicle, height)| {
             (
                 station,
-                rig.tell_as(station, vehicle, orders::launch(height)),
+                rig.send_as(station, vehicle, orders::launch(height)),
             )
         })
         .collect();
@@ -53,7 +53,7 @@ fn each_command_reaches_its_vehicle_and_each_report_its_stations() {
     // Who holds the other vehicle, or only listens, commands nothing, and its answer goes to it alone.
     for (station, vehicle) in [(0, 1), (1, 0), (2, 0), (2, 1), (3, 1), (3, 0)] {
         let before = rig.vehicles[vehicle].vehicle().counters().commands_accepted;
-        let ticket = rig.tell_as(station, vehicle, orders::mode(Mode::AutolandEngage));
+        let ticket = rig.send_as(station, vehicle, orders::mode(Mode::AutolandEngage));
         assert_eq!(rig.end_as(station, ticket), Some(AckType::Refused));
         rig.run(2.0);
         let after = rig.vehicles[vehicle].vehicle().counters().commands_accepted;
@@ -70,8 +70,8 @@ fn each_command_reaches_its_vehicle_and_each_report_its_stations() {
                 })
             })
             .collect();
-        let hears = [[true, false], [false, true], [true, true], [false, true]][index];
-        assert_eq!([heights[0].is_some(), heights[1].is_some()], hears);
+        let expected = [[true, false], [false, true], [true, true], [false, true]][index];
+        assert_eq!([heights[0].is_some(), heights[1].is_some()], expected);
         if let [Some(low), Some(high)] = heights[..] {
             // Two homes in one place: what is reported apart is flown apart.
             assert!((high - low - 15.0).abs() < 2.0, "{low} and {high}");
@@ -86,19 +86,19 @@ fn control_of_one_vehicle_changes_hands_and_the_other_sees_nothing_of_it() {
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..orders::request_control()
     };
-    let ticket = rig.tell_as(0, 0, release);
+    let ticket = rig.send_as(0, 0, release);
     assert_eq!(rig.end_as(0, ticket), Some(AckType::CarriedOut));
-    let marks: Vec<_> = rig.stations.iter().map(|s| s.heard.len()).collect();
-    let ticket = rig.tell_as(2, 0, orders::request_control());
+    let marks: Vec<_> = rig.stations.iter().map(|s| s.received.len()).collect();
+    let ticket = rig.send_as(2, 0, orders::request_control());
     assert_eq!(rig.end_as(2, ticket), Some(AckType::CarriedOut));
-    let ticket = rig.tell_as(2, 0, orders::launch(12.0));
+    let ticket = rig.send_as(2, 0, orders::launch(12.0));
     assert_eq!(rig.end_as(2, ticket), Some(AckType::CarriedOut));
     assert!(rig.vehicles[1].vehicle().truth().landed);
     for (station, mark) in [(0, marks[0]), (1, marks[1]), (3, marks[3])] {
-        let strays = rig.stations[station].heard[mark..]
+        let misdirected = rig.stations[station].received[mark..]
             .iter()
             .filter(|(_, source, _)| *source == vehicle_id(0))
             .count();
-        assert_eq!(strays, 0, "station {station} hears vehicle 0");
+        assert_eq!(misdirected, 0, "station {station} hears vehicle 0");
     }
 }

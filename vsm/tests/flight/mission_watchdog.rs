@@ -71,7 +71,7 @@ fn a_waypoint_that_is_missed_for_good_ends_in_a_hold_with_its_number() {
         let ended = rig.until(400.0, |rig| rig.truth().mode == Px4::Loiter);
         assert!(ended, "seed {seed}: {:?}", rig.truth());
         let seq = rig.truth().mission_seq;
-        if !rig.station().was_told(HELD) {
+        if !rig.station().has_alert(HELD) {
             assert_eq!(seq, 14, "seed {seed}: the route was not flown");
             flown += 1;
             continue;
@@ -79,7 +79,7 @@ fn a_waypoint_that_is_missed_for_good_ends_in_a_hold_with_its_number() {
         missed += 1;
         let waypoint = format!("waypoint {}: ", 101 + seq);
         assert!(
-            rig.station().was_told(&waypoint),
+            rig.station().has_alert(&waypoint),
             "{seq} {:?}",
             rig.station().alerts()
         );
@@ -108,7 +108,7 @@ fn without_the_watch_it_flies_away() {
         };
         let mut rig = under_way(setup, bend());
         rig.run(240.0);
-        assert!(!rig.station().was_told(HELD));
+        assert!(!rig.station().has_alert(HELD));
         rig.truth().mode == Px4::Mission
     });
     assert!(gone, "every waypoint was taken: nothing was tried");
@@ -169,7 +169,7 @@ fn honest_flight_of_a_multicopter_is_never_held() {
         let end = rig.until(900.0, |rig| rig.truth().mode != Px4::Mission);
         assert!(end, "seed {seed}: {:?}", rig.truth());
         assert!(
-            !rig.station().was_told(HELD),
+            !rig.station().has_alert(HELD),
             "seed {seed}: {:?}",
             rig.station().alerts()
         );
@@ -187,7 +187,7 @@ fn honest_flight_over_a_bad_link_is_never_held() {
     let mut rig = under_way(setup, orders::square());
     assert!(rig.until(300.0, |rig| rig.truth().mode != Px4::Mission));
     assert!(
-        !rig.station().was_told(HELD),
+        !rig.station().has_alert(HELD),
         "{:?}",
         rig.station().alerts()
     );
@@ -201,7 +201,7 @@ fn a_loiter_without_end_is_never_held() {
     rig.run(400.0);
     assert_eq!(rig.truth().mode, Px4::Mission);
     assert!(
-        !rig.station().was_told(HELD),
+        !rig.station().has_alert(HELD),
         "{:?}",
         rig.station().alerts()
     );
@@ -240,7 +240,7 @@ fn honest_flight_on_wings_is_never_held() {
         );
         let end = rig.until(900.0, |rig| rig.truth().mode != Px4::Mission);
         assert!(
-            !rig.station().was_told(HELD),
+            !rig.station().has_alert(HELD),
             "seed {seed}: {:?}",
             rig.station().alerts()
         );

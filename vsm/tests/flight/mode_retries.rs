@@ -38,5 +38,5 @@ fn a_vehicle_that_returns_instead_is_left_to_it() {
     let (rig, end) = entering_instead(Px4::Rtl);
     assert_eq!(end, Some(AckType::Refused), "{:?}", rig.station().alerts());
     assert_eq!(rig.truth().mode, Px4::Rtl);
-    assert!(rig.station().was_told("it is in AUTO.RTL"));
+    assert!(rig.station().has_alert("it is in AUTO.RTL"));
 }

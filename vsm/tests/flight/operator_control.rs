@@ -95,7 +95,7 @@ fn a_request_for_operator_control_is_reported_and_granted_once_control_is_releas
     assert!(
         rig.until(3.0, |rig| rig
             .station()
-            .was_told("MAVLink system 255 asks for operator control")),
+            .has_alert("MAVLink system 255 asks for operator control")),
         "{:?}",
         rig.station().alerts()
     );
@@ -116,18 +116,18 @@ fn what_another_station_owns_is_reported_and_a_command_is_refused_with_the_reaso
     rig.run(1.0);
     assert!(
         rig.station()
-            .was_told("MAVLink system 255 has operator control of the vehicle"),
+            .has_alert("MAVLink system 255 has operator control of the vehicle"),
         "{:?}",
         rig.station().alerts()
     );
     let end = rig.carry_out(orders::mode(Mode::Loiter));
     assert_eq!(end, Some(AckType::Refused));
-    assert!(rig.station().was_told("no operator control"));
+    assert!(rig.station().has_alert("no operator control"));
     // Its heartbeats have never come: the vehicle lets go of it, and the VSM has it.
     assert!(rig.until(15.0, |rig| owner(rig) == Some(245)));
     assert!(
         rig.station()
-            .was_told("no MAVLink system has operator control")
+            .has_alert("no MAVLink system has operator control")
     );
     assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
 }
@@ -140,13 +140,13 @@ fn control_that_passes_on_between_stations_keeps_operator_control() {
     });
     assert!(rig.until(3.0, |rig| owner(rig) == Some(245)));
     release(&mut rig);
-    let taken = rig.tell_as(1, 0, orders::request_control());
+    let taken = rig.send_as(1, 0, orders::request_control());
     assert_eq!(rig.end_as(1, taken), DONE);
     assert!(rig.until(4.0, |rig| owner(rig) == Some(245)));
 }
 
 #[test]
-fn a_vehicle_that_does_not_speak_of_it_is_asked_for_nothing() {
+fn a_vehicle_that_does_not_report_it_gets_no_request() {
     let mut rig = Rig::ready();
     rig.run(5.0);
     assert_eq!(owner(&rig), None);

@@ -27,7 +27,7 @@ fn late_hold(rig: &mut Rig, height_m: f64, ago_s: f64) {
         time_stamp: stamp(rig, ago_s),
         ..hold_at(height_m)
     };
-    rig.stations[0].say_as_is(vehicle_id(0), &late.into());
+    rig.stations[0].send_as_is(vehicle_id(0), &late.into());
     rig.run(15.0);
 }
 
@@ -81,16 +81,16 @@ fn an_overtaken_waypoint_leaves_the_later_one_and_others_may_come_in_any_order()
             time_stamp: stamp(&rig, 2.0),
             ..orders::waypoint(number, number + 1, 80.0, 80.0, up)
         };
-        rig.stations[0].say_as_is(vehicle_id(0), &late.into());
+        rig.stations[0].send_as_is(vehicle_id(0), &late.into());
         rig.run(0.5);
     }
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     assert_eq!(
         rig.carry_out(orders::transfer(MissionPlanMode::Download)),
         DONE
     );
     rig.run(0.5);
-    let heights: Vec<_> = rig.station().heard[mark..]
+    let heights: Vec<_> = rig.station().received[mark..]
         .iter()
         .filter_map(|(_, _, message)| match message {
             Message::UaPositionWaypoint(one) => one.waypoint_to_altitude.map(|up| up.si()),
@@ -110,7 +110,7 @@ fn altimeter() -> VehicleOperatingModeCommand {
 #[test]
 fn an_altimeter_setting_does_not_break_off_a_launch() {
     let mut rig = Rig::ready();
-    let launch = rig.tell(orders::launch(20.0));
+    let launch = rig.send(orders::launch(20.0));
     assert!(rig.until(20.0, |rig| rig.truth().armed));
     assert_eq!(rig.carry_out(altimeter()), DONE);
     assert_eq!(rig.end(launch), DONE, "{:?}", rig.station().alerts());
@@ -134,18 +134,18 @@ fn what_names_no_mode_does_not_take_the_place_of_a_contingency_that_is_on_its_wa
     ]);
     rig.take_off(20.0);
     assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
-    let away = rig.tell(orders::mode(Mode::ContingencyA));
+    let away = rig.send(orders::mode(Mode::ContingencyA));
     rig.run(0.03);
     let slower = VehicleOperatingModeCommand {
         commanded_speed: Scaled::from_si(3.0).ok(),
         speed_type: Some(SpeedType::Ground),
         ..VehicleOperatingModeCommand::default()
     };
-    let slower = rig.tell(slower);
+    let slower = rig.send(slower);
     assert_eq!(rig.carry_out(altimeter()), DONE);
     assert_eq!(rig.end(away), DONE, "{:?}", rig.station().alerts());
     assert_eq!(rig.end(slower), NO);
-    assert!(rig.station().was_told("another is being entered"));
+    assert!(rig.station().has_alert("another is being entered"));
     assert_eq!(rig.truth().mode, Px4::Mission);
     assert!(rig.until(60.0, |rig| rig.truth().position.n < -45.0));
 }

@@ -24,9 +24,9 @@ fn schedule(message: u16, hertz: u16) -> ScheduleMessageUpdateCommand {
 }
 
 /// The 16000 that a station has heard since `mark` messages.
-fn told(rig: &Rig, station: usize, mark: usize) -> Vec<SubsystemStatusAlert> {
-    let heard = rig.stations[station].heard[mark..].iter();
-    heard
+fn reasons(rig: &Rig, station: usize, mark: usize) -> Vec<SubsystemStatusAlert> {
+    let received = rig.stations[station].received[mark..].iter();
+    received
         .filter_map(|(_, _, message)| match message {
             Message::SubsystemStatusAlert(alert) => Some(alert.clone()),
             _ => None,
@@ -58,16 +58,16 @@ fn a_missing_right_is_reported_once_and_cleared_though_the_command_is_repeated()
         "it needs LOI 4, held is nothing",
     );
     refused(&mut rig, schedule(4000, 1), "it needs LOI 2");
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     for _ in 0..100 {
-        rig.say(orders::mode(Mode::Loiter));
+        rig.send_once(orders::mode(Mode::Loiter));
         rig.run(0.01);
     }
-    let alerts = told(&rig, 0, mark);
+    let alerts = reasons(&rig, 0, mark);
     assert!(alerts.len() <= 1, "{} alerts of one second", alerts.len());
     rig.run(20.0);
     // Each was raised with its id below 0, and is cleared by the id above it.
-    let alerts = told(&rig, 0, 0);
+    let alerts = reasons(&rig, 0, 0);
     let raised: BTreeSet<i32> = alerts
         .iter()
         .filter_map(|alert| alert.alert_warning_id.filter(|id| *id < 0))
@@ -107,15 +107,15 @@ fn what_is_no_report_or_too_often_is_refused_with_the_reason() {
             Some(AckType::CarriedOut)
         );
         rig.run(1.0);
-        let (from, to) = (rig.station().heard.len(), 5.0);
+        let (from, to) = (rig.station().received.len(), 5.0);
         rig.run(to);
-        let count = rig.station().heard[from..]
+        let count = rig.station().received[from..]
             .iter()
             .filter(|(_, _, message)| message.id() == 4000)
             .count();
         // The virtual clock goes in steps of 10 ms.
-        let least = usize::from(hertz) * 9 / 2;
-        assert!(count >= least, "{count} in 5 s at {hertz} Hz");
+        let min = usize::from(hertz) * 9 / 2;
+        assert!(count >= min, "{count} in 5 s at {hertz} Hz");
     }
 }
 
@@ -129,10 +129,10 @@ fn a_new_grant_begins_with_the_default_reports_whatever_was_cancelled_before() {
         );
     }
     let count = |rig: &mut Rig| {
-        let mark = rig.station().heard.len();
+        let mark = rig.station().received.len();
         rig.run(3.0);
-        let heard = rig.station().heard[mark..].iter();
-        heard
+        let received = rig.station().received[mark..].iter();
+        received
             .filter(|(_, _, message)| [3001, 3002, 4000, 4001].contains(&message.id()))
             .count()
     };
@@ -213,17 +213,17 @@ fn a_discovery_of_another_vsm_is_not_answered() {
     let mut rig = Rig::new(Setup::default());
     rig.run(9.0);
     let answers = |rig: &mut Rig, vsm: Id| {
-        let mark = rig.station().heard.len();
+        let mark = rig.station().received.len();
         let now = rig.station_now();
         let request = CucsAuthorisationRequest {
             vsm_id: Some(vsm),
             requested_handover_access: Some(RequestedAccess::Relinquish),
             ..CucsAuthorisationRequest::default()
         };
-        rig.stations[0].say(now, Id::BROADCAST, request.into());
+        rig.stations[0].send_once(now, Id::BROADCAST, request.into());
         rig.run(0.5);
-        let heard = rig.station().heard[mark..].iter();
-        heard.filter(|(_, _, message)| message.id() == 2).count()
+        let received = rig.station().received[mark..].iter();
+        received.filter(|(_, _, message)| message.id() == 2).count()
     };
     assert_eq!(answers(&mut rig, Id(0x1b00_0002)), 0);
     assert_eq!(answers(&mut rig, Id::BROADCAST), 1);
@@ -325,7 +325,7 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
     };
     assert_eq!(rig.carry_out(full), Some(AckType::CarriedOut));
     rig.run(0.1);
-    assert!(rig.station().was_told(
+    assert!(rig.station().has_alert(
         "2016: not heeded in mode 12: Commanded Altitude, Commanded Vertical Speed, Commanded Waypoint Number"
     ));
     let climb = VehicleOperatingModeCommand {
@@ -353,14 +353,14 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
     rig.run(0.1);
     assert!(
         rig.station()
-            .was_told("2016: not heeded in mode 15: Thrust")
+            .has_alert("2016: not heeded in mode 15: Thrust")
     );
 }
 
 #[test]
 fn a_field_of_a_plan_that_never_has_an_effect_is_reported_once() {
     let mut rig = Rig::ready();
-    let before = rig.station().heard.len();
+    let before = rig.station().received.len();
     for number in 1..=5 {
         let waypoint = UaPositionWaypoint {
             altitude_change_behaviour: Some(stanag_msgs::enums::AltitudeChangeBehaviour::from_raw(
@@ -370,13 +370,13 @@ fn a_field_of_a_plan_that_never_has_an_effect_is_reported_once() {
         };
         assert_eq!(rig.carry_out(waypoint), Some(AckType::CarriedOut));
     }
-    let told: Vec<_> = told(&rig, 0, before)
+    let reasons: Vec<_> = reasons(&rig, 0, before)
         .into_iter()
         .filter_map(|alert| alert.text)
         .collect();
-    assert_eq!(told.len(), 1, "{told:?}");
+    assert_eq!(reasons.len(), 1, "{reasons:?}");
     assert_eq!(
-        told[0].as_str(),
+        reasons[0].as_str(),
         "13002: not heeded: Altitude Change Behaviour"
     );
 }
@@ -394,14 +394,14 @@ fn a_message_that_a_vsm_sends_is_refused_with_the_reason() {
     let length = Message::from(report)
         .encode(&envelope, &mut bytes)
         .expect("it fits");
-    rig.hear_from_station(&bytes[..length]);
+    rig.deliver_from_station(&bytes[..length]);
     rig.run(0.1);
-    assert!(rig.station().was_told("a VSM sends it"));
+    assert!(rig.station().has_alert("a VSM sends it"));
     // A vector with a bit that no field has.
     bytes[16] |= 0x80;
-    rig.hear_from_station(&bytes[..length]);
+    rig.deliver_from_station(&bytes[..length]);
     rig.run(0.1);
-    assert!(rig.station().was_told("has bits beyond"));
+    assert!(rig.station().has_alert("has bits beyond"));
 }
 
 #[test]
@@ -418,7 +418,7 @@ fn copies_to_the_group_are_addressed_to_the_station_that_they_are_for() {
             requested_handover_loi: Some(LoiBitmap::from_raw(levels)),
             ..orders::request_control()
         };
-        let ticket = rig.tell_as(station, 0, request);
+        let ticket = rig.send_as(station, 0, request);
         assert_eq!(rig.end_as(station, ticket), Some(AckType::CarriedOut));
     }
     rig.run(2.0);

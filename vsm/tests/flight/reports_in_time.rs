@@ -27,9 +27,9 @@ fn request(message: u16, fields: Option<u64>) -> GenericInformationRequestMessag
 
 /// When a station has heard messages of a type since `from`.
 fn times(rig: &Rig, message: u16, from: Duration) -> Vec<Duration> {
-    let heard = rig.station().heard.iter();
-    heard
-        .filter(|(at, _, heard)| heard.id() == message && *at >= from)
+    let received = rig.station().received.iter();
+    received
+        .filter(|(at, _, received)| received.id() == message && *at >= from)
         .map(|(at, _, _)| *at)
         .collect()
 }
@@ -40,7 +40,7 @@ fn longest_gap(times: &[Duration]) -> Duration {
 }
 
 #[test]
-fn status_comes_twice_a_second_unasked_and_on_the_ground_as_in_the_air() {
+fn status_is_pushed_twice_a_second_on_the_ground_as_in_the_air() {
     let mut rig = Rig::ready();
     rig.run(2.0);
     let from = rig.clock.elapsed();
@@ -105,7 +105,7 @@ fn no_report_of_any_kind_is_later_than_its_limit_on_request_and_by_schedule() {
     let mut rig = Rig::ready();
     rig.take_off(15.0);
     // 3011 is of sticks, 3009 and 3010 of messages that the vehicle is asked for first.
-    rig.say(UaStickCommand {
+    rig.send_once(UaStickCommand {
         lateral_stick: Some(0),
         ..UaStickCommand::default()
     });
@@ -132,8 +132,8 @@ fn no_report_of_any_kind_is_later_than_its_limit_on_request_and_by_schedule() {
         rig.run(6.0);
         let times = times(&rig, message, from);
         let gap = longest_gap(&times);
-        let most = Duration::from_millis(500) + limit;
-        assert!(gap <= most, "{message}: {gap:?} of {most:?}");
+        let max = Duration::from_millis(500) + limit;
+        assert!(gap <= max, "{message}: {gap:?} of {max:?}");
         let _ = rig.carry_out(schedule(message, 0));
     }
 }
@@ -147,25 +147,25 @@ fn acknowledgements_alerts_and_changes_of_mode_are_reported_within_their_limits(
     };
     // 17000 "received", and the reason of a refusal.
     let asked = rig.clock.elapsed();
-    let ticket = rig.tell(orders::mode(Mode::SlaveToSensor));
+    let ticket = rig.send(orders::mode(Mode::SlaveToSensor));
     assert!(rig.until(1.0, |rig| rig.station().end(ticket).is_some()));
     assert!(rig.clock.elapsed() - asked <= limit(17_000));
     let alerts = times(&rig, 16_000, asked);
     assert!(*alerts.first().expect("a reason") - asked <= limit(16_000));
     // 3001 on change: the vehicle's own heartbeat comes once a second, CURRENT_MODE on change.
     assert_eq!(rig.carry_out(schedule(3001, 0)), Some(AckType::CarriedOut));
-    let ticket = rig.tell(orders::launch(10.0));
+    let ticket = rig.send(orders::launch(10.0));
     let launched = |rig: &Rig| rig.truth().mode == px4_sim::Mode::Takeoff;
     assert!(rig.until(20.0, launched));
     let entered = rig.clock.elapsed();
     assert_eq!(rig.end(ticket), Some(AckType::CarriedOut));
-    let told = times(&rig, 3001, entered);
-    let took = *told.first().expect("a change is told") - entered;
+    let reported = times(&rig, 3001, entered);
+    let took = *reported.first().expect("a change is told") - entered;
     assert!(took <= limit(3001) + Duration::from_secs(1), "{took:?}");
 }
 
 #[test]
-fn a_request_is_answered_at_once_with_the_fields_asked_for() {
+fn a_request_is_answered_at_once_with_the_requested_fields() {
     let mut rig = Rig::ready();
     assert_eq!(rig.carry_out(schedule(4000, 0)), Some(AckType::CarriedOut));
     rig.run(1.0);
@@ -175,7 +175,7 @@ fn a_request_is_answered_at_once_with_the_fields_asked_for() {
     assert_eq!(end, Some(AckType::CarriedOut));
     let (at, _, answer) = rig
         .station()
-        .heard
+        .received
         .iter()
         .rfind(|(at, from_id, message)| {
             *at >= from && *from_id == vehicle_id(0) && message.id() == 4000
@@ -220,7 +220,7 @@ fn what_is_no_report_is_refused_and_so_is_a_station_without_loi_2() {
     rig.run(5.0);
     assert_eq!(rig.carry_out(schedule(4000, 1)), Some(AckType::Refused));
     assert_eq!(rig.carry_out(request(4000, None)), Some(AckType::Refused));
-    assert!(rig.station().heard.iter().all(|(_, _, message)| {
+    assert!(rig.station().received.iter().all(|(_, _, message)| {
         !matches!(message, Message::VsmAuthorisationResponse(granted)
             if granted.loi_granted.is_some_and(|levels| levels.contains(LoiBitmap::LOI2)))
     }));

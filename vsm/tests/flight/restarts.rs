@@ -78,7 +78,7 @@ fn the_vehicle_restarts_at_any_moment() {
         if rig.restarted_in.is_none() {
             return Ok(());
         }
-        if !rig.until(20.0, |rig| rig.station().was_told("has restarted")) {
+        if !rig.until(20.0, |rig| rig.station().has_alert("has restarted")) {
             return Err(format!("nobody was told; the flight: {first:?}"));
         }
         fly(rig, outcome).map_err(|at| format!("{at}; the flight before: {first:?}"))

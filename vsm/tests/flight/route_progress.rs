@@ -72,7 +72,7 @@ fn along_a_route_the_waypoints_are_those_that_it_leads_to() {
     assert_eq!(along(&rig), [104, 0, 0], "after the route");
     // Flown again from its start, which is said.
     assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
-    assert!(rig.station().was_told("flown again from its start"));
+    assert!(rig.station().has_alert("flown again from its start"));
     is_along(&mut rig, 5.0, [0, 101, 102]);
 }
 
@@ -144,7 +144,7 @@ fn a_loop_leads_back_so_often_as_it_is_flown() {
     }
     // Once more, and PX4 leads back no more: it has counted the loop.
     assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
-    assert!(rig.station().was_told("its loop only once"));
+    assert!(rig.station().has_alert("its loop only once"));
     for wanted in [[0, 1, 2], [1, 2, 3], [2, 3, 0], [3, 0, 0]] {
         is_along(&mut rig, 60.0, wanted);
     }
@@ -165,7 +165,7 @@ fn a_changed_plan_loaded_in_flight_holds_the_vehicle_and_reports_it() {
         "the vehicle holds (mode 12): mode 11 flies it",
     ] {
         assert!(
-            rig.station().was_told(text),
+            rig.station().has_alert(text),
             "{text}: {:?}",
             rig.station().alerts()
         );
@@ -173,10 +173,10 @@ fn a_changed_plan_loaded_in_flight_holds_the_vehicle_and_reports_it() {
 }
 
 fn downloaded(rig: &mut Rig, order: stanag_msgs::messages::MissionTransferCommand) -> Vec<Message> {
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     assert_eq!(rig.carry_out(order), DONE);
     rig.run(0.5);
-    let plan = rig.station().heard[mark..]
+    let plan = rig.station().received[mark..]
         .iter()
         .map(|(_, _, m)| m.clone());
     plan.filter(|m| matches!(m.id(), 13001..=13003 | 50001 | 50002))
@@ -243,7 +243,7 @@ fn of_several_flight_routes_the_loaded_one_is_reported() {
     rig.run(1.0);
     assert!(
         rig.station()
-            .was_told("of several flight routes the latest, \"R2\", is loaded"),
+            .has_alert("of several flight routes the latest, \"R2\", is loaded"),
         "{:?}",
         rig.station().alerts()
     );
@@ -313,19 +313,19 @@ fn mode_2_is_entered_without_a_complaint_of_the_vehicle() {
     rig.take_off(20.0);
     let end = {
         for _ in 0..5 {
-            rig.say(stanag_msgs::messages::UaStickCommand::default());
+            rig.send_once(stanag_msgs::messages::UaStickCommand::default());
             rig.run(0.1);
         }
-        let order = rig.tell(orders::mode(Mode::FlightDirector));
+        let order = rig.send(orders::mode(Mode::FlightDirector));
         for _ in 0..30 {
-            rig.say(stanag_msgs::messages::UaStickCommand::default());
+            rig.send_once(stanag_msgs::messages::UaStickCommand::default());
             rig.run(0.1);
         }
         rig.end(order)
     };
     assert_eq!(end, DONE, "{:?}", rig.station().alerts());
     assert!(
-        !rig.station().was_told("not available"),
+        !rig.station().has_alert("not available"),
         "{:?}",
         rig.station().alerts()
     );

@@ -13,12 +13,12 @@ use stanag_msgs::{Bam32, Scaled};
 
 /// Loads a plan that must be refused; the number in 14000, and what 16000 says.
 fn refused(rig: &mut Rig, plan: Vec<Message>) -> (Option<u16>, String) {
-    let cleared = rig.station().heard.len();
+    let cleared = rig.station().received.len();
     rig.send_plan(plan);
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
     rig.run(0.5);
-    let heard = &rig.station().heard[cleared..];
-    let number = heard
+    let received = &rig.station().received[cleared..];
+    let number = received
         .iter()
         .rev()
         .find_map(|(_, _, message)| match message {
@@ -29,7 +29,7 @@ fn refused(rig: &mut Rig, plan: Vec<Message>) -> (Option<u16>, String) {
             }
             _ => None,
         });
-    let why = heard
+    let why = received
         .iter()
         .rev()
         .find_map(|(_, from, message)| match message {
@@ -125,9 +125,9 @@ fn every_fault_is_named_with_its_waypoint_and_the_vehicle_keeps_its_mission() {
         ),
     ];
     for (plan, number, why) in cases {
-        let (named, said) = refused(&mut rig, plan);
-        assert_eq!(named, Some(number), "{why}: {said}");
-        assert!(said.contains(why), "{why}: {said}");
+        let (named, text) = refused(&mut rig, plan);
+        assert_eq!(named, Some(number), "{why}: {text}");
+        assert!(text.contains(why), "{why}: {text}");
     }
     assert_eq!(rig.vehicles[0].vehicle().counters().plans_stored, stored);
 }
@@ -164,10 +164,10 @@ fn a_speed_that_the_vehicle_does_not_fly_is_refused_with_waypoint_value_and_rang
         (Plane, &[][..], 9.5, 10.0, "10.0 to 20.0"),
     ] {
         let mut rig = Rig::ready_with(with(airframe, params));
-        let (named, said) = refused(&mut rig, at_speed(beyond_m_s));
-        assert_eq!(named, Some(9), "{said}");
+        let (named, text) = refused(&mut rig, at_speed(beyond_m_s));
+        assert_eq!(named, Some(9), "{text}");
         let why = format!("waypoint 9: speed {beyond_m_s:.1} m/s, expected {range}");
-        assert!(said.contains(&why), "{why}: {said}");
+        assert!(text.contains(&why), "{why}: {text}");
         rig.send_plan(at_speed(fine_m_s));
         let end = rig.carry_out(orders::load());
         assert_eq!(end, Some(AckType::CarriedOut), "{airframe:?} {fine_m_s}");
@@ -194,11 +194,11 @@ fn a_load_waits_for_the_parameters_that_bound_it() {
             bridge.status(String::new(), rig.now().mono).vehicles[0].live
         };
         assert!(rig.until(20.0, live), "the vehicle is heard");
-        let (_, said) = refused(&mut rig, at_speed(20.0));
+        let (_, text) = refused(&mut rig, at_speed(20.0));
         let why = "waypoint 9: speed 20.0 m/s, expected 0.5 to 12.0";
-        too_fast += u32::from(said.contains(why));
-        let homeless = said.contains("has not told its home position");
-        assert!(said.contains(why) || homeless, "{seed}: {said}");
+        too_fast += u32::from(text.contains(why));
+        let homeless = text.contains("has not told its home position");
+        assert!(text.contains(why) || homeless, "{seed}: {text}");
     }
     assert!(too_fast > 10, "{too_fast} of 20");
 }
@@ -225,9 +225,9 @@ fn loops_that_px4_cannot_fly_are_refused() {
         (LimitType::Count, None, "Loop Limit is missing"),
         (LimitType::from_raw(7), Some(1), "Limit Type 7"),
     ] {
-        let (named, said) = refused(&mut rig, lap(limit, times));
-        assert_eq!(named, Some(43), "{said}");
-        assert!(said.contains(why), "{why}: {said}");
+        let (named, text) = refused(&mut rig, lap(limit, times));
+        assert_eq!(named, Some(43), "{text}");
+        assert!(text.contains(why), "{why}: {text}");
     }
 }
 
@@ -278,9 +278,9 @@ fn turns_are_refused_on_a_multicopter_and_times_are_not() {
         );
         plan
     };
-    let (named, said) = refused(&mut rig, plan(LoiterDurationUnits::Turns));
+    let (named, text) = refused(&mut rig, plan(LoiterDurationUnits::Turns));
     assert_eq!(named, Some(8));
-    assert!(said.contains("turns"), "{said}");
+    assert!(text.contains("turns"), "{text}");
     rig.send_plan(plan(LoiterDurationUnits::Seconds));
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
 }

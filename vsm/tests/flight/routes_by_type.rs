@@ -137,7 +137,7 @@ fn one_waypoint_is_sent_again_and_a_route_is_deleted() {
     ]);
     assert_eq!(rig.carry_out(load), Some(AckType::Refused));
     rig.run(0.1);
-    assert!(rig.station().was_told("route \"F\" has not been received"));
+    assert!(rig.station().has_alert("route \"F\" has not been received"));
     assert_eq!(items(&rig), changed, "what is aboard stays");
 }
 
@@ -197,7 +197,7 @@ fn an_impossible_command_for_another_route_leaves_the_flight_as_it_is() {
         );
         assert_eq!(items(&rig), flight);
     }
-    assert!(rig.station().was_told("waypoint 22 is not in the route"));
+    assert!(rig.station().has_alert("waypoint 22 is not in the route"));
 }
 
 #[test]
@@ -222,10 +222,10 @@ fn one_route_is_cleared_and_the_others_stay() {
     assert!(items(&rig).is_empty());
     let flown = rig.carry_out(orders::mode(Mode::Waypoint));
     assert_eq!(flown, Some(AckType::Refused));
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     carried_out(&mut rig, transfer(MissionPlanMode::Download, "CB"));
     rig.run(0.5);
-    let numbers: Vec<_> = rig.station().heard[mark..]
+    let numbers: Vec<_> = rig.station().received[mark..]
         .iter()
         .filter_map(|(_, _, message)| match message {
             Message::UaPositionWaypoint(waypoint) => waypoint.waypoint_number,
@@ -242,7 +242,7 @@ fn a_download_of_a_waypoint_names_it() {
     let mut rig = with_all();
     let unnamed = orders::transfer(MissionPlanMode::DownloadWaypoint);
     assert_eq!(rig.carry_out(unnamed), Some(AckType::Refused));
-    assert!(rig.station().was_told("Waypoint Number is missing"));
+    assert!(rig.station().has_alert("Waypoint Number is missing"));
 }
 
 #[test]
@@ -274,5 +274,5 @@ fn a_plan_that_is_loaded_again_half_flown_is_reported_to_continue() {
         ..orders::load()
     };
     carried_out(&mut rig, load);
-    assert!(rig.station().was_told("mode 11 goes on to waypoint 22"));
+    assert!(rig.station().has_alert("mode 11 goes on to waypoint 22"));
 }

@@ -20,15 +20,17 @@ fn ask(message: u16) -> GenericInformationRequestMessage {
 
 /// Asks for a report by 17002 and gives all that came of this type.
 fn asked<T>(rig: &mut Rig, message: u16, pick: impl Fn(&Message) -> Option<T>) -> Vec<T> {
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     assert_eq!(
         rig.carry_out(ask(message)),
         Some(AckType::CarriedOut),
         "{message}"
     );
     rig.run(0.1);
-    let heard = rig.station().heard[mark..].iter();
-    heard.filter_map(|(_, _, message)| pick(message)).collect()
+    let received = rig.station().received[mark..].iter();
+    received
+        .filter_map(|(_, _, message)| pick(message))
+        .collect()
 }
 
 macro_rules! report {
@@ -42,11 +44,11 @@ macro_rules! report {
     };
 }
 
-fn near(what: &str, told: Option<f64>, truth: f64, within: f64) {
-    let told = told.unwrap_or_else(|| panic!("{what} is absent"));
+fn near(what: &str, reported: Option<f64>, truth: f64, within: f64) {
+    let reported = reported.unwrap_or_else(|| panic!("{what} is absent"));
     assert!(
-        (told - truth).abs() <= within,
-        "{what}: told {told}, is {truth}"
+        (reported - truth).abs() <= within,
+        "{what}: told {reported}, is {truth}"
     );
 }
 
@@ -70,11 +72,11 @@ fn in_flight() -> Rig {
 }
 
 #[test]
-fn nothing_of_it_is_pushed_before_it_is_asked_for() {
+fn status_messages_are_not_pushed_before_they_are_requested() {
     let mut rig = Rig::ready();
     rig.run(5.0);
     let details = [3000, 3004, 3005, 3006, 3007, 3009, 3010, 3011, 12101, 16001];
-    for (_, _, message) in &rig.station().heard {
+    for (_, _, message) in &rig.station().received {
         assert!(!details.contains(&message.id()), "{}", message.id());
     }
 }
@@ -82,40 +84,40 @@ fn nothing_of_it_is_pushed_before_it_is_asked_for() {
 #[test]
 fn inertial_states_are_true_and_above_the_ellipsoid() {
     let mut rig = in_flight();
-    let told = report!(&mut rig, 4000, InertialStates);
+    let reported = report!(&mut rig, 4000, InertialStates);
     let truth = rig.truth();
     near(
         "latitude",
-        told.latitude.map(|a| a.degrees()),
+        reported.latitude.map(|a| a.degrees()),
         truth.place.latitude_deg,
         3e-5,
     );
     near(
         "longitude",
-        told.longitude.map(|a| a.degrees()),
+        reported.longitude.map(|a| a.degrees()),
         truth.place.longitude_deg,
         3e-5,
     );
-    assert_eq!(told.altitude_type, Some(AltitudeType::Wgs84));
+    assert_eq!(reported.altitude_type, Some(AltitudeType::Wgs84));
     let geoid_m = px4_sim::Config::default().geoid_separation_m;
     near(
         "altitude",
-        told.altitude.map(|a| a.si()),
+        reported.altitude.map(|a| a.si()),
         truth.place.altitude_m + geoid_m,
         2.0,
     );
-    near("U", told.u_speed.map(|v| v.si()), truth.velocity.n, 0.6);
-    near("V", told.v_speed.map(|v| v.si()), truth.velocity.e, 0.6);
-    near("W", told.w_speed.map(|v| v.si()), truth.velocity.d, 0.6);
+    near("U", reported.u_speed.map(|v| v.si()), truth.velocity.n, 0.6);
+    near("V", reported.v_speed.map(|v| v.si()), truth.velocity.e, 0.6);
+    near("W", reported.w_speed.map(|v| v.si()), truth.velocity.d, 0.6);
     near(
         "heading",
-        told.heading.map(|a| a.radians().sin()),
+        reported.heading.map(|a| a.radians().sin()),
         truth.attitude[2].sin(),
         0.05,
     );
     near(
         "pitch",
-        told.pitch.map(|a| a.radians().sin()),
+        reported.pitch.map(|a| a.radians().sin()),
         truth.attitude[1].sin(),
         0.05,
     );
@@ -124,56 +126,64 @@ fn inertial_states_are_true_and_above_the_ellipsoid() {
 #[test]
 fn air_and_ground_states_keep_datums_and_signs_apart() {
     let mut rig = in_flight();
-    let told = report!(&mut rig, 3009, AirAndGroundRelativeStates);
+    let reported = report!(&mut rig, 3009, AirAndGroundRelativeStates);
     let truth = rig.truth();
     let amsl_m = truth.place.altitude_m;
     near(
         "barometric",
-        told.barometric_altitude.map(|a| a.si()),
+        reported.barometric_altitude.map(|a| a.si()),
         amsl_m,
         2.0,
     );
     near(
         "WGS-84",
-        told.wgs_84_altitude.map(|a| a.si()),
+        reported.wgs_84_altitude.map(|a| a.si()),
         amsl_m + 47.4,
         2.0,
     );
     near(
         "AGL",
-        told.agl_altitude.map(|a| a.si()),
+        reported.agl_altitude.map(|a| a.si()),
         -truth.position.d,
         2.0,
     );
     // 23 hPa below standard: the standard altimeter shows about 190 m more.
-    let above = told.pressure_altitude.map(|a| a.si() - amsl_m);
+    let above = reported.pressure_altitude.map(|a| a.si() - amsl_m);
     near("pressure altitude", above, 193.0, 8.0);
     near(
         "setting",
-        told.altimeter_setting.map(|p| p.si()),
+        reported.altimeter_setting.map(|p| p.si()),
         99_000.0,
         5.0,
     );
     near(
         "north",
-        told.u_ground.map(|v| v.si()),
+        reported.u_ground.map(|v| v.si()),
         truth.velocity.n,
         0.6,
     );
-    near("east", told.v_ground.map(|v| v.si()), truth.velocity.e, 0.6);
+    near(
+        "east",
+        reported.v_ground.map(|v| v.si()),
+        truth.velocity.e,
+        0.6,
+    );
     near(
         "climb",
-        told.barometric_altitude_rate.map(|v| v.si()),
+        reported.barometric_altitude_rate.map(|v| v.si()),
         -truth.velocity.d,
         0.6,
     );
     // A multicopter here estimates no wind and has no air speed sensor: absent, not zero.
-    assert_eq!((told.u_wind, told.v_wind), (None, None));
-    assert_eq!((told.true_airspeed, told.outside_air_temp), (None, None));
+    assert_eq!((reported.u_wind, reported.v_wind), (None, None));
+    assert_eq!(
+        (reported.true_airspeed, reported.outside_air_temp),
+        (None, None)
+    );
 }
 
 #[test]
-fn a_fixed_wing_tells_the_wind_by_where_the_air_goes() {
+fn a_fixed_wing_reports_the_wind_as_the_direction_the_air_moves_to() {
     let mut rig = Rig::ready_with(Setup {
         vehicles: vec![px4_sim::Config {
             airframe: px4_sim::Airframe::Plane,
@@ -185,16 +195,16 @@ fn a_fixed_wing_tells_the_wind_by_where_the_air_goes() {
     // The first request asks the vehicle for its wind, the second tells it.
     report!(&mut rig, 3009, AirAndGroundRelativeStates);
     rig.run(4.0);
-    let told = report!(&mut rig, 3009, AirAndGroundRelativeStates);
-    near("U wind", told.u_wind.map(|v| v.si()), 3.0, 0.1);
-    near("V wind", told.v_wind.map(|v| v.si()), -5.0, 0.1);
+    let reported = report!(&mut rig, 3009, AirAndGroundRelativeStates);
+    near("U wind", reported.u_wind.map(|v| v.si()), 3.0, 0.1);
+    near("V wind", reported.v_wind.map(|v| v.si()), -5.0, 0.1);
 }
 
 #[test]
 fn body_rates_engines_battery_and_configuration_are_the_vehicles() {
     let mut rig = in_flight();
-    let told = report!(&mut rig, 3010, BodyRelativeSensedStates);
-    near("roll rate", told.roll_rate.map(|r| r.si()), 0.0, 0.3);
+    let reported = report!(&mut rig, 3010, BodyRelativeSensedStates);
+    near("roll rate", reported.roll_rate.map(|r| r.si()), 0.0, 0.3);
     let engines = asked(&mut rig, 3007, |message| match message {
         Message::EngineOperatingStates(report) => Some(report.clone()),
         _ => None,
@@ -266,7 +276,7 @@ fn subsystems_are_well_until_the_vehicle_is_silent() {
 }
 
 #[test]
-fn a_loiter_configuration_comes_back_and_a_schedule_is_kept() {
+fn a_loiter_configuration_is_returned_and_a_schedule_is_kept() {
     let mut rig = in_flight();
     let loiter = LoiterConfiguration {
         loiter_type: Some(LoiterType::Circular),
@@ -274,9 +284,9 @@ fn a_loiter_configuration_comes_back_and_a_schedule_is_kept() {
         ..LoiterConfiguration::default()
     };
     assert_eq!(rig.carry_out(loiter), Some(AckType::CarriedOut));
-    let told = report!(&mut rig, 3004, LoiterConfigurationReport);
-    assert_eq!(told.loiter_type, Some(LoiterType::Circular));
-    near("radius", told.loiter_radius.map(|r| r.si()), 60.0, 0.8);
+    let reported = report!(&mut rig, 3004, LoiterConfigurationReport);
+    assert_eq!(reported.loiter_type, Some(LoiterType::Circular));
+    near("radius", reported.loiter_radius.map(|r| r.si()), 60.0, 0.8);
 
     let every = |hertz| ScheduleMessageUpdateCommand {
         requested_message_type: Some(3009),
@@ -284,8 +294,10 @@ fn a_loiter_configuration_comes_back_and_a_schedule_is_kept() {
         ..ScheduleMessageUpdateCommand::default()
     };
     let count = |rig: &Rig| {
-        let heard = rig.station().heard.iter();
-        heard.filter(|(_, _, message)| message.id() == 3009).count()
+        let received = rig.station().received.iter();
+        received
+            .filter(|(_, _, message)| message.id() == 3009)
+            .count()
     };
     assert_eq!(rig.carry_out(every(4)), Some(AckType::CarriedOut));
     let before = count(&rig);

@@ -27,9 +27,9 @@ fn write(name: &str, value: f64) -> ParameterSetCommand {
 }
 
 /// The 50012s that a station has heard since `mark`.
-fn told(rig: &Rig, station: usize, mark: usize) -> Vec<ParameterReport> {
-    let heard = rig.stations[station].heard[mark..].iter();
-    heard
+fn parameter_reports(rig: &Rig, station: usize, mark: usize) -> Vec<ParameterReport> {
+    let received = rig.stations[station].received[mark..].iter();
+    received
         .filter_map(|(_, _, message)| match message {
             Message::ParameterReport(report) => Some(report.clone()),
             _ => None,
@@ -50,19 +50,19 @@ fn stored(rig: &Rig, name: &str) -> f64 {
 fn refused(rig: &mut Rig, message: impl Into<Message>, why: &str) {
     assert_eq!(rig.carry_out(message), Some(AckType::Refused), "{why}");
     rig.run(0.1);
-    assert!(rig.station().was_told(why), "{:?}", rig.station().alerts());
+    assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
 }
 
 #[test]
 fn a_parameter_is_reported_with_its_kind_and_its_range() {
     let mut rig = Rig::ready();
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     assert_eq!(
         rig.carry_out(read("COM_DL_LOSS_T")),
         Some(AckType::CarriedOut)
     );
-    let [report] = &told(&rig, 0, mark)[..] else {
-        panic!("{:?}", told(&rig, 0, mark))
+    let [report] = &parameter_reports(&rig, 0, mark)[..] else {
+        panic!("{:?}", parameter_reports(&rig, 0, mark))
     };
     assert_eq!(report.parameter_kind, Some(ParameterKind::Integer));
     assert_eq!(report.value, Some(10.0));
@@ -89,30 +89,30 @@ fn all_parameters_come_once_each_over_a_bad_link() {
         rig.carry_out(orders::request_control()),
         Some(AckType::CarriedOut)
     );
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     assert_eq!(
         rig.carry_out(ParameterRequest::default()),
         Some(AckType::CarriedOut)
     );
-    let told = told(&rig, 0, mark);
+    let parameter_reports = parameter_reports(&rig, 0, mark);
     let count = rig.vehicles[0].vehicle().params().table().count();
-    assert_eq!(told.len(), count);
-    for (index, report) in told.iter().enumerate() {
+    assert_eq!(parameter_reports.len(), count);
+    for (index, report) in parameter_reports.iter().enumerate() {
         assert_eq!(report.parameter_index.map(usize::from), Some(index));
         assert_eq!(report.parameter_count.map(usize::from), Some(count));
     }
 }
 
 #[test]
-fn a_write_is_carried_out_once_the_vehicle_tells_it() {
+fn a_write_is_carried_out_once_the_vehicle_reports_the_value() {
     let mut rig = Rig::ready();
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     assert_eq!(
         rig.carry_out(write("MPC_XY_CRUISE", 7.5)),
         Some(AckType::CarriedOut)
     );
     assert_eq!(stored(&rig, "MPC_XY_CRUISE"), 7.5);
-    let reports = told(&rig, 0, mark);
+    let reports = parameter_reports(&rig, 0, mark);
     assert_eq!(reports.last().and_then(|report| report.value), Some(7.5));
     assert_eq!(
         rig.carry_out(write("NAV_DLL_ACT", 1.0)),
@@ -176,13 +176,13 @@ fn reading_needs_loi_2_and_writing_loi_4() {
 }
 
 #[test]
-fn a_change_by_another_station_is_seen_by_those_that_have_asked() {
+fn a_change_by_another_station_is_reported_to_those_that_requested_it() {
     let mut rig = Rig::ready();
     assert_eq!(
         rig.carry_out(read("NAV_DLL_ACT")),
         Some(AckType::CarriedOut)
     );
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     // The other station is on another link of the vehicle; PX4 tells every link.
     let name = *b"NAV_DLL_ACT\0\0\0\0\0";
     let change = MavMessage::PARAM_SET(PARAM_SET_DATA {
@@ -196,21 +196,21 @@ fn a_change_by_another_station_is_seen_by_those_that_have_asked() {
         .vehicle_mut()
         .handle_message(Node::new(255, 190), &change);
     rig.run(1.0);
-    let reports = told(&rig, 0, mark);
+    let reports = parameter_reports(&rig, 0, mark);
     assert_eq!(reports.last().and_then(|report| report.value), Some(3.0));
     assert!(
         rig.station()
-            .was_told("parameter NAV_DLL_ACT is now 3, it was 0: not changed through this VSM"),
+            .has_alert("parameter NAV_DLL_ACT is now 3, it was 0: not changed through this VSM"),
         "{:?}",
         rig.station().alerts()
     );
     // Told once, however often the vehicle says it.
-    let mark = rig.station().heard.len();
+    let mark = rig.station().received.len();
     rig.vehicles[0]
         .vehicle_mut()
         .handle_message(Node::new(255, 190), &change);
     rig.run(1.0);
-    assert_eq!(told(&rig, 0, mark), []);
+    assert_eq!(parameter_reports(&rig, 0, mark), []);
 }
 
 #[test]
@@ -220,7 +220,7 @@ fn parameters_are_reported_only_on_request() {
     rig.run(5.0);
     assert!(
         rig.station()
-            .heard
+            .received
             .iter()
             .all(|(_, _, message)| message.id() < 50_000)
     );

@@ -166,7 +166,7 @@ fn telemetry_and_sticks_pass_without_an_allocation() {
         bridge.handle_dli(now, from, &bytes[..length], &mut rig.store);
     };
     // The mode is entered while sticks come.
-    let ticket = rig.tell(orders::mode(Mode::FlightDirector));
+    let ticket = rig.send(orders::mode(Mode::FlightDirector));
     for _ in 0..100 {
         stick(&mut rig);
         rig.run(0.1);

@@ -27,7 +27,7 @@ fn the_memory_of_fifty_vehicles_is_flat() {
         stanag_msgs::Message::from(orders::launch(20.0)),
     ] {
         let tickets: Vec<_> = (0..VEHICLES)
-            .map(|vehicle| rig.tell_as(vehicle % 4, vehicle, order.clone()))
+            .map(|vehicle| rig.send_as(vehicle % 4, vehicle, order.clone()))
             .collect();
         for (vehicle, ticket) in tickets.into_iter().enumerate() {
             assert_eq!(rig.end_as(vehicle % 4, ticket), Some(AckType::CarriedOut));
@@ -37,25 +37,25 @@ fn the_memory_of_fifty_vehicles_is_flat() {
     forget(&mut rig);
 
     let (begun, first) = (Instant::now(), held());
-    let (mut least, mut most, mut heard) = (first, first, 0);
+    let (mut min, mut max, mut received) = (first, first, 0);
     for _ in 0..minutes * 6 {
         rig.run(10.0);
-        heard += forget(&mut rig);
-        least = least.min(held());
-        most = most.max(held());
+        received += forget(&mut rig);
+        min = min.min(held());
+        max = max.max(held());
     }
     eprintln!(
-        "{VEHICLES} vehicles, {minutes} min of virtual time in {:.0} s: {heard} reports, {:.1} MiB at first, \
+        "{VEHICLES} vehicles, {minutes} min of virtual time in {:.0} s: {received} reports, {:.1} MiB at first, \
          {:.1} to {:.1} MiB after",
         begun.elapsed().as_secs_f64(),
         mib(first),
-        mib(least),
-        mib(most)
+        mib(min),
+        mib(max)
     );
     // Four reports for each vehicle at 2 Hz and faster.
-    assert!(heard > u64::from(minutes) * 60 * 8 * VEHICLES as u64);
+    assert!(received > u64::from(minutes) * 60 * 8 * VEHICLES as u64);
     assert!(rig.vehicles.iter().all(|v| !v.vehicle().truth().landed));
-    assert!(most - first < SLACK, "{first} at first, {most} at most");
+    assert!(max - first < SLACK, "{first} at first, {max} at most");
 }
 
 /// What the stations and the rig remember is theirs, not the bridge's. Returns how much was heard.
@@ -63,7 +63,7 @@ fn forget(rig: &mut Rig) -> u64 {
     rig.log.clear();
     let stations = rig.stations.iter_mut();
     stations
-        .map(|station| std::mem::take(&mut station.heard).len() as u64)
+        .map(|station| std::mem::take(&mut station.received).len() as u64)
         .sum()
 }
 

@@ -67,7 +67,7 @@ impl Ground {
         }
     }
 
-    fn hears(&mut self, now: Now, from: u16, stamp: Stamp) -> Option<KeyChange> {
+    fn receives(&mut self, now: Now, from: u16, stamp: Stamp) -> Option<KeyChange> {
         let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
         let header = Header {
             system_id: 1,
@@ -103,11 +103,11 @@ impl Ground {
 }
 
 #[test]
-fn the_first_frame_under_a_fresh_key_is_the_proof_whatever_the_two_clocks_say() {
+fn the_first_frame_under_a_fresh_key_is_the_proof_whatever_the_two_clocks_are() {
     let mut ground = Ground::new(None);
     let behind = Stamp::from_unix(at(0).wall - Duration::from_secs(86_400));
     assert_eq!(
-        ground.hears(at(10), VEHICLE, behind),
+        ground.receives(at(10), VEHICLE, behind),
         Some(KeyChange::Commit)
     );
 }
@@ -117,16 +117,16 @@ fn a_recording_changes_no_key_and_the_vehicle_itself_is_lifted_until_it_can_prov
     let seen = Stamp::from_unix(at(60_000).wall);
     let mut ground = Ground::new(Some(seen));
     assert_eq!(
-        ground.hears(at(10), STRANGER, Stamp::new(seen.get() - 7)),
+        ground.receives(at(10), STRANGER, Stamp::new(seen.get() - 7)),
         None
     );
     assert!(ground.lifted(STRANGER).iter().all(|stamp| *stamp > seen));
     // The vehicle has restarted, so its stamps are old too. A heartbeat under that key lifts them.
-    assert_eq!(ground.hears(at(1_000), VEHICLE, Stamp::new(1)), None);
+    assert_eq!(ground.receives(at(1_000), VEHICLE, Stamp::new(1)), None);
     let lifted = ground.lifted(VEHICLE);
     let answer = lifted.last().unwrap().next().unwrap();
     assert_eq!(
-        ground.hears(at(1_050), VEHICLE, answer),
+        ground.receives(at(1_050), VEHICLE, answer),
         Some(KeyChange::Commit)
     );
 }

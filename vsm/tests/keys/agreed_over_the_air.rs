@@ -99,7 +99,7 @@ impl Vehicle {
     }
 
     /// The payload of a KEY_EXCHANGE frame of the ground, and whether it was signed; gives up after a while.
-    async fn hear(&mut self) -> Option<(Vec<u8>, bool)> {
+    async fn receive(&mut self) -> Option<(Vec<u8>, bool)> {
         let mut bytes = [0; 512];
         let received =
             tokio::time::timeout(Duration::from_millis(50), self.socket.recv(&mut bytes));
@@ -190,7 +190,7 @@ async fn a_key_that_is_too_old_is_replaced_in_flight() {
         let mut agreed_at = None;
         while begun.elapsed() < Duration::from_secs(30) {
             vehicle.heartbeat().await;
-            if let Some((payload, signed)) = vehicle.hear().await {
+            if let Some((payload, signed)) = vehicle.receive().await {
                 assert!(signed, "under the current key");
                 let inbound = Inbound {
                     from: (),
@@ -222,7 +222,7 @@ async fn a_key_that_is_too_old_is_replaced_in_flight() {
                 // A few more frames, which must count.
                 for _ in 0..5 {
                     vehicle.heartbeat().await;
-                    vehicle.hear().await;
+                    vehicle.receive().await;
                 }
                 return;
             }
@@ -256,7 +256,7 @@ async fn the_legacy_exchange_brings_a_first_key_and_is_reported() {
                 vehicle.exchange(&payload[..32]).await;
             }
             vehicle.heartbeat().await;
-            if let Some((payload, _)) = vehicle.hear().await {
+            if let Some((payload, _)) = vehicle.receive().await {
                 assert_eq!(payload.len(), 32, "the public key alone");
                 if let Ok(key) = legacy.handle(GROUND, &payload) {
                     vehicle.key = Some(key);
@@ -266,7 +266,7 @@ async fn the_legacy_exchange_brings_a_first_key_and_is_reported() {
             if agreed.is_some() && key_file::read(&key_path).ok().map(|key| key.id()) == agreed {
                 for _ in 0..5 {
                     vehicle.heartbeat().await;
-                    vehicle.hear().await;
+                    vehicle.receive().await;
                 }
                 return;
             }
@@ -294,7 +294,7 @@ async fn without_the_exchange_its_frames_are_counted_and_nothing_else() {
     let status = beside(server, async {
         for _ in 0..5 {
             vehicle.exchange(&[9; 32]).await;
-            assert_eq!(vehicle.hear().await, None);
+            assert_eq!(vehicle.receive().await, None);
         }
     })
     .await;

@@ -12,7 +12,7 @@ use kit::process::{KillOnDrop, free_udp_port, program};
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_key_file_for_a_simulated_px4_brings_up_a_signed_link() {
     let ground = Ground::new();
-    let (done, said) = ground
+    let (done, printed) = ground
         .command(&[
             "key",
             "provision",
@@ -20,9 +20,9 @@ async fn a_key_file_for_a_simulated_px4_brings_up_a_signed_link() {
             "rootfs/mavlink-signing-key.bin",
         ])
         .await;
-    assert!(!done, "a folder that is not there: {said}");
+    assert!(!done, "a folder that is not there: {printed}");
     fs::create_dir(ground.path().join("rootfs")).unwrap();
-    let (done, said) = ground
+    let (done, printed) = ground
         .command(&[
             "key",
             "provision",
@@ -30,7 +30,7 @@ async fn a_key_file_for_a_simulated_px4_brings_up_a_signed_link() {
             "rootfs/mavlink-signing-key.bin",
         ])
         .await;
-    assert!(done, "{said}");
+    assert!(done, "{printed}");
 
     // PX4's own format: the key, and the first stamp.
     let file = fs::read(ground.path().join("rootfs/mavlink-signing-key.bin")).unwrap();
@@ -42,7 +42,7 @@ async fn a_key_file_for_a_simulated_px4_brings_up_a_signed_link() {
             .key("uav1.key")
             .same_as(&SigningKey::new(key).unwrap())
     );
-    assert!(said.contains(&id(key)), "{said}");
+    assert!(printed.contains(&id(key)), "{printed}");
 
     let _vehicle = ground.vehicle(Some(key), first).await;
     let _bridge = ground.start_bridge();
@@ -57,9 +57,9 @@ async fn a_revoked_key_is_gone_at_both_ends() {
     let ground = Ground::new();
     ground.write_key("uav1.key", FIRST);
     let _vehicle = ground.vehicle(Some(FIRST), 0).await;
-    let (done, said) = ground.command(&["key", "revoke", "--wait-s", "60"]).await;
-    assert!(done, "{said}");
-    assert!(said.contains("the old key is deleted"), "{said}");
+    let (done, printed) = ground.command(&["key", "revoke", "--wait-s", "60"]).await;
+    assert!(done, "{printed}");
+    assert!(printed.contains("the old key is deleted"), "{printed}");
     let key = ground.key("uav1.key");
     assert!(!key.same_as(&SigningKey::new(FIRST).unwrap()));
     assert!(!ground.has("uav1.key.previous") && !ground.has("uav1.key.next"));
@@ -83,9 +83,9 @@ async fn a_vehicle_that_fell_back_to_the_key_before_is_given_the_key_again() {
     ground.write_key("uav1.key", SECOND);
     ground.write_key("uav1.key.previous", FIRST);
     let _vehicle = ground.vehicle(Some(FIRST), 0).await;
-    let (done, said) = ground.command(&["key", "rotate", "--wait-s", "15"]).await;
-    assert!(done, "{said}");
-    assert!(said.contains("has the key in force again"), "{said}");
+    let (done, printed) = ground.command(&["key", "rotate", "--wait-s", "15"]).await;
+    assert!(done, "{printed}");
+    assert!(printed.contains("has the key in force again"), "{printed}");
     let new = ground.key("uav1.key");
     assert!(!new.same_as(&key(FIRST)) && !new.same_as(&key(SECOND)));
     assert!(ground.key("uav1.key.previous").same_as(&key(SECOND)));
@@ -97,12 +97,15 @@ async fn a_vehicle_that_lost_its_key_is_given_another_one_on_the_operators_word(
     let ground = Ground::new();
     ground.write_key("uav1.key", FIRST);
     let _vehicle = ground.vehicle(None, 0).await;
-    let (done, said) = ground.command(&["key", "rotate", "--wait-s", "4"]).await;
-    assert!(!done && said.contains("--vehicle-is-unsigned"), "{said}");
-    let (done, said) = ground
+    let (done, printed) = ground.command(&["key", "rotate", "--wait-s", "4"]).await;
+    assert!(
+        !done && printed.contains("--vehicle-is-unsigned"),
+        "{printed}"
+    );
+    let (done, printed) = ground
         .command(&["key", "rotate", "--vehicle-is-unsigned", "--wait-s", "60"])
         .await;
-    assert!(done, "{said}");
+    assert!(done, "{printed}");
     assert!(!ground.key("uav1.key").same_as(&key(FIRST)));
 }
 
@@ -110,29 +113,35 @@ async fn a_vehicle_that_lost_its_key_is_given_another_one_on_the_operators_word(
 async fn a_wall_clock_far_ahead_is_believed_only_when_a_person_vouches_for_it() {
     let ground = Ground::new();
     ground.write_key("uav1.key", FIRST);
-    let (done, said) = ground.command(&["key", "clock"]).await;
-    assert!(done && said.contains("has not been used yet"), "{said}");
-    let (done, said) = ground.command(&["key", "clock", "--accept"]).await;
+    let (done, printed) = ground.command(&["key", "clock"]).await;
     assert!(
-        done && said.contains("the wall clock is accepted"),
-        "{said}"
+        done && printed.contains("has not been used yet"),
+        "{printed}"
     );
-    let (done, said) = ground.command(&["key", "clock"]).await;
-    assert!(done && said.contains("nothing is stamped beyond"), "{said}");
-    let days: f64 = said
+    let (done, printed) = ground.command(&["key", "clock", "--accept"]).await;
+    assert!(
+        done && printed.contains("the wall clock is accepted"),
+        "{printed}"
+    );
+    let (done, printed) = ground.command(&["key", "clock"]).await;
+    assert!(
+        done && printed.contains("nothing is stamped beyond"),
+        "{printed}"
+    );
+    let days: f64 = printed
         .split("the wall clock is ")
         .nth(1)
         .and_then(|rest| rest.split(' ').next())
         .and_then(|days| days.parse().ok())
-        .unwrap_or_else(|| panic!("{said}"));
-    assert!((0.0..0.01).contains(&days), "{said}");
+        .unwrap_or_else(|| panic!("{printed}"));
+    assert!((0.0..0.01).contains(&days), "{printed}");
     // While a bridge runs the clock is its own.
     let bridge = ground.start_bridge();
     ground
         .link_status("the bridge", |link| link["signed"] == true)
         .await;
-    let (done, said) = ground.command(&["key", "clock", "--accept"]).await;
-    assert!(!done, "the store is in use: {said}");
+    let (done, printed) = ground.command(&["key", "clock", "--accept"]).await;
+    assert!(!done, "the store is in use: {printed}");
     drop(bridge);
 }
 
@@ -148,10 +157,10 @@ async fn two_vehicles_with_one_key_are_refused_by_name() {
     fs::write(&file, config.replace("[store]", &other)).unwrap();
     ground.write_key("uav1.key", FIRST);
     ground.write_key("uav2.key", FIRST);
-    let (good, said) = ground.command(&["check-config", "vsm.toml"]).await;
+    let (good, printed) = ground.command(&["check-config", "vsm.toml"]).await;
     assert!(
-        !good && said.contains("1b:00:01:01 and 1b:00:01:02"),
-        "{said}"
+        !good && printed.contains("1b:00:01:01 and 1b:00:01:02"),
+        "{printed}"
     );
     let mut bridge = ground.start_bridge();
     let end = Instant::now() + Duration::from_secs(20);
@@ -172,9 +181,9 @@ async fn a_key_from_a_file_is_the_one_that_the_vehicle_has_in_the_end() {
     ground.write_key("wanted.key", SECOND);
     let _vehicle = ground.vehicle(None, 0).await;
     let wanted = &["key", "provision", "--from", "wanted.key", "--wait-s", "60"];
-    let (done, said) = ground.command(wanted).await;
-    assert!(done, "{said}");
-    assert!(ground.key("uav1.key").same_as(&key(SECOND)), "{said}");
+    let (done, printed) = ground.command(wanted).await;
+    assert!(done, "{printed}");
+    assert!(ground.key("uav1.key").same_as(&key(SECOND)), "{printed}");
 }
 
 /// A named pipe as key file: the command waits there, about to read a key.

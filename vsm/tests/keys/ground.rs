@@ -64,10 +64,11 @@ impl Ground {
     /// Runs a command to its end, off the runtime that the vehicle lives on.
     pub(super) async fn command(&self, arguments: &'static [&'static str]) -> (bool, String) {
         let folder = self.path().to_owned();
-        let (done, said) = tokio::task::spawn_blocking(move || run_in(&folder, "vsm", arguments))
-            .await
-            .unwrap();
-        (done, String::from_utf8_lossy(&said).into_owned())
+        let (done, printed) =
+            tokio::task::spawn_blocking(move || run_in(&folder, "vsm", arguments))
+                .await
+                .unwrap();
+        (done, String::from_utf8_lossy(&printed).into_owned())
     }
 
     pub(super) fn start_bridge(&self) -> KillOnDrop {

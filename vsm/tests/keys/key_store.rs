@@ -87,8 +87,8 @@ impl FileSystem for Failing {
         }
     }
 
-    fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
-        NativeFileSystem.read(path, most)
+    fn read(&self, path: &Path, max: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
+        NativeFileSystem.read(path, max)
     }
 }
 

@@ -68,20 +68,20 @@ async fn no_key_is_in_any_log_record_status_or_recording() {
 }
 
 fn search(folder: &Path) {
-    let mut said = vec![];
+    let mut printed = vec![];
     let key_path = folder.join("uav1.key");
     let (done, text) = run_in(folder, "vsm", &["key", "provision", "--wait-s", "60"]);
     assert!(done, "{}", String::from_utf8_lossy(&text));
     assert!(String::from_utf8_lossy(&text).contains("DO NOT cut"));
-    said.extend(text);
+    printed.extend(text);
     let first = fs::read_to_string(&key_path).unwrap();
 
     let (done, text) = run_in(folder, "vsm", &["key", "provision"]);
     assert!(!done, "a second first key");
-    said.extend(text);
+    printed.extend(text);
     let (done, text) = run_in(folder, "vsm", &["key", "rotate", "--wait-s", "60"]);
     assert!(done, "{}", String::from_utf8_lossy(&text));
-    said.extend(text);
+    printed.extend(text);
     let second = fs::read_to_string(&key_path).unwrap();
     assert_ne!(first, second);
 
@@ -99,7 +99,7 @@ fn search(folder: &Path) {
     let status = loop {
         let (_, text) = run_in(folder, "vsm", &["status"]);
         let readable = String::from_utf8_lossy(&text).into_owned();
-        said.extend(text);
+        printed.extend(text);
         if readable.contains("signed with key") && readable.contains(" live for ") {
             break readable;
         }
@@ -121,7 +121,7 @@ fn search(folder: &Path) {
         &["key", "list"],
         &["key", "rotate"],
     ] {
-        said.extend(run_in(folder, "vsm", arguments).1);
+        printed.extend(run_in(folder, "vsm", arguments).1);
     }
     let limits = fs::read_to_string(format!("/proc/{}/limits", bridge.0.id())).unwrap();
     let core = limits
@@ -132,7 +132,7 @@ fn search(folder: &Path) {
     std::thread::sleep(Duration::from_millis(1_500));
     drop(bridge);
 
-    fs::write(folder.join("said"), &said).unwrap();
+    fs::write(folder.join("said"), &printed).unwrap();
     let forms: Vec<_> = [&first, &second]
         .into_iter()
         .flat_map(|hex| forms(hex.trim()))
@@ -300,13 +300,13 @@ fn agree_and_search(px4: u16) {
             (&ground, &["status", "--json"]),
         ] {
             let (_, text) = run_in(side, "vsm", words);
-            let mut said = fs::OpenOptions::new();
-            let mut said = said
+            let mut printed = fs::OpenOptions::new();
+            let mut printed = printed
                 .append(true)
                 .create(true)
                 .open(side.join("said"))
                 .unwrap();
-            said.write_all(&text).unwrap();
+            printed.write_all(&text).unwrap();
         }
         let [up, down] = [&ground, &air]
             .map(|side| fs::read_to_string(side.join("uav1.key")).unwrap_or_default());
@@ -366,7 +366,7 @@ fn talkative(folder: &Path, arguments: &[&str], input: Stdio) -> KillOnDrop {
 
 fn await_text(log: &Path, text: &str) {
     let end = Instant::now() + Duration::from_secs(20);
-    while !fs::read_to_string(log).is_ok_and(|said| said.contains(text)) {
+    while !fs::read_to_string(log).is_ok_and(|printed| printed.contains(text)) {
         assert!(Instant::now() < end, "{text} is not in {}", log.display());
         std::thread::sleep(Duration::from_millis(50));
     }

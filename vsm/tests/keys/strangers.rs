@@ -90,14 +90,14 @@ async fn a_thief_on_our_own_stream_is_reported_and_shaken_off_by_a_restart_of_th
             .await;
     }
 
-    let (done, said) = ground.command(&["key", "revoke", "--wait-s", "25"]).await;
-    assert!(!done && said.contains("on our own stream"), "{said}");
+    let (done, printed) = ground.command(&["key", "revoke", "--wait-s", "25"]).await;
+    assert!(!done && printed.contains("on our own stream"), "{printed}");
     assert!(ground.key("uav1.key").same_as(&key(FIRST)) && ground.has("uav1.key.next"));
     vehicle.restart();
-    let (done, said) = ground.command(&["key", "revoke", "--wait-s", "60"]).await;
-    assert!(done, "{said}");
+    let (done, printed) = ground.command(&["key", "revoke", "--wait-s", "60"]).await;
+    assert!(done, "{printed}");
     assert!(!ground.key("uav1.key").same_as(&key(FIRST)));
-    assert!(!ground.has("uav1.key.previous"), "{said}");
+    assert!(!ground.has("uav1.key.previous"), "{printed}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -187,10 +187,10 @@ async fn the_status_page_names_what_was_refused_and_the_peer_stays() {
     assert_eq!(after["state"], "live");
 
     // The same in words, by the command.
-    let (done, said) = ground.command(&["status"]).await;
+    let (done, printed) = ground.command(&["status"]).await;
     assert!(
-        done && said.contains("signed with key") && said.contains("signature does not fit"),
-        "{said}"
+        done && printed.contains("signed with key") && printed.contains("signature does not fit"),
+        "{printed}"
     );
 }
 
@@ -243,7 +243,7 @@ async fn the_legacy_exchange_replaces_no_key_that_the_vehicle_signs_with() {
 }
 
 /// Whether a KEY_EXCHANGE frame comes to this socket within 5 s.
-fn is_asked(socket: &UdpSocket) -> bool {
+fn receives_key_exchange(socket: &UdpSocket) -> bool {
     let end = Instant::now() + Duration::from_secs(5);
     let mut bytes = [0; 2_048];
     while Instant::now() < end {
@@ -309,5 +309,5 @@ fn a_pairing_continues_with_the_agent_whoever_has_sent_before_it() {
     // The stranger continues speaking.
     std::thread::sleep(Duration::from_millis(100));
     stranger.send(beat).unwrap();
-    assert!(is_asked(&agent));
+    assert!(receives_key_exchange(&agent));
 }

@@ -51,15 +51,18 @@ async fn a_revocation_after_an_unfinished_handover_ends_with_a_key_of_its_own() 
     ground.write_key("uav1.key", FIRST);
     ground.write_key("uav1.key.next", SECOND);
     let _vehicle = ground.vehicle(Some(FIRST), 0).await;
-    let (done, said) = ground.command(&["key", "revoke", "--wait-s", "60"]).await;
-    assert!(done, "{said}");
+    let (done, printed) = ground.command(&["key", "revoke", "--wait-s", "60"]).await;
+    assert!(done, "{printed}");
     let now = ground.key("uav1.key");
     assert!(
         !now.same_as(&key(FIRST)) && !now.same_as(&key(SECOND)),
-        "{said}"
+        "{printed}"
     );
     for part in ["previous", "next", "revoked"] {
-        assert!(!ground.has(&format!("uav1.key.{part}")), "{part}: {said}");
+        assert!(
+            !ground.has(&format!("uav1.key.{part}")),
+            "{part}: {printed}"
+        );
     }
 }
 
@@ -82,15 +85,15 @@ async fn the_bridge_deletes_a_revoked_key_too() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_first_key_that_was_never_sent_is_not_taken_for_one_that_the_vehicle_has() {
     let ground = Ground::new();
-    let (done, said) = ground.command(&["key", "provision", "--wait-s", "1"]).await;
-    assert!(!done && said.contains("nothing was sent"), "{said}");
+    let (done, printed) = ground.command(&["key", "provision", "--wait-s", "1"]).await;
+    assert!(!done && printed.contains("nothing was sent"), "{printed}");
     assert!(
         !ground.has("uav1.key") && !ground.has("uav1.key.next"),
-        "{said}"
+        "{printed}"
     );
     // Killed before it could send: the bridge does not begin to live under that key.
     ground.write_key("uav1.key.next", FIRST);
-    let (done, said) = ground.command(&["run", "--config", "vsm.toml"]).await;
-    assert!(!done && said.contains("vsm key provision"), "{said}");
+    let (done, printed) = ground.command(&["run", "--config", "vsm.toml"]).await;
+    assert!(!done && printed.contains("vsm key provision"), "{printed}");
     assert!(!ground.has("uav1.key"));
 }

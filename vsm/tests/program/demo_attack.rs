@@ -21,15 +21,15 @@ fn number(text: &str, heading: &str, before: &str) -> f64 {
 #[test]
 fn false_commands_bring_down_the_vehicle_that_is_not_protected_and_not_the_other() {
     let folder = tempfile::tempdir().unwrap();
-    let (done, said) = run_in(
+    let (done, printed) = run_in(
         folder.path(),
         "vsm",
         &["demo", "--attack", "--speed", "20", "--out", "out"],
     );
-    let said = String::from_utf8_lossy(&said);
-    assert!(done, "{said}");
+    let printed = String::from_utf8_lossy(&printed);
+    assert!(done, "{printed}");
     let (on, off) = ("\nwith protection: ", "\nwithout protection: ");
-    let protected = said.split(off).next().unwrap();
+    let protected = printed.split(off).next().unwrap();
     assert!(number(protected, on, " unsigned frames") > 100.0);
     assert!(number(protected, on, " with a wrong signature") > 100.0);
     assert!(number(protected, on, " DLI datagrams from another address") > 0.0);
@@ -44,7 +44,7 @@ fn false_commands_bring_down_the_vehicle_that_is_not_protected_and_not_the_other
             .unwrap()
     };
     assert!(lowest(protected) > 9.0, "{protected}");
-    let open = said.split(off).nth(1).unwrap();
+    let open = printed.split(off).nth(1).unwrap();
     assert!(lowest(open) < 0.5, "{open}");
     let picture = std::fs::read_to_string(folder.path().join("out/attack.svg")).unwrap();
     for part in ["with protection", "without protection", "PX4 refused"] {

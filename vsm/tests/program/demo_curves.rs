@@ -14,8 +14,8 @@ fn the_section_is_flown_within_the_prediction_and_drawn() {
         .output()
         .expect("it runs");
     let text = String::from_utf8(done.stdout).expect("text");
-    let said = String::from_utf8_lossy(&done.stderr);
-    assert!(done.status.success(), "{text}\n{said}");
+    let printed = String::from_utf8_lossy(&done.stderr);
+    assert!(done.status.success(), "{text}\n{printed}");
     let figure = |name: &str| -> f64 {
         let line = text
             .lines()

@@ -94,7 +94,10 @@ fn a_full_and_a_read_only_disk_accept_nothing_and_lose_nothing() {
     ] {
         within(&processes, &make);
         assert_eq!(end(&mut processes, moved()), AckType::Refused, "{make}");
-        assert!(processes.ground().was_told("it cannot be stored"), "{make}");
+        assert!(
+            processes.ground().has_alert("it cannot be stored"),
+            "{make}"
+        );
         // A flight continues.
         assert_eq!(
             end(&mut processes, hold_at(25.0)),
@@ -104,7 +107,7 @@ fn a_full_and_a_read_only_disk_accept_nothing_and_lose_nothing() {
         assert!(is_known(&mut processes, 102), "{make}");
         within(&processes, &mend);
         assert_eq!(end(&mut processes, moved()), AckType::CarriedOut, "{mend}");
-        processes.ground_mut().heard.clear();
+        processes.ground_mut().received.clear();
     }
     let land = orders::mode(Mode::AutolandEngage);
     assert_eq!(end(&mut processes, land), AckType::CarriedOut);
@@ -123,9 +126,9 @@ fn a_read_only_store_is_refused_at_the_start() {
         program("vsm").display(),
         processes.path("vsm.toml").display()
     ));
-    let said = processes.try_bridge().expect_err("it cannot serve");
+    let printed = processes.try_bridge().expect_err("it cannot serve");
     assert!(
-        said.contains("[store] dir") && said.contains("ead-only"),
-        "{said}"
+        printed.contains("[store] dir") && printed.contains("ead-only"),
+        "{printed}"
     );
 }

@@ -1,6 +1,6 @@
 //! System identification and commands of the flight vehicle: 1 to 2999.
 
-use crate::support::row::{ECHO, HEARD_STAMP, MessageSupport, NULL_LINK, STAMP};
+use crate::support::row::{ECHO, MessageSupport, NULL_LINK, RECEIVED_STAMP, STAMP};
 
 pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
@@ -8,7 +8,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "to everybody or the VSM: a question; to a vehicle: request, release or override of control",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("VSM ID", "refused unless this VSM's, everybody's or none"),
             (
                 "Requested/Handover LOI",
@@ -82,7 +82,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "a handover is asked for, consented to or offered; settled by 2, 5 and 35000",
         sends: "a wish for control is passed on to the holder",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("Requested/Handover LOI", "the levels to hand over"),
             ("Controlled Station 1-16", "stations to hand over"),
             (
@@ -133,7 +133,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "arms and disarms, which all motors do together: COMPONENT_ARM_DISARM, after DO_SET_MODE AUTO.LOITER, done once HEARTBEAT.base_mode shows it; needs LOI 5",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("Engine Number", "refused above the number that there are"),
             ("Engine Command", "0 stops (disarms), 1 and 2 start (arm)"),
             ("Reverse Thrust Power", "1 is refused"),
@@ -161,7 +161,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "a mode, and what goes with it; answered by what the vehicle then does: HEARTBEAT, CURRENT_MODE, MISSION_CURRENT, POSITION_TARGET_GLOBAL_INT, ORBIT_EXECUTION_STATUS, EXTENDED_SYS_STATE",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             (
                 "Select Flight Path Control Mode",
                 "2 POSCTL once MANUAL_CONTROL runs; 11 MISSION_SET_CURRENT where a waypoint is commanded, AUTO.MISSION; 12 AUTO.LOITER, or DO_REPOSITION, DO_ORBIT, refused on the ground; 15 SET_POSITION_TARGET_LOCAL_NED, 20 a second, then OFFBOARD; 19 AUTO.LAND; 20 while it lands; 21 AUTO.LOITER, COMPONENT_ARM_DISARM, NAV_TAKEOFF; 23, 24 the upload of such a route where one is stored, AUTO.MISSION, else AUTO.RTL, AUTO.LAND; others are refused; absent or 0: the present mode",
@@ -216,7 +216,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "kept, field by field, for the loiters that 2016 commands",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             (
                 "Loiter Type",
                 "4 hover (not of a fixed wing), 1 circle; others are refused",

@@ -1,6 +1,6 @@
 //! The configuration phase: 40000 to 49999.
 
-use crate::support::row::{HEARD_STAMP, MessageSupport, NULL_LINK, STAMP};
+use crate::support::row::{MessageSupport, NULL_LINK, RECEIVED_STAMP, STAMP};
 
 /// Of 41000.
 const BOUNDED: &[(&str, &str)] = &[
@@ -29,7 +29,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "answered by 41000 to 41005, 43000, 43001 and 44003, unless dli.provisional is off",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("VSM ID", "refused unless this VSM's, everybody's or none"),
             (
                 "Request Type",

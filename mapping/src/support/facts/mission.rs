@@ -1,6 +1,6 @@
 //! Routes and their transfer: 13000 to 14999.
 
-use crate::support::row::{AS_RECEIVED, HEARD_STAMP, MessageSupport, STAMP};
+use crate::support::row::{AS_RECEIVED, MessageSupport, RECEIVED_STAMP, STAMP};
 
 pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
@@ -8,7 +8,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "clears (MISSION_CLEAR_ALL), loads (MISSION_COUNT, MISSION_ITEM_INT, read back by MISSION_REQUEST_LIST, MISSION_REQUEST_INT; then MISSION_CURRENT shows it), downloads or cancels; answered by 14000",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("Mission ID", "returned in 14000 and 3"),
             ("Mission Plan Mode", "1 to 5"),
             ("Waypoint Number", "mode 4: the waypoint to download"),
@@ -24,7 +24,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "stored; flown after 13000",
         sends: "on download",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             (
                 "Initial Waypoint Number",
                 "where the route starts; 0 deletes its definition",
@@ -51,7 +51,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "stored; checked and flown after 13000 as NAV_WAYPOINT",
         sends: "on download",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("Waypoint Number", "1 to 65534"),
             ("Waypoint to Latitude or Relative Y", "where it lies"),
             ("Waypoint to Longitude or Relative X", "where it lies"),
@@ -104,7 +104,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "stored; makes a loiter of the waypoint with its number",
         sends: "on download",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("Waypoint Number", "1 to 65534"),
             (
                 "Waypoint Loiter Type",

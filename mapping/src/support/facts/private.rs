@@ -1,6 +1,6 @@
 //! Private messages: 50000 and up: curves, parameters, software versions, ping, areas.
 
-use crate::support::row::{AS_RECEIVED, HEARD_STAMP, MessageSupport, STAMP};
+use crate::support::row::{AS_RECEIVED, MessageSupport, RECEIVED_STAMP, STAMP};
 
 pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
@@ -34,7 +34,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "stored as a curved leg of the plan, flown as chords after 13000, one NAV_WAYPOINT each",
         sends: "on download",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("P1 Waypoint No", "where the leg starts"),
             ("P4 Waypoint No", "where it ends"),
             ("P2 Latitude", "a control point"),
@@ -64,7 +64,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "one parameter of the vehicle (PARAM_REQUEST_READ), or all (PARAM_REQUEST_LIST), is read and reported by 50012; needs LOI 2",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("Parameter Name", "which; absent or empty: all"),
         ],
         sent: &[],
@@ -74,7 +74,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "a parameter of the vehicle is written: PARAM_SET, done once PARAM_VALUE returns the value; needs LOI 4",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             (
                 "Parameter Name",
                 "which; refused where its range is not known",
@@ -145,7 +145,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "stored; part of the geofence after 50017",
         sends: "on download",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("Area ID", "1 to 65535"),
             (
                 "Area Type",
@@ -175,7 +175,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         id: 50017,
         taken: "loads, clears (MISSION_CLEAR_ALL) or downloads the areas, as a mission of type fence (MISSION_COUNT, MISSION_ITEM_INT); answered by 50018; needs LOI 4",
         sends: "",
-        honoured: &[("Time Stamp", HEARD_STAMP), ("Area Plan Mode", "1 to 3")],
+        honoured: &[("Time Stamp", RECEIVED_STAMP), ("Area Plan Mode", "1 to 3")],
         sent: &[],
     },
     MessageSupport {

@@ -1,6 +1,6 @@
 //! Alerts, acknowledgements, requests, handover: 15000 to 39999.
 
-use crate::support::row::{HEARD_STAMP, MessageSupport, NULL_LINK, STAMP};
+use crate::support::row::{MessageSupport, NULL_LINK, RECEIVED_STAMP, STAMP};
 
 pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
@@ -8,7 +8,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "answered by 16001, unless dli.provisional is off; needs LOI 2",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("Subsystem ID", "which; absent or 0: all that are known"),
         ],
         sent: &[],
@@ -18,7 +18,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "answered by 16001 with the texts of the alerts that stand, unless dli.provisional is off; needs LOI 2",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             (
                 "Subsystem State Report Reference",
                 "of the 16001 that told it; others are refused",
@@ -77,7 +77,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         id: 16002,
         taken: "the CUCS is there; once sent, its silence counts",
         sends: "each second from LOI 2 on",
-        honoured: &[("Time Stamp", HEARD_STAMP)],
+        honoured: &[("Time Stamp", RECEIVED_STAMP)],
         sent: &[("Time Stamp", STAMP)],
     },
     MessageSupport {
@@ -100,7 +100,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "a report is sent so often, its sources asked for by SET_MESSAGE_INTERVAL",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             (
                 "Requested Message Type",
                 "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 4000, 4001, 12101, 16001, 16002; others are refused",
@@ -117,7 +117,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "a report is sent once",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             (
                 "Message Type",
                 "2, 50013 and those of 17001; others are refused",
@@ -134,7 +134,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
         taken: "dli.provisional = all: control is handed over or asked for; else refused",
         sends: "",
         honoured: &[
-            ("Time Stamp", HEARD_STAMP),
+            ("Time Stamp", RECEIVED_STAMP),
             ("Acquiring CUCS ID", "who acquires; needed"),
             (
                 "Set Forward Link Carrier Frequency (ADT)",

@@ -40,10 +40,10 @@ fn the_package_unpacks_and_its_programs_run() {
     let root = folder.path().join("root");
     run(Command::new("dpkg-deb").arg("-x").arg(&package).arg(&root));
     for name in ["vsm", "cucs", "px4-sim", "curve-plan"] {
-        let said = run(Command::new(root.join("usr/bin").join(name)).arg("--help"));
+        let printed = run(Command::new(root.join("usr/bin").join(name)).arg("--help"));
         assert!(
-            said.contains("Usage") || said.contains("usage"),
-            "{name}: {said}"
+            printed.contains("Usage") || printed.contains("usage"),
+            "{name}: {printed}"
         );
     }
     for place in [
@@ -99,12 +99,12 @@ fn verify_unit(root: &Path) {
         .arg(&scratch)
         .output()
         .expect("systemd-analyze");
-    let said = String::from_utf8_lossy(&verified.stderr);
-    let ours: Vec<_> = said
+    let printed = String::from_utf8_lossy(&verified.stderr);
+    let ours: Vec<_> = printed
         .lines()
         .filter(|line| line.contains("vsm.service"))
         .collect();
-    assert!(verified.status.success() && ours.is_empty(), "{said}");
+    assert!(verified.status.success() && ours.is_empty(), "{printed}");
 
     let rated = Command::new("systemd-analyze")
         .args(["security", "--offline=true", "--threshold=20"])
@@ -134,25 +134,25 @@ fn the_service_manager_is_notified_ready_and_alive() {
         ground.path("vsm.toml").display()
     );
     let bridge = Running::start(Path::new("sh"), ["-c", &script]);
-    let mut said = Vec::new();
-    while said.iter().filter(|text| *text == "WATCHDOG=1").count() < 5
-        || !said.iter().any(|text| text == "READY=1")
+    let mut printed = Vec::new();
+    while printed.iter().filter(|text| *text == "WATCHDOG=1").count() < 5
+        || !printed.iter().any(|text| text == "READY=1")
     {
         let mut bytes = [0; 256];
         let length = manager
             .recv(&mut bytes)
             .expect("a word of the bridge within 10 s");
-        said.extend(
+        printed.extend(
             String::from_utf8_lossy(&bytes[..length])
                 .lines()
                 .map(str::to_owned),
         );
     }
     bridge.terminate();
-    while said.last().is_some_and(|text| text != "STOPPING=1") {
+    while printed.last().is_some_and(|text| text != "STOPPING=1") {
         let mut bytes = [0; 256];
         let length = manager.recv(&mut bytes).expect("its last word within 10 s");
-        said.extend(
+        printed.extend(
             String::from_utf8_lossy(&bytes[..length])
                 .lines()
                 .map(str::to_owned),
@@ -164,11 +164,11 @@ fn run(command: &mut Command) -> String {
     let output = command
         .output()
         .unwrap_or_else(|e| panic!("{command:?}: {e}"));
-    let said = format!(
+    let printed = format!(
         "{}{}",
         String::from_utf8_lossy(&output.stdout),
         String::from_utf8_lossy(&output.stderr)
     );
-    assert!(output.status.success(), "{command:?}: {said}");
-    said
+    assert!(output.status.success(), "{command:?}: {printed}");
+    printed
 }

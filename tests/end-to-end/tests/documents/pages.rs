@@ -32,9 +32,9 @@ fn run_all(page: &str) {
             ["cargo", "build", ..] => {}
             ["cargo", "xtask", task, ..] => assert!(tasks().contains(&task.to_owned()), "{line}"),
             ["cargo", "run", "--release", "--", "demo"] => {
-                let said = scratch.run("vsm", &["demo"]);
-                let folder = said.lines().last().expect("the folder");
-                assert!(Path::new(folder).is_dir(), "{said}");
+                let printed = scratch.run("vsm", &["demo"]);
+                let folder = printed.lines().last().expect("the folder");
+                assert!(Path::new(folder).is_dir(), "{printed}");
             }
             [name, ref rest @ ..] if name.starts_with("./target/release/") => {
                 let name = &name["./target/release/".len()..];
@@ -122,13 +122,13 @@ impl Scratch {
             .current_dir(self.folder.path())
             .output()
             .expect(name);
-        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        let printed = String::from_utf8_lossy(&output.stdout).into_owned();
         assert!(
             output.status.success(),
-            "{name} {arguments:?}: {said}{}",
+            "{name} {arguments:?}: {printed}{}",
             String::from_utf8_lossy(&output.stderr)
         );
-        said
+        printed
     }
 
     fn start(&self, name: &str, rest: &[&str]) -> Running {
@@ -155,8 +155,8 @@ impl Scratch {
 /// What `cargo xtask` can do, as it says itself.
 fn tasks() -> Vec<String> {
     let output = Command::new(program("xtask")).output().expect("xtask");
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    let words = said.lines().filter_map(|line| {
+    let printed = String::from_utf8_lossy(&output.stderr).into_owned();
+    let words = printed.lines().filter_map(|line| {
         let rest = line.strip_prefix("  ")?;
         rest.split_whitespace().next().map(str::to_owned)
     });

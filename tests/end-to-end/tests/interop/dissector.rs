@@ -422,8 +422,8 @@ impl Tshark {
             .env("XDG_CONFIG_HOME", self.folder.path())
             .output()
             .unwrap();
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{said}");
+        let printed = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{printed}");
         let text = String::from_utf8(output.stdout).unwrap();
         for failure in [
             "Lua Error",
@@ -432,8 +432,8 @@ impl Tshark {
             "_ws.lua.error",
         ] {
             assert!(
-                !text.contains(failure) && !said.contains(failure),
-                "{said}\n{text}"
+                !text.contains(failure) && !printed.contains(failure),
+                "{printed}\n{text}"
             );
         }
         let packets: Value = serde_json::from_str(&text).unwrap();

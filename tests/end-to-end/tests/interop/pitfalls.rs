@@ -34,7 +34,7 @@ impl End {
 }
 
 #[test]
-fn pitfall_01_pymavlink_hears_us_after_a_long_silence() {
+fn pitfall_01_pymavlink_accepts_us_after_a_long_silence() {
     let mut ours = End::new(KEY);
     let before = ours.heartbeat();
     ours.now = ours.now.after(Duration::from_secs(300));

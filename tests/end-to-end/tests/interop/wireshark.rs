@@ -75,8 +75,8 @@ fn tshark_opens_the_recording_of_the_dli() {
         .env("XDG_CONFIG_HOME", ground.path(""))
         .output()
         .expect("tshark");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
+    let printed = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{printed}");
     let shown = String::from_utf8_lossy(&output.stdout).into_owned();
     let rows: Vec<Vec<&str>> = shown
         .lines()

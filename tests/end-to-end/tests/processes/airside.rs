@@ -122,8 +122,8 @@ dir = "state"
     fn pair(&self) {
         let mut window = self.vsm(&["airside", "pair"]);
         window.wait_for("pairing code", START);
-        let said = window.output();
-        let code = said
+        let printed = window.output();
+        let code = printed
             .lines()
             .find_map(|line| line.strip_prefix("pairing code"))
             .expect("a code")
@@ -208,8 +208,8 @@ dir = "state"
     }
 
     fn cucs(&self, words: &[&str]) {
-        if let Err(said) = self.try_cucs(words) {
-            panic!("cucs {words:?}: {said}");
+        if let Err(printed) = self.try_cucs(words) {
+            panic!("cucs {words:?}: {printed}");
         }
     }
 
@@ -469,7 +469,7 @@ fn over_serial_lines_both_sides_pair_fly_signed_and_come_back() {
 }
 
 #[test]
-fn whatever_starts_anew_the_link_is_up_within_5_s() {
+fn whatever_restarts_the_link_is_up_within_5_s() {
     let field = Field::new("");
     let key = field.share_key();
     field.px4_has(&key);

@@ -58,12 +58,12 @@ impl Console {
     }
 
     /// Waits until it tells one of these since the mark, and says which.
-    fn tells(&self, since: usize, expected: &[&str]) -> usize {
+    fn prints(&self, since: usize, expected: &[&str]) -> usize {
         let end = Instant::now() + PATIENCE;
         loop {
             let output = self.shell.output();
-            let told = output.get(since..).unwrap_or_default();
-            if let Some(which) = expected.iter().position(|text| told.contains(text)) {
+            let printed = output.get(since..).unwrap_or_default();
+            if let Some(which) = expected.iter().position(|text| printed.contains(text)) {
                 return which;
             }
             assert!(
@@ -79,7 +79,7 @@ impl Console {
     fn does(&mut self, line: &str, expected: &[&str]) -> usize {
         let since = self.mark();
         self.shell.type_line(line);
-        self.tells(since, expected)
+        self.prints(since, expected)
     }
 
     /// Types a line that leads to this: again where the network has swallowed every try.
@@ -135,27 +135,27 @@ fn three_stations_take_turns_over_a_bad_network() {
     // Asked, and consented to.
     let (asked, answered) = (a.mark(), b.mark());
     b.shell.type_line("ask --loi 4,5");
-    a.tells(asked, &["1b:00:00:b0 requests LOI 4,5"]);
+    a.prints(asked, &["1b:00:00:b0 requests LOI 4,5"]);
     assert_eq!(controller(&ground), Some(A.into()), "control stays so far");
     a.succeeds("consent", "handed over to 1b:00:00:b0");
-    b.tells(answered, &["LOI 4,5 is ours"]);
+    b.prints(answered, &["LOI 4,5 is ours"]);
     assert_eq!(controller(&ground), Some(B.into()));
 
     // Named, and accepted.
     let (offered, answered) = (c.mark(), b.mark());
     c.succeeds("discover", "LOI 2,3,4,5 authorised, none granted");
     b.shell.type_line("successor 1b:00:00:c0 --loi 4,5");
-    c.tells(offered, &["LOI 4,5 is offered"]);
+    c.prints(offered, &["LOI 4,5 is offered"]);
     c.succeeds("accept", "LOI 4,5 is ours");
-    b.tells(answered, &["1b:00:00:c0 has accepted"]);
+    b.prints(answered, &["1b:00:00:c0 has accepted"]);
     assert_eq!(controller(&ground), Some(C.into()));
 
     // Asked, and refused.
     let (asked, answered) = (c.mark(), a.mark());
     a.shell.type_line("ask --loi 4,5");
-    c.tells(asked, &["1b:00:00:a0 requests LOI 4,5"]);
+    c.prints(asked, &["1b:00:00:a0 requests LOI 4,5"]);
     c.succeeds("refuse", "refused to 1b:00:00:a0");
-    a.tells(answered, &["handover (message 4) is refused"]);
+    a.prints(answered, &["handover (message 4) is refused"]);
     assert_eq!(controller(&ground), Some(C.into()));
 
     // By rank, and not without.
@@ -193,7 +193,7 @@ fn three_stations_take_turns_over_a_bad_network() {
             None => assert!(killed.elapsed() < Duration::from_secs(2)),
         }
     };
-    tell(&format!(
+    print_figure(&format!(
         "after kill -9 in control again within {} ms",
         back.as_millis()
     ));
@@ -204,7 +204,7 @@ fn three_stations_take_turns_over_a_bad_network() {
     a.succeeds("wait airborne --within 20", "airborne,");
     assert_eq!(controller(&ground), Some(A.into()));
     let lost: Vec<u64> = [&a, &b, &c].map(|one| one.network.lost()).into();
-    tell(&format!("datagrams lost on the way: {lost:?}"));
+    print_figure(&format!("datagrams lost on the way: {lost:?}"));
     assert!(lost.iter().any(|lost| *lost > 20), "{lost:?}");
     drop(bridge);
 }
@@ -213,7 +213,7 @@ fn three_stations_take_turns_over_a_bad_network() {
     clippy::print_stderr,
     reason = "figures are told to who reads the test"
 )]
-fn tell(line: &str) {
+fn print_figure(line: &str) {
     eprintln!("{line}");
 }
 

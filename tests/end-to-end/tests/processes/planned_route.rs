@@ -45,7 +45,7 @@ fn a_planned_route_is_uploaded_and_the_rights_are_given_back() {
 
     // The aircraft may not have told its position yet: then the route is refused, and sent again.
     let end = Instant::now() + PATIENCE;
-    let said = loop {
+    let printed = loop {
         let sent = run(
             &ground,
             "curve-plan",
@@ -59,13 +59,14 @@ fn a_planned_route_is_uploaded_and_the_rights_are_given_back() {
         std::thread::sleep(Duration::from_millis(200));
     };
     assert!(
-        said.iter()
+        printed
+            .iter()
             .any(|line| line["loaded"] == "bend.toml" && line["waypoints"] == 3),
-        "{said:?}"
+        "{printed:?}"
     );
     let curves = |line: &Value| line.to_string().contains("1 curved legs in");
-    assert!(said.iter().any(curves), "{said:?}");
-    let last_rights = said.iter().rev().find(|line| !line["granted"].is_null());
+    assert!(printed.iter().any(curves), "{printed:?}");
+    let last_rights = printed.iter().rev().find(|line| !line["granted"].is_null());
     assert_eq!(
         last_rights
             .map(|line| line["granted"].to_string())
@@ -129,18 +130,18 @@ fn what_is_refused_has_its_reason() {
             String::from_utf8_lossy(&sent.stderr).into_owned(),
         )
     };
-    let (code, said) = status(&["--vsm", &vsm, "--id", "1b:00:00:ff"]);
-    assert_eq!(code, Some(1), "{said}");
-    assert!(said.contains("no answer from a VSM"), "{said}");
-    let (code, said) = status(&["--vsm", &vsm, "--vehicle", "1b:00:01:09"]);
-    assert_eq!(code, Some(1), "{said}");
+    let (code, printed) = status(&["--vsm", &vsm, "--id", "1b:00:00:ff"]);
+    assert_eq!(code, Some(1), "{printed}");
+    assert!(printed.contains("no answer from a VSM"), "{printed}");
+    let (code, printed) = status(&["--vsm", &vsm, "--vehicle", "1b:00:01:09"]);
+    assert_eq!(code, Some(1), "{printed}");
     assert!(
-        said.contains("1b:00:01:09 does not answer; discovered: 1b:00:01:01"),
-        "{said}"
+        printed.contains("1b:00:01:09 does not answer; discovered: 1b:00:01:01"),
+        "{printed}"
     );
-    let (code, said) = status(&["--vsm", "nowhere"]);
-    assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("expected HOST:PORT"), "{said}");
+    let (code, printed) = status(&["--vsm", "nowhere"]);
+    assert_eq!(code, Some(2), "{printed}");
+    assert!(printed.contains("expected HOST:PORT"), "{printed}");
 }
 
 fn run(ground: &Ground, name: &str, arguments: &[&str]) -> Output {

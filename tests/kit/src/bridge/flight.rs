@@ -59,7 +59,7 @@ impl World for Rig {
     }
 
     fn give(&mut self, message: Message) -> Ticket {
-        self.tell(message)
+        self.send(message)
     }
 
     fn ground(&self) -> &Station {
@@ -164,16 +164,16 @@ fn insist(
     Err(format!(
         "message {} was not carried out: {:?}",
         order.id(),
-        last_told(world)
+        last_alerts(world)
     ))
 }
 
 /// The latest texts of 16000, the last one first.
-fn last_told(world: &impl World) -> Vec<String> {
-    let mut told = world.ground().alerts();
-    told.reverse();
-    told.truncate(8);
-    told
+fn last_alerts(world: &impl World) -> Vec<String> {
+    let mut reported = world.ground().alerts();
+    reported.reverse();
+    reported.truncate(8);
+    reported
 }
 
 /// A launch whose last step was not seen in time is refused, and the vehicle is in the air all the same.
@@ -189,7 +189,7 @@ fn launch(world: &mut impl World, outcome: &mut Outcome) -> Result<(), String> {
     }
     Err(format!(
         "launch was not carried out: {:?}",
-        last_told(world)
+        last_alerts(world)
     ))
 }
 
@@ -280,13 +280,13 @@ pub fn fly<W: World>(world: &mut W, outcome: &mut Outcome) -> Result<(), String>
 /// Whether the bridge gives a waypoint back, asked eight times at most.
 pub fn is_known(world: &mut impl World, number: u16) -> bool {
     (0..8).any(|_| {
-        let mark = world.ground().heard.len();
+        let mark = world.ground().received.len();
         let mut one = orders::transfer(MissionPlanMode::DownloadWaypoint);
         one.waypoint_number = Some(number);
         let ticket = world.give(one.into());
         world.ended(ticket);
         world.pass(0.5);
-        world.ground().heard[mark..].iter().any(|(_, _, message)| {
+        world.ground().received[mark..].iter().any(|(_, _, message)| {
             matches!(message, Message::UaPositionWaypoint(w) if w.waypoint_number == Some(number))
         })
     })

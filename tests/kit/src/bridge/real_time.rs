@@ -288,7 +288,7 @@ impl World for Processes {
 
     fn give(&mut self, message: Message) -> Ticket {
         let now = self.now();
-        self.station.tell(now, vehicle_id(0), message)
+        self.station.send(now, vehicle_id(0), message)
     }
 
     fn ground(&self) -> &Station {

@@ -209,35 +209,35 @@ impl Rig {
     }
 
     /// Sends a message of station 0 to vehicle 0 until it is answered.
-    pub fn tell(&mut self, message: impl Into<Message>) -> Ticket {
-        self.tell_as(0, 0, message)
+    pub fn send(&mut self, message: impl Into<Message>) -> Ticket {
+        self.send_as(0, 0, message)
     }
 
     /// Sends a message of a station to a vehicle until it is answered.
-    pub fn tell_as(
+    pub fn send_as(
         &mut self,
         station: usize,
         vehicle: usize,
         message: impl Into<Message>,
     ) -> Ticket {
         let now = self.station_now();
-        self.stations[station].tell(now, vehicle_id(vehicle), message.into())
+        self.stations[station].send(now, vehicle_id(vehicle), message.into())
     }
 
     /// Sends a message of station 0 to vehicle 0 once.
-    pub fn say(&mut self, message: impl Into<Message>) {
+    pub fn send_once(&mut self, message: impl Into<Message>) {
         let now = self.station_now();
-        self.stations[0].say(now, vehicle_id(0), message.into());
+        self.stations[0].send_once(now, vehicle_id(0), message.into());
     }
 
     /// Sends a message and waits for its end, 90 s at most.
     pub fn carry_out(&mut self, message: impl Into<Message>) -> Option<AckType> {
-        let ticket = self.tell(message);
+        let ticket = self.send(message);
         self.end(ticket)
     }
 
     /// Lets these bytes arrive from station 0.
-    pub fn hear_from_station(&mut self, bytes: &[u8]) {
+    pub fn deliver_from_station(&mut self, bytes: &[u8]) {
         let from = self.stations[0].address;
         let now = self.clock.elapsed();
         self.dli.send(now, from, bridge_dli(), bytes.to_vec());
@@ -245,7 +245,7 @@ impl Rig {
 
     /// Sends every message of a plan, then waits until each is carried out.
     pub fn send_plan(&mut self, plan: Vec<Message>) {
-        let tickets: Vec<_> = plan.into_iter().map(|message| self.tell(message)).collect();
+        let tickets: Vec<_> = plan.into_iter().map(|message| self.send(message)).collect();
         for ticket in tickets {
             let end = self.end(ticket);
             assert_eq!(

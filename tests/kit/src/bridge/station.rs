@@ -31,7 +31,7 @@ pub struct Station {
     /// The latest message of each type, by source.
     pub latest: BTreeMap<(Id, u16), Message>,
     /// Everything that arrived but acknowledgements, in order.
-    pub heard: Vec<(Duration, Id, Message)>,
+    pub received: Vec<(Duration, Id, Message)>,
     /// Messages that arrived here and were for another station.
     pub misaddressed: u64,
     session: Session,
@@ -62,7 +62,7 @@ impl Station {
             heartbeats: false,
             retry: RETRY,
             latest: BTreeMap::new(),
-            heard: Vec::new(),
+            received: Vec::new(),
             misaddressed: 0,
             session: Session::new(config),
             sent: Vec::new(),
@@ -71,7 +71,7 @@ impl Station {
     }
 
     /// Sends a message, again and again until it is answered by carried out or refused.
-    pub fn tell(&mut self, now: Now, to: Id, message: Message) -> Ticket {
+    pub fn send(&mut self, now: Now, to: Id, message: Message) -> Ticket {
         let sent = self.session.send(cucs_time(now), to, message);
         self.sent.push(Sent {
             ticket: sent.expect(FITS),
@@ -82,13 +82,13 @@ impl Station {
     }
 
     /// Sends a message once, with no answer requested.
-    pub fn say(&mut self, now: Now, to: Id, message: Message) {
+    pub fn send_once(&mut self, now: Now, to: Id, message: Message) {
         let sent = self.session.send_unconfirmed(cucs_time(now), to, message);
         sent.expect(FITS);
     }
 
     /// Sends a message once, unchanged: its stamp is the test's own.
-    pub fn say_as_is(&mut self, to: Id, message: &Message) {
+    pub fn send_as_is(&mut self, to: Id, message: &Message) {
         let envelope = Envelope::new(self.id, to).summed(ChecksumStyle::Crc32);
         let mut bytes = [0; MAX_DATAGRAM];
         let length = message.encode(&envelope, &mut bytes).expect(FITS);
@@ -130,7 +130,7 @@ impl Station {
     /// Every text of 16000, in order, parts joined.
     pub fn alerts(&self) -> Vec<String> {
         let mut texts: Vec<String> = Vec::new();
-        for (_, _, message) in &self.heard {
+        for (_, _, message) in &self.received {
             if let Message::SubsystemStatusAlert(alert) = message {
                 let text = alert.text.as_ref().map_or("", |text| text.as_str());
                 match (alert.append_order, texts.last_mut()) {
@@ -143,7 +143,7 @@ impl Station {
     }
 
     /// Whether an alert contained this text.
-    pub fn was_told(&self, text: &str) -> bool {
+    pub fn has_alert(&self, text: &str) -> bool {
         self.alerts().iter().any(|alert| alert.contains(text))
     }
 
@@ -185,7 +185,8 @@ impl Station {
                 }
                 continue;
             }
-            self.heard.push((now.mono, header.source, message.clone()));
+            self.received
+                .push((now.mono, header.source, message.clone()));
             self.latest
                 .insert((header.source, header.message_type), message);
         }

@@ -138,7 +138,7 @@ pub(crate) fn write(file: &Path, route: &Route, addresses: &Addresses) -> Result
     };
     match (format, route.datum) {
         (Format::RouteFile | Format::Hex | Format::Pcapng, _) => {}
-        (_, Datum::Unsaid) => return refuse("no altitude_type", "say agl or amsl"),
+        (_, Datum::Unstated) => return refuse("no altitude_type", "say agl or amsl"),
         (_, Datum::Ellipsoid) => {
             return refuse(
                 "heights above the ellipsoid",

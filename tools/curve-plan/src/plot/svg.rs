@@ -167,7 +167,7 @@ fn curve(out: &mut String, scene: &Scene, view: &View) {
     let class = |radius_m: f64| {
         CLASSES
             .iter()
-            .rposition(|&(_, most)| radius_m <= most)
+            .rposition(|&(_, max)| radius_m <= max)
             .unwrap_or(0)
     };
     let mut k = 0;

@@ -3,7 +3,7 @@
 use crate::{Files, ROUTE};
 
 #[test]
-fn check_finds_the_tight_place_and_refuses_when_told_to() {
+fn check_finds_the_tight_place_and_refuses_where_requested() {
     let files = Files::new();
     let report = files.json(&[
         "check",
@@ -22,7 +22,7 @@ fn check_finds_the_tight_place_and_refuses_when_told_to() {
         "{report}"
     );
     assert_eq!(report["tight"][0]["leg"], 1);
-    let (status, said) = files.refused(&[
+    let (status, printed) = files.refused(&[
         "check",
         "route.toml",
         "--speed",
@@ -34,8 +34,8 @@ fn check_finds_the_tight_place_and_refuses_when_told_to() {
     ]);
     assert_eq!(status, 1);
     assert!(
-        said.contains("leg 1 at t = ") && said.contains("at most"),
-        "{said}"
+        printed.contains("leg 1 at t = ") && printed.contains("at most"),
+        "{printed}"
     );
     assert!(
         files

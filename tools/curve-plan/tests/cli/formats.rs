@@ -40,7 +40,7 @@ fn the_route_file_keeps_curves() {
 }
 
 #[test]
-fn heights_above_home_stay_so_where_the_format_can_say_it() {
+fn heights_above_home_are_kept_where_the_format_has_them() {
     let files = Files::new();
     let low = ROUTE
         .replace("amsl", "agl")
@@ -62,8 +62,11 @@ fn heights_above_home_stay_so_where_the_format_can_say_it() {
         };
         assert_eq!(last(&found), last(&wanted), "{ending}");
     }
-    let (status, said) = files.refused(&["densify", "low.toml", "-o", "low.gpx"]);
-    assert!(status == 2 && said.contains("give --home-alt"), "{said}");
+    let (status, printed) = files.refused(&["densify", "low.toml", "-o", "low.gpx"]);
+    assert!(
+        status == 2 && printed.contains("give --home-alt"),
+        "{printed}"
+    );
     files.done(&["densify", "low.toml", "--home-alt", "400", "-o", "low.gpx"]);
     let altitude = files.json(&["densify", "low.gpx", "--json"])["vertices"][0]["alt_m"].as_f64();
     assert_eq!(altitude, Some(500.0));
@@ -71,8 +74,11 @@ fn heights_above_home_stay_so_where_the_format_can_say_it() {
         "unsaid.toml",
         &ROUTE.replace("altitude_type = \"amsl\"", ""),
     );
-    let (status, said) = files.refused(&["densify", "unsaid.toml", "-o", "unsaid.csv"]);
-    assert!(status == 2 && said.contains("no altitude_type"), "{said}");
+    let (status, printed) = files.refused(&["densify", "unsaid.toml", "-o", "unsaid.csv"]);
+    assert!(
+        status == 2 && printed.contains("no altitude_type"),
+        "{printed}"
+    );
 }
 
 #[test]
@@ -157,6 +163,9 @@ fn the_messages_are_those_that_a_ground_station_sends() {
     files.done(&["convert", "route.toml", "route.pcapng"]);
     let capture = std::fs::read(files.path("route.pcapng")).unwrap();
     assert_eq!(&capture[..4], [0x0a, 0x0d, 0x0d, 0x0a]);
-    let (status, said) = files.refused(&["densify", "route.hex"]);
-    assert!(status == 2 && said.contains("written, not read"), "{said}");
+    let (status, printed) = files.refused(&["densify", "route.hex"]);
+    assert!(
+        status == 2 && printed.contains("written, not read"),
+        "{printed}"
+    );
 }

@@ -76,9 +76,12 @@ fn a_budget_and_free_vertices_save_items() {
     let plain = items(&[]);
     assert!(items(&["--free"]) < plain);
     assert!(items(&["--max-items", "7"]) <= 7);
-    let (status, said) = files.refused(&["densify", "route.toml", "--max-items", "2"]);
+    let (status, printed) = files.refused(&["densify", "route.toml", "--max-items", "2"]);
     assert_eq!(status, 1);
-    assert!(said.contains("the ends of the legs alone are 3"), "{said}");
+    assert!(
+        printed.contains("the ends of the legs alone are 3"),
+        "{printed}"
+    );
 }
 
 #[test]

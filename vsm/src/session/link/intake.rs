@@ -121,7 +121,7 @@ impl VehicleLink {
         }
         if has_restarted(message, vehicle) {
             // The rates that were requested ended with the earlier boot.
-            vehicle.telemetry.start_anew();
+            vehicle.telemetry.restart();
             intervals.request_again();
             self.events.push_back(VehicleEvent::Restarted);
         }

@@ -52,7 +52,7 @@ impl HealthWatch {
         }
         let found = findings(&context.vehicle.telemetry, parameters);
         for fault in HealthFault::ALL {
-            let finding = found.iter().find(|finding| finding.ailment == fault);
+            let finding = found.iter().find(|finding| finding.fault == fault);
             self.watch_one(context.mono(), fault, finding, effects);
         }
     }

@@ -8,7 +8,7 @@ use stanag_msgs::messages::{
 };
 
 use super::scenes::{
-    ask_for_control, control, control_with_stations, nothing, one, other_controls, then_5_s,
+    control, control_with_stations, nothing, one, other_controls, request_control_of, then_5_s,
     transitions, two_stations, with_a_failing_compass,
 };
 use crate::scene::Trial;
@@ -34,7 +34,7 @@ pub(super) fn rights() -> Vec<Trial> {
         trial!(
             two_stations,
             other_controls,
-            ask_for_control,
+            request_control_of,
             CucsAuthorisationRequest {
                 requested_handover_access: Some(RequestedAccess::Request),
                 ..orders::request_control()

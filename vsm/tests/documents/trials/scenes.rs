@@ -8,7 +8,7 @@ use stanag_msgs::messages::{CucsAuthorisationRequest, MissionTransferCommand, Ua
 use stanag_msgs::{Message, Text};
 
 use super::messages::{areas, circle, corner, loiter_there};
-use crate::scene::{done, tell};
+use crate::scene::{done, send};
 use kit::bridge::{Rig, Setup, orders};
 
 pub(super) fn one() -> Setup {
@@ -70,7 +70,7 @@ pub(super) fn control_with_stations(rig: &mut Rig) {
 }
 
 pub(super) fn other_controls(rig: &mut Rig) {
-    let ticket = rig.tell_as(1, 0, orders::request_control());
+    let ticket = rig.send_as(1, 0, orders::request_control());
     rig.until(5.0, |rig| rig.stations[1].end(ticket).is_some());
 }
 
@@ -101,43 +101,43 @@ pub(super) fn with_two_routes(rig: &mut Rig) {
 }
 
 pub(super) fn then_5_s(rig: &mut Rig, message: &Message) {
-    tell(rig, message);
+    send(rig, message);
     rig.run(5.0);
 }
 
 pub(super) fn then_20_s(rig: &mut Rig, message: &Message) {
-    tell(rig, message);
+    send(rig, message);
     rig.run(20.0);
 }
 
 /// Sticks are a stream; mode 2 is entered with the first.
 pub(super) fn stream(rig: &mut Rig, message: &Message) {
     for round in 0..40 {
-        rig.say(message.clone());
+        rig.send_once(message.clone());
         if round == 2 {
-            let _ = rig.tell(orders::mode(Mode::FlightDirector));
+            let _ = rig.send(orders::mode(Mode::FlightDirector));
         }
         rig.run(0.1);
     }
 }
 
 pub(super) fn then_loiter(rig: &mut Rig, message: &Message) {
-    tell(rig, message);
+    send(rig, message);
     done(rig, loiter_there(60.0, 0.0));
     rig.run(30.0);
 }
 
 /// 13001 under trial, then the rest of its plan, and a flight of route R1.
 pub(super) fn as_route(rig: &mut Rig, message: &Message) {
-    tell(rig, message);
+    send(rig, message);
     rig.send_plan(orders::square().into_iter().skip(1).collect());
     let load = MissionTransferCommand {
         route_id: Some(Text::new("R1")),
         ..orders::load()
     };
-    tell(rig, &load.into());
+    send(rig, &load.into());
     rig.take_off(20.0);
-    tell(rig, &orders::mode(Mode::Waypoint).into());
+    send(rig, &orders::mode(Mode::Waypoint).into());
     rig.run(5.0);
 }
 
@@ -148,8 +148,8 @@ pub(super) fn as_waypoint(rig: &mut Rig, message: &Message) {
         orders::waypoint(1, 2, 60.0, 0.0, 20.0).into(),
         orders::waypoint(3, 0, 60.0, 90.0, 20.0).into(),
     ]);
-    tell(rig, message);
-    tell(rig, &orders::load().into());
+    send(rig, message);
+    send(rig, &orders::load().into());
 }
 
 /// 13003 under trial at the first of two waypoints.
@@ -159,8 +159,8 @@ pub(super) fn as_loiter(rig: &mut Rig, message: &Message) {
         orders::waypoint(1, 2, 300.0, 0.0, 80.0).into(),
         orders::waypoint(2, 0, 600.0, 600.0, 80.0).into(),
     ]);
-    tell(rig, message);
-    tell(rig, &orders::load().into());
+    send(rig, message);
+    send(rig, &orders::load().into());
 }
 
 /// A curve under trial between two waypoints. 50001 has a stamp of its own kind, which 17000 cannot return.
@@ -170,9 +170,9 @@ pub(super) fn as_curve(rig: &mut Rig, message: &Message) {
         orders::waypoint(1, 2, 50.0, 0.0, 20.0).into(),
         orders::waypoint(2, 0, 50.0, 200.0, 20.0).into(),
     ]);
-    rig.say(message.clone());
+    rig.send_once(message.clone());
     rig.run(0.5);
-    tell(rig, &orders::load().into());
+    send(rig, &orders::load().into());
 }
 
 /// 50016 under trial as the third corner of a triangle.
@@ -181,13 +181,13 @@ pub(super) fn as_corner(rig: &mut Rig, message: &Message) {
     for (number, at) in (1..).zip(corners) {
         done(rig, corner(number, at));
     }
-    tell(rig, message);
-    tell(rig, &areas(AreaPlanMode::Load).into());
+    send(rig, message);
+    send(rig, &areas(AreaPlanMode::Load).into());
 }
 
 pub(super) fn then_load_areas(rig: &mut Rig, message: &Message) {
-    tell(rig, message);
-    tell(rig, &areas(AreaPlanMode::Load).into());
+    send(rig, message);
+    send(rig, &areas(AreaPlanMode::Load).into());
 }
 
 pub(super) fn with_areas(rig: &mut Rig) {
@@ -196,8 +196,8 @@ pub(super) fn with_areas(rig: &mut Rig) {
 }
 
 /// A request that waits has no end yet.
-pub(super) fn ask_for_control(rig: &mut Rig, message: &Message) {
-    let _ = rig.tell(message.clone());
+pub(super) fn request_control_of(rig: &mut Rig, message: &Message) {
+    let _ = rig.send(message.clone());
     rig.run(5.0);
 }
 
