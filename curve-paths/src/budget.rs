@@ -1,6 +1,6 @@
 //! The smallest tolerance that a number of items allows.
 //!
-//! The number of chords grows with one over the root of the tolerance, nearly, for each leg by itself. So one walk tells
+//! The number of chords grows with one over the root of the tolerance, nearly, for each leg by itself. So one walk shows
 //! what tolerance to try next, and a few walks enclose the one that is sought.
 
 use thiserror::Error;
@@ -145,7 +145,7 @@ impl<'a> Curves<'a> {
         let mut lengths: Vec<f64> = self.legs.iter().map(guessed).collect();
         let mut walks = 0;
         while high > low * NARROW {
-            // Both sides of the tolerance that the last walk foretells, the upper first.
+            // Both sides of the tolerance that the last walk predicts, the upper first.
             let aim = at * self.scale(&lengths);
             let near = if high > aim * BESIDE * BESIDE {
                 aim * BESIDE
@@ -201,9 +201,9 @@ impl<'a> Curves<'a> {
 
 /// Relative width at which the smallest tolerance is known.
 const NARROW: f64 = 1.001;
-/// How far beside what is foretold is tried: two such steps are within the width.
+/// How far beside the prediction is tried: two such steps are within the width.
 const BESIDE: f64 = 1.000_3;
-/// Walks by what the one before foretells, before halving.
+/// Walks that follow the prediction of the one before; after these the interval is halved.
 const PREDICTED_WALKS: u32 = 10;
 /// Lengths are not stretched further than this.
 const MAX_SHRINK: f64 = 1e6;

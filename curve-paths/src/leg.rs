@@ -324,7 +324,7 @@ impl BezierLeg {
     /// De Casteljau's split at `t`, 0 to 1: both halves trace this leg exactly, and meet at [`BezierLeg::at`]`(t)`.
     ///
     /// A half keeps the earth-centred curve that it was cut from. Written as a message and read again, its control
-    /// points are taken at height 0 anew: less than a micrometre for legs of 1 km, 0.1 m at 50 km.
+    /// points are taken at height 0 again: less than a micrometre for legs of 1 km, 0.1 m at 50 km.
     #[must_use]
     pub fn split(&self, t: f64) -> (Self, Self) {
         let t = t.clamp(0.0, 1.0);
@@ -416,7 +416,7 @@ impl Position {
     }
 }
 
-/// Under this extent a leg has no length: a tenth of what 1e-7 degree can tell apart, m.
+/// Under this extent a leg has no length: a tenth of what 1e-7 degree resolves, m.
 const SHORTEST_EXTENT_M: f64 = 1e-3;
 /// Altitudes that a route may name, m: the lowest ground to above any aircraft of the kind.
 const ALTITUDES_M: (f64, f64) = (-1_000.0, 100_000.0);

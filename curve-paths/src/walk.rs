@@ -200,7 +200,7 @@ fn walk_with_min(
         visit(&whole);
         return Ok(());
     }
-    // First without telling anyone: whether the greedy walk gets through, and whether its end needs balance.
+    // First without calling `visit`: whether the greedy walk gets through, and whether its end needs balance.
     let mut balance = None;
     let mut before: Option<Chord> = None;
     while local.t() < 1.0 {

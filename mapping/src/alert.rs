@@ -5,10 +5,10 @@ use stanag_msgs::enums::{AlertPriority, AlertType, SubsystemId};
 use stanag_msgs::messages::SubsystemStatusAlert;
 use stanag_msgs::{Id, Text, TimeStamp};
 
-/// What is told to operators.
+/// What is reported to operators.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Alert {
-    /// Says which alert it is; later ones of the same id are updates of it. Above 0.
+    /// Identifies the alert; later ones of the same id are updates of it. Above 0.
     pub id: i32,
     /// How urgent.
     pub priority: AlertPriority,

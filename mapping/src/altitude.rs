@@ -113,7 +113,7 @@ pub enum AltitudeError {
     /// Type 2 while `vehicle.agl` is "refuse".
     #[error("altitude type 2 (AGL) is refused by configuration")]
     Agl,
-    /// Type 3 before the vehicle has told its geoid separation.
+    /// Type 3 before the vehicle has reported its geoid separation.
     #[error("altitude type 3 (WGS-84): the vehicle's geoid separation is not known yet")]
     NoGeoid,
     /// A type that no source names.

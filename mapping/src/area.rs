@@ -129,7 +129,7 @@ impl Areas {
     }
 }
 
-/// What can be told of one corner by itself.
+/// What can be checked of one corner by itself.
 fn checked(vertex: &AreaVertex) -> Result<(), Reason> {
     if vertex.area_id.is_none_or(|id| id == 0) {
         return Err(Reason::Missing("Area ID above 0"));
@@ -223,7 +223,7 @@ pub struct FencePoint {
 
 /// The fence of the configured areas and those of a CUCS, checked: what is sent to PX4.
 ///
-/// `vehicle` is where it is, where it has told so.
+/// `vehicle` is its position, where it is known.
 ///
 /// # Errors
 /// The first area that cannot be flown with, and its vertex.

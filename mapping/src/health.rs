@@ -57,7 +57,7 @@ impl HealthFault {
         HealthFault::Failsafe,
     ];
 
-    /// What is said when it is over.
+    /// The text of the alert that clears it.
     #[must_use]
     pub fn over(self) -> &'static str {
         match self {
@@ -74,7 +74,7 @@ impl HealthFault {
     }
 }
 
-/// Everything that is wrong with a vehicle that is heard, by its latest messages.
+/// Everything that is wrong with a vehicle whose link is live, by its latest messages.
 #[must_use]
 pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
     use AlertPriority as P;

@@ -1,7 +1,7 @@
 //! How fast a vehicle can be commanded to fly, and what it flies by where nothing is commanded: by its own parameters,
-//! and as PX4 comes where it has not told them.
+//! and PX4's defaults where it has not reported them.
 //!
-//! The same bounds are told in the configuration phase (41003), and refuse a 2016, a 13002 and a 13003 beyond them.
+//! The same bounds are reported in the configuration phase (41003), and refuse a 2016, a 13002 and a 13003 beyond them.
 
 use geo::{Distance, Haversine, Point};
 
@@ -119,7 +119,7 @@ impl Performance {
 }
 
 impl Default for Performance {
-    /// Of a multicopter that has told nothing.
+    /// Of a multicopter that has reported nothing.
     fn default() -> Self {
         Self::of(true, &Parameters::default(), &Limits::default())
     }

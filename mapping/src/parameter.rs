@@ -240,7 +240,7 @@ fn line(name: &str) -> Option<&'static str> {
 }
 
 static TABLE: &str = include_str!("../data/px4-v1.18-parameters.csv");
-/// Another id, and neither side would hear the other any more.
+/// With another id, neither side would accept the other's frames any more.
 const IDENTITY: &[&str] = &["MAV_COMP_ID", "MAV_SYS_ID"];
 
 #[cfg(test)]

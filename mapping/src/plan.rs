@@ -1,7 +1,7 @@
 //! The routes and waypoints that a CUCS has sent for one vehicle, as it sent them.
 //!
-//! A plan only stores. What can be told from one message alone is refused at once ([`StoreError`]); everything that
-//! needs the others is told when the route is flown ([`crate::route`]), so that waypoints may come in any order.
+//! A plan only stores. What is wrong in one message alone is refused at once ([`StoreError`]); everything that
+//! needs the others is reported when the route is flown ([`crate::route`]), so that waypoints may come in any order.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -50,7 +50,7 @@ enum Part<'m> {
 /// A message that the plan does not take.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum StoreError {
-    /// The number that says which one it is, is absent.
+    /// The number that identifies it is absent.
     #[error("{message} without {field}")]
     Missing {
         /// Message type.

@@ -1,6 +1,6 @@
-//! Messages 3001, 3002, 4000 and 4001 from what the vehicle has said.
+//! Messages 3001, 3002, 4000 and 4001 from the vehicle's telemetry.
 //!
-//! A field that the vehicle has not told is absent, never zero.
+//! A field that the vehicle has not reported is absent, never zero.
 
 use mavlink_link::dialect::{MavLandedState, MavState, MissionState};
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, SpeedType, UaState};
@@ -39,7 +39,7 @@ pub struct Commanded {
     pub loiter_position: Option<(f64, f64)>,
 }
 
-/// 3001: the mode that the vehicle is in, never the one asked for. `None` before it has told one.
+/// 3001: the mode that the vehicle is in, never the requested one. `None` before it has reported one.
 #[must_use]
 pub fn operating_mode(vehicle: &Telemetry, stamp: TimeStamp) -> Option<VehicleOperatingModeReport> {
     Some(VehicleOperatingModeReport {
@@ -103,7 +103,7 @@ pub fn operating_states(
     states
 }
 
-/// 4000. `None` before the vehicle has told anything that it carries.
+/// 4000. `None` before the vehicle has reported anything that it carries.
 ///
 /// Altitude is type 3 (ellipsoid) where the vehicle's geoid separation is known, else type 1 (AMSL). Without a
 /// position fix latitude, longitude and altitude are absent.
@@ -244,7 +244,7 @@ fn ua_state(vehicle: &Telemetry) -> UaState {
     }
 }
 
-/// Which leg of the route is flown, its number of legs where the route is over; `None` where the vehicle has told none.
+/// Which leg of the route is flown, its number of legs where the route is over; `None` where the vehicle has reported none.
 #[must_use]
 pub fn to_index(vehicle: &Telemetry, compiled: &CompiledMission) -> Option<usize> {
     let mission = vehicle.mission?;
@@ -263,7 +263,7 @@ fn to_leg<'a>(vehicle: &Telemetry, compiled: Option<&'a CompiledMission>) -> Opt
     compiled.order.get(to_index(vehicle, compiled)?)
 }
 
-/// The speed that the vehicle was told last: by 2016, or by the leg that a mission flies since.
+/// The speed that the vehicle was commanded last: by 2016, or by the leg that a mission flies since.
 fn commanded_speed(
     vehicle: &Telemetry,
     commanded: &Commanded,
@@ -315,7 +315,7 @@ fn eta_ms(vehicle: &Telemetry, to: &Leg, stamp: TimeStamp) -> Option<u64> {
     later(stamp.0, distance_m, vehicle.groundspeed?)
 }
 
-/// When a distance is flown; `None` at a speed so low that it says nothing.
+/// When a distance is flown; `None` at a speed so low that the time has no meaning.
 fn later(from_ms: u64, distance_m: f64, speed_m_s: f64) -> Option<u64> {
     const SLOWEST_M_S: f64 = 0.5;
     (speed_m_s >= SLOWEST_M_S)

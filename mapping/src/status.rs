@@ -1,6 +1,6 @@
 //! Status on request: messages 3000, 3004 to 3007, 3009, 3010, 12101, 16001 and 50013.
 //!
-//! None is pushed: a CUCS asks by 17001 or 17002. A field that the vehicle has not told is absent, never zero.
+//! None is pushed: a CUCS asks by 17001 or 17002. A field that the vehicle has not reported is absent, never zero.
 //! Angles and velocities over ground are true, not magnetic; 3010 is in the body's axes.
 
 use mavlink_link::dialect::MavType;
@@ -21,7 +21,7 @@ use crate::parameter::Parameters;
 use crate::report::Commanded;
 use crate::telemetry::{Software, Telemetry};
 
-/// How many motors a vehicle of this type has; 0 where the type does not say.
+/// How many motors a vehicle of this type has; 0 where the type does not define it.
 #[must_use]
 pub fn engines(vehicle: &Telemetry) -> u8 {
     match vehicle.vehicle_type {
@@ -92,7 +92,7 @@ pub fn termination(stamp: TimeStamp) -> FlightTerminationModeReport {
     }
 }
 
-/// 3006: PX4 tells nothing of its lights, and neither does this.
+/// 3006: PX4 reports nothing of its lights, so the field is absent.
 #[must_use]
 pub fn lights(stamp: TimeStamp) -> VehicleLightsState {
     VehicleLightsState {
@@ -101,7 +101,7 @@ pub fn lights(stamp: TimeStamp) -> VehicleLightsState {
     }
 }
 
-/// 3007 of one motor, from 1: PX4 arms all of them together, and tells one throttle.
+/// 3007 of one motor, from 1: PX4 arms all of them together, and reports one throttle.
 #[must_use]
 pub fn engine(
     vehicle: &Telemetry,
@@ -127,7 +127,7 @@ pub fn engine(
     }
 }
 
-/// 3009. `agl` says whether height above home may stand for height above ground.
+/// 3009. `agl`: whether height above home may stand for height above ground.
 #[must_use]
 pub fn air_and_ground(
     vehicle: &Telemetry,
@@ -143,7 +143,7 @@ pub fn air_and_ground(
     let velocity = |v: Option<f64>| v.and_then(|v| Scaled::from_si(v).ok());
     let ground = vehicle.velocity_ned;
     let wind = vehicle.sensed.wind_ne;
-    // A multicopter without an air speed sensor tells 0 all the time.
+    // A multicopter without an air speed sensor reports 0 all the time.
     let airspeed = vehicle
         .airspeed
         .filter(|airspeed| !vehicle.hovers() || *airspeed > 0.0);
@@ -208,7 +208,7 @@ pub fn battery(vehicle: &Telemetry, stamp: TimeStamp) -> BatteryReport {
     }
 }
 
-/// 50013.What the vehicle has not told is absent.
+/// 50013. What the vehicle has not reported is absent.
 #[must_use]
 pub fn software(
     vsm_version: &str,
@@ -231,7 +231,7 @@ pub fn software(
 }
 
 /// 16001, one a subsystem, by rising Subsystem ID: the worst of what is found there. `live` is whether the vehicle is
-/// heard; of one that is not, nothing is known but the link.
+/// received; of one that is not, nothing is known but the link.
 #[must_use]
 pub fn subsystems(
     vehicle: &Telemetry,

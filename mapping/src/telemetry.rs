@@ -1,4 +1,4 @@
-//! What a vehicle has said of itself: the latest values of its messages, in SI units and the frames named here.
+//! What a vehicle has reported of itself: the latest values of its messages, in SI units and the frames named here.
 //!
 //! A plain value. Whoever feeds it decides which messages to believe (verified, fresh) and when it is stale.
 
@@ -104,9 +104,9 @@ pub struct Telemetry {
     pub target: Option<Place>,
     /// The circle that it flies, or flew last (ORBIT_EXECUTION_STATUS).
     pub orbit: Option<Orbit>,
-    /// The last MISSION_ITEM_REACHED; PX4 says it ten times over.
+    /// The last MISSION_ITEM_REACHED; PX4 sends it ten times over.
     pub reached: Option<u16>,
-    /// What its sensors have told beyond that.
+    /// What its sensors have reported beyond that.
     pub sensed: Sensed,
     /// AUTOPILOT_VERSION, once it was asked for.
     pub software: Option<Software>,
@@ -224,7 +224,7 @@ impl Telemetry {
         true
     }
 
-    /// Whether it is in the air, as far as it has said.
+    /// Whether it is in the air, as far as it has reported.
     #[must_use]
     pub fn airborne(&self) -> bool {
         use MavLandedState as S;
@@ -238,14 +238,14 @@ impl Telemetry {
         )
     }
 
-    /// Whether it stands on the ground, as it has said itself.
+    /// Whether it stands on the ground, as it reports itself.
     #[must_use]
     pub fn stands(&self) -> bool {
         self.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND)
     }
 
-    /// Forgets where it was and what it flew: it has started anew, perhaps somewhere else. What it is stays, and what
-    /// its sensors tell is told again.
+    /// Forgets where it was and what it flew: it has restarted, perhaps somewhere else. What it is stays, and what
+    /// its sensors measure is reported again.
     pub fn restart(&mut self) {
         self.landed = None;
         self.position = None;
@@ -259,7 +259,7 @@ impl Telemetry {
         self.reached = None;
     }
 
-    /// Whether it can stand still in the air: every type but a fixed wing, as long as it has not said.
+    /// Whether it can stand still in the air: every type but a fixed wing, and any whose type is not known yet.
     #[must_use]
     pub fn hovers(&self) -> bool {
         self.vehicle_type != Some(MavType::MAV_TYPE_FIXED_WING)
@@ -362,7 +362,7 @@ impl Sensed {
     }
 }
 
-/// What a vehicle has said of its software and board.
+/// What a vehicle has reported of its software and board.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Software {
     /// Such as `1.18.0-beta`.

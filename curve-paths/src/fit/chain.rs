@@ -68,7 +68,7 @@ impl Shape<'_> {
     }
 }
 
-/// For each fix the furthest end that one leg reaches, found by walking on from its neighbour's. `progress` is told
+/// For each fix the furthest end that one leg reaches, found by walking on from its neighbour's. `progress` receives
 /// the part done, 0 to 1.
 pub(crate) fn reaches(
     shape: &Shape<'_>,

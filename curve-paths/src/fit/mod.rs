@@ -56,7 +56,7 @@ pub struct Fitted {
     pub deviation_m: f64,
 }
 
-/// The fewest cubic legs found through a track; `progress` is told the part done, 0 to 1.
+/// The fewest cubic legs found through a track; `progress` receives the part done, 0 to 1.
 ///
 /// # Errors
 /// When the tolerance is out of range, or two fixes are further apart than a leg may be long.
@@ -133,7 +133,7 @@ fn search(
     }
 }
 
-/// The route of `links` and how far it strays, by samples `spacing_m` apart.
+/// The route of `links` and its deviation from the track, by samples `spacing_m` apart.
 fn measured(
     track: &Track,
     sampled: &Sampled,

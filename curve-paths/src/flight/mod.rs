@@ -2,7 +2,7 @@
 //!
 //! Promised: every finding names the place, the figure and the fastest legal speed there; nothing is changed silently.
 //! What a policy makes of the findings is data: a list of speed changes, or a refusal. The predicted deviation is a
-//! forecast from flights that were measured, and never a bound.
+//! prediction from flights that were measured, never a bound.
 
 mod curvature;
 mod flown;

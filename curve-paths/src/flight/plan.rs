@@ -53,7 +53,7 @@ pub struct FlightPlan {
     pub changes: Vec<SpeedChange>,
     /// Time that the chords take at those speeds, and no faster than the autopilot takes each chord, s.
     pub time_s: f64,
-    /// Forecast of the flown deviation, m; none where flights to forecast from are missing (fixed wing).
+    /// Predicted flown deviation, m; none where measured flights are missing (fixed wing).
     pub predicted_deviation_m: Option<f64>,
     /// The slowest chord by the autopilot's own rule, m/s: a tight tolerance makes short chords and slow flight.
     pub slowest_chord_mps: f64,
@@ -244,7 +244,7 @@ fn speeds(chords: &[Chord], speed_mps: f64, braking: f64) -> Vec<f64> {
             .iter()
             .map(Chord::fastest_mps)
             .fold(f64::INFINITY, f64::min);
-        // Whole tenths, downwards: that is what a DO_CHANGE_SPEED should say.
+        // Whole tenths, downwards: the resolution used for a DO_CHANGE_SPEED.
         let slow = ((slowest * 10.0).floor() * 0.1).max(CRAWL_MPS);
         let mut needed_m = (speed_mps * speed_mps - slow * slow) / (2.0 * braking);
         let mut first = k;

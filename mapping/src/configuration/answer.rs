@@ -208,7 +208,7 @@ fn own_values(message: u16, field: &str) -> Vec<(u8, &'static str, &'static str)
             (report::UA_STATE_FAILSAFE, "failsafe", "a failsafe flies it"),
         ],
         (16000, "Subsystem ID") => {
-            vec![(AUTOPILOT, "autopilot", "what the autopilot says of itself")]
+            vec![(AUTOPILOT, "autopilot", "the autopilot's own reports")]
         }
         _ => Vec::new(),
     }
@@ -350,5 +350,5 @@ fn number(field: &FieldInfo) -> u8 {
 const ABSOLUTE_ONLY: u8 = 0;
 /// Modes above it are the VSM's own.
 const LAST_STANDARD_MODE: u8 = 31;
-/// Subsystem ID of what the autopilot says of itself.
+/// Subsystem ID of the autopilot's own reports.
 const AUTOPILOT: u8 = 20;

@@ -15,11 +15,11 @@ use crate::telemetry::Place;
 pub struct Subject<'a> {
     /// Of this VSM.
     pub vsm: Id,
-    /// HEARTBEAT.type; 0 before it is heard.
+    /// HEARTBEAT.type; 0 before one is received.
     pub vehicle_type: u16,
     /// Whether it can stand still.
     pub hovers: bool,
-    /// Once it has told one.
+    /// Once it has reported one.
     pub home: Option<Place>,
     /// Bounds of routes.
     pub limits: Limits,
@@ -200,7 +200,7 @@ fn speed(subject: &Subject<'_>) -> Bounds {
         let help = "m/s; FW_AIRSPD_MIN, _TRIM, _MAX, vehicle.limits";
         ("FW_AIRSPD_TRIM", help)
     };
-    // What the vehicle has not told is not made up.
+    // What the vehicle has not reported is absent, not invented.
     let cruise = subject.parameters.above_zero(cruise);
     Bounds::between(low, high, help).starting_at(cruise.map(|own| own.clamp(low, high)))
 }
@@ -242,7 +242,7 @@ fn longitude(subject: &Subject<'_>) -> Bounds {
     let span = reach_m(subject) / (EARTH_RADIUS_M * widest.cos().max(1e-9));
     let help = "rad; within vehicle.limits.first_m and GF_MAX_HOR_DIST of home";
     if at - span < -PI || at + span >= PI {
-        // An interval over the date line cannot be said by a least and a greatest value.
+        // An interval over the date line cannot be expressed by a minimum and a maximum.
         return Bounds { help, ..whole }.starting_at(at);
     }
     Bounds::between(at - span, at + span, help).starting_at(at)

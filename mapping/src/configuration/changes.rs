@@ -1,9 +1,9 @@
-//! Values that are no longer what a ground station has set: 44000 and 44002 say what they are now.
+//! Values that are no longer what a ground station has set: 44000 and 44002 report the present ones.
 //!
 //! These are the values that this VSM keeps for all stations alike (the altimeter setting of 2016, the loiter of 2017),
-//! and the mode that the vehicle is in. 44001 would say the same of a float: this VSM keeps none.
+//! and the mode that the vehicle is in. 44001 would report a float: this VSM keeps none.
 //!
-//! Modes 11 and 21 can be commanded at times only: 44003 tells when ([`Available`]).
+//! Modes 11 and 21 can be commanded at times only: 44003 reports when ([`Available`]).
 
 use stanag_msgs::Message;
 use stanag_msgs::enums::{EnumIndexEnable, FieldAvailable, FlightPathControlMode};

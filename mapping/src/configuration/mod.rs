@@ -3,12 +3,12 @@
 //!
 //! - A field that can be used is answered by the message of its kind: 41000 for signed integers and angles, 41003 for
 //!   unsigned ones, 41001 for floats, 41002 for enumerations, 41004 for texts. Values are in steps of the field on the
-//!   wire, so that a command is built of them as they are; the help text says what one is, and where it is from.
+//!   wire, so that a command is built of them as they are; the help text has the unit and the source.
 //! - A field that is not used, a message that is not supported, and a value of an enumeration that is refused, are
-//!   said by 44003: Reported Field 0 is the whole message, and an Enumerated Index is the value itself.
+//!   reported by 44003: Reported Field 0 is the whole message, and an Enumerated Index is the value itself.
 //! - Values of this VSM's own (modes, states) are described one by one by 41002.
-//! - What is not known, such as home before the vehicle has told it, is absent.
-//! - What a command of another station, or the vehicle itself, has set since is said by 44000 and 44002 ([`changes`]).
+//! - What is not known, such as home before the vehicle has reported it, is absent.
+//! - What a command of another station, or the vehicle itself, has set since is reported by 44000 and 44002 ([`changes`]).
 
 mod answer;
 mod bounds;

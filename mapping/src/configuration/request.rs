@@ -60,13 +60,13 @@ impl Level {
         }
     }
 
-    /// Whether the services of the VSM are told with it.
+    /// Whether the services of the VSM are reported with it.
     #[must_use]
     pub fn is_status(self) -> bool {
         self == Level::Status
     }
 
-    /// Whether the routes that can be loaded are told with it.
+    /// Whether the routes that can be loaded are reported with it.
     #[must_use]
     pub fn is_control(self) -> bool {
         self == Level::Control

@@ -6,15 +6,15 @@
 //! vehicle flies on along the leg without end, climbing: seen on v1.18 at a radius of 3 m and 5 m/s with a climb of 1.5 m
 //! in 25 m, and at PX4's own radius (NAV_ACC_RAD, 10 m) and 10 m/s with a climb of 5 m in 100 m. A hold of any length
 //! makes PX4 brake for the waypoint, and then none is missed. At 5 m/s there is time enough inside a radius of 10 m,
-//! however steep the climb. The radius and the cruise speed are those that the vehicle has told ([`Performance`]).
+//! however steep the climb. The radius and the cruise speed are those that the vehicle reports ([`Performance`]).
 
 use mavlink_link::service::mission::Item;
 
 use super::item::{DO_CHANGE_SPEED, DO_JUMP, NAV_WAYPOINT};
 use crate::limits::{ACCEPTANCE_M, Performance};
 
-/// Makes PX4 brake for each waypoint of these that it comes to, or goes on from, with a climb or a descent, where it has
-/// a radius of its own or is passed within less time than a swing of the height takes. The first waypoint is come to from
+/// Makes PX4 brake for each waypoint of these that it reaches, or leaves, with a climb or a descent, where it has
+/// a radius of its own or is passed within less time than a swing of the height takes. The first waypoint is reached from
 /// anywhere; PX4 climbs to its height before it flies there, on the spot. Gives the indices of those it brakes for.
 ///
 /// The points of a curve are not meant: they are slowed and widened instead ([`super::curve`]).
@@ -46,9 +46,9 @@ pub(crate) fn where_height_changes(
     braked
 }
 
-/// The first item from `start` on that a multicopter could miss for good where it is told to fly at this speed, until the
-/// route says another: one that is passed with a climb or a descent faster than it was made for. `level` says of the first
-/// place whether it is come to without one, where the vehicle comes from elsewhere than the route does.
+/// The first item from `start` on that a multicopter could miss for good where it is commanded to fly at this speed, until the
+/// route sets another: one that is passed with a climb or a descent faster than it was made for. `level` states of the first
+/// place whether it is reached without one, where the vehicle comes from elsewhere than the route does.
 pub(crate) fn missed_at(
     items: &[Item],
     start: usize,
@@ -89,12 +89,12 @@ pub(crate) fn missed_at(
         .find(|at| too_fast(*at))
 }
 
-/// Whether PX4 goes on from it without a stop.
+/// Whether PX4 continues to the next item without a stop.
 fn is_passed(item: &Item) -> bool {
     item.command == NAV_WAYPOINT && item.params[0] <= 0.0
 }
 
-/// Whether it is come to, or left, by a climb or a descent. `first_is_level` says what holds of one that nothing is before.
+/// Whether it is reached, or left, by a climb or a descent. `first_is_level` applies where no waypoint is before it.
 fn changes_height(items: &[Item], at: usize, first_is_level: bool) -> bool {
     let before = items.iter().take(at).rev().find(|item| item.is_global());
     before.map_or(!first_is_level, |before| differs(items, at, before)) || next_differs(items, at)
@@ -118,7 +118,7 @@ fn is_fast(speed_m_s: f64, performance: &Performance) -> bool {
     SWING_S * speed_m_s > 2.0 * performance.acceptance_m
 }
 
-/// The speed at which the item is come to, m/s; none before the route has told one.
+/// The speed at which the item is reached, m/s; none before the route has set one.
 fn speed_m_s(items: &[Item], at: usize) -> Option<f64> {
     let before = items.iter().take(at).rev();
     before
@@ -174,7 +174,7 @@ mod tests {
         where_height_changes(items, &every, performance)
     }
 
-    /// Items 100 m apart with PX4's own radius, come to at this speed.
+    /// Items 100 m apart with PX4's own radius, reached at this speed.
     fn far(speed_m_s: f32, heights: &[f32]) -> Vec<Item> {
         let mut items = vec![Item {
             params: [1.0, speed_m_s, -1.0, 0.0],

@@ -13,7 +13,7 @@ use crate::limits::{Performance, metres};
 use crate::plan::Plan;
 
 /// Makes the mission of the route that starts at `initial`. Where its curves become too many items, they are flown
-/// within the smallest tolerance that the items allow, and the notes say so.
+/// within the smallest tolerance that the items allow, and a note reports it.
 ///
 /// # Errors
 /// The first waypoint, in flying order, that cannot be flown, and why. Nothing is half done.
@@ -257,7 +257,7 @@ impl<'a> Draft<'a> {
     }
 }
 
-/// Makes PX4 stop at those of these items that it could miss for good, and says so.
+/// Makes PX4 stop at those of these items that it could miss for good, and adds a note.
 fn stop_where_missed(
     compiled: &mut CompiledMission,
     straight: &[usize],
@@ -282,7 +282,7 @@ fn stop_where_missed(
     }
 }
 
-/// Says where waypoints are taken within the vehicle's own radius, and that is too small for it.
+/// Adds a note where waypoints are taken within the vehicle's own radius, and that is too small for it.
 fn note_own_radius(compiled: &mut CompiledMission, straight: &[usize], performance: &Performance) {
     let own_m = performance.acceptance_m;
     let mut items = straight.iter().filter_map(|at| compiled.items.get(*at));

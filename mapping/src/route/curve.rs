@@ -157,9 +157,9 @@ pub(super) struct Chords {
     pub reads_differently: bool,
     /// Proven deviation of the chords, m.
     pub bound_m: f64,
-    /// Forecast of the flown deviation, m.
+    /// Predicted flown deviation, m.
     pub predicted_m: Option<f64>,
-    /// Forecast of the time, s.
+    /// Predicted time, s.
     pub time_s: f64,
 }
 
@@ -295,7 +295,7 @@ fn climbing_speed(
         return Ok(wished_m_s);
     }
     match policy {
-        // Whole tenths, downwards: that is what a DO_CHANGE_SPEED should say.
+        // Whole tenths, downwards: the resolution used for a DO_CHANGE_SPEED.
         Policy::Slow => Ok((fastest_m_s * 10.0).floor() * 0.1),
         Policy::Refuse => Err(CurveError::ClimbsTooFast {
             speed_m_s: wished_m_s,

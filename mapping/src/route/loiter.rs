@@ -96,7 +96,7 @@ fn radius(requested: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
     match requested.loiter_direction {
         None | Some(LoiterDirection::VehicleDependent) => Ok(radius_m),
         _ if hovers => Ok(radius_m),
-        // The sign of a radius of 0 says nothing.
+        // The sign of a radius of 0 has no meaning.
         Some(LoiterDirection::Clockwise | LoiterDirection::CounterClockwise) if radius_m == 0.0 => {
             Err(Reason::Missing("Loiter Radius beside Loiter Direction"))
         }

@@ -49,14 +49,14 @@ pub struct Curved {
     pub tolerance_m: f64,
     /// Proven deviation of the chords from the curves, both ways, m.
     pub bound_m: f64,
-    /// Forecast of the flown deviation, m, never a promise; none for a fixed wing.
+    /// Predicted flown deviation, m, never a promise; none for a fixed wing.
     pub predicted_m: Option<f64>,
-    /// Forecast of the time that the curved legs take, s.
+    /// Predicted time that the curved legs take, s.
     pub time_s: f64,
 }
 
 impl Curved {
-    /// What an operator is told of it.
+    /// The text of the alert about it.
     pub(crate) fn note(&self, wished_m: f64, items: usize) -> String {
         let Self {
             legs,
@@ -108,8 +108,8 @@ impl CompiledMission {
     }
 
     /// The first waypoint from this item on that a multicopter could miss for good at this speed, where it is commanded
-    /// beside the route: it climbs or descends there. `level` says whether a vehicle that does not come from the waypoint
-    /// before comes to the first one without that.
+    /// beside the route: it climbs or descends there. `level`: whether a vehicle that does not come from the waypoint
+    /// before reaches the first one without that.
     #[must_use]
     pub fn missed_at(
         &self,

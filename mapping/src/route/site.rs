@@ -14,7 +14,7 @@ use crate::telemetry::Place;
 pub struct Site {
     /// Home.
     pub home: Place,
-    /// Height of the geoid above the ellipsoid, m, once the vehicle has told it.
+    /// Height of the geoid above the ellipsoid, m, once the vehicle has reported it.
     pub geoid_m: Option<f64>,
     /// How AGL is flown.
     pub agl: Agl,
@@ -58,7 +58,7 @@ impl Default for Curving {
 }
 
 impl Curving {
-    /// Takes over what the vehicle's own parameters say of it; what it has not told stays the default.
+    /// Applies the vehicle's own parameters; what it has not reported stays the default.
     pub fn know(&mut self, parameters: &Parameters) {
         let (quad, plane) = (&mut self.multicopter, &mut self.fixed_wing);
         for (known, name) in [

@@ -1,4 +1,4 @@
-//! What the facts say of a message, of a field, of the values of a field.
+//! The facts about a message, a field, the values of a field.
 
 use stanag_msgs::table::{Direction, FieldInfo, Layout, MessageInfo};
 

@@ -1,7 +1,7 @@
 //! What this VSM does with each field of each message: the one source of the support table (`docs/reference/support.md`), of the
-//! answers of the configuration phase that say what is not supported, and of the tests that hold both to the truth.
+//! answers of the configuration phase that report what is not supported, and of the tests that hold both to the truth.
 //!
-//! A message that is not listed is neither sent nor acted on: one for the VSM is refused, with 16000 saying so.
+//! A message that is not listed is neither sent nor acted on: one for the VSM is refused, and 16000 gives the reason.
 
 mod facts;
 mod lookup;

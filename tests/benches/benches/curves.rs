@@ -155,7 +155,7 @@ fn report(legs: &[BezierLeg], planes: &[Plane]) {
 }
 
 /// Points a second in the fastest of many rounds, by turns: what the core does while nothing else has it. The means that
-/// criterion tells contain what else the machine did.
+/// criterion prints contain what else the machine did.
 #[expect(clippy::print_stdout, reason = "as above")]
 fn fastest(rows: &[(&str, &dyn Fn() -> usize)]) {
     let mut min = vec![f64::INFINITY; rows.len()];

@@ -1,7 +1,7 @@
 //! What a signed frame costs, for frames of 40 and 266 bytes (ATTITUDE and FILE_TRANSFER_PROTOCOL without
 //! their trailers): ours, the C library and pymavlink in one run, and other signatures on the same bytes.
 //!
-//! The C library and pymavlink are measured where `cc` and pymavlink are at hand; what is left out is said.
+//! The C library and pymavlink are measured where `cc` and pymavlink are at hand; what is left out is printed.
 
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 

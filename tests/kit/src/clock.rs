@@ -1,4 +1,4 @@
-//! A virtual clock: time passes only when a test says so.
+//! A virtual clock: time passes only when a test advances it.
 //!
 //! A process reads two clocks. The monotonic one starts with the process; the wall clock may be stepped while it runs.
 //! [`VirtualClock`] keeps both, so that a test can restart a process or step the clock and everything else stays as it is.

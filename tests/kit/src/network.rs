@@ -93,7 +93,7 @@ pub struct Network<A, T> {
     in_flight: BTreeMap<(Duration, u64), Packet<A, T>>,
     /// When the last packet to each end arrives.
     last_arrival: BTreeMap<A, Duration>,
-    /// Tells packets apart that arrive at the same time: the one sent first arrives first.
+    /// Orders packets that arrive at the same time: the one sent first arrives first.
     sent: u64,
     lost: u64,
 }

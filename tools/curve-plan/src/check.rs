@@ -32,33 +32,33 @@ enum Tightness {
 /// Arguments of `check`.
 #[derive(Debug, Args)]
 pub(crate) struct Command {
-    /// The route.
+    /// Read this route.
     file: PathBuf,
     #[command(flatten)]
     how: Densify,
-    /// Speed wished for, m/s.
+    /// Fly at this speed, m/s.
     #[arg(long, value_name = "M/S", default_value_t = 5.0)]
     speed: f64,
-    /// The airframe.
+    /// Check for this airframe.
     #[arg(long, value_enum, default_value_t = Kind::Quad)]
     airframe: Kind,
-    /// Greatest bank of a plane, degrees.
+    /// Limit the bank of a plane to this, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 30.0, value_parser = bank)]
     bank: f64,
-    /// Slowest speed of a plane, m/s.
+    /// Keep a plane at or above this speed, m/s.
     #[arg(long, value_name = "M/S", default_value_t = 10.0)]
     slowest: f64,
-    /// Horizontal acceleration of a quad, m/s^2 (MPC_ACC_HOR).
+    /// Limit the horizontal acceleration of a quad to this, m/s^2 (MPC_ACC_HOR).
     #[arg(long, default_value_t = 3.0, value_parser = positive)]
     acceleration: f64,
-    /// Jerk of a quad, m/s^3 (MPC_JERK_AUTO).
+    /// Limit the jerk of a quad to this, m/s^3 (MPC_JERK_AUTO).
     #[arg(long, default_value_t = 4.0, value_parser = positive)]
     jerk: f64,
     /// Fly a turn that is too tight slower, or refuse the route.
     #[arg(long, value_enum, default_value_t = Tightness::Slow)]
     policy: Tightness,
-    /// A .tlog of the flight: the flown deviation beside the predicted one. Its altitudes are taken from the height that
-    /// the route starts at.
+    /// Compare with a .tlog of the flight: print the flown deviation beside the predicted one. Its altitudes count from
+    /// the height of the route's start.
     #[arg(long, value_name = "FILE")]
     flown: Option<PathBuf>,
     /// Print JSON.
@@ -189,7 +189,7 @@ impl Command {
 /// The flown track of a recording, against the route.
 fn measured(file: &Path, loaded: &Loaded, densified: &Densified) -> Result<Flown, Failure> {
     let mut track = tlog::read(file)?;
-    // A recording says heights above mean sea level, a route whatever it says: they meet where the route starts.
+    // A recording has heights above mean sea level, a route its own datum: they meet where the route starts.
     let start = densified.vertices[0].position;
     let apart = |p: &Position| p.ground().distance_m(start.ground());
     let nearest = track.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));

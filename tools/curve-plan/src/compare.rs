@@ -19,18 +19,18 @@ use crate::output::progress;
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
 pub(crate) struct Compare {
-    /// The track.
+    /// Read this track.
     file: PathBuf,
-    /// Only the rows of this lap (a table with a column lap).
+    /// Use only the rows of this lap (a table with a column lap).
     #[arg(long)]
     lap: Option<i64>,
-    /// Keep each n-th fix.
+    /// Keep every n-th fix.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
-    /// The track returns to its first fix.
+    /// Close the track: it returns to its first fix.
     #[arg(long)]
     closed: bool,
-    /// Greatest deviation both ways, m; may be given several times.
+    /// Stay within this deviation both ways, m; may be given several times.
     #[arg(long = "tolerance", value_name = "M", required = true)]
     tolerances: Vec<f64>,
     /// Print JSON.

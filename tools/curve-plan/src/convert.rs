@@ -12,9 +12,9 @@ use crate::output::print;
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
 pub(crate) struct Command {
-    /// The route.
+    /// Read this route.
     input: PathBuf,
-    /// Where to write it; curves stay curves in .toml, .hex and .pcapng, and become their vertices elsewhere.
+    /// Write it to this file; curves stay curves in .toml, .hex and .pcapng, and become their vertices elsewhere.
     output: PathBuf,
     #[command(flatten)]
     how: Densify,

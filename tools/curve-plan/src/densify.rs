@@ -13,9 +13,9 @@ use crate::output::print;
 /// Arguments of `densify`.
 #[derive(Debug, Args)]
 pub(crate) struct Command {
-    /// The route.
+    /// Read this route.
     file: PathBuf,
-    /// Where to write the waypoints; the ending says the format.
+    /// Write the waypoints to this file; its ending selects the format.
     #[arg(short, long)]
     output: Option<PathBuf>,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! Why the program stops: what is wrong, where, and the exit status that says so.
+//! Why the program stops: what is wrong, where, and the exit status.
 
 use std::io::Write;
 use std::path::Path;
@@ -72,7 +72,7 @@ impl Failure {
         }
     }
 
-    /// Says it on standard error; the exit status.
+    /// Prints it on standard error; the exit status.
     pub(crate) fn report(&self) -> ExitCode {
         // Nothing is left to do when standard error is closed as well.
         let _ = writeln!(std::io::stderr(), "curve-plan: {self}");

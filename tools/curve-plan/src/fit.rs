@@ -16,20 +16,20 @@ use crate::route::{Datum, Route};
 /// Arguments of `fit`.
 #[derive(Debug, Args)]
 pub(crate) struct Command {
-    /// The track.
+    /// Read this track.
     file: PathBuf,
-    /// Where to write the route: .toml, or .hex or .pcapng for its messages.
+    /// Write the route to this file: .toml, or .hex or .pcapng for its messages.
     #[arg(short, long)]
     output: Option<PathBuf>,
     #[command(flatten)]
     addresses: Addresses,
-    /// Greatest deviation both ways on the ground, m.
+    /// Stay within this deviation both ways on the ground, m.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     tolerance: f64,
-    /// Only the rows of this lap (a table with a column lap).
+    /// Use only the rows of this lap (a table with a column lap).
     #[arg(long)]
     lap: Option<i64>,
-    /// Keep each n-th fix.
+    /// Keep every n-th fix.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
     /// Keep only the fixes from this one, counted from 0 after --every.
@@ -38,19 +38,19 @@ pub(crate) struct Command {
     /// Keep only the fixes up to this one, itself included.
     #[arg(long)]
     to: Option<usize>,
-    /// The track returns to its first fix.
+    /// Close the track: it returns to its first fix.
     #[arg(long)]
     closed: bool,
-    /// Legs also share their direction where they meet.
+    /// Let legs also share their direction where they meet.
     #[arg(long)]
     g1: bool,
-    /// A fix where the track turns by more than this is a corner, and kept, degrees.
+    /// Keep a fix as a corner where the track turns by more than this, degrees.
     #[arg(long, value_name = "DEG")]
     corner: Option<f64>,
-    /// Altitude for a track that has none, m above mean sea level.
+    /// Use this altitude for a track that has none, m above mean sea level.
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     altitude: Option<f64>,
-    /// Height above home for a track that has no altitudes, m.
+    /// Use this height above home for a track that has no altitudes, m.
     #[arg(long, value_name = "M", conflicts_with = "altitude")]
     height: Option<f64>,
     /// Print JSON.

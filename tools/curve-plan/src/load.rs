@@ -12,19 +12,19 @@ use crate::route::Route;
 /// How to densify, on the command line.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Densify {
-    /// Greatest deviation both ways, in three dimensions, roundings included, m.
+    /// Stay within this deviation both ways, in three dimensions, rounding included, m.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     pub(crate) tolerance: f64,
-    /// At most so many items: the smallest tolerance that allows it, and none under --tolerance.
+    /// Use at most this many items, by the smallest tolerance that allows it, never below --tolerance.
     #[arg(long, value_name = "N")]
     pub(crate) max_items: Option<usize>,
-    /// Vertices may leave the curve by up to the tolerance: about 30 % fewer.
+    /// Let vertices leave the curve by up to the tolerance: about 30 % fewer.
     #[arg(long)]
     pub(crate) free: bool,
-    /// Shortest chord between vertices of a curved leg, m.
+    /// Keep chords between vertices of a curved leg at least this long, m.
     #[arg(long, value_name = "M", default_value_t = 4.0)]
     pub(crate) min_chord: f64,
-    /// Home, m above mean sea level: turns heights above home into altitudes.
+    /// Turn heights above home into altitudes by this altitude of home, m above mean sea level.
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub(crate) home_alt: Option<f64>,
 }

@@ -39,7 +39,7 @@ pub(crate) enum Datum {
     Home,
     /// The WGS-84 ellipsoid.
     Ellipsoid,
-    /// Not said.
+    /// Not stated.
     Unstated,
 }
 

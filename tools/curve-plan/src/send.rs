@@ -14,21 +14,21 @@ use crate::formats::{self, Selection};
 /// Arguments of `send`.
 #[derive(Debug, Args)]
 pub(crate) struct Command {
-    /// The route; any format that can be read.
+    /// Read this route, in any format that can be read.
     file: PathBuf,
-    /// Where the VSM listens.
+    /// Send to the VSM at this address.
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:4586")]
     vsm: String,
-    /// The id to send as, which the VSM's configuration must list.
+    /// Send as this CUCS id, which the VSM's configuration must list.
     #[arg(long, default_value = "1b:00:00:a0")]
     id: Id,
-    /// Own address; without it any port, on the loopback where the VSM is there.
+    /// Listen on this address; without it any port, on the loopback where the VSM is there.
     #[arg(long, value_name = "IP:PORT")]
     listen: Option<SocketAddr>,
-    /// The vehicle; without it the only one that is there.
+    /// Send to this vehicle; without it, to the only one that is there.
     #[arg(long, value_name = "ID")]
     vehicle: Option<Id>,
-    /// Home, m above mean sea level: turns heights above home into altitudes.
+    /// Turn heights above home into altitudes by this altitude of home, m above mean sea level.
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     home_alt: Option<f64>,
     /// Take the rights (LOI 4) also where another station holds them.
@@ -37,7 +37,7 @@ pub(crate) struct Command {
     /// Keep the rights; without it they are given back, unless this id held some before.
     #[arg(long)]
     keep: bool,
-    /// Print JSON, an object a line.
+    /// Print JSON, one object per line.
     #[arg(long)]
     json: bool,
 }
@@ -48,7 +48,7 @@ impl Command {
         if let Some(home_m) = self.home_alt {
             route.lift(home_m);
         }
-        // What is no route is told before anything is sent.
+        // A file that is no route is refused before anything is sent.
         route.legs(&self.file)?;
         let plan = route.to_plan()?;
         tokio::runtime::Builder::new_current_thread()
@@ -84,7 +84,7 @@ impl Command {
         let sent = operator.load(&name, plan).await;
         if held.is_empty() && !self.keep {
             let released = operator.run(&Verb::Release, nowhere).await;
-            // Of two failures the first says more.
+            // Of two failures the first is closer to the cause.
             return sent.and(released);
         }
         sent

@@ -345,7 +345,7 @@ fn a_key_that_was_replaced_never_comes_into_force_again() {
     world.now = world.now.after(Duration::from_secs(10));
     let bytes = thief.frame(world.now, &arm());
     assert!(!world.passes(GROUND, &bytes), "{}", world.state());
-    // The way is open again: PX4 gets the key in force, and its ground is heard.
+    // The way is open again: PX4 gets the key in force, and the ground's frames arrive.
     world.cannot_sign = false;
     world.run(60.0);
     assert!(has(&world, 6), "{}", world.state());

@@ -139,7 +139,7 @@ pub(crate) struct Ground {
     disk: MemoryDisk,
     /// Ids of frames of component 1 delivered so far.
     pub(crate) received: Vec<u32>,
-    /// What the agent said.
+    /// The agent's texts.
     pub(crate) texts: Vec<String>,
 }
 
@@ -258,7 +258,7 @@ pub(crate) fn start(settings: Settings, disk: &mut Disk, now: Now) -> Agent {
 }
 
 impl World {
-    /// Agent and ground hold `key`; PX4 what `px4` says.
+    /// Agent and ground hold `key`; PX4 that of `px4`.
     pub(crate) fn new(key: Option<SigningKey>, px4: Signing) -> World {
         World::with(settings(), Disk::with(key), px4)
     }
@@ -289,7 +289,7 @@ impl World {
         }
     }
 
-    /// A world in which PX4, agent and ground share a key, and hear each other.
+    /// A world in which PX4, agent and ground share a key, and accept each other's frames.
     pub(crate) fn live() -> World {
         let mut world = World::new(Some(key(5)), Signing::with_key(key(5), 0));
         world.run(4.0);

@@ -20,7 +20,7 @@ pub(crate) fn datagrams() -> Vec<Vec<u8>> {
     wires.step_by(7).map(|hex| from_hex(&hex)).collect()
 }
 
-/// Datagrams of PX4, of another autopilot, signed and unsigned; the first byte says the pieces.
+/// Datagrams of PX4, of another autopilot, signed and unsigned; the first byte gives the length of the pieces.
 pub(crate) fn frames() -> Vec<Vec<u8>> {
     let mut seeds = Vec::new();
     for name in [
@@ -37,7 +37,7 @@ pub(crate) fn frames() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// A vehicle that is heard, then one vector of each type that a station sends, with time between.
+/// A vehicle with a live link, then one vector of each type that a station sends, with time between.
 pub(crate) fn sessions() -> Vec<Vec<u8>> {
     let mut received = Vec::new();
     for bytes in capture("03-arm-takeoff-mission-landa")

@@ -449,7 +449,7 @@ fn a_transition_hands_over() {
     scene.drawn("a_transition_hands_over");
 }
 
-/// The page draws what is tested here, and tells of no case that is not.
+/// The page draws what is tested here, and no case that is not.
 #[test]
 fn every_case_of_the_page_is_a_test_that_draws_it() {
     let page = include_str!("../../../docs/guide/authority.md");

@@ -288,7 +288,7 @@ impl AuthorityModel {
         })
     }
 
-    /// Holder and acquirer have both said so: one now, the other before.
+    /// Holder and acquirer have both agreed: one now, the other before.
     fn both_agreed(&self, last: &State, input: Input, from: usize, to: usize) -> bool {
         let between = |stage: fn(&Stage) -> bool| {
             last.machine.pending().iter().any(|handover| {

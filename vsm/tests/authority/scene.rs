@@ -1,4 +1,4 @@
-//! Three ground stations around one vehicle, and what they say to each other through the VSM, written down.
+//! Three ground stations around one vehicle, and a record of what they send each other through the VSM.
 #![allow(
     dead_code,
     unreachable_pub,
@@ -197,7 +197,7 @@ impl Scene {
         self.lines.push((self.rig.clock.elapsed(), line));
     }
 
-    /// What was said, as a Mermaid sequence diagram.
+    /// What was sent, as a Mermaid sequence diagram.
     pub fn diagram(&self) -> String {
         let mut lines = self.lines.clone();
         for station in &self.rig.stations {

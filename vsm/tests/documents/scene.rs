@@ -101,7 +101,7 @@ fn is_of_no_effect(message: &Message) -> bool {
 /// Sends it to the vehicle and waits for its end.
 pub(super) fn send(rig: &mut Rig, message: &Message) {
     let end = rig.carry_out(message.clone());
-    // The end itself can be seen: 16000 tells a refusal, and this that there was an answer.
+    // The end itself can be seen: 16000 reports a refusal, and this that there was an answer.
     assert!(end.is_some(), "message {} is not answered", message.id());
 }
 

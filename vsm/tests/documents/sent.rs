@@ -1,4 +1,4 @@
-//! What the table says is sent, is sent, and nothing else is: every message that a station hears in all trials, and in a
+//! What the table lists as sent, is sent, and nothing else is: every message that a station receives in all trials, and in a
 //! flight that asks for everything, is held against it.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -248,7 +248,7 @@ fn services() -> Rig {
     rig
 }
 
-/// Reports of what a vehicle has told that the simulated one does not.
+/// Reports from telemetry of a vehicle that the simulated one does not.
 fn of_other_sensors() -> Vec<Message> {
     let mut vehicle = Telemetry::default();
     let reported = [

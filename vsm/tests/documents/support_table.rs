@@ -1,11 +1,11 @@
 //! The support table is true, field by field: a field that it calls honoured changes what the vehicle does or what is
-//! answered, one that it calls ignored changes nothing, and of what it says is sent every field is, and no other.
+//! answered, one that it calls ignored changes nothing, and of what it lists as sent every field is, and no other.
 //!
 //! Each trial is a message in a scene. It is played twice under the same virtual clock and the same seed, with one field
 //! changed, and everything that can be seen is compared: answers, alerts, messages, plans aboard, parameters, and where
 //! the vehicle is. A field that the table calls honoured and that no trial changes fails the test. What makes this worth
 //! something: played twice without a change a trial leaves the same trace; unchanged it is carried out; that a field is
-//! ignored is no effect; and where all that the change does is to have the message refused, the table must say so.
+//! ignored is no effect; and where all that the change does is to have the message refused, the table must state it.
 
 use std::collections::BTreeSet;
 

@@ -1,5 +1,5 @@
 //! Recorded vehicles in front of the bridge: a player sends what a real PX4 sent, at its times, and what the bridge then
-//! says on the DLI is compared with golden files, message for message.
+//! sends on the DLI is compared with golden files, message for message.
 //!
 //! `VSM_BLESS=1 cargo nextest run -p vsm --test flight captures_as_vehicles` writes `tests/data/golden` again; `gunzip -c` shows
 //! one, a JSON object a line.
@@ -52,7 +52,7 @@ fn a_signed_vehicle_whose_key_is_changed_by_another() {
     play.compare("04-signing");
 }
 
-/// A recorded vehicle, and what the bridge is told of it.
+/// A recorded vehicle, and its configuration in the bridge.
 struct Play {
     captures: &'static [&'static str],
     system_id: u8,
@@ -60,7 +60,7 @@ struct Play {
 }
 
 impl Play {
-    /// What a station hears that holds LOI 2 from the start: one JSON object a message, with its time in ms.
+    /// What a station receives that holds LOI 2 from the start: one JSON object a message, with its time in ms.
     fn run(&self) -> Vec<String> {
         let datagrams = datagrams(self.captures);
         let begun = datagrams[0].at;
@@ -111,7 +111,7 @@ impl Play {
                 bridge.handle_timeout(at, &mut store);
             }
             while let Some((_, frame)) = bridge.poll_vehicle() {
-                // A recording hears nothing; what the bridge says to it is well formed all the same.
+                // A recording receives nothing; what the bridge sends to it is well formed all the same.
                 assert!(FrameView::parse(frame.bytes()).is_ok());
             }
             while bridge.poll_log().is_some() {}

@@ -103,7 +103,7 @@ fn a_level_route_is_flown_as_fast_as_is_commanded() {
     rig.take_off(12.0);
     assert_eq!(rig.carry_out(fly_at(10.0)), Some(AckType::CarriedOut));
     assert!(rig.until(90.0, |rig| rig.truth().position.n > 250.0));
-    // A speed for the route that is flown already is honoured, and nothing else is said.
+    // A speed for the route that is flown already is honoured, and nothing else is reported.
     assert_eq!(rig.carry_out(fly_at(4.0)), Some(AckType::CarriedOut));
     assert!(rig.until(10.0, |rig| (rig.truth().velocity.n - 4.0).abs() < 0.3));
     assert!(

@@ -1,4 +1,4 @@
-//! 3002 and 3004 tell what the vehicle was commanded in the mode that it is in, and nothing of before; a speed on a
+//! 3002 and 3004 report what the vehicle was commanded in the mode that it is in, and nothing of before; a speed on a
 //! circle is flown before it is acknowledged.
 
 use kit::bridge::{Rig, orders, vehicle_id};

@@ -1,5 +1,5 @@
 //! What was commanded before `kill -9` is known after it: a repetition is answered and not carried out again, and what
-//! was cut off is said, and not resumed.
+//! was cut off is reported, and not resumed.
 
 use kit::bridge::{Rig, orders};
 use stanag_msgs::Message;
@@ -100,7 +100,7 @@ fn a_launch_that_a_restart_interrupts_is_reported_and_leaves_no_running_motors()
 fn a_launch_that_took_the_vehicle_up_before_the_restart_is_reported_and_continues() {
     let mut rig = Rig::ready();
     let launch = rig.send(orders::launch(20.0));
-    // Off the ground, and the VSM has not been told yet.
+    // Off the ground, and the VSM does not know it yet.
     assert!(rig.until(20.0, |rig| !rig.truth().landed));
     assert_eq!(rig.station().end(launch), None, "too late for this test");
     rig.stations[0].give_up(launch);

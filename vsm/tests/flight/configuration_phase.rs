@@ -14,7 +14,7 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::{Message, Scaled, table};
 
-/// What the answers say of one field, in steps on the wire.
+/// What the answers report of one field, in steps on the wire.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Reported {
     default: Option<i64>,
@@ -22,7 +22,7 @@ struct Reported {
     high: Option<i64>,
 }
 
-/// All that a station has been told: by message and field, from 1.
+/// All that a station has received: by message and field, from 1.
 type Screen = BTreeMap<(u32, u8), Reported>;
 
 fn ask(kind: ConfigRequestType) -> FieldConfigurationRequest {
@@ -69,7 +69,7 @@ fn screen(rig: &Rig) -> Screen {
     screen
 }
 
-/// A message of nothing but what the screen says, with `pick` of each field, and then `own` values.
+/// A message of nothing but what the screen shows, with `pick` of each field, and then `own` values.
 fn build(
     screen: &Screen,
     message: u16,
@@ -275,7 +275,7 @@ fn nothing_is_answered_where_provisional_layouts_are_off() {
     assert!(rig.station().has_alert("dli.provisional is off"));
 }
 
-/// The 44000 and 44002 that a station has heard since: message, field, value.
+/// The 44000 and 44002 that a station has received since: message, field, value.
 fn forced(rig: &Rig, station: usize, mark: usize) -> Vec<(u16, u8, i32)> {
     let received = rig.stations[station].received[mark..].iter();
     received
@@ -317,7 +317,7 @@ fn what_another_station_or_the_vehicle_sets_is_reported_to_those_that_requested_
     };
     assert_eq!(rig.carry_out(setting), Some(AckType::CarriedOut));
     rig.run(1.0);
-    // Of its own command the station knows; who has not asked is told nothing.
+    // Of its own command the station knows; who has not requested it receives nothing.
     let values = [(2017, 2, 1), (2017, 3, 40), (2016, 16, 10_182)];
     assert_eq!(forced(&rig, 1, marks[1]), values);
     assert_eq!(forced(&rig, 0, marks[0]), []);

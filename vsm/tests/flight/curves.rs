@@ -518,7 +518,7 @@ fn too_few_items_are_kept_with_the_smallest_tolerance_reported_at_load() {
         rig.station().alerts()
     );
     assert!(uploaded(&rig).1 <= 14, "{:?}", uploaded(&rig));
-    // What is said outlives the bridge.
+    // What is reported outlives the bridge.
     rig.restart_bridge();
     assert_eq!(curved(&rig).tolerance_m, reported.tolerance_m);
     let predicted_m = reported.predicted_m.expect("a multicopter's");

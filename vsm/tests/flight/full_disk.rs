@@ -1,4 +1,4 @@
-//! Each record of the store in turn cannot be written, in flight: what is refused, what is told, and that nothing that
+//! Each record of the store in turn cannot be written, in flight: what is refused, what is reported, and that nothing that
 //! was accepted is lost over a restart. `docs/guide/reliability.md` holds the table.
 //!
 //! `VSM_BLESS=1 cargo nextest run -p vsm --test flight full_disk` writes the table again.

@@ -1,4 +1,4 @@
-//! 16000 for what the vehicle says is wrong: raised once, by subsystem and priority, updated when it gets worse, cleared
+//! 16000 for what the vehicle reports as wrong: raised once, by subsystem and priority, updated when it gets worse, cleared
 //! when it is over, and never a storm; 15000 and 15001 ask for the same.
 
 use kit::bridge::{Rig, Setup};
@@ -36,7 +36,7 @@ fn ail(rig: &mut Rig, health_faults: HealthFaults) {
         .set_health_faults(health_faults);
 }
 
-/// An ailment makes one alert of this subsystem and priority, and its end clears that alert.
+/// A fault makes one alert of this subsystem and priority, and its end clears that alert.
 fn comes_and_goes(
     health_faults: HealthFaults,
     subsystem: SubsystemId,
@@ -80,7 +80,7 @@ fn comes_and_goes(
     assert_eq!(alert.alert_warning_id, Some(-id));
 }
 
-/// What the vehicle says in words has happened: nothing of it stands, and nothing is there to be cleared.
+/// What the vehicle reports as a text is an event: nothing of it stands, and nothing is there to be cleared.
 #[test]
 fn a_text_of_the_vehicle_is_an_event_and_is_never_cleared() {
     let mut rig = Rig::ready();

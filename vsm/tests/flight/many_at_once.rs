@@ -1,4 +1,4 @@
-//! Two vehicles and four ground stations at once: each hears what it may hear, and commands what it holds.
+//! Two vehicles and four ground stations at once: each receives what it may receive, and commands what it holds.
 
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use stanag_msgs::Message;

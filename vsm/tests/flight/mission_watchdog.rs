@@ -9,7 +9,7 @@ use stanag_msgs::enums::{
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 use stanag_msgs::{Message, Scaled};
 
-/// What the alert says in both of its forms.
+/// The text that both forms of the alert have.
 const HELD: &str = "the vehicle is told to hold";
 
 /// A bend of 150 m in short legs, from waypoint 101 on.

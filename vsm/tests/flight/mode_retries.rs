@@ -1,5 +1,5 @@
 //! A mode that the vehicle accepts and leaves again at once: a take-off that ends in that moment puts PX4 into AUTO.LOITER
-//! whatever it has just accepted. It is told once more; where another mode shows, a failsafe's or a pilot's, it is not.
+//! whatever it has just accepted. It is commanded once more; where another mode shows, a failsafe's or a pilot's, it is not.
 
 use kit::bridge::{Rig, orders};
 use px4_sim::{HealthFaults, Mode as Px4};

@@ -71,7 +71,7 @@ fn operator_control_is_taken_with_control_and_let_go_with_it() {
     assert_eq!(owner(&rig), Some(0), "nobody controls, nothing is taken");
     assert_eq!(rig.carry_out(orders::request_control()), DONE);
     assert!(rig.until(3.0, |rig| owner(rig) == Some(245)));
-    // Another station is refused, and that it tries is said.
+    // Another station is refused, and the attempt is reported.
     let before = rig.vehicles[0].vehicle().counters();
     command(
         &mut rig,

@@ -23,7 +23,7 @@ fn schedule(message: u16, hertz: u16) -> ScheduleMessageUpdateCommand {
     }
 }
 
-/// The 16000 that a station has heard since `mark` messages.
+/// The 16000 that a station has received since `mark` messages.
 fn reasons(rig: &Rig, station: usize, mark: usize) -> Vec<SubsystemStatusAlert> {
     let received = rig.stations[station].received[mark..].iter();
     received
@@ -34,7 +34,7 @@ fn reasons(rig: &Rig, station: usize, mark: usize) -> Vec<SubsystemStatusAlert> 
         .collect()
 }
 
-/// Tells a message that must be refused, with this in the reason.
+/// Sends a message that must be refused, with this in the reason.
 fn refused(rig: &mut Rig, message: impl Into<Message>, why: &str) {
     let before = rig.station().alerts().len();
     let message = message.into();

@@ -25,7 +25,7 @@ fn request(message: u16, fields: Option<u64>) -> GenericInformationRequestMessag
     }
 }
 
-/// When a station has heard messages of a type since `from`.
+/// When a station received messages of a type since `from`.
 fn times(rig: &Rig, message: u16, from: Duration) -> Vec<Duration> {
     let received = rig.station().received.iter();
     received

@@ -10,7 +10,7 @@ use std::time::Duration;
 use kit::bridge::flight::{Outcome, PHASES, fly, hold_to_page};
 use kit::bridge::{Faults, Restart, Rig, Setup};
 
-/// A flight over links that lose a twentieth, with something restarted at this moment. What the vehicle does is told
+/// A flight over links that lose a twentieth, with something restarted at this moment. What the vehicle does is reported
 /// once: for that the station's link is good.
 fn rig(restart: Restart, at: Duration) -> Rig {
     let faults = Faults::lossy(0.05);
@@ -71,9 +71,9 @@ fn the_bridge_is_killed_at_any_moment() {
 
 #[test]
 fn the_vehicle_restarts_at_any_moment() {
-    // Before that nobody listens who could be told.
+    // Before that no station listens to alerts.
     let outcomes = sweep(Restart::Vehicle, 10_600, |rig, outcome| {
-        // What is under way ends one way or the other; how, is told by 17000.
+        // What is under way ends one way or the other; how, is reported by 17000.
         let first = fly(rig, outcome);
         if rig.restarted_in.is_none() {
             return Ok(());

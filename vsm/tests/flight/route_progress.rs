@@ -1,4 +1,4 @@
-//! 4001 and the texts say what the vehicle does: where it has been, where it goes, what comes then, before the route,
+//! 4001 and the texts report what the vehicle does: where it has been, where it goes, what comes then, before the route,
 //! on it, after a jump, around a loop and at the end; and what happens to it when another plan is loaded.
 
 use kit::bridge::{Rig, orders, vehicle_id};
@@ -70,7 +70,7 @@ fn along_a_route_the_waypoints_are_those_that_it_leads_to() {
     }
     rig.run(3.0);
     assert_eq!(along(&rig), [104, 0, 0], "after the route");
-    // Flown again from its start, which is said.
+    // Flown again from its start, which is reported.
     assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
     assert!(rig.station().has_alert("flown again from its start"));
     is_along(&mut rig, 5.0, [0, 101, 102]);
@@ -222,7 +222,7 @@ fn after_a_refused_load_the_download_is_what_is_aboard() {
         let single = downloaded(&mut rig, one(103));
         assert_eq!(north(&single, 103), Some(0.0));
     }
-    // Mended, it is loaded and told.
+    // Corrected, it is loaded and reported.
     let near = orders::waypoint(103, 104, 10.0, 80.0, 20.0);
     assert_eq!(rig.carry_out(near), DONE);
     assert_eq!(rig.carry_out(orders::load()), DONE);

@@ -11,7 +11,7 @@ use stanag_msgs::enums::{
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 use stanag_msgs::{Bam32, Scaled};
 
-/// Loads a plan that must be refused; the number in 14000, and what 16000 says.
+/// Loads a plan that must be refused; the number in 14000, and the text of 16000.
 fn refused(rig: &mut Rig, plan: Vec<Message>) -> (Option<u16>, String) {
     let cleared = rig.station().received.len();
     rig.send_plan(plan);
@@ -132,7 +132,7 @@ fn every_fault_is_named_with_its_waypoint_and_the_vehicle_keeps_its_mission() {
     assert_eq!(rig.vehicles[0].vehicle().counters().plans_stored, stored);
 }
 
-/// A plan whose second waypoint is come to at this speed.
+/// A plan whose second waypoint is reached at this speed.
 fn at_speed(speed_m_s: f64) -> Vec<Message> {
     let mut plan = first(|w| w.next_waypoint = Some(9));
     let mut fast = orders::waypoint(9, 0, 50.0, 50.0, 20.0);

@@ -192,7 +192,7 @@ fn a_fixed_wing_reports_the_wind_as_the_direction_the_air_moves_to() {
         }],
         ..Setup::default()
     });
-    // The first request asks the vehicle for its wind, the second tells it.
+    // The first request asks the vehicle for its wind, the second reports it.
     report!(&mut rig, 3009, AirAndGroundRelativeStates);
     rig.run(4.0);
     let reported = report!(&mut rig, 3009, AirAndGroundRelativeStates);

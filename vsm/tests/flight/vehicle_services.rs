@@ -26,7 +26,7 @@ fn write(name: &str, value: f64) -> ParameterSetCommand {
     }
 }
 
-/// The 50012s that a station has heard since `mark`.
+/// The 50012s that a station has received since `mark`.
 fn parameter_reports(rig: &Rig, station: usize, mark: usize) -> Vec<ParameterReport> {
     let received = rig.stations[station].received[mark..].iter();
     received
@@ -119,7 +119,7 @@ fn a_write_is_carried_out_once_the_vehicle_reports_the_value() {
         Some(AckType::CarriedOut)
     );
     assert_eq!(stored(&rig, "NAV_DLL_ACT"), 1.0);
-    // Telling it is silence to the vehicle when nothing is asked.
+    // Reporting it sends nothing to the vehicle when nothing is requested.
     rig.mav.faults.loss = 1.0;
     refused(
         &mut rig,
@@ -183,7 +183,7 @@ fn a_change_by_another_station_is_reported_to_those_that_requested_it() {
         Some(AckType::CarriedOut)
     );
     let mark = rig.station().received.len();
-    // The other station is on another link of the vehicle; PX4 tells every link.
+    // The other station is on another link of the vehicle; PX4 reports to every link.
     let name = *b"NAV_DLL_ACT\0\0\0\0\0";
     let change = MavMessage::PARAM_SET(PARAM_SET_DATA {
         param_value: Value::Int(3).to_wire(),
@@ -204,7 +204,7 @@ fn a_change_by_another_station_is_reported_to_those_that_requested_it() {
         "{:?}",
         rig.station().alerts()
     );
-    // Told once, however often the vehicle says it.
+    // Reported once, however often the vehicle sends it.
     let mark = rig.station().received.len();
     rig.vehicles[0]
         .vehicle_mut()
@@ -257,7 +257,7 @@ fn software_versions_are_reported_on_request() {
     assert_eq!(rig.carry_out(ask(Some(0b100))), Some(AckType::CarriedOut));
     let report = version(&rig).unwrap();
     assert!(report.autopilot_version.is_some() && report.vsm_version.is_none());
-    // A silent vehicle has told none: the VSM's own is told.
+    // A silent vehicle has reported none: the VSM's own is reported.
     let mut rig = Rig::ready();
     rig.mav.faults.loss = 1.0;
     assert_eq!(rig.carry_out(ask(None)), Some(AckType::CarriedOut));

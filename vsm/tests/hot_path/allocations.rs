@@ -116,7 +116,7 @@ fn pass(rig: &mut Rig, seconds: f64, sticks: bool) -> Passed {
             let view = FrameView::parse(frame.bytes()).expect("a frame");
             passed.frames_out += 1;
             passed.sticks_out += u64::from(view.header().message_id == MANUAL_CONTROL);
-            // The vehicle must continue hearing them.
+            // The vehicle must continue to receive them.
             rig.vehicles[0].handle_datagram(0, kit::bridge::bridge_mav(0), frame.bytes());
         }
         passed.datagrams_in += u64::from(datagram.is_some());

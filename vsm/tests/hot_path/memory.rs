@@ -58,7 +58,7 @@ fn the_memory_of_fifty_vehicles_is_flat() {
     assert!(max - first < SLACK, "{first} at first, {max} at most");
 }
 
-/// What the stations and the rig remember is theirs, not the bridge's. Returns how much was heard.
+/// What the stations and the rig remember is theirs, not the bridge's. Returns how much was received.
 fn forget(rig: &mut Rig) -> u64 {
     rig.log.clear();
     let stations = rig.stations.iter_mut();

@@ -85,7 +85,7 @@ impl Vehicle {
         });
         let mut out = [0; MAX_FRAME];
         let len = encode(&message, self.header(1, 0, INCOMPAT_SIGNED), &mut out);
-        // A vehicle lifts itself to what it hears; this one is ahead of the ground from the start.
+        // A vehicle raises its stamp to those it receives; this one is ahead of the ground from the start.
         self.units += 1_000_000;
         let len = sign(&key, 0, Stamp::new(self.units), &mut out, len).unwrap();
         self.socket.send(&out[..len]).await.unwrap();

@@ -82,7 +82,7 @@ impl Ground {
         KillOnDrop(bridge)
     }
 
-    /// The first vehicle's link in /status.json, once it says what is waited for.
+    /// The first vehicle's link in /status.json, once it fits `good`.
     pub(super) async fn link_status(&self, what: &str, good: impl Fn(&Value) -> bool) -> Value {
         let end = Instant::now() + Duration::from_secs(20);
         let mut last = Value::Null;

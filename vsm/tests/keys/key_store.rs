@@ -121,7 +121,7 @@ fn a_commit_that_fails_at_any_step_loses_no_key_and_can_be_done_again() {
             let keys = KeyStore::open_on(&path, Box::new(Failing::new(step, fault))).unwrap();
             let done = keys.commit();
             drop(keys);
-            // The next process finds both keys, whatever happened, and comes to the same end.
+            // The next process finds both keys, whatever happened, and ends the same way.
             let keys = KeyStore::open(&path).unwrap();
             let current = keys.current().unwrap();
             if done.is_ok() || keys.next().unwrap().is_none() {

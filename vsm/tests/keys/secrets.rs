@@ -1,5 +1,5 @@
 //! A bridge is run from its first key to its second, by command and over the air, and everything that it and the air-side
-//! agent write or say is searched for the keys, and for what the keys come from.
+//! agent write or print is searched for the keys, and for what the keys come from.
 
 use std::fs;
 use std::io::Write as _;
@@ -271,7 +271,7 @@ fn agree_and_search(px4: u16) {
 
     let mut agent = talkative(&air, &["airside"], Stdio::null());
     await_text(&air.join("airside.log"), "ready");
-    // The window shows the code to whoever opened it: what it says is not searched.
+    // The window shows the code to whoever opened it: its output is not searched.
     let code = "ABCD-EFGH-IJKL-MNOP-QRST-UVWX-YZ23-4567";
     let mut window = Command::new(program("vsm"))
         .args(["airside", "pair", "--code", "-"])

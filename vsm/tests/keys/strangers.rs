@@ -1,4 +1,4 @@
-//! Others on the link, with and without the key: what they cannot bring about, and what is told of them.
+//! Others on the link, with and without the key: what they cannot bring about, and what is reported of them.
 
 use std::fs;
 use std::net::UdpSocket;
@@ -15,7 +15,7 @@ use serde_json::Value;
 use crate::ground::{FIRST, Ground, SECOND, id, is_live_under, key};
 use kit::process::{KillOnDrop, program};
 
-/// What a stranger can say in the vehicle's name: unsigned, or a replay from long ago.
+/// What a stranger can send in the vehicle's name: unsigned, or a replay from long ago.
 fn strangers(with: Option<[u8; 32]>) -> Vec<u8> {
     let mut out = [0; MAX_FRAME];
     let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA::default());
@@ -77,7 +77,7 @@ async fn a_thief_on_our_own_stream_is_reported_and_shaken_off_by_a_restart_of_th
     let thief = UdpSocket::bind("127.0.0.1:0").unwrap();
     let to = vehicle.address(0).unwrap();
     {
-        // The vehicle answers whom it has heard first.
+        // The vehicle answers the peer that sent first.
         let _bridge = ground.start_bridge();
         ground
             .link_status("a signed link", |link| is_live_under(link, &id(FIRST)))
@@ -242,7 +242,7 @@ async fn the_legacy_exchange_replaces_no_key_that_the_vehicle_signs_with() {
     assert!(!ground.has("uav1.key.next"), "by what the store says");
 }
 
-/// Whether a KEY_EXCHANGE frame comes to this socket within 5 s.
+/// Whether a KEY_EXCHANGE frame arrives at this socket within 5 s.
 fn receives_key_exchange(socket: &UdpSocket) -> bool {
     let end = Instant::now() + Duration::from_secs(5);
     let mut bytes = [0; 2_048];

@@ -1,4 +1,4 @@
-//! `vsm demo --attack` shows what it says: the vehicle that is protected holds its altitude, the other one comes down.
+//! `vsm demo --attack` shows what it promises: the vehicle that is protected holds its altitude, the other one comes down.
 
 use kit::process::run_in;
 

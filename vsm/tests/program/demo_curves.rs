@@ -1,4 +1,4 @@
-//! `vsm demo --curve` flies the section of nine curves and tells how it went; its route is what it says it is.
+//! `vsm demo --curve` flies the section of nine curves and reports how it went; its route is what the report states.
 
 use std::io::Read as _;
 use std::process::Command;

@@ -89,7 +89,7 @@ fn verify_unit(root: &Path) {
         return;
     }
     let unit = root.join("usr/lib/systemd/system/vsm.service");
-    // It looks for the program where the unit says: in the scratch root.
+    // It looks for the program where the unit names it: in the scratch root.
     let text = fs::read_to_string(&unit).expect("the unit");
     let program = root.join("usr/bin/vsm").display().to_string();
     let scratch = root.join("vsm.service");

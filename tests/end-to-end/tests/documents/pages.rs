@@ -1,4 +1,4 @@
-//! The documents: the commands of the README and of the quick start do what they say, in their order; every link leads
+//! The documents: the commands of the README and of the quick start do what is written, in their order; every link leads
 //! somewhere; every `cargo xtask` task, source file and test that is named is there.
 
 use std::fs;
@@ -152,7 +152,7 @@ impl Scratch {
     }
 }
 
-/// What `cargo xtask` can do, as it says itself.
+/// What `cargo xtask` can do, by its own help.
 fn tasks() -> Vec<String> {
     let output = Command::new(program("xtask")).output().expect("xtask");
     let printed = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -1,4 +1,4 @@
-//! MAVProxy and the bridge share a vehicle: both read it and command it, and the bridge tells whose commands were not
+//! MAVProxy and the bridge share a vehicle: both read it and command it, and the bridge reports whose commands were not
 //! its own.
 
 use std::fs;

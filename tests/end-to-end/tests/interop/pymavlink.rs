@@ -193,7 +193,7 @@ fn answers(
     output.lines().map(ToOwned::to_owned).collect()
 }
 
-/// The same frame without its signature: flag cleared, checksum made anew.
+/// The same frame without its signature: flag cleared, checksum made again.
 pub(crate) fn unsigned(frame: &[u8]) -> Vec<u8> {
     let view = FrameView::parse(frame).expect("a frame");
     let mut header = view.header();

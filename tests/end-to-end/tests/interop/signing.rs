@@ -60,7 +60,7 @@ fn we_verify_the_frames_of_pymavlink() {
     let mut ours = End::new(KEY);
     for frame in &frames {
         assert_eq!(ours.receive(frame), 1, "{}", hex(frame));
-        // What the frame says is read as it was meant: packed again, it is the same bytes.
+        // The frame was read as it was meant: packed again, it is the same bytes.
         let view = FrameView::parse(frame).expect("a frame");
         let message = view.message().expect("a message of the dialect");
         let mut out = [0; MAX_FRAME];

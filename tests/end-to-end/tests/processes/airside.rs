@@ -27,7 +27,7 @@ struct Field {
     _lines: Vec<Line>,
 }
 
-/// What the configurations say of the links.
+/// The links of the configurations.
 struct Links {
     /// `vehicle.link` of the ground.
     ground: String,
@@ -38,7 +38,7 @@ struct Links {
 }
 
 impl Field {
-    /// `signing` is what the ground's configuration says beside the key file.
+    /// `signing` is what the ground's configuration has beside the key file.
     fn new(signing: &str) -> Field {
         let (radio, px4) = (free_udp_port(), free_udp_port());
         let links = Links {
@@ -285,7 +285,7 @@ dir = "state"
         vehicle["live"] == true && vehicle["link"]["state"] == "live"
     }
 
-    /// How long until the bridge believes the vehicle's frames again, and hears it.
+    /// How long until the bridge accepts the vehicle's frames again.
     fn up_again(&self) -> Duration {
         let mut before = self.believed();
         self.wait("the link is up again", Duration::from_secs(20), |field| {

@@ -57,7 +57,7 @@ impl Console {
         self.shell.output().len()
     }
 
-    /// Waits until it tells one of these since the mark, and says which.
+    /// Waits until it has printed one of these since the mark; which one.
     fn prints(&self, since: usize, expected: &[&str]) -> usize {
         let end = Instant::now() + PATIENCE;
         loop {
@@ -75,7 +75,7 @@ impl Console {
         }
     }
 
-    /// Types a line, and waits until it is told one of these.
+    /// Types a line, and waits until one of these is printed.
     fn does(&mut self, line: &str, expected: &[&str]) -> usize {
         let since = self.mark();
         self.shell.type_line(line);

@@ -1,5 +1,5 @@
 //! `curve-plan send`: a planned route goes through the bridge to the aircraft as a ground station's would, comes back as
-//! it was, and what is refused is said with its reason.
+//! it was, and what is refused is reported with its reason.
 
 use std::fs;
 use std::process::{Command, Output};
@@ -43,7 +43,7 @@ fn a_planned_route_is_uploaded_and_the_rights_are_given_back() {
     let _aircraft = ground.aircraft();
     fs::write(ground.path("bend.toml"), ROUTE).expect("the route");
 
-    // The aircraft may not have told its position yet: then the route is refused, and sent again.
+    // The aircraft may not have reported its position yet: then the route is refused, and sent again.
     let end = Instant::now() + PATIENCE;
     let printed = loop {
         let sent = run(

@@ -1,5 +1,5 @@
 //! What outlives the end of a process: the bridge keeps plan, authority and signing clock over `kill -9`,
-//! and hears an aircraft again whose stamps have fallen back with its restart.
+//! and accepts an aircraft again whose stamps have fallen back with its restart.
 
 use std::time::Duration;
 

@@ -216,7 +216,7 @@ pub fn run(to_initiator: bool, input: &[u8]) {
         while initiator.poll_event().is_some() {}
         while responder.poll_event().is_some() {}
         let _ = (initiator.poll_timeout(), responder.poll_timeout());
-        // A rolled-back key is one that the responder has dropped; here it only says so.
+        // A rolled-back key is one that the responder has dropped; here it only reports that.
         if let Some(key) = air_disk.next
             && ground_disk.next.is_some()
         {

@@ -6,7 +6,7 @@ use core::time::Duration;
 use mavlink_link::frame::{FrameView, MAX_FRAME, Parser, encode};
 use mavlink_link::tlog;
 
-/// Feeds the bytes to a parser, whole and in pieces whose length the first byte says.
+/// Feeds the bytes to a parser, whole and in pieces whose length the first byte gives.
 pub fn run(bytes: &[u8]) {
     let Some((&piece, rest)) = bytes.split_first() else {
         return;

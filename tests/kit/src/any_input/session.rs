@@ -1,7 +1,7 @@
 //! The whole bridge: a sequence of datagrams of both sides, of time that passes and of restarts, read from the bytes.
 //!
 //! A step is an operation, a length and that many bytes. Nothing panics; what goes out is well formed, goes to whom it
-//! may, and is bounded; time-outs come to an end.
+//! may, and is bounded; timeouts end.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -26,7 +26,7 @@ pub const BYTES: u8 = 2;
 pub const FRAME: u8 = 3;
 /// Bytes from the signed vehicle as they are.
 pub const SIGNED: u8 = 4;
-/// Time passes: as many times 20 ms as the length says.
+/// Time passes: as many times 20 ms as the input has bytes.
 pub const TIME: u8 = 5;
 /// The bridge is restarted from its store.
 pub const RESTART: u8 = 6;

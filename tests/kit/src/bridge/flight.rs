@@ -1,4 +1,4 @@
-//! A whole flight, told to a world: the same orders under a virtual clock and between processes.
+//! A whole flight as a list of orders to a world: the same orders under a virtual clock and between processes.
 
 use std::time::Duration;
 
@@ -27,9 +27,9 @@ pub trait World {
     fn ground_mut(&mut self) -> &mut Station;
     /// What is really so of the vehicle.
     fn flown(&self) -> Truth;
-    /// Kills the bridge and starts it anew from its store.
+    /// Kills the bridge and restarts it from its store.
     fn kill_bridge(&mut self);
-    /// What the flight has come to, for who restarts something in between.
+    /// The phase of the flight, for a world that restarts something in one of them.
     fn enter(&mut self, _phase: &'static str) {}
 
     /// Whether there is no time left for anything: no wait has any effect then.

@@ -1,7 +1,7 @@
 //! The bridge between simulated vehicles and ground stations, in one process under a virtual clock. No socket, no thread,
 //! no wall clock: the same seed gives the same history.
 //!
-//! - [`Rig`]: the bridge with its vehicles (`px4-sim`) and stations; both links can be as bad as [`Faults`] says, bridge
+//! - [`Rig`]: the bridge with its vehicles (`px4-sim`) and stations; both links can be as bad as [`Faults`] describes, bridge
 //!   and vehicles restarted at any moment, the disk full
 //! - [`Station`]: a ground station that records everything that it receives
 //! - [`orders`]: the messages that a station sends

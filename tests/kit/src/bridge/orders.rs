@@ -1,4 +1,4 @@
-//! What a ground station says, for tests: places are metres north and east of the simulated home.
+//! What a ground station sends, for tests: places are metres north and east of the simulated home.
 
 use px4_sim::{Config, LocalFrame, Ned};
 use stanag_msgs::enums::{

@@ -80,7 +80,7 @@ pub struct Rig {
     pub group: Vec<Vec<u8>>,
     /// MAVLink messages that arrived at the vehicles, by their ids.
     pub arrived: BTreeMap<u32, u64>,
-    /// What the flight has come to.
+    /// The phase that the flight is in.
     pub phase: &'static str,
     /// Something is restarted once, at this time.
     pub restart_at: Option<(Duration, Restart)>,
@@ -163,7 +163,7 @@ impl Rig {
         rig
     }
 
-    /// Starts the bridge anew from its store: as after `kill -9`.
+    /// Restarts the bridge from its store: as after `kill -9`.
     pub fn restart_bridge(&mut self) {
         self.stop_bridge();
         self.start_bridge();

@@ -1,4 +1,4 @@
-//! The files that routes and tracks are kept in, told apart by their ending.
+//! The files that routes and tracks are kept in, distinguished by their ending.
 //!
 //! Curves are kept by the ground station's route file and by the messages; the others hold waypoints, so a curved route
 //! is written to them as the vertices that it is flown by.
@@ -44,7 +44,7 @@ pub(crate) enum Format {
 }
 
 impl Format {
-    /// The kind that a file's ending says.
+    /// The kind that belongs to a file's ending.
     pub(crate) fn of(file: &Path) -> Result<Self, Failure> {
         let ending = file
             .extension()
@@ -71,7 +71,7 @@ impl Format {
         })
     }
 
-    /// Whether it can say a curve.
+    /// Whether it can hold a curve.
     pub(crate) const fn keeps_curves(self) -> bool {
         matches!(self, Self::RouteFile | Self::Hex | Self::Pcapng)
     }

@@ -1,4 +1,4 @@
-//! KML and GPX: the first line, or else all points in order. A KML says by its altitudeMode what altitudes are above.
+//! KML and GPX: the first line, or else all points in order. altitudeMode of a KML names the datum of its altitudes.
 
 use std::fmt::Write;
 use std::path::Path;

@@ -17,17 +17,17 @@ use scene::Scene;
 /// Arguments of `plot`.
 #[derive(Debug, Args)]
 pub(crate) struct Command {
-    /// The route.
+    /// Read this route.
     file: PathBuf,
-    /// Where to draw it: .svg, .png, or .html for a page that can be moved and zoomed.
+    /// Draw it to this file: .svg, .png, or .html for a page that can be moved and zoomed.
     #[arg(short, long)]
     output: PathBuf,
     #[command(flatten)]
     how: Densify,
-    /// Width of a .png, pixels.
+    /// Make a .png this wide, pixels.
     #[arg(long, value_name = "PIXELS", default_value_t = 2_000, value_parser = clap::value_parser!(u32).range(100..=10_000))]
     width: u32,
-    /// A .tlog with the flown track.
+    /// Draw the flown track of this .tlog too.
     #[arg(long)]
     flown: Option<PathBuf>,
 }
