@@ -181,7 +181,7 @@ fn a_release_during_launch_is_granted_and_the_vehicle_continues() {
     assert_eq!(scene.controller(), None);
     assert!(
         scene.rig.until(30.0, |rig| rig.truth().position.d < -19.0),
-        "it goes on"
+        "the launch continues"
     );
     scene.drawn("a_release_during_launch_is_granted_and_the_vehicle_continues");
 }
@@ -194,7 +194,7 @@ fn a_silent_holder_is_succeeded_and_gets_nothing_back() {
     scene.rig.stations[A].heartbeats = false;
     scene.note_event("A falls silent");
     let early = scene.ask(C, RequestedAccess::Request, CONTROL);
-    assert_eq!(scene.end(C, early), NO, "it has been heard lately");
+    assert_eq!(scene.end(C, early), NO, "its last heartbeat is recent");
     scene.rig.run(5.5);
     let taken = scene.ask(C, RequestedAccess::Request, CONTROL);
     assert_eq!(scene.end(C, taken), DONE);
@@ -253,7 +253,7 @@ fn a_restart_keeps_control_and_the_pending_handover() {
     let mut scene = Scene::controlled();
     let wish = scene.hand_over(B, B, CONTROL);
     scene.rig.run(0.3);
-    scene.note_event("the VSM is killed and starts anew");
+    scene.note_event("the VSM is killed and restarted");
     scene.rig.restart_bridge();
     assert_eq!((scene.controller(), scene.pending()), (Some(A), 1));
     let consent = scene.hand_over(A, B, CONTROL);
@@ -261,7 +261,7 @@ fn a_restart_keeps_control_and_the_pending_handover() {
     assert_eq!(scene.controller(), Some(B));
     assert!(
         reported(&scene, B, HandoverStatus::Successful),
-        "B is told too"
+        "B is notified too"
     );
     scene.rig.stations[B].give_up(wish);
     scene.drawn("a_restart_keeps_control_and_the_pending_handover");
@@ -400,7 +400,7 @@ fn what_is_lost_on_the_way_is_reported_again() {
     scene.rig.run(0.6);
     let consent = scene.hand_over(A, B, CONTROL);
     assert_eq!((scene.end(A, consent), scene.end(B, wish)), (DONE, DONE));
-    scene.note_event("B repeats, as if it had not heard the end");
+    scene.note_event("B repeats, as if it had not received the end");
     scene.rig.stations[B].repeat(wish);
     scene.rig.run(0.2);
     assert_eq!(scene.controller(), Some(B));

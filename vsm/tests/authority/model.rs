@@ -319,8 +319,7 @@ impl AuthorityModel {
     ) -> Option<&'static str> {
         match (input, &decision.answer) {
             (Input::Request(by, Access::Control | Access::Override, wanted), Answer::Granted) => {
-                (!state.ledger[by].contains(wanted))
-                    .then_some("granted is said of what is not held")
+                (!state.ledger[by].contains(wanted)).then_some("reported as granted, but not held")
             }
             (Input::Request(_, Access::Release, _), answer) if *answer != Answer::Granted => {
                 Some("a release is not granted")

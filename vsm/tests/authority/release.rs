@@ -66,7 +66,7 @@ fn a_question_brings_what_is_pending_again() {
     let asked = scene.rig.stations[A]
         .latest
         .contains_key(&(kit::bridge::vehicle_id(0), 4));
-    assert!(asked, "A may never have heard of the wish");
+    assert!(asked, "A may never have received the request");
 }
 
 #[test]

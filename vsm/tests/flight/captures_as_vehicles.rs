@@ -152,7 +152,7 @@ impl Play {
         for (number, (now, before)) in lines.iter().zip(text.lines()).enumerate() {
             assert_eq!(
                 now, before,
-                "message {number} of {name}; VSM_BLESS=1 writes it anew"
+                "message {number} of {name}; VSM_BLESS=1 rewrites it"
             );
         }
         assert_eq!(lines.len(), text.lines().count(), "messages of {name}");

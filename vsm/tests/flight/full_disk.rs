@@ -88,7 +88,7 @@ fn fly(record: &'static str) -> Outcome {
 #[test]
 fn a_record_that_cannot_be_written_refuses_what_it_must_keep_and_loses_nothing() {
     let mut table = String::from(
-        "| record that cannot be written | waypoint | load | hold | a right granted | said by 16000 | accepted and lost | \
+        "| record that cannot be written | waypoint | load | hold | a right granted | reported by 16000 | accepted and lost | \
          landing after the restart |\n|---|---|---|---|---|---|---|---|\n",
     );
     for (record, name) in RECORDS {
@@ -115,7 +115,7 @@ fn a_record_that_cannot_be_written_refuses_what_it_must_keep_and_loses_nothing()
         assert_eq!(
             outcome.hold,
             AckType::CarriedOut,
-            "{name}: a flight goes on"
+            "{name}: the flight continues"
         );
         assert_eq!(outcome.land, AckType::CarriedOut, "{name}");
     }

@@ -99,6 +99,9 @@ fn control_of_one_vehicle_changes_hands_and_the_other_sees_nothing_of_it() {
             .iter()
             .filter(|(_, source, _)| *source == vehicle_id(0))
             .count();
-        assert_eq!(misdirected, 0, "station {station} hears vehicle 0");
+        assert_eq!(
+            misdirected, 0,
+            "station {station} receives messages of vehicle 0"
+        );
     }
 }

@@ -160,7 +160,7 @@ fn acknowledgements_alerts_and_changes_of_mode_are_reported_within_their_limits(
     let entered = rig.clock.elapsed();
     assert_eq!(rig.end(ticket), Some(AckType::CarriedOut));
     let reported = times(&rig, 3001, entered);
-    let took = *reported.first().expect("a change is told") - entered;
+    let took = *reported.first().expect("a change is reported") - entered;
     assert!(took <= limit(3001) + Duration::from_secs(1), "{took:?}");
 }
 

@@ -79,12 +79,12 @@ fn the_vehicle_restarts_at_any_moment() {
             return Ok(());
         }
         if !rig.until(20.0, |rig| rig.station().has_alert("has restarted")) {
-            return Err(format!("nobody was told; the flight: {first:?}"));
+            return Err(format!("no alert; the flight: {first:?}"));
         }
         fly(rig, outcome).map_err(|at| format!("{at}; the flight before: {first:?}"))
     });
     let mut table = String::from(
-        "| vehicle restarted during | said by 16000 | next flight completed | accepted and lost | carried out twice |\n\
+        "| vehicle restarted during | reported by 16000 | next flight completed | accepted and lost | carried out twice |\n\
          |---|---|---|---|---|\n",
     );
     // Control and plan are there within half a second, over a good link.

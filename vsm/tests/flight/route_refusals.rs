@@ -193,7 +193,7 @@ fn a_load_waits_for_the_parameters_that_bound_it() {
             let bridge = rig.bridge.as_ref().expect("it runs");
             bridge.status(String::new(), rig.now().mono).vehicles[0].live
         };
-        assert!(rig.until(20.0, live), "the vehicle is heard");
+        assert!(rig.until(20.0, live), "the link is live");
         let (_, text) = refused(&mut rig, at_speed(20.0));
         let why = "waypoint 9: speed 20.0 m/s, expected 0.5 to 12.0";
         too_fast += u32::from(text.contains(why));

@@ -48,7 +48,7 @@ fn near(what: &str, reported: Option<f64>, truth: f64, within: f64) {
     let reported = reported.unwrap_or_else(|| panic!("{what} is absent"));
     assert!(
         (reported - truth).abs() <= within,
-        "{what}: told {reported}, is {truth}"
+        "{what}: reported {reported}, is {truth}"
     );
 }
 
@@ -271,7 +271,7 @@ fn subsystems_are_well_until_the_vehicle_is_silent() {
     assert_eq!(
         rig.carry_out(ask(3009)),
         Some(AckType::Refused),
-        "stale is not told"
+        "a stale value is not reported"
     );
 }
 

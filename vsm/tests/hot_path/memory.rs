@@ -2,7 +2,7 @@
 //!
 //! One minute of virtual time is measured here; `VSM_FLEET_MINUTES=60 cargo test --release -p vsm --test hot_path
 //! memory -- --nocapture` is the hour, and prints what it found.
-#![allow(clippy::print_stderr, reason = "the figure is told")]
+#![allow(clippy::print_stderr, reason = "the figure is printed")]
 
 use std::time::Instant;
 

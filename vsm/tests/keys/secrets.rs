@@ -132,7 +132,7 @@ fn search(folder: &Path) {
     std::thread::sleep(Duration::from_millis(1_500));
     drop(bridge);
 
-    fs::write(folder.join("said"), &printed).unwrap();
+    fs::write(folder.join("printed"), &printed).unwrap();
     let forms: Vec<_> = [&first, &second]
         .into_iter()
         .flat_map(|hex| forms(hex.trim()))
@@ -304,7 +304,7 @@ fn agree_and_search(px4: u16) {
             let mut printed = printed
                 .append(true)
                 .create(true)
-                .open(side.join("said"))
+                .open(side.join("printed"))
                 .unwrap();
             printed.write_all(&text).unwrap();
         }

@@ -239,7 +239,7 @@ async fn the_legacy_exchange_replaces_no_key_that_the_vehicle_signs_with() {
         .send_to(&public_key(7), ("127.0.0.1", ground.link))
         .unwrap();
     tokio::time::sleep(Duration::from_millis(500)).await;
-    assert!(!ground.has("uav1.key.next"), "by what the store says");
+    assert!(!ground.has("uav1.key.next"), "by the record in the store");
 }
 
 /// Whether a KEY_EXCHANGE frame arrives at this socket within 5 s.

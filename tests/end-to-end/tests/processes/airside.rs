@@ -300,7 +300,7 @@ dir = "state"
     /// and the link is up within 5 s.
     #[allow(
         clippy::print_stderr,
-        reason = "what was measured is told to who reads the test"
+        reason = "what was measured is printed for whoever reads the test"
     )]
     fn restart_each(&self, mut parts: Parts) -> Parts {
         let mut took = vec![];
@@ -324,10 +324,7 @@ dir = "state"
                 parts.aircraft = Some(self.aircraft("1"));
             }
             let up = self.up_again();
-            eprintln!(
-                "{what} started anew: up again after {:.2} s",
-                up.as_secs_f64()
-            );
+            eprintln!("{what} restarted: up again after {:.2} s", up.as_secs_f64());
             took.push((what, up));
         }
         for (what, up) in took {

@@ -211,7 +211,7 @@ fn three_stations_take_turns_over_a_bad_network() {
 
 #[expect(
     clippy::print_stderr,
-    reason = "figures are told to who reads the test"
+    reason = "figures are printed for whoever reads the test"
 )]
 fn print_figure(line: &str) {
     eprintln!("{line}");

@@ -253,7 +253,7 @@ pub fn fly<W: World>(world: &mut W, outcome: &mut Outcome) -> Result<(), String>
     for number in 101..=104 {
         let known = is_known(world, number);
         if world.is_over() {
-            return Err(format!("waypoint {number} was not told in time"));
+            return Err(format!("waypoint {number} was not reported in time"));
         }
         outcome.lost += u32::from(!known);
     }
@@ -307,5 +307,5 @@ pub fn hold_to_page(mark: &str, table: &str) {
         std::fs::write(path, page).expect("docs/guide/reliability.md can be written");
         return;
     }
-    assert_eq!(old.trim(), table.trim(), "VSM_BLESS=1 writes it anew");
+    assert_eq!(old.trim(), table.trim(), "VSM_BLESS=1 rewrites it");
 }

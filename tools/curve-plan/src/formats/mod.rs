@@ -133,12 +133,12 @@ pub(crate) fn write(file: &Path, route: &Route, addresses: &Addresses) -> Result
     let refuse = |heights: &str, instead: &str| {
         Err(Failure::file(
             file,
-            format!("the route has {heights}, which its format cannot say: {instead}"),
+            format!("the route has {heights}, which its format cannot hold: {instead}"),
         ))
     };
     match (format, route.datum) {
         (Format::RouteFile | Format::Hex | Format::Pcapng, _) => {}
-        (_, Datum::Unstated) => return refuse("no altitude_type", "say agl or amsl"),
+        (_, Datum::Unstated) => return refuse("no altitude_type", "expected agl or amsl"),
         (_, Datum::Ellipsoid) => {
             return refuse(
                 "heights above the ellipsoid",

@@ -71,10 +71,10 @@ fn heights_above_home_are_kept_where_the_format_has_them() {
     let altitude = files.json(&["densify", "low.gpx", "--json"])["vertices"][0]["alt_m"].as_f64();
     assert_eq!(altitude, Some(500.0));
     files.put(
-        "unsaid.toml",
+        "unstated.toml",
         &ROUTE.replace("altitude_type = \"amsl\"", ""),
     );
-    let (status, printed) = files.refused(&["densify", "unsaid.toml", "-o", "unsaid.csv"]);
+    let (status, printed) = files.refused(&["densify", "unstated.toml", "-o", "unstated.csv"]);
     assert!(
         status == 2 && printed.contains("no altitude_type"),
         "{printed}"
