@@ -77,11 +77,14 @@ pub fn off_curve_m(c: [Vec3; 4], v: Vec3) -> f64 {
     if l2 < NO_CHORD_M2 {
         return c.iter().map(|p| p.norm()).fold(l2.sqrt(), f64::max);
     }
+    // Fractions along the chord (s) and what is left across it (w).
     let s = c.map(|p| p.dot(v) / l2);
     let mut w = c;
     for (w, s) in w.iter_mut().zip(s) {
         *w = *w - v * s;
     }
+    // Two directions across, the first along the widest offset: the extremes of a plane curve are then exact, as the second
+    // component is zero throughout.
     let widest = w
         .iter()
         .copied()
@@ -122,6 +125,7 @@ fn crossing(s: [f64; 4], level: f64) -> f64 {
         let r = 1.0 - t;
         r * r * (r * s[0] + 3.0 * t * s[1]) + t * t * (3.0 * r * s[2] + t * s[3])
     };
+    // Bisection keeps the side that includes the crossing, so a coarse end only makes the part, and the bound, larger.
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..20 {
         let middle = 0.5 * (low + high);

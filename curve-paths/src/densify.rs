@@ -246,6 +246,7 @@ fn freed(leg: &BezierLeg, index: usize, rules: &Rules, fixed_m: f64, out: &mut D
         return false;
     }
     let needed = out.vertices.len() - before.0;
+    // A vertex on the curve is the simpler one: off it only where that saves items.
     if count(leg, rules, needed) <= needed {
         out.vertices.truncate(before.0);
         (out.bound_m, out.shortest_chord_m) = (before.1, before.2);

@@ -29,6 +29,7 @@ pub(crate) fn walk_free(
         let t = local.t();
         let here = local.framed(offset.0, offset.1);
         let Some(chord) = longest(&local, here, rules, last) else {
+            // Nothing is left behind: the caller walks this leg again with its vertices on the curve.
             out.vertices.truncate(before.0);
             (out.bound_m, out.shortest_chord_m) = (before.1, before.2);
             return false;
@@ -80,6 +81,7 @@ fn longest(local: &Local<'_>, from: Vec3, rules: &Rules, last: f64) -> Option<Fr
                 ground_m,
             })
         };
+        // The end of a leg is a waypoint of the route, which is not ours to move.
         if b >= 1.0 {
             return tried(Vec3::ZERO);
         }

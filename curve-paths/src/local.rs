@@ -124,6 +124,7 @@ impl BezierLeg {
 impl<'a> Local<'a> {
     pub(crate) fn new(leg: &'a BezierLeg, allowance: &ErrorAllowance) -> Self {
         let [p0, p1, p2, p3] = leg.offsets().0;
+        // One vertical for the whole leg; that the others lean from it is added below.
         let middle = up(leg.origin() + (p0 + p1 + p2 + p3) * 0.25);
         let hull_m = [p0, p1, p2, p3]
             .iter()

@@ -132,6 +132,7 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64) -> Chord {
         {
             return best;
         }
+        // The bound grows nearly with the square of the chord, so its root is nearly a straight line to the secant.
         let g = f.sqrt();
         let per_g = if step == 0 {
             // Nothing is measured before it: as the root of the bound should grow here.
@@ -218,6 +219,7 @@ fn walk_with_min(
         before = Some(chord);
         local.advance(&chord);
     }
+    // Second pass: only now is it certain that every chord can be visited, and `visit` takes none back.
     local.reframe(0.0);
     while local.t() < 1.0 {
         if let Some((first, second)) = &balance

@@ -171,6 +171,7 @@ pub(crate) fn up(q: Vec3) -> Vec3 {
 
 /// East and north at a point, for its outward normal; at a pole, east is towards longitude 90 degrees.
 pub(crate) fn east_north(up: Vec3) -> (Vec3, Vec3) {
+    // At a pole every direction is a meridian; any choice serves, as the frame is only measured in.
     let level = Vec3::new(-up.y, up.x, 0.0);
     let east = if level.norm2() > 1e-24 {
         level.unit()

@@ -115,6 +115,7 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
         let text = "the barometer fails: heights are by GPS alone, keep clear of the ground";
         found(HealthFault::Barometer, P::Warning, S::Navigation, text);
     }
+    // One finding for each fault: a receiver that fails has no position either.
     if fails(GPS) {
         let text = "the GPS fails: no mode that needs a position will be taken, land by hand";
         found(HealthFault::Gps, P::Warning, S::Navigation, text);
@@ -170,6 +171,7 @@ fn charge(vehicle: &Telemetry, parameters: &Parameters) -> Option<(AlertPriority
             .above_zero(name)
             .map_or(otherwise, |share| share * 100.0)
     };
+    // The most urgent first: only the worst threshold is reported.
     let levels = [
         (
             AlertPriority::Emergency,

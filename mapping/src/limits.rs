@@ -83,6 +83,7 @@ impl Performance {
             ["FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM"].map(Some)
         };
         let known = |name: Option<&str>| name.and_then(|name| parameters.above_zero(name));
+        // The configuration narrows what the vehicle's own parameters allow, and never widens it.
         let fastest_m_s = known(fastest).map_or(limits.speed_m_s, |own| own.min(limits.speed_m_s));
         let px4s = if hovers {
             QUAD_CRUISE_M_S

@@ -65,6 +65,7 @@ impl Track {
                 kept.push(*fix);
             }
         }
+        // A closed track that repeats its first fix at its end would close by a gap of no length.
         if let (true, [first, .., last]) = (closed, &kept[..])
             && first.ground().distance_m(last.ground()) <= SAME_PLACE_M
         {

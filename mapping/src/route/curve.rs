@@ -187,6 +187,7 @@ pub(super) fn chords(
     speed_m_s: f64,
     site: &Site,
 ) -> Result<Chords, CurveError> {
+    // Heights stay relative where both ends are; a leg of mixed references is converted to altitudes above sea level.
     let above_home = matches!(
         (p1.level, p4.level),
         (Level::AboveHome(_), Level::AboveHome(_))
@@ -225,6 +226,7 @@ pub(super) fn chords(
         change.map(|change| change.speed_mps)
     };
     let slower = (speed_m_s < wished_m_s).then_some(speed_m_s);
+    // The first and the last vertex are the waypoints P1 and P4, which have items of their own.
     let last = densified.vertices.len().saturating_sub(1);
     let vertices = densified
         .vertices

@@ -47,6 +47,7 @@ pub(super) fn loiter(
         None => None,
         Some(duration) => match requested.loiter_duration_units {
             None | Some(LoiterDurationUnits::Seconds) => Some(f64::from(duration)),
+            // PX4 refuses NAV_LOITER_TURNS, so turns become the time that they take; a multicopter flies no circle here.
             Some(LoiterDurationUnits::Turns) => match speed_m_s.or(leg_speed_m_s) {
                 Some(speed_m_s) if !hovers && radius_m != 0.0 => {
                     Some(f64::from(duration) * TAU * radius_m.abs() / speed_m_s)
