@@ -5,11 +5,11 @@ use anyhow::Result;
 use crate::dependencies;
 use crate::fuzz;
 use crate::licences;
-use crate::metrics::packages;
+use crate::metrics::{self, packages};
 use crate::steps::{Steps, built, cargo, is_there, root};
 use crate::tests;
 
-/// Formatting, lints, documentation, dependencies, tests, a minute of fuzzing; the first that fails ends it.
+/// Formatting, lints, documentation, dependencies, module cycles, tests, a minute of fuzzing; the first that fails ends it.
 pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     steps.run(&mut cargo(["fmt", "--all", "--check"]))?;
     steps.run(cargo(["fmt", "--all", "--check"]).args(FUZZ))?;
@@ -34,6 +34,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         steps.step("licences and sources of all dependencies", licences::check)?;
     }
     steps.step("every declared dependency is used", dependencies::check)?;
+    steps.step("no modules use each other in a cycle", metrics::check)?;
     publish(steps)?;
     tests::build(steps)?;
     // Built with everything else: started by `cargo run` it would be built again, with other features of dependencies.

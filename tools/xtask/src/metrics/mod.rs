@@ -40,10 +40,15 @@ pub(crate) fn run() -> Result<()> {
             );
         }
     }
-    if given("--check") && !measured.cycles.is_empty() {
-        bail!("modules use each other in a cycle: `cargo xtask metrics --edges` shows them");
+    if given("--check") {
+        measured.refuse_cycles()?;
     }
     Ok(())
+}
+
+/// No modules of a crate use each other in a cycle.
+pub(crate) fn check() -> Result<()> {
+    Measured::of(&root())?.refuse_cycles()
 }
 
 /// Product code of a crate, or of all.
@@ -105,6 +110,13 @@ impl Measured {
             product.insert(module.file);
         }
         self.cycles.extend(cycles);
+    }
+
+    fn refuse_cycles(&self) -> Result<()> {
+        if self.cycles.is_empty() {
+            return Ok(());
+        }
+        bail!("modules use each other in a cycle: `cargo xtask metrics --edges` shows them")
     }
 
     fn tables(&self, root: &Path) -> Result<String> {
