@@ -356,7 +356,7 @@ pub enum Reason {
     #[error("areas to stay inside are set by the configuration of this VSM")]
     Widens,
     /// The vehicle would break the fence where it is.
-    #[error("the vehicle is {0} it now")]
+    #[error("the vehicle is currently {0} it")]
     Breached(&'static str),
     /// Nothing at all to load.
     #[error("no area has been received (50016)")]

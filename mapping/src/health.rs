@@ -61,15 +61,15 @@ impl HealthFault {
     #[must_use]
     pub fn over(self) -> &'static str {
         match self {
-            HealthFault::Motors => "the motor outputs are well again",
-            HealthFault::InertialSensors => "gyroscopes and accelerometers are well again",
-            HealthFault::Compass => "the compass is well again",
-            HealthFault::Barometer => "the barometer is well again",
-            HealthFault::Gps => "the GPS is well again",
-            HealthFault::Estimator => "the position is to be trusted again",
-            HealthFault::BatterySensor => "the battery is measured again",
-            HealthFault::Charge => "the battery is no longer low",
-            HealthFault::Failsafe => "no failsafe flies the vehicle any more",
+            HealthFault::Motors => "motor outputs recovered",
+            HealthFault::InertialSensors => "gyroscopes and accelerometers recovered",
+            HealthFault::Compass => "compass recovered",
+            HealthFault::Barometer => "barometer recovered",
+            HealthFault::Gps => "GPS recovered",
+            HealthFault::Estimator => "position estimate valid again",
+            HealthFault::BatterySensor => "battery measurement restored",
+            HealthFault::Charge => "battery no longer low",
+            HealthFault::Failsafe => "no failsafe controls the vehicle any longer",
         }
     }
 }
@@ -95,11 +95,11 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
             HealthFault::Motors,
             P::Failed,
             S::Engine,
-            "motor outputs fail: land at once",
+            "motor output failure: land immediately",
         );
     }
     if fails(GYRO | ACCELEROMETER) {
-        let text = "gyroscopes or accelerometers fail: land as soon as possible";
+        let text = "gyroscope or accelerometer failure: land as soon as possible";
         found(
             HealthFault::InertialSensors,
             P::Warning,
@@ -108,24 +108,24 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
         );
     }
     if fails(MAGNETOMETER) {
-        let text = "the compass fails: the heading drifts, come home by route or land";
+        let text = "compass failure: the heading drifts; return by route or land";
         found(HealthFault::Compass, P::Warning, S::Navigation, text);
     }
     if fails(BAROMETER) {
-        let text = "the barometer fails: heights are by GPS alone, keep clear of the ground";
+        let text = "barometer failure: altitudes are from GPS only; keep clear of the ground";
         found(HealthFault::Barometer, P::Warning, S::Navigation, text);
     }
     // One finding for each fault: a receiver that fails has no position either.
     if fails(GPS) {
-        let text = "the GPS fails: no mode that needs a position will be taken, land by hand";
+        let text = "GPS failure: modes that need a position are unavailable; land manually";
         found(HealthFault::Gps, P::Warning, S::Navigation, text);
     } else if vehicle.gps_fix == Some(false) {
-        let text = "no GPS position: no mode that needs a position will be taken";
+        let text = "no GPS position: modes that need a position are unavailable";
         found(HealthFault::Gps, P::Warning, S::Navigation, text);
     }
     match vehicle.sensed.estimator {
         Some(flags) if flags & POSITION != POSITION => {
-            let text = "the vehicle does not know its position: routes and loiters are not flown";
+            let text = "vehicle position unknown: routes and loiters cannot be flown";
             found(HealthFault::Estimator, P::Warning, S::Navigation, text);
         }
         Some(flags) if flags & GLITCHES != 0 => {
@@ -135,7 +135,7 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
         _ => {}
     }
     if fails(BATTERY) {
-        let text = "the battery is not measured: come home, its charge is not known";
+        let text = "battery not measured: its charge is unknown; return";
         found(
             HealthFault::BatterySensor,
             P::Failed,
@@ -152,11 +152,11 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
                 HealthFault::Failsafe,
                 P::Emergency,
                 S::Engine,
-                "the autopilot tells an emergency",
+                "the autopilot reports an emergency",
             );
         }
         Some(MavState::MAV_STATE_CRITICAL) => {
-            let text = "a failsafe flies the vehicle: command a mode to take it back";
+            let text = "a failsafe controls the vehicle: command a mode to regain control";
             found(HealthFault::Failsafe, P::Warning, S::Engine, text);
         }
         _ => {}
@@ -177,14 +177,14 @@ fn charge(vehicle: &Telemetry, parameters: &Parameters) -> Option<(AlertPriority
             AlertPriority::Emergency,
             "BAT_EMERGEN_THR",
             5.0,
-            "land at once",
+            "land immediately",
         ),
-        (AlertPriority::Warning, "BAT_CRIT_THR", 7.0, "come home now"),
+        (AlertPriority::Warning, "BAT_CRIT_THR", 7.0, "return now"),
         (
             AlertPriority::Caution,
             "BAT_LOW_THR",
             15.0,
-            "think of coming home",
+            "consider returning",
         ),
     ];
     levels.iter().find_map(|(priority, name, otherwise, what)| {
@@ -192,7 +192,7 @@ fn charge(vehicle: &Telemetry, parameters: &Parameters) -> Option<(AlertPriority
         // A share of a float has more digits than a battery.
         let shown = (below * 10.0).round() / 10.0;
         (percent <= below).then(|| {
-            let text = format!("the battery is at {shown} % or less ({name}): {what}");
+            let text = format!("battery at {shown} % or less ({name}): {what}");
             (*priority, text)
         })
     })

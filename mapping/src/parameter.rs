@@ -82,7 +82,9 @@ pub enum ParameterError {
     #[error("parameter {0} is not in the table of PX4 v1.18: its range is not known")]
     Unknown(String),
     /// Written, the vehicle would no longer be found on this link.
-    #[error("parameter {0} is who the vehicle is on this link: it is not written here")]
+    #[error(
+        "parameter {0} identifies the vehicle on this link: it cannot be written through this VSM"
+    )]
     Identity(String),
     /// No number, or not whole where it must be.
     #[error("parameter {name}: {value}, expected {expected}")]

@@ -80,7 +80,7 @@ pub enum StoreError {
     #[error("50001 Time Stamp {0} ms, expected a number")]
     Stamp(f64),
     /// 50001 that names another vehicle or CUCS than its wrapper.
-    #[error("50001 {field} {found} is not the wrapper's {expected}")]
+    #[error("50001 {field} {found}, expected the wrapper's {expected}")]
     NotTheWrappers {
         /// The field.
         field: &'static str,

@@ -205,7 +205,11 @@ fn own_values(message: u16, field: &str) -> Vec<(u8, &'static str, &'static str)
             (report::UA_STATE_AIRBORNE, "airborne", "in the air"),
             (report::UA_STATE_TAKE_OFF, "take-off", "taking off"),
             (report::UA_STATE_LANDING, "landing", "landing"),
-            (report::UA_STATE_FAILSAFE, "failsafe", "a failsafe flies it"),
+            (
+                report::UA_STATE_FAILSAFE,
+                "failsafe",
+                "a failsafe controls it",
+            ),
         ],
         (16000, "Subsystem ID") => {
             vec![(AUTOPILOT, "autopilot", "the autopilot's own reports")]

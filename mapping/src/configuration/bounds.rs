@@ -86,7 +86,7 @@ pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds
         }
         (2017 | 13003, "Loiter Radius") => radius(subject),
         (13003, "Loiter Duration") => {
-            Bounds::between(0.0, 65_535.0, "s; 0: for good").starting_at(0.0)
+            Bounds::between(0.0, 65_535.0, "s; 0: unlimited").starting_at(0.0)
         }
         (13000 | 13002 | 13003, "Waypoint Number") | (13001, "Initial Waypoint Number") => {
             let low = if message == 13001 { 0.0 } else { 1.0 };
@@ -115,7 +115,7 @@ pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds
                 "m/s down; MPC_Z_VEL_MAX_UP, MPC_Z_VEL_MAX_DN",
             )
         }
-        (17001, "Frequency") => Bounds::between(0.0, 100.0, "Hz; 0: no longer").starting_at(2.0),
+        (17001, "Frequency") => Bounds::between(0.0, 100.0, "Hz; 0: stop").starting_at(2.0),
         _ => return None,
     };
     Some(found)

@@ -20,7 +20,7 @@ pub enum Reason {
     #[error("not received")]
     Unknown,
     /// A Next Waypoint leads back, and not from the end of a loop.
-    #[error("the route comes back to it: only Waypoint Type 1 (end of a loop) may lead back")]
+    #[error("the route returns to it: only Waypoint Type 1 (end of a loop) may lead back")]
     Loop,
     /// The end of a loop leads nowhere, to itself, or on.
     #[error("the end of a loop leads to {0}, expected a waypoint flown before it")]
@@ -29,7 +29,7 @@ pub enum Reason {
     #[error("Loop Limit 0, expected 1 to 65535")]
     LoopLimit,
     /// A loop limited by time.
-    #[error("Limit Type 2 (time): PX4 counts loops, it does not time them")]
+    #[error("Limit Type 2 (time): PX4 limits loops by count only")]
     LoopTime,
     /// A field that cannot be done without.
     #[error("{0} is missing")]
@@ -38,7 +38,7 @@ pub enum Reason {
     #[error("latitude {0:.4} deg, expected -90 to 90")]
     Latitude(f64),
     /// Coordinates relative to the route's reference.
-    #[error("relative coordinates (Location Type {0}) are not flown")]
+    #[error("relative coordinates (Location Type {0}) are not supported")]
     Relative(u8),
     /// The altitude has no usable reference.
     #[error(transparent)]
@@ -76,7 +76,7 @@ pub enum Reason {
     #[error(transparent)]
     Speed(#[from] SpeedError),
     /// An arrival time: PX4 flies speeds only.
-    #[error("Waypoint Speed Type 3 (arrival time): PX4 flies speeds only")]
+    #[error("Waypoint Speed Type 3 (arrival time): PX4 accepts speeds only")]
     ArrivalTime,
     /// A value that no source names.
     #[error("{field} {value} is not known")]
@@ -94,8 +94,8 @@ pub enum Reason {
     LoiterRadius(f64),
     /// A number of turns: PX4 has no such item.
     #[error(
-        "a loiter of so many turns: PX4 flies times only, and a fixed wing's turns as a time where radius and speed \
-         are given"
+        "a loiter counted in turns: PX4 accepts times only; a fixed wing's turns become a time where \
+         radius and speed are given"
     )]
     LoiterTurns,
     /// A curved leg that cannot be flown.

@@ -16,7 +16,7 @@ pub struct MessageSupport {
 }
 
 pub(super) const STAMP: &str = "rises strictly";
-pub(super) const RECEIVED_STAMP: &str = "tells a duplicate, and is returned in 17000";
+pub(super) const RECEIVED_STAMP: &str = "identifies a duplicate, and is returned in 17000";
 pub(super) const NULL_LINK: &str = "the null id: data links are the link's own matter";
 pub(super) const ECHO: &str = "returned in 2";
 pub(super) const AS_RECEIVED: &str = "as it was received";

@@ -64,7 +64,7 @@ impl Agent {
                     let fingerprint = peer.fingerprint();
                     self.reports.note(
                         LogLevel::Warning,
-                        format!("paired with the ground {fingerprint}; only it can agree about keys from now on"),
+                        format!("paired with ground {fingerprint}; from now on only it can agree on keys"),
                     );
                 }
                 ResponderEvent::WindowClosed => {
@@ -72,10 +72,8 @@ impl Agent {
                         .note(LogLevel::Info, "the pairing window is closed");
                 }
                 ResponderEvent::WrongCode => {
-                    self.reports.note(
-                        LogLevel::Warning,
-                        "somebody tried to pair with a wrong code",
-                    );
+                    self.reports
+                        .note(LogLevel::Warning, "pairing attempt with a wrong code");
                 }
                 ResponderEvent::NotStored(fault) => {
                     self.reports.note(
@@ -109,7 +107,7 @@ impl Agent {
             // The key stays on disk, and a restart of the agent goes on with it.
             self.reports.note(
                 LogLevel::Error,
-                format!("the agreed key cannot be handed over: {fault}"),
+                format!("the agreed key cannot be installed: {fault}"),
             );
             return;
         }
@@ -119,7 +117,7 @@ impl Agent {
     /// The staged key must not be sent any more: PX4 goes on with the one that it has.
     fn give_up_staged(&mut self) {
         self.reports
-            .note(LogLevel::Info, "the agreed key is given up for another");
+            .note(LogLevel::Info, "the agreed key is dropped for another");
         self.phase = match std::mem::replace(&mut self.phase, Phase::Keyless) {
             Phase::HandingOver(on) if on.cause == Cause::NewKey => on
                 .handover
@@ -139,16 +137,16 @@ impl Agent {
         self.reports.note(
             LogLevel::Error,
             if unsigned {
-                "PX4 sends UNSIGNED: it has lost its key, as by a power cut. It is given the key again; no command \
-                 reaches it before"
+                "PX4 sends UNSIGNED: it has lost its key, as after a power cut. Sending the key again; no \
+                 command is relayed until PX4 signs"
             } else {
-                "PX4 signs with the key BEFORE: it has fallen back. It is given the key in force again"
+                "PX4 signs with the PREVIOUS key: it has fallen back. Sending the key in force again"
             },
         );
         let text = if unsigned {
-            "Agent: PX4 is UNSIGNED, its key is given again"
+            "Agent: PX4 is UNSIGNED, sending its key again"
         } else {
-            "Agent: PX4 fell back to the key before"
+            "Agent: PX4 fell back to the previous key"
         };
         self.reports
             .alert_ground(MavSeverity::MAV_SEVERITY_CRITICAL, text);
@@ -170,7 +168,7 @@ impl Agent {
             // The clock cannot be read: nothing passes under a key that PX4 does not have, and it is tried again.
             self.reports.note(
                 LogLevel::Error,
-                format!("the key cannot be given again: {fault}"),
+                format!("the key cannot be sent again: {fault}"),
             );
             self.phase = Phase::relaying(key, previous);
         }
@@ -186,7 +184,7 @@ impl Agent {
         if let Err(fault) = self.hand_over(None, key, Cause::LostKey, now, keys) {
             self.reports.note(
                 LogLevel::Error,
-                format!("the key cannot be given again: {fault}"),
+                format!("the key cannot be sent again: {fault}"),
             );
         }
     }
@@ -284,7 +282,7 @@ impl Agent {
         let (text, level) = match (outcome, cause) {
             (Outcome::Committed, _) => (format!("PX4 signs with key {id}"), LogLevel::Info),
             (Outcome::RolledBack, Cause::NewKey) => (
-                format!("PX4 keeps its key: key {id} is given up"),
+                format!("PX4 keeps its key: key {id} is dropped"),
                 LogLevel::Error,
             ),
             (Outcome::RolledBack, Cause::LostKey) => (
@@ -356,7 +354,7 @@ impl Agent {
             if let Err(fault) = self.hand_over(old, key, cause, now, keys) {
                 self.reports.note(
                     LogLevel::Error,
-                    format!("the key cannot be given again: {fault}"),
+                    format!("the key cannot be sent again: {fault}"),
                 );
             }
             if let Phase::HandingOver(on) = &mut self.phase {
@@ -385,23 +383,22 @@ impl Agent {
             ),
             Event::State(State::WaitDisarm) => (
                 LogLevel::Info,
-                "a new key waits for PX4's word that it is disarmed".to_owned(),
+                "a new key waits until PX4 reports that it is disarmed".to_owned(),
             ),
             Event::State(State::Sent) => (
                 LogLevel::Warning,
                 "the key is being sent to PX4. DO NOT cut its power for 5 s".to_owned(),
             ),
             Event::State(State::NotTaken) => {
-                (LogLevel::Warning, "PX4 has not taken the key".to_owned())
+                (LogLevel::Warning, "PX4 has not accepted the key".to_owned())
             }
             Event::State(State::RolledBack) => (
                 LogLevel::Warning,
-                "PX4 keeps its key; the new one is given up if that holds for 30 s".to_owned(),
+                "PX4 keeps its key; the new one is dropped if that holds for 30 s".to_owned(),
             ),
-            Event::State(State::Unknown) => (
-                LogLevel::Info,
-                "which key PX4 has is being found out".to_owned(),
-            ),
+            Event::State(State::Unknown) => {
+                (LogLevel::Info, "finding out which key PX4 has".to_owned())
+            }
             Event::SeveralAutopilots { system } => (
                 LogLevel::Error,
                 format!("system {system} is on PX4's link too"),

@@ -172,7 +172,7 @@ impl Agent {
                 Ok(()) => relaying.previous = None,
                 Err(fault) => self.reports.note(
                     LogLevel::Warning,
-                    format!("the key before cannot be deleted: {fault}"),
+                    format!("the previous key cannot be deleted: {fault}"),
                 ),
             }
         }
@@ -189,7 +189,7 @@ impl Agent {
             .fallback
             .is_under_previous(now, (from, bytes), previous, link, keys);
         found.unwrap_or_else(|fault| {
-            let text = format!("the key before: {fault}");
+            let text = format!("the previous key: {fault}");
             self.reports.note(LogLevel::Error, text);
             false
         })

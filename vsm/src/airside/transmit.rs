@@ -68,7 +68,7 @@ impl Agent {
                     .ok()?;
                 self.reports.note(
                     LogLevel::Info,
-                    "PX4 has started, disarmed: its key is given a new stamp; do not cut its power for 5 s",
+                    "PX4 has started, disarmed: sending its key with a new timestamp; do not cut its power for 5 s",
                 );
                 (sent.to, sent.len, true)
             }

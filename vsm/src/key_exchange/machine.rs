@@ -224,7 +224,7 @@ impl KeyExchange {
             {
                 self.note(
                     LogLevel::Warning,
-                    format!("the age of the key is not kept: {fault}"),
+                    format!("the age of the key cannot be stored: {fault}"),
                 );
             }
         }
@@ -240,7 +240,7 @@ impl KeyExchange {
             initiator.want();
             let days = age.as_secs_f64() / 86_400.0;
             let text = format!(
-                "the signing key is {days:.1} days old: another is being agreed about, this one stays in use until then"
+                "the signing key is {days:.1} days old: agreeing on a new one, this one stays in use until then"
             );
             self.notify_once(now, AlertPriority::Nominal, text, with);
         }
@@ -257,7 +257,7 @@ impl KeyExchange {
         if let Err(fault) = record.save(with.store, self.vehicle) {
             self.note(
                 LogLevel::Warning,
-                format!("the pairing is not kept: {fault}"),
+                format!("the pairing cannot be stored: {fault}"),
             );
             return;
         }
@@ -353,10 +353,10 @@ impl KeyExchange {
     fn announce(&mut self, now: Now, with: &mut Surroundings<'_>) {
         let text = match &self.machine {
             Machine::Unpaired => {
-                "no air-side agent is paired: no key can be agreed about; run `vsm pair`"
+                "no air-side agent is paired: no key can be agreed on; run `vsm pair`"
             }
             Machine::Legacy(_) => {
-                "the legacy key exchange is on: anyone in the middle can have the signing key"
+                "the legacy key exchange is on: anyone in the middle can obtain the signing key"
             }
             Machine::Paired(_) => return,
         };
@@ -401,7 +401,7 @@ impl KeyExchange {
         use InitiatorEvent as E;
         match event {
             E::Begun { .. } => {
-                "agreeing about a key".clone_into(&mut self.state);
+                "agreeing on a key".clone_into(&mut self.state);
             }
             E::NextStored { key } => {
                 self.offer(now, with);
@@ -417,14 +417,14 @@ impl KeyExchange {
             E::Dropped { status } => {
                 with.bridge.withdraw_next_key(self.index);
                 self.again_at = now.mono.saturating_add(AGAIN_AFTER);
-                self.state = format!("the new key was given up: {status}");
-                let text = format!("the new key is given up, the old one stays in use: {status}");
-                self.notify(now, ExchangeNotice::Over("no key waits"), with);
+                self.state = format!("the new key was dropped: {status}");
+                let text = format!("the new key is dropped, the old one stays in use: {status}");
+                self.notify(now, ExchangeNotice::Over("no key is pending"), with);
                 self.notify_once(now, AlertPriority::Caution, text, with);
             }
             E::Promoted => {
                 with.bridge.adopt_next_key(self.index, now, with.store);
-                let text = "the vehicle has had the new key in use already";
+                let text = "the vehicle already uses the new key";
                 self.notify_once(now, AlertPriority::Nominal, text.to_owned(), with);
             }
             E::GaveUp { unanswered } => {
@@ -443,7 +443,7 @@ impl KeyExchange {
     }
 
     fn notify_status(&mut self, now: Now, status: Status, reason: u8, with: &mut Surroundings<'_>) {
-        self.state = format!("the agent says: {status}");
+        self.state = format!("the agent reports: {status}");
         if reason != 0 {
             self.state += &format!(" ({reason})");
         }
@@ -454,11 +454,11 @@ impl KeyExchange {
             ),
             Status::Sent => (
                 AlertPriority::Nominal,
-                "a new signing key is being given to the vehicle: do not cut its power for 5 s",
+                "sending a new signing key to the vehicle: do not cut its power for 5 s",
             ),
             Status::Silent => (
                 AlertPriority::Caution,
-                "the vehicle is silent after a new key was sent: both keys are kept",
+                "no data from the vehicle after a new key was sent: both keys are kept",
             ),
             Status::CannotSign => (
                 AlertPriority::Warning,

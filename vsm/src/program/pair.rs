@@ -65,7 +65,9 @@ pub(crate) fn run(arguments: Pair) -> Result<(), Failure> {
             Ok(())
         }
         Ending::NotAnswered(said) => {
-            let said = said.map_or(String::new(), |status| format!("; somebody said: {status}"));
+            let said = said.map_or(String::new(), |status| {
+                format!("; last unproven answer: {status}")
+            });
             Err(failed(anyhow!(
                 "nobody answered with this code within {wait_s} s: is the agent's window open (`vsm airside pair`), and \
                  the code the same{said}"
@@ -95,9 +97,7 @@ fn read_code(code: Option<String>) -> anyhow::Result<PairingCode> {
 fn tell(event: &InitiatorEvent) {
     match event {
         InitiatorEvent::GaveUp { .. } => say("no answer yet; trying again"),
-        InitiatorEvent::Rejected { status } => {
-            say(&format!("somebody answers, unproven: {status}"))
-        }
+        InitiatorEvent::Rejected { status } => say(&format!("unproven answer: {status}")),
         InitiatorEvent::NotStored(cause) => say(&format!("not stored: {cause}")),
         InitiatorEvent::NoRandom => say("the system has no random bytes"),
         _ => {}

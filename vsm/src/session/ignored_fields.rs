@@ -30,7 +30,7 @@ pub(crate) fn unused_fields(message: &Message) -> Vec<&'static FieldInfo> {
 /// What its station is sent of the ignored fields of a message; none where there are none. `place` narrows down where.
 pub(crate) fn report(message_type: u16, names: &[&str], place: &str) -> Option<String> {
     let list = names.join(", ");
-    (!names.is_empty()).then(|| format!("{message_type}: not heeded{place}: {list}"))
+    (!names.is_empty()).then(|| format!("{message_type}: ignored{place}: {list}"))
 }
 
 /// The fields of a 2016 that are commanded and of which nothing is made in this mode. `routed` where a route is flown.

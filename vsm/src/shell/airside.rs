@@ -229,7 +229,7 @@ impl AirsideServer {
                 continue;
             };
             match news {
-                PairingNews::WrongCode => asker.tell("somebody did not know the code").await,
+                PairingNews::WrongCode => asker.tell("pairing attempt with a wrong code").await,
                 PairingNews::Paired(peer) => {
                     asker
                         .tell(&format!("paired with   {}", peer.fingerprint()))

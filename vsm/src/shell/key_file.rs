@@ -99,8 +99,7 @@ pub(super) fn parse(path: &Path, content: &[u8]) -> Result<SigningKey, KeyFileEr
         .trim_end();
     if looks_like_a_phrase(text) {
         return Err(content_fault(
-            "this looks like a pass phrase, which is no key: one recorded frame is enough to try a dictionary \
-             against it"
+            "this looks like a pass phrase, not a key: one recorded frame is enough for a dictionary attack on it"
                 .to_owned(),
         ));
     }

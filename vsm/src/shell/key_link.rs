@@ -43,12 +43,12 @@ pub enum KeyLinkError {
     #[error(transparent)]
     Start(#[from] StartError),
     /// There is no key in force that could be given again.
-    #[error("there is no key in force, expected one to give again")]
+    #[error("there is no key in force, expected one to send again")]
     NoKey,
     /// The key would be shown to whoever hears the link.
     #[error(
-        "SETUP_SIGNING shows the key to whoever hears {link}: use a serial line or loopback, or vouch for this link with \
-         --i-trust-this-link"
+        "SETUP_SIGNING shows the key to anyone who can receive {link}: use a serial line or loopback, or \
+         vouch for this link with --i-trust-this-link"
     )]
     OpenLink {
         /// The link.

@@ -31,7 +31,7 @@ pub async fn keep_alive() {
 
 fn say(state: NotifyState<'_>) {
     if let Err(cause) = sd_notify::notify(false, &[state]) {
-        tracing::warn!("the service manager is not told: {cause}");
+        tracing::warn!("the service manager cannot be notified: {cause}");
     }
 }
 

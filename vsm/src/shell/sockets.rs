@@ -138,9 +138,7 @@ impl VehicleReader {
                 if length <= MAX_AT_ONCE {
                     return Ok((length, Peer::Udp(from)));
                 }
-                tracing::debug!(
-                    "a datagram of over {MAX_AT_ONCE} bytes from {from} is passed over"
-                );
+                tracing::debug!("a datagram of over {MAX_AT_ONCE} bytes from {from} is dropped");
             },
             VehicleReader::Serial(port) => match port.read(bytes).await? {
                 0 => Err(io::ErrorKind::UnexpectedEof.into()),
@@ -270,7 +268,7 @@ fn same_port(to: SocketAddr, record: &str, store: &mut dyn Disk) -> io::Result<U
         match udp(SocketAddr::new(any, port), false) {
             Ok(socket) => return Ok(socket),
             Err(cause) => tracing::warn!(
-                "local port {port}, used before, is not to be had ({cause}): another is used"
+                "local port {port}, used before, is not available ({cause}): using another"
             ),
         }
     }

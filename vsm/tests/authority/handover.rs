@@ -226,7 +226,11 @@ fn a_lost_holder_leaves_control_free() {
     ] {
         assert!(reported(&scene, A, status), "{status:?}");
     }
-    for text in ["is silent", "another may take control", "is lost"] {
+    for text in [
+        "no data from the controlling CUCS",
+        "another may take control",
+        "is lost",
+    ] {
         assert!(scene.rig.stations[A].has_alert(text), "{text}");
     }
     scene.drawn("a_lost_holder_leaves_control_free");

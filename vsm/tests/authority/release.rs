@@ -51,7 +51,7 @@ fn rights_are_not_given_over_all_vehicles_at_once() {
         RequestedAccess::Override,
     );
     assert_eq!(scene.end(B, request), Some(AckType::Refused));
-    assert!(scene.rig.stations[B].has_alert("rights are asked of a vehicle"));
+    assert!(scene.rig.stations[B].has_alert("rights must be requested from a single vehicle"));
     assert_eq!(scene.controller(), None);
 }
 

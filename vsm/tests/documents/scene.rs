@@ -95,7 +95,7 @@ fn is_of_no_effect(message: &Message) -> bool {
         return false;
     };
     let text = alert.text.as_ref().map_or("", |text| text.as_str());
-    text.contains(": not heeded") || alert.priority == Some(AlertPriority::Cleared)
+    text.contains(": ignored") || alert.priority == Some(AlertPriority::Cleared)
 }
 
 /// Sends it to the vehicle and waits for its end.

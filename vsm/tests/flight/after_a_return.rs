@@ -65,7 +65,7 @@ fn a_returned_vehicle_that_lost_the_plan_is_given_it_again() {
     assert!(
         rig.until(20.0, |rig| rig
             .station()
-            .has_alert("the loaded plan is aboard again")),
+            .has_alert("the loaded plan is uploaded again")),
         "{:?}",
         rig.station().alerts()
     );
@@ -82,7 +82,7 @@ fn a_vehicle_that_restarted_without_its_plan_is_given_it_again() {
     assert!(
         rig.until(40.0, |rig| rig
             .station()
-            .has_alert("the loaded plan is aboard again")),
+            .has_alert("the loaded plan is uploaded again")),
         "{:?}",
         rig.station().alerts()
     );
@@ -96,7 +96,7 @@ fn a_returned_vehicle_with_the_same_plan_is_left_alone() {
     rig.run(5.0);
     rig.mav.faults.loss = 0.0;
     rig.run(10.0);
-    assert!(rig.station().has_alert("the vehicle is heard"));
+    assert!(rig.station().has_alert("link to the vehicle is up"));
     assert!(!rig.station().has_alert("another plan"));
     assert_eq!(plans(&rig), before);
 }

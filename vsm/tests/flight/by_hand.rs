@@ -248,7 +248,7 @@ fn engines_start_and_stop_by_the_vehicles_rules() {
     assert!(rig.truth().armed, "it flies");
     assert!(
         rig.station()
-            .has_alert("disarming: the vehicle says temporarily rejected")
+            .has_alert("disarming: the vehicle answered: temporarily rejected")
     );
     let mut fifth = engine(CommandedEngineState::Start);
     fifth.engine_number = Some(5);

@@ -107,7 +107,7 @@ fn a_level_route_is_flown_as_fast_as_is_commanded() {
     assert_eq!(rig.carry_out(fly_at(4.0)), Some(AckType::CarriedOut));
     assert!(rig.until(10.0, |rig| (rig.truth().velocity.n - 4.0).abs() < 0.3));
     assert!(
-        !rig.station().has_alert("not heeded"),
+        !rig.station().has_alert("ignored"),
         "{:?}",
         rig.station().alerts()
     );
@@ -164,7 +164,7 @@ fn a_landing_is_broken_off_where_the_vehicle_is() {
     let early = rig.carry_out(orders::mode(Mode::AutolandWaveOff));
     assert_eq!(early, Some(AckType::Refused), "it does not land");
     assert!(
-        rig.station().has_alert("nothing to break off"),
+        rig.station().has_alert("nothing to abort"),
         "{:?}",
         rig.station().alerts()
     );

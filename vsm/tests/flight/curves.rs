@@ -314,7 +314,7 @@ fn ten_routes_are_flown_within_the_predicted_deviation_past_every_point_at_5_and
                 flown.deviation_m <= predicted_m && flown.passed == flown.points,
                 "{name} at {speed_m_s} m/s: {flown:?} of {predicted_m}"
             );
-            assert!(!rig.station().has_alert("told to hold"), "{name}");
+            assert!(!rig.station().has_alert("commanding hold"), "{name}");
         }
     }
 }

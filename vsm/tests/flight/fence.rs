@@ -91,7 +91,7 @@ fn areas_go_aboard_whole_and_bound_the_routes_that_the_vehicle_takes() {
     assert_eq!(status(&rig).status, Some(MissionTransferStatus::Complete));
     assert!(
         rig.station()
-            .has_alert("where it breaks the fence the vehicle holds")
+            .has_alert("on a breach of the fence the vehicle holds")
     );
     // A route through the circle is one that the vehicle itself refuses.
     rig.send_plan(vec![
@@ -141,7 +141,7 @@ fn what_makes_no_fence_is_refused_with_the_vertex_and_nothing_goes_aboard() {
     rig.run(0.1);
     assert!(
         rig.station()
-            .has_alert("area 8: the vehicle is inside it now")
+            .has_alert("area 8: the vehicle is currently inside it")
     );
     assert!(aboard(&rig).is_empty());
     // By itself no corner of anything.
@@ -256,7 +256,7 @@ fn a_fence_that_another_station_takes_away_is_warned_of_until_it_is_back() {
     rig.send_plan(polygon(1, AreaType::KeepInPolygon, &SQUARE));
     carried_out(&mut rig, order(AreaPlanMode::Load));
     rig.run(5.0);
-    assert!(!rig.station().has_alert("is not the one that was loaded"));
+    assert!(!rig.station().has_alert("is not the loaded one"));
     let clear = MavMessage::MISSION_CLEAR_ALL(MISSION_CLEAR_ALL_DATA {
         target_system: 1,
         target_component: 1,
@@ -266,8 +266,8 @@ fn a_fence_that_another_station_takes_away_is_warned_of_until_it_is_back() {
         .vehicle_mut()
         .handle_message(Node::new(255, 190), &clear);
     assert!(rig.until(5.0, |rig| {
-        rig.station().has_alert("is not the one that was loaded")
+        rig.station().has_alert("is not the loaded one")
     }));
     carried_out(&mut rig, order(AreaPlanMode::Load));
-    assert!(rig.until(5.0, |rig| rig.station().has_alert("the fence is aboard")));
+    assert!(rig.until(5.0, |rig| rig.station().has_alert("the fence is uploaded")));
 }

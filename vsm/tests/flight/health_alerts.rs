@@ -147,7 +147,7 @@ fn failing_motors_are_a_failure_of_the_engine() {
         health_faults,
         SubsystemId::Engine,
         AlertPriority::Failed,
-        "land at once",
+        "land immediately",
     );
 }
 
@@ -236,7 +236,7 @@ fn one_that_stands_is_reported_to_a_station_that_comes_later() {
         Some(AckType::CarriedOut)
     );
     rig.run(1.0);
-    assert!(rig.station().has_alert("the barometer fails"));
+    assert!(rig.station().has_alert("barometer failure"));
 }
 
 #[test]
@@ -256,7 +256,7 @@ fn a_silent_vehicle_is_neither_well_nor_worse() {
     );
     rig.mav.faults.loss = 0.0;
     rig.run(10.0);
-    assert!(rig.station().has_alert("the compass is well again"));
+    assert!(rig.station().has_alert("compass recovered"));
 }
 
 #[test]

@@ -75,7 +75,7 @@ fn a_contingency_route_that_cannot_be_flown_gives_way_to_the_return() {
         "{:?}",
         rig.stations[1].alerts()
     );
-    for text in ["try 2", "does not fly contingency A: it is to return"] {
+    for text in ["attempt 2", "does not fly contingency A: commanding return"] {
         assert!(
             rig.stations[1].has_alert(text),
             "{text}: {:?}",
@@ -83,7 +83,7 @@ fn a_contingency_route_that_cannot_be_flown_gives_way_to_the_return() {
         );
     }
     rig.run(2.0);
-    assert!(rig.stations[1].has_alert("the vehicle does what is to be done"));
+    assert!(rig.stations[1].has_alert("the vehicle carries out the loss action"));
 }
 
 #[test]
@@ -114,11 +114,11 @@ fn what_is_reported_of_a_loss_is_what_is_flown() {
         rig.stations[1].alerts()
     );
     assert!(
-        rig.stations[1].has_alert("no contingency A is known, the vehicle is to return"),
+        rig.stations[1].has_alert("no contingency A is stored; commanding return"),
         "{:?}",
         rig.stations[1].alerts()
     );
-    for wrong in ["contingency A is flown", "control has passed on"] {
+    for wrong in ["commanding contingency A", "control has passed on"] {
         assert!(!rig.stations[1].has_alert(wrong), "{wrong}");
     }
 }
@@ -134,7 +134,7 @@ fn a_vehicle_on_the_ground_is_reported_as_flying_nothing() {
     rig.stations[0].heartbeats = false;
     assert!(
         rig.until(20.0, |rig| rig.station().has_alert(
-            "is lost, nobody controls the vehicle: the vehicle stands"
+            "is lost, nobody controls the vehicle: vehicle is on the ground"
         )),
         "{:?}",
         rig.station().alerts()
@@ -150,7 +150,7 @@ fn the_main_route_is_flown_again_after_the_contingency() {
     plan.push(orders::load().into());
     let mut rig = abandoned("[authority]\non_loss = \"contingency\"\n", plan);
     assert!(rig.until(30.0, |rig| rig.truth().mode == Px4::Mission));
-    assert!(rig.stations[1].has_alert("the vehicle is to fly contingency A"));
+    assert!(rig.stations[1].has_alert("commanding contingency A"));
     assert_eq!(
         rig.carry_out(orders::request_control()),
         Some(AckType::CarriedOut)

@@ -10,7 +10,7 @@ use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 use stanag_msgs::{Message, Scaled};
 
 /// The text that both forms of the alert have.
-const HELD: &str = "the vehicle is told to hold";
+const HELD: &str = "commanding hold";
 
 /// A bend of 150 m in short legs, from waypoint 101 on.
 fn bend() -> Vec<Message> {

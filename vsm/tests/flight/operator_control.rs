@@ -95,7 +95,7 @@ fn a_request_for_operator_control_is_reported_and_granted_once_control_is_releas
     assert!(
         rig.until(3.0, |rig| rig
             .station()
-            .has_alert("MAVLink system 255 asks for operator control")),
+            .has_alert("MAVLink system 255 requests operator control")),
         "{:?}",
         rig.station().alerts()
     );

@@ -88,13 +88,17 @@ fn a_missing_right_is_reported_once_and_cleared_though_the_command_is_repeated()
 fn what_is_no_report_or_too_often_is_refused_with_the_reason() {
     let mut rig = Rig::ready();
     refused(&mut rig, schedule(4000, 101), "Frequency 101 Hz");
-    refused(&mut rig, schedule(2016, 1), "2016 is no report");
+    refused(&mut rig, schedule(2016, 1), "2016 is not a report");
     let request = |message| GenericInformationRequestMessage {
         message_type: message,
         ..GenericInformationRequestMessage::default()
     };
-    refused(&mut rig, request(Some(6000)), "6000 is no report");
-    refused(&mut rig, request(Some(3011)), "3011 the vehicle has told");
+    refused(&mut rig, request(Some(6000)), "6000 is not a report");
+    refused(
+        &mut rig,
+        request(Some(3011)),
+        "no data received yet for message 3011",
+    );
     refused(&mut rig, request(None), "Message Type is missing");
     refused(
         &mut rig,
@@ -326,7 +330,7 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
     assert_eq!(rig.carry_out(full), Some(AckType::CarriedOut));
     rig.run(0.1);
     assert!(rig.station().has_alert(
-        "2016: not heeded in mode 12: Commanded Altitude, Commanded Vertical Speed, Commanded Waypoint Number"
+        "2016: ignored in mode 12: Commanded Altitude, Commanded Vertical Speed, Commanded Waypoint Number"
     ));
     let climb = VehicleOperatingModeCommand {
         altitude_command_type: Some(AltitudeCommandType::VerticalSpeed),
@@ -351,10 +355,7 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
     };
     assert_eq!(rig.carry_out(beside), Some(AckType::CarriedOut));
     rig.run(0.1);
-    assert!(
-        rig.station()
-            .has_alert("2016: not heeded in mode 15: Thrust")
-    );
+    assert!(rig.station().has_alert("2016: ignored in mode 15: Thrust"));
 }
 
 #[test]
@@ -377,7 +378,7 @@ fn a_field_of_a_plan_that_never_has_an_effect_is_reported_once() {
     assert_eq!(reasons.len(), 1, "{reasons:?}");
     assert_eq!(
         reasons[0].as_str(),
-        "13002: not heeded: Altitude Change Behaviour"
+        "13002: ignored: Altitude Change Behaviour"
     );
 }
 
@@ -396,7 +397,7 @@ fn a_message_that_a_vsm_sends_is_refused_with_the_reason() {
         .expect("it fits");
     rig.deliver_from_station(&bytes[..length]);
     rig.run(0.1);
-    assert!(rig.station().has_alert("a VSM sends it"));
+    assert!(rig.station().has_alert("message is VSM to CUCS only"));
     // A vector with a bit that no field has.
     bytes[16] |= 0x80;
     rig.deliver_from_station(&bytes[..length]);

@@ -72,7 +72,7 @@ fn along_a_route_the_waypoints_are_those_that_it_leads_to() {
     assert_eq!(along(&rig), [104, 0, 0], "after the route");
     // Flown again from its start, which is reported.
     assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
-    assert!(rig.station().has_alert("flown again from its start"));
+    assert!(rig.station().has_alert("flying it again from its start"));
     is_along(&mut rig, 5.0, [0, 101, 102]);
 }
 
@@ -161,7 +161,7 @@ fn a_changed_plan_loaded_in_flight_holds_the_vehicle_and_reports_it() {
     rig.run(1.0);
     assert_eq!(rig.truth().mode, px4_sim::Mode::Loiter);
     for text in [
-        "it is put on hold (mode 12) while another plan goes aboard",
+        "it is put on hold (mode 12) while another plan is uploaded",
         "the vehicle holds (mode 12): mode 11 flies it",
     ] {
         assert!(

@@ -197,7 +197,7 @@ fn a_load_waits_for_the_parameters_that_bound_it() {
         let (_, text) = refused(&mut rig, at_speed(20.0));
         let why = "waypoint 9: speed 20.0 m/s, expected 0.5 to 12.0";
         too_fast += u32::from(text.contains(why));
-        let homeless = text.contains("has not told its home position");
+        let homeless = text.contains("has not reported its home position");
         assert!(text.contains(why) || homeless, "{seed}: {text}");
     }
     assert!(too_fast > 10, "{too_fast} of 20");
@@ -220,7 +220,7 @@ fn lap(limit: LimitType, times: Option<u16>) -> Vec<Message> {
 fn loops_that_px4_cannot_fly_are_refused() {
     let mut rig = Rig::ready();
     for (limit, times, why) in [
-        (LimitType::Time, Some(60), "does not time them"),
+        (LimitType::Time, Some(60), "by count only"),
         (LimitType::Count, Some(0), "Loop Limit 0"),
         (LimitType::Count, None, "Loop Limit is missing"),
         (LimitType::from_raw(7), Some(1), "Limit Type 7"),

@@ -274,5 +274,5 @@ fn a_plan_that_is_loaded_again_half_flown_is_reported_to_continue() {
         ..orders::load()
     };
     carried_out(&mut rig, load);
-    assert!(rig.station().has_alert("mode 11 goes on to waypoint 22"));
+    assert!(rig.station().has_alert("mode 11 continues to waypoint 22"));
 }

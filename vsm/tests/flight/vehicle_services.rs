@@ -137,7 +137,7 @@ fn what_the_vehicle_would_store_blindly_never_reaches_it() {
         ("COM_DL_LOSS_T", 7.5, "a whole number"),
         ("MIS_TAKEOFF_ALT", -5.0, "expected 0 to inf"),
         ("MPC_XY_CRUISE", f64::NAN, "expected a number"),
-        ("MAV_SYS_ID", 2.0, "who the vehicle is on this link"),
+        ("MAV_SYS_ID", 2.0, "identifies the vehicle on this link"),
         ("MY_OWN", 2.0, "its range is not known"),
     ] {
         refused(&mut rig, write(name, value), why);
@@ -315,6 +315,6 @@ fn a_ping_measures_the_way_to_the_vehicle_and_back() {
     refused(
         &mut rig,
         ping(11, PingTarget::Vehicle),
-        "the vehicle is silent",
+        "no data from the vehicle",
     );
 }

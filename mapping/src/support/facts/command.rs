@@ -12,11 +12,11 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("VSM ID", "refused unless this VSM's, everybody's or none"),
             (
                 "Requested/Handover LOI",
-                "the levels asked for or released; with bits beyond LOI 2 to 5 nothing is granted",
+                "the levels requested or released; with bits beyond LOI 2 to 5 nothing is granted",
             ),
             (
                 "Requested/Handover Access",
-                "0 releases, 1 asks, 2 overrides where the configuration lets it; absent or without levels: a question; others are refused",
+                "0 releases, 1 requests, 2 overrides where the configuration allows it; absent or without levels: a question; others are refused",
             ),
             (
                 "Controlled Station 1-16",
@@ -52,11 +52,11 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("LOI Authorized", "cucs.loi"),
             ("LOI Granted", "everything that this CUCS now holds"),
             ("Controlled Station 1-16", "stations that it holds"),
-            ("Access Requested", "as asked"),
-            ("Vehicle Type", "HEARTBEAT.type, 0 before it is heard"),
+            ("Access Requested", "as requested"),
+            ("Vehicle Type", "HEARTBEAT.type, 0 before the first one"),
             ("Vehicle Subtype", "0"),
-            ("CUCS Type", "as asked"),
-            ("CUCS Subtype", "as asked"),
+            ("CUCS Type", "as requested"),
+            ("CUCS Subtype", "as requested"),
             ("Presence Vector Support", "partial vectors"),
             ("Controlled Station 17-32", "stations that it holds"),
         ],
@@ -70,7 +70,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Time Stamp", STAMP),
             ("VSM ID", "dli.vsm_id"),
             ("Vehicle ID Update", "vehicle.id"),
-            ("Vehicle Type", "HEARTBEAT.type, 0 before it is heard"),
+            ("Vehicle Type", "HEARTBEAT.type, 0 before the first one"),
             ("Vehicle Subtype", "0"),
             ("Owning ID", "the first byte of vehicle.id"),
             ("Tail Number", "vehicle.tail_number"),
@@ -79,8 +79,8 @@ pub(super) static ROWS: &[MessageSupport] = &[
     },
     MessageSupport {
         id: 4,
-        taken: "a handover is asked for, consented to or offered; settled by 2, 5 and 35000",
-        sends: "a wish for control is passed on to the holder",
+        taken: "a handover is requested, consented to or offered; concluded by 2, 5 and 35000",
+        sends: "a request for control is forwarded to the holder",
         honoured: &[
             ("Time Stamp", RECEIVED_STAMP),
             ("Requested/Handover LOI", "the levels to hand over"),
@@ -95,13 +95,13 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Time Stamp", STAMP),
             ("VSM ID", "dli.vsm_id"),
             ("Data Link ID", NULL_LINK),
-            ("Vehicle Type", "HEARTBEAT.type, 0 before it is heard"),
+            ("Vehicle Type", "HEARTBEAT.type, 0 before the first one"),
             ("Vehicle Subtype", "0"),
-            ("Requested/Handover LOI", "the levels wished for"),
-            ("Controlled Station 1-16", "stations wished for"),
-            ("Requesting CUCS ID", "who wishes for them"),
+            ("Requested/Handover LOI", "the levels requested"),
+            ("Controlled Station 1-16", "stations requested"),
+            ("Requesting CUCS ID", "who requests them"),
             ("Presence Vector Support", "partial vectors"),
-            ("Controlled Station 17-32", "stations wished for"),
+            ("Controlled Station 17-32", "stations requested"),
         ],
     },
     MessageSupport {
@@ -118,7 +118,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
                 "Controlled Station 1-16 Authorized",
                 "stations that are handed over",
             ),
-            ("Vehicle Type", "HEARTBEAT.type, 0 before it is heard"),
+            ("Vehicle Type", "HEARTBEAT.type, 0 before the first one"),
             ("Vehicle Subtype", "0"),
             ("Requesting CUCS ID", "who acquires"),
             ("Presence Vector Support", "partial vectors"),
@@ -176,7 +176,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Commanded Vertical Speed",
-                "15: flown, or the limit of the way to an altitude; elsewhere 16000 says that it is not heeded",
+                "15: flown, or the limit of the way to an altitude; elsewhere 16000 reports that it is ignored",
             ),
             (
                 "Heading Command Type",
@@ -188,7 +188,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Commanded Turn Rate", "15: how fast it turns"),
             (
                 "Commanded Speed",
-                "DO_CHANGE_SPEED in 11 and 12 (a multicopter's circle: DO_ORBIT), flown in 15; refused beyond the range that 41003 tells; 0: none",
+                "DO_CHANGE_SPEED in 11 and 12 (a multicopter's circle: DO_ORBIT), flown in 15; refused beyond the range that 41003 reports; 0: none",
             ),
             (
                 "Speed Type",
@@ -196,7 +196,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Commanded Waypoint Number",
-                "11, and routes flown by 19, 23, 24: the flight starts at it; 0: none; elsewhere 16000 says that it is not heeded",
+                "11, and routes flown by 19, 23, 24: the flight starts at it; 0: none; elsewhere 16000 reports that it is ignored",
             ),
             (
                 "Altimeter Setting",

@@ -140,7 +140,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("VSM ID", "dli.vsm_id"),
             ("Data Link ID", NULL_LINK),
             ("Station Number 1-16", "0"),
-            ("Vehicle Type", "HEARTBEAT.type, 0 before it is heard"),
+            ("Vehicle Type", "HEARTBEAT.type, 0 before the first one"),
             ("Vehicle Subtype", "0"),
         ],
     },

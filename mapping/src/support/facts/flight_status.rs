@@ -109,7 +109,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
         id: 3006,
         taken: "",
-        sends: "by 17001, on 17002; without lights: PX4 tells nothing of them",
+        sends: "by 17001, on 17002; without lights: PX4 does not report them",
         honoured: &[],
         sent: &[("Time Stamp", STAMP)],
     },

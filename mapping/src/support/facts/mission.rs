@@ -31,7 +31,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Route ID",
-                "names it for 13000; routes without are told apart by their type",
+                "names it for 13000; routes without one are distinguished by their type",
             ),
             (
                 "Route Type",
@@ -122,7 +122,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Speed Type", "0, 1 and 2 alike; others are refused"),
             (
                 "Loiter Duration",
-                "NAV_LOITER_TIME; absent or 0: for good (NAV_LOITER_UNLIM)",
+                "NAV_LOITER_TIME; absent or 0: unlimited (NAV_LOITER_UNLIM)",
             ),
             (
                 "Loiter Duration Units",
@@ -149,7 +149,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
         id: 14000,
         taken: "",
-        sends: "during and after what 13000 has asked",
+        sends: "during and after a 13000",
         honoured: &[],
         sent: &[
             ("Time Stamp", STAMP),
@@ -158,7 +158,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
                 "Status",
                 "MISSION_ACK; complete once the vehicle holds the plan, read back",
             ),
-            ("Percent Complete", "items that went over"),
+            ("Percent Complete", "items transferred"),
             ("Waypoint Request", "the waypoint that a refusal is about"),
             ("Mission Plan Mode", "of the 13000"),
         ],

@@ -86,7 +86,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
         id: 50012,
         taken: "",
-        sends: "in answer to 50010 and 50011, and on a later change to those that have asked",
+        sends: "in answer to 50010 and 50011, and on a later change to those that have requested it",
         honoured: &[],
         sent: &[
             ("Time Stamp", STAMP),
@@ -95,8 +95,8 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Value", "PARAM_VALUE.param_value"),
             ("Minimum", "the table of PX4 v1.18"),
             ("Maximum", "the table of PX4 v1.18"),
-            ("Parameter Index", "where all are told"),
-            ("Parameter Count", "where all are told"),
+            ("Parameter Index", "where all are reported"),
+            ("Parameter Count", "where all are reported"),
         ],
     },
     MessageSupport {
@@ -153,7 +153,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Vertex Count",
-                "3 to 64 of a polygon, 1 of a circle; another count begins the area anew",
+                "3 to 64 of a polygon, 1 of a circle; another count starts the area again",
             ),
             ("Vertex Number", "1 to Vertex Count"),
             ("Latitude", "where it lies"),
@@ -181,7 +181,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
     MessageSupport {
         id: 50018,
         taken: "",
-        sends: "during and after what 50017 has asked",
+        sends: "during and after a 50017",
         honoured: &[],
         sent: &[
             ("Time Stamp", STAMP),

@@ -15,13 +15,13 @@ pub(super) static ROWS: &[MessageSupport] = &[
     },
     MessageSupport {
         id: 15001,
-        taken: "answered by 16001 with the texts of the alerts that stand, unless dli.provisional is off; needs LOI 2",
+        taken: "answered by 16001 with the texts of the active alerts, unless dli.provisional is off; needs LOI 2",
         sends: "",
         honoured: &[
             ("Time Stamp", RECEIVED_STAMP),
             (
                 "Subsystem State Report Reference",
-                "of the 16001 that told it; others are refused",
+                "of the 16001 that reported it; others are refused",
             ),
         ],
         sent: &[],
@@ -37,7 +37,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ("Priority", "STATUSTEXT.severity, or this VSM's own"),
             (
                 "Subsystem State Report Reference",
-                "-1: there is no more to ask for",
+                "-1: there is no more to request",
             ),
             ("Subsystem ID", "what it is about; 20 is the autopilot"),
             (
@@ -68,22 +68,22 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Subsystem State Report Reference",
-                "what 15001 asks with where alerts stand; -1: there is no more",
+                "what 15001 requests with where alerts are active; -1: there is no more",
             ),
             ("Report Text Reference", "on 15001: the alert's text"),
         ],
     },
     MessageSupport {
         id: 16002,
-        taken: "the CUCS is there; once sent, its silence counts",
+        taken: "the CUCS is connected; once sent, its loss is detected",
         sends: "each second from LOI 2 on",
         honoured: &[("Time Stamp", RECEIVED_STAMP)],
         sent: &[("Time Stamp", STAMP)],
     },
     MessageSupport {
         id: 17000,
-        taken: "taken note of by nobody: this VSM asks for no acknowledgement",
-        sends: "for every message that asks for it: received, then carried out or refused",
+        taken: "ignored: this VSM requests no acknowledgement",
+        sends: "for every message that requests it: received, then carried out or refused",
         honoured: &[],
         sent: &[
             ("Time Stamp", STAMP),
@@ -97,7 +97,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
     },
     MessageSupport {
         id: 17001,
-        taken: "a report is sent so often, its sources asked for by SET_MESSAGE_INTERVAL",
+        taken: "a report is sent at this rate, its sources requested by SET_MESSAGE_INTERVAL",
         sends: "",
         honoured: &[
             ("Time Stamp", RECEIVED_STAMP),
@@ -107,7 +107,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
             ),
             (
                 "Frequency",
-                "1 to 100 Hz; 0: no longer; forgotten when LOI 2 ends",
+                "1 to 100 Hz; 0: stop; forgotten when LOI 2 ends",
             ),
         ],
         sent: &[],
@@ -131,7 +131,7 @@ pub(super) static ROWS: &[MessageSupport] = &[
     },
     MessageSupport {
         id: 34000,
-        taken: "dli.provisional = all: control is handed over or asked for; else refused",
+        taken: "dli.provisional = all: control is handed over or requested; else refused",
         sends: "",
         honoured: &[
             ("Time Stamp", RECEIVED_STAMP),

@@ -283,7 +283,7 @@ async fn events_and_conditions_follow_what_comes_in() {
     };
     let to = station.local_addr().unwrap();
     socket.send_to(&vsm.status(mode.into()), to).await.unwrap();
-    for part in vsm.alert("the vehicle is silent: its state is not known") {
+    for part in vsm.alert("no data from the vehicle: state unknown") {
         socket.send_to(&part, to).await.unwrap();
     }
     let within = Duration::from_secs(2);
@@ -302,7 +302,7 @@ async fn events_and_conditions_follow_what_comes_in() {
             alerts.push(alert.text);
         }
     }
-    assert_eq!(alerts, ["the vehicle is silent: its state is not known"]);
+    assert_eq!(alerts, ["no data from the vehicle: state unknown"]);
 }
 
 #[tokio::test]

@@ -225,7 +225,7 @@ pub(crate) async fn flight(
         .find(|alert| alert.text.contains("curved legs in"))
         .map(|alert| alert.text.clone());
     let Some(said) = said else {
-        bail!("nothing was said of the curves at load")
+        bail!("no alert reported the curves at load")
     };
     story.tell(said);
     station

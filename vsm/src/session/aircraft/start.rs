@@ -69,7 +69,7 @@ impl Aircraft {
             Cause::VehicleSilent,
             AlertPriority::Caution,
             SubsystemId::Comms,
-            "the vehicle has not been heard yet: its state is not known",
+            "no data from the vehicle yet: state unknown",
         );
         if self.config.signing == config::Signing::Off {
             effects.raise(
@@ -104,8 +104,8 @@ impl Aircraft {
                     format!(" (mode {})", seen.mode)
                 };
                 let why = format!(
-                    "the VSM was started anew while it was carried out{mode}: it is not gone on with, look what the \
-                     vehicle does"
+                    "the VSM restarted while this was carried out{mode}: not resumed after the restart; \
+                     check the vehicle's state"
                 );
                 effects!(self, dli).refuse(Some(origin), why);
                 true

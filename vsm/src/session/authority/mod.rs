@@ -309,10 +309,10 @@ impl AuthorityMachine {
                 "nothing is released: name the levels, or send it to the vehicle"
             }
             Some(RequestedAccess::Request | RequestedAccess::Override) => {
-                "rights are asked of a vehicle, not of all"
+                "rights must be requested from a single vehicle"
             }
             Some(RequestedAccess::Unknown(_)) if named => {
-                "Requested/Handover Access is none of 0 to 2"
+                "Requested/Handover Access is out of range: expected 0 to 2"
             }
             _ => return self.question(context, origin.station, request, effects),
         };
@@ -473,7 +473,7 @@ impl AuthorityMachine {
             Some(to) => effects.clear(Cause::CucsSilent, &format!("{to} controls the vehicle")),
             None if !lost => effects.clear(
                 Cause::CucsSilent,
-                "control was given up, nobody controls the vehicle",
+                "control was released, nobody controls the vehicle",
             ),
             None => {}
         }
@@ -566,7 +566,7 @@ impl AuthorityMachine {
             self.report_handover(context, from, Some(to), status, effects);
             let holder = from.map_or_else(|| "nobody".to_owned(), |id| id.to_string());
             let text = match handover.stage {
-                Stage::Consent(_) => format!("{to} asks {holder} for {rights}"),
+                Stage::Consent(_) => format!("{to} requests {rights} from {holder}"),
                 Stage::Acceptance(_) => format!("{holder} offers {rights} to {to}"),
                 Stage::Load(_) => format!("{rights} passes to {to} once the load has ended"),
             };
@@ -681,18 +681,18 @@ impl AuthorityMachine {
     ) {
         let (priority, text, status) = match silence {
             Silence::None => {
-                effects.clear(Cause::CucsSilent, "the controlling CUCS is heard again");
+                effects.clear(Cause::CucsSilent, "link to the controlling CUCS restored");
                 let status = HandoverStatus::NotRequested;
                 return self.report_handover(context, Some(id), None, status, effects);
             }
             Silence::Warned => (
                 AlertPriority::Caution,
-                format!("the controlling CUCS {id} is silent"),
+                format!("no data from the controlling CUCS {id}"),
                 HandoverStatus::NotRequested,
             ),
             Silence::Offered => (
                 AlertPriority::Warning,
-                format!("the controlling CUCS {id} is silent: another may take control"),
+                format!("no data from the controlling CUCS {id}: another may take control"),
                 HandoverStatus::InProgress,
             ),
             Silence::Lost => (
@@ -733,12 +733,12 @@ fn what_follows(context: &Context<'_>) -> &'static str {
     let telemetry = &context.vehicle.telemetry;
     if !context.vehicle.live() {
         return match on_loss {
-            OnLoss::Continue => "the vehicle is silent too",
-            _ => "the vehicle is silent too, it is commanded once it is heard",
+            OnLoss::Continue => "no data from the vehicle either",
+            _ => "no data from the vehicle either, it is commanded once its link is restored",
         };
     }
     if telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND) {
-        return "the vehicle stands, nothing is flown";
+        return "vehicle is on the ground, nothing is commanded";
     }
     let mission = &context.mission;
     let stored = mission
@@ -746,15 +746,15 @@ fn what_follows(context: &Context<'_>) -> &'static str {
         .route_of_type(RouteType::ContingencyA)
         .is_some();
     match on_loss {
-        OnLoss::Continue if context.steering => "the vehicle is steered no more, it is to hold",
-        OnLoss::Continue => "the vehicle goes on",
-        OnLoss::Hold => "the vehicle is to hold",
+        OnLoss::Continue if context.steering => "steering stopped; commanding hold",
+        OnLoss::Continue => "vehicle continues in its current mode",
+        OnLoss::Hold => "commanding hold",
         OnLoss::Contingency if stored && mission.may_change.is_err() => {
-            "another transfer is under way, the vehicle is to return"
+            "another transfer is in progress; commanding return"
         }
-        OnLoss::Contingency if stored => "the vehicle is to fly contingency A",
-        OnLoss::Contingency => "no contingency A is known, the vehicle is to return",
-        OnLoss::Rtl => "the vehicle is to return",
+        OnLoss::Contingency if stored => "commanding contingency A",
+        OnLoss::Contingency => "no contingency A is stored; commanding return",
+        OnLoss::Rtl => "commanding return",
     }
 }
 
@@ -826,7 +826,7 @@ fn understood(
     let unknown = levels.raw() & !LoiBitmap::LOI2.union(LoiBitmap::LOI3).union(CONTROL).raw();
     if unknown != 0 {
         return Err(format!(
-            "Requested/Handover LOI {:#04x}: bits {unknown:#04x} are none of LOI 2 to 5",
+            "Requested/Handover LOI {:#04x}: bits {unknown:#04x} are out of range: expected LOI 2 to 5",
             levels.raw()
         ));
     }

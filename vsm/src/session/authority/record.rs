@@ -108,7 +108,7 @@ impl AuthorityRecord {
         self.since.retain(|id, _| !rights.held(*id).is_empty());
         let stored = self.store(rights, durability, context, effects);
         match &stored {
-            Ok(()) => effects.clear(Cause::Store, "what must be kept is stored again"),
+            Ok(()) => effects.clear(Cause::Store, "authority is stored again"),
             Err(_) => {
                 self.since = since;
                 if !decision.changes.is_empty() {

@@ -58,7 +58,7 @@ impl Bridge {
             .is_some_and(|info| info.direction == Direction::ToCucs)
         {
             self.counters.count("wrong direction");
-            let why = "a VSM sends it, and takes none".to_owned();
+            let why = "message is VSM to CUCS only".to_owned();
             return self.refuse(now, &origin, header.destination, why, disk);
         }
         self.received.count(header.message_type.into());
@@ -100,11 +100,11 @@ impl Bridge {
         };
         let mut effects = aircraft.effects(&mut dli);
         match logged {
-            Ok(()) => effects.clear(Cause::CommandLog, "commands are written down again"),
+            Ok(()) => effects.clear(Cause::CommandLog, "commands are logged again"),
             Err(fault) => effects.warn(
                 Cause::CommandLog,
                 format!(
-                    "commands cannot be written down, a repetition after a restart would be carried out again: {fault}"
+                    "commands cannot be logged, one repeated after a restart would be carried out again: {fault}"
                 ),
             ),
         }
@@ -227,5 +227,5 @@ fn drop_name(fault: &WrapperError) -> &'static str {
 }
 
 /// Its sender has ordered something else since.
-const OVERTAKEN: &str = "a later one has been taken, this one was overtaken on its way";
+const OVERTAKEN: &str = "overtaken by a later command, which applies instead";
 const ACKNOWLEDGEMENT: u16 = 17000;

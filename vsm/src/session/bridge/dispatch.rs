@@ -151,7 +151,7 @@ fn inform<'m>(
             Err(why) => one.effects(dli).refuse(Some(origin), why),
         };
     }
-    let (mut informed, mut why) = (false, "it needs LOI 2, and none is held".to_owned());
+    let (mut informed, mut why) = (false, "it needs LOI 2, no LOI is held".to_owned());
     for one in aircraft.iter_mut() {
         if listens(one) {
             match one.ask_reports(dli, input()) {
@@ -207,4 +207,4 @@ fn refuse_without_right(
 }
 
 /// A command to everybody is a command to nobody in particular.
-const TO_ONE: &str = "it is for one vehicle, and is addressed to none";
+const TO_ONE: &str = "must be addressed to a single vehicle";

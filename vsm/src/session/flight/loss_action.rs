@@ -114,12 +114,12 @@ impl LossAction {
         if before.tries > 0 {
             let text = if before.action == action {
                 format!(
-                    "the controlling CUCS is lost and the vehicle does not {}: try {tries}",
+                    "the controlling CUCS is lost and the vehicle does not {}: attempt {tries}",
                     name(before.action)
                 )
             } else {
                 format!(
-                    "the controlling CUCS is lost and the vehicle does not {}: it is to {}",
+                    "the controlling CUCS is lost and the vehicle does not {}: commanding {}",
                     name(before.action),
                     name(action)
                 )
@@ -150,7 +150,7 @@ fn finished(context: &LossContext, action: Action) -> Option<&'static str> {
         return None;
     }
     if context.on_ground {
-        return Some("the vehicle stands");
+        return Some("vehicle is on the ground");
     }
     let shown = match context.mode {
         // Its own failsafe brings it down, too.
@@ -159,7 +159,7 @@ fn finished(context: &LossContext, action: Action) -> Option<&'static str> {
         Some(Px4Mode::MISSION) => action == Action::Contingency && context.carries_contingency,
         _ => false,
     };
-    shown.then_some("the vehicle does what is to be done after the loss")
+    shown.then_some("the vehicle carries out the loss action")
 }
 
 fn name(action: Action) -> &'static str {

@@ -250,7 +250,7 @@ impl Flight {
             }
             _ => effects.refuse(
                 Some(origin),
-                "PX4 takes no command for lights: they show its state",
+                "PX4 has no command for lights: they show its state",
             ),
         }
     }
@@ -432,7 +432,7 @@ impl Flight {
     ) {
         let now = context.mono();
         if !self.sticks.fresh(now) {
-            let why = "mode 2: no sticks (2010) come; send them first, 10 a second or more";
+            let why = "mode 2: no sticks (2010) received; send them first, at 10 Hz or more";
             return effects.refuse(origin, why);
         }
         let mut steps = Vec::new();
@@ -507,7 +507,7 @@ impl Flight {
         let controller = context.controller;
         let why = match controller {
             Some(id) => format!("{id} controls the vehicle now"),
-            None => "its sender does not control the vehicle any more, nobody does".to_owned(),
+            None => "its sender no longer controls the vehicle, nobody does".to_owned(),
         };
         let without_right = |origin: Option<Origin>| {
             origin.is_some_and(|origin| {
@@ -620,7 +620,7 @@ impl Flight {
             Due::None => {}
             Due::Send(sticks) => effects.vehicle.post(MavMessage::MANUAL_CONTROL(sticks)),
             Due::Stopped => effects.warn_of_link(
-                "the sticks (2010) have stopped: the vehicle does what it is set to do",
+                "the sticks (2010) have stopped: the vehicle acts by its own parameters",
             ),
         }
     }
@@ -681,9 +681,9 @@ impl Flight {
             return;
         }
         effects.warn_of_link(if flies {
-            "the launch that a restart of the VSM cut off has taken the vehicle up: command what it is to do"
+            "the launch that a restart of the VSM interrupted has taken the vehicle up: command a mode"
         } else {
-            "the launch that a restart of the VSM cut off left the vehicle armed on the ground: it is disarmed"
+            "the launch that a restart of the VSM interrupted left the vehicle armed on the ground: disarming it"
         });
         if !flies {
             let maneuver = Maneuver::new(maneuver::disarm(), self.commanded);
@@ -698,9 +698,9 @@ fn waits_for_transfer(steps: &[Step], context: &Context<'_>) -> Option<&'static 
     let needs_mission = steps.iter().any(|step| matches!(step, Step::SetCurrent(_)));
     let flies_mission = maneuver::mode_after(steps, None) == Some(Px4Mode::MISSION);
     if context.mission.is_transferring() && (needs_mission || flies_mission) {
-        Some("a route is on its way aboard: wait for 14000")
+        Some("a route is being uploaded: wait for 14000")
     } else if context.mission.fence_busy && needs_mission {
-        Some("a fence is on its way aboard: wait for 50018")
+        Some("a fence is being uploaded: wait for 50018")
     } else {
         None
     }
@@ -716,7 +716,7 @@ fn report_restart(context: &Context<'_>, effects: &mut Effects<'_>) {
         ""
     };
     effects.advise(format!(
-        "mode 11: the route has been flown to its end, it is flown again from its start{once}"
+        "mode 11: the route was flown to its end, flying it again from its start{once}"
     ));
 }
 
@@ -727,4 +727,4 @@ fn select(mode: Mode) -> VehicleOperatingModeCommand {
     }
 }
 
-const SILENT: &str = "the vehicle is silent: no command can be confirmed";
+const SILENT: &str = "no data from the vehicle: no command can be confirmed";

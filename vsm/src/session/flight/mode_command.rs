@@ -32,7 +32,7 @@ pub(crate) fn task(
     at: &Situation<'_>,
 ) -> Result<Task, String> {
     let mode = mode_of(command, at.telemetry)
-        .ok_or("no mode is commanded, and the vehicle has told none")?;
+        .ok_or("no mode is commanded, and the vehicle has not reported one")?;
     if !names_mode(command) {
         if names_nothing(command) {
             // A setting that is kept, such as the altimeter's.
@@ -40,13 +40,12 @@ pub(crate) fn task(
         }
         if at.entering {
             return Err(
-                "no mode is commanded, and another is being entered: name the mode that it is for"
-                    .to_owned(),
+                "no mode is commanded while another is being entered: name the mode".to_owned(),
             );
         }
         if !matches!(mode, Mode::Waypoint | Mode::Loiter | Mode::Autopilot) {
             return Err(format!(
-                "no mode is commanded, and in the present one, {}, nothing can be changed",
+                "no mode is commanded, and in the current one, {}, nothing can be changed",
                 mode.raw()
             ));
         }
@@ -75,12 +74,11 @@ pub(crate) fn task(
             Ok(plain(&[Px4Mode::LOITER], at))
         }
         Mode::AutolandWaveOff if at.telemetry.hovers() => Err(
-            "mode 20 (wave-off): the vehicle is not landing, there is nothing to break off"
-                .to_owned(),
+            "mode 20 (wave-off): the vehicle is not landing, there is nothing to abort".to_owned(),
         ),
         Mode::FlightDirector => Ok(Task::Manual),
         Mode::Autopilot => steer(command, at),
-        other => Err(format!("mode {}: PX4 cannot do that", other.raw())),
+        other => Err(format!("mode {}: not supported by PX4", other.raw())),
     }
 }
 
@@ -153,7 +151,7 @@ fn fly(
         // Mode 11 flies what 13000 has loaded, never what has been stored since.
         _ if route == RouteType::Flight => {
             return Err(
-                "mode 11: the loaded route is not aboard any more; load it again (13000)"
+                "mode 11: the vehicle no longer holds the loaded route; load it again (13000)"
                     .to_owned(),
             );
         }
@@ -269,10 +267,12 @@ fn is_current(uploaded: &UploadedMission, route: RouteType, at: &Situation<'_>) 
 /// Mode 21: to an altitude, and on along the launch route where there is one.
 fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
     if at.telemetry.airborne() {
-        return Err("mode 21: the vehicle is in the air already".to_owned());
+        return Err("mode 21: the vehicle is already in the air".to_owned());
     }
     if at.telemetry.landed.is_none() {
-        return Err("mode 21: the vehicle has not told yet whether it stands".to_owned());
+        return Err(
+            "mode 21: the vehicle has not reported yet whether it is on the ground".to_owned(),
+        );
     }
     let route = has(RouteType::Launch, at);
     if route && !at.telemetry.hovers() {
@@ -405,7 +405,7 @@ fn go(
     let present = at
         .telemetry
         .position
-        .ok_or("the vehicle has told no position yet")?;
+        .ok_or("the vehicle has not reported a position yet")?;
     let home = at.telemetry.home.ok_or("home is not known yet")?;
     let amsl_m = level.map_or(present.amsl_m, |level| level.amsl(home.amsl_m));
     let hovers = at.telemetry.hovers();
@@ -440,7 +440,7 @@ fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, Str
     let orbit = at
         .telemetry
         .orbit
-        .ok_or("the vehicle has not told the circle that it flies")?;
+        .ok_or("the vehicle has not reported the circle that it flies")?;
     within_the_circle(Some(speed_m_s), orbit.radius_m.abs())?;
     let centre = (orbit.centre.latitude, orbit.centre.longitude);
     let amsl_m = orbit.centre.amsl_m;
@@ -483,7 +483,7 @@ fn place(
     let from = at
         .telemetry
         .position
-        .ok_or("the vehicle has told no position yet")?;
+        .ok_or("the vehicle has not reported a position yet")?;
     let distance_m = metres((from.latitude, from.longitude), (latitude, longitude));
     if distance_m > at.limits.leg_m {
         return Err(format!(
@@ -497,7 +497,7 @@ fn place(
 /// Mode 15: speed, direction and climb by set points.
 fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
     if !at.telemetry.hovers() {
-        return Err("mode 15: PX4 steers a fixed wing by no set points of speed".to_owned());
+        return Err("mode 15: PX4 accepts no velocity setpoints for a fixed wing".to_owned());
     }
     if !at.telemetry.airborne() {
         return Err("mode 15 needs an airborne vehicle".to_owned());
@@ -605,6 +605,6 @@ mod tests {
         let stands = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
         assert_eq!(judged(Some(stands)), Ok(true));
         // A VSM that was started anew while the vehicle flies.
-        assert!(judged(None).is_err_and(|why| why.contains("not told yet")));
+        assert!(judged(None).is_err_and(|why| why.contains("not reported yet")));
     }
 }

@@ -75,7 +75,7 @@ pub(crate) fn direction(
     match command.heading_reference {
         Some(HeadingReference::Magnetic) if absolute => {
             return Err(
-                "mode 15: magnetic headings are not flown, the vehicle tells no declination"
+                "mode 15: magnetic headings are not supported, the vehicle reports no declination"
                     .to_owned(),
             );
         }
@@ -225,14 +225,14 @@ impl Steering {
 fn present(now: Duration, vehicle: &Telemetry) -> Result<Flown, String> {
     let [north, east, _] = vehicle
         .velocity_ned
-        .ok_or("mode 15: the vehicle has told no velocity yet")?;
+        .ok_or("mode 15: the vehicle has not reported a velocity yet")?;
     let nose = vehicle
         .attitude
-        .ok_or("mode 15: the vehicle has told no heading yet")?
+        .ok_or("mode 15: the vehicle has not reported a heading yet")?
         .yaw;
     let place = vehicle
         .position
-        .ok_or("mode 15: the vehicle has told no position yet")?;
+        .ok_or("mode 15: the vehicle has not reported a position yet")?;
     let speed_m_s = north.hypot(east);
     let moves = speed_m_s > SLOWEST_M_S;
     let track = if moves { east.atan2(north) } else { nose };

@@ -162,7 +162,7 @@ impl VehicleLink {
                     && requested.target_system == own =>
             {
                 self.events.push_back(VehicleEvent::ForeignControl(format!(
-                    "MAVLink system {} asks for operator control of the vehicle: it can have it once control is given up",
+                    "MAVLink system {} requests operator control of the vehicle: granted once control is released",
                     requested.param4 as u8
                 )));
                 // That it was received, no more: whether control is given up is for the CUCS to decide.

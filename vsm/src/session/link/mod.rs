@@ -234,7 +234,10 @@ impl VehicleLink {
                 effects.note(LogLevel::Info, text);
             }
             Event::Behind => {
-                effects.note(LogLevel::Info, "its stamps are behind: it has restarted");
+                effects.note(
+                    LogLevel::Info,
+                    "the vehicle's timestamps went back: it has restarted",
+                );
             }
             Event::Live => {
                 effects.note(LogLevel::Info, "the link is live");
@@ -306,7 +309,7 @@ impl VehicleLink {
         self.stored_link_id = learned;
         let vehicle = effects.id;
         if let Err(fault) = effects.disk().save(&vehicle, &LinkId(learned)) {
-            let text = format!("the vehicle's link id is not kept: {fault}");
+            let text = format!("the vehicle's link id cannot be stored: {fault}");
             effects.note(LogLevel::Warning, text);
         }
     }
@@ -336,7 +339,7 @@ impl VehicleLink {
                 "signature does not fit the key",
                 stats.bad_signature + foreign,
             ),
-            ("replayed, reordered or fallen back", stats.stale),
+            ("stale timestamp", stats.stale),
             ("stamp over an hour ahead", stats.future),
             ("another link's stream", stats.unexpected_link),
             ("stream not on the list", stats.not_listed),
@@ -370,10 +373,10 @@ pub(crate) fn alert_text(alert: Alert) -> &'static str {
             "the signing clock cannot be stored: sending and accepting will stop"
         }
         A::ClockExhausted => "the signing clock is exhausted: a new key is needed",
-        A::StaysBehind => "the vehicle's stamps stay behind: no frame of it is believed",
+        A::StaysBehind => "the vehicle's timestamps stay behind: its frames are refused",
         A::VehicleUnsigned => "the vehicle sends unsigned: its key may be lost",
         A::BadSignatures => "many frames with bad signatures: an attack, or two keys",
-        A::Future => "frames with stamps over an hour ahead are refused",
+        A::Future => "frames with timestamps over an hour ahead are refused",
         A::LinkIdMoved => "the autopilot signs with another link id",
         A::StreamTableFull => "too many signing streams: one is refused",
     }

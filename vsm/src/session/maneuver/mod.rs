@@ -144,11 +144,14 @@ impl Maneuver {
             }
             Outcome::Answered { result, .. } => {
                 let why = vehicle.latest_complaint(now).unwrap_or_default();
-                Progress::Refused(format!("{what}: the vehicle says {}{why}", name(result)))
+                Progress::Refused(format!(
+                    "{what}: the vehicle answered: {}{why}",
+                    name(result)
+                ))
             }
-            Outcome::NoAnswer { tries } => {
-                Progress::Refused(format!("{what}: no answer of the vehicle to {tries} tries"))
-            }
+            Outcome::NoAnswer { tries } => Progress::Refused(format!(
+                "{what}: no answer from the vehicle after {tries} attempts"
+            )),
             Outcome::Withdrawn => Progress::Refused(format!("{what}: withdrawn")),
         }
     }
@@ -337,7 +340,7 @@ fn name(result: MavResult) -> &'static str {
         MavResult::MAV_RESULT_FAILED => "failed",
         MavResult::MAV_RESULT_IN_PROGRESS => "in progress",
         MavResult::MAV_RESULT_CANCELLED => "cancelled",
-        MavResult::MAV_RESULT_NOT_IN_CONTROL => "that this VSM has no operator control",
+        MavResult::MAV_RESULT_NOT_IN_CONTROL => "this VSM has no operator control",
         _ => "no",
     }
 }

@@ -265,7 +265,7 @@ impl Fence {
             return;
         };
         if named.is_some_and(|named| named != id) {
-            let text = "the fence aboard is not the one that was loaded: load it again (50017)";
+            let text = "the vehicle's fence is not the loaded one: load it again (50017)";
             effects.warn(Cause::Fence, text);
         } else {
             effects.clear(Cause::Fence, UPLOADED);
@@ -305,7 +305,7 @@ impl Fence {
         }
         effects.clear(Cause::Fence, UPLOADED);
         if let Err(fault) = self.save(effects) {
-            let why = format!("the fence is aboard, but cannot be stored: {fault}");
+            let why = format!("the fence is uploaded, but cannot be stored: {fault}");
             return self.end(context, requester, None, why, effects);
         }
         if self.wanted {
@@ -336,7 +336,7 @@ impl Fence {
                 // The vehicle flies without a fence that it should have.
                 self.look_at = Some(context.mono() + TRY_AGAIN);
                 self.postponed = false;
-                effects.warn(Cause::Fence, format!("the fence is not aboard: {why}"));
+                effects.warn(Cause::Fence, format!("the fence is not uploaded: {why}"));
             }
         }
     }
@@ -391,15 +391,15 @@ fn advise_breach(context: &Context<'_>, effects: &mut Effects<'_>) {
     };
     let what = match action as i64 {
         0 => "does nothing",
-        1 => "only says so",
+        1 => "only reports it",
         2 => "holds",
         3 => "returns",
         4 => "terminates its flight",
         5 => "lands",
-        _ => "does something that is not known here",
+        _ => "takes an action unknown to this VSM",
     };
     effects.advise(format!(
-        "where it breaks the fence the vehicle {what} (GF_ACTION {action})"
+        "on a breach of the fence the vehicle {what} (GF_ACTION {action})"
     ));
 }
 
@@ -435,6 +435,6 @@ fn vertex_of(points: &[FencePoint], fault: &Fault) -> Option<Vertex> {
 
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
 /// Why the warning is cleared.
-const UPLOADED: &str = "the fence is aboard";
+const UPLOADED: &str = "the fence is uploaded";
 const LOOK_AFTER: Duration = Duration::from_secs(3);
 const TRY_AGAIN: Duration = Duration::from_secs(30);

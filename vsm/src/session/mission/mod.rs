@@ -103,7 +103,7 @@ impl Mission {
     /// Whether an upload, a download or a clearing can begin now, or why not.
     fn may_change(&self, vehicle: &VehicleState, services: &Services) -> Free {
         if !vehicle.live() {
-            return Err("the vehicle is silent: nothing can be loaded");
+            return Err("no data from the vehicle: nothing can be loaded");
         }
         let busy = services.missions.busy().is_some();
         if self.transfers.is_running() || self.fence.busy() || busy {

@@ -253,7 +253,7 @@ impl RouteUpload {
                 return Err((Some(fault.waypoint), fault.to_string()));
             }
             None => {
-                let why = "the vehicle has not told its home position".to_owned();
+                let why = "the vehicle has not reported its home position".to_owned();
                 return Err((None, why));
             }
         };

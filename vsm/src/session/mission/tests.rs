@@ -351,7 +351,7 @@ fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
     world.vehicle.telemetry.mission = named(0, id + 1);
     handle(&mut world, &mut mission, Input::WatchFence);
     let (_, texts) = reports(&mut world);
-    assert!(texts.contains("is not the one that was loaded"), "{texts}");
+    assert!(texts.contains("is not the loaded one"), "{texts}");
 }
 
 #[test]

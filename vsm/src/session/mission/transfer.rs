@@ -298,7 +298,7 @@ impl Transfers {
         let outcome = upload.advance(now, store.plan(), site.as_ref(), state, vehicle);
         if upload.held && !held {
             effects.advise(
-                "the vehicle flies its mission: it is put on hold (mode 12) while another plan goes aboard",
+                "the vehicle flies its mission: it is put on hold (mode 12) while another plan is uploaded",
             );
         }
         self.follow(context, outcome, store, progress, effects);
@@ -466,7 +466,7 @@ impl Transfers {
         store.uploaded = Some(uploaded);
         // What is answered as loaded must still be known after a crash.
         if let Err(fault) = store.save_uploaded(effects) {
-            let why = format!("the route is aboard, but cannot be stored: {fault}");
+            let why = format!("the route is uploaded, but cannot be stored: {fault}");
             return load.end(None, why, effects);
         }
         if let Some(origin) = &load.origin {
@@ -540,11 +540,11 @@ impl Load {
     fn done(self, effects: &mut Effects<'_>) {
         if self.then.is_none() && self.held() {
             effects.advise(
-                "another plan is aboard, and the vehicle holds (mode 12): mode 11 flies it",
+                "another plan is uploaded, and the vehicle holds (mode 12): mode 11 flies it",
             );
         }
         if self.is_own() {
-            effects.advise("the loaded plan is aboard again");
+            effects.advise("the loaded plan is uploaded again");
         }
         if let Some(origin) = self.origin {
             status::complete(effects, &origin, &self.mission_name, Mode::Load);
@@ -570,7 +570,9 @@ impl Load {
             Work::Clear { .. } => Mode::Clear,
         };
         if self.is_own() {
-            effects.warn_of_link(format!("the loaded plan is not aboard any more: {why}"));
+            effects.warn_of_link(format!(
+                "the vehicle no longer holds the loaded plan: {why}"
+            ));
         }
         if let Some((origin, _)) = self.then {
             effects.refuse(origin, why.clone());
@@ -642,7 +644,7 @@ fn advise_where_it_continues(
     let Some(mission) = mission else { return };
     if let Some(number) = compiled.waypoint_of.get(usize::from(mission.seq)) {
         effects.advise(format!(
-            "the vehicle holds this plan already: mode 11 goes on to waypoint {number}, unless another is commanded"
+            "the vehicle already holds this plan: mode 11 continues to waypoint {number}, unless another is commanded"
         ));
     }
 }

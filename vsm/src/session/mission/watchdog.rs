@@ -114,15 +114,15 @@ impl MissionWatchdog {
         let what = match self.judge(&sample, limit_s) {
             Finding::Nothing => return,
             Finding::Progress => return effects.clear(Cause::Stalled, "the route is flown again"),
-            Finding::Missed(away_m) => format!("missed, {away_m:.0} m away and no turning back"),
+            Finding::Missed(away_m) => format!("missed, {away_m:.0} m away and not turning back"),
             Finding::Stuck(still_s) => {
                 let away_m = sample.away.map_or(0.0, |away| away.ground_m);
-                format!("no nearer for {still_s:.0} s, {away_m:.0} m away")
+                format!("no progress for {still_s:.0} s, {away_m:.0} m away")
             }
         };
         let numbers = uploaded.map_or(&[] as &[u16], |uploaded| &uploaded.compiled.waypoint_of);
         let waypoint = numbers.get(usize::from(sample.seq)).copied().unwrap_or(0);
-        let text = format!("waypoint {waypoint}: {what}; the vehicle is told to hold");
+        let text = format!("waypoint {waypoint}: {what}; commanding hold");
         effects.warn(Cause::Stalled, text);
         effects.request(Request::Hold);
     }

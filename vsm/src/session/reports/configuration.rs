@@ -307,13 +307,13 @@ fn available_modes(context: &Context<'_>, mission: &MissionView<'_>) -> Availabl
 /// NAV_DLL_ACT as PX4 documents it.
 fn own_failsafe(action: f64) -> &'static str {
     match action as i64 {
-        0 => "goes on as it is",
+        0 => "continues unchanged",
         1 => "holds",
         2 => "returns",
         3 => "lands",
         5 => "terminates its flight",
         6 => "disarms",
-        _ => "does something that is not known here",
+        _ => "takes an action unknown to this VSM",
     }
 }
 

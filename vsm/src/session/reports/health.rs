@@ -132,7 +132,7 @@ pub(super) fn subsystem_status(
         .filter(|(subsystem, _)| requested == 0 || requested >> subsystem.raw() & 1 == 1)
         .collect();
     if wanted.is_empty() {
-        let why = format!("nothing is known of the subsystems {requested:#x}");
+        let why = format!("no state is known for the subsystems {requested:#x}");
         return effects.refuse(Some(origin), why);
     }
     for state in wanted {
@@ -161,7 +161,7 @@ pub(super) fn subsystem_detail(
         .map(|alert| (alert.subsystem, alert.priority, alert.text.clone()))
         .collect();
     if standing.is_empty() {
-        let why = format!("there is nothing more to ask about {reference}");
+        let why = format!("there is no further report for reference {reference}");
         return effects.refuse(Some(origin), why);
     }
     for (subsystem, priority, text) in standing {

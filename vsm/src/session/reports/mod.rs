@@ -177,7 +177,7 @@ impl Reports {
                 self.ignored.retain(|(of, _, _)| *of != station);
             }
             Input::LinkUp => {
-                effects.clear(Cause::VehicleSilent, "the vehicle is heard");
+                effects.clear(Cause::VehicleSilent, "link to the vehicle is up");
                 self.report_state(context, effects);
                 self.read_parameters(context, effects);
             }
@@ -188,7 +188,7 @@ impl Reports {
                     Cause::VehicleSilent,
                     AlertPriority::Warning,
                     SubsystemId::Comms,
-                    "the vehicle is silent: its state is not known",
+                    "no data from the vehicle: state unknown",
                 );
                 self.report_state(context, effects);
             }
@@ -298,7 +298,7 @@ impl Reports {
             Message::SubsystemStatusDetailRequest(request) => {
                 health::subsystem_detail(common, origin, request, effects);
             }
-            other => debug_assert!(false, "message {} is no command of reports", other.id()),
+            other => debug_assert!(false, "message {} is not a report request", other.id()),
         }
     }
 
@@ -315,7 +315,7 @@ impl Reports {
         known_report(message)?;
         if hertz > MAX_HERTZ {
             return Err(format!(
-                "Frequency {hertz} Hz, expected 1 to {MAX_HERTZ}, or 0 for no longer"
+                "Frequency {hertz} Hz, expected 1 to {MAX_HERTZ}, or 0 to stop"
             ));
         }
         let period = match hertz {
@@ -351,7 +351,7 @@ impl Reports {
             }
         }
         if reports.is_empty() {
-            return Err(format!("of {message} the vehicle has told nothing yet"));
+            return Err(format!("no data received yet for message {message}"));
         }
         Ok(())
     }
@@ -501,7 +501,7 @@ fn known_report(message: u16) -> Result<(), String> {
     if REPORTS.contains(&message) || DETAILS.contains(&message) {
         Ok(())
     } else {
-        Err(format!("message {message} is no report of this VSM"))
+        Err(format!("message {message} is not a report of this VSM"))
     }
 }
 

@@ -168,7 +168,7 @@ pub(super) fn report(name: Name, value: Value) -> Message {
 pub(super) fn refusal(event: &Event) -> Option<String> {
     match event {
         Event::Refused { name, reason } => Some(format!("parameter {name}: {}", why(reason))),
-        Event::ListFailed { have, total } => Some(format!("{have} of {total} parameters came")),
+        Event::ListFailed { have, total } => Some(format!("{have} of {total} parameters received")),
         _ => None,
     }
 }

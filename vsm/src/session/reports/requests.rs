@@ -55,10 +55,10 @@ impl Requests {
         match request.ping_target.unwrap_or(PingTarget::Vsm) {
             PingTarget::Vsm => answer_ping(&origin, number, None, effects),
             PingTarget::Vehicle if !context.vehicle.live() => {
-                effects.refuse(Some(origin), "the vehicle is silent");
+                effects.refuse(Some(origin), "no data from the vehicle");
             }
             PingTarget::Vehicle if self.pings.len() >= MAX_PINGS => {
-                effects.refuse(Some(origin), format!("{MAX_PINGS} pings are on their way"));
+                effects.refuse(Some(origin), format!("{MAX_PINGS} pings are pending"));
             }
             PingTarget::Vehicle => {
                 effects.acknowledge(&origin, AckType::Received);

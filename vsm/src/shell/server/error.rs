@@ -70,7 +70,7 @@ pub enum StartError {
         path: PathBuf,
     },
     /// A first key was made for the vehicle and never sent to it.
-    #[error("the vehicle has never been sent its first key {path}.next: go on with `vsm key provision`", path = path.display())]
+    #[error("the vehicle has never been sent its first key {path}.next: run `vsm key provision`", path = path.display())]
     NeverSent {
         /// The key file.
         path: PathBuf,

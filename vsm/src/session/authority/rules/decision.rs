@@ -65,11 +65,11 @@ impl fmt::Display for Refusal {
         match self {
             Refusal::NotAuthorised => write!(f, "not authorised by configuration"),
             Refusal::Held(id) => write!(f, "{id} holds it"),
-            Refusal::Rank(id) => write!(f, "no override over {id}"),
+            Refusal::Rank(id) => write!(f, "override of {id} is not allowed"),
             Refusal::Busy(id) => write!(f, "it is being handed over to {id}"),
             Refusal::LaunchOrLanding => write!(f, "the vehicle takes off or lands"),
-            Refusal::NoSuccessor(id) => write!(f, "{id} cannot take it"),
-            Refusal::NotHeld => write!(f, "not held by who hands it over"),
+            Refusal::NoSuccessor(id) => write!(f, "{id} cannot take control"),
+            Refusal::NotHeld => write!(f, "not held by the sender of the handover"),
             Refusal::NoHandover => write!(f, "there is no handover to answer"),
             Refusal::NotStored => write!(f, "it cannot be stored"),
         }
