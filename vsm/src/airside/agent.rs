@@ -26,7 +26,7 @@ pub struct Settings {
     pub own_component: u8,
     /// The agent's link id on both sides.
     pub own_link_id: u8,
-    /// Who may speak to PX4, the VSM first; at most [`AllowedStreams::MAX`].
+    /// Who may speak to PX4, the VSM first; at most [`AllowedStreams::MAX`](mavlink_link::receiver::AllowedStreams::MAX).
     pub talkers: Vec<Stream>,
     /// Where the ground is, where that is known.
     pub radio: Endpoint<Peer>,
