@@ -52,6 +52,7 @@ pub(super) fn steps(
         let command = Step::Command {
             command: maneuver::arm(armed),
             what,
+            // PX4 answers TEMPORARILY_REJECTED to a disarming in flight, too: that is passed on, not retried.
             patience: if armed { ARM_PATIENCE } else { Duration::ZERO },
         };
         let confirm = Step::Confirm {
@@ -62,6 +63,7 @@ pub(super) fn steps(
     };
     match wanted {
         Wanted::Stop => Ok((wanted, arm(false).into())),
+        // Nothing is sent to an armed vehicle: AUTO.LOITER would take one that flies out of its mode.
         Wanted::Start | Wanted::Enable if vehicle.armed == Some(true) => Ok((wanted, Vec::new())),
         Wanted::Start | Wanted::Enable => {
             let mut steps: Vec<Step> = maneuver::enter(&[Px4Mode::LOITER]).into();

@@ -88,6 +88,7 @@ impl LossAction {
         effects: &mut Effects<'_>,
     ) -> Option<Action> {
         let before = self.trying?;
+        // Before the time of the next try: the alert is cleared as soon as the vehicle shows the action.
         if let Some(reason) = finished(context, before.action) {
             self.trying = None;
             effects.clear(Cause::LossAction, reason);
@@ -143,9 +144,11 @@ impl LossAction {
 
 /// Why nothing is left to be done, for the alert that is cleared.
 fn finished(context: &LossContext, action: Action) -> Option<&'static str> {
+    // Link or no link: the CUCS in control decides.
     if context.controlled {
         return Some("another CUCS controls the vehicle");
     }
+    // What a silent vehicle showed last may be over.
     if !context.live {
         return None;
     }

@@ -236,6 +236,7 @@ impl Flight {
     ) {
         match message {
             Message::VehicleOperatingModeCommand(command) => {
+                // 17000 type 1 at once; type 2 or 3 follows when the vehicle's state has shown the outcome.
                 effects.acknowledge(&origin, AckType::Received);
                 self.operate(context, Some(origin), command, false, effects);
             }
@@ -269,6 +270,7 @@ impl Flight {
             Err(why) => return effects.refuse(Some(origin), why),
         };
         let changed = changes::loiter(&merged, &self.loiter).collect();
+        // A setting is only stored: 17000 type 2 comes at once, and the next loiter (2016 mode 12) flies by it.
         self.loiter = merged;
         effects.acknowledge(&origin, AckType::CarriedOut);
         effects.request(Request::Configured {
@@ -306,6 +308,7 @@ impl Flight {
         match engine::steps(command, context.vehicle) {
             Ok((wanted, steps)) => {
                 self.engine_command = Some(wanted);
+                // Arming and disarming change nothing of what 3002 reports as commanded.
                 let maneuver = Maneuver::new(steps, self.commanded);
                 self.begin(context, Some(origin), maneuver, effects);
             }
@@ -355,10 +358,12 @@ impl Flight {
             Ok(task) => task,
             Err(why) => return effects.refuse(origin, why),
         };
+        // PX4 refuses the terrain frame (11): AGL is flown as height above home, and that is reported.
         if command.commanded_altitude.is_some() && command.altitude_type == Some(AltitudeType::Agl)
         {
             effects.advise_agl();
         }
+        // Named, not refused: a station may send every field every time, and one that commands a hold must hold.
         if let Some((origin, mode)) = origin.zip(situation::mode_of(command, telemetry)) {
             let routed = task.flies_a_route(telemetry.mode);
             let names = ignored_fields::ignored_fields(command, mode, routed);
@@ -459,6 +464,7 @@ impl Flight {
     ) {
         let telemetry = &context.vehicle.telemetry;
         let entered = telemetry.mode == Some(Px4Mode::OFFBOARD) && self.steering.engaged();
+        // On a copy: an order that is refused must not disturb what is being steered.
         let mut steering = self.steering.clone();
         if let Err(why) = steering.take(context.mono(), order, telemetry) {
             return effects.refuse(origin, why);
@@ -568,6 +574,7 @@ impl Flight {
                 let uploaded = context.mission.uploaded;
                 self.commanded = maneuver.commanded;
                 self.commanded_in = telemetry.mode;
+                // In mode 11 a speed of the route takes the place of one commanded on an earlier leg.
                 self.commanded.speed_leg =
                     uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));
                 self.maneuver = None;
@@ -658,6 +665,7 @@ impl Flight {
                 self.operate(context, None, &select(Mode::ContingencyA), false, effects);
             }
             Some(Action::Return) => {
+                // No mode of 2016 stands for a plain return: mode 23 flies the contingency route where there is one.
                 let steps = maneuver::enter(&[Px4Mode::RTL]);
                 let maneuver = Maneuver::new(steps, Commanded::default());
                 self.begin(context, None, maneuver, effects);
@@ -677,6 +685,7 @@ impl Flight {
         };
         self.launch_cut_off = false;
         let flies = telemetry.airborne();
+        // A command that was given since the restart takes precedence.
         if self.maneuver.is_some() || !(armed || flies) {
             return;
         }

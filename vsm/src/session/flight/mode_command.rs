@@ -50,6 +50,7 @@ pub(crate) fn task(
             ));
         }
     }
+    // Refused, not ignored: it commands something else than the mode does.
     if let Some(heading) = command.heading_command_type
         && heading != HeadingCommandType::None
         && mode != Mode::Autopilot
@@ -83,6 +84,7 @@ pub(crate) fn task(
 }
 
 fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
+    // PX4 forgets commanded speeds and altitudes when its mode changes.
     let commanded = if at.telemetry.mode.is_some_and(|mode| modes.contains(&mode)) {
         at.commanded
     } else {
@@ -192,6 +194,7 @@ fn fly(
             ));
         }
     }
+    // Before the mode: in AUTO.MISSION the vehicle flies to the item that is current.
     steps.extend(start.map(|seq| Step::SetCurrent(seq..=uploaded.compiled.place_from(seq))));
     if begins {
         steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
@@ -269,6 +272,7 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
     if at.telemetry.airborne() {
         return Err("mode 21: the vehicle is already in the air".to_owned());
     }
+    // After a start of the VSM nothing is reported yet: the vehicle may be in the air.
     if at.telemetry.landed.is_none() {
         return Err(
             "mode 21: the vehicle has not reported yet whether it is on the ground".to_owned(),
@@ -417,6 +421,7 @@ fn go(
             };
             let speed = draft.speed_m_s;
             if hovers {
+                // PX4 takes the speed on a multicopter's circle from DO_ORBIT alone: no DO_CHANGE_SPEED follows.
                 within_the_circle(speed, radius_m)?;
                 draft.speed_m_s = None;
                 draft.commanded.speed_m_s = speed;
@@ -426,6 +431,7 @@ fn go(
             draft.steps.extend(steps);
         }
         _ => {
+            // The speed follows by DO_CHANGE_SPEED: entering a mode takes PX4 back to its own.
             let steps = maneuver::reposition(place, amsl_m, None);
             draft.steps.extend(steps);
         }
@@ -472,6 +478,7 @@ fn place(
         (Some(latitude), Some(longitude)) => (latitude.degrees(), longitude.degrees()),
         _ => return Err("a loiter position needs latitude and longitude".to_owned()),
     };
+    // What a full presence vector carries for no position.
     if latitude == 0.0 && longitude == 0.0 {
         return Ok(None);
     }
@@ -509,6 +516,7 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
         Some(AltitudeCommandType::None) => None,
         None if altitude_m.is_none() => None,
         Some(AltitudeCommandType::VerticalSpeed) => {
+            // A vertical speed leads to no altitude that 3002 could report as commanded.
             commanded.altitude_amsl_m = None;
             Some(Vertical::Rate(
                 rate.ok_or("mode 15: Commanded Vertical Speed is missing")?,
@@ -521,6 +529,7 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
             commanded.altitude_amsl_m = Some(amsl_m);
             let limited =
                 command.altitude_command_type == Some(AltitudeCommandType::RateLimitedAltitude);
+            // A rate of 0 is an unused field of a full presence vector, not a limit.
             let most_m_s = rate.filter(|rate| limited && *rate != 0.0);
             Some(Vertical::Altitude {
                 amsl_m,

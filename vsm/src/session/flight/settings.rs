@@ -54,6 +54,7 @@ pub(super) fn circle(loiter: &LoiterConfiguration, hovers: bool) -> Result<Optio
     match loiter.loiter_type {
         Some(LoiterType::Hover) if hovers => Ok(None),
         Some(LoiterType::Hover) => Err("Loiter Type 4 (hover): it is a fixed wing".to_owned()),
+        // Radius 0 is what a full presence vector carries for none.
         None | Some(LoiterType::Circular) => Ok(radius_m.filter(|radius_m| *radius_m > 0.0)),
         Some(other) => Err(format!(
             "Loiter Type {} is not flown by PX4, only 1 (circular) and 4 (hover)",

@@ -186,6 +186,7 @@ impl Steering {
         let vehicle = &state.telemetry;
         let flown = self.flown.as_mut()?;
         let steered = vehicle.mode == Some(Px4Mode::OFFBOARD);
+        // Not before the mode was entered: HEARTBEAT shows the one before for up to a second.
         if flown.entered && !steered {
             self.flown = None;
             return None;
@@ -196,11 +197,13 @@ impl Steering {
         }
         let span = now.saturating_sub(flown.last).as_secs_f64();
         flown.last = now;
+        // Counted from the time due, so that late calls keep the rate; a longer gap is not made up for.
         flown.due = if flown.due + PERIOD > now {
             flown.due + PERIOD
         } else {
             now + PERIOD
         };
+        // A turn begins with the mode, not with the set points that precede it.
         if let Direction::Turning(rate) = flown.direction
             && flown.entered
         {
@@ -277,6 +280,7 @@ fn set_point(flown: &Flown, climb_m_s: f64, system: u8) -> MavMessage {
         type_mask: PositionTargetTypemask::from_bits_retain(VELOCITY_AND_YAW),
         vx: (flown.speed_m_s * cos) as f32,
         vy: (flown.speed_m_s * sin) as f32,
+        // Down is positive in LOCAL_NED.
         vz: -climb_m_s as f32,
         yaw: flown.nose as f32,
         ..SET_POSITION_TARGET_LOCAL_NED_DATA::default()

@@ -107,15 +107,18 @@ impl Sticks {
             Stream::Flying | Stream::Lost => {}
         }
         if !self.fresh(now) {
+            // The last sticks are not repeated: PX4 must see the loss, and act by its own parameters.
             let known = std::mem::replace(&mut self.stream, Stream::Lost) == Stream::Lost;
             return if known { Due::None } else { Due::Stopped };
         }
+        // Sticks that return while POSCTL is still flown need no new 2016.
         if self.stream == Stream::Lost {
             self.stream = Stream::Flying;
         }
         if self.due > now {
             return Due::None;
         }
+        // Counted from the time due, so that late calls keep the rate; a longer gap is not made up for.
         self.due = if self.due + PERIOD > now {
             self.due + PERIOD
         } else {

@@ -34,6 +34,7 @@ impl Confirmation {
         let telemetry = &vehicle.telemetry;
         match self {
             Confirmation::Mode(modes) => {
+                // A report made before the command proves nothing, even where it shows the right mode.
                 vehicle.state_is_newer_than_command()
                     && telemetry.mode.is_some_and(|mode| modes.contains(&mode))
             }
@@ -44,6 +45,7 @@ impl Confirmation {
                 vehicle.state_is_newer_than_command() && telemetry.armed == Some(false)
             }
             Confirmation::OffTheGround => telemetry.airborne(),
+            // PX4 accepts circles that it then does not fly: ORBIT_EXECUTION_STATUS shows the one that is flown.
             Confirmation::Orbit { centre, radius_m } => telemetry.orbit.is_some_and(|orbit| {
                 let flown = (orbit.centre.latitude, orbit.centre.longitude);
                 metres(*centre, flown) < TARGET_SLACK_M
@@ -52,6 +54,7 @@ impl Confirmation {
             Confirmation::Speed(wanted) => telemetry
                 .groundspeed
                 .is_some_and(|flown| (flown - wanted).abs() < speed_slack(*wanted)),
+            // The set point is compared, not the position: the flight there may take minutes.
             Confirmation::Target { place, amsl_m } => {
                 telemetry.target.is_some_and(|target: Place| {
                     let there = place.is_none_or(|place| {

@@ -126,6 +126,7 @@ impl Maneuver {
                 result: MavResult::MAV_RESULT_ACCEPTED,
                 ..
             } => {
+                // Noted before the state confirms it: a launch that fails in between must be undone, too.
                 self.armed_by_us |= command.command == MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
                 self.next();
                 Progress::Going
@@ -143,6 +144,7 @@ impl Maneuver {
                 Progress::Going
             }
             Outcome::Answered { result, .. } => {
+                // PX4 sends the reason by STATUSTEXT, beside the result.
                 let why = vehicle.latest_complaint(now).unwrap_or_default();
                 Progress::Refused(format!(
                     "{what}: the vehicle answered: {}{why}",
@@ -167,6 +169,7 @@ impl Maneuver {
                 self.next();
                 Progress::Going
             }
+            // PX4 rejects MISSION_SET_CURRENT by a STATUSTEXT alone, so that this is mostly a time-out.
             mission::Event::Failed {
                 operation: mission::Operation::SetCurrent,
                 ..
@@ -253,6 +256,7 @@ impl Maneuver {
                             patience: Duration::ZERO,
                         };
                         self.next();
+                        // Another mode may be a pilot's or a failsafe's, and is not contested.
                         if vehicle.telemetry.mode == Some(Px4Mode::LOITER) {
                             self.steps.push_front(again);
                         }
@@ -283,6 +287,7 @@ impl Maneuver {
             Waiting::Pause { until } => Some(until),
             Waiting::Confirmation { deadline } => Some(deadline),
             Waiting::Nothing => Some(Duration::ZERO),
+            // The services report the end of these by an event, a time-out too.
             Waiting::Answer { .. } | Waiting::Current => None,
         }
     }
@@ -295,11 +300,13 @@ impl Maneuver {
         services: &mut Services,
     ) {
         if let Waiting::Answer { ticket, .. } = self.waiting {
+            // Unanswered commands are repeated for seconds: this one could be received after that of a later maneuver.
             services.commands.withdraw(now, ticket);
         }
         if matches!(self.waiting, Waiting::Current) {
             services.missions.cancel();
         }
+        // In the air nothing is undone: motors must not stop there, and PX4 refuses to disarm.
         let on_ground =
             vehicle.telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
         if let (true, true, Some(undo)) = (self.armed_by_us, on_ground, self.undo) {

@@ -42,6 +42,7 @@ pub(crate) enum Step {
 /// other mode, which might be a pilot's, it is told again.
 pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
     let mode = modes.first().copied().unwrap_or(Px4Mode::LOITER);
+    // PX4 v1.18 refuses the packed custom_mode in param2, and unused parameters that are neither 0 nor NaN.
     let params = [
         CUSTOM_MODE_ENABLED,
         f32::from(mode.main()),
@@ -66,6 +67,7 @@ pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
         },
         Step::Confirm {
             confirmation: Confirmation::Mode(modes),
+            // Both waits together are as long as for any other state.
             within: STATE_WITHIN.saturating_sub(INSIST_AFTER),
         },
     ]
@@ -89,6 +91,7 @@ pub(crate) fn mode_after(steps: &[Step], now: Option<Px4Mode>) -> Option<Px4Mode
 
 /// Arms, and takes off to an altitude above mean sea level.
 pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
+    // A short climb may have ended in AUTO.LOITER before a HEARTBEAT shows AUTO.TAKEOFF.
     const TAKEN_OFF: &[Px4Mode] = &[Px4Mode::TAKEOFF, Px4Mode::LOITER];
     // Armed in AUTO.MISSION, PX4 would take off along its mission at once.
     let mut steps: Vec<Step> = enter(&[Px4Mode::LOITER]).into();
@@ -115,6 +118,7 @@ pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
             within: STATE_WITHIN,
         },
         Step::Confirm {
+            // The mode alone does not show a take-off: AUTO.LOITER was entered before arming.
             confirmation: Confirmation::OffTheGround,
             within: LIFT_OFF_WITHIN,
         },
@@ -166,7 +170,9 @@ pub(crate) fn reposition(
     amsl_m: f64,
     speed_m_s: Option<f64>,
 ) -> [Step; 3] {
+    // Without this flag PX4 denies DO_REPOSITION outside AUTO.LOITER.
     const CHANGE_MODE: f32 = 1.0;
+    // INT32_MAX is no position in a COMMAND_INT: the vehicle stays where it is.
     let (x, y) = place.map_or((i32::MAX, i32::MAX), |(latitude, longitude)| {
         (e7(latitude), e7(longitude))
     });

@@ -103,6 +103,7 @@ impl Download {
 fn messages(store: &MissionStore, part: Part<'_>) -> VecDeque<Message> {
     let received = store.plan();
     let loaded = store.loaded.as_ref().map(|loaded| &loaded.plan);
+    // A record of an earlier version holds no messages: then the received plan is all that can be sent.
     let loaded = loaded.filter(|loaded| !loaded.is_empty());
     let beside = loaded.map(|loaded| received.beside(loaded));
     let plan = beside.as_ref().unwrap_or(received);
@@ -139,6 +140,7 @@ fn restamped(message: Message, stamp: TimeStamp, cucs: Id, vehicle: Id) -> Messa
             curve.time_stamp = Some(stamp);
             Message::CurveSegment(curve)
         }
+        // The ids in 50001 must equal the wrapper's, and the stored one may have come from another CUCS.
         Message::CurveSegmentPaper(curve) => Message::CurveSegmentPaper(CurveSegmentPaper {
             time_stamp: Some(stamp.0 as f64),
             vehicle_id: Some(vehicle),

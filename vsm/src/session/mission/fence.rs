@@ -103,6 +103,7 @@ impl Fence {
     ) {
         let before = self.sent.clone();
         let stored = self.sent.store(vertex).map_err(|fault| fault.to_string());
+        // On disk before 17000: what is acknowledged must survive a restart.
         let stored = stored.and_then(|()| {
             self.save(effects)
                 .map_err(|fault| format!("it cannot be stored: {fault}"))
@@ -137,10 +138,12 @@ impl Fence {
         let (areas, points) = match mode {
             Mode::Load | Mode::Download if self.sent.is_empty() => (Areas::default(), Err(none)),
             Mode::Load => {
+                // A fence that the vehicle would breach at once is refused.
                 let place = context.vehicle.telemetry.position;
                 let at = place.map(|place| (place.latitude, place.longitude));
                 (self.sent.clone(), self.points(&self.sent, at))
             }
+            // A CUCS clears its own areas only: those of the configuration are uploaded again without them.
             Mode::Clear => (Areas::default(), self.points(&Areas::default(), None)),
             Mode::Download => {
                 let mut answers: Vec<Message> = self.sent.messages().collect();
@@ -182,6 +185,7 @@ impl Fence {
         let now = context.mono();
         let begun = free.map_err(str::to_owned).and_then(|()| {
             let vehicle = &mut *effects.vehicle;
+            // Without items there is nothing to read back and no id to wait for.
             let begun = if points.is_empty() {
                 Upload::clear(now, KIND, vehicle)
             } else {
@@ -235,6 +239,7 @@ impl Fence {
         let named = mission.map(|mission| mission.fence_id);
         let now = context.mono();
         if let Some(work) = &self.work {
+            // MISSION_CURRENT.mission_state is about the mission: for a fence its id alone can be checked.
             let progress = work.upload.check(now, named, true);
             if progress != Progress::Going {
                 return self.follow(context, progress, effects);
@@ -242,6 +247,7 @@ impl Fence {
         }
         let due = self.look_at.is_some_and(|at| at <= now);
         if !self.wanted || !context.vehicle.live() || free.is_err() {
+            // A time that is past and cannot be acted on would wake the timer at once, again and again.
             self.postponed |= due;
             return;
         }
@@ -250,6 +256,7 @@ impl Fence {
             let areas = self.loaded.clone();
             match self.points(&areas, None) {
                 Ok(points) => {
+                    // PX4 names a fence by a checksum of its items: one that it still holds is not sent again.
                     let id = plan_id(&items(&points));
                     if named == Some(id) {
                         self.id = Some(id);
@@ -261,6 +268,7 @@ impl Fence {
             }
             return;
         }
+        // An id of 0 compares with nothing: the fence is cleared, or the vehicle has no ids.
         let (Some(id), None) = (self.id.filter(|id| *id != 0), self.look_at) else {
             return;
         };
@@ -300,10 +308,12 @@ impl Fence {
         self.loaded = work.areas;
         self.wanted = !self.loaded.is_empty() || !self.configured.is_empty();
         self.id = Some(id);
+        // Not before the vehicle has cleared its own: a clearing that fails leaves the areas as they were.
         if let Some((_, Mode::Clear)) = requester {
             self.sent.clear();
         }
         effects.clear(Cause::Fence, UPLOADED);
+        // Saved before the answer: a fence reported as complete must be known after a restart.
         if let Err(fault) = self.save(effects) {
             let why = format!("the fence is uploaded, but cannot be stored: {fault}");
             return self.end(context, requester, None, why, effects);
@@ -364,6 +374,7 @@ impl Fence {
         let unreadable = |cause: String| record_fault("areas", vehicle, cause);
         self.sent = areas(&record.sent).map_err(unreadable)?;
         self.loaded = areas(&record.loaded).map_err(unreadable)?;
+        // The configuration may have gained an area since the record was written.
         self.wanted |= record.wanted;
         Ok(())
     }

@@ -105,6 +105,7 @@ impl Mission {
         if !vehicle.live() {
             return Err("no data from the vehicle: nothing can be loaded");
         }
+        // Routes, fences and a maneuver's set-current share the mission service: one operation at a time.
         let busy = services.missions.busy().is_some();
         if self.transfers.is_running() || self.fence.busy() || busy {
             return Err("another transfer is in progress");
@@ -148,9 +149,12 @@ impl Mission {
                 transfers.handle_command(context, event, store, progress, effects);
             }
             Input::ServiceEnded(event) => {
+                // MISSION_SET_CURRENT sends the vehicle elsewhere: PX4 repeats MISSION_ITEM_REACHED, and an earlier
+                // one must not count.
                 if let mission::Event::CurrentSet { .. } = &event {
                     progress.sent_on(telemetry);
                 }
+                // Never both at once (`may_change`): while a fence is on its way, the event is the fence's.
                 if !fence.handle_service(context, &event, effects) {
                     transfers.handle_service(context, &event, store, progress, effects);
                 }

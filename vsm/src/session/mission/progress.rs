@@ -66,6 +66,7 @@ impl RouteProgress {
             if led_back && self.begun && mission.state != MissionState::MISSION_STATE_COMPLETE {
                 self.laps = self.laps.saturating_add(1);
             }
+            // MISSION_ITEM_REACHED may come before MISSION_CURRENT moves on: only now is the waypoint left behind.
             if self.arrived.is_some() && self.arrived != to {
                 self.from = self.arrived.take();
             }
@@ -74,6 +75,7 @@ impl RouteProgress {
         let Some(seq) = vehicle.reached else {
             return;
         };
+        // PX4 v1.18 repeats MISSION_ITEM_REACHED up to ten times: an old one counts only where it fits the leg.
         if self.outdated == Some(seq) && compiled.leg_of_item(seq) != to {
             return;
         }
@@ -81,6 +83,7 @@ impl RouteProgress {
         let Some(leg) = compiled.leg_ended_by(seq) else {
             return;
         };
+        // From here on the waypoint before is known, and no longer inferred from the order.
         self.witnessed = true;
         if Some(leg) == to && mission.state != MissionState::MISSION_STATE_COMPLETE {
             self.arrived = Some(leg);
@@ -112,6 +115,7 @@ impl RouteProgress {
             };
         }
         let to = compiled.leg_of_item(mission.seq);
+        // Inferred only after a start of this VSM in mid-route: after a jump it was not at the one before.
         let before = to
             .filter(|_| !self.witnessed)
             .and_then(|to| to.checked_sub(1));

@@ -271,6 +271,7 @@ pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMissi
     let record: UploadedRecord = from_json(bytes).map_err(RecordError)?;
     let order: Option<Vec<Leg>> = record.legs.iter().map(LegRecord::leg).collect();
     let order = order.ok_or_else(|| fault("a leg without altitude"))?;
+    // MISSION_CURRENT.seq indexes both.
     if record.items.len() != record.waypoint_of.len() {
         return Err(fault("items and waypoints do not match"));
     }
@@ -283,6 +284,7 @@ pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMissi
             waypoint_of: record.waypoint_of,
             order,
             curved: record.curved.map(|curved| curved.0),
+            // The operator got these when the route was loaded.
             notes: Vec::new(),
         },
         mission_id: record.mission_id,

@@ -55,6 +55,7 @@ impl Resync {
             "the vehicle holds another plan ({:08x}) than the one loaded ({loaded:08x})",
             mission.mission_id
         );
+        // The first look after a start of this VSM: another station may have changed the mission on purpose meanwhile.
         if !self.returned {
             self.compared();
             effects.warn_of_link(format!(
@@ -62,8 +63,10 @@ impl Resync {
             ));
             return false;
         }
+        // PX4 would fly the other plan at once, from the index that it has reached in this one.
         if telemetry.mode == Some(Px4Mode::MISSION) && telemetry.airborne() {
             if !self.warned {
+                // Once: the comparison stays due, and is repeated until the vehicle leaves the mode.
                 self.warned = true;
                 effects.warn_of_link(format!(
                     "{differs}, and flies it: the loaded one is sent again once it leaves AUTO.MISSION"
@@ -71,6 +74,7 @@ impl Resync {
             }
             return false;
         }
+        // The comparison stays due, and is made again when the maneuver or the transfer is over.
         if context.flight.maneuver || !free {
             return false;
         }

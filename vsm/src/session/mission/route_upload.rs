@@ -99,6 +99,7 @@ impl RouteUpload {
             route_type: uploaded.route_type,
             plan: uploaded.plan.clone(),
             held: false,
+            // Not compiled again: the vehicle gets the items of the last load, byte for byte.
             route: None,
         }
     }
@@ -145,6 +146,7 @@ impl RouteUpload {
             },
             Phase::Upload { upload, compiled } => {
                 let mission = state.telemetry.mission;
+                // PX4 acknowledges an infeasible plan too: only MISSION_STATE_NO_MISSION shows that.
                 let flyable = mission
                     .is_some_and(|mission| mission.state != MissionState::MISSION_STATE_NO_MISSION);
                 let named = mission.map(|mission| mission.mission_id);
@@ -240,6 +242,7 @@ impl RouteUpload {
         let compiled = site.map(|site| route::compile(plan, initial.unwrap_or(0), site));
         let mut compiled = match compiled {
             Some(Ok(compiled)) => compiled,
+            // Home and the geoid separation are reported within seconds; any other fault would be the same later.
             Some(Err(RouteError {
                 reason: Reason::Altitude(AltitudeError::NoGeoid),
                 ..
@@ -257,6 +260,7 @@ impl RouteUpload {
                 return Err((None, why));
             }
         };
+        // What is loaded stays as it is now, whatever a CUCS sends of the route during the upload.
         if let Some(route) = route {
             self.plan = plan.part(route);
         }
@@ -331,6 +335,7 @@ impl RouteUpload {
                 mission_id,
             },
             upload::Progress::Failed(fault) => {
+                // Only of an upload does the seq name an item that the vehicle refuses.
                 let item = fault.item().filter(|_| is_of_upload(&fault));
                 let waypoint = item.and_then(|item| compiled.waypoint_of.get(item).copied());
                 refused(waypoint, explain(&fault, now, state), upload.touched())

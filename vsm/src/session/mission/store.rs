@@ -52,8 +52,10 @@ impl MissionStore {
         effects: &mut Effects<'_>,
     ) -> Result<(), String> {
         let vehicle = effects.id;
+        // Checked before it is written: a message in the log that the plan refuses would fail the next start.
         let checked = self.plan.check(message, cucs, vehicle);
         checked.map_err(|fault| fault.to_string())?;
+        // Disk before memory: a message that is only in memory would be acknowledged, and lost by a restart.
         self.write_message(message, cucs, vehicle, effects.disk())
             .map_err(|fault| format!("it cannot be stored: {fault}"))?;
         let stored = self.plan.store(message, cucs, vehicle);
@@ -123,6 +125,7 @@ impl MissionStore {
     }
 
     fn save(&mut self, cucs: Id, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+        // The log can only add: what was cleared leaves the disk with a new record.
         self.fold_log(cucs, effects)?;
         self.save_uploaded(effects)
     }
@@ -148,8 +151,10 @@ impl MissionStore {
         let vehicle = effects.id;
         for (kind, route) in [(LOADED, &self.loaded), (UPLOADED, &self.uploaded)] {
             let encoded = |route| record::encode_uploaded(route, vehicle);
+            // An empty record stands for no route: `restore` reads it as an absent one.
             let bytes = route.as_ref().map_or_else(Vec::new, encoded);
             let name = record_name(kind, vehicle);
+            // Rare enough to be synchronised; the messages of a plan are too many for that.
             effects.disk().replace(&name, &bytes, Durability::Power)?;
         }
         Ok(())
@@ -289,6 +294,7 @@ impl PlanFiles {
     ) -> Result<(), StoreError> {
         self.rewrite = true;
         let bytes = record::encode_plan(plan, cucs, vehicle);
+        // Record before log: what a process leaves that ends in between is a log of another record, and ignored.
         disk.replace(&record_name(PLAN, vehicle), &bytes, Durability::Process)?;
         self.heading = heading(&bytes);
         if self.log_heading.is_some() {

@@ -159,6 +159,7 @@ impl Transfers {
             let fault = if !known {
                 Some(not_received(id))
             } else {
+                // The route may be the one on its way. A silent vehicle is no obstacle: nothing is requested of it.
                 let busy = self.load.is_some();
                 busy.then(|| "another transfer is in progress".to_owned())
             };
@@ -208,6 +209,7 @@ impl Transfers {
             }
             load.end(None, "cancelled".to_owned(), effects);
         }
+        // Also where nothing is in progress: what mode 5 requests is the case then.
         status::complete(effects, &origin, name, Mode::Cancel);
     }
 
@@ -257,6 +259,7 @@ impl Transfers {
     ) {
         let drops = |(origin, _): &mut (Option<Origin>, _)| {
             let sender = |origin: Origin| context.asker(origin.station).map(|asker| asker.id);
+            // A command of the VSM itself, such as the loss action, needs no right.
             !without_right || origin.is_some_and(|origin| sender(origin) != context.controller)
         };
         let waiting = self.load.as_mut().map(|load| &mut load.then);
@@ -423,6 +426,7 @@ impl Transfers {
             } => {
                 let Some(load) = self.load.take() else { return };
                 if touched {
+                    // 13000 was to replace what was loaded. A load for a mode leaves that: it can be uploaded again.
                     if load.origin.is_some() {
                         store.loaded = None;
                     }
@@ -452,6 +456,7 @@ impl Transfers {
         for note in &compiled.notes {
             effects.advise(note);
         }
+        // PX4 applies nothing of a plan that it holds already, so the progress along the same items stays valid.
         let before = store.uploaded.as_ref();
         if before.is_none_or(|before| before.compiled.items != compiled.items) {
             progress.begin(&context.vehicle.telemetry);
@@ -550,6 +555,7 @@ impl Load {
             status::complete(effects, &origin, &self.mission_name, Mode::Load);
         }
         if let Some((origin, command)) = self.then {
+            // Judged again; `just_loaded` keeps a plan that changed during the upload from being loaded once more.
             effects.request(Request::Fly {
                 origin,
                 command,

@@ -130,6 +130,7 @@ impl Upload {
                     ..
                 },
             ) => {
+                // From here on the vehicle may hold something else than before, however the upload ends.
                 self.touched = true;
                 self.grown(percent / 2)
             }
@@ -160,6 +161,8 @@ impl Upload {
                 },
             ) => match verify(self.kind, items, read) {
                 Ok(()) => {
+                    // The id that came with the read-back belongs to the items just compared; a MISSION_ACK may be of
+                    // another transfer.
                     self.phase = Phase::Naming {
                         id: *opaque_id,
                         deadline: now + NAMED_WITHIN,
@@ -194,6 +197,7 @@ impl Upload {
         let Phase::Naming { id, deadline } = self.phase else {
             return Progress::Going;
         };
+        // ArduPilot has no ids: for it the read-back must do.
         let is_named = id == 0 || named == Some(id);
         if is_named && usable {
             Progress::Done(id)
@@ -289,6 +293,7 @@ fn mission_result(result: MavMissionResult) -> &'static str {
         R::MAV_MISSION_DENIED => "denied",
         R::MAV_MISSION_INVALID_SEQUENCE => "items out of sequence",
         R::MAV_MISSION_OPERATION_CANCELLED => "cancelled",
+        // PX4 v1.18 answers so to the second of two stations that transfer at once.
         R::MAV_MISSION_ERROR => "error, perhaps another station's transfer",
         _ => "invalid parameter",
     }

@@ -130,6 +130,7 @@ impl MissionWatchdog {
     /// Takes in what is seen; `limit_s` is the longest time without progress that needs no explanation.
     fn judge(&mut self, sample: &Sample, limit_s: f64) -> Finding {
         let approach = match &mut self.approach {
+            // A clock that went back is that of a vehicle that has restarted.
             Some(approach) if approach.seq == sample.seq && approach.since_s <= sample.time_s => {
                 approach
             }
@@ -172,6 +173,7 @@ impl Approach {
             self.best = self.best.or(sample.away);
             return false;
         };
+        // Each by itself: on entering AUTO.MISSION PX4 climbs on the spot first, and comes no nearer over ground.
         let ground = away.ground_m < best.ground_m - STEP_M;
         let height = away.height_m < best.height_m - STEP_M;
         if ground {
@@ -182,6 +184,7 @@ impl Approach {
         }
         if ground || height {
             self.since_s = sample.time_s;
+            // A turn back must undo only the speed flown since the nearest point.
             self.fastest_m_s = sample.speed_m_s;
             self.beyond_s = None;
         }
@@ -200,6 +203,7 @@ impl Approach {
         {
             self.beyond_s = None;
             let Some(stay_s) = loiter.stay_s else {
+                // A loiter without end is never stuck; the time counts from when it is left.
                 self.since_s = sample.time_s;
                 return Finding::Nothing;
             };
@@ -215,6 +219,7 @@ impl Approach {
         };
         if away.ground_m > best.ground_m + room_m {
             let since_s = *self.beyond_s.get_or_insert(sample.time_s);
+            // Where the MISSION_CURRENT of the next item was lost, a passed waypoint would look like a missed one.
             if sample.time_s - since_s >= BEYOND_FOR_S && sample.named_s >= since_s {
                 return Finding::Missed(away.ground_m);
             }
@@ -239,6 +244,7 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
     let (uploaded, mission) = (uploaded?, telemetry.mission?);
     let flown = telemetry.mode == Some(Px4Mode::MISSION) && telemetry.airborne();
     let over = mission.state == MissionState::MISSION_STATE_COMPLETE;
+    // The items of another station's plan are unknown here; an id of 0 names no plan.
     let foreign = uploaded.mission_id != 0
         && mission.mission_id != 0
         && uploaded.mission_id != mission.mission_id;
