@@ -98,6 +98,7 @@ impl Alerts {
             if standing.text == text && standing.priority == priority {
                 return None;
             }
+            // The id stays: a CUCS updates the alert that it shows instead of adding another.
             standing.text = text;
             standing.priority = priority;
             return Some(Raised {
@@ -246,6 +247,7 @@ impl Alerts {
     fn take_id(&mut self) -> i32 {
         let id = self.next_id;
         let base = (id - 1) / IDS_A_VEHICLE * IDS_A_VEHICLE;
+        // After its last id a vehicle starts again with its first, and never takes one of another vehicle.
         self.next_id = base + 1 + (id - base) % (IDS_A_VEHICLE - 1);
         id
     }

@@ -160,6 +160,7 @@ impl Context<'_> {
             vehicle_id_update: Some(self.id()),
             vehicle_type: Some(self.vehicle.vehicle_type()),
             vehicle_subtype: Some(0),
+            // The first byte of an id is the owning nation.
             owning_id: Some((self.id().0 >> 24) as u8),
             tail_number: Some(Text::new(&self.config.tail_number)),
             mission_id: mission

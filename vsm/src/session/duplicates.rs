@@ -68,6 +68,7 @@ impl Remembered {
         disk: &mut dyn Disk,
     ) {
         if let Some(seen) = self.recent.answered(message_type, stamp, answer)
+            // "Received" is not logged: after a restart it would mean the same as no answer.
             && is_final(seen.answer)
         {
             // That nothing can be written was raised as an alert when the command came.
@@ -231,6 +232,7 @@ impl Recent {
             seen.message_type == new.message_type
                 && known == about
                 && seen.destination == new.destination
+                // A refused order had no effect that an earlier one could undo.
                 && seen.answer != Some(AckType::Refused)
                 && seen.stamp > new.stamp
                 && seen.stamp.0 - new.stamp.0 < LONGEST_WAY_MS

@@ -144,6 +144,7 @@ impl<'a> DliEffects<'a> {
         if answer == AckType::Refused {
             self.counters.count("refused");
         }
+        // Also where no 17000 was requested: a restart must find that the command has ended.
         if let (Some(station), Some(remembered), Some(stamp)) = (
             self.stations.get(origin.station),
             self.remembered.get_mut(origin.station),

@@ -55,6 +55,7 @@ impl Outbox {
     /// The stamp of a message made now: later than every one before.
     pub(crate) fn stamp(&mut self, wall: Duration) -> TimeStamp {
         let now = TimeStamp::from_unix_ms(u64::try_from(wall.as_millis()).unwrap_or(u64::MAX)).0;
+        // Two messages within a millisecond, or a wall clock that was set back, still get rising stamps.
         self.last_stamp = now.max(self.last_stamp + 1);
         TimeStamp(self.last_stamp)
     }

@@ -67,6 +67,7 @@ impl GroundStation {
         limits: &crate::config::Authority,
     ) -> Option<Duration> {
         let received = self.received.filter(|_| self.sends_heartbeats)?;
+        // Something was received since `known`: that its silence ended is due already.
         if self.silence(now, limits) < known {
             return Some(received);
         }

@@ -30,6 +30,7 @@ impl Aircraft {
         dli: &mut DliEffects<'_>,
         input: reports::Input<'_>,
     ) -> Result<(), String> {
+        // Message 2 is the one report that the authority composes: it alone knows what is held.
         if let reports::Input::ReportOnce { station, request } = input
             && request.message_type == Some(VsmAuthorisationResponse::ID)
         {

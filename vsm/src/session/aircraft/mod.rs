@@ -105,6 +105,7 @@ impl Aircraft {
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
         link.handle_datagram(from, bytes, vehicle, effects!(self, dli), tap);
         self.settle(dli);
+        // Once all that arrived is delivered: it may have ended the load or the launch that a handover waits for.
         self.mission(dli, mission::Input::WatchProgress);
         self.authority(dli, authority::Input::Settle);
         self.settle(dli);
@@ -246,6 +247,7 @@ impl Aircraft {
                 self.observe(dli, reports::Input::LinkUp);
             }
             VehicleEvent::Restarted => {
+                // As after a silence: what it carries is compared with what was loaded.
                 self.mission(dli, mission::Input::LinkUp);
                 self.observe(dli, reports::Input::Restarted);
             }
@@ -285,6 +287,7 @@ impl Aircraft {
     }
 
     fn watch_soon(&mut self, now: Duration) {
+        // The first deadline stands: a stream of datagrams must not postpone the watches.
         self.watch_at.get_or_insert(now + WATCH_SLACK);
     }
 }

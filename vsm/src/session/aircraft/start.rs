@@ -97,6 +97,7 @@ impl Aircraft {
             1 | 4 | 34000 => self.authority.resume(&context!(self, dli), origin),
             2000 | 2017 | 13001 | 13002 | 13003 | 50001 | 50002 | 50016 => false,
             _ => {
+                // An interrupted launch must leave no running motors: a vehicle still on the ground is disarmed.
                 self.flight.cut_off(seen);
                 let mode = if seen.mode == 0 {
                     String::new()

@@ -178,6 +178,7 @@ impl Chain {
                 Some((digits, _)) => digits.clone_into(&mut chain.last),
                 // What a crash has cut off was closed by the next start, and is no line of the chain.
                 None if is_torn(bytes) => continue,
+                // Counted as a line all the same: the log continues with the number after it.
                 None => {
                     broken = broken.or(Some(Broken {
                         line: chain.lines + 1,

@@ -274,6 +274,7 @@ impl AuthorityMachine {
             .wait_for_vehicle_data_link_transition_coordination_message
             == Some(WaitTransition::Wait);
         let answer = self.decide(context, Some(asker.id), effects, |authority, at| {
+            // With "wait for the transition" it is a wish, as by message 4; an override asks for nobody's consent.
             if waits_for_transition && access == Access::Control {
                 authority.handover(at, &asker, asker.id, wanted)
             } else {
@@ -398,6 +399,7 @@ impl AuthorityMachine {
         let before = self.rights.clone();
         let decision = ask(&mut self.rights, &circumstances);
         self.update_listeners(context, effects);
+        // What changes nothing is not stored: a repeated request costs no write and adds no line to the audit log.
         if self.rights.record() != before.record()
             && let Err(fault) =
                 self.record
@@ -413,6 +415,7 @@ impl AuthorityMachine {
                 why: Refusal::NotStored,
             };
         }
+        // The caller sends the asker its message 2, which repeats the access that was requested.
         let mut informed: Vec<Id> = asker.into_iter().collect();
         for change in &decision.changes {
             for id in [change.from, change.to].into_iter().flatten() {
@@ -510,6 +513,7 @@ impl AuthorityMachine {
         );
         let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
         let wanted = Rights::named(levels, stations);
+        // No asker: message 4 has no answer of its own, so its sender too gets message 2 where its rights change.
         let answer = self.decide(context, None, effects, |authority, at| {
             authority.handover(at, &by, acquirer, wanted)
         });
@@ -542,6 +546,7 @@ impl AuthorityMachine {
             return effects.refuse(Some(origin), why);
         }
         let acquirer = message.acquiring_cucs_id.unwrap_or(by.id);
+        // 34000 stands for message 4 with LOI 4 and 5, which move together.
         let wanted = Rights::of_control(CONTROL);
         let answer = self.decide(context, None, effects, |authority, at| {
             authority.handover(at, &by, acquirer, wanted)
@@ -636,6 +641,7 @@ impl AuthorityMachine {
             return;
         }
         let message = messages::handover_status(from, to, status, effects.stamp());
+        // The parties need not listen: an acquirer may hold nothing yet, a holder may have just lost everything.
         let mut stations = effects.listeners.clone();
         for party in [from, to].into_iter().flatten() {
             let station = context.station_of(party);
@@ -746,6 +752,7 @@ fn what_follows(context: &Context<'_>) -> &'static str {
         .route_of_type(RouteType::ContingencyA)
         .is_some();
     match on_loss {
+        // A vehicle that was steered (mode 15) would fly straight on: it is held even where nothing is to be flown.
         OnLoss::Continue if context.steering => "steering stopped; commanding hold",
         OnLoss::Continue => "vehicle continues in its current mode",
         OnLoss::Hold => "commanding hold",
@@ -764,6 +771,7 @@ fn welcome(context: &Context<'_>, station: usize, effects: &mut Effects<'_>) {
     let message = context.vehicle_id(&context.mission, stamp).into();
     effects.send(station, &message);
     for alert in effects.alerts.standing().cloned().collect::<Vec<_>>() {
+        // For this station it is the first instance, however long the alert has stood.
         let raised = Raised { alert, first: true };
         effects.dli.alert(context.id(), &[station], Some(raised));
     }
@@ -802,6 +810,7 @@ fn loading(context: &Context<'_>) -> Option<Id> {
 }
 
 fn launch_or_landing(context: &Context<'_>) -> bool {
+    // By what the vehicle shows, not what was commanded: AUTO.LAND by PX4's own failsafe counts too.
     let telemetry = &context.vehicle.telemetry;
     telemetry.armed == Some(true)
         && matches!(telemetry.mode, Some(Px4Mode::TAKEOFF | Px4Mode::LAND))
@@ -816,6 +825,7 @@ fn understood(
     if !context.is_addressed(request.vsm_id) {
         return Err("VSM ID is another VSM's".to_owned());
     }
+    // Without levels it is a question, whatever it names as access.
     if let Some(RequestedAccess::Unknown(access)) = request.requested_handover_access
         && !levels.is_empty()
     {

@@ -99,6 +99,7 @@ impl AuthorityRecord {
     ) -> Result<(), StoreError> {
         let since = self.since.clone();
         let durability = durability(decision);
+        // The log before the record: a crash between them leaves a line too many, never a change without its line.
         for change in &decision.changes {
             self.write_audit(&Entry::Change(*change), durability, context, effects)?;
             if let Some(to) = change.to {
@@ -177,6 +178,7 @@ impl AuthorityRecord {
     ) -> Result<(), StoreError> {
         let name = audit_name(context.id());
         let mut before: Option<Chain> = None;
+        // The oldest first: each log is checked against the end of the one before it.
         for number in (0..=MAX_AUDIT_LOGS).rev() {
             let name = log_name(&name, number);
             let bytes = effects.disk().read(&name, u64::MAX)?.unwrap_or_default();
@@ -257,6 +259,7 @@ impl AuthorityRecord {
             effects.disk().rotate(&name, MAX_AUDIT_LOGS)?;
             self.audit_bytes = 0;
         }
+        // After a rotation, and after a start that found rotated logs only.
         if self.audit_bytes == 0 && self.audit.lines() > 0 {
             self.write_line(
                 &name,
@@ -279,6 +282,7 @@ impl AuthorityRecord {
     ) -> Result<(), StoreError> {
         let (chain, line) = self.audit.extended(context.now.wall, context.id(), entry);
         effects.disk().append(name, line.as_bytes(), durability)?;
+        // Only once the line is written: a failed write leaves no gap in the chain.
         self.audit = chain;
         self.audit_bytes += line.len();
         Ok(())

@@ -31,6 +31,7 @@ impl Bridge {
 
     fn handle_frame(&mut self, now: Now, from: SocketAddr, frame: &Frame<'_>, disk: &mut dyn Disk) {
         let header = frame.header;
+        // Before the message is decoded: a stranger's bytes get no further than the wrapper.
         let index = match self.admit(from, &header) {
             Ok(index) => index,
             Err(why) => return self.counters.count(why),
@@ -39,6 +40,7 @@ impl Bridge {
             station: index,
             message_type: header.message_type,
             stamp: stamp_of(frame),
+            // An acknowledgement is never acknowledged: two peers would answer each other without end.
             ack_requested: header.ack_requested && header.message_type != ACKNOWLEDGEMENT,
         };
         let message = match self.profile.decode(header.message_type, frame.data) {
@@ -75,6 +77,7 @@ impl Bridge {
                 return self.answer_again(now, &origin, frame, &message, answer, disk);
             }
             let overtaken = remembered.is_overtaken(&seen);
+            // An overtaken order is remembered too, so that its repetitions are refused as duplicates.
             let logged = remembered.remember(id, seen, disk);
             self.report_log(now, header.destination, logged, disk);
             if overtaken {
@@ -121,6 +124,7 @@ impl Bridge {
         let (index, station) = stations
             .find(|(_, station)| station.id() == header.source)
             .ok_or("unauthorised source")?;
+        // The port is not compared: a CUCS that returns on another port keeps its rights.
         if station
             .config
             .address

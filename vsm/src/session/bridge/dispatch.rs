@@ -72,6 +72,7 @@ impl Bridge {
                     reports::Input::ReportOnce { station, request }
                 });
             }
+            // No right is checked: configuration comes before a grant.
             Message::FieldConfigurationRequest(request) => {
                 for one in aircraft.iter_mut() {
                     if to_all || one.id() == destination {
@@ -120,6 +121,7 @@ fn authorise(
             to_all,
         };
         let of_one = one.ask_authority(dli, input);
+        // One 17000 answers for all vehicles: it is type 2 only where each has carried it out.
         if of_one != AckType::CarriedOut {
             answer = of_one;
         }
@@ -128,6 +130,7 @@ fn authorise(
         .iter()
         .map(Aircraft::id)
         .find(|id| *id == destination);
+    // Answers come from whom the question was sent to; for a question to everybody that is the VSM.
     let source = vehicle.unwrap_or(dli.vsm);
     dli.acknowledge(source, origin, answer);
 }

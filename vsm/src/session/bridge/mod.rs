@@ -114,6 +114,7 @@ impl Bridge {
             stations,
             aircraft: Vec::new(),
             outbox: Outbox::new(config.dli.disputed.profile.clone()),
+            // The alert ids of the VSM itself follow those of its vehicles, which are numbered from 0.
             alerts: Alerts::new(i32::try_from(config.vehicles().count()).unwrap_or(i32::MAX / 2)),
             counters: Counters::default(),
             received: ByType::default(),
@@ -154,6 +155,7 @@ impl Bridge {
             station.peer = station.peer.or(known.peer);
             if known.sends_heartbeats {
                 station.sends_heartbeats = true;
+                // Its silence counts from this start: what it sent while the VSM was down is not known.
                 station.received = station.received.or(Some(now));
             }
         }
@@ -169,6 +171,7 @@ impl Bridge {
                 let of = aircraft.iter_mut().find(|one| one.id() == seen.destination);
                 let answered =
                     of.is_some_and(|aircraft| aircraft.resume_command(&mut dli, index, &seen));
+                // It leads to the same when it comes again, and must not be answered as a duplicate then.
                 if !answered {
                     self.remembered[index].forget(seen.digest);
                 }

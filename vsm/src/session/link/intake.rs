@@ -23,11 +23,13 @@ impl VehicleLink {
         tap: &mut dyn FnMut(&FrameView<'_>),
     ) {
         let now = effects.dli.now;
+        // While the key is not known the search takes every datagram, so that nothing is believed under the wrong key.
         if (self.key_recovery).handle_datagram(now, from, bytes, effects.dli.disk) {
             return self.advance_key_recovery(effects);
         }
         let (current, out, store) = (self.key.as_ref(), &mut self.out, &mut *effects.dli.disk);
         let proven = self.agreement.look(now, from, bytes, current, out, store);
+        // The search has taken the bytes of the proof: the next datagram is the link's first under this key.
         if proven.is_some() {
             self.key = proven;
             self.key_recovery.change = Some(KeyChange::Commit);
@@ -147,6 +149,7 @@ impl VehicleLink {
     fn watch_control(&mut self, node: Node, message: &MavMessage, effects: &mut Effects<'_>) {
         let own = self.link.config().own_system;
         match message {
+            // PX4 forwards between its links: an answer to another system shows that somebody else commands it too.
             MavMessage::COMMAND_ACK(ack) if ack.target_system != 0 && ack.target_system != own => {
                 self.events.push_back(VehicleEvent::ForeignControl(format!(
                     "MAVLink system {} commands the vehicle too: command {}, not through this VSM",
@@ -183,6 +186,7 @@ impl VehicleLink {
 
 /// Keeps the vehicle's clock since boot. One that goes back is that of another boot.
 fn has_restarted(message: &MavMessage, vehicle: &mut VehicleState) -> bool {
+    // Both are requested at 5 Hz: a restart is noticed with the first of them.
     let boot_ms = match message {
         MavMessage::ATTITUDE(m) => m.time_boot_ms,
         MavMessage::GLOBAL_POSITION_INT(m) => m.time_boot_ms,

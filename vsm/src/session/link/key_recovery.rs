@@ -59,6 +59,7 @@ impl KeyRecovery {
         let config = KeyRolloverConfig {
             link,
             not_before,
+            // The link may be a radio: the key must not cross it, and an unsigned frame proves nothing there.
             may_send_key: false,
             believe_unsigned: false,
         };

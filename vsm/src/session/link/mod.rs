@@ -155,6 +155,7 @@ impl VehicleLink {
             vehicle.silent = true;
             self.events.push_back(VehicleEvent::Silent);
         }
+        // A silent vehicle would let every rate time out; all are requested again once it is back.
         if vehicle.live() {
             intervals.advance(now.mono, commands);
         }
@@ -204,6 +205,7 @@ impl VehicleLink {
             self.events.push_back(VehicleEvent::Parameter(event));
         }
         while let Some(text) = self.texts.poll_event() {
+            // PX4 gives the reason of a refused command by STATUSTEXT only. A lower number is more severe.
             if text.severity as u32 <= MavSeverity::MAV_SEVERITY_WARNING as u32 {
                 vehicle.complaint = Some((now, text.text.clone()));
             }
@@ -302,6 +304,7 @@ impl VehicleLink {
     /// Stores the link id that was learned, where it is another than the stored one.
     pub(crate) fn store_link_id(&mut self, effects: &mut Effects<'_>) {
         let learned = self.link.learned_link_id();
+        // A learned id is only ever replaced by another, so that a restart begins with the last one known.
         if learned.is_none() || self.stored_link_id == learned {
             return;
         }

@@ -56,6 +56,7 @@ impl OperatorControl {
     /// Keeps what a CONTROL_STATUS of the vehicle says.
     pub(crate) fn note(&mut self, status: &CONTROL_STATUS_DATA, effects: &mut Effects<'_>) {
         let manager = GcsControlStatusFlags::GCS_CONTROL_STATUS_FLAGS_SYSTEM_MANAGER;
+        // Without the flag it is the status of a component, not of the whole system.
         if !status.flags.contains(manager) {
             return;
         }
@@ -100,6 +101,7 @@ impl OperatorControl {
             return;
         }
         self.next_at = now + BETWEEN;
+        // param1: request or release; param2 = 0: nobody else is granted it automatically; param4: who requests it.
         let params = [
             f32::from(u8::from(wanted)),
             0.0,

@@ -11,6 +11,7 @@ pub(super) const RATES: &[(u32, Rate)] = &[
     (33, Rate::Hz(5.0)),  // GLOBAL_POSITION_INT
     (32, Rate::Hz(5.0)),  // LOCAL_POSITION_NED
     (245, Rate::Hz(2.0)), // EXTENDED_SYS_STATE
+    // PX4 sends it every 2 s by default.
     (242, Rate::Hz(1.0)), // HOME_POSITION
     (24, Rate::Hz(1.0)),  // GPS_RAW_INT
     (74, Rate::Hz(2.0)),  // VFR_HUD

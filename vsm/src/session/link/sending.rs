@@ -44,6 +44,7 @@ impl VehicleLink {
         while let Some(message) = services.posts.pop_front() {
             self.send(now, &message, store);
         }
+        // The operation has ended: the next one is judged by the stamp of its own first message.
         if services.missions.busy().is_none() {
             self.asked.mission = None;
         }
@@ -59,6 +60,7 @@ impl VehicleLink {
             let stamp = self.send(now, &message, store);
             self.asked.parameter = self.asked.parameter.or(stamp);
         }
+        // PX4 loses acknowledgements of commands sent back to back: one is outstanding, and its end lets the next out.
         loop {
             while let Some(event) = services.commands.poll_event() {
                 self.asked.command = None;

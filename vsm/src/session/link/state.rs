@@ -28,6 +28,7 @@ impl Default for VehicleState {
             telemetry: Telemetry::default(),
             heartbeat_at: None,
             mode_at: None,
+            // Nothing was received yet: its state is as unknown as that of a vehicle that went silent.
             silent: true,
             boot_ms: None,
             progress_boot_ms: None,

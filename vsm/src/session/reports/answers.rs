@@ -94,6 +94,7 @@ impl AnswerQueue {
             match self.queue.pop_front() {
                 None => break,
                 Some(Outgoing::Answer(to, answer)) => {
+                    // Stamped when sent, not when queued: stamps rise strictly, and other messages go out in between.
                     let answer = stamped(*answer, effects.stamp());
                     effects.send(to, &answer);
                 }

@@ -82,6 +82,7 @@ impl Configuration {
             let mut ended = answers.abort(origin.station);
             let of_it = |(one, _): &mut (Origin, _)| one.station == origin.station;
             ended.extend(self.waiting.extract_if(.., of_it).map(|(one, _)| one));
+            // An aborted request still gets a final 17000.
             for ended in ended {
                 effects.acknowledge(&ended, AckType::Refused);
             }
@@ -91,6 +92,7 @@ impl Configuration {
             return effects.refuse(Some(origin), why);
         }
         effects.acknowledge(&origin, AckType::Received);
+        // Of a silent vehicle the rest may never come: it is answered with what is known.
         if context.vehicle.live() && self.is_reading() {
             return self.waiting.push((origin, request));
         }

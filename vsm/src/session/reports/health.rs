@@ -78,6 +78,7 @@ impl HealthWatch {
         }
         let lasted = now.saturating_sub(watched.since);
         match finding {
+            // Once raised, a new text or priority goes out at once: only the cause itself must have lasted.
             Some(finding) if watched.raised || lasted >= RAISE_AFTER => {
                 watched.raised = true;
                 let Finding {

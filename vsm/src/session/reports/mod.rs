@@ -179,6 +179,7 @@ impl Reports {
             Input::LinkUp => {
                 effects.clear(Cause::VehicleSilent, "link to the vehicle is up");
                 self.report_state(context, effects);
+                // They may have been changed during the silence, or by a restart in it.
                 self.read_parameters(context, effects);
             }
             Input::LinkDown => {
@@ -208,6 +209,7 @@ impl Reports {
             Input::ParameterServiceEnded(event) => self.parameter_ended(context, event, effects),
             Input::ParameterReported(name, value) => {
                 let before = self.learn_parameter(context, name, value, None, effects);
+                // A first value is no change; a later one that nobody here requested was set by another station.
                 if let Some(before) = before.filter(|before| *before != value) {
                     effects.advise(parameters::foreign_change(name, value, before));
                 }
@@ -458,6 +460,7 @@ impl Reports {
                         parameter::report(entry.name.as_str(), entry.value, place, None).into()
                     })
                     .collect();
+                // The requester counts as `asker`: the list brings it the same values.
                 for entry in entries {
                     let (name, value) = (entry.name, entry.value);
                     self.learn_parameter(context, name, value, Some(station), effects);

@@ -70,6 +70,7 @@ impl ParameterRequests {
         let now = effects.dli.now.mono;
         let mut requested = 0;
         for name in names {
+            // A name that finds the queue full is left out: the count must match the answers that will come.
             if effects.vehicle.parameters.read(now, name).is_ok() {
                 self.work.push_back(Purpose::Configuration);
                 requested += 1;
@@ -115,6 +116,7 @@ impl ParameterRequests {
             .parameter_name
             .as_ref()
             .map_or("", |name| name.as_str());
+        // PX4 v1.18 accepts and stores values out of range (NAV_DLL_ACT 99): only this check stands before it.
         let checked = match command.commanded_value {
             Some(value) => parameter::checked(name, value).map_err(|fault| fault.to_string()),
             None => Err("Commanded Value is missing".to_owned()),

@@ -22,6 +22,7 @@ pub(super) enum Period {
 impl Push {
     /// 17001: all of a station's messages are due again.
     pub(super) fn schedule(&mut self, station: usize, message: u16, period: Period) {
+        // `Never` is kept too: without an entry the default period of that message would apply.
         self.scheduled.insert((station, message), period);
         self.reset(station);
     }

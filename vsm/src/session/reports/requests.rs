@@ -62,6 +62,7 @@ impl Requests {
             }
             PingTarget::Vehicle => {
                 effects.acknowledge(&origin, AckType::Received);
+                // PING.seq is not the number of the CUCS: two stations may use the same.
                 self.next_ping = self.next_ping.wrapping_add(1);
                 let seq = self.next_ping;
                 self.pings.push(Ping {
@@ -96,6 +97,7 @@ impl Requests {
         fields: Option<u64>,
         effects: &mut Effects<'_>,
     ) {
+        // A repeated request replaces the earlier one: a station is answered once.
         self.software.retain(|(waiting, _)| *waiting != station);
         self.software.push((station, fields));
         if context.vehicle.telemetry.software.is_some() || !context.vehicle.live() {

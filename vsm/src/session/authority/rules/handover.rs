@@ -38,6 +38,7 @@ impl Authority {
     /// The acquirer withdraws its wish, or declines what it is offered.
     fn give_up(&mut self, acquirer: Id, decision: &mut Decision) -> Result<Answer, Refusal> {
         let known = decision.ended.len();
+        // Offers first: the second pass would end them as withdrawn, the outcome of what the acquirer began itself.
         self.end_where(Outcome::Declined, decision, |handover| {
             handover.to == acquirer && matches!(handover.stage, Stage::Acceptance(_))
         });
@@ -67,6 +68,7 @@ impl Authority {
                 tally.wait();
                 continue;
             }
+            // One handover of a right at a time: the first is decided, the second is refused as busy.
             if let Some(other) = self.claim(part) {
                 tally.refuse(part, Refusal::Busy(other));
             } else if control && at.launch_or_landing {
@@ -125,6 +127,7 @@ impl Authority {
             let Some(handover) = self.pending.get(index).copied() else {
                 return Err(Refusal::NoHandover);
             };
+            // Offered or agreed on already: the same message again begins nothing, and extends no deadline.
             if !matches!(handover.stage, Stage::Consent(_)) {
                 return Ok(Answer::Waits);
             }
@@ -132,6 +135,7 @@ impl Authority {
         }
         let successor = at.asker(acquirer).ok_or(Refusal::NoSuccessor(acquirer))?;
         let held = self.held(holder);
+        // Holding either level is enough to offer both: LOI 4 and 5 are never with two CUCSs.
         let control = if held.control().is_empty() {
             Rights::NONE
         } else {
@@ -254,6 +258,7 @@ impl Authority {
 
     /// Keeps a handover in its place. What is pending has one order, whichever began first: control, then stations.
     pub(super) fn expect(&mut self, handover: Handover) {
+        // No two pending handovers are of one right, so their order decides nothing; one order keeps the model small.
         let place = |one: &Handover| (one.rights.control().is_empty(), one.rights.stations().raw());
         let index = self
             .pending
@@ -323,6 +328,7 @@ impl Authority {
         if self.held(to).contains(rights) {
             return Some(Next::Complete(Reason::HandedOver));
         }
+        // A part has passed to a third since: no answer of `from`, or of its successor, can decide it any more.
         if third {
             return Some(Next::End(Outcome::Overtaken));
         }
@@ -343,6 +349,7 @@ impl Authority {
                     Next::Complete(Reason::Requested)
                 })
             }
+            // A silent holder cannot consent: who has requested it gets it, as one that requests it now would.
             Stage::Consent(_) | Stage::Acceptance(_)
                 if from.is_some_and(|from| self.silence(from) >= Silence::Offered)
                     && matches!(stage, Stage::Consent(_))
@@ -363,6 +370,7 @@ impl Authority {
                 Some(Next::End(Outcome::Overtaken))
             }
             Stage::Load(_) if blocked => None,
+            // Before the arm of launch and landing: during these control moves by override only.
             Stage::Load(Reason::Overridden) => Some(Next::Complete(Reason::Overridden)),
             Stage::Load(_) if at.launch_or_landing && !holders.is_empty() => {
                 Some(Next::End(Outcome::LaunchOrLanding))

@@ -237,6 +237,7 @@ impl Authority {
         if gained.is_empty() {
             return;
         }
+        // Found before anything moves: afterwards the losers no longer hold it.
         let losers: Vec<(Id, Rights)> = self
             .by_holder(gained, to)
             .into_iter()

@@ -95,6 +95,7 @@ impl Authority {
             let Some((to, rights)) = rights(pending.to, pending.levels, pending.stations) else {
                 continue;
             };
+            // Deadlines are times of a clock that starts again with the process: none is stored.
             let until = now + CONSENT_WITHIN;
             authority.expect(Handover {
                 from: pending.from.map(Id),
@@ -103,6 +104,7 @@ impl Authority {
                 stage: match pending.stage {
                     StageName::Consent => Stage::Consent(until),
                     StageName::Acceptance => Stage::Acceptance(until),
+                    // The load ended with the earlier process: the next look at the handover completes or ends it.
                     StageName::LoadThenRequested => Stage::Load(Reason::Requested),
                     StageName::LoadThenOverridden => Stage::Load(Reason::Overridden),
                     StageName::LoadThenHandedOver => Stage::Load(Reason::HandedOver),

@@ -42,6 +42,7 @@ impl Authority {
         }
         let mut tally = Tally::new(asker, wanted);
         let wanted = wanted.both(asker.may_hold());
+        // Requesting what was offered is its acceptance, by message 1 as by message 4.
         self.accept_offers(at, asker.id, wanted, &mut tally, &mut decision);
         // Control first: whoever gets it may name a station.
         for part in parts(wanted) {
@@ -65,6 +66,7 @@ impl Authority {
     /// Always granted. It also withdraws what the asker still wished for, of these rights.
     fn release(&mut self, asker: Id, wanted: Rights, decision: &mut Decision) {
         let wanted = if wanted.is_empty() {
+            // Not only what is held: what is still requested is withdrawn too.
             self.held(asker).with(EVERYTHING)
         } else {
             wanted
@@ -105,6 +107,7 @@ impl Authority {
             }
         }
         let news = free.without(self.held(to));
+        // Free control waits for the load of another too, so that two plans are never mixed.
         if !news.control().is_empty() && self.controller().is_none() && at.load_of_another(to) {
             let control = Rights::of_control(news.control());
             tally.waits = true;
@@ -133,10 +136,12 @@ impl Authority {
                 return Ok(Reason::Overridden);
             }
         }
+        // LOI 3 that names no station means every free one: it takes none from a holder, not even for the controller.
         if !control && explicit && self.controller() == Some(asker.id) {
             return Ok(Reason::Controller);
         }
         if self.silence(holder) >= Silence::Offered {
+            // During launch and landing only an override moves control, whether its holder is silent or not.
             return if control && at.launch_or_landing {
                 Err(Refusal::LaunchOrLanding)
             } else {
@@ -165,6 +170,7 @@ impl Authority {
         decision: &mut Decision,
     ) {
         let control = !part.control().is_empty();
+        // Payload stations do not wait: a load concerns the holder of control alone.
         if !(control && at.load_of_another(to)) {
             return self.give(to, part, why, decision);
         }
