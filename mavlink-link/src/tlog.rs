@@ -19,6 +19,7 @@ pub const MAX_RECORD: usize = STAMP_LEN + MAX_FRAME;
 /// `wall` is the time since 1970 at which the frame was seen.
 pub fn record(wall: Duration, frame: &FrameView<'_>, out: &mut [u8; MAX_RECORD]) -> usize {
     let micros = u64::try_from(wall.as_micros()).unwrap_or(u64::MAX);
+    // The format puts microseconds since 1970 before each frame, big-endian, unlike MAVLink itself.
     out[..STAMP_LEN].copy_from_slice(&micros.to_be_bytes());
 
     let original = frame.as_bytes();
@@ -41,6 +42,7 @@ pub fn record(wall: Duration, frame: &FrameView<'_>, out: &mut [u8; MAX_RECORD])
 fn extra_of(frame: &FrameView<'_>) -> u8 {
     let covered = &frame.as_bytes()[1..HEADER_LEN + frame.payload().len()];
     crc_extra(frame.header().message_id)
+        // Not in the dialect: its CRC_EXTRA follows from the checksum that it was received with.
         .or_else(|| (0..=u8::MAX).find(|&extra| checksum(covered, extra) == frame.crc()))
         .unwrap_or(0)
 }

@@ -65,6 +65,7 @@ pub(super) fn derive(finished: &Finished, terms: &Terms<'_>) -> Option<(Agreed, 
         Some(key)
     };
     let [ours, theirs] = terms.epochs;
+    // Above both stored epochs: it rises even where one end has lost its store.
     let epoch = ours.max(theirs).checked_add(1)?;
     let confidential = if terms.wanted.iter().all(|wanted| wanted.confidential) {
         let (ids, number) = (terms.parties.ids(), epoch.to_be_bytes());

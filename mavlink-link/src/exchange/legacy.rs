@@ -82,6 +82,7 @@ impl Legacy {
             .identity
             .secret()
             .diffie_hellman(&(*theirs.bytes()).into());
+        // A public key of low order gives an all-zero secret, which anyone can compute.
         if !shared.was_contributory() {
             return Err(Ignored::Forged);
         }

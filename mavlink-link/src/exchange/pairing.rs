@@ -45,6 +45,7 @@ impl PairingCode {
         for (offset, letter) in text.char_indices() {
             let value = match letter.to_ascii_uppercase() {
                 ' ' | '-' | '\t' | '\r' | '\n' => continue,
+                // 0, 1 and 8 are not in the alphabet, and are read and typed for O, I and B.
                 '0' => b'O' - b'A',
                 '1' => b'I' - b'A',
                 '8' => b'B' - b'A',

@@ -37,6 +37,7 @@ impl Parser {
     /// Bytes that begin with a whole good frame end a partial frame that is still kept, so that a
     /// broken datagram cannot delay the next ones.
     pub fn feed<'p, 'd>(&'p mut self, bytes: &'d [u8]) -> Frames<'p, 'd> {
+        // A datagram that begins with a whole frame continues nothing: the rest of the frame before it is lost.
         if self.pending() > 0 && matches!(examine(bytes), Verdict::Frame(_)) {
             self.expire = true;
         }
@@ -155,6 +156,7 @@ impl Frames<'_, '_> {
                     }));
                 }
                 Verdict::Unchecked(len) => {
+                    // Without CRC_EXTRA it may be noise: the search continues inside it unless its signature verifies.
                     self.parser.counts.unchecked += 1;
                     self.skip(1);
                     self.unchecked = Some(len);

@@ -267,6 +267,7 @@ fn examine_v2(bytes: &[u8]) -> Verdict {
                 found,
             },
         ),
+        // The checksum shows where the frame ends, so nothing inside it is searched for another.
         (false, true) => Verdict::Refused(len, FrameError::UnknownIncompat { flags }),
         (false, false) => Verdict::Garbage,
     }
@@ -279,6 +280,7 @@ fn examine_v1(bytes: &[u8]) -> Verdict {
     };
     let crc_at = HEADER_V1_LEN + usize::from(payload_len);
     let len = crc_at + CRC_LEN;
+    // Never waited for: MAVLink 1 is refused anyway, and a 0xfe in noise would hold back good frames.
     if bytes.len() < len {
         return Verdict::Garbage;
     }

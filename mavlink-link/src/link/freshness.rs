@@ -55,6 +55,7 @@ impl HeartbeatLog {
     /// Records a heartbeat. One that closely follows another improves no bound and is ignored.
     pub(super) fn record(&mut self, stamp: Stamp, mono: Duration) {
         let newest = self.ring[(self.next + HEARTBEATS - 1) % HEARTBEATS].1;
+        // 128 entries 0.5 s apart cover the 60 s of `FRESH`; unspaced, quick heartbeats would shorten that.
         if self.len > 0 && mono.saturating_sub(newest) < SPACING {
             return;
         }

@@ -90,6 +90,7 @@ impl<A: Copy + Eq> Link<A> {
                 pin: LinkIdPin::new(config.vehicle_link_id, config.known_link_id),
                 heartbeats: HeartbeatLog::new(),
                 seq: 0,
+                // The first heartbeat is due at once: a signed frame of ours lifts the stamps of a restarted PX4.
                 heartbeat_at: Duration::ZERO,
                 heartbeat_due: false,
                 lift: [None; 2],

@@ -73,6 +73,7 @@ impl<A: Copy + Eq> PeerLock<A> {
         from: A,
         mono: Duration,
     ) -> Result<Option<(Option<A>, A)>, WrongPeer> {
+        // Without signatures only silence frees the lock: otherwise any datagram could take it over.
         let silent = self
             .last_frame
             .is_none_or(|at| mono.saturating_sub(at) > UNSIGNED_SILENCE);

@@ -65,6 +65,7 @@ impl<A: Copy + Eq> Link<A> {
         core.stats.datagrams += 1;
         core.stats.bytes += bytes.len() as u64;
         let is_peer = core.peer.peer() == Some(from);
+        // A stranger has a parser of its own: the start of a frame from there must not swallow the peer's next one.
         let parser = if is_peer {
             &mut self.parser
         } else {
@@ -118,6 +119,7 @@ impl<A: Copy + Eq> Core<A> {
             autopilot_link: self.pin.expected(now.mono),
             only: self.config.only,
         };
+        // Under our own system id an unsigned frame continues to `receive`, which counts it as reflected.
         if !frame.is_signed() && frame.header().system_id != self.config.own_system {
             self.take_unsigned(now, from, frame, deliver);
             return Trust::Unverified;
@@ -291,6 +293,7 @@ impl<A: Copy + Eq> Core<A> {
             }
         } else if of_vehicle {
             self.stats.unsigned_vehicle += 1;
+            // A signing PX4 forwards anybody's unsigned heartbeats, but no other unsigned message.
             if component_id == AUTOPILOT && message_id != HEARTBEAT_ID {
                 self.events.alert(Alert::VehicleUnsigned, now.mono);
             }

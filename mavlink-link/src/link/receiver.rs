@@ -153,6 +153,7 @@ impl KeyState {
             return Err(Refusal::Stale);
         }
         let place = place.ok_or(Refusal::TableFull)?;
+        // The ceiling is on disk before the frame counts: otherwise a restart could accept the frame again.
         self.clock
             .follow(stamp, now, store)
             .map_err(|_| Refusal::Ceiling)?;
@@ -310,4 +311,5 @@ pub const AUTOPILOT: u8 = 1;
 /// Streams under one key, as many as PX4 itself can hold.
 const STREAMS: usize = 16;
 /// Of these, for components other than the autopilot.
+// The rest stays for the autopilot: other components under the key cannot shut it out.
 const OTHER_STREAMS: usize = 12;

@@ -152,6 +152,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
     /// Another autopilot would take the key too, since PX4 ignores the target fields of SETUP_SIGNING: before anything is
     /// sent, that ends the rollover.
     fn watch_others(&mut self, system: u8, frame: &FrameView<'_>) {
+        // PX4 does not check the target of SETUP_SIGNING: a second autopilot on the link would take the key too.
         if !self.nothing_is_sent() {
             return;
         }
@@ -217,6 +218,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             }
             Some(MavMessage::STATUSTEXT(data)) => {
                 let text = data.text.to_str().unwrap_or_default();
+                // SETUP_SIGNING has no COMMAND_ACK: this STATUSTEXT is PX4's only refusal.
                 if text.contains("rejected while armed") && self.state == State::Sent {
                     self.seen.refused_armed = true;
                     self.events.push_back(Event::RefusedWhileArmed);

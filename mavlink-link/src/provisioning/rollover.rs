@@ -376,6 +376,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
                     self.decide(mono);
                 }
             }
+            // PX4 rejects SETUP_SIGNING while armed, with a STATUSTEXT of severity critical each time.
             State::WaitDisarm if self.config.may_send_key => {
                 let disarmed = self
                     .seen
@@ -451,6 +452,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
     pub(super) fn again(&mut self, mono: Duration) {
         self.enter(State::NotTaken, mono);
         if core::mem::take(&mut self.seen.refused_armed) {
+            // A refusal while armed says nothing about the key, so it costs no try.
             self.tries = self.tries.saturating_sub(1);
         }
         if self.tries < TRIES && self.config.may_send_key {

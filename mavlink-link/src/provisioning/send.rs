@@ -173,6 +173,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         let NewKey::Offered(new) = &mut self.new else {
             return Err(ClockError::Ceiling);
         };
+        // Above both clocks: SETUP_SIGNING sets PX4's clock, and from a lower value its frames would be stale here.
         let initial = seen.max(new.clock().reading(now));
         let initial = initial.next().ok_or(ClockError::Exhausted)?;
         new.follow(initial, now, store)?;
@@ -196,6 +197,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         };
         let mine = mine.ok_or(ClockError::Ceiling)?;
         let stamp = mine.take_stamp(now, store)?;
+        // PX4 keeps its stream table over a change of key, so stamps must rise across both keys.
         if let Some(other) = other {
             other.follow(stamp, now, store)?;
         }

@@ -238,6 +238,7 @@ impl Client {
             return false;
         };
         let for_us = self.us == Node::new(ack.target_system, ack.target_component);
+        // PX4 sends all answers to its first UDP sender, those to other stations' commands too.
         if !fresh || from != self.vehicle || !for_us {
             return false;
         }
@@ -253,6 +254,7 @@ impl Client {
         }
         if let Some(mut active) = self.active.take_if(|active| active.deadline <= now) {
             let may_repeat = active.command.repetition == Repetition::Safe
+                // IN_PROGRESS proves receipt, and PX4 would execute a repeated command again.
                 && active.give_up.is_none()
                 && active.tries < self.timing.tries;
             if may_repeat {
@@ -360,6 +362,7 @@ impl Client {
 
     /// Sends the next command, if none is outstanding and no late answer could be mistaken for its own.
     fn advance(&mut self, now: Duration) {
+        // PX4 v1.18 loses acknowledgements under a flood: 24 came for 200 commands sent back to back.
         if self.active.is_some() {
             return;
         }

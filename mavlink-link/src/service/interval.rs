@@ -160,6 +160,7 @@ impl Intervals {
                     self.not_before = now + PAUSE;
                     RequestState::Pending
                 }
+                // PX4 answers FAILED for a message id that it does not know, and would do so every time.
                 result => RequestState::Refused(result),
             },
             Outcome::NoAnswer { .. } | Outcome::Withdrawn => {

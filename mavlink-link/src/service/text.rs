@@ -77,6 +77,7 @@ impl Texts {
         if from.system != self.system {
             return false;
         }
+        // STATUSTEXT.id 0: the text is whole in one message and has no chunks.
         if data.id == 0 {
             let text = joined(&[Some(chunk(data))], true);
             self.emit(now, from, 0, data.severity, (text, true));

@@ -237,6 +237,7 @@ impl SigningClock {
     }
 
     fn rebase(&mut self, now: Now) {
+        // Never back: a wall clock that was set back must not bring stamps that were used before.
         self.base = self.base(now).max(Stamp::from_unix(now.wall)).get();
         self.base_at = now.mono;
     }
@@ -291,6 +292,7 @@ fn judge_wall(ceiling: u64, wall: Stamp) -> WallState {
 /// How far beyond the base a peer is followed.
 const LEAD: Duration = Duration::from_secs(3600);
 /// How far the ceiling is written ahead.
+// One synchronised write for 10 s of stamps, where one for each frame would stall the link.
 const WRITE_AHEAD: Duration = Duration::from_secs(10);
 /// How far beyond the ceiling the wall clock is trusted.
 const WALL_AHEAD: Duration = Duration::from_secs(366 * 86_400);

@@ -111,6 +111,7 @@ impl Exchange {
             State::Staged | State::WaitDisarm => self.responder.report(Status::WaitDisarm, 0),
             State::Sent => self.responder.key_sent(),
             State::Unknown => self.responder.report(Status::Silent, 0),
+            // A key not taken is sent again; how the other two end is reported when the key rollover ends.
             State::Committed | State::NotTaken | State::RolledBack => {}
         }
     }
@@ -118,6 +119,7 @@ impl Exchange {
     /// More than one autopilot is on PX4's link: the key is refused.
     pub(super) fn report_refused(&mut self) {
         self.responder.key_dropped();
+        // After `key_dropped`, which reports a rollback: the ground is to learn the more exact reason.
         self.responder.report(Status::Refused, SEVERAL_AUTOPILOTS);
     }
 

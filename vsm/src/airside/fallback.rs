@@ -35,6 +35,7 @@ impl Fallback {
         keys: &mut dyn Keys,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit> {
+        // During a key rollover `KeyRollover` itself verifies under both keys.
         if !matches!(phase, Phase::Relaying(_)) {
             self.0 = None;
         }
@@ -60,6 +61,7 @@ impl Fallback {
             self.0 = None;
             return Ok(false);
         };
+        // After another rotation the key before is a different one, with a clock of its own.
         let held = self.0.take().filter(|held| held.key.id() == previous.id());
         let receiver = match held {
             Some(held) => held,
@@ -75,6 +77,7 @@ impl Fallback {
         };
         let mut proven = false;
         link.handle_datagram(now, from, bytes, auth, &mut |delivery| {
+            // PX4 forwards frames of other components with their own signature: they show nothing of PX4's key.
             proven |= delivery.verified && delivery.header.component_id == AUTOPILOT;
         });
         // PX4's link under the key in force sees the same bytes, and tells.

@@ -98,6 +98,7 @@ impl Agent {
                 return;
             }
         };
+        // The old key stays at hand until PX4 signs with the new one: SETUP_SIGNING is signed with it.
         let old = match std::mem::replace(&mut self.phase, Phase::Keyless) {
             Phase::Relaying(relaying) => Some(relaying.key),
             Phase::HandingOver(on) => on.handover.into_old(),
@@ -111,6 +112,7 @@ impl Agent {
             );
             return;
         }
+        // The check for a second autopilot counts as this state: the ground has no status of its own for it.
         self.exchange.responder.report(Status::WaitDisarm, 0);
     }
 
@@ -119,6 +121,7 @@ impl Agent {
         self.reports
             .note(LogLevel::Info, "the agreed key is dropped for another");
         self.phase = match std::mem::replace(&mut self.phase, Phase::Keyless) {
+            // Only a new key is withdrawn: KEY_EXCHANGE is held back while a lost key is sent again.
             Phase::HandingOver(on) if on.cause == Cause::NewKey => on
                 .handover
                 .into_old()
@@ -150,6 +153,7 @@ impl Agent {
         };
         self.reports
             .alert_ground(MavSeverity::MAV_SEVERITY_CRITICAL, text);
+        // An unsigned PX4 holds no key that SETUP_SIGNING could be signed with: it accepts the first one unsigned.
         let old = match previous.as_ref().map(SigningKey::duplicate) {
             Some(previous) if !unsigned => {
                 with_clock(previous, self.settings.not_before, now, keys).map(Some)
@@ -236,6 +240,7 @@ impl Agent {
             told.push(event);
         }
         let mut fault = None;
+        // PX4 has the key already, so a disk that fails is retried; the rollover does not end before the files agree.
         if on.commit_at.is_some_and(|at| at <= now.mono) {
             match keys.commit() {
                 Ok(()) => on.commit_at = None,
@@ -338,6 +343,7 @@ impl Agent {
             Outcome::NeverSigns => self.exchange.responder.report(Status::CannotSign, 0),
             Outcome::SeveralAutopilots => self.exchange.report_refused(),
         }
+        // A power cut can bring back PX4's old key file, so the key just replaced is kept to recognise that.
         let previous = match (outcome, cause) {
             (Outcome::Committed, Cause::NewKey) => handover.old_key(),
             _ => previous,
@@ -364,6 +370,7 @@ impl Agent {
         }
         self.phase = match outcome {
             Outcome::NeverSigns => later(key),
+            // PX4 may be unsigned here: nothing is relayed until the key can be sent again.
             Outcome::SeveralAutopilots if cause == Cause::LostKey => later(key),
             Outcome::SeveralAutopilots => handover
                 .into_old()
@@ -385,6 +392,7 @@ impl Agent {
                 LogLevel::Info,
                 "a new key waits until PX4 reports that it is disarmed".to_owned(),
             ),
+            // PX4 v1.18 truncates its key file and writes it without fsync: a power cut then leaves it empty.
             Event::State(State::Sent) => (
                 LogLevel::Warning,
                 "the key is being sent to PX4. DO NOT cut its power for 5 s".to_owned(),
@@ -417,5 +425,6 @@ impl Agent {
     }
 }
 
+// PX4 before v1.18 ignores SETUP_SIGNING, and only a firmware update changes that: there is no hurry.
 const ASK_AGAIN: Duration = Duration::from_secs(60);
 const COMMIT_AGAIN: Duration = Duration::from_secs(1);

@@ -109,6 +109,7 @@ impl Agent {
     /// Takes what came from PX4.
     pub fn handle_px4(&mut self, now: Now, from: Peer, bytes: &[u8], keys: &mut dyn Keys) {
         match &self.phase {
+            // Nothing of PX4 could be verified now, and what does not verify is not relayed.
             Phase::Keyless | Phase::CannotSign { .. } => {}
             Phase::HandingOver(_) => self.take_while_handing_over(now, from, bytes, keys),
             Phase::Relaying(_) => self.take_and_relay(now, from, bytes, keys),
@@ -152,6 +153,7 @@ impl Agent {
                 Event::PeerChanged { .. } | Event::KeyExchange(_) => {}
             }
         }
+        // The second check costs another hash a frame: only a frame that failed under the key in force is worth it.
         let fell_back =
             self.px4.stats().bad_signature > bad_before && self.fell_back(now, from, bytes, keys);
         if unsigned || fell_back {
@@ -165,6 +167,7 @@ impl Agent {
     fn px4_restarted(&mut self, keys: &mut dyn Keys) {
         self.reports
             .note(LogLevel::Info, "PX4 has restarted and signs");
+        // PX4 reads its key file at boot: a restart under the current key shows that the file holds it.
         if let Phase::Relaying(relaying) = &mut self.phase
             && relaying.previous.is_some()
         {

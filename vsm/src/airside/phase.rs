@@ -53,6 +53,7 @@ impl Cause {
     /// The key that the ground uses meanwhile.
     fn of_ground(self) -> KeySlot {
         match self {
+            // The ground switches at PX4's first frame under the new key, which it can only see after the agent.
             Cause::NewKey => KeySlot::Old,
             Cause::LostKey => KeySlot::New,
         }
@@ -82,6 +83,7 @@ impl Phase {
     pub(super) fn is_closed(&self, mono: Duration, accepted: Option<Duration>) -> bool {
         match self {
             Phase::Keyless | Phase::CannotSign { .. } => true,
+            // Silence counts as unsigned: PX4 may be restarting without its key, and then accepts any command.
             Phase::Relaying(_) => accepted.is_none_or(|at| mono.saturating_sub(at) > SIGNED_LATELY),
             Phase::HandingOver(on) => {
                 on.cause == Cause::LostKey || on.handover.vehicle_is_open(mono)

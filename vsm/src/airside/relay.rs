@@ -56,6 +56,7 @@ impl Relay {
     pub(super) fn pass_to_px4(&mut self, delivery: &Delivery<'_>, px4: Option<Peer>, closed: bool) {
         let why = match px4 {
             _ if !delivery.verified => "unsigned",
+            // Even if validly signed: PX4 takes a key from any link and checks no target, so only the agent sends one.
             _ if delivery.header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from the ground",
             _ if closed => "PX4 is not heard, signed",
             None => "PX4 has not been heard",
@@ -91,6 +92,7 @@ impl Relay {
 
     /// Forgets the frames of PX4 that were taken since.
     pub(super) fn undo(&mut self, since: Mark) {
+        // Only frames to the ground are queued between mark and undo, so `to_px4` needs no correction.
         self.queue.truncate(since.queued);
         self.to_ground = since.to_ground;
     }
@@ -119,7 +121,9 @@ impl FrameForwarder<'_> {
         self.watch.take(self.mono, frame);
         let header = frame.header();
         let why = match self.ground {
+            // It would carry a key over the radio in the clear.
             _ if header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from PX4",
+            // Towards the ground the agent has the vehicle's system id: this frame would pass for one of the agent's.
             _ if header.component_id == self.own_component => "our own frame, reflected",
             None => "the ground has not been heard",
             Some(to) => match self.relay.enqueue(Side::Radio, to, frame.as_bytes()) {

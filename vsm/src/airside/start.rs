@@ -64,6 +64,7 @@ impl Agent {
             link.own_component = settings.own_component;
             link.link_id = settings.own_link_id;
             link.role = Role::OnboardComputer;
+            // RADIO_STATUS (109), accepted unsigned by default, is of no use: the relay passes verified frames only.
             link.accept_unsigned = &[];
         }
         let [vsm, vehicle] = settings.ids;
@@ -131,6 +132,7 @@ impl Agent {
                     next.id()
                 ),
             );
+            // PX4 may have it or not: the rollover verifies under both keys until a frame decides.
             return Ok(self.hand_over(current, next, Cause::NewKey, now, keys)?);
         }
         if let Some(key) = current {

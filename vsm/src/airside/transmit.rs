@@ -54,6 +54,7 @@ impl Agent {
                 // The same key with a stamp above all: what was recorded before PX4's start dies with it.
                 let initial = key.take_stamp(now, keys.disk()).ok()?;
                 let mut payload = Zeroizing::new([0; 42]);
+                // SETUP_SIGNING on the wire: initial_timestamp u64, target_system, target_component, secret_key[32].
                 payload[..8].copy_from_slice(&initial.get().to_le_bytes());
                 payload[8] = self.settings.vehicle_system;
                 payload[9] = AUTOPILOT;
@@ -100,6 +101,7 @@ impl Agent {
         if matches!(auth, Auth::Off) {
             return None;
         }
+        // Texts wait until the address of the ground is known; a `send` without a peer would lose them.
         let text = if heard {
             self.reports.poll_text()
         } else {

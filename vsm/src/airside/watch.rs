@@ -43,6 +43,7 @@ impl Watch {
             Some(before) if boot_ms.saturating_add(BOOT_SLACK_MS) < before => {
                 (self.restarted, self.restamp_due) = (true, true);
             }
+            // The restart was not observed, so it does not prove that PX4 kept the current key over it.
             None if boot_ms < JUST_STARTED_MS => self.restamp_due = true,
             _ => {}
         }
@@ -84,6 +85,7 @@ impl Watch {
 /// HEARTBEAT, SYSTEM_TIME, ATTITUDE, GLOBAL_POSITION_INT.
 const WATCHED: [u32; 4] = [0, 2, 30, 33];
 /// How long the vehicle's word that it is disarmed holds.
+// PX4 sends HEARTBEAT at 1 Hz: one may be late, none may be missing, for PX4 refuses a key while armed.
 const DISARMED_LIFE: Duration = Duration::from_millis(1_500);
 const BOOT_SLACK_MS: u32 = 2_000;
 /// An agent that hears a younger PX4 first has been switched on with it.

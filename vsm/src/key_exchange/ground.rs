@@ -81,9 +81,11 @@ impl InitiatorStore for GroundKeys<'_> {
     }
 
     fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
+        // The record goes first: a pending pairing whose key was never stored is never proven, and does no harm.
         let (peer, key) = (*agreed.peer.bytes(), *agreed.key.id().bytes());
         self.change(|record| {
             record.epoch = agreed.epoch;
+            // An agent that is pinned already needs no proof.
             record.pending = (record.peer != Some(peer)).then_some(Pending {
                 peer: Some(peer),
                 key: Some(key),

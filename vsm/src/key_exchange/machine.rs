@@ -135,6 +135,7 @@ impl KeyExchange {
                 system: header.system_id,
                 component: header.component_id,
             };
+            // Not authenticated yet, as KEY_EXCHANGE may come unsigned: it only decides where the next message goes.
             if source == self.parties.responder {
                 self.agent_at = Some(frame.from);
             }
@@ -230,6 +231,7 @@ impl KeyExchange {
         }
         let age = Duration::from_secs(wall_s.saturating_sub(self.record.since));
         let life = Duration::from_secs_f64(self.settings.rotate_days * 86_400.0);
+        // Age never ends a key that is in use: it only starts an agreement about the next one.
         let old = self.record.key.is_some() && age >= life;
         if let Machine::Paired(initiator) = &mut self.machine
             && old
@@ -252,6 +254,7 @@ impl KeyExchange {
         let Some(pending) = pending.filter(|pending| pending.key == Some(*proven.bytes())) else {
             return;
         };
+        // On disk first: a pairing that a restart would forget must not be used.
         let mut record = self.record.clone();
         (record.peer, record.pending) = (pending.peer, None);
         if let Err(fault) = record.save(with.store, self.vehicle) {
@@ -296,6 +299,7 @@ impl KeyExchange {
         if !matches!(self.machine, Machine::Legacy(_)) {
             self.notify(now, ExchangeNotice::Over("the new key is in use"), with);
         }
+        // The age of the new key is recorded at once, not at the next look.
         self.check_at = now.mono;
     }
 
@@ -404,6 +408,7 @@ impl KeyExchange {
                 "agreeing on a key".clone_into(&mut self.state);
             }
             E::NextStored { key } => {
+                // Offered before the confirmation, which can be lost: PX4 may be given the key all the same.
                 self.offer(now, with);
                 self.state = format!("key {key} is stored, waiting for the agent's confirmation");
             }

@@ -87,6 +87,7 @@ vehicle_record!(ExchangeRecord, "exchange", Power);
 /// It cannot be read or made durable, or there are no random bytes.
 pub fn identity(disk: &mut dyn Disk, random: &mut dyn Random) -> Result<Identity, StoreError> {
     if let Some(bytes) = disk.read(IDENTITY, MAX_IDENTITY_BYTES)? {
+        // An unreadable identity is an error and is not replaced: a new static key would end every pairing.
         return parse_identity(&bytes)
             .ok_or_else(|| StoreError::new(IDENTITY, "expected 64 hex digits"));
     }

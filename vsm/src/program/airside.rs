@@ -84,6 +84,7 @@ fn serve(path: &Path) -> Result<(), Failure> {
 fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
     let config = load(path)?;
     let code = match code.as_deref() {
+        // Standard input keeps the code out of the list of processes.
         Some("-") => {
             let mut line = String::new();
             io::stdin()
@@ -96,6 +97,7 @@ fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
     };
     let mut paired = false;
     pairing_socket::ask(&config.store.dir, code.as_deref(), |line| {
+        // The word with which `AirsideServer` reports success; a failed try begins with "pairing".
         paired |= line.starts_with("paired");
         // Nobody is left to tell when standard output is gone.
         let _ = writeln!(io::stdout(), "{line}");

@@ -187,6 +187,7 @@ fn hand_over(
 ) -> Result<(), Failure> {
     let path = link.2;
     let (mut ending, mut another) = round(link, What::New(key()?), over, wish)?;
+    // In rounds: a rollover knows one old key, and PX4 accepts SETUP_SIGNING only under the key that it has.
     if ending == Ending::ForeignKey && holds_previous(path)? {
         say(
             "the vehicle does not sign with the key in force; perhaps with the one before, as after a power cut",
@@ -201,6 +202,7 @@ fn hand_over(
         ending,
         Ending::Ended(Outcome::Committed | Outcome::RolledBack)
     );
+    // Where any new key will do, the key of the finished rollover was enough.
     if another && decided && wish != Wish::AnyNew {
         say("the handover that an earlier command began is finished; now the new key");
         (ending, _) = round(link, What::New(key()?), over, wish)?;
@@ -261,6 +263,7 @@ fn round(
         Ok((ending, another))
     })?;
     let committed = ending == Ending::Ended(Outcome::Committed);
+    // A `.next` left by an earlier command may have been sent then, so it stays.
     if wished.is_some() && !sent && !leftover && !committed {
         // The vehicle has never been sent it: nobody must take it for one that it may have.
         let keys = KeyStore::open(path).map_err(failed)?;
@@ -346,6 +349,7 @@ fn write_sitl_file(
     key: SigningKey,
     file: &Path,
 ) -> anyhow::Result<()> {
+    // Locked against a running bridge: it reads its keys only when it starts.
     let _store = FileDisk::open(&config.store.dir)?;
     let keys = KeyStore::open(path)?;
     if keys.current()?.is_none() {
@@ -385,6 +389,7 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
             }
         }
         if accept {
+            // Enough for the next start: it believes a wall clock that is at the ceiling or up to 366 days beyond.
             Ceiling::raise(&mut store, &key, wall)?;
             say(
                 "the wall clock is accepted: the signing clock continues from it, and never goes back",

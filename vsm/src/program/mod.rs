@@ -100,6 +100,7 @@ pub fn command() -> clap::Command {
 #[must_use]
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    // Before any key is read: a crash later must not leave one in a core file.
     if arguments.command.reads_keys() {
         key_file::no_core_files();
     }

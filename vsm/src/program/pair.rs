@@ -84,6 +84,7 @@ fn read_code(code: Option<String>) -> anyhow::Result<PairingCode> {
             say(&format!("pairing code: {}", *code.text()));
             return Ok(code);
         }
+        // Standard input keeps the code out of the list of processes.
         Some(dash) if *dash == "-" => {
             let mut text = Zeroizing::new(String::with_capacity(256));
             std::io::stdin().take(256).read_to_string(&mut text)?;

@@ -34,6 +34,7 @@ pub(crate) fn runtime() -> Result<Runtime, Failure> {
 
 /// Done at SIGTERM or SIGINT, which no longer end the process from this call on.
 pub(crate) fn stop_signal() -> Result<impl Future<Output = ()>, Failure> {
+    // Registered here and not inside the future: a signal that comes before its first poll must count too.
     let mut terminate = signal(SignalKind::terminate()).map_err(failed)?;
     let mut interrupt = signal(SignalKind::interrupt()).map_err(failed)?;
     Ok(async move {

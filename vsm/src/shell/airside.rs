@@ -96,6 +96,7 @@ impl AirsideServer {
         }
         let clock = Clock::default();
         let mut store = FileDisk::open(&config.store.dir)?;
+        // Store and key are locked before a link is opened: a second agent stops before PX4 can see its port.
         let keys = KeyStore::open(&own.key_file)?;
         let (radio_reader, radio_writer, ground) =
             sockets::open_link("radio.link", &radio.link, "port-radio", &mut store)?;
@@ -103,6 +104,7 @@ impl AirsideServer {
             sockets::open_link("px4.link", &px4.link, "port-px4", &mut store)?;
         let status = status_socket::listen(&config.store.dir).map_err(AirsideError::Status)?;
         let pairing = pairing_socket::listen(&config.store.dir).map_err(AirsideError::Status)?;
+        // A serial line or udpout names its peer; a listening link learns it from the frames received.
         let endpoint = |peer: Option<Peer>| peer.map_or(Endpoint::Listen, Endpoint::Fixed);
         let settings = Settings {
             vehicle_system: px4.system_id,
@@ -229,6 +231,7 @@ impl AirsideServer {
                 continue;
             };
             match news {
+                // The window stays open: otherwise anyone on the radio could close it with a wrong code.
                 PairingNews::WrongCode => asker.tell("pairing attempt with a wrong code").await,
                 PairingNews::Paired(peer) => {
                     asker
@@ -259,6 +262,7 @@ impl AirsideServer {
             if let Err(cause) = writer.send(frame, sent.to).await {
                 tracing::debug!("a frame to {} was not sent: {cause}", sent.to);
             }
+            // The next frame may be shorter and would leave the end of the key in the buffer.
             if sent.secret {
                 out.zeroize();
             }

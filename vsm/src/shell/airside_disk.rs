@@ -41,7 +41,9 @@ impl ResponderStore for AirsideDisk {
     }
 
     fn store_next(&mut self, agreed: &Agreed) -> Result<(), exchange::StoreError> {
+        // The epoch goes first: a power cut in between skips an epoch, and never uses one twice.
         self.change(|record| record.epoch = record.epoch.max(agreed.epoch))?;
+        // `stage`, not `restage`: a key that PX4 may have been sent is not replaced here.
         self.keys.stage(&agreed.key).map_err(exchange_fault)
     }
 }

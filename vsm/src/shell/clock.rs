@@ -22,6 +22,7 @@ impl Clock {
             mono: self.mono(),
             wall: SystemTime::now()
                 .duration_since(UNIX_EPOCH)
+                // The signing clock does not start before `NOT_BEFORE`: a clock that is not set does no harm.
                 .unwrap_or_default(),
         }
     }

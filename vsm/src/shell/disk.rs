@@ -84,6 +84,7 @@ impl FileDisk {
                 mode,
             });
         }
+        // The lock file itself is never removed: a process that opened it before would hold a lock on a nameless file.
         let lock = OpenOptions::new()
             .write(true)
             .create(true)
@@ -129,6 +130,7 @@ impl FileDisk {
 
     fn rename_durably(&self, from: &Path, to: &Path) -> io::Result<()> {
         match self.system.rename(from, to) {
+            // A file that is not there needs no move: the rotation of logs counts on that.
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(()),
             Err(cause) => Err(cause),
             Ok(()) => self.system.sync(&self.folder),
@@ -287,6 +289,7 @@ pub fn replace(system: &dyn FileSystem, path: &Path, bytes: &[u8], power: bool) 
     let beside = &beside(path);
     let written = system
         .write(beside, bytes)
+        // Before the rename: otherwise a power cut could leave the new name on an empty file.
         .and_then(|()| if power { system.sync(beside) } else { Ok(()) })
         .and_then(|()| system.rename(beside, path));
     if written.is_err() {
@@ -294,6 +297,7 @@ pub fn replace(system: &dyn FileSystem, path: &Path, bytes: &[u8], power: bool) 
         let _ = system.remove(beside);
         return written;
     }
+    // The rename is an entry of the folder, which is on the disk only once the folder is synchronised.
     if power {
         system.sync(folder_of(path))?;
     }

@@ -39,6 +39,7 @@ pub async fn serve(listener: TcpListener, status: impl Fn() -> Status + 'static)
                     let served = http1::Builder::new()
                         .timer(TokioTimer::new())
                         .header_read_timeout(HEADER_WITHIN)
+                        // One answer a connection: a client that stays connected would hold one of the few places.
                         .keep_alive(false)
                         .serve_connection(TokioIo::new(stream), answer);
                     if let Ok(Err(cause)) = tokio::time::timeout(ANSWER_WITHIN, served).await {
@@ -56,6 +57,7 @@ pub async fn serve(listener: TcpListener, status: impl Fn() -> Status + 'static)
 }
 
 fn answer(request: &Request<Incoming>, status: &dyn Fn() -> Status) -> Response<Full<Bytes>> {
+    // Commands go through the DLI alone, where the level of interoperability is checked.
     if request.method() != Method::GET {
         return text(
             StatusCode::METHOD_NOT_ALLOWED,
@@ -91,6 +93,7 @@ fn text(code: StatusCode, kind: &'static str, body: String) -> Response<Full<Byt
         CACHE_CONTROL,
         hyper::header::HeaderValue::from_static("no-store"),
     );
+    // The page holds its script and style itself, and fetches nothing but /status.json.
     let policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'";
     headers.insert(
         CONTENT_SECURITY_POLICY,

@@ -108,6 +108,7 @@ pub(super) fn parse(path: &Path, content: &[u8]) -> Result<SigningKey, KeyFileEr
 
 /// Letters that are no hexadecimal digits: somebody has written words.
 fn looks_like_a_phrase(text: &str) -> bool {
+    // A mistyped key has one or two such letters, and gets the error that names the position.
     let odd = |c: &char| c.is_alphabetic() && !c.is_ascii_hexdigit() || *c == ' ';
     text.chars().filter(odd).count() >= 3
 }
@@ -173,6 +174,7 @@ pub fn write_px4(path: &Path, key: &SigningKey, first: Stamp) -> io::Result<()> 
 /// Switches core files off for this process, for good. The program calls it first of all in every command that reads
 /// keys.
 pub fn no_core_files() {
+    // A hard limit of 0 as well: nothing in this process can raise it again without privileges.
     let none = Rlimit {
         current: Some(0),
         maximum: Some(0),

@@ -128,6 +128,7 @@ impl KeyLink {
         }
         let clock = Clock::default();
         let now = clock.now();
+        // A running bridge holds both locks: two writers of one stream would make each other's stamps stale.
         let mut store = FileDisk::open(&config.store.dir)?;
         let keys = KeyStore::open(key_file)?;
         let record = format!("port-{:08x}", vehicle.id.0);
@@ -136,6 +137,7 @@ impl KeyLink {
         let again = matches!(what, What::InForceAgain);
         let (old, new) = match what {
             What::New(new) => match keys.next()? {
+                // The vehicle may have the unfinished key already: replacing it could leave nobody with that key.
                 Some(unfinished) => (keys.current()?, unfinished),
                 None => {
                     keys.stage(&new)?;
@@ -144,6 +146,7 @@ impl KeyLink {
             },
             What::InForceAgain => {
                 let current = keys.current()?.ok_or(KeyLinkError::NoKey)?;
+                // The vehicle may sign with the previous key, and SETUP_SIGNING must be signed with the one it has.
                 (keys.previous()?, current)
             }
         };
@@ -213,6 +216,7 @@ impl KeyLink {
                 match event {
                     _ if self.again => {}
                     Event::Commit => self.keys.commit()?,
+                    // Only proof that the vehicle keeps its key deletes the new one; silence (UNKNOWN) proves nothing.
                     Event::Ended(Outcome::RolledBack) => self.keys.drop_next()?,
                     _ => {}
                 }
@@ -295,6 +299,7 @@ pub fn is_local(link: &LinkAddress) -> bool {
         LinkAddress::UdpIn(address) => address.ip().is_loopback(),
         LinkAddress::UdpOut(host) => host.to_socket_addrs().is_ok_and(|mut found| {
             let mut any = false;
+            // Every address must be loopback, as the one that is used is not chosen here; none at all is not local.
             found.all(|address| {
                 any = true;
                 address.ip().is_loopback()

@@ -92,6 +92,7 @@ impl KeyStore {
             .truncate(false)
             .mode(0o600)
             .open(with(&real, "lock"));
+        // Two locks: the key file's own is found through any hard link to it, the one beside covers a missing key file.
         let key = match File::open(&real) {
             Ok(file) => Some(locked(file)?),
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => None,
@@ -181,6 +182,7 @@ impl KeyStore {
         }
         match self.current()? {
             Some(current) if !self.is_revoked(&current)? => {
+                // The mark goes last: after a power cut in between the next start deletes the key again.
                 self.drop_previous()?;
                 self.delete(&with(&self.path, "revoked"))
             }
@@ -221,6 +223,7 @@ impl KeyStore {
         if self.next()?.is_none() {
             return self.finish_revocation();
         }
+        // The previous key is saved before the rename takes the current one's place: no step leaves a key nowhere.
         if let Some(current) = self.current()?
             && !self.is_revoked(&current)?
         {
@@ -249,6 +252,7 @@ impl KeyStore {
     /// # Errors
     /// It could not be deleted.
     pub fn drop_next(&self) -> Result<(), KeyStoreError> {
+        // The vehicle keeps the current key, so the wish to revoke it is void: it must stay usable.
         self.delete(&with(&self.path, "next"))?;
         match self.revoked()? {
             Some(_) => self.delete(&with(&self.path, "revoked")),

@@ -31,6 +31,7 @@ pub fn listen(store: &Path) -> io::Result<UnixListener> {
         _ => {}
     }
     let listener = UnixListener::bind(&path)?;
+    // The folder has mode 0700, so nobody else gets in between bind and this.
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600))?;
     Ok(listener)
 }
@@ -42,6 +43,7 @@ pub struct Asker(UnixStream);
 impl Asker {
     /// Reads what is asked for: the code, typed or made here. `None` where it is no code, which the asker is told.
     pub async fn greet(stream: UnixStream) -> Option<(Asker, PairingCode)> {
+        // Bounded: a client that never sends a line end cannot make the agent's memory grow.
         let mut stream = tokio::io::BufReader::new(stream.take(LINE));
         let mut line = Zeroizing::new(String::with_capacity(LINE as usize));
         stream.read_line(&mut line).await.ok()?;

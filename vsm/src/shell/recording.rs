@@ -59,6 +59,7 @@ impl RecordFile {
 
     fn see(&mut self, done: io::Result<()>) {
         if let Err(cause) = done {
+            // No retry: a disk that is full would log an error for every frame.
             self.failed = true;
             tracing::error!("the recording {} ends: {cause}", self.path.display());
         }

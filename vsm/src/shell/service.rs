@@ -22,6 +22,7 @@ pub async fn keep_alive() {
     if !sd_notify::watchdog_enabled(false, &mut micros) {
         return;
     }
+    // `interval` panics on a period of zero.
     let mut ticks = tokio::time::interval(Duration::from_micros(micros / 2).max(SHORTEST));
     loop {
         ticks.tick().await;

@@ -256,6 +256,7 @@ pub fn open_link(
 }
 
 fn same_port(to: SocketAddr, record: &str, store: &mut dyn Disk) -> io::Result<UdpSocket> {
+    // Towards loopback only loopback is bound: nobody else on the network can reach the port.
     let any: IpAddr = match (to.ip().is_loopback(), to.is_ipv4()) {
         (true, true) => Ipv4Addr::LOCALHOST.into(),
         (true, false) => Ipv6Addr::LOCALHOST.into(),
@@ -309,6 +310,7 @@ fn udp(address: SocketAddr, shared: bool) -> io::Result<UdpSocket> {
     // Only a group's port is shared: two programs on one unicast port would each get half of the datagrams.
     socket.set_reuse_address(shared)?;
     socket.set_nonblocking(true)?;
+    // The system's default buffer does as well, only with more loss in bursts.
     let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);
     socket.bind(&address.into())?;
     UdpSocket::from_std(socket.into())

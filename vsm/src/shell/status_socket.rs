@@ -27,6 +27,7 @@ pub fn listen(store: &Path) -> io::Result<UnixListener> {
         _ => {}
     }
     let listener = UnixListener::bind(&path)?;
+    // The folder has mode 0700, so nobody else gets in between bind and this.
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600))?;
     Ok(listener)
 }

@@ -249,6 +249,7 @@ impl Initiator {
         }
         match message.step {
             Step::Please => self.hinted(now.mono),
+            // Step 15 is not authenticated: it is reported, and the attempt continues.
             Step::Reject => {
                 let status = message.status;
                 self.events.push_back(InitiatorEvent::Rejected { status });
@@ -268,6 +269,7 @@ impl Initiator {
         let lately = self
             .hinted_at
             .is_some_and(|at| now.saturating_sub(at) < HINT_EVERY);
+        // A hint is not authenticated, so any number of them starts at most one attempt in `HINT_EVERY`.
         if lately || self.is_busy() {
             return Err(Ignored::Limited);
         }

@@ -46,6 +46,7 @@ impl<A: Copy + Eq> Limits<A> {
 
     /// Takes a token; false where there is none.
     pub(super) fn admit(&mut self, from: A, verified: bool, now: Duration) -> bool {
+        // A bucket of its own: strangers must not use up the rate of a ground that holds the key.
         if verified {
             self.verified.refill(EACH, now);
             return take(&mut [&mut self.verified]);

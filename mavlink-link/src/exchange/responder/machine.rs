@@ -284,6 +284,7 @@ impl<A: Copy + Eq> Responder<A> {
         }
         match message.step {
             Step::Offer | Step::Confirm => {}
+            // Step 15 is not authenticated: it is counted and changes nothing.
             Step::Reject => return Err(Ignored::Repeated),
             Step::Please | Step::Answer | Step::Outcome => return Err(Ignored::Reflected),
             Step::Unknown(_) => return Err(Ignored::Step),

@@ -33,6 +33,7 @@ impl<A: Copy + Eq> Responder<A> {
                 .and_then(|w| w.slots.find(offer.session)),
         };
         if let Some(open) = known.filter(|open| open.offer.session == offer.session) {
+            // The same bytes are a retry and get the same answer; other bytes in the session are not the initiator's.
             if open.offer != *offer {
                 return Err(Ignored::Changed);
             }
@@ -49,6 +50,7 @@ impl<A: Copy + Eq> Responder<A> {
             Suite::Pairing if self.pairing.is_none() => return Err(Ignored::Window),
             _ => {}
         }
+        // PX4 may have the staged key already: replacing it could leave PX4 with a key that neither end keeps.
         if self.memory.next.is_some_and(|next| next.sent) {
             return Err(Ignored::Busy);
         }
@@ -78,6 +80,7 @@ impl<A: Copy + Eq> Responder<A> {
             .read_offer(Suite::Pinned, offer, ephemeral)
             .map_err(|_| Ignored::Forged)?;
         let theirs = Facts::parse(payload.as_slice()).ok_or(Ignored::Forged)?;
+        // The first Noise KK message can be replayed: only a counter above all earlier ones goes further.
         if theirs.counter <= self.highest {
             return Err(Ignored::OldCounter);
         }
@@ -255,6 +258,7 @@ impl<A: Copy + Eq> Responder<A> {
             key: derived.0.peer,
             counter: *counter,
         };
+        // On disk before step 4: the initiator must not count on a key that a restart here would forget.
         let stored = store
             .store_peer(&peer)
             .and_then(|()| store.store_next(&derived.0));

@@ -254,6 +254,7 @@ impl Client {
 
     /// Cancels a transfer that is not the present one: it would keep the vehicle busy for 5 s.
     fn cancel_unexpected_request(&mut self, message: &MavMessage, kind: Option<MavMissionType>) {
+        // Left alone, PX4 would repeat the request for 5 s and answer a new transfer with MAV_MISSION_ERROR meanwhile.
         let request = matches!(
             message,
             MavMessage::MISSION_REQUEST(_) | MavMessage::MISSION_REQUEST_INT(_)
@@ -307,6 +308,7 @@ impl Job {
             | (Self::Download(_), M::MISSION_COUNT(_))
             | (Self::Download(_), M::MISSION_ITEM_INT(_) | M::MISSION_ITEM(_))
             | (Self::SetCurrent { .. }, M::MISSION_CURRENT(_)) => true,
+            // PX4 sends no MISSION_ACK for MISSION_SET_CURRENT; its effect shows in the next MISSION_CURRENT, at 1 Hz.
             (Self::SetCurrent { .. }, _) => false,
             (_, M::MISSION_ACK(_)) => true,
             _ => false,

@@ -67,6 +67,7 @@ impl Upload {
         if self.requested == 0 {
             return self.restart_at.unwrap_or(self.repeat.at);
         }
+        // PX4 requests a lost item again every 0.25 s; after the last item it has nothing left to request.
         let own = if self.requested == self.count {
             self.repeat.at.min(self.stalled_at)
         } else {
@@ -83,6 +84,7 @@ impl Upload {
     ) -> End {
         match message {
             MavMessage::MISSION_REQUEST_INT(m) => self.handle_request(now, m.seq, context),
+            // After a float transfer PX4 requests with MISSION_REQUEST (40), and accepts MISSION_ITEM_INT all the same.
             MavMessage::MISSION_REQUEST(m) => self.handle_request(now, m.seq, context),
             MavMessage::MISSION_ACK(m) => return self.handle_ack(now, m, context),
             _ => {}
@@ -91,6 +93,7 @@ impl Upload {
     }
 
     pub(super) fn handle_timeout(&mut self, now: Duration, context: &mut Context<'_>) -> End {
+        // PX4 ends a stalled transfer after 5 s without MISSION_ACK, so silence is the only sign of it.
         let lost = self.requested > 0 && self.stalled_at <= now;
         if lost || self.restart_at.is_some_and(|at| at <= now) {
             return self.restart(now, context);

@@ -342,6 +342,7 @@ impl Client {
                 if got.as_str() == HASH_CHECK {
                     list.hash = Some(data.param_value.to_bits());
                 } else if data.param_index != NO_INDEX && data.param_index < data.param_count {
+                    // Never index 65535, which PX4 sends for a parameter not in use yet: it has no place in the list.
                     let entry = Entry { name: got, value };
                     list.total = data.param_count;
                     if list.entries.insert(data.param_index, entry).is_none() {

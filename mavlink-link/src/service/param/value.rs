@@ -35,6 +35,7 @@ impl Value {
     /// PARAM_SET.param_value or PARAM_VALUE.param_value
     pub fn to_wire(self) -> f32 {
         match self {
+            // PX4 reads the bits of the float as the integer (byte union) and does not convert the number.
             Self::Int(value) => f32::from_bits(value.cast_unsigned()),
             Self::Real(value) => value,
         }

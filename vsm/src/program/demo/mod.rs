@@ -126,6 +126,7 @@ fn session(
         };
         flown.map(|()| station)
     });
+    // Also after a failed flight: the threads end, and the recording is flushed.
     let remains = world.stop()?;
     Ok((flown?, remains))
 }

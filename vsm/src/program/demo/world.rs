@@ -75,6 +75,7 @@ impl World {
         let bridge = std::thread::Builder::new()
             .name("bridge".to_owned())
             .spawn(move || serve(&config, &tell, stopped))?;
+        // The bridge binds first: its ports are not known before, and the simulator is pointed at one.
         let addresses = told.recv().context("the bridge's thread has ended")??;
         let background = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
@@ -200,6 +201,7 @@ fn toml_text(path: &Path) -> anyhow::Result<String> {
 }
 
 /// The configuration that a user would write, on ports that the system chooses.
+// Port 0 lets the system choose: the demo runs beside a bridge that holds the usual ports.
 const CONFIG: &str = r#"
 [dli]
 vsm_id = "1b:00:00:01"

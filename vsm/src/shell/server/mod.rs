@@ -90,6 +90,7 @@ impl Server {
             local.spawn_local(http::serve(listener, move || shared.status()));
         }
         local.run_until(stop).await;
+        // Only the recordings are buffered in memory: the store writes every record at once.
         shared.core.borrow_mut().flush();
         shared.status()
     }

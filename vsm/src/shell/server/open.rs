@@ -35,6 +35,7 @@ impl Server {
     pub fn open(config: &Config) -> Result<Server, StartError> {
         let clock = Clock::default();
         let now = clock.now();
+        // The store's lock comes first: a second bridge stops here, before it touches keys or sockets.
         let mut store = FileDisk::open(&config.store.dir)?;
         let dli = DliSockets::open(&config.dli)?;
         let (mut readers, mut writers, mut ends, mut recordings) = (vec![], vec![], vec![], vec![]);
@@ -214,6 +215,7 @@ fn vehicle_keys(
     }
     match keys.current()? {
         Some(key) => Ok((key, keys)),
+        // Read only for its error, which names the missing file and the command that makes one.
         None => Ok((key_file::read(path)?, keys)),
     }
 }

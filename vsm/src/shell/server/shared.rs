@@ -113,6 +113,7 @@ impl Shared {
             match done {
                 Ok(()) => {
                     tracing::info!("{what}");
+                    // The exchange learns of it only after the commit is durable: a restart finds it in the files.
                     let in_use = (change == KeyChange::Commit).then_some(index);
                     core.step_exchanges(now, in_use);
                 }

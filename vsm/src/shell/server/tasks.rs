@@ -90,6 +90,7 @@ pub(super) async fn send(
             }
         }
         loop {
+            // Bound to a name so that the borrow of the core ends here, and not after the await below.
             let datagram = shared.core.borrow_mut().bridge.poll_dli();
             let Some(datagram) = datagram else { break };
             let (socket, to) = match (datagram.to, &group) {
@@ -112,6 +113,7 @@ pub(super) async fn send(
 pub(super) async fn keep_time(shared: Rc<Shared>) {
     let mut flush_at = Duration::ZERO;
     loop {
+        // The borrow must end before the await below.
         let due = {
             let core = shared.core.borrow();
             core.poll_timeout(shared.clock.mono())
