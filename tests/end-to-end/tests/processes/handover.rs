@@ -217,5 +217,5 @@ fn print_figure(line: &str) {
     eprintln!("{line}");
 }
 
-/// A refused retry, a consent that lapses and a busy machine all fit.
-const PATIENCE: Duration = Duration::from_secs(40);
+/// Longer than a command's timeout (40 s), so that `cucs` itself says what is missing.
+const PATIENCE: Duration = Duration::from_secs(60);

@@ -212,14 +212,9 @@ impl Session {
         self.sender.withdraw(ticket);
     }
 
-    /// Sends a message that was answered "received" once more, the same bytes: its outcome may have been lost.
+    /// Sends the same bytes once more, now: for tests of duplicates.
     pub fn resend(&mut self, ticket: Ticket) {
         self.sender.resend(ticket, &mut self.traffic);
-    }
-
-    /// After what time a message is sent again.
-    pub(crate) fn retry(&self) -> Duration {
-        self.config.retry
     }
 
     /// Handles a datagram from the VSM.

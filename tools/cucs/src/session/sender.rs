@@ -1,4 +1,8 @@
 //! What is on its way to the VSM: stamps that rise strictly, a window, the same bytes again until an answer comes.
+//!
+//! "Received" is not the end: the 17000 with the outcome can be lost as well, and the VSM sends it once. The same bytes
+//! are therefore sent on, more slowly, until the outcome is known or the message is withdrawn; the VSM knows them as a
+//! duplicate and only repeats its last answer.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -89,8 +93,20 @@ struct Sent {
     stamp: TimeStamp,
     bytes: Box<[u8]>,
     tries: u32,
+    /// How often it was sent again after "received".
+    outcome_requests: u32,
     due: Duration,
     delivery: Delivery,
+}
+
+impl Sent {
+    fn is_repeated(&self) -> bool {
+        match self.delivery {
+            Delivery::Sent(_) => true,
+            Delivery::Received => self.outcome_requests < MAX_OUTCOME_REQUESTS,
+            _ => false,
+        }
+    }
 }
 
 impl Sender {
@@ -161,6 +177,7 @@ impl Sender {
                 stamp,
                 bytes: bytes[..length].into(),
                 tries: 1,
+                outcome_requests: 0,
                 due: now.mono + self.settings.retry,
                 delivery,
             };
@@ -172,19 +189,20 @@ impl Sender {
 
     fn retransmit(&mut self, now: Duration, traffic: &mut Traffic) {
         for sent in self.sent.values_mut() {
-            let Delivery::Sent(_) = sent.delivery else {
-                continue;
-            };
-            if sent.due > now {
+            if !sent.is_repeated() || sent.due > now {
                 continue;
             }
-            if sent.tries >= self.settings.tries {
+            sent.due = now + self.settings.retry;
+            if sent.delivery == Delivery::Received {
+                sent.outcome_requests += 1;
+                sent.due += self.settings.retry;
+            } else if sent.tries >= self.settings.tries {
                 sent.delivery = Delivery::Unanswered;
                 continue;
+            } else {
+                sent.tries += 1;
+                sent.delivery = Delivery::Sent(sent.tries);
             }
-            sent.tries += 1;
-            sent.delivery = Delivery::Sent(sent.tries);
-            sent.due = now + self.settings.retry;
             traffic.sent.count(sent.message_type);
             traffic.retransmitted += 1;
             self.out.push_back(sent.bytes.to_vec());
@@ -241,7 +259,7 @@ impl Sender {
             .map(|sent| sent.delivery)
     }
 
-    /// Sends the same bytes once more where an answer was requested: the decision about it may have been lost.
+    /// Sends the same bytes once more, now.
     pub(crate) fn resend(&mut self, ticket: Ticket, traffic: &mut Traffic) {
         if let Some(sent) = self.sent.get(&ticket)
             && !sent.bytes.is_empty()
@@ -268,17 +286,14 @@ impl Sender {
 
     /// When [`Sender::advance`] is next needed.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
-        self.waiting().map(|sent| sent.due).min()
+        let repeated = self.sent.values().filter(|sent| sent.is_repeated());
+        repeated.map(|sent| sent.due).min()
     }
 
     fn in_flight(&self) -> usize {
-        self.waiting().count()
-    }
-
-    fn waiting(&self) -> impl Iterator<Item = &Sent> {
-        self.sent
-            .values()
-            .filter(|sent| matches!(sent.delivery, Delivery::Sent(_)))
+        let all = self.sent.values();
+        all.filter(|sent| matches!(sent.delivery, Delivery::Sent(_)))
+            .count()
     }
 
     /// Later than every stamp before, even where the wall clock was set back: 17000 identifies a message by its type
@@ -351,6 +366,8 @@ fn rewritten(message: &Message, stamp: TimeStamp) -> Option<Message> {
 /// Messages on their way without an answer: as many acknowledgements as fit a socket's buffer.
 const WINDOW: usize = 32;
 const MAX_REMEMBERED: usize = 4_096;
+/// At two retry intervals each: a minute by default, longer than a command may take to be carried out.
+const MAX_OUTCOME_REQUESTS: u32 = 60;
 
 #[cfg(test)]
 mod tests {

@@ -218,31 +218,14 @@ impl Station {
         };
         let now = self.now();
         let ticket = self.session.send(now, vehicle, message)?;
-        let deadline = Instant::now() + within;
-        while Instant::now() < deadline {
-            let again = (Instant::now() + self.session.retry()).min(deadline);
-            let ended = self
-                .until(again, |session| match session.delivery(ticket) {
-                    end @ (Delivery::CarriedOut | Delivery::Refused) => Some(end),
-                    _ => None,
-                })
-                .await?;
-            match ended {
-                Some(Delivery::Refused) => {
-                    let what = "handover (message 4)".to_owned();
-                    let refused = self.refusal(vehicle, what, None, mark).await?;
-                    return Ok(Outcome::Refused(refused));
-                }
-                Some(_) => return Ok(Outcome::CarriedOut),
-                None => self.session.resend(ticket),
+        match self.delivered(ticket, vehicle, within).await? {
+            Delivery::Refused => {
+                let what = "handover (message 4)".to_owned();
+                let refused = self.refusal(vehicle, what, None, mark).await?;
+                Ok(Outcome::Refused(refused))
             }
+            _ => Ok(Outcome::CarriedOut),
         }
-        self.session.withdraw(ticket);
-        if !self.answered {
-            return Err(self.no_vsm(within));
-        }
-        let expected = "end of the handover (17000 type 2 or 3 of 4)".to_owned();
-        Err(self.timed_out(expected, within, vehicle))
     }
 }
 

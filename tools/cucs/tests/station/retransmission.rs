@@ -123,7 +123,7 @@ fn any_type_of_acknowledgement_ends_the_retransmission_and_the_outcome_follows()
         session.handle_datagram(now(1), &acknowledgement(VEHICLE, kind_of, stamp, kind));
         assert_eq!(session.delivery(ticket), delivery);
         assert_eq!(session.acknowledgement(2016, stamp), Some(delivery));
-        session.handle_timeout(now(10_000));
+        session.handle_timeout(now(400));
         assert!(drain(&mut session).is_empty());
         // A late type 1 takes nothing back.
         session.handle_datagram(
@@ -131,12 +131,53 @@ fn any_type_of_acknowledgement_ends_the_retransmission_and_the_outcome_follows()
             &acknowledgement(VEHICLE, kind_of, stamp, AckType::Received),
         );
         assert_eq!(session.delivery(ticket), delivery);
+        if delivery.is_final() {
+            session.handle_timeout(now(10_000));
+            assert!(drain(&mut session).is_empty());
+        }
         let answered = std::iter::from_fn(|| session.poll_event());
         assert!(
             answered
                 .into_iter()
                 .any(|event| event == Event::Answered { ticket, delivery })
         );
+    }
+}
+
+#[test]
+fn a_lost_outcome_is_asked_for_with_the_same_bytes_until_it_comes_or_a_minute_has_passed() {
+    for outcome_comes in [true, false] {
+        let mut session = session(5);
+        let ticket = session
+            .send(now(0), VEHICLE, command(Mode::Launch))
+            .unwrap();
+        let (kind_of, stamp) = session.sent(ticket).unwrap();
+        let first = drain(&mut session);
+        let received = acknowledgement(VEHICLE, kind_of, stamp, AckType::Received);
+        let carried_out = acknowledgement(VEHICLE, kind_of, stamp, AckType::CarriedOut);
+        session.handle_datagram(now(1), &received);
+        let mut copies = 0;
+        for ms in (0..300_000).step_by(100) {
+            session.handle_timeout(now(ms));
+            for copy in drain(&mut session) {
+                assert_eq!(copy, first[0]);
+                copies += 1;
+                // The first outcome was lost; a duplicate has the last answer again.
+                let answer = if outcome_comes {
+                    &carried_out
+                } else {
+                    &received
+                };
+                session.handle_datagram(now(ms), answer);
+            }
+        }
+        let (expected, delivery) = if outcome_comes {
+            (1, Delivery::CarriedOut)
+        } else {
+            (60, Delivery::Received)
+        };
+        assert_eq!((copies, session.delivery(ticket)), (expected, delivery));
+        assert_eq!(session.poll_timeout(), None);
     }
 }
 
