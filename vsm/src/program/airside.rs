@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::config::airside::AirsideConfig;
 use crate::shell::airside::{AirsideError, AirsideServer};
-use crate::shell::pairing_socket;
+use crate::shell::{pairing_socket, service};
 use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use serde_json::Value;
@@ -74,7 +74,9 @@ fn serve(path: &Path) -> Result<(), Failure> {
             config.px4.get_ref().link
         );
         let _ = io::stderr().write_all(ready.as_bytes());
-        server.serve(stop).await;
+        service::ready();
+        server.serve(stop).await.map_err(failed)?;
+        service::stopping();
         tracing::info!("stopped");
         Ok(())
     })

@@ -104,6 +104,7 @@ pub fn main() -> ExitCode {
     if arguments.command.reads_keys() {
         key_file::no_core_files();
     }
+    process::end_on_panic();
     let done = match arguments.command {
         #[cfg(feature = "demo")]
         Command::Demo(arguments) => demo::run(&arguments),

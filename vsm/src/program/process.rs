@@ -23,6 +23,21 @@ pub(crate) fn bad(fault: impl Into<anyhow::Error>) -> Failure {
     Failure::Bad(fault.into())
 }
 
+/// From here on a panic, in whichever thread or task, ends the whole process at once, by SIGABRT: in release builds
+/// `panic = "abort"` does, in others this hook.
+///
+/// A runtime would keep the panic of one task to itself, and a process that lives on without that task sends heartbeats
+/// for a bridge that serves nobody.
+pub(crate) fn end_on_panic() {
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        report(panic);
+        // Nobody is left to tell when standard error is gone.
+        let _ = writeln!(io::stderr(), "vsm: a panic ends the whole program");
+        std::process::abort();
+    }));
+}
+
 /// One thread, sockets and timers.
 pub(crate) fn runtime() -> Result<Runtime, Failure> {
     Builder::new_current_thread()

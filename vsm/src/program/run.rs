@@ -38,7 +38,7 @@ pub(crate) fn run(path: &Path) -> Result<(), Failure> {
         );
         let _ = io::stderr().write_all(ready.as_bytes());
         service::ready();
-        server.serve(stop).await;
+        server.serve(stop).await.map_err(failed)?;
         service::stopping();
         tracing::info!("stopped");
         Ok(())

@@ -2,6 +2,7 @@
 
 use std::future::Future;
 use std::io;
+use std::panic::resume_unwind;
 use std::time::Duration;
 
 use mavlink_link::exchange::{PairingCode, PinnedPeer};
@@ -11,6 +12,7 @@ use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
 use tokio::net::UnixListener;
 use tokio::task::JoinHandle;
+use tokio::time::Interval;
 use zeroize::Zeroize;
 
 use super::airside_disk::AirsideDisk;
@@ -20,8 +22,10 @@ use super::key_file::system_random;
 use super::key_link;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::pairing_socket::{self, Asker};
+use super::service;
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
+use super::tasks::TaskFault;
 use crate::airside::{Agent, AgentError, AirsideStatus, Held, PairingNews, Settings, Side};
 use crate::config::airside::AirsideConfig;
 use crate::key_exchange::{self, ExchangeRecord};
@@ -140,15 +144,24 @@ impl AirsideServer {
         })
     }
 
-    /// Serves until `stop` is done, then gives the last status.
-    pub async fn serve(mut self, stop: impl Future<Output = ()>) -> AirsideStatus {
+    /// Serves until `stop` is done, then gives the last status. All but the serial ports is this one task: it feeds the
+    /// service manager's watchdog itself, so that an agent that is stuck anywhere is started again.
+    ///
+    /// # Errors
+    /// A task that writes a serial port has ended.
+    pub async fn serve(
+        mut self,
+        stop: impl Future<Output = ()>,
+    ) -> Result<AirsideStatus, TaskFault> {
         let mut stop = std::pin::pin!(stop);
         let (mut from_radio, mut from_px4) = (vec![0; LARGEST], vec![0; LARGEST]);
-        self.settle().await;
+        let mut pings = service::ping_interval().map(tokio::time::interval);
+        self.settle().await?;
         loop {
             let due = self.clock.instant(self.agent.poll_timeout());
             tokio::select! {
                 () = &mut stop => break,
+                () = next_ping(&mut pings) => service::alive(),
                 received = self.radio.0.receive(&mut from_radio) => match received {
                     Ok((length, from)) => {
                         let bytes = from_radio.get(..length).unwrap_or_default();
@@ -196,9 +209,9 @@ impl AirsideServer {
                     self.agent.handle_timeout(self.clock.now(), &mut self.disk);
                 }
             }
-            self.settle().await;
+            self.settle().await?;
         }
-        self.picture()
+        Ok(self.picture())
     }
 
     fn picture(&self) -> AirsideStatus {
@@ -248,18 +261,21 @@ impl AirsideServer {
     }
 
     /// Sends what is due and writes the log.
-    async fn settle(&mut self) {
+    async fn settle(&mut self) -> Result<(), TaskFault> {
         let mut out = [0; MAX_FRAME];
         while let Some(sent) = self
             .agent
             .poll_transmit(self.clock.now(), &mut self.disk, &mut out)
         {
             let frame = out.get(..sent.len).unwrap_or_default();
-            let writer = match sent.side {
-                Side::Radio => &mut self.radio.1,
-                Side::Px4 => &mut self.px4.1,
+            let (writer, task) = match sent.side {
+                Side::Radio => (&mut self.radio.1, "writer of the ground's serial port"),
+                Side::Px4 => (&mut self.px4.1, "writer of PX4's serial port"),
             };
             if let Err(cause) = writer.send(frame, sent.to).await {
+                if cause.kind() == io::ErrorKind::BrokenPipe {
+                    return Err(TaskFault::Ended { task });
+                }
                 tracing::debug!("a frame to {} was not sent: {cause}", sent.to);
             }
             // The next frame may be shorter and would leave the end of the key in the buffer.
@@ -275,6 +291,7 @@ impl AirsideServer {
                 LogLevel::Error => tracing::error!("{}", note.text),
             }
         }
+        Ok(())
     }
 }
 
@@ -297,7 +314,21 @@ fn held(disk: &AirsideDisk) -> Result<Held, AirsideError> {
 /// What somebody wants at the window; never where nobody has come.
 async fn greeted(greeting: &mut Option<Greeting>) -> Option<(Asker, PairingCode)> {
     match greeting {
-        Some(greeting) => greeting.await.ok().flatten(),
+        Some(greeting) => match greeting.await {
+            Ok(greeted) => greeted,
+            // Ours, so that it is the program's end.
+            Err(cause) => cause
+                .try_into_panic()
+                .map_or(None, |panic| resume_unwind(panic)),
+        },
+        None => std::future::pending().await,
+    }
+}
+
+/// Done when the next ping is due; never where no service manager waits for one.
+async fn next_ping(pings: &mut Option<Interval>) {
+    match pings {
+        Some(pings) => drop(pings.tick().await),
         None => std::future::pending().await,
     }
 }

@@ -2,8 +2,8 @@
 
 use std::convert::Infallible;
 use std::fmt::Write as _;
+use std::panic::resume_unwind;
 use std::rc::Rc;
-use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -14,45 +14,60 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
-use tokio::net::TcpListener;
-use tokio::sync::Semaphore;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::JoinSet;
 
+use super::tasks::Beat;
+use super::test_fault;
 use crate::session::Status;
 
 /// Serves until it is dropped; `status` gives a picture of now.
-pub async fn serve(listener: TcpListener, status: impl Fn() -> Status + 'static) {
+///
+/// # Panics
+/// Where a connection has panicked: this task ends by it, and with it the program.
+pub async fn serve(listener: TcpListener, beat: Rc<Beat>, status: impl Fn() -> Status + 'static) {
     let status = Rc::new(status);
-    let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let mut connections = JoinSet::new();
     loop {
-        // Whoever opens connections and says nothing uses up these places, and nothing else.
-        let Ok(place) = room.clone().acquire_owned().await else {
-            return;
-        };
-        match listener.accept().await {
-            Ok((stream, _)) => {
-                let status = status.clone();
-                tokio::task::spawn_local(async move {
-                    let answer = service_fn(move |request| {
-                        let answered = answer(&request, &*status);
-                        async move { Ok::<_, Infallible>(answered) }
-                    });
-                    let served = http1::Builder::new()
-                        .timer(TokioTimer::new())
-                        .header_read_timeout(HEADER_WITHIN)
-                        // One answer a connection: a client that stays connected would hold one of the few places.
-                        .keep_alive(false)
-                        .serve_connection(TokioIo::new(stream), answer);
-                    if let Ok(Err(cause)) = tokio::time::timeout(ANSWER_WITHIN, served).await {
-                        tracing::debug!("a connection to the status page: {cause}");
+        let accepted = beat.during(async {
+            tokio::select! {
+                // Whoever opens connections and says nothing uses up these places, and nothing else.
+                accepted = listener.accept(), if connections.len() < MAX_CONNECTIONS => Some(accepted),
+                Some(ended) = connections.join_next() => {
+                    if let Err(cause) = ended {
+                        resume_unwind(cause.into_panic());
                     }
-                    drop(place);
-                });
+                    None
+                }
             }
-            Err(cause) => {
+        });
+        match accepted.await {
+            None => {}
+            Some(Ok((stream, _))) => {
+                let connection = connection(stream, status.clone());
+                connections.spawn_local(test_fault::broken("page connection", connection));
+            }
+            Some(Err(cause)) => {
                 tracing::warn!("the status page: {cause}");
                 tokio::time::sleep(HEADER_WITHIN).await;
             }
         }
+    }
+}
+
+async fn connection(stream: TcpStream, status: Rc<impl Fn() -> Status + 'static>) {
+    let answer = service_fn(move |request| {
+        let answered = answer(&request, &*status);
+        async move { Ok::<_, Infallible>(answered) }
+    });
+    let served = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEADER_WITHIN)
+        // One answer a connection: a client that stays connected would hold one of the few places.
+        .keep_alive(false)
+        .serve_connection(TokioIo::new(stream), answer);
+    if let Ok(Err(cause)) = tokio::time::timeout(ANSWER_WITHIN, served).await {
+        tracing::debug!("a connection to the status page: {cause}");
     }
 }
 

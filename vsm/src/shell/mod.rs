@@ -3,7 +3,7 @@
 //! From the bottom up: `disk` is the one implementation of [`Disk`](mavlink_link::store::Disk); `key_file` and
 //! `key_store` are the signing keys, `clock` the time, `sockets` UDP and serial lines; `recording` and
 //! `dli_recording` write what passes; `status_socket`, `pairing_socket`, `http` and `service` show the state to people
-//! and to systemd. On these stand the programs: `server` (`vsm run`), `airside` with `airside_disk` (`vsm airside`),
+//! and to systemd; `tasks` ends a program of which a part has ended. On these stand the programs: `server` (`vsm run`), `airside` with `airside_disk` (`vsm airside`),
 //! `pairing` (`vsm pair`) and `key_link` (`vsm key`).
 
 pub mod airside;
@@ -22,3 +22,5 @@ pub mod server;
 pub mod service;
 pub mod sockets;
 pub mod status_socket;
+pub mod tasks;
+mod test_fault;

@@ -14,20 +14,19 @@ pub fn stopping() {
     say(NotifyState::Stopping);
 }
 
-/// Says that it is alive, twice in each period that the service manager waits; ends at once where it does not wait.
-///
-/// Runs beside the machine on its one thread: where the machine hangs nothing is said, and the service is restarted.
-pub async fn keep_alive() {
+/// Says that it is alive. Whoever calls this has found out that every part of the program works: silent, the program is
+/// ended and started again.
+pub fn alive() {
+    say(NotifyState::Watchdog);
+}
+
+/// How often [`alive`] is expected: twice in each period that the service manager waits; `None` where it does not wait.
+#[must_use]
+pub fn ping_interval() -> Option<Duration> {
     let mut micros = 0;
-    if !sd_notify::watchdog_enabled(false, &mut micros) {
-        return;
-    }
-    // `interval` panics on a period of zero.
-    let mut ticks = tokio::time::interval(Duration::from_micros(micros / 2).max(SHORTEST));
-    loop {
-        ticks.tick().await;
-        say(NotifyState::Watchdog);
-    }
+    sd_notify::watchdog_enabled(false, &mut micros)
+        // A timer with a period of zero panics.
+        .then(|| Duration::from_micros(micros / 2).max(SHORTEST))
 }
 
 fn say(state: NotifyState<'_>) {

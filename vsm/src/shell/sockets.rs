@@ -152,7 +152,8 @@ impl VehicleWriter {
     /// Sends one frame.
     ///
     /// # Errors
-    /// The system's.
+    /// The system's; [`io::ErrorKind::BrokenPipe`] where the task that writes a serial port is gone, which is the end of
+    /// the program.
     pub async fn send(&mut self, bytes: &[u8], to: Peer) -> io::Result<()> {
         match (self, to) {
             (VehicleWriter::Udp(socket), Peer::Udp(to)) => {
@@ -181,19 +182,25 @@ const SERIAL_QUEUE: usize = 64;
 /// is repeated by the protocols above.
 const SERIAL_PATIENCE: Duration = Duration::from_secs(2);
 
-/// Writes what is queued, in its order, until the port fails or nobody sends any more.
+/// Writes what is queued, in its order, until nobody sends any more. A frame that the port does not take is lost, as on
+/// any link: a task that ended here would be a link that is dead for good while the rest of the program lives on.
 fn write_apart(mut port: impl AsyncWrite + Unpin + Send + 'static) -> SerialQueue {
     let (queue, mut frames) = mpsc::channel::<(Instant, Zeroizing<Vec<u8>>)>(SERIAL_QUEUE);
     tokio::spawn(async move {
+        let mut failing = false;
         while let Some((queued, frame)) = frames.recv().await {
             if queued.elapsed() > SERIAL_PATIENCE {
                 tracing::debug!("a frame waited too long for the serial port and is not sent");
                 continue;
             }
             if let Err(cause) = port.write_all(&frame).await {
-                tracing::warn!(%cause, "the serial port cannot be written");
-                return;
+                if !failing {
+                    tracing::warn!(%cause, "the serial port cannot be written");
+                }
+                failing = true;
+                continue;
             }
+            failing = false;
         }
     });
     SerialQueue(queue)

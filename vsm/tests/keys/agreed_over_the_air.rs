@@ -141,7 +141,7 @@ async fn beside(server: Server, script: impl Future<Output = ()>) -> Status {
         let _ = stopped.await;
     });
     let (status, ()) = tokio::join!(serving, script);
-    status
+    status.unwrap()
 }
 
 #[tokio::test]

@@ -2,6 +2,7 @@
 //! from a disk that is full or read-only.
 
 mod bad_sockets;
+mod broken_tasks;
 mod configuration;
 mod demo_attack;
 mod demo_curves;

@@ -10,6 +10,7 @@ use crate::config::Config;
 use crate::session::Status;
 use crate::shell::key_file;
 use crate::shell::server::Server;
+use crate::shell::tasks::TaskFault;
 use anyhow::{Context as _, anyhow};
 use px4_sim::{Counters, Geodetic, LinkAddress, Simulator, SimulatorConfig, Truth};
 use tempfile::TempDir;
@@ -29,7 +30,7 @@ pub(crate) enum Protection {
 pub(crate) struct World {
     /// Where the bridge listens for a CUCS.
     pub(crate) vsm: SocketAddr,
-    bridge: JoinHandle<Option<Status>>,
+    bridge: JoinHandle<Option<Result<Status, TaskFault>>>,
     stop: oneshot::Sender<()>,
     simulator: Simulator,
     /// Runs the simulator.
@@ -127,7 +128,7 @@ impl World {
             .bridge
             .join()
             .map_err(|_| anyhow!("the bridge's thread has panicked"))?;
-        let status = status.context("the bridge did not serve")?;
+        let status = status.context("the bridge did not serve")??;
         Ok(Remains {
             status,
             counters,
@@ -145,7 +146,11 @@ struct Addresses {
 
 type Told = mpsc::Sender<anyhow::Result<Addresses>>;
 
-fn serve(config: &Config, tell: &Told, stopped: oneshot::Receiver<()>) -> Option<Status> {
+fn serve(
+    config: &Config,
+    tell: &Told,
+    stopped: oneshot::Receiver<()>,
+) -> Option<Result<Status, TaskFault>> {
     let runtime = match tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()

@@ -18,8 +18,9 @@ use tokio::task::LocalSet;
 
 use self::shared::Shared;
 use self::tasks::{keep_time, receive_dli, receive_vehicle, send, tell_status};
+use super::http;
 use super::sockets::{DliSockets, VehicleReader, VehicleWriter};
-use super::{http, service};
+use super::tasks::{TaskFault, Tasks};
 use crate::session::Status;
 
 /// A bridge with its sockets open, ready to serve.
@@ -62,7 +63,10 @@ impl Server {
     }
 
     /// Serves until `stop` is done, then gives the last status.
-    pub async fn serve(self, stop: impl Future<Output = ()>) -> Status {
+    ///
+    /// # Errors
+    /// A task has ended or does not answer: what is left must not go on without it.
+    pub async fn serve(self, stop: impl Future<Output = ()>) -> Result<Status, TaskFault> {
         let Server {
             shared,
             dli,
@@ -72,26 +76,48 @@ impl Server {
             page,
         } = self;
         let local = LocalSet::new();
+        let mut tasks = Tasks::default();
         let unicast = Rc::new(dli.unicast);
-        local.spawn_local(receive_dli(shared.clone(), unicast.clone()));
         let group = dli.group.map(|(socket, group)| (Rc::new(socket), group));
-        if let Some((socket, _)) = &group {
-            local.spawn_local(receive_dli(shared.clone(), socket.clone()));
+        let receivers = [
+            ("DLI receiver", Some(&unicast)),
+            (
+                "DLI group receiver",
+                group.as_ref().map(|(socket, _)| socket),
+            ),
+        ];
+        for (name, socket) in receivers {
+            let Some(socket) = socket.cloned() else {
+                continue;
+            };
+            let shared = shared.clone();
+            tasks.spawn(&local, name, |beat| receive_dli(shared, beat, socket));
         }
         for (index, reader) in readers.into_iter().enumerate() {
-            local.spawn_local(receive_vehicle(shared.clone(), index, reader));
-        }
-        local.spawn_local(send(shared.clone(), unicast, group, writers));
-        local.spawn_local(keep_time(shared.clone()));
-        local.spawn_local(tell_status(shared.clone(), status));
-        local.spawn_local(service::keep_alive());
-        if let Some(listener) = page {
             let shared = shared.clone();
-            local.spawn_local(http::serve(listener, move || shared.status()));
+            tasks.spawn(&local, "vehicle receiver", |beat| {
+                receive_vehicle(shared, beat, index, reader)
+            });
         }
-        local.run_until(stop).await;
+        let of_all = shared.clone();
+        tasks.spawn(&local, "sender", |beat| {
+            send(of_all, beat, unicast, group, writers)
+        });
+        let of_all = shared.clone();
+        tasks.spawn(&local, "clock", |beat| keep_time(of_all, beat));
+        let of_all = shared.clone();
+        tasks.spawn(&local, "status socket", |beat| {
+            tell_status(of_all, beat, status)
+        });
+        if let Some(listener) = page {
+            let of_all = shared.clone();
+            tasks.spawn(&local, "status page", |beat| {
+                http::serve(listener, beat, move || of_all.status())
+            });
+        }
+        let served = local.run_until(tasks.run(stop)).await;
         // Only the recordings are buffered in memory: the store writes every record at once.
         shared.core.borrow_mut().flush();
-        shared.status()
+        served.map(|()| shared.status())
     }
 }

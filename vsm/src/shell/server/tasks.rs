@@ -1,4 +1,6 @@
 //! The tasks around the machine: each moves bytes to or from it, or wakes it when it is due.
+//!
+//! None returns while the bridge serves, and each waits for its work within [`Beat::during`].
 
 use std::io;
 use std::net::SocketAddr;
@@ -13,12 +15,13 @@ use crate::session::Destination;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
+use crate::shell::tasks::Beat;
 
-pub(super) async fn receive_dli(shared: Rc<Shared>, socket: Rc<UdpSocket>) {
+pub(super) async fn receive_dli(shared: Rc<Shared>, beat: Rc<Beat>, socket: Rc<UdpSocket>) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
     let here = socket.local_addr();
     loop {
-        match socket.recv_from(&mut bytes).await {
+        match beat.during(socket.recv_from(&mut bytes)).await {
             Ok((length, from)) => shared.with(|core, now| {
                 let bytes = bytes.get(..length).unwrap_or_default();
                 if let (Some(recording), Ok(here)) = (&mut core.dli_recording, &here) {
@@ -31,10 +34,15 @@ pub(super) async fn receive_dli(shared: Rc<Shared>, socket: Rc<UdpSocket>) {
     }
 }
 
-pub(super) async fn receive_vehicle(shared: Rc<Shared>, index: usize, mut reader: VehicleReader) {
+pub(super) async fn receive_vehicle(
+    shared: Rc<Shared>,
+    beat: Rc<Beat>,
+    index: usize,
+    mut reader: VehicleReader,
+) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
     loop {
-        match reader.receive(&mut bytes).await {
+        match beat.during(reader.receive(&mut bytes)).await {
             Ok((length, from)) => shared.with(
                 |Core {
                      bridge,
@@ -64,12 +72,13 @@ fn recorder(mut recording: Option<&mut Recording>, wall: Duration) -> impl FnMut
 
 pub(super) async fn send(
     shared: Rc<Shared>,
+    beat: Rc<Beat>,
     unicast: Rc<UdpSocket>,
     group: Option<(Rc<UdpSocket>, SocketAddr)>,
     mut writers: Vec<VehicleWriter>,
 ) {
     loop {
-        shared.outgoing.notified().await;
+        beat.during(shared.outgoing.notified()).await;
         // Taken one by one: the machine is not held while the system takes its time.
         loop {
             let frame = shared.core.borrow_mut().bridge.poll_vehicle();
@@ -86,6 +95,10 @@ pub(super) async fn send(
             if let Some(writer) = writers.get_mut(index)
                 && let Err(cause) = writer.send(frame.bytes(), frame.to).await
             {
+                if cause.kind() == io::ErrorKind::BrokenPipe {
+                    // The task that writes the serial port is gone: its end is ours, too.
+                    return;
+                }
                 tracing::debug!("a frame to the vehicle was not sent: {cause}");
             }
         }
@@ -110,7 +123,7 @@ pub(super) async fn send(
     }
 }
 
-pub(super) async fn keep_time(shared: Rc<Shared>) {
+pub(super) async fn keep_time(shared: Rc<Shared>, beat: Rc<Beat>) {
     let mut flush_at = Duration::ZERO;
     loop {
         // The borrow must end before the await below.
@@ -125,19 +138,23 @@ pub(super) async fn keep_time(shared: Rc<Shared>) {
                 shared.core.borrow_mut().flush();
             }
             // A machine that is due at once, always, must not starve the sockets.
-            tokio::time::sleep(SHORTEST_WAIT).await;
+            beat.during(tokio::time::sleep(SHORTEST_WAIT)).await;
             continue;
         }
-        tokio::select! {
-            () = tokio::time::sleep_until(shared.clock.instant(due).into()) => {}
-            () = shared.timing.notified() => {}
-        }
+        let due = tokio::time::sleep_until(shared.clock.instant(due).into());
+        beat.during(async {
+            tokio::select! {
+                () = due => {}
+                () = shared.timing.notified() => {}
+            }
+        })
+        .await;
     }
 }
 
-pub(super) async fn tell_status(shared: Rc<Shared>, listener: UnixListener) {
+pub(super) async fn tell_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
     loop {
-        match listener.accept().await {
+        match beat.during(listener.accept()).await {
             Ok((stream, _)) => {
                 status_socket::answer(stream, &shared.status(), STATUS_WITHIN).await;
             }

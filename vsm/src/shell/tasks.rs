@@ -1,0 +1,264 @@
+//! The tasks of a program: one that ends, panics or no longer answers is the end of all of them.
+//!
+//! Half a program is worse than none. A bridge whose receiver of commands has died, but whose heartbeats still leave,
+//! keeps PX4 from starting its failsafe, and a service manager that still gets its pings never starts it again. So:
+//!
+//! - [`Tasks::run`] returns at the first task that ends, whether it returned or panicked, and names it;
+//! - a round goes through every task by its [`Beat`], once a second or faster. Only a round that all have answered
+//!   feeds the service manager's watchdog; a task that does not answer for [`STUCK_AFTER`] ends the program, also where
+//!   no service manager waits.
+//!
+//! A panic outside these tasks (another thread, a connection of the status page) ends the process by the hook that
+//! `program::process::end_on_panic` sets, and in release builds by `panic = "abort"`.
+//!
+//! Everything here is on one thread: a beat costs a task two cells for each poll, and no lock.
+
+use std::cell::{Cell, RefCell};
+use std::future::{Future, poll_fn};
+use std::pin::pin;
+use std::rc::Rc;
+use std::task::{Context, Waker};
+use std::time::Duration;
+
+use tokio::task::{Id, JoinError, JoinSet, LocalSet};
+use tokio::time::MissedTickBehavior;
+
+use super::service;
+
+/// Why a program that serves cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum TaskFault {
+    /// It returned, which no task does while the program serves.
+    #[error(
+        "the task \"{task}\" ended while it was needed: stopping, so that the program can be started again"
+    )]
+    Ended {
+        /// Its name.
+        task: &'static str,
+    },
+    /// It panicked. The panic's own line is in the log before.
+    #[error("the task \"{task}\" panicked: stopping, so that the program can be started again")]
+    Panicked {
+        /// Its name.
+        task: &'static str,
+    },
+    /// It waits for something else than its work.
+    #[error(
+        "the task \"{task}\" has not answered for {} s: stopping, so that the program can be started again",
+        STUCK_AFTER.as_secs()
+    )]
+    Stuck {
+        /// Its name.
+        task: &'static str,
+    },
+}
+
+/// By which one task shows that it works.
+#[derive(Debug, Default)]
+pub struct Beat {
+    asked: Cell<u64>,
+    answered: Cell<u64>,
+    waker: RefCell<Option<Waker>>,
+}
+
+impl Beat {
+    /// Waits for `work`, the one place where a task may stay for long, and answers every round meanwhile.
+    ///
+    /// What a task awaits outside of this must be over within [`STUCK_AFTER`].
+    pub async fn during<T>(&self, work: impl Future<Output = T>) -> T {
+        let mut work = pin!(work);
+        poll_fn(|context| {
+            // Before the work: one that is ready at each poll, as a socket in a flood, must not keep the answer back.
+            self.answer(context);
+            work.as_mut().poll(context)
+        })
+        .await
+    }
+
+    fn answer(&self, context: &Context<'_>) {
+        self.answered.set(self.asked.get());
+        let mut waker = self.waker.borrow_mut();
+        if !waker
+            .as_ref()
+            .is_some_and(|waker| waker.will_wake(context.waker()))
+        {
+            *waker = Some(context.waker().clone());
+        }
+    }
+
+    fn ask(&self, round: u64) {
+        self.asked.set(round);
+        if let Some(waker) = self.waker.borrow().as_ref() {
+            waker.wake_by_ref();
+        }
+    }
+
+    fn has_answered(&self) -> bool {
+        self.answered.get() == self.asked.get()
+    }
+}
+
+/// Tasks that need each other.
+#[derive(Debug, Default)]
+pub struct Tasks {
+    set: JoinSet<()>,
+    members: Vec<Member>,
+}
+
+#[derive(Debug)]
+struct Member {
+    id: Id,
+    name: &'static str,
+    beat: Rc<Beat>,
+}
+
+impl Tasks {
+    /// Adds a task, which is given the beat that it has to answer by.
+    pub fn spawn<F>(
+        &mut self,
+        local: &LocalSet,
+        name: &'static str,
+        task: impl FnOnce(Rc<Beat>) -> F,
+    ) where
+        F: Future<Output = ()> + 'static,
+    {
+        let beat = Rc::new(Beat::default());
+        let task = super::test_fault::broken(name, task(beat.clone()));
+        let id = self.set.spawn_local_on(task, local).id();
+        self.members.push(Member { id, name, beat });
+    }
+
+    /// Runs until `stop` is done, and feeds the service manager's watchdog meanwhile. To be awaited within the
+    /// [`LocalSet`] of the tasks.
+    ///
+    /// # Errors
+    /// A task has ended, or does not answer.
+    pub async fn run(mut self, stop: impl Future<Output = ()>) -> Result<(), TaskFault> {
+        let mut stop = pin!(stop);
+        // Two pings in each period of the service manager; where that is long, or nobody waits, a round a second.
+        let pause = service::ping_interval().map_or(ROUND, |ping| ping.min(ROUND));
+        let mut ticks = tokio::time::interval(pause);
+        // A process that was suspended is not to find that many rounds went unanswered at once.
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let (mut round, mut unanswered) = (0_u64, Duration::ZERO);
+        loop {
+            tokio::select! {
+                () = &mut stop => return Ok(()),
+                Some(ended) = self.set.join_next_with_id() => return Err(self.fault(ended)),
+                _ = ticks.tick() => {
+                    if let Some(silent) = self.members.iter().find(|member| !member.beat.has_answered()) {
+                        unanswered += pause;
+                        if unanswered >= STUCK_AFTER {
+                            return Err(TaskFault::Stuck { task: silent.name });
+                        }
+                        continue;
+                    }
+                    if round > 0 {
+                        service::alive();
+                    }
+                    unanswered = Duration::ZERO;
+                    round += 1;
+                    self.members.iter().for_each(|member| member.beat.ask(round));
+                }
+            }
+        }
+    }
+
+    fn fault(&self, ended: Result<(Id, ()), JoinError>) -> TaskFault {
+        let (id, returned) = match &ended {
+            Ok((id, ())) => (*id, true),
+            Err(cause) => (cause.id(), false),
+        };
+        let member = self.members.iter().find(|member| member.id == id);
+        let task = member.map_or("unknown", |member| member.name);
+        if returned {
+            TaskFault::Ended { task }
+        } else {
+            TaskFault::Panicked { task }
+        }
+    }
+}
+
+const ROUND: Duration = Duration::from_secs(1);
+
+/// How long a task may leave a round unanswered. Less than `WatchdogSec` of the unit: what is stuck is named in the log
+/// before the service manager ends it without a word.
+pub const STUCK_AFTER: Duration = Duration::from_secs(4);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Runs a good task beside another, for a minute.
+    async fn beside<F: Future<Output = ()> + 'static>(
+        other: impl FnOnce(Rc<Beat>) -> F,
+    ) -> (Result<(), TaskFault>, Duration) {
+        let local = LocalSet::new();
+        let mut tasks = Tasks::default();
+        tasks.spawn(&local, "good", |beat| async move {
+            loop {
+                beat.during(tokio::time::sleep(Duration::from_secs(7)))
+                    .await;
+            }
+        });
+        tasks.spawn(&local, "other", other);
+        let began = tokio::time::Instant::now();
+        let stop = tokio::time::sleep(Duration::from_secs(60));
+        let ended = local.run_until(tasks.run(stop)).await;
+        (ended, began.elapsed())
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn tasks_that_wait_for_their_work_are_alive() {
+        let (ended, after) = beside(|beat| async move {
+            beat.during(std::future::pending::<()>()).await;
+        })
+        .await;
+        assert!(ended.is_ok(), "{ended:?}");
+        assert_eq!(after, Duration::from_secs(60));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_task_that_always_has_work_is_alive() {
+        let (ended, _) = beside(|beat| async move {
+            loop {
+                beat.during(async {}).await;
+                tokio::time::sleep(Duration::from_millis(1)).await;
+            }
+        })
+        .await;
+        assert!(ended.is_ok(), "{ended:?}");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_task_that_returns_ends_all() {
+        let (ended, after) =
+            beside(|_| async { tokio::time::sleep(Duration::from_millis(300)).await }).await;
+        assert!(matches!(ended, Err(TaskFault::Ended { task: "other" })));
+        assert!(after < Duration::from_secs(1));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_task_that_panics_ends_all() {
+        let (ended, after) = beside(|_| async {
+            tokio::time::sleep(Duration::from_millis(300)).await;
+            panic!("on purpose");
+        })
+        .await;
+        assert!(matches!(ended, Err(TaskFault::Panicked { task: "other" })));
+        assert!(after < Duration::from_secs(1));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_task_that_waits_for_something_else_ends_all() {
+        let (ended, after) = beside(|beat| async move {
+            beat.during(tokio::time::sleep(Duration::from_secs(10)))
+                .await;
+            std::future::pending::<()>().await;
+        })
+        .await;
+        assert!(matches!(ended, Err(TaskFault::Stuck { task: "other" })));
+        let bound = Duration::from_secs(12)..Duration::from_secs(17);
+        assert!(bound.contains(&after), "{after:?}");
+    }
+}
