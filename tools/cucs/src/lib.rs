@@ -21,17 +21,15 @@ pub use operator::configuration::ConfigurationTable;
 pub use operator::console::{Operator, Style};
 pub use operator::error::OperatorError;
 pub use operator::script::{Line, ScriptError, parse_line};
-pub use operator::verb::{
-    AltitudeName, Condition, Degrees, HandoverVerb, LoiList, ModeArguments, ModeName, Verb,
-};
+pub use operator::verb::{Condition, HandoverVerb, LoiList, ModeArguments, Verb};
 pub use route::model::{
     Curve, CurveForm, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
 };
 pub use route::read::RouteFileError;
 pub use session::alert::Alert;
 pub use session::download::Download;
-pub use session::machine::{Event, Session, SessionConfig};
-pub use session::sender::{Delivery, Now, Ticket};
+pub use session::machine::{Event, Session};
+pub use session::sender::{Delivery, Now, SessionConfig, Ticket};
 pub use session::traffic::{ByType, Traffic};
 pub use session::vehicle::{Position, Vehicle};
 pub use station::command::LoiterAt;

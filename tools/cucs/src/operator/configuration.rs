@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use serde_json::{Value, json};
-use stanag_msgs::Message;
 use stanag_msgs::enums::{EnumIndexEnable, FieldAvailable, FieldSupported};
 use stanag_msgs::table::{self, FieldInfo, MessageInfo};
+use stanag_msgs::{Message, Text};
 
 /// All answers, by message and field; fields count from 1, field 0 is the whole message.
 #[derive(Clone, Debug, Default)]
@@ -36,77 +36,49 @@ struct Row {
 impl ConfigurationTable {
     /// Enters an answer; false where the message is not one of the configuration phase.
     pub fn take(&mut self, message: &Message) -> bool {
+        // The responses name their fields alike, each with its own type of number.
+        macro_rules! answer {
+            ($m:ident, $steps:expr, $help:expr) => {
+                self.take_answer(
+                    $m.requested_message,
+                    $m.requested_field,
+                    $m.field_supported,
+                    $steps,
+                    $help,
+                )
+            };
+        }
+        macro_rules! bounds {
+            ($m:ident) => {{
+                let steps = [
+                    $m.default_value,
+                    $m.min_value,
+                    $m.max_value,
+                    $m.low_caution_limit,
+                    $m.low_warning_limit,
+                ];
+                answer!($m, steps.map(|value| value.map(f64::from)), &$m.help_text)
+            }};
+        }
         match message {
-            Message::FieldConfigurationIntegerResponse(m) => self.take_bounds(
-                m.requested_message,
-                m.requested_field,
-                m.field_supported,
-                [
-                    m.default_value,
-                    m.min_value,
-                    m.max_value,
-                    m.low_caution_limit,
-                    m.low_warning_limit,
-                ]
-                .map(|value| value.map(f64::from)),
-                m.help_text.as_ref().map_or("", |text| text.as_str()),
-            ),
-            Message::FieldConfigurationUnsignedResponse(m) => self.take_bounds(
-                m.requested_message,
-                m.requested_field,
-                m.field_supported,
-                [
-                    m.default_value,
-                    m.min_value,
-                    m.max_value,
-                    m.low_caution_limit,
-                    m.low_warning_limit,
-                ]
-                .map(|value| value.map(f64::from)),
-                m.help_text.as_ref().map_or("", |text| text.as_str()),
-            ),
-            Message::FieldConfigurationFloatResponse(m) => self.take_bounds(
-                m.requested_message,
-                m.requested_field,
-                m.field_supported,
-                [
-                    m.default_value,
-                    m.min_value,
-                    m.max_value,
-                    m.low_caution_limit,
-                    m.low_warning_limit,
-                ]
-                .map(|value| value.map(f64::from)),
-                m.help_text.as_ref().map_or("", |text| text.as_str()),
-            ),
-            Message::FieldConfigurationCharacterResponse(m) => self.take_bounds(
-                m.requested_message,
-                m.requested_field,
-                m.field_supported,
-                [None; 5],
-                m.help_text.as_ref().map_or("", |text| text.as_str()),
-            ),
+            Message::FieldConfigurationIntegerResponse(m) => bounds!(m),
+            Message::FieldConfigurationUnsignedResponse(m) => bounds!(m),
+            Message::FieldConfigurationFloatResponse(m) => bounds!(m),
+            Message::FieldConfigurationCharacterResponse(m) => answer!(m, [None; 5], &m.help_text),
             Message::FieldConfigurationEnumeratedResponse(m) => {
                 let default = m.default_value.map(f64::from);
-                self.take_bounds(
-                    m.requested_message,
-                    m.requested_field,
-                    m.field_supported,
-                    [default, None, None, None, None],
-                    "",
-                );
+                answer!(m, [default, None, None, None, None], &None);
                 let own = m
                     .vehicle_specific_enumeration_index
                     .zip(m.vehicle_specific_enumeration_text);
-                if let (Some((value, text)), Some(row)) =
-                    (own, self.row(m.requested_message, m.requested_field))
-                {
+                let row = self.row(m.requested_message, m.requested_field);
+                if let (Some((value, text)), Some((row, _))) = (own, row) {
                     row.own.retain(|(known, _)| *known != value);
                     row.own.push((value, text.as_str().to_owned()));
                 }
             }
             Message::MessageParameterAvailability(m) => {
-                let Some(row) = self.row(m.reported_message, m.reported_field) else {
+                let Some((row, _)) = self.row(m.reported_message, m.reported_field) else {
                     return true;
                 };
                 row.supported = m.field_available == Some(FieldAvailable::Available);
@@ -120,11 +92,10 @@ impl ConfigurationTable {
             Message::FieldChangeIntegerCommand(m) => {
                 self.take_change(m.requested_message, m.requested_field, m.commanded_value);
             }
-            Message::FieldChangeEnumeratedCommand(m) => self.take_change(
-                m.requested_message,
-                m.requested_field,
-                m.commanded_enumeration_index_value,
-            ),
+            Message::FieldChangeEnumeratedCommand(m) => {
+                let value = m.commanded_enumeration_index_value;
+                self.take_change(m.requested_message, m.requested_field, value);
+            }
             Message::VsmServicesReportMessage(m) => {
                 let url = m.vsm_home_web_page_url.as_ref();
                 if let Some(url) = url.map(|url| url.as_str()).filter(|url| !url.is_empty()) {
@@ -200,49 +171,41 @@ impl ConfigurationTable {
         rows.collect()
     }
 
-    fn row(&mut self, message: Option<u32>, field: Option<u8>) -> Option<&mut Row> {
+    /// The row of a field, and the field's step in its unit.
+    fn row(&mut self, message: Option<u32>, field: Option<u8>) -> Option<(&mut Row, f64)> {
         let message = u16::try_from(message?).ok()?;
         let key = (message, field.unwrap_or(0));
         // Only what the table has: nothing received makes it grow without bound.
-        place(key)?;
-        Some(self.rows.entry(key).or_default())
+        let (_, info) = place(key)?;
+        let step = info.map_or(1.0, FieldInfo::step);
+        Some((self.rows.entry(key).or_default(), step))
     }
 
     /// The present value of a field, in steps of the field.
     fn take_change(&mut self, message: Option<u16>, field: Option<u8>, steps: Option<i32>) {
-        let Some((key, steps)) = message.zip(field).zip(steps) else {
+        let (Some(_), Some(steps)) = (field, steps) else {
             return;
         };
-        let step = place(key)
-            .and_then(|(_, field)| field)
-            .map_or(1.0, FieldInfo::step);
-        if let Some(row) = self.row(message.map(u32::from), field) {
+        if let Some((row, step)) = self.row(message.map(u32::from), field) {
             row.now = Some(f64::from(steps) * step);
         }
     }
 
-    fn take_bounds(
+    fn take_answer(
         &mut self,
         message: Option<u32>,
         field: Option<u8>,
         supported: Option<FieldSupported>,
         steps: [Option<f64>; 5],
-        help: &str,
+        help: &Option<Text<80>>,
     ) {
-        let key = (
-            message.and_then(|id| u16::try_from(id).ok()).unwrap_or(0),
-            field.unwrap_or(0),
-        );
-        let step = place(key)
-            .and_then(|(_, field)| field)
-            .map_or(1.0, FieldInfo::step);
-        let Some(row) = self.row(message, field) else {
+        let Some((row, step)) = self.row(message, field) else {
             return;
         };
         row.supported = supported == Some(FieldSupported::Supported);
         [row.default, row.low, row.high, row.caution, row.warning] =
             steps.map(|value| value.map(|value| value * step));
-        help.clone_into(&mut row.help);
+        row.help = help.as_ref().map_or_else(String::new, Text::to_string);
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! What every subcommand needs: choosing the vehicle, a request with its answers, lines for people or JSON for programs.
 
+use std::fmt::Display;
 use std::io::Write;
 use std::time::Duration;
 
@@ -12,10 +13,9 @@ use stanag_msgs::{Id, Message};
 use super::error::OperatorError;
 use crate::session::machine::Event;
 use crate::session::sender::Delivery;
-use crate::session::traffic::ByType;
 use crate::session::vehicle::Vehicle;
 use crate::station::endpoint::Station;
-use crate::station::outcome::{Outcome, Refused, levels};
+use crate::station::outcome::{Outcome, Refused, levels, loi_numbers};
 use crate::station::report;
 
 /// For whom results are printed.
@@ -216,7 +216,7 @@ impl<W: Write> Operator<W> {
                     json!({
                         "vehicle": vehicle.to_string(),
                         "asked_by": by.to_string(),
-                        "loi": report::loi_numbers(loi.raw()),
+                        "loi": loi_numbers(loi),
                     }),
                 )?,
                 Event::HandoverOffered { vehicle, loi } => self.print(
@@ -226,7 +226,7 @@ impl<W: Write> Operator<W> {
                     ),
                     json!({
                         "vehicle": vehicle.to_string(),
-                        "offered": report::loi_numbers(loi.raw()),
+                        "offered": loi_numbers(loi),
                     }),
                 )?,
                 Event::Message { .. } | Event::Answered { .. } => {}
@@ -237,43 +237,28 @@ impl<W: Write> Operator<W> {
 
     pub(super) fn print_traffic(&mut self) -> Done {
         let traffic = self.station.session().traffic().clone();
-        let by_type = |counts: &ByType| -> String {
-            let counts = counts
-                .iter()
-                .map(|(kind, count)| format!("{kind}: {count}"));
-            counts.collect::<Vec<_>>().join(", ")
+        let dropped = match counts(&traffic.dropped) {
+            none if none.is_empty() => "none".to_owned(),
+            some => some,
         };
-        let object = |counts: &ByType| -> Value {
-            let counts = counts
-                .iter()
-                .map(|(kind, count)| (kind.to_string(), json!(count)));
-            counts.collect::<serde_json::Map<_, _>>().into()
-        };
-        let dropped: Vec<String> = traffic
-            .dropped
-            .iter()
-            .map(|(reason, count)| format!("{reason}: {count}"))
-            .collect();
         self.print(
             &format!(
-                "sent {} ({} retransmissions); received {}; dropped {}",
-                by_type(&traffic.sent),
+                "sent {} ({} retransmissions); received {}; dropped {dropped}",
+                counts(traffic.sent.iter()),
                 traffic.retransmitted,
-                by_type(&traffic.received),
-                if dropped.is_empty() {
-                    "none".to_owned()
-                } else {
-                    dropped.join(", ")
-                }
+                counts(traffic.received.iter()),
             ),
-            json!({
-                "sent": object(&traffic.sent),
-                "retransmitted": traffic.retransmitted,
-                "received": object(&traffic.received),
-                "dropped": traffic.dropped,
-            }),
+            json!(traffic),
         )
     }
+}
+
+/// `17000: 3, 2016: 1`
+fn counts<K: Display, N: Display>(counts: impl IntoIterator<Item = (K, N)>) -> String {
+    let counts = counts
+        .into_iter()
+        .map(|(key, count)| format!("{key}: {count}"));
+    counts.collect::<Vec<_>>().join(", ")
 }
 
 /// How long the answers to a query may lag behind its acknowledgement.

@@ -28,24 +28,10 @@ impl<W: Write> Operator<W> {
         let vehicle = self.find_vehicle().await?;
         let download = self.station.download(vehicle).await?;
         let routes = Route::from_download(&download);
-        let text: Vec<String> = routes.iter().map(Route::to_toml).collect();
         // Routes share waypoints and a file holds one route: each further one goes to a file of its own.
-        for (index, text) in text.iter().enumerate() {
-            match path {
-                None if self.style == Style::People => write!(self.out, "{text}")?,
-                None => writeln!(self.out, "{}", json!({"route": text}))?,
-                Some(path) => {
-                    let path = numbered(path, index);
-                    std::fs::write(&path, text).map_err(|source| OperatorError::Write {
-                        path: path.clone(),
-                        source,
-                    })?;
-                    self.print(
-                        &format!("{vehicle}: route written to {}", path.display()),
-                        json!({"written": path.display().to_string()}),
-                    )?;
-                }
-            }
+        for (index, route) in routes.iter().enumerate() {
+            let path = path.map(|path| numbered(path, index));
+            self.hand_out(vehicle, "route", "route", &route.to_toml(), path.as_deref())?;
         }
         let missing: Vec<String> = download.missing().iter().map(u16::to_string).collect();
         if missing.is_empty() {
@@ -92,17 +78,28 @@ impl<W: Write> Operator<W> {
                 _ => None,
             })
             .collect();
-        let text = fence::to_toml(vertices);
+        self.hand_out(vehicle, "areas", "fence", &fence::to_toml(vertices), path)
+    }
+
+    /// Writes the text of a plan to its file, or prints it.
+    fn hand_out(
+        &mut self,
+        vehicle: Id,
+        what: &str,
+        key: &str,
+        text: &str,
+        path: Option<&Path>,
+    ) -> Done {
         match path {
             None if self.style == Style::People => Ok(write!(self.out, "{text}")?),
-            None => Ok(writeln!(self.out, "{}", json!({"fence": text}))?),
+            None => Ok(writeln!(self.out, "{}", json!({key: text}))?),
             Some(path) => {
                 std::fs::write(path, text).map_err(|source| OperatorError::Write {
                     path: path.to_owned(),
                     source,
                 })?;
                 self.print(
-                    &format!("{vehicle}: areas written to {}", path.display()),
+                    &format!("{vehicle}: {what} written to {}", path.display()),
                     json!({"written": path.display().to_string()}),
                 )
             }

@@ -10,8 +10,7 @@ use super::console::{Done, Operator};
 use super::error::OperatorError;
 use super::verb::{HandoverVerb, LoiList};
 use crate::session::vehicle::Vehicle;
-use crate::station::outcome::levels;
-use crate::station::report::loi_numbers;
+use crate::station::outcome::{levels, loi_numbers};
 
 impl<W: Write> Operator<W> {
     pub(super) async fn discover(&mut self) -> Done {
@@ -31,8 +30,8 @@ impl<W: Write> Operator<W> {
                     "vehicle": found.vehicle.to_string(),
                     "vsm": found.vsm.map(|id| id.to_string()),
                     "vehicle_type": found.vehicle_type,
-                    "authorised": loi_numbers(found.authorised.raw()),
-                    "granted": loi_numbers(found.granted.raw()),
+                    "authorised": loi_numbers(found.authorised),
+                    "granted": loi_numbers(found.granted),
                 }),
             )?;
         }
@@ -54,7 +53,7 @@ impl<W: Write> Operator<W> {
         let granted = self.station.request(vehicle, requested, access).await?;
         self.print(
             &format!("{vehicle}: LOI {} granted", levels(granted)),
-            json!({"granted": loi_numbers(granted.raw())}),
+            json!({"granted": loi_numbers(granted)}),
         )
     }
 

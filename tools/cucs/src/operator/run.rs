@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use serde_json::json;
 use stanag_msgs::Bam32;
-use stanag_msgs::enums::FlightPathControlMode;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::console::{Done, Operator, Style};
@@ -87,7 +86,7 @@ impl<W: Write> Operator<W> {
                 altitude_type,
             } => {
                 let vehicle = self.find_vehicle().await?;
-                let launch = self.station.launch(vehicle, *altitude, altitude_type.0);
+                let launch = self.station.launch(vehicle, *altitude, *altitude_type);
                 let outcome = launch.await?;
                 self.finish(vehicle, "launched", outcome)
             }
@@ -104,8 +103,8 @@ impl<W: Write> Operator<W> {
             } => {
                 let vehicle = self.find_vehicle().await?;
                 let at = LoiterAt {
-                    position_deg: position.map(|at| (at.0, at.1)),
-                    altitude: altitude.map(|metres| (metres, altitude_type.0)),
+                    position_deg: *position,
+                    altitude: altitude.map(|metres| (metres, *altitude_type)),
                     speed_m_s: *speed,
                 };
                 let outcome = self.station.loiter(vehicle, at).await?;
@@ -162,18 +161,18 @@ impl<W: Write> Operator<W> {
     async fn mode(&mut self, arguments: &ModeArguments) -> Done {
         let vehicle = self.find_vehicle().await?;
         let mut command = VehicleOperatingModeCommand {
-            select_flight_path_control_mode: Some(arguments.mode.0),
+            select_flight_path_control_mode: Some(arguments.mode),
             commanded_waypoint_number: arguments.waypoint,
             loiter_position_latitude: arguments.position.map(|at| Bam32::from_degrees(at.0)),
             loiter_position_longitude: arguments.position.map(|at| Bam32::from_degrees(at.1)),
             ..VehicleOperatingModeCommand::default()
         };
         if let Some(metres) = arguments.altitude {
-            set_altitude(&mut command, metres, arguments.altitude_type.0)?;
+            set_altitude(&mut command, metres, arguments.altitude_type)?;
         }
         set_speed(&mut command, arguments.speed)?;
         let outcome = self.station.operate(vehicle, command).await?;
-        let mode = arguments.mode.0;
+        let mode = arguments.mode;
         let what = format!("mode {} ({}) entered", mode.raw(), report::mode_name(mode));
         self.finish(vehicle, &what, outcome)
     }
@@ -190,7 +189,7 @@ impl<W: Write> Operator<W> {
         // Only alerts from now on: the one waited for may have come before, for another reason.
         let mark = self.state(vehicle).map_or(0, Vehicle::next_alert);
         let is_met = |state: &Vehicle| match condition {
-            Condition::Mode { mode } => state.mode() == Some(mode.0),
+            Condition::Mode { mode } => state.mode() == Some(*mode),
             Condition::Waypoint { number } => state.to_waypoint() == Some(*number),
             Condition::RouteEnd => state.waypoints.is_some() && state.to_waypoint().is_none(),
             Condition::Landed => state.landed() == Some(true),
@@ -236,7 +235,7 @@ impl<W: Write> Operator<W> {
 
 fn describe(condition: &Condition) -> String {
     match condition {
-        Condition::Mode { mode } => format!("mode {} (3001)", FlightPathControlMode::raw(mode.0)),
+        Condition::Mode { mode } => format!("mode {} (3001)", mode.raw()),
         Condition::Waypoint { number } => format!("leg to waypoint {number} (4001)"),
         Condition::RouteEnd => "end of the route (4001)".to_owned(),
         Condition::Landed => "landing (3002)".to_owned(),

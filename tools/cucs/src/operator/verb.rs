@@ -54,8 +54,8 @@ pub enum Verb {
         #[arg(allow_negative_numbers = true)]
         altitude: f64,
         /// Datum of the altitude: agl, wgs84, amsl, pressure.
-        #[arg(long, default_value = "agl", value_name = "TYPE")]
-        altitude_type: AltitudeName,
+        #[arg(long, default_value = "agl", value_name = "TYPE", value_parser = altitude_type)]
+        altitude_type: AltitudeType,
     },
     /// Fly the loaded route (mode 11), such as `fly --from 10 --speed 5`.
     Fly {
@@ -69,14 +69,14 @@ pub enum Verb {
     /// Loiter, here or at a position (mode 12).
     Loiter {
         /// Position, degrees north and east, such as -33.9,18.4.
-        #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
-        position: Option<Degrees>,
+        #[arg(long, value_name = "LAT,LON", value_parser = degrees, allow_hyphen_values = true)]
+        position: Option<(f64, f64)>,
         /// Altitude, metres.
         #[arg(long, allow_negative_numbers = true)]
         altitude: Option<f64>,
         /// Datum of the altitude: agl, wgs84, amsl, pressure.
-        #[arg(long, default_value = "agl", value_name = "TYPE")]
-        altitude_type: AltitudeName,
+        #[arg(long, default_value = "agl", value_name = "TYPE", value_parser = altitude_type)]
+        altitude_type: AltitudeType,
         /// Speed over ground, m/s.
         #[arg(long)]
         speed: Option<f64>,
@@ -211,7 +211,8 @@ pub enum Condition {
     /// The vehicle reports this mode (3001).
     Mode {
         /// Name or number.
-        mode: ModeName,
+        #[arg(value_parser = mode)]
+        mode: FlightPathControlMode,
     },
     /// The vehicle flies to this waypoint (4001).
     Waypoint {
@@ -262,13 +263,14 @@ pub enum Condition {
 pub struct ModeArguments {
     /// A name (manual, waypoint, loiter, autopilot, land, wave-off, launch, contingency-a, contingency-b) or a
     /// number.
-    pub mode: ModeName,
+    #[arg(value_parser = mode)]
+    pub mode: FlightPathControlMode,
     /// Altitude, metres.
     #[arg(long, allow_negative_numbers = true)]
     pub altitude: Option<f64>,
     /// Datum of the altitude: agl, wgs84, amsl, pressure.
-    #[arg(long, default_value = "agl", value_name = "TYPE")]
-    pub altitude_type: AltitudeName,
+    #[arg(long, default_value = "agl", value_name = "TYPE", value_parser = altitude_type)]
+    pub altitude_type: AltitudeType,
     /// Speed over ground, m/s.
     #[arg(long)]
     pub speed: Option<f64>,
@@ -276,25 +278,13 @@ pub struct ModeArguments {
     #[arg(long)]
     pub waypoint: Option<u16>,
     /// Loiter position, degrees north and east, such as -33.9,18.4.
-    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
-    pub position: Option<Degrees>,
+    #[arg(long, value_name = "LAT,LON", value_parser = degrees, allow_hyphen_values = true)]
+    pub position: Option<(f64, f64)>,
 }
 
 /// Levels of interoperability: `2,4,5`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoiList(pub LoiBitmap);
-
-/// The datum of an altitude: `agl`, `wgs84`, `amsl` or `pressure`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AltitudeName(pub AltitudeType);
-
-/// A mode by name or number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ModeName(pub FlightPathControlMode);
-
-/// `LAT,LON` in degrees.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Degrees(pub f64, pub f64);
 
 /// An argument that is none of those expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -319,47 +309,36 @@ impl FromStr for LoiList {
     }
 }
 
-impl FromStr for AltitudeName {
-    type Err = Expected;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        altitude_type_named(text)
-            .map(AltitudeName)
-            .ok_or(Expected("agl, wgs84, amsl or pressure"))
-    }
+/// The datum of an altitude by name.
+fn altitude_type(text: &str) -> Result<AltitudeType, Expected> {
+    altitude_type_named(text).ok_or(Expected("agl, wgs84, amsl or pressure"))
 }
 
-impl FromStr for ModeName {
-    type Err = Expected;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        if let Ok(number) = text.parse() {
-            return Ok(ModeName(FlightPathControlMode::from_raw(number)));
-        }
-        let found = MODES.iter().find(|(name, _)| *name == text);
-        found.map(|(_, mode)| ModeName(*mode)).ok_or(Expected(
-            "a number of 0 to 255, or manual, waypoint, loiter, autopilot, land, wave-off, launch, contingency-a or \
-             contingency-b",
-        ))
+/// A mode by name or number.
+fn mode(text: &str) -> Result<FlightPathControlMode, Expected> {
+    if let Ok(number) = text.parse() {
+        return Ok(FlightPathControlMode::from_raw(number));
     }
+    let found = MODES.iter().find(|(name, _)| *name == text);
+    found.map(|(_, mode)| *mode).ok_or(Expected(
+        "a number of 0 to 255, or manual, waypoint, loiter, autopilot, land, wave-off, launch, contingency-a or \
+         contingency-b",
+    ))
 }
 
-impl FromStr for Degrees {
-    type Err = Expected;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let expected = Expected("LAT,LON: -90 to 90 and -180 to 180 degrees");
-        let Some((latitude, longitude)) = text.split_once(',') else {
-            return Err(expected);
-        };
-        match (latitude.trim().parse(), longitude.trim().parse()) {
-            (Ok(latitude), Ok(longitude))
-                if (-90.0..=90.0).contains(&latitude) && (-180.0..=180.0).contains(&longitude) =>
-            {
-                Ok(Degrees(latitude, longitude))
-            }
-            _ => Err(expected),
+/// `LAT,LON` in degrees.
+fn degrees(text: &str) -> Result<(f64, f64), Expected> {
+    let expected = Expected("LAT,LON: -90 to 90 and -180 to 180 degrees");
+    let Some((latitude, longitude)) = text.split_once(',') else {
+        return Err(expected);
+    };
+    match (latitude.trim().parse(), longitude.trim().parse()) {
+        (Ok(latitude), Ok(longitude))
+            if (-90.0..=90.0).contains(&latitude) && (-180.0..=180.0).contains(&longitude) =>
+        {
+            Ok((latitude, longitude))
         }
+        _ => Err(expected),
     }
 }
 

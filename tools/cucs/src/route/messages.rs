@@ -88,12 +88,8 @@ impl Route {
     /// The routes of a download, each with the waypoints that it reaches, in flying order.
     #[must_use]
     pub fn from_download(download: &Download) -> Vec<Route> {
-        let all: Vec<Message> = download.messages().collect();
-        download
-            .routes()
-            .iter()
-            .map(|route| from(route, &all))
-            .collect()
+        let routes = download.routes().iter();
+        routes.map(|route| from(route, download)).collect()
     }
 }
 
@@ -226,25 +222,15 @@ fn maybe<R: Integer, S: Scale>(
     value.map(|value| scaled(what, value)).transpose()
 }
 
-fn from(route: &UaRoute, all: &[Message]) -> Route {
+fn from(route: &UaRoute, download: &Download) -> Route {
     let mut waypoints: Vec<Waypoint> = Vec::new();
     let mut reached = BTreeSet::new();
     let mut number = route.initial_waypoint_number.unwrap_or(0);
     // A loop leads back to a waypoint that was reached before.
-    while number != 0 && reached.insert(number) {
-        let found = all.iter().find_map(|message| match message {
-            Message::UaPositionWaypoint(point) if point.waypoint_number == Some(number) => {
-                Some(point)
-            }
-            _ => None,
-        });
-        let Some(point) = found else { break };
-        let loiter = all.iter().find_map(|message| match message {
-            Message::UaLoiterWaypoint(loiter) if loiter.waypoint_number == Some(number) => {
-                Some(loiter)
-            }
-            _ => None,
-        });
+    while number != 0
+        && reached.insert(number)
+        && let Some((point, loiter)) = download.waypoint(number)
+    {
         waypoints.push(waypoint(number, point, loiter));
         number = point.next_waypoint.unwrap_or(0);
     }
@@ -253,7 +239,10 @@ fn from(route: &UaRoute, all: &[Message]) -> Route {
             .iter()
             .position(|point| point.number == curve.from)
     };
-    let mut curves: Vec<Curve> = all.iter().filter_map(curve).collect();
+    let mut curves: Vec<Curve> = download
+        .messages()
+        .filter_map(|message| curve(&message))
+        .collect();
     curves.retain(|curve| place(curve).is_some());
     curves.sort_by_key(place);
     Route {
@@ -345,6 +334,6 @@ fn curve(message: &Message) -> Option<Curve> {
     }
 }
 
-fn degrees(angle: Option<stanag_msgs::Bam32>) -> f64 {
+fn degrees(angle: Option<Bam32>) -> f64 {
     angle.map_or(0.0, |angle| angle.degrees())
 }

@@ -1,7 +1,7 @@
 //! Reading a route file (TOML). Every error names the file, the line and the field.
 
 use std::collections::BTreeMap;
-use std::fmt::{Debug, Display};
+use std::fmt::Debug;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -132,7 +132,7 @@ impl Source<'_> {
         Ok(Route {
             mission_id: file.mission_id.clone(),
             id: file.id.clone(),
-            route_type: self.named("type", file.route_type.as_ref(), &ROUTE_TYPES)?,
+            route_type: self.named("type", &file.route_type, &ROUTE_TYPES)?,
             initial,
             waypoints,
             curves: curves?,
@@ -142,35 +142,35 @@ impl Source<'_> {
     fn defaults(&self, file: &FileDefaults) -> Checked<Defaults> {
         let field = |name| format!("defaults.{name}");
         Ok(Defaults {
-            altitude_m: self.maybe::<_, _>(&field("altitude"), file.altitude.as_ref(), ALTITUDE)?,
+            altitude_m: self.maybe(&field("altitude"), &file.altitude, ALTITUDE)?,
             altitude_type: self.named(
                 &field("altitude_type"),
-                file.altitude_type.as_ref(),
+                &file.altitude_type,
                 &ALTITUDE_TYPES,
             )?,
-            speed_m_s: self.maybe(&field("speed"), file.speed.as_ref(), SPEED)?,
-            speed_type: self.named(&field("speed_type"), file.speed_type.as_ref(), &SPEED_TYPES)?,
-            turn: self.named(&field("turn"), file.turn.as_ref(), &TURNS)?,
+            speed_m_s: self.maybe(&field("speed"), &file.speed, SPEED)?,
+            speed_type: self.named(&field("speed_type"), &file.speed_type, &SPEED_TYPES)?,
+            turn: self.named(&field("turn"), &file.turn, &TURNS)?,
         })
     }
 
     fn waypoint(&self, file: &FileWaypoint, next: u16, defaults: &Defaults) -> Checked<Waypoint> {
         let number = self.number("waypoint: number", &file.number)?;
         let field = |name| format!("waypoint {number}: {name}");
-        let altitude = self.maybe(&field("altitude"), file.altitude.as_ref(), ALTITUDE)?;
+        let altitude = self.maybe(&field("altitude"), &file.altitude, ALTITUDE)?;
         let Some(altitude_m) = altitude.or(defaults.altitude_m) else {
             let expected = "a number, here or in [defaults]".to_owned();
-            return Err(self.missing(&field("altitude"), file.number.span().start, expected));
+            let at = file.number.span().start;
+            return Err(self.value_fault(&field("altitude"), at, "missing".to_owned(), expected));
         };
         let altitude_type = self.named(
             &field("altitude_type"),
-            file.altitude_type.as_ref(),
+            &file.altitude_type,
             &ALTITUDE_TYPES,
         )?;
-        let speed_m_s = self.maybe(&field("speed"), file.speed.as_ref(), SPEED)?;
-        let speed_type =
-            self.named(&field("speed_type"), file.speed_type.as_ref(), &SPEED_TYPES)?;
-        let turn = self.named(&field("turn"), file.turn.as_ref(), &TURNS)?;
+        let speed_m_s = self.maybe(&field("speed"), &file.speed, SPEED)?;
+        let speed_type = self.named(&field("speed_type"), &file.speed_type, &SPEED_TYPES)?;
+        let turn = self.named(&field("turn"), &file.turn, &TURNS)?;
         let speed_m_s = speed_m_s.or(defaults.speed_m_s);
         Ok(Waypoint {
             number,
@@ -206,23 +206,21 @@ impl Source<'_> {
             (None, Some(turns)) => Some(LoiterSpan::Turns(*turns.get_ref())),
             (None, None) => None,
         };
-        let bearing_deg = match &file.bearing {
-            Some(bearing) => Some(self.within(&field("bearing"), bearing, BEARING)?),
-            None => None,
-        };
+        let bearing = file.bearing.as_ref();
+        let bearing_deg = bearing.map(|bearing| self.within(&field("bearing"), bearing, BEARING));
         Ok(Loiter {
-            pattern: self.named(&field("type"), file.pattern.as_ref(), &LOITERS)?,
-            radius_m: self.maybe(&field("radius"), file.radius.as_ref(), DISTANCE)?,
-            length_m: self.maybe(&field("length"), file.length.as_ref(), DISTANCE)?,
-            bearing_deg,
-            direction: self.named(&field("direction"), file.direction.as_ref(), &DIRECTIONS)?,
-            speed_m_s: self.maybe(&field("speed"), file.speed.as_ref(), SPEED)?,
+            pattern: self.named(&field("type"), &file.pattern, &LOITERS)?,
+            radius_m: self.maybe(&field("radius"), &file.radius, DISTANCE)?,
+            length_m: self.maybe(&field("length"), &file.length, DISTANCE)?,
+            bearing_deg: bearing_deg.transpose()?,
+            direction: self.named(&field("direction"), &file.direction, &DIRECTIONS)?,
+            speed_m_s: self.maybe(&field("speed"), &file.speed, SPEED)?,
             span,
         })
     }
 
     fn repeat(&self, field: &str, file: &FileLoop) -> Checked<Loop> {
-        let limit_type = self.named(field, file.limit_type.as_ref(), &LIMITS)?;
+        let limit_type = self.named(field, &file.limit_type, &LIMITS)?;
         Ok(Loop {
             limit_type: limit_type.unwrap_or(stanag_msgs::enums::LimitType::Count),
             limit: *file.limit.get_ref(),
@@ -250,7 +248,7 @@ impl Source<'_> {
             p3: self.place(&field("p3"), &file.p3)?,
             altitude_type: self.named(
                 &field("altitude_type"),
-                file.altitude_type.as_ref(),
+                &file.altitude_type,
                 &ALTITUDE_TYPES,
             )?,
             form,
@@ -303,7 +301,7 @@ impl Source<'_> {
     fn maybe<R: Integer, S: Scale>(
         &self,
         field: &str,
-        value: Option<&Spanned<f64>>,
+        value: &Option<Spanned<f64>>,
         fits: fn(f64) -> Result<Scaled<R, S>, OutOfRange>,
     ) -> Checked<Option<f64>> {
         let Some(value) = value else { return Ok(None) };
@@ -316,7 +314,7 @@ impl Source<'_> {
     fn named<T: Copy + PartialEq>(
         &self,
         field: &str,
-        word: Option<&Spanned<String>>,
+        word: &Option<Spanned<String>>,
         names: &Names<T>,
     ) -> Checked<Option<T>> {
         let Some(word) = word else { return Ok(None) };
@@ -327,21 +325,22 @@ impl Source<'_> {
     }
 
     fn fault<T: Debug>(&self, field: &str, found: &Spanned<T>, expected: String) -> RouteFileError {
-        RouteFileError::Value {
-            path: self.path.to_owned(),
-            line: self.line(found.span().start),
-            field: field.to_owned(),
-            found: format!("{:?}", found.get_ref()),
-            expected,
-        }
+        let value = format!("{:?}", found.get_ref());
+        self.value_fault(field, found.span().start, value, expected)
     }
 
-    fn missing(&self, field: &str, at: usize, expected: String) -> RouteFileError {
+    fn value_fault(
+        &self,
+        field: &str,
+        at: usize,
+        found: String,
+        expected: String,
+    ) -> RouteFileError {
         RouteFileError::Value {
             path: self.path.to_owned(),
             line: self.line(at),
             field: field.to_owned(),
-            found: "missing".to_owned(),
+            found,
             expected,
         }
     }
@@ -376,10 +375,7 @@ struct Defaults {
 }
 
 fn bounds(fault: &OutOfRange) -> String {
-    fn span(low: impl Display, high: impl Display, unit: &str) -> String {
-        format!("{low} to {high} {unit}")
-    }
-    span(fault.low, fault.high, fault.unit)
+    format!("{} to {} {}", fault.low, fault.high, fault.unit)
 }
 
 const LATITUDE: RangeInclusive<f64> = -90.0..=90.0;

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use stanag_msgs::Message;
-use stanag_msgs::messages::{UaPositionWaypoint, UaRoute};
+use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint, UaRoute};
 
 /// The messages of a plan received so far; a later one for the same route, waypoint or leg replaces the earlier.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,6 +35,18 @@ impl Download {
     /// The waypoints by rising number.
     pub fn waypoints(&self) -> impl Iterator<Item = &UaPositionWaypoint> {
         self.waypoints.values()
+    }
+
+    /// A waypoint by its number, and its loiter.
+    pub(crate) fn waypoint(
+        &self,
+        number: u16,
+    ) -> Option<(&UaPositionWaypoint, Option<&UaLoiterWaypoint>)> {
+        let loiter = match self.others.get(&(UaLoiterWaypoint::ID, number, 0)) {
+            Some(Message::UaLoiterWaypoint(loiter)) => Some(loiter),
+            _ => None,
+        };
+        Some((self.waypoints.get(&number)?, loiter))
     }
 
     /// All messages: routes, waypoints, then loiters and curves.

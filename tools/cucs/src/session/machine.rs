@@ -9,40 +9,13 @@ use std::time::Duration;
 
 use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::{Heartbeat, MessageAcknowledgement};
-use stanag_msgs::wrapper::{ChecksumStyle, Frame, frames};
+use stanag_msgs::wrapper::{Frame, frames};
 use stanag_msgs::{EncodeError, Id, Message, TimeStamp};
 
-use super::alert::Alert;
-use super::sender::Now;
-use super::sender::{Delivery, SendSettings, Sender, Ticket};
+use super::alert::{Alert, push_bounded};
+use super::sender::{Delivery, Now, Sender, SessionConfig, Ticket};
 use super::traffic::Traffic;
 use super::vehicle::{Change, Vehicle};
-
-/// Settings of a session.
-#[derive(Clone, Copy, Debug)]
-pub struct SessionConfig {
-    /// The id of this CUCS.
-    pub id: Id,
-    /// Checksum of its messages.
-    pub checksum: ChecksumStyle,
-    /// Time without a 17000 after which a message is sent again.
-    pub retry: Duration,
-    /// How often a message is sent at most.
-    pub tries: u32,
-}
-
-impl SessionConfig {
-    /// The defaults: no checksum, 5 tries, 0.5 s apart.
-    #[must_use]
-    pub fn new(id: Id) -> SessionConfig {
-        SessionConfig {
-            id,
-            checksum: ChecksumStyle::None,
-            retry: Duration::from_millis(500),
-            tries: 5,
-        }
-    }
-}
 
 /// What happened.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,15 +74,9 @@ impl Session {
     /// A session that knows no vehicle yet.
     #[must_use]
     pub fn new(config: SessionConfig) -> Session {
-        let settings = SendSettings {
-            own: config.id,
-            checksum: config.checksum,
-            retry: config.retry,
-            tries: config.tries,
-        };
         Session {
             config,
-            sender: Sender::new(settings),
+            sender: Sender::new(config),
             vehicles: BTreeMap::new(),
             heartbeat_due: None,
             events: VecDeque::new(),
@@ -385,10 +352,7 @@ impl Session {
     }
 
     fn push_event(&mut self, event: Event) {
-        if self.events.len() >= MAX_EVENTS {
-            self.events.pop_front();
-        }
-        self.events.push_back(event);
+        push_bounded(&mut self.events, event, MAX_EVENTS);
     }
 }
 

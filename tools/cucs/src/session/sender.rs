@@ -67,18 +67,35 @@ impl Delivery {
     }
 }
 
-/// How messages are sent.
+/// Settings of a session.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct SendSettings {
-    pub(crate) own: Id,
-    pub(crate) checksum: ChecksumStyle,
-    pub(crate) retry: Duration,
-    pub(crate) tries: u32,
+pub struct SessionConfig {
+    /// The id of this CUCS.
+    pub id: Id,
+    /// Checksum of its messages.
+    pub checksum: ChecksumStyle,
+    /// Time without a 17000 after which a message is sent again.
+    pub retry: Duration,
+    /// How often a message is sent at most.
+    pub tries: u32,
+}
+
+impl SessionConfig {
+    /// The defaults: no checksum, 5 tries, 0.5 s apart.
+    #[must_use]
+    pub fn new(id: Id) -> SessionConfig {
+        SessionConfig {
+            id,
+            checksum: ChecksumStyle::None,
+            retry: Duration::from_millis(500),
+            tries: 5,
+        }
+    }
 }
 
 #[derive(Debug)]
 pub(crate) struct Sender {
-    settings: SendSettings,
+    config: SessionConfig,
     queue: VecDeque<(Ticket, Id, Message, bool)>,
     sent: BTreeMap<Ticket, Sent>,
     out: VecDeque<Vec<u8>>,
@@ -110,9 +127,9 @@ impl Sent {
 }
 
 impl Sender {
-    pub(crate) fn new(settings: SendSettings) -> Sender {
+    pub(crate) fn new(config: SessionConfig) -> Sender {
         Sender {
-            settings,
+            config,
             queue: VecDeque::new(),
             sent: BTreeMap::new(),
             out: VecDeque::new(),
@@ -178,7 +195,7 @@ impl Sender {
                 bytes: bytes[..length].into(),
                 tries: 1,
                 outcome_requests: 0,
-                due: now.mono + self.settings.retry,
+                due: now.mono + self.config.retry,
                 delivery,
             };
             self.sent.insert(ticket, sent);
@@ -192,11 +209,11 @@ impl Sender {
             if !sent.is_repeated() || sent.due > now {
                 continue;
             }
-            sent.due = now + self.settings.retry;
+            sent.due = now + self.config.retry;
             if sent.delivery == Delivery::Received {
                 sent.outcome_requests += 1;
-                sent.due += self.settings.retry;
-            } else if sent.tries >= self.settings.tries {
+                sent.due += self.config.retry;
+            } else if sent.tries >= self.config.tries {
                 sent.delivery = Delivery::Unanswered;
                 continue;
             } else {
@@ -304,7 +321,7 @@ impl Sender {
     }
 
     fn envelope(&self, destination: Id, acknowledged: bool) -> Envelope {
-        let envelope = Envelope::new(self.settings.own, destination).summed(self.settings.checksum);
+        let envelope = Envelope::new(self.config.id, destination).summed(self.config.checksum);
         if acknowledged {
             envelope.requesting_ack()
         } else {

@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use serde::Serialize;
+
 /// A count for each Message Type.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ByType(BTreeMap<u16, u64>);
 
 impl ByType {
@@ -32,14 +34,14 @@ impl ByType {
 }
 
 /// The counters of a session.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Traffic {
     /// Messages sent, retransmissions too.
     pub sent: ByType,
-    /// Messages that were accepted.
-    pub received: ByType,
     /// How many of those sent were retransmissions.
     pub retransmitted: u64,
+    /// Messages that were accepted.
+    pub received: ByType,
     /// What was received and not used, by reason.
     pub dropped: BTreeMap<&'static str, u64>,
 }

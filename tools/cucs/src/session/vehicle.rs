@@ -16,7 +16,7 @@ use super::alert::{Alert, Alerts, Taken};
 use super::download::Download;
 
 /// A vehicle as this CUCS knows it: the latest message of each type by its stamp.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Vehicle {
     /// Its id: the source of its messages.
     pub id: Id,
@@ -83,20 +83,8 @@ impl Vehicle {
     pub(crate) fn new(id: Id, now: Duration) -> Vehicle {
         Vehicle {
             id,
-            authorisation: None,
-            identity: None,
-            mode_report: None,
-            states: None,
-            inertial: None,
-            waypoints: None,
-            transfer: None,
-            handover_request: None,
-            handover_offer: None,
-            authorisations: 0,
-            transfers: 0,
             last_received: now,
-            download: Download::default(),
-            alerts: Alerts::default(),
+            ..Vehicle::default()
         }
     }
 

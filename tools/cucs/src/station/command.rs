@@ -8,7 +8,6 @@ use stanag_msgs::{Bam32, Id, Scaled};
 
 use super::endpoint::Station;
 use super::outcome::{Outcome, StationError};
-use crate::session::sender::Delivery;
 
 /// Where to loiter; what is absent stays as it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,17 +34,8 @@ impl Station {
             || "mode command (2016)".to_owned(),
             |mode| format!("mode {} (2016)", mode.raw()),
         );
-        let mark = self.alert_mark(vehicle);
         let within = self.timeouts.command;
-        let now = self.now();
-        let ticket = self.session.send(now, vehicle, command)?;
-        match self.delivered(ticket, vehicle, within).await? {
-            Delivery::Refused => {
-                let refused = self.refusal(vehicle, what, None, mark).await?;
-                Ok(Outcome::Refused(refused))
-            }
-            _ => Ok(Outcome::CarriedOut),
-        }
+        self.command(vehicle, command, what, within).await
     }
 
     /// Mode 21: arms and takes off to an altitude.

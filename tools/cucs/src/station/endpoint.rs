@@ -12,11 +12,10 @@ use stanag_msgs::{Id, Message};
 use tokio::net::UdpSocket;
 use tokio::time::{Instant, timeout_at};
 
-use super::outcome::{Refused, StationError, Timeouts};
+use super::outcome::{Outcome, Refused, StationError, Timeouts};
 use super::report;
-use crate::session::machine::{Event, Session, SessionConfig};
-use crate::session::sender::Now;
-use crate::session::sender::{Delivery, Ticket};
+use crate::session::machine::{Event, Session};
+use crate::session::sender::{Delivery, Now, SessionConfig, Ticket};
 use crate::session::vehicle::Vehicle;
 
 /// A CUCS that runs.
@@ -119,12 +118,6 @@ impl Station {
             })
     }
 
-    /// The VSM's address.
-    #[must_use]
-    pub fn vsm_addr(&self) -> SocketAddr {
-        self.vsm
-    }
-
     /// Switches heartbeats (16002, 1 Hz) on or off; they are sent while a method runs.
     pub fn set_heartbeats(&mut self, on: bool) {
         let now = self.now();
@@ -141,15 +134,10 @@ impl Station {
         within: Duration,
         mut reached: impl FnMut(&Session) -> bool,
     ) -> Result<(), StationError> {
-        let deadline = Instant::now() + within;
-        let found = self
-            .until(deadline, |session| reached(session).then_some(()))
-            .await?;
-        found.ok_or_else(|| StationError::TimedOut {
-            expected: description.to_owned(),
-            within,
-            seen: self.seen_of_all(),
+        self.expect(description, within, |session| {
+            reached(session).then_some(())
         })
+        .await
     }
 
     /// The next event. Events that arrived while another method ran come first.
@@ -157,10 +145,18 @@ impl Station {
     /// # Errors
     /// There is none within that time.
     pub async fn next_event(&mut self, within: Duration) -> Result<Event, StationError> {
-        let deadline = Instant::now() + within;
-        let event = self.until(deadline, Session::poll_event).await?;
-        event.ok_or_else(|| StationError::TimedOut {
-            expected: "event".to_owned(),
+        self.expect("event", within, Session::poll_event).await
+    }
+
+    async fn expect<T>(
+        &mut self,
+        expected: &str,
+        within: Duration,
+        check: impl FnMut(&mut Session) -> Option<T>,
+    ) -> Result<T, StationError> {
+        let found = self.until(Instant::now() + within, check).await?;
+        found.ok_or_else(|| StationError::TimedOut {
+            expected: expected.to_owned(),
             within,
             seen: self.seen_of_all(),
         })
@@ -191,8 +187,26 @@ impl Station {
         self.delivered(ticket, destination, within).await
     }
 
+    /// Sends a command and waits until it is carried out or refused.
+    pub(super) async fn command(
+        &mut self,
+        vehicle: Id,
+        command: impl Into<Message>,
+        what: String,
+        within: Duration,
+    ) -> Result<Outcome, StationError> {
+        let mark = self.alert_mark(vehicle);
+        match self.send(vehicle, command, within).await? {
+            Delivery::Refused => {
+                let refused = self.refusal(vehicle, what, None, mark).await?;
+                Ok(Outcome::Refused(refused))
+            }
+            _ => Ok(Outcome::CarriedOut),
+        }
+    }
+
     /// Waits until a message is carried out or refused.
-    pub(super) async fn delivered(
+    async fn delivered(
         &mut self,
         ticket: Ticket,
         destination: Id,

@@ -158,23 +158,29 @@ fn reasons_text(reasons: &[String]) -> String {
 
 /// Levels of interoperability as people write them: `2,4,5`; `none`.
 pub(crate) fn levels(bits: LoiBitmap) -> String {
-    let all = [
-        (LoiBitmap::LOI2, "2"),
-        (LoiBitmap::LOI3, "3"),
-        (LoiBitmap::LOI4, "4"),
-        (LoiBitmap::LOI5, "5"),
-    ];
-    let named: Vec<&str> = all
-        .iter()
-        .filter(|(bit, _)| bits.contains(*bit))
-        .map(|(_, name)| *name)
-        .collect();
-    if named.is_empty() {
+    let numbers: Vec<String> = loi_numbers(bits).iter().map(u8::to_string).collect();
+    if numbers.is_empty() {
         "none".to_owned()
     } else {
-        named.join(",")
+        numbers.join(",")
     }
 }
+
+/// Levels of interoperability as numbers: 2 to 5.
+pub(crate) fn loi_numbers(bits: LoiBitmap) -> Vec<u8> {
+    LEVELS
+        .iter()
+        .filter(|(bit, _)| bits.contains(*bit))
+        .map(|(_, number)| *number)
+        .collect()
+}
+
+const LEVELS: [(LoiBitmap, u8); 4] = [
+    (LoiBitmap::LOI2, 2),
+    (LoiBitmap::LOI3, 3),
+    (LoiBitmap::LOI4, 4),
+    (LoiBitmap::LOI5, 5),
+];
 
 /// How long a station waits for each kind of answer.
 #[derive(Clone, Copy, Debug)]

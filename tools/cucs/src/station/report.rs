@@ -1,9 +1,9 @@
 //! The state of a vehicle in one line, and as JSON.
 
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use stanag_msgs::enums::FlightPathControlMode as Mode;
 
-use super::outcome::levels;
+use super::outcome::{levels, loi_numbers};
 use crate::route::form::altitude_type_name;
 use crate::session::vehicle::Vehicle;
 
@@ -44,37 +44,20 @@ pub(crate) fn line(vehicle: &Vehicle) -> String {
 /// The same for programs; what is unknown is null.
 pub(crate) fn state(vehicle: &Vehicle) -> Value {
     let position = vehicle.position();
-    let mut out = Map::new();
-    let mut put = |key: &str, value: Value| {
-        out.insert(key.to_owned(), value);
-    };
-    put("vehicle", json!(vehicle.id.to_string()));
-    put("loi", json!(loi_numbers(vehicle.granted().raw())));
-    put("mode", json!(vehicle.mode().map(Mode::raw)));
-    put(
-        "ua_state",
-        json!(vehicle.ua_state().map(|state| state.raw())),
-    );
-    put("landed", json!(vehicle.landed()));
-    put("latitude_deg", json!(position.map(|at| at.latitude_deg)));
-    put("longitude_deg", json!(position.map(|at| at.longitude_deg)));
-    put("altitude_m", json!(position.map(|at| at.altitude_m)));
-    put(
-        "altitude_type",
-        json!(position.map(|at| at.altitude_type.raw())),
-    );
-    put("ground_speed_m_s", json!(vehicle.ground_speed_m_s()));
-    put("from_waypoint", json!(vehicle.from_waypoint()));
-    put("to_waypoint", json!(vehicle.to_waypoint()));
-    Value::Object(out)
-}
-
-/// LOI bits as numbers: 2 to 5.
-pub(crate) fn loi_numbers(bits: u8) -> Vec<u8> {
-    (0..4)
-        .filter(|bit| bits >> bit & 1 == 1)
-        .map(|bit| bit + 2)
-        .collect()
+    json!({
+        "vehicle": vehicle.id.to_string(),
+        "loi": loi_numbers(vehicle.granted()),
+        "mode": vehicle.mode().map(Mode::raw),
+        "ua_state": vehicle.ua_state().map(|state| state.raw()),
+        "landed": vehicle.landed(),
+        "latitude_deg": position.map(|at| at.latitude_deg),
+        "longitude_deg": position.map(|at| at.longitude_deg),
+        "altitude_m": position.map(|at| at.altitude_m),
+        "altitude_type": position.map(|at| at.altitude_type.raw()),
+        "ground_speed_m_s": vehicle.ground_speed_m_s(),
+        "from_waypoint": vehicle.from_waypoint(),
+        "to_waypoint": vehicle.to_waypoint(),
+    })
 }
 
 /// The name of a mode, those of the VSM's own range too.

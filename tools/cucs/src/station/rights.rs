@@ -106,11 +106,9 @@ impl Station {
     ) -> Result<LoiBitmap, StationError> {
         let mark = self.alert_mark(vehicle);
         self.authorise(vehicle, loi, access).await?;
-        let granted = |station: &Station| {
-            let state = station.session.vehicle(vehicle);
-            state.map_or(LoiBitmap::NONE, Vehicle::granted)
-        };
-        let held = granted(self);
+        let held = self
+            .vehicle(vehicle)
+            .map_or(LoiBitmap::NONE, Vehicle::granted);
         if held.contains(loi) {
             return Ok(held);
         }
@@ -151,12 +149,8 @@ impl Station {
         };
         while Instant::now() < deadline {
             let before = count(&self.session);
-            let vsm_id = self
-                .session
-                .vehicle(vehicle)
-                .and_then(|state| state.authorisation.as_ref()?.vsm_id);
             let request = CucsAuthorisationRequest {
-                vsm_id: Some(vsm_id.unwrap_or(Id::BROADCAST)),
+                vsm_id: Some(self.vsm_of(vehicle)),
                 data_link_id: Some(Id::NULL),
                 requested_handover_loi: Some(loi),
                 requested_handover_access: Some(access),
@@ -205,27 +199,25 @@ impl Station {
         levels: LoiBitmap,
     ) -> Result<Outcome, StationError> {
         let within = self.timeouts.consent;
-        let mark = self.alert_mark(vehicle);
-        let vsm_id = self
-            .vehicle(vehicle)
-            .and_then(|state| state.authorisation.as_ref()?.vsm_id);
         let message = PositiveHandoverAuthorisationRequest {
-            vsm_id: Some(vsm_id.unwrap_or(Id::BROADCAST)),
+            vsm_id: Some(self.vsm_of(vehicle)),
             data_link_id: Some(Id::NULL),
             requested_handover_loi: Some(levels),
             requesting_cucs_id: Some(acquirer),
             ..PositiveHandoverAuthorisationRequest::default()
         };
-        let now = self.now();
-        let ticket = self.session.send(now, vehicle, message)?;
-        match self.delivered(ticket, vehicle, within).await? {
-            Delivery::Refused => {
-                let what = "handover (message 4)".to_owned();
-                let refused = self.refusal(vehicle, what, None, mark).await?;
-                Ok(Outcome::Refused(refused))
-            }
-            _ => Ok(Outcome::CarriedOut),
-        }
+        let what = "handover (message 4)".to_owned();
+        self.command(vehicle, message, what, within).await
+    }
+
+    /// The VSM that a vehicle is behind; all of them where it is not known.
+    fn vsm_of(&self, vehicle: Id) -> Id {
+        let authorisation = self
+            .vehicle(vehicle)
+            .and_then(|state| state.authorisation.as_ref());
+        authorisation
+            .and_then(|response| response.vsm_id)
+            .unwrap_or(Id::BROADCAST)
     }
 }
 
