@@ -1,8 +1,8 @@
 //! What the tests between programs share: a bridge and a simulated PX4 on free ports ([`ground`]), and where the other
 //! people's programs are.
 //!
-//! The tests themselves: `tests/interop` (against other people's programs), `tests/processes` (our programs together),
-//! `tests/documents` (what the documents and the package promise).
+//! The tests themselves: `tests/programs`, with `interop` (against other people's programs), `processes` (our programs together) and
+//! `documents` (what the documents and the package promise).
 
 pub mod ground;
 

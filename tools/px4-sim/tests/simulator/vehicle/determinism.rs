@@ -1,6 +1,6 @@
 //! The same settings and the same calls give the same flight; another seed another one.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use px4_sim::{Config, Truth};
 
 fn flight(seed: u64) -> (Vec<Truth>, usize) {

@@ -1,6 +1,6 @@
 //! On the ground every mode is acknowledged; in the air only one that can be flown.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::{MavMessage, MavState};
 use px4_sim::Mode;

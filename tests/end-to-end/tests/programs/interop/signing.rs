@@ -5,7 +5,7 @@ use mavlink_link::frame::{FrameView, MAX_FRAME, SIGNATURE_LEN, encode};
 
 use kit::process::hex;
 
-use crate::pymavlink::{End, KEY, OTHER_KEY, pymavlink_signs, pymavlink_verifies, unsigned};
+use super::pymavlink::{End, KEY, OTHER_KEY, pymavlink_signs, pymavlink_verifies, unsigned};
 
 #[test]
 fn pymavlink_verifies_our_frames() {

@@ -1,6 +1,6 @@
 //! The fixed wing: no hover, a loiter is an orbit, a corner is a turn.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use px4_sim::{Airframe, Config, Mode};
 
 fn plane(wind_ne_ms: [f64; 2]) -> Flight {

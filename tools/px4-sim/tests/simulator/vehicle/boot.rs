@@ -1,6 +1,6 @@
 //! What happens between switching on and the first possible take-off.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use mavlink::dialects::development::{MavMessage, MavState};
 use px4_sim::{Config, Mode};
 

@@ -16,7 +16,7 @@ use px4_sim::services::mission::Limits;
 use px4_sim::services::mission_rules::{Airframe, Px4Rules};
 use px4_sim::services::{mission as mission_server, param as param_server};
 
-use crate::{PX4, US};
+use super::{PX4, US};
 
 /// The ids that some service reads.
 const IDS: [u32; 19] = [

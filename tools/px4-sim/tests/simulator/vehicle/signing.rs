@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use crate::support::heartbeat;
+use crate::vehicle::support::heartbeat;
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::MavMessage;
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};

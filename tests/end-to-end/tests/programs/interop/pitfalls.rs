@@ -11,7 +11,7 @@ use serde_json::json;
 
 use kit::process::hex;
 
-use crate::pymavlink::{
+use super::pymavlink::{
     End, KEY, OTHER_KEY, peer_stamp, pymavlink_forges, pymavlink_verifies, unsigned,
 };
 

@@ -5,8 +5,8 @@ use std::time::Duration;
 use mavlink_link::service::param::{self, Name, Value};
 use px4_sim::services::param::{Parameter, Server};
 
-use crate::network::{BAD, End, FAIR, Network, RADIO, WILD, clear};
-use crate::{PX4, US};
+use super::{PX4, US};
+use crate::services::network::{BAD, End, FAIR, Network, RADIO, WILD, clear};
 
 fn name(name: &str) -> Name {
     Name::new(name).unwrap()

@@ -1,6 +1,6 @@
 //! Which commands are answered, how, and which are not.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::MavMessage;
 use mavlink_link::service::Node;

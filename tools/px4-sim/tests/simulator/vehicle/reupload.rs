@@ -1,6 +1,6 @@
 //! What another plan does to a vehicle that is flying one.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::{MavMessage, MissionState};
 use mavlink_link::service::mission::{Item, plan_id};

@@ -15,7 +15,7 @@ use mavlink_link::service::mission::{Item, plan_id, verify};
 use px4_sim::services::mission::{Limits, Server, ServerEvent};
 use px4_sim::services::mission_rules::{Airframe, Px4Rules};
 
-use crate::PX4;
+use super::PX4;
 
 /// The ground station that meddles with a transfer in recording 02.
 const SECOND: Node = Node::new(254, 190);

@@ -1,6 +1,6 @@
 //! A mission is uploaded, flown within its corners' width, and ends on the ground, disarmed.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use px4_sim::Mode;
 
 fn square() -> Vec<mavlink_link::service::mission::Item> {

@@ -3,7 +3,7 @@
 //!
 //! The course is that of flights of a real PX4: two cubic legs of about 150 m in short chords.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use px4_sim::{Config, Mode, Truth};
 
 const LEGS: [[(f64, f64); 4]; 2] = [

@@ -1,6 +1,6 @@
 //! The codes of a refused upload, and what is accepted although it should not be.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::{MavMessage, MissionState};
 

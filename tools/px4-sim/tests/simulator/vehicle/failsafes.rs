@@ -1,6 +1,6 @@
 //! What the vehicle does when what it is steered by falls silent.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::{MavMessage, MavState};
 use px4_sim::{Mode, Param};

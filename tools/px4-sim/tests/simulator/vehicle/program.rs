@@ -6,7 +6,7 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::support::heartbeat;
+use crate::vehicle::support::heartbeat;
 use mavlink::dialects::development::MavMessage;
 use mavlink_link::frame::{FrameView, Header, MAX_FRAME, encode};
 use mavlink_link::signing::{SigningKey, verify};

@@ -14,8 +14,8 @@ use mavlink_link::service::mission::{
 use px4_sim::services::mission::{Limits, Server, ServerEvent};
 use px4_sim::services::mission_rules::{Airframe, Px4Rules};
 
-use crate::network::{BAD, DEAD, End, FAIR, Network, RADIO, WILD, clear};
-use crate::{PX4, US};
+use super::{PX4, US};
+use crate::services::network::{BAD, DEAD, End, FAIR, Network, RADIO, WILD, clear};
 
 const MISSION: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
 const FENCE: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;

@@ -1,6 +1,6 @@
 //! Units, signs and frames of what is reported, against what is really so.
 
-use crate::support::*;
+use crate::vehicle::support::*;
 use mavlink::dialects::development::{MavLandedState, MavMessage};
 use px4_sim::Config;
 

@@ -1,0 +1,5 @@
+//! The simulated PX4: its services beside their clients (`services`), and the vehicle as a ground station sees it
+//! (`vehicle`).
+
+mod services;
+mod vehicle;
