@@ -6,7 +6,9 @@
 //! state.
 //!
 //! Stricter than MAVLink's guide, which lets a new stream in when it is no older than 60 s: after a restart that would
-//! accept the last minute again (pitfall 19). Here every stream starts at the stored ceiling. There is no window for
+//! accept the last minute again (pitfall 19). Here the first frame of a stream is accepted
+//! only with a timestamp above the floor, the highest that was stored for the key (its ceiling, see
+//! [`signing::clock`](crate::signing::clock)). There is no window for
 //! reordered frames either, since it would accept replays within it (pitfall 4); the protocols above retry.
 
 use thiserror::Error;
@@ -80,7 +82,7 @@ impl KeyState {
         self.clock.take(now, store)
     }
 
-    /// Keeps this key's stamps above one that was used under another key of the same link.
+    /// Raises this key's clock above a timestamp that was used under another key of the same link.
     ///
     /// # Errors
     /// See [`SigningClock::follow`]: nothing may be sent then.
@@ -247,7 +249,7 @@ pub enum Refusal {
     /// There is no place for another stream.
     #[error("too many streams under one key")]
     TableFull,
-    /// The stamp is more than an hour beyond our base.
+    /// The stamp is more than an hour ahead of our clock's base.
     #[error("timestamp too far ahead")]
     Future,
     /// The timestamp is at or below the floor or the last of its stream: a replay, a reordered frame, or

@@ -17,7 +17,7 @@ impl Aircraft {
         input: authority::Input<'_>,
     ) -> AckType {
         let answer = self.authority(dli, input);
-        self.settle(dli);
+        self.run_until_idle(dli);
         answer
     }
 
@@ -44,7 +44,7 @@ impl Aircraft {
             return Ok(());
         }
         let answer = self.reports(dli, input);
-        self.settle(dli);
+        self.run_until_idle(dli);
         answer
     }
 
@@ -80,7 +80,7 @@ impl Aircraft {
             }
             _ => self.mission(dli, mission::Input::Command { origin, message }),
         }
-        self.settle(dli);
+        self.run_until_idle(dli);
     }
 
     /// What this vehicle's machines may do, for what concerns no machine.

@@ -1,7 +1,7 @@
 //! One vehicle: the router between its five machines.
 //!
 //! A machine has the form `handle(&mut self, &Context, Input, &mut Effects)` and `poll_timeout(&self)`. It knows no
-//! sibling: it reads of one what [`context`](super::context) shows, and asks it for something by a
+//! sibling: it reads their state through [`Context`](super::context::Context), and what it needs of one is a
 //! [`Request`](super::effects::Request), which is delivered here after the call.
 //!
 //! | machine | decides |
@@ -12,7 +12,7 @@
 //! | [`reports`] | what stations are sent: on schedule, on request, on change; configuration and parameters |
 //! | [`link`] | MAVLink: signatures and keys, what is believed, what is sent |
 //!
-//! Whatever comes in goes to one machine, then [`Aircraft::settle`] delivers what follows from it until nothing is left.
+//! Whatever comes in goes to one machine, then [`Aircraft::run_until_idle`] delivers what follows from it until nothing is left.
 //! `machines`: what each is lent for an input; `start`: how a vehicle begins, and what a restart finds; `commands`: what
 //! the bridge asks for a message of a CUCS.
 
@@ -48,7 +48,7 @@ pub(crate) struct Aircraft {
     pub(super) alerts: Alerts,
     listeners: Vec<usize>,
     requests: VecDeque<Request>,
-    /// When the watches are due that look at what has come in since they last did.
+    /// When to check silence, health and geofence again; `None` where nothing was received since the last check.
     watch_at: Option<Duration>,
     pub(super) authority: AuthorityMachine,
     pub(super) mission: Mission,
@@ -104,11 +104,11 @@ impl Aircraft {
     ) {
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
         link.handle_datagram(from, bytes, vehicle, effects!(self, dli), tap);
-        self.settle(dli);
+        self.run_until_idle(dli);
         // Once all that arrived is delivered: it may have ended the load or the launch that a handover waits for.
         self.mission(dli, mission::Input::WatchProgress);
         self.authority(dli, authority::Input::Settle);
-        self.settle(dli);
+        self.run_until_idle(dli);
         self.watch_soon(dli.now.mono);
     }
 
@@ -121,7 +121,7 @@ impl Aircraft {
         // At once: the loss of the controller is flown in this call, not at the next timeout.
         self.deliver_requests(dli);
         self.flight(dli, flight::Input::WatchLossAction);
-        self.settle(dli);
+        self.run_until_idle(dli);
         self.observe(dli, reports::Input::WatchModes);
         self.mission(dli, mission::Input::CompareWithVehicle);
         self.flight(dli, flight::Input::EndCutOffLaunch);
@@ -135,7 +135,7 @@ impl Aircraft {
         self.authority(dli, authority::Input::Settle);
         self.observe(dli, reports::Input::PushDue);
         self.link.store_link_id(effects!(self, dli));
-        self.settle(dli);
+        self.run_until_idle(dli);
     }
 
     /// When [`Aircraft::handle_timeout`] is next needed, by what each machine waits for.
@@ -160,9 +160,9 @@ impl Aircraft {
 
     /// Delivers requests, what the vehicle answered and what streams are due, until nothing is left to do now.
     ///
-    /// It ends: a round begins only where the vehicle has answered something or a machine has asked something of
-    /// another, and no machine asks anything for an event that it has handled.
-    fn settle(&mut self, dli: &mut DliEffects<'_>) {
+    /// The loop ends: a further round needs a new event of the vehicle or a [`Request`], and no machine makes a second
+    /// request for the same event.
+    fn run_until_idle(&mut self, dli: &mut DliEffects<'_>) {
         loop {
             self.deliver_requests(dli);
             let mut idle = true;

@@ -8,7 +8,7 @@
 //! ```text
 //! idle --begin--> trying(action, n) --shown / on the ground / controlled--> idle
 //!                     |  n = MAX_TRIES
-//!                     +----------------> trying(Return, 0)
+//!                     +----------------> trying(Return, 1)
 //! ```
 
 use std::time::Duration;
@@ -53,7 +53,8 @@ pub(super) struct LossContext {
     pub(super) mode: Option<Px4Mode>,
     /// The vehicle carries the route of contingency A.
     pub(super) carries_contingency: bool,
-    /// A maneuver or a load for one is in progress: commanding now would race with it.
+    /// A maneuver is in progress, or a route is being uploaded for a mode command: another command now would conflict
+    /// with it.
     pub(super) busy: bool,
     /// A route can be uploaded now.
     pub(super) may_change_mission: bool,
@@ -108,7 +109,8 @@ impl LossAction {
             _ if before.tries >= MAX_TRIES => (Action::Return, 1),
             other => (other, before.tries + 1),
         };
-        // A transfer that its owner left behind must not keep the aircraft from coming home.
+        // Another transfer, perhaps of the lost CUCS, blocks the upload of the contingency route: command AUTO.RTL, which
+        // needs no upload.
         if action == Action::Contingency && !context.may_change_mission {
             action = Action::Return;
         }
