@@ -73,24 +73,20 @@ impl Areas {
     pub fn store(&mut self, vertex: &AreaVertex) -> Result<(), AreaError> {
         let id = vertex.area_id.unwrap_or(0);
         let number = vertex.vertex_number;
-        checked(vertex).map_err(|reason| AreaError {
+        let fault = |reason| AreaError {
             area: id,
             vertex: number,
             reason,
-        })?;
+        };
+        checked(vertex).map_err(fault)?;
         let total: usize = self.0.values().map(BTreeMap::len).sum();
-        let known = number.is_some_and(|number| {
-            self.0
-                .get(&id)
-                .is_some_and(|area| area.contains_key(&number))
-        });
+        let area = self.0.get(&id);
+        let known = area
+            .zip(number)
+            .is_some_and(|(area, number)| area.contains_key(&number));
         // A bound on memory: what no vehicle holds need not be stored.
         if total >= MAX_VERTICES && !known {
-            return Err(AreaError {
-                area: id,
-                vertex: number,
-                reason: Reason::TooMany(total + 1),
-            });
+            return Err(fault(Reason::TooMany(total + 1)));
         }
         let area = self.0.entry(id).or_default();
         let what = |vertex: &AreaVertex| (vertex.area_type, vertex.vertex_count);
@@ -139,10 +135,8 @@ fn checked(vertex: &AreaVertex) -> Result<(), Reason> {
     let number = vertex
         .vertex_number
         .ok_or(Reason::Missing("Vertex Number"))?;
-    let latitude = vertex
-        .latitude
-        .ok_or(Reason::Missing("Latitude"))?
-        .degrees();
+    let latitude = vertex.latitude.ok_or(Reason::Missing("Latitude"))?;
+    let latitude = latitude.degrees();
     vertex.longitude.ok_or(Reason::Missing("Longitude"))?;
     if !(-90.0..=90.0).contains(&latitude) {
         return Err(Reason::Latitude(latitude));

@@ -4,6 +4,7 @@
 //! does not have is refused. The table is that of PX4 v1.18 (`data/px4-v1.18-parameters.csv`), sorted by name.
 
 use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 use mavlink_link::service::param::Value;
 use stanag_msgs::enums::ParameterKind;
@@ -221,24 +222,12 @@ pub fn report(
     }
 }
 
-/// The line of a parameter, by halving the sorted text.
+/// The line of a parameter.
 fn line(name: &str) -> Option<&'static str> {
-    let (mut from, mut to) = (0, TABLE.len());
-    while from < to {
-        let middle = from + (to - from) / 2;
-        let start = TABLE
-            .get(from..middle)?
-            .rfind('\n')
-            .map_or(from, |at| from + at + 1);
-        let rest = TABLE.get(start..)?;
-        let line = rest.split('\n').next()?;
-        match line.split(',').next()?.cmp(name) {
-            std::cmp::Ordering::Equal => return Some(line),
-            std::cmp::Ordering::Less => from = start + line.len() + 1,
-            std::cmp::Ordering::Greater => to = start,
-        }
-    }
-    None
+    static LINES: LazyLock<Vec<&str>> = LazyLock::new(|| TABLE.lines().collect());
+    let name_of = |line: &&'static str| line.split(',').next().unwrap_or_default();
+    let at = LINES.binary_search_by_key(&name, name_of).ok()?;
+    LINES.get(at).copied()
 }
 
 static TABLE: &str = include_str!("../data/px4-v1.18-parameters.csv");

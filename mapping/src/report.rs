@@ -7,6 +7,7 @@ use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, SpeedType, UaState
 use stanag_msgs::messages::{
     FromToNextWaypointStates, InertialStates, VehicleOperatingModeReport, VehicleOperatingStates,
 };
+use stanag_msgs::scalar::{Integer, Scale};
 use stanag_msgs::{Bam16, Bam32, Scaled, TimeStamp};
 
 use crate::altitude::Level;
@@ -76,13 +77,8 @@ pub fn operating_states(
     }
     states.ua_state = Some(ua_state(vehicle));
     let (altitude_type, offset_m) = reference(vehicle);
-    if let Some(altitude) = commanded
-        .altitude_amsl_m
-        .and_then(|m| Scaled::from_si(m + offset_m).ok())
-    {
-        states.commanded_altitude = Some(altitude);
-        states.altitude_type = Some(altitude_type);
-    }
+    states.commanded_altitude = scaled(commanded.altitude_amsl_m.map(|m| m + offset_m));
+    states.altitude_type = states.commanded_altitude.and(Some(altitude_type));
     if let Some((speed_m_s, kind)) = commanded_speed(vehicle, commanded, compiled)
         && let Ok(speed) = Scaled::from_si(speed_m_s)
     {
@@ -92,9 +88,7 @@ pub fn operating_states(
     states.power_level = vehicle
         .throttle
         .and_then(|percent| i8::try_from(percent).ok());
-    states.current_propulsion_energy_level = vehicle
-        .battery
-        .and_then(|percent| Scaled::from_si(f64::from(percent)).ok());
+    states.current_propulsion_energy_level = scaled(vehicle.battery.map(f64::from));
     if let Some((latitude, longitude)) = commanded.loiter_position {
         states.commanded_loiter_position_latitude = Some(Bam32::from_degrees(latitude));
         states.commanded_loiter_position_longitude = Some(Bam32::from_degrees(longitude));
@@ -170,15 +164,14 @@ pub fn waypoint_states(
         return states;
     };
     let leg = |index: Option<usize>| compiled.order.get(index?);
-    let geoid_m = vehicle.geoid_m;
-    let altitude_type = reference(vehicle).0;
+    let (altitude_type, offset_m) = reference(vehicle);
     let home_m = vehicle.home.map(|home| home.amsl_m);
     let altitude = |leg: &Leg| {
         let amsl_m = match leg.level {
             Level::Amsl(m) => m,
             Level::AboveHome(m) => m + home_m?,
         };
-        Scaled::from_si(amsl_m + geoid_m.unwrap_or(0.0)).ok()
+        Scaled::from_si(amsl_m + offset_m).ok()
     };
     states.altitude_type = Some(altitude_type);
     states.speed_type = Some(SpeedType::Ground);
@@ -194,7 +187,7 @@ pub fn waypoint_states(
         states.to_waypoint_latitude = Some(Bam32::from_degrees(to.latitude));
         states.to_waypoint_longitude = Some(Bam32::from_degrees(to.longitude));
         states.to_waypoint_altitude = altitude(to);
-        states.to_waypoint_speed = to.speed_m_s.and_then(|speed| Scaled::from_si(speed).ok());
+        states.to_waypoint_speed = scaled(to.speed_m_s);
         states.to_waypoint_time = arrival_ms.map(TimeStamp);
         states.to_waypoint_number = Some(to.number);
     }
@@ -202,15 +195,11 @@ pub fn waypoint_states(
         states.next_waypoint_latitude = Some(Bam32::from_degrees(next.latitude));
         states.next_waypoint_longitude = Some(Bam32::from_degrees(next.longitude));
         states.next_waypoint_altitude = altitude(next);
-        states.next_waypoint_speed = next.speed_m_s.and_then(|speed| Scaled::from_si(speed).ok());
+        states.next_waypoint_speed = scaled(next.speed_m_s);
         states.next_waypoint_time = arrival_ms.and_then(|arrival_ms| {
-            let distance_m = metres((to.latitude, to.longitude), (next.latitude, next.longitude));
-            later(
-                arrival_ms,
-                distance_m,
-                next.speed_m_s.or(vehicle.groundspeed)?,
-            )
-            .map(TimeStamp)
+            let distance_m = metres(to.place(), next.place());
+            let speed_m_s = next.speed_m_s.or(vehicle.groundspeed)?;
+            later(arrival_ms, distance_m, speed_m_s).map(TimeStamp)
         });
         states.next_waypoint_number = Some(next.number);
     }
@@ -218,11 +207,16 @@ pub fn waypoint_states(
 }
 
 /// The altitude type of reports, and what to add to an altitude above mean sea level for it.
-fn reference(vehicle: &Telemetry) -> (AltitudeType, f64) {
+pub(crate) fn reference(vehicle: &Telemetry) -> (AltitudeType, f64) {
     match vehicle.geoid_m {
         Some(geoid_m) => (AltitudeType::Wgs84, geoid_m),
         None => (AltitudeType::Barometric, 0.0),
     }
+}
+
+/// A quantity, where it is known and its field can express it.
+pub(crate) fn scaled<R: Integer, S: Scale>(value: Option<f64>) -> Option<Scaled<R, S>> {
+    Scaled::from_si(value?).ok()
 }
 
 fn ua_state(vehicle: &Telemetry) -> UaState {
@@ -308,10 +302,7 @@ fn commanded_speed(
 
 fn eta_ms(vehicle: &Telemetry, to: &Leg, stamp: TimeStamp) -> Option<u64> {
     let place = vehicle.position?;
-    let distance_m = metres(
-        (place.latitude, place.longitude),
-        (to.latitude, to.longitude),
-    );
+    let distance_m = metres((place.latitude, place.longitude), to.place());
     later(stamp.0, distance_m, vehicle.groundspeed?)
 }
 

@@ -5,8 +5,7 @@
 
 use mavlink_link::dialect::MavType;
 use stanag_msgs::enums::{
-    AlertPriority, AltitudeType, CommandedEngineState, EngineStatus, FtMode, FtState, SpeedType,
-    SubsystemId,
+    AlertPriority, CommandedEngineState, EngineStatus, FtMode, FtState, SpeedType, SubsystemId,
 };
 use stanag_msgs::messages::{
     AirAndGroundRelativeStates, BatteryReport, BodyRelativeSensedStates, EngineOperatingStates,
@@ -18,7 +17,7 @@ use stanag_msgs::{Scaled, Text, TimeStamp};
 use crate::altitude::{Agl, Altimeter};
 use crate::health;
 use crate::parameter::Parameters;
-use crate::report::Commanded;
+use crate::report::{Commanded, reference, scaled};
 use crate::telemetry::{Software, Telemetry};
 
 /// How many motors a vehicle of this type has; 0 where the type does not define it.
@@ -56,14 +55,9 @@ pub fn loiter_configuration(
     commanded: &Commanded,
     stamp: TimeStamp,
 ) -> LoiterConfigurationReport {
-    let (altitude_type, offset_m) = match vehicle.geoid_m {
-        Some(geoid_m) => (AltitudeType::Wgs84, geoid_m),
-        None => (AltitudeType::Barometric, 0.0),
-    };
-    let altitude = commanded
-        .altitude_amsl_m
-        .and_then(|m| Scaled::from_si(m + offset_m).ok());
-    let speed = commanded.speed_m_s.and_then(|v| Scaled::from_si(v).ok());
+    let (altitude_type, offset_m) = reference(vehicle);
+    let altitude = scaled(commanded.altitude_amsl_m.map(|m| m + offset_m));
+    let speed = scaled(commanded.speed_m_s);
     LoiterConfigurationReport {
         time_stamp: Some(stamp),
         loiter_type: loiter.loiter_type,
@@ -73,7 +67,7 @@ pub fn loiter_configuration(
         loiter_bearing: loiter.loiter_bearing,
         loiter_direction: loiter.loiter_direction,
         loiter_altitude: altitude,
-        altitude_type: altitude.is_some().then_some(altitude_type),
+        altitude_type: altitude.and(Some(altitude_type)),
         loiter_speed: speed,
         speed_type: speed.and(commanded.speed_type.or(Some(SpeedType::Ground))),
         flying_behaviour: loiter.flying_behaviour,
@@ -122,7 +116,7 @@ pub fn engine(
         engine_number: Some(number.into()),
         engine_status: status,
         reported_engine_command: commanded,
-        engine_power_setting: power.and_then(|percent| Scaled::from_si(percent).ok()),
+        engine_power_setting: scaled(power),
         ..EngineOperatingStates::default()
     }
 }
@@ -139,8 +133,6 @@ pub fn air_and_ground(
         .position
         .filter(|_| vehicle.gps_fix != Some(false))
         .map(|place| place.amsl_m);
-    let altitude = |m: Option<f64>| m.and_then(|m| Scaled::from_si(m).ok());
-    let velocity = |v: Option<f64>| v.and_then(|v| Scaled::from_si(v).ok());
     let ground = vehicle.velocity_ned;
     let wind = vehicle.sensed.wind_ne;
     // A multicopter without an air speed sensor reports 0 all the time.
@@ -149,17 +141,17 @@ pub fn air_and_ground(
         .filter(|airspeed| !vehicle.hovers() || *airspeed > 0.0);
     AirAndGroundRelativeStates {
         time_stamp: Some(stamp),
-        indicated_airspeed: airspeed.and_then(|v| Scaled::from_si(v).ok()),
-        u_wind: velocity(wind.map(|[north, _]| north)),
-        v_wind: velocity(wind.map(|[_, east]| east)),
+        indicated_airspeed: scaled(airspeed),
+        u_wind: scaled(wind.map(|[north, _]| north)),
+        v_wind: scaled(wind.map(|[_, east]| east)),
         altimeter_setting: Scaled::from_si(altimeter.pascal()).ok(),
-        barometric_altitude: altitude(amsl_m),
-        barometric_altitude_rate: velocity(ground.map(|[_, _, down]| -down)),
-        pressure_altitude: altitude(amsl_m.map(|m| altimeter.pressure_altitude(m))),
-        agl_altitude: altitude(vehicle.above_home_m.filter(|_| agl == Agl::AboveHome)),
-        wgs_84_altitude: altitude(amsl_m.zip(vehicle.geoid_m).map(|(m, geoid)| m + geoid)),
-        u_ground: velocity(ground.map(|[north, ..]| north)),
-        v_ground: velocity(ground.map(|[_, east, _]| east)),
+        barometric_altitude: scaled(amsl_m),
+        barometric_altitude_rate: scaled(ground.map(|[_, _, down]| -down)),
+        pressure_altitude: scaled(amsl_m.map(|m| altimeter.pressure_altitude(m))),
+        agl_altitude: scaled(vehicle.above_home_m.filter(|_| agl == Agl::AboveHome)),
+        wgs_84_altitude: scaled(amsl_m.zip(vehicle.geoid_m).map(|(m, geoid)| m + geoid)),
+        u_ground: scaled(ground.map(|[north, ..]| north)),
+        v_ground: scaled(ground.map(|[_, east, _]| east)),
         ..AirAndGroundRelativeStates::default()
     }
 }
@@ -168,17 +160,15 @@ pub fn air_and_ground(
 #[must_use]
 pub fn body_sensed(vehicle: &Telemetry, stamp: TimeStamp) -> BodyRelativeSensedStates {
     let force = vehicle.sensed.acceleration;
-    let acceleration =
-        |axis: usize| force.and_then(|force| Scaled::from_si(*force.get(axis)?).ok());
     let attitude = vehicle.attitude;
     BodyRelativeSensedStates {
         time_stamp: Some(stamp),
-        x_body_accel: acceleration(0),
-        y_body_accel: acceleration(1),
-        z_body_accel: acceleration(2),
-        roll_rate: attitude.and_then(|a| Scaled::from_si(a.roll_rate).ok()),
-        pitch_rate: attitude.and_then(|a| Scaled::from_si(a.pitch_rate).ok()),
-        yaw_rate: attitude.and_then(|a| Scaled::from_si(a.yaw_rate).ok()),
+        x_body_accel: scaled(force.map(|[x, _, _]| x)),
+        y_body_accel: scaled(force.map(|[_, y, _]| y)),
+        z_body_accel: scaled(force.map(|[_, _, z]| z)),
+        roll_rate: scaled(attitude.map(|a| a.roll_rate)),
+        pitch_rate: scaled(attitude.map(|a| a.pitch_rate)),
+        yaw_rate: scaled(attitude.map(|a| a.yaw_rate)),
     }
 }
 

@@ -133,7 +133,7 @@ impl Telemetry {
             }
             MavMessage::EXTENDED_SYS_STATE(m) => self.landed = Some(m.landed_state),
             MavMessage::GLOBAL_POSITION_INT(m) => {
-                self.position = Some(place(m.lat, m.lon, m.alt));
+                self.position = Some(place(m.lat, m.lon, f64::from(m.alt) / 1e3));
                 self.above_home_m = Some(f64::from(m.relative_alt) / 1e3);
                 self.velocity_ned = Some([m.vx, m.vy, m.vz].map(|cm| f64::from(cm) / 100.0));
             }
@@ -144,30 +144,20 @@ impl Telemetry {
                 }
             }
             MavMessage::ATTITUDE(m) => {
-                let [roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate] = [
-                    m.roll,
-                    m.pitch,
-                    m.yaw,
-                    m.rollspeed,
-                    m.pitchspeed,
-                    m.yawspeed,
-                ]
-                .map(f64::from);
-                let attitude = Attitude {
-                    roll,
-                    pitch,
-                    yaw,
-                    roll_rate,
-                    pitch_rate,
-                    yaw_rate,
-                };
-                let finite = [roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate]
-                    .iter()
-                    .all(|v| v.is_finite());
-                self.attitude = finite.then_some(attitude);
+                let angles = [m.roll, m.pitch, m.yaw];
+                let rates = [m.rollspeed, m.pitchspeed, m.yawspeed];
+                let finite = angles.iter().chain(&rates).all(|v| v.is_finite());
+                self.attitude = finite.then_some(Attitude {
+                    roll: m.roll.into(),
+                    pitch: m.pitch.into(),
+                    yaw: m.yaw.into(),
+                    roll_rate: m.rollspeed.into(),
+                    pitch_rate: m.pitchspeed.into(),
+                    yaw_rate: m.yawspeed.into(),
+                });
             }
             MavMessage::HOME_POSITION(m) => {
-                self.home = Some(place(m.latitude, m.longitude, m.altitude))
+                self.home = Some(place(m.latitude, m.longitude, f64::from(m.altitude) / 1e3));
             }
             MavMessage::GPS_RAW_INT(m) => {
                 let fix = m.fix_type as u32 >= GpsFixType::GPS_FIX_TYPE_3D_FIX as u32;
@@ -200,20 +190,13 @@ impl Telemetry {
                 });
             }
             MavMessage::POSITION_TARGET_GLOBAL_INT(m) => {
-                self.target = m.alt.is_finite().then(|| Place {
-                    latitude: f64::from(m.lat_int) / 1e7,
-                    longitude: f64::from(m.lon_int) / 1e7,
-                    amsl_m: m.alt.into(),
-                });
+                let finite = m.alt.is_finite();
+                self.target = finite.then(|| place(m.lat_int, m.lon_int, m.alt.into()));
             }
             MavMessage::ORBIT_EXECUTION_STATUS(m) => {
                 let finite = m.z.is_finite() && m.radius.is_finite();
                 self.orbit = finite.then(|| Orbit {
-                    centre: Place {
-                        latitude: f64::from(m.x) / 1e7,
-                        longitude: f64::from(m.y) / 1e7,
-                        amsl_m: m.z.into(),
-                    },
+                    centre: place(m.x, m.y, m.z.into()),
                     radius_m: m.radius.into(),
                 });
             }
@@ -266,11 +249,12 @@ impl Telemetry {
     }
 }
 
-fn place(latitude: i32, longitude: i32, amsl_mm: i32) -> Place {
+/// Of degrees times 1e7, and metres.
+fn place(latitude: i32, longitude: i32, amsl_m: f64) -> Place {
     Place {
         latitude: f64::from(latitude) / 1e7,
         longitude: f64::from(longitude) / 1e7,
-        amsl_m: f64::from(amsl_mm) / 1e3,
+        amsl_m,
     }
 }
 

@@ -12,7 +12,7 @@ use stanag_msgs::messages::{
 use stanag_msgs::table::{self, FieldInfo, MessageInfo, Wire};
 use stanag_msgs::{Id, Message, Text};
 
-use super::bounds::{Bounds, Subject, bounds, default_value};
+use super::bounds::{Subject, bounds, default_value};
 use super::request::{Request, Scope};
 use crate::mode::MODES;
 use crate::plan::MAX_ROUTES;
@@ -241,37 +241,6 @@ fn enumerated(
     })
 }
 
-/// The three numeric kinds have the same fields.
-macro_rules! numeric {
-    ($variant:ident, $Response:ident, $subject:expr, $message:expr, $field:expr, $bounds:expr, $wire:expr) => {{
-        let wire = $wire;
-        let Bounds {
-            default,
-            low,
-            high,
-            low_caution,
-            low_warning,
-            help,
-        } = $bounds;
-        Message::$variant($Response {
-            vsm_id: Some($subject.vsm),
-            data_link_id: Some(Id::NULL),
-            requested_message: Some($message.id.into()),
-            requested_field: Some(number($field)),
-            field_supported: Some(FieldSupported::Supported),
-            default_value: default.map(|value| wire(value, f64::round)),
-            // A bound is never widened by its step.
-            max_value: high.map(|value| wire(value, f64::floor)),
-            min_value: low.map(|value| wire(value, f64::ceil)),
-            low_caution_limit: low_caution.map(|value| wire(value, f64::round)),
-            low_warning_limit: low_warning.map(|value| wire(value, f64::round)),
-            help_text: Some(Text::new(help)),
-            subsystem_id: Some(SubsystemId::NotAssigned),
-            ..$Response::default()
-        })
-    }};
-}
-
 fn plain(subject: &Subject<'_>, message: &'static MessageInfo, field: &FieldInfo) -> Message {
     let bounds = bounds(subject, message.id, field.name).unwrap_or_default();
     // Bounds lie on whole steps after a division that is not exact: a hair is not a step.
@@ -284,6 +253,28 @@ fn plain(subject: &Subject<'_>, message: &'static MessageInfo, field: &FieldInfo
             to(exact)
         }
     };
+    // The three numeric kinds have the same fields, each with its own type of number.
+    macro_rules! numeric {
+        ($Response:ident, $wire:expr) => {{
+            let wire = $wire;
+            Message::$Response($Response {
+                vsm_id: Some(subject.vsm),
+                data_link_id: Some(Id::NULL),
+                requested_message: Some(message.id.into()),
+                requested_field: Some(number(field)),
+                field_supported: Some(FieldSupported::Supported),
+                default_value: bounds.default.map(|value| wire(value, f64::round)),
+                // A bound is never widened by its step.
+                max_value: bounds.high.map(|value| wire(value, f64::floor)),
+                min_value: bounds.low.map(|value| wire(value, f64::ceil)),
+                low_caution_limit: bounds.low_caution.map(|value| wire(value, f64::round)),
+                low_warning_limit: bounds.low_warning.map(|value| wire(value, f64::round)),
+                help_text: Some(Text::new(bounds.help)),
+                subsystem_id: Some(SubsystemId::NotAssigned),
+                ..$Response::default()
+            })
+        }};
+    }
     match field.wire {
         Wire::Char(_) | Wire::UnsizedText | Wire::UnsizedBytes => {
             Message::FieldConfigurationCharacterResponse(FieldConfigurationCharacterResponse {
@@ -300,29 +291,14 @@ fn plain(subject: &Subject<'_>, message: &'static MessageInfo, field: &FieldInfo
         }
         Wire::F32 | Wire::F64 => numeric!(
             FieldConfigurationFloatResponse,
-            FieldConfigurationFloatResponse,
-            subject,
-            message,
-            field,
-            bounds,
-            |value: f64, _to: fn(f64) -> f64| value as f32
+            |value: f64, _: fn(f64) -> f64| value as f32
         ),
         Wire::I8 | Wire::I16 | Wire::I24 | Wire::I32 | Wire::Bam16 | Wire::Bam32 => numeric!(
             FieldConfigurationIntegerResponse,
-            FieldConfigurationIntegerResponse,
-            subject,
-            message,
-            field,
-            bounds,
             |value, to| steps(value, to) as i32
         ),
         Wire::U8 | Wire::U16 | Wire::U24 | Wire::U32 | Wire::U40 => numeric!(
             FieldConfigurationUnsignedResponse,
-            FieldConfigurationUnsignedResponse,
-            subject,
-            message,
-            field,
-            bounds,
             |value, to| steps(value, to) as u32
         ),
     }

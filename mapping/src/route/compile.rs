@@ -122,13 +122,7 @@ impl<'a> Draft<'a> {
         Draft {
             plan,
             site,
-            compiled: CompiledMission {
-                items: Vec::new(),
-                waypoint_of: Vec::new(),
-                order: Vec::new(),
-                curved: None,
-                notes: Vec::new(),
-            },
+            compiled: CompiledMission::default(),
             ends: Vec::new(),
             straight: Vec::new(),
         }
@@ -300,26 +294,18 @@ fn note_own_radius(compiled: &mut CompiledMission, straight: &[usize], performan
 /// # Errors
 /// It is longer.
 fn distance(to: &Leg, from: Option<&Leg>, site: &Site) -> Result<(), Reason> {
-    let here = (to.latitude, to.longitude);
+    let (start, max_m) = match from {
+        None => (
+            (site.home.latitude, site.home.longitude),
+            site.limits.first_m,
+        ),
+        Some(from) => (from.place(), site.limits.leg_m),
+    };
+    let distance_m = metres(start, to.place());
     match from {
-        None => {
-            let home = (site.home.latitude, site.home.longitude);
-            let (distance_m, max_m) = (metres(home, here), site.limits.first_m);
-            if distance_m > max_m {
-                Err(Reason::FarFromHome { distance_m, max_m })
-            } else {
-                Ok(())
-            }
-        }
-        Some(from) => {
-            let before = (from.latitude, from.longitude);
-            let (distance_m, max_m) = (metres(before, here), site.limits.leg_m);
-            if distance_m > max_m {
-                Err(Reason::LongLeg { distance_m, max_m })
-            } else {
-                Ok(())
-            }
-        }
+        None if distance_m > max_m => Err(Reason::FarFromHome { distance_m, max_m }),
+        Some(_) if distance_m > max_m => Err(Reason::LongLeg { distance_m, max_m }),
+        _ => Ok(()),
     }
 }
 

@@ -139,6 +139,12 @@ pub enum Reason {
     TooManyItems(usize),
 }
 
+impl Reason {
+    pub(super) fn unknown(field: &'static str, value: u8) -> Self {
+        Self::UnknownValue { field, value }
+    }
+}
+
 /// A curve that cannot be flown.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CurveError {

@@ -55,10 +55,7 @@ pub(super) fn loiter(
                 _ => return Err(Reason::LoiterTurns),
             },
             Some(LoiterDurationUnits::Unknown(value)) => {
-                return Err(Reason::UnknownValue {
-                    field: "Loiter Duration Units",
-                    value,
-                });
+                return Err(Reason::unknown("Loiter Duration Units", value));
             }
         },
     };
@@ -81,10 +78,7 @@ fn pattern(requested: &UaLoiterWaypoint, hovers: bool) -> Result<(), Reason> {
         Some(LoiterType::Hover) => Err(Reason::LoiterType("hover: it is a fixed wing")),
         Some(LoiterType::Racetrack) => Err(Reason::LoiterType("racetrack")),
         Some(LoiterType::Figure8) => Err(Reason::LoiterType("figure 8")),
-        Some(LoiterType::Unknown(value)) => Err(Reason::UnknownValue {
-            field: "Waypoint Loiter Type",
-            value,
-        }),
+        Some(LoiterType::Unknown(value)) => Err(Reason::unknown("Waypoint Loiter Type", value)),
     }
 }
 
@@ -104,10 +98,7 @@ fn radius(requested: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
         Some(LoiterDirection::Clockwise) => Ok(radius_m),
         Some(LoiterDirection::CounterClockwise) => Ok(-radius_m),
         Some(LoiterDirection::IntoWind) => Err(Reason::LoiterType("turn into the wind")),
-        Some(LoiterDirection::Unknown(value)) => Err(Reason::UnknownValue {
-            field: "Loiter Direction",
-            value,
-        }),
+        Some(LoiterDirection::Unknown(value)) => Err(Reason::unknown("Loiter Direction", value)),
     }
 }
 
@@ -117,12 +108,7 @@ fn speed(requested: &UaLoiterWaypoint, performance: &Performance) -> Result<Opti
     };
     match requested.speed_type {
         None | Some(SpeedType::Indicated | SpeedType::True | SpeedType::Ground) => {}
-        Some(other) => {
-            return Err(Reason::UnknownValue {
-                field: "Speed Type",
-                value: other.raw(),
-            });
-        }
+        Some(other) => return Err(Reason::unknown("Speed Type", other.raw())),
     }
     Ok(Some(performance.check(speed_m_s)?))
 }

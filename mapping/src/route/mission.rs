@@ -9,7 +9,7 @@ use crate::altitude::Level;
 use crate::limits::Performance;
 
 /// A route as it goes to PX4, and whose waypoint each item is.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct CompiledMission {
     /// The items, the first with `current` set.
     pub items: Vec<Item>,
@@ -36,6 +36,13 @@ pub struct Leg {
     pub level: Level,
     /// Commanded speed of the leg to it, m/s.
     pub speed_m_s: Option<f64>,
+}
+
+impl Leg {
+    /// Where it leads to, degrees north and east.
+    pub(crate) fn place(&self) -> (f64, f64) {
+        (self.latitude, self.longitude)
+    }
 }
 
 /// What was made of the curved legs of a route.
@@ -162,9 +169,8 @@ impl CompiledMission {
         let Some(last) = self.order.last().copied() else {
             return;
         };
-        let place = (last.latitude, last.longitude);
         let params = [0.0, 0.0, 0.0, f32::NAN];
-        let item = item::placed(place, Level::AboveHome(0.0), NAV_LAND, params);
+        let item = item::placed(last.place(), Level::AboveHome(0.0), NAV_LAND, params);
         self.push(last.number, item);
     }
 

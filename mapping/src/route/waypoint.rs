@@ -57,10 +57,7 @@ fn speed(waypoint: &UaPositionWaypoint, performance: &Performance) -> Result<Opt
     match waypoint.waypoint_speed_type {
         Some(WaypointSpeedType::ArrivalTime) => return Err(Reason::ArrivalTime),
         Some(WaypointSpeedType::Unknown(value)) if waypoint.waypoint_to_speed.is_some() => {
-            return Err(Reason::UnknownValue {
-                field: "Waypoint Speed Type",
-                value,
-            });
+            return Err(Reason::unknown("Waypoint Speed Type", value));
         }
         _ => {}
     }
@@ -80,7 +77,7 @@ pub(super) fn items(
     requested: Option<&UaLoiterWaypoint>,
     site: &Site,
 ) -> Result<Vec<Item>, Reason> {
-    let there = |command, params| placed((leg.latitude, leg.longitude), leg.level, command, params);
+    let there = |command, params| placed(leg.place(), leg.level, command, params);
     let fly_to = there(NAV_WAYPOINT, [0.0, acceptance(waypoint)?, 0.0, f32::NAN]);
     let Some(requested) = requested else {
         return Ok(vec![fly_to]);
@@ -107,10 +104,7 @@ fn acceptance(waypoint: &UaPositionWaypoint) -> Result<f32, Reason> {
     match waypoint.turn_type {
         None | Some(TurnType::ShortTurn) => Ok(0.0),
         Some(TurnType::FlyOver) => Ok(FLY_OVER_M),
-        Some(TurnType::Unknown(value)) => Err(Reason::UnknownValue {
-            field: "Turn Type",
-            value,
-        }),
+        Some(TurnType::Unknown(value)) => Err(Reason::unknown("Turn Type", value)),
     }
 }
 
@@ -119,10 +113,7 @@ pub(super) fn ends_loop(waypoint: &UaPositionWaypoint) -> Result<bool, Reason> {
     match waypoint.waypoint_type {
         None | Some(WaypointType::Normal) => Ok(false),
         Some(WaypointType::EndOfLoop) => Ok(true),
-        Some(WaypointType::Unknown(value)) => Err(Reason::UnknownValue {
-            field: "Waypoint Type",
-            value,
-        }),
+        Some(WaypointType::Unknown(value)) => Err(Reason::unknown("Waypoint Type", value)),
     }
 }
 
@@ -146,12 +137,7 @@ pub(super) fn jump(
             Some(times) => times - 1,
         },
         Some(LimitType::Time) => return Err(Reason::LoopTime),
-        Some(LimitType::Unknown(value)) => {
-            return Err(Reason::UnknownValue {
-                field: "Limit Type",
-                value,
-            });
-        }
+        Some(LimitType::Unknown(value)) => return Err(Reason::unknown("Limit Type", value)),
     };
     Ok((jumps > 0).then(|| Item {
         frame: FRAME_MISSION,

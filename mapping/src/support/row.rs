@@ -15,6 +15,39 @@ pub struct MessageSupport {
     pub sent: &'static [(&'static str, &'static str)],
 }
 
+impl MessageSupport {
+    /// A message that is neither taken nor sent.
+    pub(super) const fn unused(id: u16) -> Self {
+        Self {
+            id,
+            taken: "",
+            sends: "",
+            honoured: &[],
+            sent: &[],
+        }
+    }
+}
+
+/// Rows of the table: `id taken "to what it leads" { "field": how; } sends "when" { "field": from what; }`, without the
+/// part that there is not.
+macro_rules! facts {
+    ($(
+        $id:literal
+        $(taken $taken:literal { $($honoured:literal: $how:expr;)* })?
+        $(sends $sends:literal { $($sent:literal: $source:expr;)* })?
+    )*) => {
+        pub(super) static ROWS: &[$crate::support::row::MessageSupport] = &[$(
+            $crate::support::row::MessageSupport {
+                $(taken: $taken, honoured: &[$(($honoured, $how)),*],)?
+                $(sends: $sends, sent: &[$(($sent, $source)),*],)?
+                ..$crate::support::row::MessageSupport::unused($id)
+            },
+        )*];
+    };
+}
+
+pub(super) use facts;
+
 pub(super) const STAMP: &str = "rises strictly";
 pub(super) const RECEIVED_STAMP: &str = "identifies a duplicate, and is returned in 17000";
 pub(super) const NULL_LINK: &str = "the null id: data links are the link's own matter";

@@ -1,235 +1,115 @@
 //! System identification and commands of the flight vehicle: 1 to 2999.
 
-use crate::support::row::{ECHO, MessageSupport, NULL_LINK, RECEIVED_STAMP, STAMP};
+use crate::support::row::{ECHO, NULL_LINK, RECEIVED_STAMP, STAMP, facts};
 
-pub(super) static ROWS: &[MessageSupport] = &[
-    MessageSupport {
-        id: 1,
-        taken: "to everybody or the VSM: a question; to a vehicle: request, release or override of control",
-        sends: "",
-        honoured: &[
-            ("Time Stamp", RECEIVED_STAMP),
-            ("VSM ID", "refused unless this VSM's, everybody's or none"),
-            (
-                "Requested/Handover LOI",
-                "the levels requested or released; with bits beyond LOI 2 to 5 nothing is granted",
-            ),
-            (
-                "Requested/Handover Access",
-                "0 releases, 1 requests, 2 overrides where the configuration allows it; absent or without levels: a question; others are refused",
-            ),
-            (
-                "Controlled Station 1-16",
-                "the stations of the payload that the rights are for",
-            ),
-            (
-                "Wait for Vehicle Data Link Transition Coordination Message",
-                "1: the request waits for a handover",
-            ),
-            ("CUCS Type", ECHO),
-            ("CUCS Subtype", ECHO),
-            (
-                "Controlled Station 17-32",
-                "the stations of the payload that the rights are for",
-            ),
-        ],
-        sent: &[],
-    },
-    MessageSupport {
-        id: 2,
-        taken: "",
-        sends: "in answer to 1 and 4, on 17002, and when control is taken from a CUCS",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("VSM ID", "dli.vsm_id"),
-            ("Data Link ID", NULL_LINK),
-            (
-                "Access Authorized",
-                "1 where the configuration gives any level, else 0",
-            ),
-            ("Access Granted", "whether level 3, 4 or 5 is held"),
-            ("LOI Authorized", "cucs.loi"),
-            ("LOI Granted", "everything that this CUCS now holds"),
-            ("Controlled Station 1-16", "stations that it holds"),
-            ("Access Requested", "as requested"),
-            ("Vehicle Type", "HEARTBEAT.type, 0 before the first one"),
-            ("Vehicle Subtype", "0"),
-            ("CUCS Type", "as requested"),
-            ("CUCS Subtype", "as requested"),
-            ("Presence Vector Support", "partial vectors"),
-            ("Controlled Station 17-32", "stations that it holds"),
-        ],
-    },
-    MessageSupport {
-        id: 3,
-        taken: "",
-        sends: "at the grant of LOI 2, on 17001 and 17002",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("VSM ID", "dli.vsm_id"),
-            ("Vehicle ID Update", "vehicle.id"),
-            ("Vehicle Type", "HEARTBEAT.type, 0 before the first one"),
-            ("Vehicle Subtype", "0"),
-            ("Owning ID", "the first byte of vehicle.id"),
-            ("Tail Number", "vehicle.tail_number"),
-            ("Mission ID", "of the route aboard"),
-        ],
-    },
-    MessageSupport {
-        id: 4,
-        taken: "a handover is requested, consented to or offered; concluded by 2, 5 and 35000",
-        sends: "a request for control is forwarded to the holder",
-        honoured: &[
-            ("Time Stamp", RECEIVED_STAMP),
-            ("Requested/Handover LOI", "the levels to hand over"),
-            ("Controlled Station 1-16", "stations to hand over"),
-            (
-                "Requesting CUCS ID",
-                "who acquires; absent or null: the sender",
-            ),
-            ("Controlled Station 17-32", "stations to hand over"),
-        ],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("VSM ID", "dli.vsm_id"),
-            ("Data Link ID", NULL_LINK),
-            ("Vehicle Type", "HEARTBEAT.type, 0 before the first one"),
-            ("Vehicle Subtype", "0"),
-            ("Requested/Handover LOI", "the levels requested"),
-            ("Controlled Station 1-16", "stations requested"),
-            ("Requesting CUCS ID", "who requests them"),
-            ("Presence Vector Support", "partial vectors"),
-            ("Controlled Station 17-32", "stations requested"),
-        ],
-    },
-    MessageSupport {
-        id: 5,
-        taken: "",
-        sends: "control is offered to a successor, or has been handed over",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("VSM ID", "dli.vsm_id"),
-            ("Data Link ID", NULL_LINK),
-            ("LOI Authorized", "the levels that are handed over"),
-            (
-                "Controlled Station 1-16 Authorized",
-                "stations that are handed over",
-            ),
-            ("Vehicle Type", "HEARTBEAT.type, 0 before the first one"),
-            ("Vehicle Subtype", "0"),
-            ("Requesting CUCS ID", "who acquires"),
-            ("Presence Vector Support", "partial vectors"),
-            (
-                "Controlled Station 17-32 Authorized",
-                "stations that are handed over",
-            ),
-        ],
-    },
-    MessageSupport {
-        id: 2008,
-        taken: "arms and disarms, which all motors do together: COMPONENT_ARM_DISARM, after DO_SET_MODE AUTO.LOITER, done once HEARTBEAT.base_mode shows it; needs LOI 5",
-        sends: "",
-        honoured: &[
-            ("Time Stamp", RECEIVED_STAMP),
-            ("Engine Number", "refused above the number that there are"),
-            ("Engine Command", "0 stops (disarms), 1 and 2 start (arm)"),
-            ("Reverse Thrust Power", "1 is refused"),
-            ("Reverse Thrust", "0 and 3; others are refused"),
-            ("Ignition Switch Power", "1 is refused"),
-            ("Ignition Switch Activation", "1 is refused"),
-        ],
-        sent: &[],
-    },
-    MessageSupport {
-        id: 2010,
-        taken: "sticks for mode 2, sent on as MANUAL_CONTROL, 25 a second, while that mode is entered or flown",
-        sends: "",
-        honoured: &[
-            ("Time Stamp", "one that has been overtaken changes nothing"),
-            ("Lateral Stick", "y"),
-            ("Longitudinal Stick", "x"),
-            ("Rotational Stick (Rudder)", "r"),
-            ("Throttle Stick - Engine 1", "z; half where absent"),
-        ],
-        sent: &[],
-    },
-    MessageSupport {
-        id: 2016,
-        taken: "a mode, and what goes with it; answered by what the vehicle then does: HEARTBEAT, CURRENT_MODE, MISSION_CURRENT, POSITION_TARGET_GLOBAL_INT, ORBIT_EXECUTION_STATUS, EXTENDED_SYS_STATE",
-        sends: "",
-        honoured: &[
-            ("Time Stamp", RECEIVED_STAMP),
-            (
-                "Select Flight Path Control Mode",
-                "2 POSCTL once MANUAL_CONTROL runs; 11 MISSION_SET_CURRENT where a waypoint is commanded, AUTO.MISSION; 12 AUTO.LOITER, or DO_REPOSITION, DO_ORBIT, refused on the ground; 15 SET_POSITION_TARGET_LOCAL_NED, 20 a second, then OFFBOARD; 19 AUTO.LAND; 20 while it lands; 21 AUTO.LOITER, COMPONENT_ARM_DISARM, NAV_TAKEOFF; 23, 24 the upload of such a route where one is stored, AUTO.MISSION, else AUTO.RTL, AUTO.LAND; others are refused; absent or 0: the present mode",
-            ),
-            (
-                "Altitude Command Type",
-                "1 altitude, 0 none: the altitude is not flown; 2 and 3 in 15, elsewhere refused",
-            ),
-            (
-                "Commanded Altitude",
-                "12, 15: flown to; 21: taken off to; refused in 11 and below ground",
-            ),
-            (
-                "Commanded Vertical Speed",
-                "15: flown, or the limit of the way to an altitude; elsewhere 16000 reports that it is ignored",
-            ),
-            (
-                "Heading Command Type",
-                "15: 1 heading, 2 course, 3 both, 5 turn rate; 4 is refused; elsewhere 0 alone",
-            ),
-            ("Heading Reference", "15: 0 true; magnetic is refused"),
-            ("Commanded Heading", "15: where the nose points"),
-            ("Commanded Course", "15: where it flies"),
-            ("Commanded Turn Rate", "15: how fast it turns"),
-            (
-                "Commanded Speed",
-                "DO_CHANGE_SPEED in 11 and 12 (a multicopter's circle: DO_ORBIT), flown in 15; refused beyond the range that 41003 reports; 0: none",
-            ),
-            (
-                "Speed Type",
-                "0, 1 and 2 alike: over ground by a multicopter, through the air by a fixed wing; others are refused",
-            ),
-            (
-                "Commanded Waypoint Number",
-                "11, and routes flown by 19, 23, 24: the flight starts at it; 0: none; elsewhere 16000 reports that it is ignored",
-            ),
-            (
-                "Altimeter Setting",
-                "of pressure altitudes, from now on; 0: none",
-            ),
-            (
-                "Altitude Type",
-                "datum of the altitude: 0 and 1 by the altimeter setting, 2 above home, 3 ellipsoid",
-            ),
-            ("Loiter Position Latitude", "12: flown to; 0, 0: none"),
-            ("Loiter Position Longitude", "12: flown to; 0, 0: none"),
-        ],
-        sent: &[],
-    },
-    MessageSupport {
-        id: 2017,
-        taken: "kept, field by field, for the loiters that 2016 commands",
-        sends: "",
-        honoured: &[
-            ("Time Stamp", RECEIVED_STAMP),
-            (
-                "Loiter Type",
-                "4 hover (not of a fixed wing), 1 circle; others are refused",
-            ),
-            (
-                "Loiter Radius",
-                "of the circle; 0: none; above 1000 m it is refused",
-            ),
-            (
-                "Loiter Direction",
-                "2 counter-clockwise, 0 and 1 clockwise; others are refused",
-            ),
-        ],
-        sent: &[],
-    },
-];
+facts! {
+    1 taken "to everybody or the VSM: a question; to a vehicle: request, release or override of control" {
+        "Time Stamp": RECEIVED_STAMP;
+        "VSM ID": "refused unless this VSM's, everybody's or none";
+        "Requested/Handover LOI": "the levels requested or released; with bits beyond LOI 2 to 5 nothing is granted";
+        "Requested/Handover Access": "0 releases, 1 requests, 2 overrides where the configuration allows it; absent or without levels: a question; others are refused";
+        "Controlled Station 1-16": "the stations of the payload that the rights are for";
+        "Wait for Vehicle Data Link Transition Coordination Message": "1: the request waits for a handover";
+        "CUCS Type": ECHO;
+        "CUCS Subtype": ECHO;
+        "Controlled Station 17-32": "the stations of the payload that the rights are for";
+    }
+    2 sends "in answer to 1 and 4, on 17002, and when control is taken from a CUCS" {
+        "Time Stamp": STAMP;
+        "VSM ID": "dli.vsm_id";
+        "Data Link ID": NULL_LINK;
+        "Access Authorized": "1 where the configuration gives any level, else 0";
+        "Access Granted": "whether level 3, 4 or 5 is held";
+        "LOI Authorized": "cucs.loi";
+        "LOI Granted": "everything that this CUCS now holds";
+        "Controlled Station 1-16": "stations that it holds";
+        "Access Requested": "as requested";
+        "Vehicle Type": "HEARTBEAT.type, 0 before the first one";
+        "Vehicle Subtype": "0";
+        "CUCS Type": "as requested";
+        "CUCS Subtype": "as requested";
+        "Presence Vector Support": "partial vectors";
+        "Controlled Station 17-32": "stations that it holds";
+    }
+    3 sends "at the grant of LOI 2, on 17001 and 17002" {
+        "Time Stamp": STAMP;
+        "VSM ID": "dli.vsm_id";
+        "Vehicle ID Update": "vehicle.id";
+        "Vehicle Type": "HEARTBEAT.type, 0 before the first one";
+        "Vehicle Subtype": "0";
+        "Owning ID": "the first byte of vehicle.id";
+        "Tail Number": "vehicle.tail_number";
+        "Mission ID": "of the route aboard";
+    }
+    4 taken "a handover is requested, consented to or offered; concluded by 2, 5 and 35000" {
+        "Time Stamp": RECEIVED_STAMP;
+        "Requested/Handover LOI": "the levels to hand over";
+        "Controlled Station 1-16": "stations to hand over";
+        "Requesting CUCS ID": "who acquires; absent or null: the sender";
+        "Controlled Station 17-32": "stations to hand over";
+    } sends "a request for control is forwarded to the holder" {
+        "Time Stamp": STAMP;
+        "VSM ID": "dli.vsm_id";
+        "Data Link ID": NULL_LINK;
+        "Vehicle Type": "HEARTBEAT.type, 0 before the first one";
+        "Vehicle Subtype": "0";
+        "Requested/Handover LOI": "the levels requested";
+        "Controlled Station 1-16": "stations requested";
+        "Requesting CUCS ID": "who requests them";
+        "Presence Vector Support": "partial vectors";
+        "Controlled Station 17-32": "stations requested";
+    }
+    5 sends "control is offered to a successor, or has been handed over" {
+        "Time Stamp": STAMP;
+        "VSM ID": "dli.vsm_id";
+        "Data Link ID": NULL_LINK;
+        "LOI Authorized": "the levels that are handed over";
+        "Controlled Station 1-16 Authorized": "stations that are handed over";
+        "Vehicle Type": "HEARTBEAT.type, 0 before the first one";
+        "Vehicle Subtype": "0";
+        "Requesting CUCS ID": "who acquires";
+        "Presence Vector Support": "partial vectors";
+        "Controlled Station 17-32 Authorized": "stations that are handed over";
+    }
+    2008 taken "arms and disarms, which all motors do together: COMPONENT_ARM_DISARM, after DO_SET_MODE AUTO.LOITER, done once HEARTBEAT.base_mode shows it; needs LOI 5" {
+        "Time Stamp": RECEIVED_STAMP;
+        "Engine Number": "refused above the number that there are";
+        "Engine Command": "0 stops (disarms), 1 and 2 start (arm)";
+        "Reverse Thrust Power": "1 is refused";
+        "Reverse Thrust": "0 and 3; others are refused";
+        "Ignition Switch Power": "1 is refused";
+        "Ignition Switch Activation": "1 is refused";
+    }
+    2010 taken "sticks for mode 2, sent on as MANUAL_CONTROL, 25 a second, while that mode is entered or flown" {
+        "Time Stamp": "one that has been overtaken changes nothing";
+        "Lateral Stick": "y";
+        "Longitudinal Stick": "x";
+        "Rotational Stick (Rudder)": "r";
+        "Throttle Stick - Engine 1": "z; half where absent";
+    }
+    2016 taken "a mode, and what goes with it; answered by what the vehicle then does: HEARTBEAT, CURRENT_MODE, MISSION_CURRENT, POSITION_TARGET_GLOBAL_INT, ORBIT_EXECUTION_STATUS, EXTENDED_SYS_STATE" {
+        "Time Stamp": RECEIVED_STAMP;
+        "Select Flight Path Control Mode": "2 POSCTL once MANUAL_CONTROL runs; 11 MISSION_SET_CURRENT where a waypoint is commanded, AUTO.MISSION; 12 AUTO.LOITER, or DO_REPOSITION, DO_ORBIT, refused on the ground; 15 SET_POSITION_TARGET_LOCAL_NED, 20 a second, then OFFBOARD; 19 AUTO.LAND; 20 while it lands; 21 AUTO.LOITER, COMPONENT_ARM_DISARM, NAV_TAKEOFF; 23, 24 the upload of such a route where one is stored, AUTO.MISSION, else AUTO.RTL, AUTO.LAND; others are refused; absent or 0: the present mode";
+        "Altitude Command Type": "1 altitude, 0 none: the altitude is not flown; 2 and 3 in 15, elsewhere refused";
+        "Commanded Altitude": "12, 15: flown to; 21: taken off to; refused in 11 and below ground";
+        "Commanded Vertical Speed": "15: flown, or the limit of the way to an altitude; elsewhere 16000 reports that it is ignored";
+        "Heading Command Type": "15: 1 heading, 2 course, 3 both, 5 turn rate; 4 is refused; elsewhere 0 alone";
+        "Heading Reference": "15: 0 true; magnetic is refused";
+        "Commanded Heading": "15: where the nose points";
+        "Commanded Course": "15: where it flies";
+        "Commanded Turn Rate": "15: how fast it turns";
+        "Commanded Speed": "DO_CHANGE_SPEED in 11 and 12 (a multicopter's circle: DO_ORBIT), flown in 15; refused beyond the range that 41003 reports; 0: none";
+        "Speed Type": "0, 1 and 2 alike: over ground by a multicopter, through the air by a fixed wing; others are refused";
+        "Commanded Waypoint Number": "11, and routes flown by 19, 23, 24: the flight starts at it; 0: none; elsewhere 16000 reports that it is ignored";
+        "Altimeter Setting": "of pressure altitudes, from now on; 0: none";
+        "Altitude Type": "datum of the altitude: 0 and 1 by the altimeter setting, 2 above home, 3 ellipsoid";
+        "Loiter Position Latitude": "12: flown to; 0, 0: none";
+        "Loiter Position Longitude": "12: flown to; 0, 0: none";
+    }
+    2017 taken "kept, field by field, for the loiters that 2016 commands" {
+        "Time Stamp": RECEIVED_STAMP;
+        "Loiter Type": "4 hover (not of a fixed wing), 1 circle; others are refused";
+        "Loiter Radius": "of the circle; 0: none; above 1000 m it is refused";
+        "Loiter Direction": "2 counter-clockwise, 0 and 1 clockwise; others are refused";
+    }
+}

@@ -1,263 +1,133 @@
 //! Status of the flight vehicle: 3000 to 12999.
 
-use crate::support::row::{MessageSupport, STAMP};
+use crate::support::row::{STAMP, facts};
 
-pub(super) static ROWS: &[MessageSupport] = &[
-    MessageSupport {
-        id: 3000,
-        taken: "",
-        sends: "by 17001, on 17002",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Propulsion Fuel Capacity", "-1: it burns none"),
-            ("Number of Engines", "from HEARTBEAT.type"),
-        ],
-    },
-    MessageSupport {
-        id: 3001,
-        taken: "",
-        sends: "every 400 ms and on change from LOI 2 on, by 17001, on 17002",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            (
-                "Select Flight Path Control Mode",
-                "the mode that the vehicle is in (HEARTBEAT, CURRENT_MODE); 0 when it is silent",
-            ),
-        ],
-    },
-    MessageSupport {
-        id: 3002,
-        taken: "",
-        sends: "every 400 ms and on change from LOI 2 on, by 17001, on 17002",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            (
-                "Commanded Altitude",
-                "the last command that the vehicle took",
-            ),
-            (
-                "Altitude Type",
-                "3 once the geoid separation is known (GPS_RAW_INT), else 1",
-            ),
-            ("Commanded Speed", "the last command that the vehicle took"),
-            (
-                "Speed Type",
-                "as it is flown: 2 of a multicopter, 0 of a fixed wing",
-            ),
-            ("Power Level", "VFR_HUD.throttle"),
-            (
-                "Current Propulsion Energy Level",
-                "SYS_STATUS, BATTERY_STATUS",
-            ),
-            (
-                "UA State",
-                "EXTENDED_SYS_STATE.landed_state, HEARTBEAT: armed, failsafe; 10 and up are described by 41002",
-            ),
-            (
-                "Commanded Loiter Position Latitude",
-                "the last command that the vehicle took",
-            ),
-            (
-                "Commanded Loiter Position Longitude",
-                "the last command that the vehicle took",
-            ),
-            (
-                "Commanded Waypoint Number",
-                "the waypoint that the mission flies to",
-            ),
-        ],
-    },
-    MessageSupport {
-        id: 3004,
-        taken: "",
-        sends: "by 17001, on 17002",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Loiter Type", "of 2017"),
-            ("Loiter Radius", "of 2017"),
-            ("Loiter Length", "of 2017"),
-            ("Loiter Length Units", "of 2017"),
-            ("Loiter Bearing", "of 2017"),
-            ("Loiter Direction", "of 2017"),
-            ("Loiter Altitude", "the last command that the vehicle took"),
-            (
-                "Altitude Type",
-                "3 once the geoid separation is known (GPS_RAW_INT), else 1",
-            ),
-            ("Loiter Speed", "the last command that the vehicle took"),
-            ("Speed Type", "as commanded"),
-            ("Flying Behaviour", "of 2017"),
-            ("Loiter Duration", "of 2017"),
-            ("Loiter Duration Units", "of 2017"),
-        ],
-    },
-    MessageSupport {
-        id: 3005,
-        taken: "",
-        sends: "by 17001, on 17002",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Reported Flight Termination State", "0: nothing arms it"),
-            ("Reported Flight Termination Mode", "0"),
-        ],
-    },
-    MessageSupport {
-        id: 3006,
-        taken: "",
-        sends: "by 17001, on 17002; without lights: PX4 does not report them",
-        honoured: &[],
-        sent: &[("Time Stamp", STAMP)],
-    },
-    MessageSupport {
-        id: 3007,
-        taken: "",
-        sends: "by 17001, on 17002, one a motor; never of a silent vehicle",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Engine Number", "from 1"),
-            ("Engine Status", "HEARTBEAT: armed or not"),
-            ("Reported Engine Command", "the last 2008"),
-            ("Engine Power Setting", "VFR_HUD.throttle; 0 when disarmed"),
-        ],
-    },
-    MessageSupport {
-        id: 3009,
-        taken: "",
-        sends: "by 17001, on 17002; never of a silent vehicle",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Indicated Airspeed", "VFR_HUD.airspeed"),
-            ("U_Wind", "WIND_COV"),
-            ("V_Wind", "WIND_COV"),
-            ("Altimeter Setting", "of 2016"),
-            ("Barometric Altitude", "GLOBAL_POSITION_INT"),
-            ("Barometric Altitude Rate", "LOCAL_POSITION_NED"),
-            ("Pressure Altitude", "by the altimeter setting"),
-            (
-                "AGL Altitude",
-                "height above home, unless vehicle.agl is refuse",
-            ),
-            ("WGS-84 Altitude", "once the geoid separation is known"),
-            ("U_Ground", "LOCAL_POSITION_NED"),
-            ("V_Ground", "LOCAL_POSITION_NED"),
-        ],
-    },
-    MessageSupport {
-        id: 3010,
-        taken: "",
-        sends: "by 17001, on 17002; never of a silent vehicle",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("X_Body_Accel", "HIGHRES_IMU"),
-            ("Y_Body_Accel", "HIGHRES_IMU"),
-            ("Z_Body_Accel", "HIGHRES_IMU"),
-            ("Roll_Rate", "ATTITUDE"),
-            ("Pitch_Rate", "ATTITUDE"),
-            ("Yaw_Rate", "ATTITUDE"),
-        ],
-    },
-    MessageSupport {
-        id: 3011,
-        taken: "",
-        sends: "by 17001, on 17002, once a 2010 has come",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Lateral Stick", "the last 2010"),
-            ("Longitudinal Stick", "the last 2010"),
-            ("Rotational Stick (Rudder)", "the last 2010"),
-            ("Throttle Stick - Engine 1", "the last 2010"),
-        ],
-    },
-    MessageSupport {
-        id: 4000,
-        taken: "",
-        sends: "every 200 ms from LOI 2 on, by 17001, on 17002; never of a silent vehicle",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Latitude", "GLOBAL_POSITION_INT, absent without a fix"),
-            ("Longitude", "GLOBAL_POSITION_INT, absent without a fix"),
-            ("Altitude", "GLOBAL_POSITION_INT and the geoid separation"),
-            (
-                "Altitude Type",
-                "3 once the geoid separation is known (GPS_RAW_INT), else 1",
-            ),
-            ("U_Speed", "LOCAL_POSITION_NED, north"),
-            ("V_Speed", "LOCAL_POSITION_NED, east"),
-            ("W_Speed", "LOCAL_POSITION_NED, down"),
-            ("Roll", "ATTITUDE"),
-            ("Pitch", "ATTITUDE"),
-            ("Heading", "ATTITUDE, true"),
-            ("Roll Rate", "ATTITUDE"),
-            ("Pitch Rate", "ATTITUDE"),
-            ("Turn Rate", "ATTITUDE"),
-        ],
-    },
-    MessageSupport {
-        id: 4001,
-        taken: "",
-        sends: "every 400 ms from LOI 2 on, by 17001, on 17002; never of a silent vehicle",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            (
-                "Altitude Type",
-                "3 once the geoid separation is known (GPS_RAW_INT), else 1",
-            ),
-            ("Speed Type", "2"),
-            (
-                "From Waypoint - Latitude",
-                "the route aboard, once MISSION_ITEM_REACHED",
-            ),
-            ("From Waypoint - Longitude", "the route aboard"),
-            ("From Waypoint Altitude", "the route aboard, HOME_POSITION"),
-            ("From Waypoint Number", "0: none"),
-            ("To Waypoint - Latitude", "the route aboard"),
-            ("To Waypoint - Longitude", "the route aboard"),
-            ("To Waypoint Altitude", "the route aboard"),
-            ("To Waypoint Speed", "where the route gives one"),
-            (
-                "To Waypoint Time",
-                "distance over present ground speed (VFR_HUD)",
-            ),
-            ("To Waypoint Number", "MISSION_CURRENT; 0: none"),
-            ("Next Waypoint - Latitude", "the route aboard"),
-            ("Next Waypoint - Longitude", "the route aboard"),
-            ("Next Waypoint Altitude", "the route aboard"),
-            ("Next Waypoint Speed", "where the route gives one"),
-            (
-                "Next Waypoint Time",
-                "from the time before by the leg's speed",
-            ),
-            ("Next Waypoint Number", "0: none"),
-        ],
-    },
-    MessageSupport {
-        id: 12101,
-        taken: "",
-        sends: "by 17001, on 17002; never of a silent vehicle",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            (
-                "Bus Voltage",
-                "BATTERY_STATUS, SYS_STATUS; steps of 0.01 V: no source gives one",
-            ),
-            (
-                "Battery Current",
-                "BATTERY_STATUS; steps of 0.01 A: no source gives one",
-            ),
-            ("Battery Charge Remaining", "steps of 0.0016 %"),
-            ("Battery Temperature", "steps of 0.5 K"),
-        ],
-    },
-];
+facts! {
+    3000 sends "by 17001, on 17002" {
+        "Time Stamp": STAMP;
+        "Propulsion Fuel Capacity": "-1: it burns none";
+        "Number of Engines": "from HEARTBEAT.type";
+    }
+    3001 sends "every 400 ms and on change from LOI 2 on, by 17001, on 17002" {
+        "Time Stamp": STAMP;
+        "Select Flight Path Control Mode": "the mode that the vehicle is in (HEARTBEAT, CURRENT_MODE); 0 when it is silent";
+    }
+    3002 sends "every 400 ms and on change from LOI 2 on, by 17001, on 17002" {
+        "Time Stamp": STAMP;
+        "Commanded Altitude": "the last command that the vehicle took";
+        "Altitude Type": "3 once the geoid separation is known (GPS_RAW_INT), else 1";
+        "Commanded Speed": "the last command that the vehicle took";
+        "Speed Type": "as it is flown: 2 of a multicopter, 0 of a fixed wing";
+        "Power Level": "VFR_HUD.throttle";
+        "Current Propulsion Energy Level": "SYS_STATUS, BATTERY_STATUS";
+        "UA State": "EXTENDED_SYS_STATE.landed_state, HEARTBEAT: armed, failsafe; 10 and up are described by 41002";
+        "Commanded Loiter Position Latitude": "the last command that the vehicle took";
+        "Commanded Loiter Position Longitude": "the last command that the vehicle took";
+        "Commanded Waypoint Number": "the waypoint that the mission flies to";
+    }
+    3004 sends "by 17001, on 17002" {
+        "Time Stamp": STAMP;
+        "Loiter Type": "of 2017";
+        "Loiter Radius": "of 2017";
+        "Loiter Length": "of 2017";
+        "Loiter Length Units": "of 2017";
+        "Loiter Bearing": "of 2017";
+        "Loiter Direction": "of 2017";
+        "Loiter Altitude": "the last command that the vehicle took";
+        "Altitude Type": "3 once the geoid separation is known (GPS_RAW_INT), else 1";
+        "Loiter Speed": "the last command that the vehicle took";
+        "Speed Type": "as commanded";
+        "Flying Behaviour": "of 2017";
+        "Loiter Duration": "of 2017";
+        "Loiter Duration Units": "of 2017";
+    }
+    3005 sends "by 17001, on 17002" {
+        "Time Stamp": STAMP;
+        "Reported Flight Termination State": "0: nothing arms it";
+        "Reported Flight Termination Mode": "0";
+    }
+    3006 sends "by 17001, on 17002; without lights: PX4 does not report them" {
+        "Time Stamp": STAMP;
+    }
+    3007 sends "by 17001, on 17002, one a motor; never of a silent vehicle" {
+        "Time Stamp": STAMP;
+        "Engine Number": "from 1";
+        "Engine Status": "HEARTBEAT: armed or not";
+        "Reported Engine Command": "the last 2008";
+        "Engine Power Setting": "VFR_HUD.throttle; 0 when disarmed";
+    }
+    3009 sends "by 17001, on 17002; never of a silent vehicle" {
+        "Time Stamp": STAMP;
+        "Indicated Airspeed": "VFR_HUD.airspeed";
+        "U_Wind": "WIND_COV";
+        "V_Wind": "WIND_COV";
+        "Altimeter Setting": "of 2016";
+        "Barometric Altitude": "GLOBAL_POSITION_INT";
+        "Barometric Altitude Rate": "LOCAL_POSITION_NED";
+        "Pressure Altitude": "by the altimeter setting";
+        "AGL Altitude": "height above home, unless vehicle.agl is refuse";
+        "WGS-84 Altitude": "once the geoid separation is known";
+        "U_Ground": "LOCAL_POSITION_NED";
+        "V_Ground": "LOCAL_POSITION_NED";
+    }
+    3010 sends "by 17001, on 17002; never of a silent vehicle" {
+        "Time Stamp": STAMP;
+        "X_Body_Accel": "HIGHRES_IMU";
+        "Y_Body_Accel": "HIGHRES_IMU";
+        "Z_Body_Accel": "HIGHRES_IMU";
+        "Roll_Rate": "ATTITUDE";
+        "Pitch_Rate": "ATTITUDE";
+        "Yaw_Rate": "ATTITUDE";
+    }
+    3011 sends "by 17001, on 17002, once a 2010 has come" {
+        "Time Stamp": STAMP;
+        "Lateral Stick": "the last 2010";
+        "Longitudinal Stick": "the last 2010";
+        "Rotational Stick (Rudder)": "the last 2010";
+        "Throttle Stick - Engine 1": "the last 2010";
+    }
+    4000 sends "every 200 ms from LOI 2 on, by 17001, on 17002; never of a silent vehicle" {
+        "Time Stamp": STAMP;
+        "Latitude": "GLOBAL_POSITION_INT, absent without a fix";
+        "Longitude": "GLOBAL_POSITION_INT, absent without a fix";
+        "Altitude": "GLOBAL_POSITION_INT and the geoid separation";
+        "Altitude Type": "3 once the geoid separation is known (GPS_RAW_INT), else 1";
+        "U_Speed": "LOCAL_POSITION_NED, north";
+        "V_Speed": "LOCAL_POSITION_NED, east";
+        "W_Speed": "LOCAL_POSITION_NED, down";
+        "Roll": "ATTITUDE";
+        "Pitch": "ATTITUDE";
+        "Heading": "ATTITUDE, true";
+        "Roll Rate": "ATTITUDE";
+        "Pitch Rate": "ATTITUDE";
+        "Turn Rate": "ATTITUDE";
+    }
+    4001 sends "every 400 ms from LOI 2 on, by 17001, on 17002; never of a silent vehicle" {
+        "Time Stamp": STAMP;
+        "Altitude Type": "3 once the geoid separation is known (GPS_RAW_INT), else 1";
+        "Speed Type": "2";
+        "From Waypoint - Latitude": "the route aboard, once MISSION_ITEM_REACHED";
+        "From Waypoint - Longitude": "the route aboard";
+        "From Waypoint Altitude": "the route aboard, HOME_POSITION";
+        "From Waypoint Number": "0: none";
+        "To Waypoint - Latitude": "the route aboard";
+        "To Waypoint - Longitude": "the route aboard";
+        "To Waypoint Altitude": "the route aboard";
+        "To Waypoint Speed": "where the route gives one";
+        "To Waypoint Time": "distance over present ground speed (VFR_HUD)";
+        "To Waypoint Number": "MISSION_CURRENT; 0: none";
+        "Next Waypoint - Latitude": "the route aboard";
+        "Next Waypoint - Longitude": "the route aboard";
+        "Next Waypoint Altitude": "the route aboard";
+        "Next Waypoint Speed": "where the route gives one";
+        "Next Waypoint Time": "from the time before by the leg's speed";
+        "Next Waypoint Number": "0: none";
+    }
+    12101 sends "by 17001, on 17002; never of a silent vehicle" {
+        "Time Stamp": STAMP;
+        "Bus Voltage": "BATTERY_STATUS, SYS_STATUS; steps of 0.01 V: no source gives one";
+        "Battery Current": "BATTERY_STATUS; steps of 0.01 A: no source gives one";
+        "Battery Charge Remaining": "steps of 0.0016 %";
+        "Battery Temperature": "steps of 0.5 K";
+    }
+}

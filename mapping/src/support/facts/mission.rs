@@ -1,166 +1,94 @@
 //! Routes and their transfer: 13000 to 14999.
 
-use crate::support::row::{AS_RECEIVED, MessageSupport, RECEIVED_STAMP, STAMP};
+use crate::support::row::{AS_RECEIVED, RECEIVED_STAMP, STAMP, facts};
 
-pub(super) static ROWS: &[MessageSupport] = &[
-    MessageSupport {
-        id: 13000,
-        taken: "clears (MISSION_CLEAR_ALL), loads (MISSION_COUNT, MISSION_ITEM_INT, read back by MISSION_REQUEST_LIST, MISSION_REQUEST_INT; then MISSION_CURRENT shows it), downloads or cancels; answered by 14000",
-        sends: "",
-        honoured: &[
-            ("Time Stamp", RECEIVED_STAMP),
-            ("Mission ID", "returned in 14000 and 3"),
-            ("Mission Plan Mode", "1 to 5"),
-            ("Waypoint Number", "mode 4: the waypoint to download"),
-            (
-                "Route ID",
-                "mode 1: the route to forget, absent: all; mode 2: the route to load, absent: the latest flight route; mode 3: the route to download, absent: all",
-            ),
-        ],
-        sent: &[],
-    },
-    MessageSupport {
-        id: 13001,
-        taken: "stored; flown after 13000",
-        sends: "on download",
-        honoured: &[
-            ("Time Stamp", RECEIVED_STAMP),
-            (
-                "Initial Waypoint Number",
-                "where the route starts; 0 deletes its definition",
-            ),
-            (
-                "Route ID",
-                "names it for 13000; routes without one are distinguished by their type",
-            ),
-            (
-                "Route Type",
-                "flown by 2016: 0 launch by 21, 1 approach by 19, 2 flight by 11, 3, 4 contingency A, B by 23, 24",
-            ),
-        ],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Initial Waypoint Number", AS_RECEIVED),
-            ("Route ID", AS_RECEIVED),
-            ("Route Type", AS_RECEIVED),
-            ("Activity ID", AS_RECEIVED),
-        ],
-    },
-    MessageSupport {
-        id: 13002,
-        taken: "stored; checked and flown after 13000 as NAV_WAYPOINT",
-        sends: "on download",
-        honoured: &[
-            ("Time Stamp", RECEIVED_STAMP),
-            ("Waypoint Number", "1 to 65534"),
-            ("Waypoint to Latitude or Relative Y", "where it lies"),
-            ("Waypoint to Longitude or Relative X", "where it lies"),
-            ("Location Type", "0 absolute; others are refused"),
-            ("Waypoint to Altitude", "how high"),
-            (
-                "Waypoint Altitude Type",
-                "datum of the altitude: 0 and 1 by the altimeter setting, 2 above home, 3 ellipsoid",
-            ),
-            ("Waypoint to Speed", "DO_CHANGE_SPEED before it"),
-            (
-                "Waypoint Speed Type",
-                "0, 1 and 2 alike; arrival time is refused",
-            ),
-            (
-                "Next Waypoint",
-                "0 ends the route; of the end of a loop: its start",
-            ),
-            (
-                "Turn Type",
-                "1 flies over, within 3 m; 0 takes the vehicle's own radius",
-            ),
-            ("Waypoint Type", "0 normal, 1 the end of a loop (DO_JUMP)"),
-            ("Limit Type", "0 endless, 1 a count; a time is refused"),
-            ("Loop Limit", "how often the loop is flown"),
-        ],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Waypoint Number", AS_RECEIVED),
-            ("Waypoint to Latitude or Relative Y", AS_RECEIVED),
-            ("Waypoint to Longitude or Relative X", AS_RECEIVED),
-            ("Location Type", AS_RECEIVED),
-            ("Waypoint to Altitude", AS_RECEIVED),
-            ("Waypoint Altitude Type", AS_RECEIVED),
-            ("Altitude Change Behaviour", AS_RECEIVED),
-            ("Waypoint to Speed", AS_RECEIVED),
-            ("Waypoint Speed Type", AS_RECEIVED),
-            ("Next Waypoint", AS_RECEIVED),
-            ("Turn Type", AS_RECEIVED),
-            ("Optional Messages for Waypoint", AS_RECEIVED),
-            ("Waypoint Type", AS_RECEIVED),
-            ("Limit Type", AS_RECEIVED),
-            ("Loop Limit", AS_RECEIVED),
-            ("Arrival Time", AS_RECEIVED),
-            ("Activity ID", AS_RECEIVED),
-        ],
-    },
-    MessageSupport {
-        id: 13003,
-        taken: "stored; makes a loiter of the waypoint with its number",
-        sends: "on download",
-        honoured: &[
-            ("Time Stamp", RECEIVED_STAMP),
-            ("Waypoint Number", "1 to 65534"),
-            (
-                "Waypoint Loiter Type",
-                "1 circle, 4 hover (a multicopter hovers at both); others are refused",
-            ),
-            (
-                "Loiter Radius",
-                "of the circle of a fixed wing; above 1000 m it is refused",
-            ),
-            (
-                "Loiter Direction",
-                "of a fixed wing: 1 clockwise, 2 counter-clockwise; into the wind is refused",
-            ),
-            ("Loiter Speed", "within the circle of a fixed wing"),
-            ("Speed Type", "0, 1 and 2 alike; others are refused"),
-            (
-                "Loiter Duration",
-                "NAV_LOITER_TIME; absent or 0: unlimited (NAV_LOITER_UNLIM)",
-            ),
-            (
-                "Loiter Duration Units",
-                "0 seconds; 1 turns of a fixed wing, where radius and speed are given",
-            ),
-        ],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Waypoint Number", AS_RECEIVED),
-            ("Waypoint Loiter Type", AS_RECEIVED),
-            ("Loiter Radius", AS_RECEIVED),
-            ("Loiter Length", AS_RECEIVED),
-            ("Loiter Length Units", AS_RECEIVED),
-            ("Loiter Bearing", AS_RECEIVED),
-            ("Loiter Direction", AS_RECEIVED),
-            ("Loiter Speed", AS_RECEIVED),
-            ("Speed Type", AS_RECEIVED),
-            ("Flying Behaviour", AS_RECEIVED),
-            ("Loiter Duration", AS_RECEIVED),
-            ("Loiter Duration Units", AS_RECEIVED),
-            ("Activity ID", AS_RECEIVED),
-        ],
-    },
-    MessageSupport {
-        id: 14000,
-        taken: "",
-        sends: "during and after a 13000",
-        honoured: &[],
-        sent: &[
-            ("Time Stamp", STAMP),
-            ("Mission ID", "of the 13000"),
-            (
-                "Status",
-                "MISSION_ACK; complete once the vehicle holds the plan, read back",
-            ),
-            ("Percent Complete", "items transferred"),
-            ("Waypoint Request", "the waypoint that a refusal is about"),
-            ("Mission Plan Mode", "of the 13000"),
-        ],
-    },
-];
+facts! {
+    13000 taken "clears (MISSION_CLEAR_ALL), loads (MISSION_COUNT, MISSION_ITEM_INT, read back by MISSION_REQUEST_LIST, MISSION_REQUEST_INT; then MISSION_CURRENT shows it), downloads or cancels; answered by 14000" {
+        "Time Stamp": RECEIVED_STAMP;
+        "Mission ID": "returned in 14000 and 3";
+        "Mission Plan Mode": "1 to 5";
+        "Waypoint Number": "mode 4: the waypoint to download";
+        "Route ID": "mode 1: the route to forget, absent: all; mode 2: the route to load, absent: the latest flight route; mode 3: the route to download, absent: all";
+    }
+    13001 taken "stored; flown after 13000" {
+        "Time Stamp": RECEIVED_STAMP;
+        "Initial Waypoint Number": "where the route starts; 0 deletes its definition";
+        "Route ID": "names it for 13000; routes without one are distinguished by their type";
+        "Route Type": "flown by 2016: 0 launch by 21, 1 approach by 19, 2 flight by 11, 3, 4 contingency A, B by 23, 24";
+    } sends "on download" {
+        "Time Stamp": STAMP;
+        "Initial Waypoint Number": AS_RECEIVED;
+        "Route ID": AS_RECEIVED;
+        "Route Type": AS_RECEIVED;
+        "Activity ID": AS_RECEIVED;
+    }
+    13002 taken "stored; checked and flown after 13000 as NAV_WAYPOINT" {
+        "Time Stamp": RECEIVED_STAMP;
+        "Waypoint Number": "1 to 65534";
+        "Waypoint to Latitude or Relative Y": "where it lies";
+        "Waypoint to Longitude or Relative X": "where it lies";
+        "Location Type": "0 absolute; others are refused";
+        "Waypoint to Altitude": "how high";
+        "Waypoint Altitude Type": "datum of the altitude: 0 and 1 by the altimeter setting, 2 above home, 3 ellipsoid";
+        "Waypoint to Speed": "DO_CHANGE_SPEED before it";
+        "Waypoint Speed Type": "0, 1 and 2 alike; arrival time is refused";
+        "Next Waypoint": "0 ends the route; of the end of a loop: its start";
+        "Turn Type": "1 flies over, within 3 m; 0 takes the vehicle's own radius";
+        "Waypoint Type": "0 normal, 1 the end of a loop (DO_JUMP)";
+        "Limit Type": "0 endless, 1 a count; a time is refused";
+        "Loop Limit": "how often the loop is flown";
+    } sends "on download" {
+        "Time Stamp": STAMP;
+        "Waypoint Number": AS_RECEIVED;
+        "Waypoint to Latitude or Relative Y": AS_RECEIVED;
+        "Waypoint to Longitude or Relative X": AS_RECEIVED;
+        "Location Type": AS_RECEIVED;
+        "Waypoint to Altitude": AS_RECEIVED;
+        "Waypoint Altitude Type": AS_RECEIVED;
+        "Altitude Change Behaviour": AS_RECEIVED;
+        "Waypoint to Speed": AS_RECEIVED;
+        "Waypoint Speed Type": AS_RECEIVED;
+        "Next Waypoint": AS_RECEIVED;
+        "Turn Type": AS_RECEIVED;
+        "Optional Messages for Waypoint": AS_RECEIVED;
+        "Waypoint Type": AS_RECEIVED;
+        "Limit Type": AS_RECEIVED;
+        "Loop Limit": AS_RECEIVED;
+        "Arrival Time": AS_RECEIVED;
+        "Activity ID": AS_RECEIVED;
+    }
+    13003 taken "stored; makes a loiter of the waypoint with its number" {
+        "Time Stamp": RECEIVED_STAMP;
+        "Waypoint Number": "1 to 65534";
+        "Waypoint Loiter Type": "1 circle, 4 hover (a multicopter hovers at both); others are refused";
+        "Loiter Radius": "of the circle of a fixed wing; above 1000 m it is refused";
+        "Loiter Direction": "of a fixed wing: 1 clockwise, 2 counter-clockwise; into the wind is refused";
+        "Loiter Speed": "within the circle of a fixed wing";
+        "Speed Type": "0, 1 and 2 alike; others are refused";
+        "Loiter Duration": "NAV_LOITER_TIME; absent or 0: unlimited (NAV_LOITER_UNLIM)";
+        "Loiter Duration Units": "0 seconds; 1 turns of a fixed wing, where radius and speed are given";
+    } sends "on download" {
+        "Time Stamp": STAMP;
+        "Waypoint Number": AS_RECEIVED;
+        "Waypoint Loiter Type": AS_RECEIVED;
+        "Loiter Radius": AS_RECEIVED;
+        "Loiter Length": AS_RECEIVED;
+        "Loiter Length Units": AS_RECEIVED;
+        "Loiter Bearing": AS_RECEIVED;
+        "Loiter Direction": AS_RECEIVED;
+        "Loiter Speed": AS_RECEIVED;
+        "Speed Type": AS_RECEIVED;
+        "Flying Behaviour": AS_RECEIVED;
+        "Loiter Duration": AS_RECEIVED;
+        "Loiter Duration Units": AS_RECEIVED;
+        "Activity ID": AS_RECEIVED;
+    }
+    14000 sends "during and after a 13000" {
+        "Time Stamp": STAMP;
+        "Mission ID": "of the 13000";
+        "Status": "MISSION_ACK; complete once the vehicle holds the plan, read back";
+        "Percent Complete": "items transferred";
+        "Waypoint Request": "the waypoint that a refusal is about";
+        "Mission Plan Mode": "of the 13000";
+    }
+}
