@@ -191,11 +191,6 @@ parameters! {
 pub struct Params(Vec<Value>);
 
 impl Params {
-    /// The defaults of this build.
-    pub fn new() -> Self {
-        Self(DEFAULTS.iter().map(|(_, value)| *value).collect())
-    }
-
     /// A parameter's number.
     pub fn get(&self, param: Param) -> f64 {
         match self.0[param as usize] {
@@ -243,8 +238,9 @@ impl Params {
 }
 
 impl Default for Params {
+    /// The defaults of this build.
     fn default() -> Self {
-        Self::new()
+        Self(DEFAULTS.iter().map(|(_, value)| *value).collect())
     }
 }
 
@@ -260,7 +256,7 @@ mod tests {
 
     #[test]
     fn every_parameter_is_served_and_stored_by_name() {
-        let mut params = Params::new();
+        let mut params = Params::default();
         assert_eq!(params.table().count(), DEFAULTS.len());
         let name = Name::new("NAV_DLL_ACT").unwrap();
         params.store(name, Value::Int(99));

@@ -49,8 +49,8 @@ struct Failsafe {
     then: Option<(f64, Mode)>,
 }
 
-/// The commander.
-#[derive(Debug, Clone)]
+/// The commander. The default is as PX4 boots: disarmed, in hold.
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Commander {
     armed: bool,
     armed_at: f64,
@@ -63,30 +63,11 @@ pub(crate) struct Commander {
     sticks_regained: bool,
     setpoints_at: Option<f64>,
     ground_station_at: Option<f64>,
-    ground_station_lost: bool,
+    ground_station_connected: bool,
     preflight_text_sent: bool,
 }
 
 impl Commander {
-    /// Disarmed, in hold, as PX4 boots.
-    pub(crate) fn new() -> Self {
-        Self {
-            armed: false,
-            armed_at: 0.0,
-            flown: false,
-            landed_at: None,
-            intended: Mode::Loiter,
-            failsafe: None,
-            overridden: [false; 3],
-            sticks_at: None,
-            sticks_regained: false,
-            setpoints_at: None,
-            ground_station_at: None,
-            ground_station_lost: true,
-            preflight_text_sent: false,
-        }
-    }
-
     /// Motors enabled.
     pub(crate) fn is_armed(&self) -> bool {
         self.armed
@@ -129,8 +110,8 @@ impl Commander {
 
     /// A ground station's HEARTBEAT was received. Its return ends no failsafe: as observed, PX4 resumes nothing by itself.
     pub(crate) fn ground_station(&mut self, now: f64, notes: &mut Vec<Note>) {
-        if self.ground_station_lost {
-            self.ground_station_lost = false;
+        if !self.ground_station_connected {
+            self.ground_station_connected = true;
             self.overridden[Cause::GroundStation as usize] = false;
             notes.push(Note::Info("GCS connection regained\t".into()));
         }
@@ -275,10 +256,10 @@ impl Commander {
             ));
         }
         if let Some(at) = self.ground_station_at
-            && !self.ground_station_lost
+            && self.ground_station_connected
             && facts.now - at > facts.params.get(Param::COM_DL_LOSS_T)
         {
-            self.ground_station_lost = true;
+            self.ground_station_connected = false;
             if !self.armed {
                 notes.push(Note::Info("Connection to ground station lost\t".into()));
             }
@@ -328,7 +309,7 @@ impl Commander {
         } else if self.sticks_lost(facts) {
             let action = after_loss(facts.params.int(Param::NAV_RCL_ACT));
             self.begin(Cause::Sticks, action, facts, notes);
-        } else if self.ground_station_lost
+        } else if !self.ground_station_connected
             && self.ground_station_at.is_some()
             && !self.overridden[Cause::GroundStation as usize]
         {
@@ -396,12 +377,6 @@ impl Commander {
             mode: Mode::Loiter,
             then: Some((facts.now + delay.max(0.0), action)),
         });
-    }
-}
-
-impl Default for Commander {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

@@ -5,7 +5,7 @@
 use mavlink_link::service::mission::Item;
 
 use super::view::View;
-use crate::config::Param;
+use crate::config::{Airframe, Param};
 use crate::physics::motion::{GRAVITY, Geodetic, LocalFrame, Ned};
 
 /// Where an item is.
@@ -18,11 +18,8 @@ pub(crate) fn place(item: &Item, view: &View<'_>) -> Ned {
             ..view.position
         };
     }
-    view.frame.to_local(Geodetic {
-        latitude_deg: f64::from(item.x) * 1e-7,
-        longitude_deg: f64::from(item.y) * 1e-7,
-        altitude_m,
-    })
+    view.frame
+        .to_local(Geodetic::from_e7(item.x, item.y, altitude_m))
 }
 
 /// The altitude of an item, metres AMSL; one that is not a number is the present altitude.
@@ -59,6 +56,17 @@ pub(crate) fn loiter_radius(item: &Item, view: &View<'_>) -> f64 {
     }
 }
 
+/// Acceptance radius of an item, m: a multicopter's waypoint may have its own.
+pub(crate) fn acceptance(item: &Item, view: &View<'_>) -> f64 {
+    let own = f64::from(item.params[1]);
+    let may = item.command == WAYPOINT && view.airframe == Airframe::Quad;
+    if may && own.is_finite() && own > 0.0 {
+        own
+    } else {
+        view.acceptance()
+    }
+}
+
 /// How early a plane turns: the tangent of its turn circle, at least the acceptance radius.
 pub(crate) fn turn_switch_distance(view: &View<'_>) -> f64 {
     let bank = view.params.get(Param::FW_R_LIM).to_radians().min(0.8);
@@ -91,13 +99,7 @@ impl Fence {
     /// From the stored items; what does not make an area is left out.
     pub(crate) fn new(items: &[Item], frame: &LocalFrame) -> Self {
         let mut fence = Self::default();
-        let place = |item: &Item| {
-            frame.to_local(Geodetic {
-                latitude_deg: f64::from(item.x) * 1e-7,
-                longitude_deg: f64::from(item.y) * 1e-7,
-                altitude_m: 0.0,
-            })
-        };
+        let place = |item: &Item| frame.to_local(Geodetic::from_e7(item.x, item.y, 0.0));
         let mut i = 0;
         while let Some(item) = items.get(i) {
             let side = match item.command {

@@ -7,7 +7,7 @@ use mavlink_link::service::mission::{Item, plan_id};
 
 use super::items::{
     CHANGE_SPEED, DELAY, JUMP, LAND, LOITER_TIME, LOITER_TO_ALT, LOITER_UNLIM, RETURN_TO_LAUNCH,
-    TAKEOFF, WAYPOINT, altitude_m, has_place, hold_time, loiter_radius, place,
+    TAKEOFF, acceptance, altitude_m, has_place, hold_time, loiter_radius, place,
     turn_switch_distance,
 };
 use super::view::{Note, View, loiter};
@@ -16,9 +16,10 @@ use crate::physics::motion::Ned;
 use crate::physics::trajectory::{Guidance, Heading, Leg};
 
 /// The phase within an item.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 enum Work {
     /// The item itself.
+    #[default]
     Item,
     /// Up to this height (local down) first, over this place.
     Climb(Ned),
@@ -28,8 +29,8 @@ enum Work {
     Landing,
 }
 
-/// The mission and how far it has come.
-#[derive(Debug, Clone)]
+/// The mission and how far it has come; the default is none.
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Mission {
     items: Vec<Item>,
     id: u32,
@@ -49,27 +50,6 @@ pub(crate) struct Mission {
 }
 
 impl Mission {
-    /// No mission.
-    pub(crate) fn new() -> Self {
-        Self {
-            items: Vec::new(),
-            id: 0,
-            feasible: None,
-            index: 0,
-            jumps: Vec::new(),
-            finished: false,
-            activated: false,
-            running: false,
-            reached: None,
-            work: Work::Item,
-            from: Ned::default(),
-            reached_at: None,
-            speed: None,
-            hold: None,
-            disarmed_inactive: false,
-        }
-    }
-
     /// Items aboard.
     pub(crate) fn count(&self) -> usize {
         self.items.len()
@@ -198,7 +178,7 @@ impl Mission {
         // entering the mode again in the air continues where it was.
         if self.disarmed_inactive && self.activated && self.index + 1 >= self.items.len() {
             self.index = 0;
-            self.jumps.iter_mut().for_each(|j| *j = 0);
+            self.jumps.fill(0);
             self.speed = None;
         }
         self.activated = true;
@@ -347,7 +327,7 @@ impl Mission {
             self.hold = Some(view.position);
             return;
         }
-        match self.next_index(self.index + 1, true) {
+        match self.next_index(self.index + 1) {
             Some(next) => {
                 self.index = next;
                 self.start_item(view, notes, false);
@@ -365,7 +345,7 @@ impl Mission {
                     }
                 });
                 if self.index + 1 == self.items.len() {
-                    self.jumps.iter_mut().for_each(|j| *j = 0);
+                    self.jumps.fill(0);
                 }
             }
         }
@@ -402,11 +382,7 @@ impl Mission {
             return false;
         }
         match view.airframe {
-            Airframe::Quad => {
-                let own = f64::from(item.params[1]);
-                let uses_own = item.command == WAYPOINT && own.is_finite() && own > 0.0;
-                off.horizontal() <= if uses_own { own } else { view.acceptance() }
-            }
+            Airframe::Quad => off.horizontal() <= acceptance(item, view),
             Airframe::Plane if matches!(item.command, LOITER_TIME | LOITER_TO_ALT) => {
                 off.horizontal() <= view.acceptance() + loiter_radius(item, view).abs()
             }
@@ -503,19 +479,13 @@ impl Mission {
                 altitude_d: target.d,
             };
         }
-        let own = f64::from(item.params[1]);
-        let uses_own = item.command == WAYPOINT
-            && own.is_finite()
-            && own > 0.0
-            && view.airframe == Airframe::Quad;
-        let acceptance = if uses_own { own } else { view.acceptance() };
         let brakes = stays || !item.autocontinue || hold_time(item) > 0.0;
         let next = if brakes { None } else { self.place_after(view) };
         Guidance::Leg(Leg {
             from: self.from,
             target,
             next: next.unwrap_or(target),
-            acceptance,
+            acceptance: acceptance(item, view),
             speed,
         })
     }
@@ -565,7 +535,7 @@ impl Mission {
     }
 
     /// The item to go on with at `index`, jumps taken.
-    fn next_index(&mut self, mut index: usize, take: bool) -> Option<usize> {
+    fn next_index(&mut self, mut index: usize) -> Option<usize> {
         for _ in 0..=self.items.len() {
             let item = self.items.get(index)?;
             if item.command != JUMP {
@@ -573,7 +543,7 @@ impl Mission {
             }
             index = match self.jump_target(index) {
                 Some(to) => {
-                    if take && let Some(count) = self.jumps.get_mut(index) {
+                    if let Some(count) = self.jumps.get_mut(index) {
                         *count = count.saturating_add(1);
                     }
                     to
@@ -582,11 +552,5 @@ impl Mission {
             };
         }
         None
-    }
-}
-
-impl Default for Mission {
-    fn default() -> Self {
-        Self::new()
     }
 }

@@ -2,35 +2,62 @@
 
 use mavlink::dialects::development::{MavModeFlag, MavStandardMode};
 
-/// A flight mode (PX4's navigation state).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Mode {
+macro_rules! modes {
+    ($($(#[$doc:meta])* $Mode:ident = $main:literal, $sub:literal, $standard:ident, $title:literal;)*) => {
+        /// A flight mode (PX4's navigation state).
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+        pub enum Mode { $($(#[$doc])* $Mode,)* }
+
+        impl Mode {
+            const ALL: &[Self] = &[$(Self::$Mode),*];
+
+            /// Main and sub mode.
+            pub fn main_sub(self) -> (u8, u8) {
+                match self { $(Self::$Mode => ($main, $sub),)* }
+            }
+
+            /// CURRENT_MODE.standard_mode.
+            pub fn standard_mode(self) -> MavStandardMode {
+                match self { $(Self::$Mode => MavStandardMode::$standard,)* }
+            }
+
+            /// The name in "Switching to ... is currently not available" and AVAILABLE_MODES.
+            pub fn title(self) -> &'static str {
+                match self { $(Self::$Mode => $title,)* }
+            }
+        }
+    };
+}
+
+// Main mode, sub mode, standard mode, title.
+modes! {
     /// Sticks to attitude; named only, see `docs/guide/simulator.md`.
-    Manual,
+    Manual = 1, 0, MAV_STANDARD_MODE_NON_STANDARD, "Manual";
     /// Sticks to attitude and climb.
-    AltCtl,
+    AltCtl = 2, 0, MAV_STANDARD_MODE_ALTITUDE_HOLD, "Altitude";
     /// Sticks to velocity.
-    PosCtl,
+    PosCtl = 3, 0, MAV_STANDARD_MODE_POSITION_HOLD, "Position";
     /// Named only.
-    Acro,
+    Acro = 5, 0, MAV_STANDARD_MODE_NON_STANDARD, "Acro";
     /// Named only.
-    Stabilized,
+    Stabilized = 7, 0, MAV_STANDARD_MODE_NON_STANDARD, "Stabilized";
     /// Setpoints from outside.
-    Offboard,
+    Offboard = 6, 0, MAV_STANDARD_MODE_NON_STANDARD, "Offboard";
     /// Circling a point (multicopter only).
-    Orbit,
+    Orbit = 3, 1, MAV_STANDARD_MODE_ORBIT, "Orbit";
     /// Climbing from the ground.
-    Takeoff,
-    /// Holding.
-    Loiter,
+    Takeoff = 4, 2, MAV_STANDARD_MODE_TAKEOFF, "Takeoff";
+    /// Holding: the mode in which PX4 boots.
+    #[default]
+    Loiter = 4, 3, MAV_STANDARD_MODE_NON_STANDARD, "Hold";
     /// Flying the mission.
-    Mission,
+    Mission = 4, 4, MAV_STANDARD_MODE_MISSION, "Mission";
     /// Going home.
-    Rtl,
+    Rtl = 4, 5, MAV_STANDARD_MODE_SAFE_RECOVERY, "Return";
     /// Coming down here.
-    Land,
+    Land = 4, 6, MAV_STANDARD_MODE_LAND, "Land";
     /// Motors off for good.
-    Termination,
+    Termination = 10, 0, MAV_STANDARD_MODE_NON_STANDARD, "Termination";
 }
 
 /// Why a main or sub mode was not understood.
@@ -49,42 +76,21 @@ impl Mode {
         u32::from(main) << 16 | u32::from(sub) << 24
     }
 
-    /// Main and sub mode.
-    pub fn main_sub(self) -> (u8, u8) {
-        match self {
-            Self::Manual => (1, 0),
-            Self::AltCtl => (2, 0),
-            Self::PosCtl => (3, 0),
-            Self::Orbit => (3, 1),
-            Self::Takeoff => (4, 2),
-            Self::Loiter => (4, 3),
-            Self::Mission => (4, 4),
-            Self::Rtl => (4, 5),
-            Self::Land => (4, 6),
-            Self::Acro => (5, 0),
-            Self::Offboard => (6, 0),
-            Self::Stabilized => (7, 0),
-            Self::Termination => (10, 0),
-        }
-    }
-
     /// What DO_SET_MODE's param2 and param3 mean; auto without a sub mode is the mission.
     pub fn from_main_sub(main: u8, sub: u8) -> Result<Self, UnknownMode> {
-        Ok(match (main, sub) {
-            (1, _) => Self::Manual,
-            (2, _) => Self::AltCtl,
-            (3, _) => Self::PosCtl,
-            (4, 0 | 4) => Self::Mission,
-            (4, 2) => Self::Takeoff,
-            (4, 3) => Self::Loiter,
-            (4, 5) => Self::Rtl,
-            (4, 6) => Self::Land,
-            (4, _) => return Err(UnknownMode::Auto),
-            (5, _) => Self::Acro,
-            (6, _) => Self::Offboard,
-            (7, _) => Self::Stabilized,
-            _ => return Err(UnknownMode::Main),
-        })
+        let find = |wanted| {
+            Self::ALL
+                .iter()
+                .copied()
+                .find(|mode| mode.main_sub() == wanted)
+        };
+        match (main, sub) {
+            (4, 0) => Ok(Self::Mission),
+            (4, _) => find((4, sub)).ok_or(UnknownMode::Auto),
+            // Of the others PX4 does not look at the sub mode.
+            (1..=7, _) => find((main, 0)).ok_or(UnknownMode::Main),
+            _ => Err(UnknownMode::Main),
+        }
     }
 
     /// HEARTBEAT.base_mode.
@@ -115,51 +121,10 @@ impl Mode {
         bits
     }
 
-    /// CURRENT_MODE.standard_mode.
-    pub fn standard_mode(self) -> MavStandardMode {
-        match self {
-            Self::PosCtl => MavStandardMode::MAV_STANDARD_MODE_POSITION_HOLD,
-            Self::Orbit => MavStandardMode::MAV_STANDARD_MODE_ORBIT,
-            Self::AltCtl => MavStandardMode::MAV_STANDARD_MODE_ALTITUDE_HOLD,
-            Self::Rtl => MavStandardMode::MAV_STANDARD_MODE_SAFE_RECOVERY,
-            Self::Mission => MavStandardMode::MAV_STANDARD_MODE_MISSION,
-            Self::Land => MavStandardMode::MAV_STANDARD_MODE_LAND,
-            Self::Takeoff => MavStandardMode::MAV_STANDARD_MODE_TAKEOFF,
-            _ => MavStandardMode::MAV_STANDARD_MODE_NON_STANDARD,
-        }
-    }
-
     /// The mode of DO_SET_STANDARD_MODE param1, where there is one.
     pub fn from_standard(standard: u32) -> Option<Self> {
-        Some(match standard {
-            1 => Self::PosCtl,
-            2 => Self::Orbit,
-            4 => Self::AltCtl,
-            5 => Self::Rtl,
-            6 => Self::Mission,
-            7 => Self::Land,
-            8 => Self::Takeoff,
-            _ => return None,
-        })
-    }
-
-    /// The name in "Switching to ... is currently not available" and AVAILABLE_MODES.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Manual => "Manual",
-            Self::AltCtl => "Altitude",
-            Self::PosCtl => "Position",
-            Self::Acro => "Acro",
-            Self::Stabilized => "Stabilized",
-            Self::Offboard => "Offboard",
-            Self::Orbit => "Orbit",
-            Self::Takeoff => "Takeoff",
-            Self::Loiter => "Hold",
-            Self::Mission => "Mission",
-            Self::Rtl => "Return",
-            Self::Land => "Land",
-            Self::Termination => "Termination",
-        }
+        let mut named = Self::ALL.iter().copied().filter(|_| standard != 0);
+        named.find(|mode| mode.standard_mode() as u32 == standard)
     }
 
     /// True where the pilot's sticks steer.

@@ -2,14 +2,12 @@
 //!
 //! One step takes a view of the vehicle and returns where to go, where to look, notes, and the mode that follows.
 
-use crate::config::Airframe;
-use crate::config::Param;
+use crate::config::{Airframe, Param};
 use crate::flight::mission::Mission;
 use crate::flight::mode::Mode;
 use crate::flight::view::{Note, View, loiter};
 use crate::physics::motion::Ned;
-use crate::physics::trajectory::Leg;
-use crate::physics::trajectory::{Guidance, Heading};
+use crate::physics::trajectory::{Guidance, Heading, Leg};
 
 /// The target of DO_REPOSITION.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,6 +20,18 @@ pub(crate) struct Reposition {
     pub speed: Option<f64>,
     /// Loiter radius of a plane, m, where given; positive is clockwise.
     pub radius: Option<f64>,
+}
+
+impl Reposition {
+    /// To this place, and nothing more.
+    pub(crate) fn to(target: Ned) -> Self {
+        Self {
+            target,
+            yaw: f64::NAN,
+            speed: None,
+            radius: None,
+        }
+    }
 }
 
 /// The circle of DO_ORBIT.
@@ -48,16 +58,17 @@ pub(crate) struct Step {
     pub then: Option<Mode>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 enum Return {
     Climb(f64),
     Back(f64),
     Down,
+    #[default]
     Land,
 }
 
-/// The navigator.
-#[derive(Debug, Clone)]
+/// The navigator; the default has nothing active and no mission.
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Navigator {
     /// The mission and its progress.
     pub mission: Mission,
@@ -72,21 +83,6 @@ pub(crate) struct Navigator {
 }
 
 impl Navigator {
-    /// Nothing active, no mission.
-    pub(crate) fn new() -> Self {
-        Self {
-            mission: Mission::new(),
-            active: None,
-            hold: Ned::default(),
-            reposition: None,
-            takeoff_altitude: None,
-            takeoff_target: Ned::default(),
-            homeward: Return::Land,
-            orbit: None,
-            speed: None,
-        }
-    }
-
     /// NAV_TAKEOFF's altitude, AMSL; none is MIS_TAKEOFF_ALT above here.
     pub(crate) fn set_takeoff_altitude(&mut self, amsl: Option<f64>) {
         self.takeoff_altitude = amsl;
@@ -350,12 +346,6 @@ impl Navigator {
             altitude_d: orbit.centre.d,
         };
         (guidance, Heading::Along)
-    }
-}
-
-impl Default for Navigator {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

@@ -110,11 +110,7 @@ impl Setpoint {
         home: Ned,
     ) -> Option<Self> {
         let mask = m.type_mask.bits();
-        let at = frame.to_local(Geodetic {
-            latitude_deg: f64::from(m.lat_int) * 1e-7,
-            longitude_deg: f64::from(m.lon_int) * 1e-7,
-            altitude_m: f64::from(m.alt),
-        });
+        let at = frame.to_local(Geodetic::from_e7(m.lat_int, m.lon_int, m.alt.into()));
         let d = match m.coordinate_frame as u32 {
             0 | 5 => at.d,
             3 | 6 => home.d - f64::from(m.alt),

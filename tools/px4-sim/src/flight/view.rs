@@ -3,11 +3,9 @@
 //! The notes keep the flight stack free of messages: the vehicle turns them into STATUSTEXT, MISSION_ITEM_REACHED and mode
 //! changes.
 
-use crate::config::Airframe;
-use crate::config::{Param, Params};
+use crate::config::{Airframe, Param, Params};
 use crate::physics::motion::{LocalFrame, Ned};
-use crate::physics::trajectory::Guidance;
-use crate::physics::trajectory::Leg;
+use crate::physics::trajectory::{Guidance, Leg};
 
 /// What the navigator knows of the vehicle.
 #[derive(Debug, Clone, Copy)]

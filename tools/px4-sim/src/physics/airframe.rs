@@ -1,13 +1,10 @@
 //! Either airframe behind one set of calls, and the parameters that it flies by.
 
-use crate::config::{Airframe, Config};
-use crate::config::{Param, Params};
-use crate::physics::motion::Motion;
-use crate::physics::motion::Ned;
+use crate::config::{Airframe, Config, Param, Params};
+use crate::physics::motion::{Motion, Ned};
 use crate::physics::plane::{Plane, PlaneTuning};
 use crate::physics::quad::{Quad, QuadTuning};
-use crate::physics::trajectory::{Guidance, Heading};
-use crate::physics::trajectory::{Limits, Trajectory};
+use crate::physics::trajectory::{Guidance, Heading, Limits, Trajectory};
 
 /// One of the airframes.
 #[derive(Debug, Clone)]
@@ -38,32 +35,32 @@ impl Body {
     /// The true motion.
     pub(crate) fn motion(&self) -> &Motion {
         match self {
-            Self::Quad(quad) => quad.motion(),
-            Self::Plane(plane) => plane.motion(),
+            Self::Quad(quad) => &quad.motion,
+            Self::Plane(plane) => &plane.motion,
         }
     }
 
     /// Setpoint of the trajectory.
     pub(crate) fn setpoint(&self) -> &Trajectory {
         match self {
-            Self::Quad(quad) => quad.setpoint(),
-            Self::Plane(plane) => plane.setpoint(),
+            Self::Quad(quad) => &quad.trajectory,
+            Self::Plane(plane) => &plane.target,
         }
     }
 
     /// Heading setpoint, radians.
     pub(crate) fn heading_setpoint(&self) -> f64 {
         match self {
-            Self::Quad(quad) => quad.heading_setpoint(),
-            Self::Plane(plane) => plane.motion().attitude[2],
+            Self::Quad(quad) => quad.heading,
+            Self::Plane(plane) => plane.motion.attitude[2],
         }
     }
 
     /// Throttle, 0 to 1.
     pub(crate) fn throttle(&self) -> f64 {
         match self {
-            Self::Quad(quad) => quad.throttle(),
-            Self::Plane(plane) => plane.throttle(),
+            Self::Quad(quad) => quad.throttle,
+            Self::Plane(plane) => plane.throttle,
         }
     }
 
@@ -71,7 +68,7 @@ impl Body {
     pub(crate) fn airspeed(&self) -> Option<f64> {
         match self {
             Self::Quad(_) => None,
-            Self::Plane(plane) => Some(plane.airspeed()),
+            Self::Plane(plane) => Some(plane.airspeed),
         }
     }
 

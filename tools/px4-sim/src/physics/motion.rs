@@ -17,6 +17,17 @@ pub struct Geodetic {
     pub altitude_m: f64,
 }
 
+impl Geodetic {
+    /// From MAVLink's latitude and longitude, degrees times 1e7.
+    pub(crate) fn from_e7(latitude: i32, longitude: i32, altitude_m: f64) -> Self {
+        Self {
+            latitude_deg: f64::from(latitude) * 1e-7,
+            longitude_deg: f64::from(longitude) * 1e-7,
+            altitude_m,
+        }
+    }
+}
+
 /// North, east, down in metres (or metres a second, and so on).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Ned {
@@ -37,11 +48,6 @@ impl Ned {
     /// Length of the horizontal part.
     pub fn horizontal(self) -> f64 {
         self.n.hypot(self.e)
-    }
-
-    /// The horizontal part.
-    pub fn xy(self) -> [f64; 2] {
-        [self.n, self.e]
     }
 
     /// Direction of the horizontal part, radians clockwise from north.

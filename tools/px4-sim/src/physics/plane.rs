@@ -1,11 +1,9 @@
 //! A fixed wing: it flies at an airspeed, turns by banking, drifts with the wind, and never stops
 //! before it has landed.
 
-use crate::physics::motion::{GRAVITY, Motion};
-use crate::physics::motion::{Ned, wrap_pi};
+use crate::physics::motion::{GRAVITY, Motion, Ned, wrap_pi};
 use crate::physics::noise::{Drift, Noise};
-use crate::physics::trajectory::Guidance;
-use crate::physics::trajectory::{Leg, Trajectory};
+use crate::physics::trajectory::{Guidance, Leg, Trajectory};
 
 /// What the guidance needs from the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,15 +23,19 @@ pub(crate) struct PlaneTuning {
 /// The airframe's state.
 #[derive(Debug, Clone)]
 pub(crate) struct Plane {
-    motion: Motion,
-    target: Trajectory,
-    airspeed: f64,
+    /// The true motion.
+    pub motion: Motion,
+    /// Where it is going.
+    pub target: Trajectory,
+    /// m/s.
+    pub airspeed: f64,
     climb: f64,
     bank: f64,
     wind: [f64; 2],
     turbulence: Drift,
     noise: Noise,
-    throttle: f64,
+    /// 0 to 1.
+    pub throttle: f64,
 }
 
 /// What the guidance law requests.
@@ -60,26 +62,6 @@ impl Plane {
             noise: Noise::new(seed ^ 0xF1A9),
             throttle: 0.0,
         }
-    }
-
-    /// The true motion.
-    pub(crate) fn motion(&self) -> &Motion {
-        &self.motion
-    }
-
-    /// Where it is going.
-    pub(crate) fn setpoint(&self) -> &Trajectory {
-        &self.target
-    }
-
-    /// Throttle, 0 to 1.
-    pub(crate) fn throttle(&self) -> f64 {
-        self.throttle
-    }
-
-    /// Airspeed, m/s.
-    pub(crate) fn airspeed(&self) -> f64 {
-        self.airspeed
     }
 
     /// One step; `error` is the estimator's position error.

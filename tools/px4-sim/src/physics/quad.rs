@@ -1,11 +1,9 @@
 //! A quadrotor: it follows a trajectory as PX4's controllers make it, a little late and a little
 //! off, tilts into its acceleration, and stands on flat ground at the height of its home.
 
-use crate::physics::motion::{GRAVITY, Motion, tilt_for};
-use crate::physics::motion::{Ned, wrap_pi};
+use crate::physics::motion::{GRAVITY, Motion, Ned, tilt_for, wrap_pi};
 use crate::physics::noise::{Drift, Noise};
-use crate::physics::trajectory::{Guidance, Heading};
-use crate::physics::trajectory::{Limits, Trajectory, braking_speed};
+use crate::physics::trajectory::{Guidance, Heading, Limits, Trajectory, braking_speed};
 
 /// What the controllers need from the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,10 +33,13 @@ pub(crate) struct QuadTuning {
 /// The airframe's state.
 #[derive(Debug, Clone)]
 pub(crate) struct Quad {
-    motion: Motion,
-    trajectory: Trajectory,
+    /// The true motion.
+    pub motion: Motion,
+    /// The present setpoint: position, velocity, acceleration.
+    pub trajectory: Trajectory,
     steering: Steering,
-    heading: f64,
+    /// Heading setpoint, radians.
+    pub heading: f64,
     heading_rate: f64,
     /// Acceleration that the rotors give besides holding the weight.
     push: Ned,
@@ -47,7 +48,8 @@ pub(crate) struct Quad {
     wind: [f64; 2],
     gusts: [Drift; 3],
     noise: Noise,
-    throttle: f64,
+    /// 0 to 1.
+    pub throttle: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,26 +83,6 @@ impl Quad {
             noise: Noise::new(seed ^ 0x51AD),
             throttle: 0.0,
         }
-    }
-
-    /// The true motion.
-    pub(crate) fn motion(&self) -> &Motion {
-        &self.motion
-    }
-
-    /// The trajectory's present setpoint: position, velocity, acceleration.
-    pub(crate) fn setpoint(&self) -> &Trajectory {
-        &self.trajectory
-    }
-
-    /// Throttle, 0 to 1.
-    pub(crate) fn throttle(&self) -> f64 {
-        self.throttle
-    }
-
-    /// Heading setpoint, radians.
-    pub(crate) fn heading_setpoint(&self) -> f64 {
-        self.heading
     }
 
     /// One step. `error` is the estimator's present position error: the controllers steer by what

@@ -7,6 +7,7 @@
 
 use std::time::Duration;
 
+use mavlink::Message as _;
 use mavlink::dialects::development::{
     MISSION_ACK_DATA, MISSION_COUNT_DATA, MISSION_REQUEST_DATA, MISSION_REQUEST_INT_DATA,
     MavMessage, MavMissionResult, MavMissionType,
@@ -146,18 +147,12 @@ impl<R: ItemRules> Server<R> {
     /// Takes a message of `from`; returns whether it was for this service.
     pub fn handle_message(&mut self, now: Duration, from: Node, message: &MavMessage) -> bool {
         use MavMessage as M;
-        let target = match message {
-            M::MISSION_ACK(m) => Node::new(m.target_system, m.target_component),
-            M::MISSION_SET_CURRENT(m) => Node::new(m.target_system, m.target_component),
-            M::MISSION_REQUEST_LIST(m) => Node::new(m.target_system, m.target_component),
-            M::MISSION_REQUEST(m) => Node::new(m.target_system, m.target_component),
-            M::MISSION_REQUEST_INT(m) => Node::new(m.target_system, m.target_component),
-            M::MISSION_COUNT(m) => Node::new(m.target_system, m.target_component),
-            M::MISSION_ITEM(m) => Node::new(m.target_system, m.target_component),
-            M::MISSION_ITEM_INT(m) => Node::new(m.target_system, m.target_component),
-            M::MISSION_CLEAR_ALL(m) => Node::new(m.target_system, m.target_component),
-            _ => return false,
+        let (Some(system), Some(component)) =
+            (message.target_system_id(), message.target_component_id())
+        else {
+            return false;
         };
+        let target = Node::new(system, component);
         let planner = target == Node::new(self.us.system, MISSION_PLANNER);
         if !planner && !self.us.is_target(target.system, target.component) {
             return false;
@@ -186,7 +181,7 @@ impl<R: ItemRules> Server<R> {
                 self.handle_item(now, from, m.seq, m.mission_type, m.into(), bytes);
             }
             M::MISSION_CLEAR_ALL(m) => self.handle_clear(now, from, m.mission_type),
-            _ => {}
+            _ => return false,
         }
         true
     }
@@ -279,12 +274,10 @@ impl<R: ItemRules> Server<R> {
         }
         self.last_heard = now;
         self.kind = kind;
-        if kind == MavMissionType::MAV_MISSION_TYPE_ALL {
-            for kind in KINDS {
-                self.store(kind, Vec::new(), 0);
+        for each in KINDS {
+            if [each, MavMissionType::MAV_MISSION_TYPE_ALL].contains(&kind) {
+                self.store(each, Vec::new(), 0);
             }
-        } else {
-            self.store(kind, Vec::new(), 0);
         }
         self.send_ack(from, MavMissionResult::MAV_MISSION_ACCEPTED, 0);
     }
@@ -293,11 +286,8 @@ impl<R: ItemRules> Server<R> {
         let Some(index) = index(kind) else {
             return;
         };
-        let start = (0u16..)
-            .zip(&items)
-            .filter(|(_, item)| item.current)
-            .map(|(seq, _)| seq)
-            .last();
+        let start = items.iter().rposition(|item| item.current);
+        let start = start.and_then(|seq| u16::try_from(seq).ok());
         self.plans[index] = Plan { items, opaque_id };
         if kind == MavMissionType::MAV_MISSION_TYPE_MISSION {
             self.current = start;

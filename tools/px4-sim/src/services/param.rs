@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crc::{CRC_32_JAMCRC, Crc};
+use mavlink::Message as _;
 use mavlink::dialects::development::{
     MavMessage, MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_REQUEST_READ_DATA,
     PARAM_SET_DATA, PARAM_VALUE_DATA,
@@ -70,23 +71,23 @@ impl Server {
 
     /// Takes a message of `from`; returns whether it was for this service.
     pub fn handle_message(&mut self, now: Duration, from: Node, message: &MavMessage) -> bool {
+        let (Some(system), Some(component)) =
+            (message.target_system_id(), message.target_component_id())
+        else {
+            return false;
+        };
+        if !self.us.is_target(system, component) {
+            return false;
+        }
         match message {
-            MavMessage::PARAM_REQUEST_LIST(m)
-                if self.us.is_target(m.target_system, m.target_component) =>
-            {
+            MavMessage::PARAM_REQUEST_LIST(_) => {
                 if self.listing.is_none() {
                     self.send_hash();
                 }
                 self.listing = Some((0, now));
             }
-            MavMessage::PARAM_REQUEST_READ(m)
-                if self.us.is_target(m.target_system, m.target_component) =>
-            {
-                self.handle_read(from, m);
-            }
-            MavMessage::PARAM_SET(m) if self.us.is_target(m.target_system, m.target_component) => {
-                self.handle_set(from, m);
-            }
+            MavMessage::PARAM_REQUEST_READ(m) => self.handle_read(from, m),
+            MavMessage::PARAM_SET(m) => self.handle_set(from, m),
             _ => return false,
         }
         true

@@ -3,6 +3,9 @@
 //! The default rates are those of PX4's ground station link in its simulator, where px4-rc.mavlink raises seven streams
 //! to 50 Hz; on a real board they are 5 to 15 Hz.
 
+use mavlink::MessageData as _;
+use mavlink::dialects::development as mav;
+
 /// A stream's default rate on PX4's ground station link in its simulator.
 #[derive(Debug, Clone, Copy)]
 struct Stream {
@@ -16,65 +19,32 @@ struct Stream {
 #[derive(Debug, Clone)]
 pub(crate) struct Streams(Vec<Stream>);
 
-/// Message ids of the streams.
-pub(crate) mod id {
-    #![allow(missing_docs, reason = "each has the name of its message")]
-    pub(crate) const HEARTBEAT: u32 = 0;
-    pub(crate) const SYS_STATUS: u32 = 1;
-    pub(crate) const SYSTEM_TIME: u32 = 2;
-    pub(crate) const GPS_RAW_INT: u32 = 24;
-    pub(crate) const ATTITUDE: u32 = 30;
-    pub(crate) const ATTITUDE_QUATERNION: u32 = 31;
-    pub(crate) const LOCAL_POSITION_NED: u32 = 32;
-    pub(crate) const GLOBAL_POSITION_INT: u32 = 33;
-    pub(crate) const SERVO_OUTPUT_RAW: u32 = 36;
-    pub(crate) const MISSION_CURRENT: u32 = 42;
-    pub(crate) const GPS_GLOBAL_ORIGIN: u32 = 49;
-    pub(crate) const VFR_HUD: u32 = 74;
-    pub(crate) const ATTITUDE_TARGET: u32 = 83;
-    pub(crate) const POSITION_TARGET_LOCAL_NED: u32 = 85;
-    pub(crate) const POSITION_TARGET_GLOBAL_INT: u32 = 87;
-    pub(crate) const ALTITUDE: u32 = 141;
-    pub(crate) const BATTERY_STATUS: u32 = 147;
-    pub(crate) const AUTOPILOT_VERSION: u32 = 148;
-    pub(crate) const ESTIMATOR_STATUS: u32 = 230;
-    pub(crate) const WIND_COV: u32 = 231;
-    pub(crate) const VIBRATION: u32 = 241;
-    pub(crate) const HOME_POSITION: u32 = 242;
-    pub(crate) const MESSAGE_INTERVAL: u32 = 244;
-    pub(crate) const EXTENDED_SYS_STATE: u32 = 245;
-    pub(crate) const PROTOCOL_VERSION: u32 = 300;
-    pub(crate) const ORBIT_EXECUTION_STATUS: u32 = 360;
-    pub(crate) const AVAILABLE_MODES: u32 = 435;
-    pub(crate) const CURRENT_MODE: u32 = 436;
-}
-
 /// Message, default interval in microseconds; negative is off.
 const DEFAULTS: &[(u32, i32)] = &[
-    (id::HEARTBEAT, 1_000_000),
-    (id::SYS_STATUS, 1_000_000),
-    (id::SYSTEM_TIME, -1),
-    (id::GPS_RAW_INT, 200_000),
-    (id::ATTITUDE, 20_000),
-    (id::ATTITUDE_QUATERNION, 20_000),
-    (id::LOCAL_POSITION_NED, 20_000),
-    (id::GLOBAL_POSITION_INT, 20_000),
-    (id::SERVO_OUTPUT_RAW, 20_000),
-    (id::MISSION_CURRENT, 1_000_000),
-    (id::GPS_GLOBAL_ORIGIN, -1),
-    (id::VFR_HUD, 250_000),
-    (id::ATTITUDE_TARGET, 20_000),
-    (id::POSITION_TARGET_LOCAL_NED, 20_000),
-    (id::POSITION_TARGET_GLOBAL_INT, 1_000_000),
-    (id::ALTITUDE, 1_000_000),
-    (id::BATTERY_STATUS, 2_000_000),
-    (id::ESTIMATOR_STATUS, 2_000_000),
-    (id::WIND_COV, 2_000_000),
-    (id::VIBRATION, 10_000_000),
-    (id::HOME_POSITION, 2_000_000),
-    (id::EXTENDED_SYS_STATE, 1_000_000),
-    (id::ORBIT_EXECUTION_STATUS, 500_000),
-    (id::CURRENT_MODE, 2_000_000),
+    (mav::HEARTBEAT_DATA::ID, 1_000_000),
+    (mav::SYS_STATUS_DATA::ID, 1_000_000),
+    (mav::SYSTEM_TIME_DATA::ID, -1),
+    (mav::GPS_RAW_INT_DATA::ID, 200_000),
+    (mav::ATTITUDE_DATA::ID, 20_000),
+    (mav::ATTITUDE_QUATERNION_DATA::ID, 20_000),
+    (mav::LOCAL_POSITION_NED_DATA::ID, 20_000),
+    (mav::GLOBAL_POSITION_INT_DATA::ID, 20_000),
+    (mav::SERVO_OUTPUT_RAW_DATA::ID, 20_000),
+    (mav::MISSION_CURRENT_DATA::ID, 1_000_000),
+    (mav::GPS_GLOBAL_ORIGIN_DATA::ID, -1),
+    (mav::VFR_HUD_DATA::ID, 250_000),
+    (mav::ATTITUDE_TARGET_DATA::ID, 20_000),
+    (mav::POSITION_TARGET_LOCAL_NED_DATA::ID, 20_000),
+    (mav::POSITION_TARGET_GLOBAL_INT_DATA::ID, 1_000_000),
+    (mav::ALTITUDE_DATA::ID, 1_000_000),
+    (mav::BATTERY_STATUS_DATA::ID, 2_000_000),
+    (mav::ESTIMATOR_STATUS_DATA::ID, 2_000_000),
+    (mav::WIND_COV_DATA::ID, 2_000_000),
+    (mav::VIBRATION_DATA::ID, 10_000_000),
+    (mav::HOME_POSITION_DATA::ID, 2_000_000),
+    (mav::EXTENDED_SYS_STATE_DATA::ID, 1_000_000),
+    (mav::ORBIT_EXECUTION_STATUS_DATA::ID, 500_000),
+    (mav::CURRENT_MODE_DATA::ID, 2_000_000),
 ];
 
 impl Streams {
@@ -150,7 +120,7 @@ mod tests {
             let mut n = 0;
             for step in from..from + 2500 {
                 streams.poll(f64::from(step) * 0.004, |id| {
-                    n += u32::from(id == id::ATTITUDE)
+                    n += u32::from(id == mav::ATTITUDE_DATA::ID)
                 });
             }
             n

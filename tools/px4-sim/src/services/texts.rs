@@ -9,7 +9,7 @@ use mavlink::dialects::development::{MavMessage, MavSeverity, STATUSTEXT_DATA};
 use mavlink::types::CharArray;
 
 /// The queue of texts. What does not fit is lost, as it is in PX4.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Texts {
     waiting: VecDeque<(MavSeverity, String)>,
     next_id: u16,
@@ -17,15 +17,6 @@ pub(crate) struct Texts {
 }
 
 impl Texts {
-    /// An empty queue.
-    pub(crate) fn new() -> Self {
-        Self {
-            waiting: VecDeque::new(),
-            next_id: 0,
-            due: 0.0,
-        }
-    }
-
     /// Queues a text.
     pub(crate) fn queue(&mut self, severity: MavSeverity, text: impl Into<String>) {
         if self.waiting.len() < CAPACITY {
@@ -57,12 +48,6 @@ impl Texts {
     }
 }
 
-impl Default for Texts {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 const CHUNK: usize = 50;
 const CAPACITY: usize = 64;
 const SPACING_S: f64 = 0.05;
@@ -73,7 +58,7 @@ mod tests {
 
     #[test]
     fn a_long_text_is_sent_in_chunks_and_the_next_one_later() {
-        let mut texts = Texts::new();
+        let mut texts = Texts::default();
         texts.queue(MavSeverity::MAV_SEVERITY_INFO, "x".repeat(52));
         texts.queue(MavSeverity::MAV_SEVERITY_INFO, "y");
         let mut out = Vec::new();

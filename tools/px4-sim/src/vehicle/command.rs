@@ -1,7 +1,7 @@
 //! One command, whichever of COMMAND_LONG and COMMAND_INT brought it.
 
 use mavlink::dialects::development::{COMMAND_INT_DATA, COMMAND_LONG_DATA};
-
+use mavlink::{MavlinkVersion, MessageData};
 use mavlink_link::service::Node;
 
 /// A command as PX4 handles it inside: param5 and param6 in double precision.
@@ -67,35 +67,12 @@ impl Command {
 
     /// From the dialect's struct.
     pub(crate) fn from_long(m: &COMMAND_LONG_DATA, from: Node) -> Self {
-        Self {
-            id: m.command as u16,
-            params: [
-                m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7,
-            ]
-            .map(f64::from),
-            target: Node::new(m.target_system, m.target_component),
-            from,
-            garbled: false,
-        }
+        Self::from_long_payload(&payload(m), from)
     }
 
     /// From the dialect's struct.
     pub(crate) fn from_int(m: &COMMAND_INT_DATA, from: Node) -> Self {
-        let mut payload = [0; 35];
-        for (i, p) in [m.param1, m.param2, m.param3, m.param4]
-            .into_iter()
-            .enumerate()
-        {
-            payload[i * 4..i * 4 + 4].copy_from_slice(&p.to_le_bytes());
-        }
-        payload[16..20].copy_from_slice(&m.x.to_le_bytes());
-        payload[20..24].copy_from_slice(&m.y.to_le_bytes());
-        payload[24..28].copy_from_slice(&m.z.to_le_bytes());
-        payload[28..30].copy_from_slice(&(m.command as u16).to_le_bytes());
-        payload[30] = m.target_system;
-        payload[31] = m.target_component;
-        payload[32] = m.frame as u8;
-        Self::from_int_payload(&payload, from)
+        Self::from_int_payload(&payload(m), from)
     }
 
     /// Parameter `number`, 1 to 7.
@@ -121,6 +98,17 @@ pub(crate) enum Answer {
     Unsupported = 3,
     Failed = 4,
     NotInControl = 10,
+}
+
+/// Whether a message is for this node; 0 is every system, and every component.
+pub(crate) fn is_for(own: Node, system: u8, component: u8) -> bool {
+    (system == own.system || system == 0) && (component == own.component || component == 0)
+}
+
+fn payload(message: &impl MessageData) -> [u8; 255] {
+    let mut bytes = [0; 255];
+    message.ser(MavlinkVersion::V2, &mut bytes);
+    bytes
 }
 
 /// Bytes of a payload; what the sender trimmed is zero.

@@ -2,27 +2,27 @@
 //!
 //! The numbers are those of MAV_CMD; the answers those seen of PX4 v1.18.
 
-use mavlink::dialects::development::{MESSAGE_INTERVAL_DATA, MavMessage, MavSeverity};
-use mavlink::{MavlinkVersion, Message as _};
+use mavlink::dialects::development as mav;
+use mavlink::dialects::development::{MavMessage, MavSeverity};
+use mavlink::{MavlinkVersion, Message as _, MessageData as _};
+use mavlink_link::service::Node;
 
-use super::command::{Answer, Command, REQUEST_OPERATOR_CONTROL};
+use super::command::{Answer, Command, REQUEST_OPERATOR_CONTROL, is_for};
 use super::state::{Outgoing, Vehicle};
 use crate::config::Airframe;
 use crate::flight::mode::{Mode, UnknownMode};
 use crate::flight::navigator::{Orbit, Reposition};
 use crate::physics::motion::{Geodetic, Ned};
 use crate::services::mission_rules::{Airframe as ParamUse, first_unused_param_set};
-use crate::services::streams::id;
 
 impl Vehicle {
     /// Queues a command. When one more arrives than the queue holds, the oldest is lost silently: as observed, 200 commands
     /// back to back lose most acknowledgements, so a bridge must keep one command outstanding and retry.
     pub(crate) fn queue_command(&mut self, command: Command) {
         let own = self.node();
-        let system = command.target.system == 0 || command.target.system == own.system;
-        let component = command.target.component == 0 || command.target.component == own.component;
+        let Node { system, component } = command.target;
         // PX4 ignores a command from its own system and component.
-        if !system || !component || command.from == own {
+        if !is_for(own, system, component) || command.from == own {
             self.counters.commands_ignored += 1;
             return;
         }
@@ -76,10 +76,10 @@ impl Vehicle {
         payload[8] = command.from.system;
         payload[9] = command.from.component;
         // The dialect's struct where it knows the command.
-        match MavMessage::parse(MavlinkVersion::V2, COMMAND_ACK, &payload) {
+        match MavMessage::parse(MavlinkVersion::V2, mav::COMMAND_ACK_DATA::ID, &payload) {
             Ok(message) => self.send(message),
             Err(_) => self.out.push_back(Outgoing::Raw {
-                id: COMMAND_ACK,
+                id: mav::COMMAND_ACK_DATA::ID,
                 payload,
             }),
         }
@@ -114,7 +114,7 @@ impl Vehicle {
             300 => self.start_mission(c),
             400 => self.arm_or_disarm(c),
             401 => Answer::Accepted,
-            410 => self.request_message(id::HOME_POSITION, c),
+            410 => self.request_message(mav::HOME_POSITION_DATA::ID, c),
             510 => self.get_interval(c),
             511 => {
                 let now = self.now();
@@ -145,19 +145,18 @@ impl Vehicle {
             }
             Answer::Accepted
         } else {
-            self.critical(&format!(
-                "Switching to {} is currently not available",
-                mode.title()
-            ));
-            Answer::TemporarilyRejected
+            self.unavailable(mode)
         }
     }
 
+    fn unavailable(&mut self, mode: Mode) -> Answer {
+        let title = mode.title();
+        self.critical(&format!("Switching to {title} is currently not available"));
+        Answer::TemporarilyRejected
+    }
+
     pub(crate) fn request(&mut self, mode: Mode, force: bool) -> bool {
-        let mut commander = std::mem::take(&mut self.commander);
-        let taken = commander.request(mode, force, &self.facts());
-        self.commander = commander;
-        taken
+        self.decide(|commander, facts, _| commander.request(mode, force, facts))
     }
 
     fn info(&mut self, text: &str) {
@@ -200,10 +199,7 @@ impl Vehicle {
             Ok(mode) => {
                 // PX4 sends the reason only to component 190, a mission planner.
                 if c.from.component == 190 {
-                    self.critical(&format!(
-                        "Switching to {} is currently not available",
-                        mode.title()
-                    ));
+                    self.unavailable(mode);
                 }
                 Answer::TemporarilyRejected
             }
@@ -215,21 +211,16 @@ impl Vehicle {
     }
 
     fn arm_or_disarm(&mut self, c: &Command) -> Answer {
-        let mut notes = Vec::new();
-        let mut commander = std::mem::take(&mut self.commander);
-        let was_armed = commander.is_armed();
-        let facts = self.facts();
+        let was_armed = self.commander.is_armed();
         // Forcing does not skip the checks where the command comes from outside.
-        let done = match c.param(1).round() as i64 {
-            1 => Some(commander.arm("external command", &facts, &mut notes)),
+        let done = self.decide(|commander, facts, notes| match c.param(1).round() as i64 {
+            1 => Some(commander.arm("external command", facts, notes)),
             0 => {
                 let force = c.param(2).round() as i64 == FORCE;
-                Some(commander.disarm("external command", force, &facts, &mut notes))
+                Some(commander.disarm("external command", force, facts, notes))
             }
             _ => None,
-        };
-        self.commander = commander;
-        self.take_notes(notes);
+        });
         if !was_armed && self.commander.is_armed() {
             self.set_home();
         }
@@ -263,23 +254,18 @@ impl Vehicle {
                 self.take_notes(notes);
             }
         }
-        let mut notes = Vec::new();
-        let mut commander = std::mem::take(&mut self.commander);
-        let facts = self.facts();
-        let was_armed = commander.is_armed();
-        let done = commander.request(Mode::Mission, false, &facts)
-            && commander.arm("mission start", &facts, &mut notes);
-        self.commander = commander;
-        self.take_notes(notes);
-        if done {
-            if !was_armed {
-                self.set_home();
-            }
-            Answer::Accepted
-        } else {
-            self.critical("Switching to Mission is currently not available");
-            Answer::TemporarilyRejected
+        let was_armed = self.commander.is_armed();
+        let done = self.decide(|commander, facts, notes| {
+            commander.request(Mode::Mission, false, facts)
+                && commander.arm("mission start", facts, notes)
+        });
+        if !done {
+            return self.unavailable(Mode::Mission);
         }
+        if !was_armed {
+            self.set_home();
+        }
+        Answer::Accepted
     }
 
     fn get_interval(&mut self, c: &Command) -> Answer {
@@ -289,7 +275,7 @@ impl Vehicle {
     }
 
     fn send_interval(&mut self, message: u32) {
-        self.send(MavMessage::MESSAGE_INTERVAL(MESSAGE_INTERVAL_DATA {
+        self.send(MavMessage::MESSAGE_INTERVAL(mav::MESSAGE_INTERVAL_DATA {
             interval_us: self.streams.interval_us(message),
             message_id: message as u16,
         }));
@@ -297,11 +283,11 @@ impl Vehicle {
 
     fn request_message(&mut self, message: u32, c: &Command) -> Answer {
         match message {
-            id::MESSAGE_INTERVAL => {
+            mav::MESSAGE_INTERVAL_DATA::ID => {
                 self.send_interval((c.param(2) + 0.5) as u32);
                 Answer::Accepted
             }
-            id::AVAILABLE_MODES => {
+            mav::AVAILABLE_MODES_DATA::ID => {
                 let requested = c.param(2) as u8;
                 let indices = if requested == 0 {
                     1..=u8::MAX
@@ -360,12 +346,7 @@ impl Vehicle {
         if self.commander.is_armed() {
             let d = self.frame.origin().altitude_m - c.param(1);
             let target = Ned::new(f64::NAN, f64::NAN, d);
-            let reposition = Reposition {
-                target,
-                yaw: f64::NAN,
-                speed: None,
-                radius: None,
-            };
+            let reposition = Reposition::to(target);
             self.navigate(|nav, view| nav.set_reposition(reposition, view));
         }
         Answer::Accepted
@@ -374,10 +355,8 @@ impl Vehicle {
     pub(crate) fn orbit(&mut self, c: &Command) -> Answer {
         if self.config.airframe == Airframe::Plane {
             let reposition = Reposition {
-                target: self.local_target_of(c),
-                yaw: f64::NAN,
-                speed: None,
                 radius: c.given(1),
+                ..Reposition::to(self.local_target_of(c))
             };
             if !self.request(Mode::Loiter, false) {
                 self.critical("Orbit command rejected");
@@ -474,7 +453,6 @@ impl Vehicle {
     }
 }
 
-const COMMAND_ACK: u32 = 77;
 /// How many commands wait for the commander: the depth of PX4's queue.
 const QUEUE: usize = 8;
 /// COMPONENT_ARM_DISARM.param2: do it in the air, too.

@@ -5,13 +5,14 @@
     reason = "PX4 still uses messages that MAVLink has replaced"
 )]
 
+use mavlink::dialects::development as mav;
 use mavlink::dialects::development::{
     MavAutopilot, MavMessage, MavMissionResult, MavMissionType, MavType, PING_DATA, TIMESYNC_DATA,
 };
-use mavlink::{MavlinkVersion, Message as _};
+use mavlink::{MavlinkVersion, Message as _, MessageData as _};
 use mavlink_link::service::Node;
 
-use super::command::Command;
+use super::command::{Command, is_for};
 use super::operator::changes_state;
 use super::state::{Outgoing, Vehicle};
 use crate::flight::steering::{Setpoint, Sticks};
@@ -32,23 +33,16 @@ impl Vehicle {
                 let ground = m.mavtype == MavType::MAV_TYPE_GCS
                     || m.autopilot == MavAutopilot::MAV_AUTOPILOT_INVALID && from.component == 190;
                 if ground && from.system != own.system {
-                    let mut notes = Vec::new();
-                    self.commander.ground_station(now, &mut notes);
-                    self.take_notes(notes);
+                    self.decide(|commander, _, notes| commander.ground_station(now, notes));
                 }
             }
             M::COMMAND_LONG(m) => self.queue_command(Command::from_long(m, from)),
             M::COMMAND_INT(m) => self.queue_command(Command::from_int(m, from)),
             M::SET_MODE(m) if m.target_system == own.system => {
                 let [_, _, main, sub] = m.custom_mode.to_le_bytes();
-                let params = [
-                    f64::from(m.base_mode.bits()),
-                    f64::from(main),
-                    f64::from(sub),
-                ];
                 self.queue_command(Command {
                     id: 176,
-                    params: [params[0], params[1], params[2], 0.0, 0.0, 0.0, 0.0],
+                    params: [m.base_mode.bits(), main, sub, 0, 0, 0, 0].map(f64::from),
                     target: own,
                     from,
                     garbled: false,
@@ -101,12 +95,14 @@ impl Vehicle {
     /// them (an unknown command is UNSUPPORTED), so they cannot be dropped before; the rest is dropped, as by PX4.
     pub fn handle_raw(&mut self, from: Node, id: u32, payload: &[u8]) {
         match id {
-            COMMAND_LONG => self.queue_command(Command::from_long_payload(payload, from)),
-            COMMAND_INT => self.queue_command(Command::from_int_payload(payload, from)),
-            MISSION_ITEM_INT => self.handle_odd_item(from, payload),
-            MISSION_COUNT | MISSION_REQUEST_LIST | MISSION_CLEAR_ALL => {
-                self.refuse_plan_kind(from, id, payload)
+            mav::COMMAND_LONG_DATA::ID => {
+                self.queue_command(Command::from_long_payload(payload, from))
             }
+            mav::COMMAND_INT_DATA::ID => {
+                self.queue_command(Command::from_int_payload(payload, from))
+            }
+            mav::MISSION_ITEM_INT_DATA::ID => self.handle_odd_item(from, payload),
+            mav::MISSION_COUNT_DATA::ID => self.refuse_plan_kind(from, payload),
             _ => {}
         }
     }
@@ -131,42 +127,32 @@ impl Vehicle {
             if at == 30 {
                 changed[31] = 0;
             }
-            if let Ok(message) = MavMessage::parse(MavlinkVersion::V2, MISSION_ITEM_INT, &changed) {
+            if let Ok(message) =
+                MavMessage::parse(MavlinkVersion::V2, mav::MISSION_ITEM_INT_DATA::ID, &changed)
+            {
                 self.handle_message(from, &message);
                 return;
             }
         }
     }
 
-    /// Plans of an unknown kind: PX4 answers NO_SPACE.
-    fn refuse_plan_kind(&mut self, from: Node, id: u32, payload: &[u8]) {
-        let (target_at, kind_at) = if id == MISSION_COUNT { (2, 4) } else { (0, 2) };
+    /// A count of a plan of an unknown kind: PX4 answers NO_SPACE.
+    fn refuse_plan_kind(&mut self, from: Node, payload: &[u8]) {
         let at = |i: usize| payload.get(i).copied().unwrap_or(0);
-        let target = Node::new(at(target_at), at(target_at + 1));
-        if !self.node().is_target(target.system, target.component) || id != MISSION_COUNT {
+        let kind = at(4);
+        if !self.node().is_target(at(2), at(3)) {
             return;
         }
-        debug_assert!(at(kind_at) > MavMissionType::MAV_MISSION_TYPE_RALLY as u8);
+        debug_assert!(kind > MavMissionType::MAV_MISSION_TYPE_RALLY as u8);
         let result = MavMissionResult::MAV_MISSION_NO_SPACE as u8;
-        let payload = vec![from.system, from.component, result, at(kind_at), 0, 0, 0, 0];
+        let payload = vec![from.system, from.component, result, kind, 0, 0, 0, 0];
         self.out.push_back(Outgoing::Raw {
-            id: MISSION_ACK,
+            id: mav::MISSION_ACK_DATA::ID,
             payload,
         });
     }
 }
 
-fn is_for(own: Node, system: u8, component: u8) -> bool {
-    (system == own.system || system == 0) && (component == own.component || component == 0)
-}
-
-const COMMAND_LONG: u32 = 76;
-const COMMAND_INT: u32 = 75;
-const MISSION_REQUEST_LIST: u32 = 43;
-const MISSION_COUNT: u32 = 44;
-const MISSION_CLEAR_ALL: u32 = 45;
-const MISSION_ACK: u32 = 47;
-const MISSION_ITEM_INT: u32 = 73;
 /// MAV_CMD_NAV_LAST: no command at all.
 const NAV_LAST: u8 = 95;
 /// MAV_FRAME_LOCAL_NED.

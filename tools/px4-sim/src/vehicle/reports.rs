@@ -8,6 +8,7 @@
     reason = "PX4 still uses messages that MAVLink has replaced"
 )]
 
+use mavlink::MessageData as _;
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::MavMessage;
 
@@ -15,47 +16,50 @@ use super::state::Vehicle;
 use crate::config::Airframe;
 use crate::flight::mode::Mode;
 use crate::physics::motion::{Geodetic, Ned, quaternion};
-use crate::services::streams::id;
 
 impl Vehicle {
     /// The message of a stream, or `None` while there is nothing to report.
     pub(crate) fn report(&self, message: u32) -> Option<MavMessage> {
         use MavMessage as M;
         Some(match message {
-            id::HEARTBEAT => M::HEARTBEAT(self.heartbeat()),
-            id::SYS_STATUS => M::SYS_STATUS(self.sys_status()),
-            id::SYSTEM_TIME => M::SYSTEM_TIME(mav::SYSTEM_TIME_DATA {
+            mav::HEARTBEAT_DATA::ID => M::HEARTBEAT(self.heartbeat()),
+            mav::SYS_STATUS_DATA::ID => M::SYS_STATUS(self.sys_status()),
+            mav::SYSTEM_TIME_DATA::ID => M::SYSTEM_TIME(mav::SYSTEM_TIME_DATA {
                 time_unix_usec: self.unix_time_us(),
                 time_boot_ms: self.boot_ms(),
             }),
-            id::GPS_RAW_INT => M::GPS_RAW_INT(self.gps_raw_int()),
-            id::ATTITUDE => M::ATTITUDE(self.attitude()),
-            id::ATTITUDE_QUATERNION => M::ATTITUDE_QUATERNION(self.attitude_quaternion()),
-            id::LOCAL_POSITION_NED => M::LOCAL_POSITION_NED(self.local_position()?),
-            id::GLOBAL_POSITION_INT => M::GLOBAL_POSITION_INT(self.global_position()?),
-            id::SERVO_OUTPUT_RAW => M::SERVO_OUTPUT_RAW(self.servo_output()),
-            id::MISSION_CURRENT => M::MISSION_CURRENT(self.mission_current()),
-            id::GPS_GLOBAL_ORIGIN => M::GPS_GLOBAL_ORIGIN(self.global_origin()),
-            id::VFR_HUD => M::VFR_HUD(self.vfr_hud()),
-            id::ATTITUDE_TARGET => M::ATTITUDE_TARGET(self.attitude_target()),
-            id::POSITION_TARGET_LOCAL_NED => M::POSITION_TARGET_LOCAL_NED(self.local_target()?),
-            id::POSITION_TARGET_GLOBAL_INT => M::POSITION_TARGET_GLOBAL_INT(self.global_target()?),
-            id::ALTITUDE => M::ALTITUDE(self.altitude()),
-            id::BATTERY_STATUS => M::BATTERY_STATUS(self.battery()),
-            id::ESTIMATOR_STATUS => M::ESTIMATOR_STATUS(self.estimator_status()),
-            id::WIND_COV => M::WIND_COV(self.wind()?),
-            id::VIBRATION => M::VIBRATION(mav::VIBRATION_DATA {
+            mav::GPS_RAW_INT_DATA::ID => M::GPS_RAW_INT(self.gps_raw_int()),
+            mav::ATTITUDE_DATA::ID => M::ATTITUDE(self.attitude()),
+            mav::ATTITUDE_QUATERNION_DATA::ID => M::ATTITUDE_QUATERNION(self.attitude_quaternion()),
+            mav::LOCAL_POSITION_NED_DATA::ID => M::LOCAL_POSITION_NED(self.local_position()?),
+            mav::GLOBAL_POSITION_INT_DATA::ID => M::GLOBAL_POSITION_INT(self.global_position()?),
+            mav::SERVO_OUTPUT_RAW_DATA::ID => M::SERVO_OUTPUT_RAW(self.servo_output()),
+            mav::MISSION_CURRENT_DATA::ID => M::MISSION_CURRENT(self.mission_current()),
+            mav::GPS_GLOBAL_ORIGIN_DATA::ID => M::GPS_GLOBAL_ORIGIN(self.global_origin()),
+            mav::VFR_HUD_DATA::ID => M::VFR_HUD(self.vfr_hud()),
+            mav::ATTITUDE_TARGET_DATA::ID => M::ATTITUDE_TARGET(self.attitude_target()),
+            mav::POSITION_TARGET_LOCAL_NED_DATA::ID => {
+                M::POSITION_TARGET_LOCAL_NED(self.local_target()?)
+            }
+            mav::POSITION_TARGET_GLOBAL_INT_DATA::ID => {
+                M::POSITION_TARGET_GLOBAL_INT(self.global_target()?)
+            }
+            mav::ALTITUDE_DATA::ID => M::ALTITUDE(self.altitude()),
+            mav::BATTERY_STATUS_DATA::ID => M::BATTERY_STATUS(self.battery()),
+            mav::ESTIMATOR_STATUS_DATA::ID => M::ESTIMATOR_STATUS(self.estimator_status()),
+            mav::WIND_COV_DATA::ID => M::WIND_COV(self.wind()?),
+            mav::VIBRATION_DATA::ID => M::VIBRATION(mav::VIBRATION_DATA {
                 time_usec: self.boot_us(),
                 vibration_y: 0.1,
                 vibration_z: if self.commander.is_armed() { 1.5 } else { 0.0 },
                 ..Default::default()
             }),
-            id::HOME_POSITION => M::HOME_POSITION(self.home_position()?),
-            id::EXTENDED_SYS_STATE => M::EXTENDED_SYS_STATE(self.extended_sys_state()),
-            id::ORBIT_EXECUTION_STATUS => M::ORBIT_EXECUTION_STATUS(self.orbit_status()?),
-            id::CURRENT_MODE => M::CURRENT_MODE(self.current_mode()),
-            id::AUTOPILOT_VERSION => M::AUTOPILOT_VERSION(self.autopilot_version()),
-            id::PROTOCOL_VERSION => M::PROTOCOL_VERSION(mav::PROTOCOL_VERSION_DATA {
+            mav::HOME_POSITION_DATA::ID => M::HOME_POSITION(self.home_position()?),
+            mav::EXTENDED_SYS_STATE_DATA::ID => M::EXTENDED_SYS_STATE(self.extended_sys_state()),
+            mav::ORBIT_EXECUTION_STATUS_DATA::ID => M::ORBIT_EXECUTION_STATUS(self.orbit_status()?),
+            mav::CURRENT_MODE_DATA::ID => M::CURRENT_MODE(self.current_mode()),
+            mav::AUTOPILOT_VERSION_DATA::ID => M::AUTOPILOT_VERSION(self.autopilot_version()),
+            mav::PROTOCOL_VERSION_DATA::ID => M::PROTOCOL_VERSION(mav::PROTOCOL_VERSION_DATA {
                 version: 200,
                 min_version: 100,
                 max_version: 203,

@@ -158,7 +158,7 @@ impl Vehicle {
             },
         };
         let node = Node::new(config.system_id, COMPONENT);
-        let mut params = Params::new();
+        let mut params = Params::default();
         params.set(Param::MAV_SYS_ID, f64::from(config.system_id));
         if config.airframe == Airframe::Plane {
             params.set(Param::MAV_TYPE, 1.0);
@@ -171,13 +171,13 @@ impl Vehicle {
             frame: LocalFrame::new(config.home),
             body,
             estimator: Estimator::new(config.seed),
-            commander: Commander::new(),
-            navigator: Navigator::new(),
+            commander: Commander::default(),
+            navigator: Navigator::default(),
             param_service: param::Server::new(node, params.table()),
             params,
             streams: Streams::new(boot::FIRST_HEARTBEAT),
             missions: Server::new(node, Limits::PX4_SITL, rules),
-            texts: Texts::new(),
+            texts: Texts::default(),
             commands: VecDeque::new(),
             out: VecDeque::new(),
             home: None,
@@ -285,12 +285,12 @@ impl Vehicle {
     pub(crate) fn navigate<T>(&mut self, call: impl FnOnce(&mut Navigator, &View<'_>) -> T) -> T {
         let motion = self.body.motion();
         let view = View {
-            now: self.ticks as f64 * DT,
-            position: motion.position + self.estimator.position_error(),
+            now: self.now(),
+            position: self.believed(),
             velocity: motion.velocity,
             yaw: motion.attitude[2],
             landed: self.landed,
-            home: self.home.unwrap_or_default(),
+            home: self.home_or_zero(),
             frame: &self.frame,
             params: &self.params,
             airframe: self.config.airframe,
@@ -298,11 +298,29 @@ impl Vehicle {
         call(&mut self.navigator, &view)
     }
 
+    /// Calls the commander with the facts that it decides on, and delivers its notes.
+    pub(crate) fn decide<T>(
+        &mut self,
+        call: impl FnOnce(&mut Commander, &Facts<'_>, &mut Vec<Note>) -> T,
+    ) -> T {
+        let mut notes = Vec::new();
+        let mut commander = std::mem::take(&mut self.commander);
+        let decided = call(&mut commander, &self.facts(), &mut notes);
+        self.commander = commander;
+        self.take_notes(notes);
+        decided
+    }
+
     pub(crate) fn send(&mut self, message: MavMessage) {
         // Bounded, because a test may step a vehicle without ever polling it.
         if self.out.len() < MAX_OUT {
             self.out.push_back(Outgoing::Message(message));
         }
+    }
+
+    pub(crate) fn send_reached(&mut self, seq: u16) {
+        let reached = MISSION_ITEM_REACHED_DATA { seq };
+        self.send(MavMessage::MISSION_ITEM_REACHED(reached));
     }
 
     /// Queues a text of severity 2 with the tab by which PX4 marks the legacy copy of an event.
@@ -318,9 +336,7 @@ impl Vehicle {
                 Note::Critical(text) => self.texts.queue(MavSeverity::MAV_SEVERITY_CRITICAL, text),
                 Note::Reached(seq) => {
                     self.reached = Some((seq, 0));
-                    self.send(MavMessage::MISSION_ITEM_REACHED(
-                        MISSION_ITEM_REACHED_DATA { seq },
-                    ));
+                    self.send_reached(seq);
                 }
                 Note::ReturnHome => {}
             }

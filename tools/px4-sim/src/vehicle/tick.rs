@@ -5,15 +5,16 @@
 
 use std::time::Duration;
 
-use mavlink::dialects::development::{MISSION_ITEM_REACHED_DATA, MavMessage, MissionState};
+use mavlink::MessageData as _;
+use mavlink::dialects::development as mav;
+use mavlink::dialects::development::MissionState;
 
 use super::reports::mission_mode_active;
 use super::state::{DT, TICK, Vehicle};
 use crate::config::{Airframe, Param};
-use crate::flight::commander::boot;
+use crate::flight::commander::{Commander, boot};
 use crate::flight::mode::Mode;
 use crate::physics::trajectory::{Guidance, Heading};
-use crate::services::streams::id;
 
 impl Vehicle {
     /// Lets time pass. Physics runs in steps of [`TICK`]; what is left over waits.
@@ -47,15 +48,11 @@ impl Vehicle {
     }
 
     fn command(&mut self) {
-        let mut notes = Vec::new();
         let was_armed = self.commander.is_armed();
-        let mut commander = std::mem::take(&mut self.commander);
-        commander.step(&self.facts(), &mut notes);
-        self.commander = commander;
+        self.decide(Commander::step);
         if was_armed != self.commander.is_armed() {
             self.charge = self.charge.max(0.5);
         }
-        self.take_notes(notes);
     }
 
     fn fly(&mut self, now: f64) {
@@ -133,9 +130,7 @@ impl Vehicle {
         };
         if landed != self.landed {
             self.landed = landed;
-            let mut notes = Vec::new();
-            self.commander.landed(landed, now, &mut notes);
-            self.take_notes(notes);
+            self.decide(|commander, _, notes| commander.landed(landed, now, notes));
         }
     }
 
@@ -148,27 +143,28 @@ impl Vehicle {
         let mut due = Vec::new();
         self.streams.poll(now, |id| due.push(id));
         let seq = self.navigator.mission.index();
-        if seq != self.last_seq && !due.contains(&id::MISSION_CURRENT) && self.is_located() {
-            due.push(id::MISSION_CURRENT);
+        if seq != self.last_seq
+            && !due.contains(&mav::MISSION_CURRENT_DATA::ID)
+            && self.is_located()
+        {
+            due.push(mav::MISSION_CURRENT_DATA::ID);
         }
         self.last_seq = seq;
         for message in due {
-            if message == id::MISSION_CURRENT {
+            if message == mav::MISSION_CURRENT_DATA::ID {
                 self.update_mission_state();
             }
             if let Some(report) = self.report(message) {
                 self.send(report);
             }
-            if message == id::MISSION_CURRENT {
+            if message == mav::MISSION_CURRENT_DATA::ID {
                 self.repeat_reached();
             }
         }
-        let mut due_texts = Vec::new();
         if self.is_located() {
+            let mut due_texts = Vec::new();
             self.texts.poll(now, |text| due_texts.push(text));
-        }
-        for text in due_texts {
-            self.send(text);
+            due_texts.into_iter().for_each(|text| self.send(text));
         }
     }
 
@@ -199,9 +195,7 @@ impl Vehicle {
         if *sent < REACHED_REPEATS && self.navigator.mission.count() > 0 {
             *sent += 1;
             let seq = *seq;
-            self.send(MavMessage::MISSION_ITEM_REACHED(
-                MISSION_ITEM_REACHED_DATA { seq },
-            ));
+            self.send_reached(seq);
         }
     }
 }
