@@ -87,7 +87,7 @@ impl Command {
             Policy::Refuse
         };
         let plan = plan_flight(&loaded.legs, &densified, &airframe, self.speed, policy)
-            .map_err(|e| Failure::Answer(format!("{}: {e}", self.file.display())))?;
+            .map_err(|e| Failure::answer(&self.file, e))?;
         let misread = misread(&loaded.legs, tolerance_m);
         let flown = self
             .flown
@@ -195,12 +195,8 @@ fn measured(file: &Path, loaded: &Loaded, densified: &Densified) -> Result<Flown
     let nearest = track.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
     let shift_m = nearest.map_or(0.0, |p| start.alt_m - p.alt_m);
     track.iter_mut().for_each(|p| p.alt_m += shift_m);
-    measure(&loaded.legs, densified, &track, ACCEPTANCE_M).ok_or_else(|| {
-        Failure::Answer(format!(
-            "{}: the route was not flown from its start to its end",
-            file.display()
-        ))
-    })
+    measure(&loaded.legs, densified, &track, ACCEPTANCE_M)
+        .ok_or_else(|| Failure::answer(file, "the route was not flown from its start to its end"))
 }
 
 /// A point is passed within this distance, m: the acceptance radius that the bridge gives level chords.

@@ -13,20 +13,16 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::formats::{self, Selection};
-use crate::output::print;
-use crate::output::progress;
+use crate::output::{print, progress};
+use crate::route::ground_points;
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
 pub(crate) struct Compare {
     /// Read this track.
     file: PathBuf,
-    /// Use only the rows of this lap (a table with a column lap).
-    #[arg(long)]
-    lap: Option<i64>,
-    /// Keep every n-th fix.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    every: u32,
+    #[command(flatten)]
+    selection: Selection,
     /// Close the track: it returns to its first fix.
     #[arg(long)]
     closed: bool,
@@ -56,11 +52,7 @@ struct Row {
 
 impl Compare {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let selection = Selection {
-            lap: self.lap,
-            every: self.every as usize,
-        };
-        let route = formats::read(&self.file, selection)?;
+        let route = formats::read(&self.file, self.selection)?;
         let fixes: Vec<Position> = route.waypoints.iter().map(|w| w.position).collect();
         let track = Track::new(&fixes, self.closed).map_err(|e| Failure::file(&self.file, e))?;
         let rows = self
@@ -103,19 +95,7 @@ fn row(track: &Track, tolerance_m: f64) -> Result<Row, Failure> {
         octets_straight: (straight + open) * WAYPOINT_BYTES,
         octets_cubic: (cubic + open) * WAYPOINT_BYTES + cubic * CURVE_BYTES,
         deviation_m: fitted.deviation_m,
-        legs: fitted
-            .legs
-            .iter()
-            .map(|leg| {
-                [
-                    leg.p1().ground(),
-                    leg.p2().ground(),
-                    leg.p3().ground(),
-                    leg.p4().ground(),
-                ]
-            })
-            .map(|points| points.map(|g| [g.lat_deg, g.lon_deg]))
-            .collect(),
+        legs: ground_points(&fitted),
         flown: dense.vertices.len() - 1 + open,
         straight_any_start,
     })

@@ -57,6 +57,12 @@ impl Failure {
         Self::at(file, None, "", problem)
     }
 
+    /// What cannot be done with a file that is as it should be.
+    pub(crate) fn answer(file: impl AsRef<Path>, problem: impl ToString) -> Self {
+        let file = file.as_ref().display();
+        Self::Answer(format!("{file}: {}", problem.to_string()))
+    }
+
     /// A place in a file.
     pub(crate) fn at(
         file: impl AsRef<Path>,

@@ -9,9 +9,8 @@ use serde_json::json;
 
 use crate::failure::Failure;
 use crate::formats::{self, Addresses, Selection};
-use crate::output::print;
-use crate::output::progress;
-use crate::route::{Datum, Route};
+use crate::output::{print, progress};
+use crate::route::{Datum, Route, ground_points};
 
 /// Arguments of `fit`.
 #[derive(Debug, Args)]
@@ -26,12 +25,8 @@ pub(crate) struct Command {
     /// Stay within this deviation both ways on the ground, m.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     tolerance: f64,
-    /// Use only the rows of this lap (a table with a column lap).
-    #[arg(long)]
-    lap: Option<i64>,
-    /// Keep every n-th fix.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    every: u32,
+    #[command(flatten)]
+    selection: Selection,
     /// Keep only the fixes from this one, counted from 0 after --every.
     #[arg(long, default_value_t = 0)]
     from: usize,
@@ -60,11 +55,7 @@ pub(crate) struct Command {
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let selection = Selection {
-            lap: self.lap,
-            every: self.every as usize,
-        };
-        let read = formats::read(&self.file, selection)?;
+        let read = formats::read(&self.file, self.selection)?;
         let closed = self.closed || read.closed;
         let last = self.to.unwrap_or(usize::MAX);
         let mut fixes: Vec<Position> = read
@@ -77,11 +68,7 @@ impl Command {
         let mut datum = read.datum;
         if let Some(level) = self.altitude.or(self.height) {
             fixes.iter_mut().for_each(|f| f.alt_m = level);
-            datum = if self.height.is_some() {
-                Datum::Home
-            } else {
-                Datum::SeaLevel
-            };
+            datum = Datum::above_home(self.height.is_some());
         }
         let track = Track::new(&fixes, closed).map_err(|e| Failure::file(&self.file, e))?;
         let continuity = if self.g1 {
@@ -94,30 +81,17 @@ impl Command {
             continuity,
             corner_deg: self.corner,
         };
-        let fitted = fit(&track, &options, &mut progress())
-            .map_err(|e| Failure::Answer(format!("{}: {e}", self.file.display())))?;
+        let fitted =
+            fit(&track, &options, &mut progress()).map_err(|e| Failure::answer(&self.file, e))?;
         if let Some(output) = &self.output {
             let route = Route::of_fit(&read.name, &fitted, closed, datum);
             formats::write(output, &route, &self.addresses)?;
         }
         let (legs, deviation_m) = (fitted.legs.len(), fitted.deviation_m);
         if self.json {
-            let points: Vec<_> = fitted
-                .legs
-                .iter()
-                .map(|l| {
-                    [
-                        l.p1().ground(),
-                        l.p2().ground(),
-                        l.p3().ground(),
-                        l.p4().ground(),
-                    ]
-                })
-                .map(|p| p.map(|g| [g.lat_deg, g.lon_deg]))
-                .collect();
             let report = json!({
                 "fixes": track.fixes().len(), "tolerance_m": self.tolerance, "deviation_m": deviation_m,
-                "joints": fitted.joints, "legs": points,
+                "joints": fitted.joints, "legs": ground_points(&fitted),
             });
             return print(&format!("{report}\n"));
         }

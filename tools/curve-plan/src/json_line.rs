@@ -2,8 +2,22 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::path::Path;
 
+use serde_json::Value;
 use serde_json::value::RawValue;
+
+use crate::failure::Failure;
+
+/// The document in a file.
+pub(crate) fn document(file: &Path, text: &str) -> Result<Value, Failure> {
+    serde_json::from_str(text).map_err(|e| Failure::at(file, Some(e.line() as u64), "", e))
+}
+
+/// What is wrong with the value at a path, and on which line.
+pub(crate) fn fault(file: &Path, text: &str, path: &str, problem: impl ToString) -> Failure {
+    Failure::at(file, line_of(text, path), path, problem)
+}
 
 /// The line, from 1, of the value at a path such as `mission.items[3].frame`; of the innermost value around it that is
 /// there, where it is missing itself. `None` for what is no JSON.

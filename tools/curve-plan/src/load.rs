@@ -69,17 +69,13 @@ impl Loaded {
             vertices,
             ..Options::flight(how.tolerance)
         };
-        let answer =
-            |e: &dyn std::fmt::Display| Failure::Answer(format!("{}: {e}", self.file.display()));
         match how.max_items {
-            Some(max) => {
-                let found = densify_to_budget(&self.legs, max, &options).map_err(|e| answer(&e))?;
-                Ok((found.densified, found.tolerance_m))
-            }
-            None => Ok((
-                densify(&self.legs, &options).map_err(|e| answer(&e))?,
-                how.tolerance,
-            )),
+            Some(max) => densify_to_budget(&self.legs, max, &options)
+                .map(|found| (found.densified, found.tolerance_m))
+                .map_err(|e| Failure::answer(&self.file, e)),
+            None => densify(&self.legs, &options)
+                .map(|densified| (densified, how.tolerance))
+                .map_err(|e| Failure::answer(&self.file, e)),
         }
     }
 }

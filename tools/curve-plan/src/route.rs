@@ -53,6 +53,11 @@ impl Datum {
         }
     }
 
+    /// Of heights above home, or of altitudes.
+    pub(crate) const fn above_home(is: bool) -> Self {
+        if is { Self::Home } else { Self::SeaLevel }
+    }
+
     const fn altitude_type(self) -> Option<AltitudeType> {
         match self {
             Self::SeaLevel => Some(AltitudeType::Barometric),
@@ -245,6 +250,15 @@ impl Route {
         }
         Ok(plan)
     }
+}
+
+/// P1 to P4 of each leg of a fit, degrees north and east.
+pub(crate) fn ground_points(fitted: &Fitted) -> Vec<[[f64; 2]; 4]> {
+    let points = |leg: &BezierLeg| {
+        let (p1, p4) = (leg.p1().ground(), leg.p4().ground());
+        [p1, leg.p2().ground(), leg.p3().ground(), p4].map(|g| [g.lat_deg, g.lon_deg])
+    };
+    fitted.legs.iter().map(points).collect()
 }
 
 /// A name as a Route ID carries it.

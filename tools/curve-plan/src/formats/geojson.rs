@@ -7,13 +7,12 @@ use curve_paths::Position;
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
-use crate::json_line::line_of;
+use crate::json_line;
 use crate::route::{Datum, Route, Waypoint};
 
 /// Reads the first LineString, Polygon ring or MultiPoint, or else all Points in order.
 pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
-    let document: Value =
-        serde_json::from_str(text).map_err(|e| Failure::at(file, Some(e.line() as u64), "", &e))?;
+    let document = json_line::document(file, text)?;
     let mut geometries = Vec::new();
     collect(&document, "", &mut geometries);
     let line = geometries
@@ -27,10 +26,9 @@ pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
         });
     let mut route = Route::default();
     if let Some((path, coordinates, closed)) = line {
-        let list = coordinates.as_array().ok_or_else(|| {
-            let line = line_of(text, &path);
-            Failure::at(file, line, path.as_str(), "expected an array of positions")
-        })?;
+        let list = coordinates
+            .as_array()
+            .ok_or_else(|| json_line::fault(file, text, &path, "expected an array of positions"))?;
         for (k, c) in list.iter().enumerate() {
             route
                 .waypoints
@@ -92,12 +90,10 @@ fn position(file: &Path, text: &str, field: &str, c: &Value) -> Result<Waypoint,
             Position::new(lat, lon, c[2].as_f64().unwrap_or(0.0)),
             None,
         )),
-        _ => Err(Failure::at(
-            file,
-            line_of(text, field),
-            field,
-            format!("{c}, expected [longitude, latitude, altitude]"),
-        )),
+        _ => {
+            let problem = format!("{c}, expected [longitude, latitude, altitude]");
+            Err(json_line::fault(file, text, field, problem))
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use curve_paths::Position;
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
-use crate::json_line::line_of;
+use crate::json_line;
 use crate::route::{Datum, Route, Waypoint};
 
 /// Commands that name a place on the path: waypoint, loiters, land, takeoff, spline, VTOL takeoff and land.
@@ -22,42 +22,32 @@ const ABSOLUTE: [i64; 2] = [0, 5];
 
 /// Reads a .plan.
 pub(crate) fn read_plan(file: &Path, text: &str) -> Result<Route, Failure> {
-    let plan: Value =
-        serde_json::from_str(text).map_err(|e| Failure::at(file, Some(e.line() as u64), "", &e))?;
+    let plan = json_line::document(file, text)?;
+    let fault = |field: &str, problem: &str| json_line::fault(file, text, field, problem);
     if plan["fileType"] != "Plan" {
-        return Err(Failure::at(
-            file,
-            line_of(text, "fileType"),
-            "fileType",
-            format!("{}, expected \"Plan\"", plan["fileType"]),
-        ));
+        let problem = format!("{}, expected \"Plan\"", plan["fileType"]);
+        return Err(fault("fileType", &problem));
     }
-    let fault =
-        |field: String, problem: String| Failure::at(file, line_of(text, &field), field, problem);
     let home_alt = plan["mission"]["plannedHomePosition"][2]
         .as_f64()
         .unwrap_or(0.0);
-    let items = plan["mission"]["items"].as_array().ok_or_else(|| {
-        fault(
-            "mission.items".to_owned(),
-            "missing, expected an array".to_owned(),
-        )
-    })?;
+    let items = plan["mission"]["items"]
+        .as_array()
+        .ok_or_else(|| fault("mission.items", "missing, expected an array"))?;
     let mut found = Found::default();
     for (k, item) in items.iter().enumerate() {
         let field = |name: &str| format!("mission.items[{k}].{name}");
         if item["type"] != "SimpleItem" {
             let problem = format!("{}, expected \"SimpleItem\"", item["type"]);
-            return Err(fault(field("type"), problem));
+            return Err(fault(&field("type"), &problem));
         }
-        let command = item["command"].as_i64().ok_or_else(|| {
-            let problem = "missing, expected a whole number";
-            fault(field("command"), problem.to_owned())
-        })?;
+        let command = item["command"]
+            .as_i64()
+            .ok_or_else(|| fault(&field("command"), "missing, expected a whole number"))?;
         let param = |n: usize| {
             item["params"][n].as_f64().ok_or_else(|| {
                 let problem = format!("{}, expected a number", item["params"][n]);
-                fault(field(&format!("params[{n}]")), problem)
+                fault(&field(&format!("params[{n}]")), &problem)
             })
         };
         if !PLACES.contains(&command) {
@@ -65,8 +55,8 @@ pub(crate) fn read_plan(file: &Path, text: &str) -> Result<Route, Failure> {
             continue;
         }
         let frame = item["frame"].as_i64().unwrap_or(-1);
-        let relative = is_relative(frame).map_err(|e| fault(field("frame"), e))?;
-        let line = line_of(text, &format!("mission.items[{k}]"));
+        let relative = is_relative(frame).map_err(|e| fault(&field("frame"), &e))?;
+        let line = json_line::line_of(text, &format!("mission.items[{k}]"));
         found.place(
             relative,
             Position::new(param(4)?, param(5)?, param(6)?),
@@ -81,12 +71,8 @@ pub(crate) fn read_waypoints(file: &Path, text: &str) -> Result<Route, Failure> 
     let mut lines = text.lines().enumerate();
     let head = lines.next().map_or("", |(_, l)| l.trim());
     if head != "QGC WPL 110" {
-        return Err(Failure::at(
-            file,
-            Some(1),
-            "",
-            format!("{head:?}, expected \"QGC WPL 110\""),
-        ));
+        let problem = format!("{head:?}, expected \"QGC WPL 110\"");
+        return Err(Failure::at(file, Some(1), "", problem));
     }
     let mut found = Found::default();
     let mut home_alt = 0.0;
@@ -94,21 +80,13 @@ pub(crate) fn read_waypoints(file: &Path, text: &str) -> Result<Route, Failure> 
         let number = Some(k as u64 + 1);
         let fields: Vec<&str> = line.split_whitespace().collect();
         if fields.len() != 12 {
-            return Err(Failure::at(
-                file,
-                number,
-                "",
-                format!("{} fields, expected 12", fields.len()),
-            ));
+            let problem = format!("{} fields, expected 12", fields.len());
+            return Err(Failure::at(file, number, "", problem));
         }
         let value = |n: usize, name: &str| {
             fields[n].parse::<f64>().map_err(|_| {
-                Failure::at(
-                    file,
-                    number,
-                    name,
-                    format!("{:?}, expected a number", fields[n]),
-                )
+                let problem = format!("{:?}, expected a number", fields[n]);
+                Failure::at(file, number, name, problem)
             })
         };
         let (lat, lon, alt) = (
@@ -161,11 +139,7 @@ impl Found {
         Route {
             waypoints: self.places.into_iter().map(absolute).collect(),
             skipped: self.skipped,
-            datum: if all_relative {
-                Datum::Home
-            } else {
-                Datum::SeaLevel
-            },
+            datum: Datum::above_home(all_relative),
             ..Route::default()
         }
     }

@@ -12,18 +12,23 @@ pub(crate) mod xml;
 
 use std::path::Path;
 
+use clap::Args;
+
 use crate::failure::Failure;
 use crate::route::{Datum, Route};
 
 pub(crate) use dli::Addresses;
 
-/// Which rows of a table of several laps to read.
-#[derive(Clone, Copy, Debug, Default)]
+/// Which fixes of a track to read.
+#[derive(Clone, Copy, Debug, Default, Args)]
 pub(crate) struct Selection {
-    /// The lap, where the table has a column of that name; none, all of them.
-    pub(crate) lap: Option<i64>,
-    /// Keep each n-th fix, from the first; 0 and 1 keep all.
-    pub(crate) every: usize,
+    /// Use only the rows of this lap (a table with a column lap).
+    #[arg(long)]
+    lap: Option<i64>,
+    /// Keep every n-th fix.
+    // The first is kept; without the option, and by default, all are.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
 }
 
 /// A kind of file.
@@ -46,11 +51,7 @@ pub(crate) enum Format {
 impl Format {
     /// The kind that belongs to a file's ending.
     pub(crate) fn of(file: &Path) -> Result<Self, Failure> {
-        let ending = file
-            .extension()
-            .and_then(|e| e.to_str())
-            .unwrap_or("")
-            .to_ascii_lowercase();
+        let ending = ending(file);
         Ok(match ending.as_str() {
             "toml" => Self::RouteFile,
             "plan" => Self::Plan,
@@ -75,6 +76,12 @@ impl Format {
     pub(crate) const fn keeps_curves(self) -> bool {
         matches!(self, Self::RouteFile | Self::Hex | Self::Pcapng)
     }
+}
+
+/// The ending of a file's name, in small letters.
+pub(crate) fn ending(file: &Path) -> String {
+    let ending = file.extension().and_then(|e| e.to_str()).unwrap_or("");
+    ending.to_ascii_lowercase()
 }
 
 /// Reads a route or track.
@@ -108,7 +115,7 @@ pub(crate) fn read(file: &Path, selection: Selection) -> Result<Route, Failure> 
         route.waypoints = route
             .waypoints
             .into_iter()
-            .step_by(selection.every)
+            .step_by(selection.every as usize)
             .collect();
     }
     if route.name.is_empty() {

@@ -23,12 +23,8 @@ pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, F
     };
     let need = |names: &[&str]| {
         find(names).ok_or_else(|| {
-            Failure::at(
-                file,
-                Some(1),
-                names[0],
-                format!("no such column, expected one of {}", names.join(", ")),
-            )
+            let problem = format!("no such column, expected one of {}", names.join(", "));
+            Failure::at(file, Some(1), names[0], problem)
         })
     };
     let (lat, lon) = (need(LATITUDE)?, need(LONGITUDE)?);
@@ -39,11 +35,7 @@ pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, F
         None => None,
     };
     let mut route = Route {
-        datum: if height.is_some() {
-            Datum::Home
-        } else {
-            Datum::SeaLevel
-        },
+        datum: Datum::above_home(height.is_some()),
         ..Route::default()
     };
     let mut last_alt = None;
@@ -54,23 +46,15 @@ pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, F
         let number = |column: usize| {
             let text = row.get(column).unwrap_or("");
             text.parse::<f64>().map_err(|_| {
-                Failure::at(
-                    file,
-                    line,
-                    &header[column],
-                    format!("{text:?}, expected a number"),
-                )
+                let problem = format!("{text:?}, expected a number");
+                Failure::at(file, line, &header[column], problem)
             })
         };
         if let Some((column, wanted)) = lap_column {
             let text = row.get(column).unwrap_or("");
             let here: i64 = text.parse().map_err(|_| {
-                Failure::at(
-                    file,
-                    line,
-                    "lap",
-                    format!("{text:?}, expected a whole number"),
-                )
+                let problem = format!("{text:?}, expected a whole number");
+                Failure::at(file, line, "lap", problem)
             })?;
             if here != wanted {
                 continue;

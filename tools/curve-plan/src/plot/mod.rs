@@ -34,12 +34,7 @@ pub(crate) struct Command {
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let ending = self
-            .output
-            .extension()
-            .and_then(|e| e.to_str())
-            .unwrap_or("")
-            .to_ascii_lowercase();
+        let ending = formats::ending(&self.output);
         if !["svg", "png", "html"].contains(&ending.as_str()) {
             return Err(Failure::Usage(format!(
                 "--output ends in {ending:?}, expected .svg, .png or .html"
@@ -61,8 +56,9 @@ impl Command {
         ));
         let bytes = match ending.as_str() {
             "html" => html::page(name, &drawn).into_bytes(),
-            "png" => png::paint(&drawn, self.width)
-                .map_err(|e| Failure::Answer(format!("{}: {e}", self.output.display())))?,
+            "png" => {
+                png::paint(&drawn, self.width).map_err(|e| Failure::answer(&self.output, e))?
+            }
             _ => drawn.into_bytes(),
         };
         formats::save(&self.output, &bytes)
