@@ -17,7 +17,7 @@
 
 use crate::bytes::{Reader, Writer};
 use crate::disputed::{Choices, DISPUTED, Disputed};
-use crate::enums::{LoiBitmap, LoiterDurationUnits, LoiterLengthUnits};
+use crate::enums::LoiBitmap;
 use crate::error::{DecodeError, EncodeError};
 use crate::field::Field;
 use crate::scalar::{FineAngularRate, Integer};
@@ -175,6 +175,15 @@ impl Profile {
     }
 
     fn translate(&self, message: &mut Message, way: Way) {
+        // Three messages describe a loiter by the same fields.
+        macro_rules! loiter {
+            ($m:ident) => {{
+                self.loiter_duration_units
+                    .translate(&mut $m.loiter_duration_units, way);
+                self.loiter_length_units
+                    .translate(&mut $m.loiter_length_units, way);
+            }};
+        }
         match message {
             Message::CucsAuthorisationRequest(m) => {
                 self.loi(&mut m.requested_handover_loi, way);
@@ -211,21 +220,9 @@ impl Profile {
                 .flight_mode
                 .translate(&mut m.select_flight_path_control_mode, way),
             Message::VehicleOperatingStates(m) => self.turn_rate(&mut m.commanded_turn_rate, way),
-            Message::LoiterConfiguration(m) => self.loiter(
-                &mut m.loiter_duration_units,
-                &mut m.loiter_length_units,
-                way,
-            ),
-            Message::LoiterConfigurationReport(m) => self.loiter(
-                &mut m.loiter_duration_units,
-                &mut m.loiter_length_units,
-                way,
-            ),
-            Message::UaLoiterWaypoint(m) => self.loiter(
-                &mut m.loiter_duration_units,
-                &mut m.loiter_length_units,
-                way,
-            ),
+            Message::LoiterConfiguration(m) => loiter!(m),
+            Message::LoiterConfigurationReport(m) => loiter!(m),
+            Message::UaLoiterWaypoint(m) => loiter!(m),
             Message::UaPositionWaypoint(m) => {
                 self.waypoint_type.translate(&mut m.waypoint_type, way);
                 self.limit_type.translate(&mut m.limit_type, way);
@@ -235,16 +232,6 @@ impl Profile {
             }
             _ => {}
         }
-    }
-
-    fn loiter(
-        &self,
-        duration: &mut Option<LoiterDurationUnits>,
-        length: &mut Option<LoiterLengthUnits>,
-        way: Way,
-    ) {
-        self.loiter_duration_units.translate(duration, way);
-        self.loiter_length_units.translate(length, way);
     }
 
     fn loi(&self, bits: &mut Option<LoiBitmap>, way: Way) {

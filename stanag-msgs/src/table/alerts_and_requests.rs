@@ -14,7 +14,6 @@ messages! {
     SubsystemStatusRequest = 15000, "Subsystem Status Request", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1000")
         source("E2 #1000; id 15000 by group range")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1000.01");
         subsystem_id: SubsystemBitmap = 1, "Subsystem ID", uid("1000.04");
@@ -23,7 +22,6 @@ messages! {
     SubsystemStatusDetailRequest = 15001, "Subsystem Status Detail Request", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1001")
         source("E2 #1001; id 15001 by group range")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1001.01");
         subsystem_state_report_reference: i32 = 1, "Subsystem State Report Reference",

@@ -12,7 +12,6 @@ messages! {
     FieldConfigurationRequest = 40000, "Field Configuration Request", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(2000) ed2_message("1200")
         source("E2 #1200 = F")
-        corroboration("not applicable")
         note("by analogy with 41000 expect Station 1-16, Component, Sub-Component, Route Type, Station 17-32 in Ed4")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1200.01");
@@ -189,7 +188,6 @@ messages! {
     DisplayUnitRequest = 42000, "Display Unit Request", presence bytes 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(2000) ed2_message("1201")
         source("E2 #1201; id by group start")
-        corroboration("not applicable")
         note("id guessed")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1201.01");

@@ -14,7 +14,6 @@ messages! {
     DataLinkControlRequest = 28000, "Data Link Control Request", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(2000) ed2_message("404")
         source("E2 #404 (Data Link Assignment Request); name/id Korean paper; uid 28000.07 = Data Link Control Availability proves 28000 has at least 7 own fields")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0404.01");
         vsm_id: Id = 1, "VSM ID", uid("0404.04");
@@ -267,7 +266,6 @@ messages! {
     VehicleDataLinkTransitionCoordination = 34000, "Vehicle Data Link Transition Coordination", presence bytes 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("600")
         source("E2 #600")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0600.01");
         data_link_id_adt: Id = 1, "Data Link ID (ADT)", uid("0600.04");
@@ -287,7 +285,6 @@ messages! {
     HandoverStatusReport = 35000, "Handover Status Report", presence bytes 1
         sent(ToCucs, Pull) layout(Ed2Derived, C) latency_ms(1000) ed2_message("700")
         source("E2 #700")
-        corroboration("not applicable")
         note("Ed4 moved vehicle/CUCS ids to the wrapper in general; whether both CUCS ids stay is not known")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0700.01");

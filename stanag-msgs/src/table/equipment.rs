@@ -8,7 +8,6 @@ messages! {
     IffSsrCodeCommand = 5000, "IFF/SSR Code Command", presence bytes 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) table("4-75?") ed2_message("1500")
         source("E2 #1500")
-        corroboration("not applicable")
         note("Ed4 adds Mode S / Mode 5 and renames to IFF/SSR: do not trust the order")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1500.01");
@@ -29,7 +28,6 @@ messages! {
     IffSsrIdentSquawkCommand = 5001, "IFF/SSR Ident (Squawk) Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1501")
         source("E2 #1501; id 5001 inferred (Ed3 group IFF Command has 2)")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1501.01");
         mode_3_a_ident: u8 = 1, "Mode 3/A Ident", uid("1501.04");
@@ -40,7 +38,6 @@ messages! {
     IffSsrStatusReport = 6000, "IFF/SSR Status Report", presence bytes 2
         sent(ToCucs, PushPull) layout(Ed2Derived, C) latency_ms(1000) ed2_message("1600")
         source("E2 #1600 (E3 confirms the id)")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("1600.01");
         mode_1_code: i8 = 1, "Mode 1 Code", uid("1600.04");

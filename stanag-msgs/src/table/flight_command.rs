@@ -29,7 +29,6 @@ messages! {
     FlightTerminationCommand = 2005, "Flight Termination Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(500) table("4-43?") ed2_message("46")
         source("E2 #46; the id 2005 is inferred from 3005 = report and from table order")
-        corroboration("not applicable")
         note("must be sent twice, state 1 then 2, to execute. Ed4 probably appends Activity ID (u24).")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0046.01");

@@ -63,6 +63,14 @@ impl Layout {
             Layout::Ed2Derived => "ed2-derived",
         }
     }
+
+    /// Which independent source confirms it, unless the row names one: nothing confirms a guess.
+    const fn corroboration(self) -> &'static str {
+        match self {
+            Layout::Ed4 => "none",
+            Layout::Ed2Derived => "not applicable",
+        }
+    }
 }
 
 /// A message.
@@ -130,7 +138,10 @@ impl MessageInfo {
     facts! {
         sent(direction: Direction, traffic: Traffic) => direction = direction, traffic = traffic;
         latency_ms(latency_ms: u16) => latency_ms = Some(latency_ms);
-        layout(layout: Layout, confidence: Confidence) => layout = layout, confidence = confidence;
+        layout(layout: Layout, confidence: Confidence) =>
+            layout = layout, confidence = confidence, corroboration = layout.corroboration();
+        own_definition() =>
+            confidence = Confidence::A, source = "this project", corroboration = "own definition";
         source(source: &'static str) => source = source;
         corroboration(corroboration: &'static str) => corroboration = corroboration;
         table(table: &'static str) => table = Some(table);

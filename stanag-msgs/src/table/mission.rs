@@ -91,7 +91,6 @@ messages! {
     PayloadActionWaypoint = 13004, "Payload Action Waypoint", presence bytes 2
         sent(Both, PushPull) layout(Ed2Derived, C) latency_ms(2000) table("4-96?") ed2_message("804")
         source("E2 #804")
-        corroboration("not applicable")
         note("Ed4 certainly inserts Component/Sub-Component Number and appends Activity ID and Station 17-32: layout NOT trustworthy")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0804.01");
@@ -114,7 +113,6 @@ messages! {
     AirframeActionWaypoint = 13005, "Airframe Action Waypoint", presence bytes 1
         sent(Both, PushPull) layout(Ed2Derived, C) latency_ms(2000) table("4-97?") ed2_message("805")
         source("E2 #805")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0805.01");
         waypoint_number: u16 = 1, "Waypoint Number", uid("0805.04");
@@ -126,7 +124,6 @@ messages! {
     VehicleSpecificWaypoint = 13006, "Vehicle Specific Waypoint", presence bytes 1
         sent(Both, PushPull) layout(Ed2Derived, C) latency_ms(2000) table("4-98?") ed2_message("806")
         source("E2 #806")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0806.01");
         waypoint_number: u16 = 1, "Waypoint Number",

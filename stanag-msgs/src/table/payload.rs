@@ -15,7 +15,6 @@ messages! {
     PayloadSteeringCommand = 19001, "Payload Steering Command", presence bytes 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(200) ed2_message("200")
         source("E2 #200 = F = P")
-        corroboration("not applicable")
         note("Ed4 order unknown: Component/Sub-Component, Activity ID, Station 17-32 are missing here")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0200.01");
@@ -43,7 +42,6 @@ messages! {
     EoIrLaserPayloadCommand = 19100, "EO/IR/Laser Payload Command", presence bytes 2
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("201")
         source("F (AEP-84 era order) / E2 #201")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0201.01");
         station_number_1_16: StationBitmap1To16 = 1, "Station Number 1-16", uid("0201.04");
@@ -67,7 +65,6 @@ messages! {
     SarPayloadCommand = 19200, "SAR Payload Command", presence bytes 1
         sent(ToVsm, Push) layout(Ed2Derived, C) latency_ms(1000) ed2_message("202")
         source("E2 #202")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0202.01");
         station_number_1_16: StationBitmap1To16 = 1, "Station Number 1-16", uid("0202.04");
@@ -80,7 +77,6 @@ messages! {
     PayloadConfiguration = 21000, "Payload Configuration", presence bytes 1
         sent(ToCucs, PushPull) layout(Ed2Derived, C) latency_ms(1000) ed2_message("300")
         source("E2 #300 / F; the id 21000 is by group start")
-        corroboration("not applicable")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0300.01");
         vsm_id: Id = 1, "VSM ID", uid("0300.04");
@@ -96,7 +92,6 @@ messages! {
     EoIrConfigurationState = 21100, "EO/IR Configuration State", presence bytes 2
         sent(ToCucs, Pull) layout(Ed2Derived, C) latency_ms(200) ed2_message("301")
         source("E2 #301 / F; id guessed")
-        corroboration("not applicable")
         note("id not established (pattern guess)")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0301.01");
@@ -118,7 +113,6 @@ messages! {
     EoIrLaserOperatingState = 21101, "EO/IR/Laser Operating State", presence bytes 3
         sent(ToCucs, PushPull) layout(Ed2Derived, C) latency_ms(2000) ed2_message("302")
         source("E2 #302 / F; id guessed")
-        corroboration("not applicable")
         note("id not established (pattern guess)")
     {
         time_stamp: TimeStamp = 0, "Time Stamp", uid("0302.01");

@@ -12,9 +12,8 @@ use crate::scalar::{Altitude, Bam32, Text, TimeStamp, U24};
 
 messages! {
     CurveSegmentPaper = 50001, "Curve Segment (paper)", presence bytes 2
-        sent(Both, PushPull) layout(Ed4, A) latency_ms(1000)
+        sent(Both, PushPull) own_definition() latency_ms(1000)
         source("the project's source paper, its table of the private message, in an Edition 4 wrapper")
-        corroboration("own definition")
         note("joins to Bezier control points P2, P3 the 13002 waypoints P1 and P4; Vehicle ID and CUCS ID must equal the wrapper's")
     {
         time_stamp: f64 = 0, "Time Stamp", unit("ms since 2000-01-01T00:00:00Z");
@@ -29,9 +28,7 @@ messages! {
     }
 
     CurveSegment = 50002, "Curve Segment", presence bytes 2
-        sent(Both, PushPull) layout(Ed4, A) latency_ms(1000)
-        source("this project")
-        corroboration("own definition")
+        sent(Both, PushPull) own_definition() latency_ms(1000)
         note("as 50001, in the scalars of Edition 4, with altitudes; absent altitudes: the leg climbs evenly along its length")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
@@ -48,9 +45,7 @@ messages! {
     }
 
     ParameterRequest = 50010, "Parameter Request", presence bytes 1
-        sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000)
-        source("this project")
-        corroboration("own definition")
+        sent(ToVsm, Push) own_definition() latency_ms(1000)
         note("answered by 50012: one parameter, or all if no name is given")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
@@ -58,9 +53,7 @@ messages! {
     }
 
     ParameterSetCommand = 50011, "Parameter Set Command", presence bytes 1
-        sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000)
-        source("this project")
-        corroboration("own definition")
+        sent(ToVsm, Push) own_definition() latency_ms(1000)
         note("refused outside the range reported by 50012; carried out once the vehicle reports the new value")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
@@ -70,9 +63,7 @@ messages! {
     }
 
     ParameterReport = 50012, "Parameter Report", presence bytes 1
-        sent(ToCucs, Pull) layout(Ed4, A) latency_ms(1000)
-        source("this project")
-        corroboration("own definition")
+        sent(ToCucs, Pull) own_definition() latency_ms(1000)
         note("in answer to 50010 and 50011, and on a change to those that requested the parameter")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
@@ -86,9 +77,7 @@ messages! {
     }
 
     SoftwareVersionReport = 50013, "Software Version Report", presence bytes 1
-        sent(ToCucs, Pull) layout(Ed4, A) latency_ms(1000)
-        source("this project")
-        corroboration("own definition")
+        sent(ToCucs, Pull) own_definition() latency_ms(1000)
         note("requested by 17002")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
@@ -100,9 +89,7 @@ messages! {
     }
 
     PingRequest = 50014, "Ping Request", presence bytes 1
-        sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000)
-        source("this project")
-        corroboration("own definition")
+        sent(ToVsm, Push) own_definition() latency_ms(1000)
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
         ping_number: u32 = 1, "Ping Number", note("returned in the answer");
@@ -110,9 +97,7 @@ messages! {
     }
 
     PingResponse = 50015, "Ping Response", presence bytes 1
-        sent(ToCucs, Pull) layout(Ed4, A) latency_ms(1000)
-        source("this project")
-        corroboration("own definition")
+        sent(ToCucs, Pull) own_definition() latency_ms(1000)
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
         ping_number: u32 = 1, "Ping Number";
@@ -123,9 +108,7 @@ messages! {
     }
 
     AreaVertex = 50016, "Area Vertex", presence bytes 1
-        sent(Both, PushPull) layout(Ed4, A) latency_ms(1000)
-        source("this project")
-        corroboration("own definition")
+        sent(Both, PushPull) own_definition() latency_ms(1000)
         note("one corner of a polygon, or the centre of a circle; in any order, loaded by 50017")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
@@ -139,9 +122,7 @@ messages! {
     }
 
     AreaTransferCommand = 50017, "Area Transfer Command", presence bytes 1
-        sent(ToVsm, Push) layout(Ed4, A) latency_ms(1000)
-        source("this project")
-        corroboration("own definition")
+        sent(ToVsm, Push) own_definition() latency_ms(1000)
         note("answered by 50018")
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
@@ -150,9 +131,7 @@ messages! {
     }
 
     AreaTransferStatus = 50018, "Area Transfer Status", presence bytes 1
-        sent(ToCucs, Push) layout(Ed4, A) latency_ms(2000)
-        source("this project")
-        corroboration("own definition")
+        sent(ToCucs, Push) own_definition() latency_ms(2000)
     {
         time_stamp: TimeStamp = 0, "Time Stamp";
         area_plan_mode: AreaPlanMode = 1, "Area Plan Mode";
