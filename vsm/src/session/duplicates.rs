@@ -4,16 +4,24 @@
 //! streams, so that neither sticks nor heartbeats push them out, and are logged on disk: they are known after a restart
 //! too, and one that the restart cut off is answered.
 //!
+//! What the memory has no room for any more leaves its stamp behind ([`UsedStamps`]): no command is carried out twice,
+//! however many others came between. What moves the aircraft, changes what it will fly or says who may (`commands` of
+//! the caller) needs a stamp, and comes in time by its station's own clock ([`StationClock`]). Sticks are too many to
+//! be logged one by one: of them each must be newer than the last, and the log has a bound on their stamps that is
+//! ahead of them.
+//!
 //! The log has a line before a command is carried out, and another when its answer is final: digest, message type,
 //! stamp, destination, 1 where an acknowledgement was requested, mode, and the answer, `-` before it is known. A later
-//! line of the same digest takes the place of the earlier. It survives the end of the process, `kill -9` too; after a
-//! power cut the last lines may be missing. Where no line can be written the command is carried out all the same, and an
-//! alert says so: a vehicle in the air must be commanded with a full disk too.
+//! line of the same digest takes the place of the earlier. `used` and `sticks` lines have the first and the last of
+//! stamps that were used; they are written with the rest, in one step, when the log is written whole. It survives the
+//! end of the process, `kill -9` too; after a power cut the last lines may be missing. Where no line can be written the
+//! command is carried out all the same, and an alert says so: a vehicle in the air must be commanded with a full disk
+//! too.
 //!
 //! An order can also be overtaken: its first datagram is lost, and what repeats it comes after a later order about the
 //! same thing ([`about`]). Carried out then, it would undo the later one.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::fmt::Write as _;
 use std::time::Duration;
 
@@ -24,38 +32,81 @@ use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::context::Origin;
+use super::stamps::{MAX_LATE, SETTLE, StationClock, UsedStamps, stamps_apart_ms};
 
 /// What one CUCS has sent lately, in memory and in its log.
 #[derive(Debug, Default)]
 pub(crate) struct Remembered {
     recent: Recent,
+    /// Stamps of commands that `recent` had no room for.
+    used: UsedStamps,
+    /// Stamps of sticks.
+    sticks: UsedStamps,
+    /// The log has this as the last of the sticks.
+    sticks_logged: u64,
+    clock: StationClock,
     /// Lines of the log since it was last written whole.
     lines: usize,
+    /// The name of the log, and a line of it that is being written: kept, so that a line of sticks allocates nothing.
+    log_name: String,
+    line: String,
+}
+
+/// What becomes of a message.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// It is carried out.
+    New,
+    /// It was received before; the answer, where it has one.
+    Again(Option<AckType>),
+    /// It is refused: the name of the counter, and the reason.
+    Refused(&'static str, String),
 }
 
 impl Remembered {
-    /// The answer given to this very message before: `Some(None)` where it was received and not answered yet.
-    pub(crate) fn find(&self, new: &Seen) -> Option<Option<AckType>> {
-        self.recent.find(new)
-    }
-
-    /// Whether a later order about the same thing was taken shortly before this one came.
-    pub(crate) fn is_overtaken(&self, new: &Seen) -> bool {
-        self.recent.is_overtaken(new)
-    }
-
-    /// Remembers a message of `station`, before it is carried out.
+    /// Judges a message of `station`, and remembers it before it is carried out. `commands`: it needs a stamp, and must
+    /// be in time.
     ///
-    /// # Errors
-    /// It is remembered, but its line cannot be written.
-    pub(crate) fn remember(
+    /// The second value is whether its line was written, where it has one. It is remembered all the same.
+    pub(crate) fn judge(
         &mut self,
         station: Id,
-        new: Seen,
+        new: &Seen,
+        commands: bool,
+        now: Duration,
         disk: &mut dyn Disk,
-    ) -> Result<(), StoreError> {
-        self.recent.remember(new);
-        self.log(station, &new, disk)
+    ) -> (Verdict, Option<Result<(), StoreError>>) {
+        if let Some(answer) = self.recent.find(new) {
+            return (Verdict::Again(answer), None);
+        }
+        let sticks = new.message_type == STICKS;
+        let used = if sticks { &self.sticks } else { &self.used };
+        if (sticks || new.commands()) && used.contains(new.stamp) {
+            // It is not remembered: replays must not push out what is.
+            return (Verdict::Refused("used time stamp", USED.into()), None);
+        }
+        // Noted first: it may be the message that shows for long enough that the clock was set.
+        self.clock.note(new.stamp, now);
+        let late = self.clock.lateness(new.stamp, now).filter(|_| commands);
+        // An overtaken order is remembered too, so that its repetitions are refused as duplicates; a late one likewise.
+        let overtaken = self.recent.is_overtaken(new);
+        let forgotten = self.recent.remember(*new);
+        let logged = if sticks {
+            Some(self.log_sticks(station, new.stamp, disk))
+        } else if new.commands() {
+            for stamp in forgotten.into_iter().flatten() {
+                self.used.insert(stamp);
+            }
+            Some(self.log(station, new, disk))
+        } else {
+            None
+        };
+        let verdict = match late {
+            Some(late) => Verdict::Refused("late", late_text(late)),
+            None if overtaken => Verdict::Refused("overtaken", OVERTAKEN.into()),
+            None => Verdict::New,
+        };
+        (verdict, logged)
     }
 
     /// Remembers the answer to the latest message of this type and stamp.
@@ -83,15 +134,16 @@ impl Remembered {
     pub(crate) fn restore(
         &mut self,
         station: Id,
+        now: Duration,
         disk: &dyn Disk,
     ) -> Result<Vec<Seen>, StoreError> {
         let Some(bytes) = disk.read(&log_file(station), u64::MAX)? else {
             return Ok(Vec::new());
         };
-        self.recent = Recent {
-            commands: parse_log(&bytes),
-            others: VecDeque::new(),
-        };
+        self.read_log(&bytes);
+        if let Some(latest) = self.recent.commands.back() {
+            self.clock.restore(latest.stamp, now);
+        }
         let commands = self.recent.commands.iter();
         let open = commands.filter(|seen| !is_final(seen.answer));
         Ok(open.copied().collect())
@@ -107,8 +159,20 @@ impl Remembered {
     /// # Errors
     /// It stays as it was.
     pub(crate) fn compact(&mut self, station: Id, disk: &mut dyn Disk) -> Result<(), StoreError> {
-        let whole: String = self.recent.commands.iter().map(line).collect();
-        self.lines = self.recent.commands.len();
+        let mut whole = String::new();
+        for (name, used) in [(USED_LINE, &self.used), (STICKS_LINE, &self.sticks)] {
+            for (first, last) in used.spans() {
+                write_span(&mut whole, name, first, last);
+            }
+        }
+        if let Some(last) = self.sticks_logged.checked_sub(STICKS_AHEAD_MS) {
+            // Ahead of the sticks that were received, as its line in the log is.
+            write_span(&mut whole, STICKS_LINE, last, self.sticks_logged);
+        }
+        for seen in &self.recent.commands {
+            write_line(&mut whole, seen);
+        }
+        self.lines = whole.lines().count();
         disk.replace(&log_file(station), whole.as_bytes(), Durability::Process)
     }
 
@@ -116,12 +180,82 @@ impl Remembered {
         if !seen.commands() {
             return Ok(());
         }
+        self.line.clear();
+        write_line(&mut self.line, seen);
+        self.append(station, disk)
+    }
+
+    /// Notes the stamp of a stick. They come 50 times a second: the log has a stamp up to which they count as used after a
+    /// restart, and gets the next one when they reach it.
+    fn log_sticks(
+        &mut self,
+        station: Id,
+        stamp: TimeStamp,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        self.sticks.insert(stamp);
+        let logged = self.sticks_logged.checked_sub(stamp.0);
+        if logged.is_some_and(|ahead_ms| ahead_ms <= STICKS_AHEAD_MS) {
+            return Ok(());
+        }
+        self.sticks_logged = stamp.0 + STICKS_AHEAD_MS;
+        self.line.clear();
+        write_span(&mut self.line, STICKS_LINE, stamp.0, self.sticks_logged);
+        self.append(station, disk)
+    }
+
+    /// Appends `self.line`.
+    fn append(&mut self, station: Id, disk: &mut dyn Disk) -> Result<(), StoreError> {
         self.lines += 1;
         if self.lines > MAX_LINES {
             return self.compact(station, disk);
         }
-        let line = line(seen);
-        disk.append(&log_file(station), line.as_bytes(), Durability::Process)
+        if self.log_name.is_empty() {
+            self.log_name = log_file(station);
+        }
+        disk.append(&self.log_name, self.line.as_bytes(), Durability::Process)
+    }
+
+    /// The latest commands of a log, and the stamps of those before. A line that cannot be read, as the last may be after
+    /// a crash, is skipped.
+    fn read_log(&mut self, bytes: &[u8]) {
+        let known = &mut self.recent.commands;
+        known.clear();
+        // Where a digest is, counted from the first that was ever read.
+        let mut places: HashMap<[u8; 16], usize> = HashMap::new();
+        let mut forgotten = 0;
+        for line in String::from_utf8_lossy(bytes).lines() {
+            if let Some((name, first, last)) = parse_span(line) {
+                let used = if name == STICKS_LINE {
+                    &mut self.sticks
+                } else {
+                    &mut self.used
+                };
+                used.insert_span(first, last);
+                continue;
+            }
+            let Some(seen) = parse_line(line) else {
+                continue;
+            };
+            let place = places.entry(seen.digest.0).or_insert(usize::MAX);
+            match place
+                .checked_sub(forgotten)
+                .and_then(|at| known.get_mut(at))
+            {
+                Some(earlier) => *earlier = seen,
+                None => {
+                    *place = forgotten + known.len();
+                    known.push_back(seen);
+                }
+            }
+            // As many as there can be: some may still be on their way, as `remember` has it.
+            if known.len() > MAX_COMMANDS
+                && let Some(oldest) = known.pop_front()
+            {
+                self.used.insert(oldest.stamp);
+                forgotten += 1;
+            }
+        }
     }
 }
 
@@ -234,19 +368,30 @@ impl Recent {
                 && seen.destination == new.destination
                 // A refused order had no effect that an earlier one could undo.
                 && seen.answer != Some(AckType::Refused)
-                && seen.stamp > new.stamp
-                && seen.stamp.0 - new.stamp.0 < LONGEST_WAY_MS
-                && now.saturating_sub(at).as_millis() < u128::from(LONGEST_WAY_MS)
+                && (1..LONGEST_WAY_MS).contains(&stamps_apart_ms(seen.stamp, new.stamp))
+                && now.saturating_sub(at).as_millis() < LONGEST_WAY_MS as u128
         })
     }
 
-    /// Remembers a message. One without a stamp cannot be told from a new one, and is not remembered.
-    pub(crate) fn remember(&mut self, new: Seen) {
+    /// Remembers a message; the stamps of those that are forgotten for it.
+    fn remember(&mut self, new: Seen) -> [Option<TimeStamp>; 2] {
+        let now = new.came.map(|(now, _)| now).unwrap_or_default();
         let ring = self.ring(new.message_type);
-        if ring.len() == DEPTH {
-            ring.pop_front();
+        let mut forgotten = [None; 2];
+        // Two, so that a memory that has grown shrinks again.
+        for stamp in &mut forgotten {
+            let young = |seen: &&Seen| {
+                let came = seen.came.map(|(at, _)| now.saturating_sub(at));
+                // Its retransmissions, and those of what was sent just before it, may still be on their way.
+                seen.commands() && came.is_some_and(|age| age < MAX_LATE)
+            };
+            let full = ring.len() >= MAX_COMMANDS;
+            if ring.len() >= DEPTH && (full || ring.front().filter(young).is_none()) {
+                *stamp = ring.pop_front().map(|seen| seen.stamp);
+            }
         }
         ring.push_back(new);
+        forgotten
     }
 
     /// Notes the answer to the latest message of this type and stamp.
@@ -275,10 +420,9 @@ fn is_final(answer: Option<AckType>) -> bool {
     answer.is_some_and(|answer| answer != AckType::Received)
 }
 
-fn line(seen: &Seen) -> String {
-    let mut line = String::with_capacity(80);
+fn write_line(out: &mut String, seen: &Seen) {
     for byte in seen.digest.0 {
-        let _ = write!(line, "{byte:02x}");
+        let _ = write!(out, "{byte:02x}");
     }
     let Seen {
         stamp,
@@ -291,32 +435,26 @@ fn line(seen: &Seen) -> String {
     } = *seen;
     let (stamp, destination, ack) = (stamp.0, destination.0, u8::from(ack_requested));
     let _ = write!(
-        line,
+        out,
         " {message_type} {stamp} {destination:08x} {ack} {mode} "
     );
     let _ = match answer {
-        Some(answer) => writeln!(line, "{}", answer.raw()),
-        None => writeln!(line, "-"),
+        Some(answer) => writeln!(out, "{}", answer.raw()),
+        None => writeln!(out, "-"),
     };
-    line
 }
 
-/// The latest commands of a log. A line that cannot be read, as the last may be after a crash, is skipped.
-fn parse_log(bytes: &[u8]) -> VecDeque<Seen> {
-    let mut known: VecDeque<Seen> = VecDeque::new();
-    for line in String::from_utf8_lossy(bytes).lines() {
-        let Some(seen) = parse_line(line) else {
-            continue;
-        };
-        match known.iter_mut().rev().find(|one| one.digest == seen.digest) {
-            Some(earlier) => *earlier = seen,
-            None => known.push_back(seen),
-        }
-        if known.len() > DEPTH {
-            known.pop_front();
-        }
-    }
-    known
+fn write_span(out: &mut String, name: &str, first: u64, last: u64) {
+    let _ = writeln!(out, "{name} {first} {last}");
+}
+
+fn parse_span(line: &str) -> Option<(&str, u64, u64)> {
+    let mut words = line.split(' ');
+    let name = words
+        .next()
+        .filter(|name| [USED_LINE, STICKS_LINE].contains(name))?;
+    let (first, last) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
+    (first <= last && words.next().is_none()).then_some((name, first, last))
 }
 
 fn parse_line(line: &str) -> Option<Seen> {
@@ -385,7 +523,7 @@ fn about(message: &Message) -> Option<u64> {
 }
 
 /// A datagram is not longer on its way, ms, repetitions included.
-const LONGEST_WAY_MS: u64 = 10_000;
+const LONGEST_WAY_MS: i64 = 10_000;
 
 /// Sticks, subsystem status requests, heartbeat, acknowledgement, schedule and request of reports, configuration
 /// request; parameter request and ping of ours.
@@ -394,11 +532,35 @@ const NO_COMMANDS: [u16; 10] = [
 ];
 /// Messages remembered a CUCS, of each of the two kinds: an upload of 500 waypoints, sent twice, is told apart.
 const DEPTH: usize = 1024;
+/// Commands remembered while they are young.
+const MAX_COMMANDS: usize = 4 * DEPTH;
 /// A log of so many lines is compacted.
-const MAX_LINES: usize = 4 * DEPTH;
+const MAX_LINES: usize = 3 * MAX_COMMANDS;
+const STICKS: u16 = 2010;
+/// How far the log is ahead of the sticks. After a restart of the VSM they count again that much later; PX4 has left manual
+/// flight by then, and every other command counts at once.
+const STICKS_AHEAD_MS: u64 = 10_000;
+const USED_LINE: &str = "used";
+const STICKS_LINE: &str = "sticks";
+/// Its sender has ordered something else since.
+const OVERTAKEN: &str = "overtaken by a later command, which applies instead";
+const USED: &str = "its Time Stamp lies where this CUCS has commanded before: it is a repetition, or the clock of the CUCS was \
+     set back";
+
+fn late_text(late: Duration) -> String {
+    format!(
+        "its Time Stamp is {} s behind the clock of its CUCS, expected at most {} s; send it again (once its clock was set, \
+         it is followed within {} s)",
+        late.as_secs(),
+        MAX_LATE.as_secs(),
+        SETTLE.as_secs()
+    )
+}
 
 #[cfg(test)]
 mod tests {
+    use mavlink_link::store::MemoryDisk;
+
     use super::*;
 
     fn seen(number: u8, answer: Option<AckType>) -> Seen {
@@ -414,26 +576,251 @@ mod tests {
         }
     }
 
+    const STATION: Id = Id(0x1b00_00a0);
+
+    fn line(seen: &Seen) -> String {
+        let mut line = String::new();
+        write_line(&mut line, seen);
+        line
+    }
+
+    fn read(bytes: &[u8]) -> Remembered {
+        let mut remembered = Remembered::default();
+        remembered.read_log(bytes);
+        remembered
+    }
+
     #[test]
     fn a_log_reads_back_with_the_latest_answers_and_without_a_torn_line() {
         let (one, two) = (seen(1, None), seen(2, None));
         let answered = seen(1, Some(AckType::CarriedOut));
         let mut bytes = [one, two, answered].iter().map(line).collect::<String>();
         bytes.push_str(&line(&seen(3, None))[..50]);
-        assert_eq!(parse_log(bytes.as_bytes()), [answered, two]);
+        let known = read(bytes.as_bytes());
+        assert_eq!(known.recent.commands, [answered, two]);
+        assert_eq!(known.used, UsedStamps::default());
     }
 
     #[test]
-    fn no_more_is_kept_than_is_remembered() {
-        let bytes: String = (0..DEPTH + 10)
+    fn of_what_is_no_longer_remembered_the_stamp_stays() {
+        let bytes: String = (0..MAX_COMMANDS + 10)
             .map(|n| {
                 let mut one = seen(1, None);
                 one.digest.0[..8].copy_from_slice(&n.to_be_bytes());
+                one.stamp = TimeStamp(1_000_000 * n as u64);
                 line(&one)
             })
             .collect();
-        let known = parse_log(bytes.as_bytes());
-        assert_eq!(known.len(), DEPTH);
-        assert_eq!(known[0].digest.0[..8], 10_usize.to_be_bytes());
+        let known = read(bytes.as_bytes());
+        let commands = &known.recent.commands;
+        assert_eq!(commands.len(), MAX_COMMANDS);
+        assert_eq!(commands[0].digest.0[..8], 10_usize.to_be_bytes());
+        let used = |n: u64| known.used.contains(TimeStamp(1_000_000 * n));
+        assert!((0..10).all(used) && !(10..4_000).any(used));
+    }
+
+    /// A station over years of its clock, recorded by somebody: what it sends, when it arrives, what is lost, replayed and
+    /// repeated, its clock and the restarts of the VSM are drawn at random.
+    struct History {
+        random: kit::Random,
+        remembered: Remembered,
+        disk: MemoryDisk,
+        now: Duration,
+        /// Of this run of the VSM.
+        started: Duration,
+        /// The station's clock beside `now`, ms.
+        clock_ms: u64,
+        last_stamp: u64,
+        recorded: Vec<Seen>,
+        /// How often each was carried out.
+        carried_out: HashMap<[u8; 16], u32>,
+    }
+
+    impl History {
+        fn new(seed: u64) -> History {
+            History {
+                random: kit::Random::with_seed(seed),
+                remembered: Remembered::default(),
+                disk: MemoryDisk::default(),
+                now: Duration::ZERO,
+                started: Duration::ZERO,
+                clock_ms: 850_000_000_000,
+                last_stamp: 0,
+                recorded: Vec::new(),
+                carried_out: HashMap::new(),
+            }
+        }
+
+        fn stamp(&self) -> TimeStamp {
+            let now = u64::try_from(self.now.as_millis()).unwrap();
+            TimeStamp((self.clock_ms + now) % TimeStamp::PERIOD_MS)
+        }
+
+        fn make(&mut self, message_type: u16) -> Seen {
+            let mut digest = [0; 16];
+            digest[..8].copy_from_slice(&(self.recorded.len() as u64).to_be_bytes());
+            let mut stamp = self.stamp();
+            if stamp.0 == self.last_stamp {
+                // Stamps rise strictly while the clock does not step.
+                stamp.0 += 1;
+            }
+            self.last_stamp = stamp.0;
+            let new = Seen {
+                digest: Digest(digest),
+                stamp,
+                message_type,
+                destination: Id(0x1b00_0101),
+                ack_requested: true,
+                mode: 0,
+                answer: None,
+                came: None,
+            };
+            self.recorded.push(new);
+            new
+        }
+
+        fn arrives(&mut self, mut seen: Seen) -> Verdict {
+            let now = self.now - self.started;
+            seen.came = Some((now, None));
+            let commands = seen.commands() || seen.message_type == STICKS;
+            let (verdict, _) = self
+                .remembered
+                .judge(STATION, &seen, commands, now, &mut self.disk);
+            if commands && verdict == Verdict::New {
+                let times = self.carried_out.entry(seen.digest.0).or_default();
+                *times += 1;
+                assert_eq!(*times, 1, "{seen:?} is carried out again");
+                let (kind, stamp) = (seen.message_type, seen.stamp);
+                let answer = [AckType::Received, AckType::CarriedOut, AckType::Refused]
+                    [self.random.usize(0..3)];
+                self.remembered
+                    .answered(STATION, kind, stamp, answer, &mut self.disk);
+            }
+            verdict
+        }
+
+        fn restart(&mut self) {
+            self.started = self.now;
+            self.remembered = Remembered::default();
+            let open = self
+                .remembered
+                .restore(STATION, Duration::ZERO, &self.disk)
+                .unwrap();
+            // Answered as cut off, as the router does with what commands a vehicle.
+            for seen in open {
+                let (kind, stamp) = (seen.message_type, seen.stamp);
+                self.remembered
+                    .answered(STATION, kind, stamp, AckType::Refused, &mut self.disk);
+            }
+            self.remembered.compact(STATION, &mut self.disk).unwrap();
+        }
+
+        fn replay_some(&mut self) {
+            for _ in 0..self.random.usize(0..30) {
+                let index = self.random.usize(0..self.recorded.len().max(1));
+                if let Some(seen) = self.recorded.get(index).copied() {
+                    // What never arrived may arrive now, once.
+                    self.arrives(seen);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_command_is_carried_out_twice_in_any_history() {
+        for seed in 0..5 {
+            let mut history = History::new(seed);
+            for _ in 0..3_000 {
+                let step = Duration::from_millis(history.random.u64(1..4_000));
+                history.now += step;
+                let draw = history.random.u16(0..1_000);
+                match draw {
+                    0..3 => history.restart(),
+                    3..6 => {
+                        // Years, hours or seconds, either way; or a clock that begins again.
+                        let far = [1 << 38, 90_000_000, 5_000][history.random.usize(0..3)];
+                        let by = history.random.u64(0..far);
+                        history.clock_ms = match history.random.u8(0..3) {
+                            0 => history.clock_ms + by,
+                            1 => history.clock_ms.saturating_sub(by),
+                            _ => 0,
+                        };
+                    }
+                    6..9 => {
+                        for _ in 0..1_200 {
+                            history.now += Duration::from_millis(20);
+                            let seen = history.make(13_002);
+                            history.arrives(seen);
+                        }
+                    }
+                    9..60 => history.replay_some(),
+                    60..400 => {
+                        let seen = history.make(STICKS);
+                        history.arrives(seen);
+                    }
+                    400..500 => {
+                        // Recorded, and never delivered.
+                        history.make(2016);
+                    }
+                    500..700 => {
+                        let seen = history.make(2016);
+                        history.arrives(seen);
+                    }
+                    _ => {
+                        let seen = history.make(16_002);
+                        history.arrives(seen);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_station_with_a_steady_clock_is_never_refused_over_a_bad_network() {
+        let mut history = History::new(1);
+        let mut under_way: Vec<(Duration, Seen)> = Vec::new();
+        for n in 0..12_000_u64 {
+            history.now += Duration::from_millis(25);
+            if n % 5_000 == 4_999 {
+                history.restart();
+            }
+            // Heartbeats, commands of which many arrive only when they are repeated, up to 40 s later.
+            let kind = if n % 40 == 0 { 16_002 } else { 2016 };
+            let seen = history.make(kind);
+            let first = history.now + Duration::from_millis(history.random.u64(0..1_500));
+            let retries = history.random.u64(0..40) * history.random.u64(0..2);
+            under_way.push((first + Duration::from_secs(retries), seen));
+            let now = history.now;
+            while let Some(index) = under_way.iter().position(|(at, _)| *at <= now) {
+                let (_, seen) = under_way.swap_remove(index);
+                assert_eq!(history.arrives(seen), Verdict::New, "{n}");
+                assert!(matches!(history.arrives(seen), Verdict::Again(_)), "{n}");
+            }
+        }
+    }
+
+    #[test]
+    fn after_any_step_of_its_clock_a_station_commands_again_in_seconds() {
+        for seed in 0..100 {
+            let mut history = History::new(seed);
+            for _ in 0..4 {
+                for second in 0..90 {
+                    history.now += Duration::from_secs(1);
+                    let beat = history.make(16_002);
+                    history.arrives(beat);
+                    let command = history.make(2016);
+                    let verdict = history.arrives(command);
+                    if second >= 6 {
+                        assert_eq!(verdict, Verdict::New, "{seed}, {second} s after the step");
+                    }
+                }
+                let far = [1 << 38, 90_000_000, 300_000][history.random.usize(0..3)];
+                let by = history.random.u64(0..far);
+                history.clock_ms = match history.random.bool() {
+                    true => history.clock_ms + by,
+                    false => history.clock_ms.saturating_sub(by),
+                };
+            }
+        }
     }
 }

@@ -12,7 +12,7 @@
 //! use mavlink_link::Now;
 //! use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 //! use stanag_msgs::messages::CucsAuthorisationRequest;
-//! use stanag_msgs::{Envelope, Id, Message};
+//! use stanag_msgs::{Envelope, Id, Message, TimeStamp};
 //! use vsm::config::Config;
 //! use mavlink_link::store::MemoryDisk;
 //! use vsm::session::{Bridge, LinkEnd};
@@ -39,6 +39,7 @@
 //!
 //! let (cucs, vehicle) = (Id(0x1b00_00a0), Id(0x1b00_0101));
 //! let request = CucsAuthorisationRequest {
+//!     time_stamp: Some(TimeStamp(848_534_400_000)), // needed by whatever commands
 //!     requested_handover_loi: Some(LoiBitmap::from_raw(0x0d)), // LOI 2, 4 and 5
 //!     requested_handover_access: Some(RequestedAccess::Request),
 //!     ..CucsAuthorisationRequest::default()
@@ -79,6 +80,7 @@ mod maneuver;
 mod mission;
 mod outbox;
 mod reports;
+mod stamps;
 mod station;
 pub(crate) mod store;
 #[cfg(test)]

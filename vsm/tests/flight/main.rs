@@ -7,7 +7,7 @@
 //! - routes: `routes_by_type`, `route_refusals`, `route_progress`, `curves`, `climbs`, `after_a_return`,
 //!   `mission_watchdog`, `fence`
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
-//!   `commands_survive_a_restart`
+//!   `commands_survive_a_restart`, `replayed_commands`
 //! - the order of effects: `effects_order`
 //! - who may command: `operator_control`, `loss_of_authority`, `loss_action`
 //! - reports: `status`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
@@ -36,6 +36,7 @@ mod mode_retries;
 mod operator_control;
 mod overtaken_commands;
 mod refusals_have_reasons;
+mod replayed_commands;
 mod reports_in_time;
 mod restarts;
 mod route_progress;

@@ -153,3 +153,33 @@ fn a_vehicle_that_does_not_report_it_gets_no_request() {
     let refused = rig.vehicles[0].vehicle().counters().commands_refused;
     assert_eq!(refused, 0, "no command that it does not know");
 }
+
+#[test]
+fn a_lost_controller_leaves_operator_control_to_the_loss_action() {
+    let mut rig = Rig::ready_with(Setup {
+        tables: "[authority]\non_loss = \"rtl\"\n",
+        ..speaking()
+    });
+    rig.take_off(20.0);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.stations[0].heartbeats = true;
+    rig.run(2.0);
+    rig.stations[0].heartbeats = false;
+    assert!(rig.until(3.0, |rig| owner(rig) == Some(245)));
+    // Another system waits for the moment in which nobody has it.
+    for _ in 0..3_000 {
+        ask(&mut rig);
+        rig.run(0.01);
+        if rig.truth().mode == px4_sim::Mode::Rtl {
+            break;
+        }
+    }
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Rtl, "{:?}", rig.log);
+    assert!(
+        !rig.station().has_alert("refused"),
+        "{:?}",
+        rig.station().alerts()
+    );
+    // Nobody controls it and nothing is commanded any more: then another may.
+    assert!(rig.until(10.0, |rig| { owner(rig) == Some(0) }));
+}

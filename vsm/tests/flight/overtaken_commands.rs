@@ -50,12 +50,17 @@ fn a_sender_whose_clock_was_set_back_is_accepted() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
     assert_eq!(rig.carry_out(hold_at(35.0)), DONE);
-    // Set back far at once, or a little and some time later.
-    late_hold(&mut rig, 15.0, 3_600.0);
+    rig.run(12.0);
+    // A little, and some time later.
+    late_hold(&mut rig, 15.0, 14.0);
     assert!(height(&rig) < 17.0, "{}", height(&rig));
     assert_eq!(rig.carry_out(hold_at(35.0)), DONE);
     rig.run(12.0);
-    late_hold(&mut rig, 15.0, 14.0);
+    // Far: once its traffic has shown for seconds that this is its clock, and no command held back.
+    late_hold(&mut rig, 15.0, 3_600.0);
+    assert!(height(&rig) > 33.0, "{}", height(&rig));
+    assert!(rig.station().has_alert("behind the clock of its CUCS"));
+    late_hold(&mut rig, 15.0, 3_600.0);
     assert!(height(&rig) < 17.0, "{}", height(&rig));
 }
 

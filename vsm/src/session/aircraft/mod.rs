@@ -181,6 +181,7 @@ impl Aircraft {
     }
 
     fn deliver_requests(&mut self, dli: &mut DliEffects<'_>) {
+        let mut control_changed = false;
         while let Some(request) = self.requests.pop_front() {
             match request {
                 Request::Fly {
@@ -198,8 +199,7 @@ impl Aircraft {
                 Request::Hold => self.flight(dli, flight::Input::Hold),
                 Request::ControlChanged => {
                     self.flight(dli, flight::Input::ControlChanged);
-                    self.link.operator_control.soon();
-                    self.hold_operator_control(dli);
+                    control_changed = true;
                 }
                 Request::ControllerLost => self.flight(dli, flight::Input::ControllerLost),
                 Request::LoadAndFly {
@@ -237,6 +237,12 @@ impl Aircraft {
                     self.observe(dli, input);
                 }
             }
+        }
+        // After all of them: the loss of the controller follows the change of control, and flies the loss action. Released in
+        // between, operator control could go to another MAVLink system, and the vehicle would refuse that action.
+        if control_changed {
+            self.link.operator_control.soon();
+            self.hold_operator_control(dli);
         }
     }
 

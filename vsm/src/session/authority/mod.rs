@@ -129,6 +129,24 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
     }
 }
 
+/// Whether a message moves the aircraft, changes what it will fly, or says who may: such a message needs a Time Stamp,
+/// and comes in time. Of message 1 only what requests a right to command: a question changes nothing, and a release is
+/// granted always.
+pub(crate) fn commands(message: &Message) -> bool {
+    match message {
+        Message::CucsAuthorisationRequest(request) => {
+            let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
+            let relinquishes =
+                request.requested_handover_access == Some(RequestedAccess::Relinquish);
+            !relinquishes && levels.raw() & !LoiBitmap::LOI2.raw() != 0
+        }
+        Message::PositiveHandoverAuthorisationRequest(_)
+        | Message::VehicleDataLinkTransitionCoordination(_) => true,
+        // By the right that it needs: a message that is added there is covered here.
+        other => right_for(other, None).is_some_and(|right| right != LoiBitmap::LOI2),
+    }
+}
+
 impl AuthorityMachine {
     /// What a restart finds.
     ///

@@ -8,15 +8,16 @@ use std::net::SocketAddr;
 use mavlink_link::Now;
 use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::enums::AckType;
+use stanag_msgs::messages::UaStickCommand;
 use stanag_msgs::table::{self, Direction};
 use stanag_msgs::wrapper::{Frame, Header, WrapperError};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::{Bridge, destination_as_source};
 use crate::session::alerts::Cause;
-use crate::session::authority::Input;
+use crate::session::authority::{self, Input};
 use crate::session::context::Origin;
-use crate::session::duplicates::Seen;
+use crate::session::duplicates::{Seen, Verdict};
 
 impl Bridge {
     /// Takes a datagram of the DLI side.
@@ -69,20 +70,29 @@ impl Bridge {
         station.peer = Some(from);
         station.received = Some(now.mono);
         let id = station.id();
-        if let Some(stamp) = origin.stamp {
-            let seen = Seen::new(frame, &message, stamp, origin.ack_requested, now.mono);
-            let remembered = &mut self.remembered[index];
-            if let Some(answer) = remembered.find(&seen) {
+        let commands = authority::commands(&message);
+        let Some(stamp) = origin.stamp else {
+            if commands {
+                self.counters.count("no time stamp");
+                let why = NO_STAMP.to_owned();
+                return self.refuse_command(now, &origin, header.destination, why, disk);
+            }
+            return self.dispatch(now, origin, header.destination, &message, disk);
+        };
+        let seen = Seen::new(frame, &message, stamp, origin.ack_requested, now.mono);
+        let (verdict, logged) = self.remembered[index].judge(id, &seen, commands, now.mono, disk);
+        if let Some(logged) = logged {
+            self.report_log(now, header.destination, logged, disk);
+        }
+        match verdict {
+            Verdict::New => {}
+            Verdict::Again(answer) => {
                 self.counters.count("duplicate");
                 return self.answer_again(now, &origin, frame, &message, answer, disk);
             }
-            let overtaken = remembered.is_overtaken(&seen);
-            // An overtaken order is remembered too, so that its repetitions are refused as duplicates.
-            let logged = remembered.remember(id, seen, disk);
-            self.report_log(now, header.destination, logged, disk);
-            if overtaken {
-                self.counters.count("overtaken");
-                return self.refuse(now, &origin, header.destination, OVERTAKEN.into(), disk);
+            Verdict::Refused(counter, why) => {
+                self.counters.count(counter);
+                return self.refuse_command(now, &origin, header.destination, why, disk);
             }
         }
         self.dispatch(now, origin, header.destination, &message, disk);
@@ -173,6 +183,26 @@ impl Bridge {
         }
     }
 
+    /// Refuses a command of a listed station with the reason, also where no 17000 was requested: whoever gave it must know
+    /// that the vehicle does not follow. Of sticks, that come in streams, only where it was.
+    fn refuse_command(
+        &mut self,
+        now: Now,
+        origin: &Origin,
+        destination: Id,
+        why: String,
+        disk: &mut dyn Disk,
+    ) {
+        if origin.message_type == UaStickCommand::ID {
+            return self.refuse(now, origin, destination, why, disk);
+        }
+        let (mut dli, aircraft) = self.effects(now, disk);
+        match aircraft.iter_mut().find(|one| one.id() == destination) {
+            Some(one) => one.effects(&mut dli).refuse_unprivileged(origin, &why),
+            None => dli.refuse(origin, &why),
+        }
+    }
+
     /// Refuses a message that cannot be read, or that a CUCS never sends. Where nobody waits for an answer nothing is told.
     fn refuse(
         &mut self,
@@ -230,6 +260,5 @@ fn drop_name(fault: &WrapperError) -> &'static str {
     }
 }
 
-/// Its sender has ordered something else since.
-const OVERTAKEN: &str = "overtaken by a later command, which applies instead";
+const NO_STAMP: &str = "a command needs its Time Stamp (field 1): without one a recording of it could not be told from it";
 const ACKNOWLEDGEMENT: u16 = 17000;

@@ -165,7 +165,7 @@ impl Bridge {
     fn restore_commands(&mut self, now: Now, disk: &mut dyn Disk) -> Result<(), StoreError> {
         for index in 0..self.stations.len() {
             let id = self.stations[index].id();
-            let open = self.remembered[index].restore(id, disk)?;
+            let open = self.remembered[index].restore(id, now.mono, disk)?;
             for seen in open {
                 let (mut dli, aircraft) = self.effects(now, disk);
                 let of = aircraft.iter_mut().find(|one| one.id() == seen.destination);

@@ -1,0 +1,358 @@
+//! What the Time Stamps of one station are worth: which of them have commanded already, and what its clock shows.
+//!
+//! **Used stamps.** The memory of duplicates is bounded, so a recorded command can wait until it has been pushed out.
+//! The stamp of what leaves the memory therefore stays, in [`UsedStamps`]: spans that only grow, so that a stamp outside
+//! of them and outside of the memory has never commanded. A single floor would be simpler, and would lock out for good
+//! a station whose clock was wrong by a year for a minute; the years between two spans stay free.
+//!
+//! **The station's clock.** A command can also be held back and delivered later, for the first time. It is
+//! measured against the other traffic of its station ([`StationClock`]): the newest stamp received, carried on by our
+//! monotonic time. A message may be late by [`MAX_LATE`], retransmissions included. No wall clock of ours takes part,
+//! so that none of ours can step.
+//!
+//! A station's own clock may step. Forward: what is ahead is accepted, since nothing recorded or held back is ahead of
+//! everything that was received. The clock follows it only once such traffic has lasted for [`SETTLE`]: one datagram
+//! from another year must not make all honest ones late. Back: refused, until rising stamps have come for [`SETTLE`]
+//! without one that still fits the clock as it was. A replay beside the station's own traffic never gets there.
+
+use std::time::Duration;
+
+use stanag_msgs::TimeStamp;
+
+/// Stamps that must not command again: closed spans, apart by more than [`MERGED_MS`], in rising order.
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
+pub(crate) struct UsedStamps {
+    spans: Vec<(u64, u64)>,
+}
+
+impl UsedStamps {
+    /// Whether a stamp lies in a span.
+    pub(crate) fn contains(&self, stamp: TimeStamp) -> bool {
+        let after = self.spans.partition_point(|(first, _)| *first <= stamp.0);
+        after
+            .checked_sub(1)
+            .and_then(|index| self.spans.get(index))
+            .is_some_and(|(_, last)| stamp.0 <= *last)
+    }
+
+    /// Adds a stamp.
+    pub(crate) fn insert(&mut self, stamp: TimeStamp) {
+        self.insert_span(stamp.0, stamp.0);
+    }
+
+    /// Adds a span, and everything between it and another that is nearer than [`MERGED_MS`].
+    pub(crate) fn insert_span(&mut self, mut first: u64, mut last: u64) {
+        let begin = self
+            .spans
+            .partition_point(|(_, end)| end.saturating_add(MERGED_MS) < first);
+        let end = self
+            .spans
+            .partition_point(|(start, _)| *start <= last.saturating_add(MERGED_MS));
+        for (known_first, known_last) in self.spans.get(begin..end).into_iter().flatten() {
+            first = first.min(*known_first);
+            last = last.max(*known_last);
+        }
+        if let (1, Some(known)) = (end - begin, self.spans.get_mut(begin)) {
+            // As with every next stick: nothing moves.
+            *known = (first, last);
+            return;
+        }
+        self.spans.splice(begin..end, [(first, last)]);
+        if self.spans.len() > MAX_SPANS {
+            self.close_smallest_gap();
+        }
+    }
+
+    /// First and last stamp of each span.
+    pub(crate) fn spans(&self) -> impl Iterator<Item = (u64, u64)> {
+        self.spans.iter().copied()
+    }
+
+    /// Bounds the memory: pauses between two commands close before those between two days, or two clocks.
+    fn close_smallest_gap(&mut self) {
+        let gaps = self.spans.windows(2).enumerate();
+        let smallest = gaps.min_by_key(|(_, pair)| match pair {
+            [(_, end), (start, _)] => start - end,
+            _ => u64::MAX,
+        });
+        if let Some((index, _)) = smallest {
+            let (_, last) = self.spans.remove(index + 1);
+            self.spans[index].1 = last;
+        }
+    }
+}
+
+/// The clock of one station, as its traffic shows it.
+#[derive(Debug, Default, Clone)]
+pub(crate) struct StationClock {
+    reference: Option<Reference>,
+    /// Since when there has been traffic that follows the reference; `None` where it was not received in this run.
+    since: Option<Duration>,
+    /// Traffic that does not fit the reference: its newest message, and when it began.
+    candidate: Option<(Reference, Duration)>,
+}
+
+/// The newest stamp, and when it was received.
+#[derive(Debug, Clone, Copy)]
+struct Reference {
+    stamp: TimeStamp,
+    at: Duration,
+}
+
+impl Reference {
+    /// How far a stamp that is received now is ahead of this clock, ms; negative where it is behind.
+    fn lead_ms(&self, stamp: TimeStamp, now: Duration) -> i64 {
+        let elapsed = now.saturating_sub(self.at).as_millis();
+        stamps_apart_ms(stamp, self.stamp) - i64::try_from(elapsed).unwrap_or(i64::MAX / 2)
+    }
+
+    /// Whether a stamp received now can be the next of this clock: newer, and not ahead. It may be behind: a station
+    /// whose clock was set back may stamp with the last stamp and one, until its clock has caught up.
+    fn continues(&self, stamp: TimeStamp, now: Duration) -> bool {
+        stamps_apart_ms(stamp, self.stamp) > 0 && self.lead_ms(stamp, now) <= NEAR_MS
+    }
+}
+
+impl StationClock {
+    /// The newest stamp of an earlier run: what is older than that by [`MAX_LATE`] is late, whenever the station is
+    /// received again.
+    pub(crate) fn restore(&mut self, newest: TimeStamp, now: Duration) {
+        self.reference = Some(Reference {
+            stamp: newest,
+            at: now,
+        });
+    }
+
+    /// By how much a stamp received now is later than [`MAX_LATE`] allows; `None` where it is in time.
+    pub(crate) fn lateness(&self, stamp: TimeStamp, now: Duration) -> Option<Duration> {
+        let lead_ms = self.reference?.lead_ms(stamp, now);
+        let late = Duration::from_millis(u64::try_from(-lead_ms).ok()?);
+        (late > MAX_LATE).then_some(late)
+    }
+
+    /// Notes the stamp of a message that was received for the first time.
+    pub(crate) fn note(&mut self, stamp: TimeStamp, now: Duration) {
+        let new = Reference { stamp, at: now };
+        let Some(reference) = self.reference else {
+            return self.follow(new, now);
+        };
+        let in_time = self.lateness(stamp, now).is_none();
+        let ahead = reference.lead_ms(stamp, now) > NEAR_MS;
+        if ahead && !self.is_settled(now) {
+            // What was received first may have been old. Honest traffic is ahead of that, and need not wait.
+            return self.follow(new, now);
+        }
+        if in_time && !ahead {
+            // What was overtaken on its way says nothing new.
+            if stamps_apart_ms(stamp, reference.stamp) > 0 {
+                self.follow(new, self.since.unwrap_or(now));
+            }
+            return;
+        }
+        match &mut self.candidate {
+            Some((newest, since)) if newest.continues(stamp, now) => {
+                *newest = new;
+                if now.saturating_sub(*since) >= SETTLE {
+                    let since = *since;
+                    self.follow(new, since);
+                }
+            }
+            // Overtaken on its way.
+            Some((newest, _))
+                if (-MAX_LATE_MS..=0).contains(&stamps_apart_ms(stamp, newest.stamp)) => {}
+            _ => self.candidate = Some((new, now)),
+        }
+    }
+
+    fn follow(&mut self, new: Reference, since: Duration) {
+        self.reference = Some(new);
+        self.since = Some(since);
+        self.candidate = None;
+    }
+
+    fn is_settled(&self, now: Duration) -> bool {
+        let since = self.since;
+        since.is_some_and(|since| now.saturating_sub(since) >= SETTLE)
+    }
+}
+
+/// How much later `one` is than `other`, ms. The counter has 40 bits and rolls over on 2034-11-03: of the two ways round
+/// the shorter counts.
+pub(crate) fn stamps_apart_ms(one: TimeStamp, other: TimeStamp) -> i64 {
+    let forward = one.0.wrapping_sub(other.0) % TimeStamp::PERIOD_MS;
+    let signed = i64::try_from(forward).unwrap_or_default();
+    if forward < TimeStamp::PERIOD_MS / 2 {
+        signed
+    } else {
+        signed - TimeStamp::PERIOD_MS as i64
+    }
+}
+
+/// A command that arrives later than this after it was sent, by its station's own clock, is refused. Stations repeat for
+/// up to 40 s over the networks that the tests have.
+pub(crate) const MAX_LATE: Duration = Duration::from_secs(60);
+const MAX_LATE_MS: i64 = MAX_LATE.as_millis() as i64;
+/// Another reading of a station's clock is believed after this time.
+pub(crate) const SETTLE: Duration = Duration::from_secs(5);
+/// Traffic that is ahead by no more fits the clock: its first message may have been on its way for longer.
+const NEAR_MS: i64 = 2_000;
+/// Two used stamps that are nearer than this make one span.
+const MERGED_MS: u64 = 1_000;
+/// Spans kept: 16 KiB a station and kind.
+const MAX_SPANS: usize = 1_024;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HOUR_MS: u64 = 3_600_000;
+    const NOON: u64 = 850_000_000_000;
+
+    fn s(seconds: f64) -> Duration {
+        Duration::from_secs_f64(seconds)
+    }
+
+    /// Heartbeats at 1 Hz for so many seconds from `at`, whose stamps begin with `stamp`.
+    fn beat(clock: &mut StationClock, at: f64, stamp: u64, seconds: u64) {
+        for n in 0..=seconds {
+            let stamp = TimeStamp((stamp + 1_000 * n) % TimeStamp::PERIOD_MS);
+            clock.note(stamp, s(at + n as f64));
+        }
+    }
+
+    fn in_time(clock: &StationClock, stamp: u64, at: f64) -> bool {
+        clock.lateness(TimeStamp(stamp), s(at)).is_none()
+    }
+
+    #[test]
+    fn used_stamps_stay_used_and_few_and_far_ones_stay_free() {
+        let mut random = kit::Random::with_seed(5);
+        let (mut used, mut all) = (UsedStamps::default(), Vec::new());
+        let mut stamp = NOON;
+        for n in 0..8_000 {
+            // A thousand a minute, then an hour's pause.
+            stamp += if n % 1_000 == 0 {
+                HOUR_MS
+            } else {
+                random.u64(0..9_000)
+            };
+            let one = TimeStamp(stamp - random.u64(0..5_000));
+            used.insert(one);
+            all.push(one);
+            assert!(used.spans.len() <= MAX_SPANS);
+        }
+        assert!(all.iter().all(|one| used.contains(*one)));
+        assert!(
+            used.spans
+                .windows(2)
+                .all(|pair| pair[0].1 + MERGED_MS < pair[1].0)
+        );
+        let mut gaps = used.spans.windows(2).map(|pair| pair[1].0 - pair[0].1);
+        assert!(gaps.by_ref().filter(|gap| *gap > HOUR_MS / 2).count() >= 6);
+        assert!(!used.contains(TimeStamp(NOON)) && !used.contains(TimeStamp(stamp + HOUR_MS)));
+    }
+
+    #[test]
+    fn retransmissions_of_forty_seconds_are_in_time_and_what_was_held_back_is_late() {
+        let mut clock = StationClock::default();
+        assert!(in_time(&clock, 7, 0.0), "the first message sets it");
+        beat(&mut clock, 0.0, NOON, 100);
+        assert!(in_time(&clock, NOON + 60_000, 100.0));
+        assert!(!in_time(&clock, NOON + 39_000, 100.0));
+        // Also where nothing has come since.
+        assert!(!in_time(&clock, NOON + 100_001, 161.0));
+        assert!(in_time(&clock, NOON + 161_000, 161.0));
+    }
+
+    #[test]
+    fn a_clock_set_back_by_any_time_heals_in_seconds() {
+        for back in [90_000, HOUR_MS, 365 * 24 * HOUR_MS, 20 * 365 * 24 * HOUR_MS] {
+            let mut clock = StationClock::default();
+            beat(&mut clock, 0.0, NOON, 100);
+            let set = NOON + 101_000 - back;
+            assert!(
+                !in_time(&clock, set, 101.0) || back > TimeStamp::PERIOD_MS / 2,
+                "{back}"
+            );
+            beat(&mut clock, 101.0, set, 5);
+            assert!(in_time(&clock, set + 5_000, 106.0), "{back}");
+            beat(&mut clock, 107.0, set + 6_000, 60);
+            assert!(in_time(&clock, set + 66_000, 167.0), "{back}");
+            assert!(!in_time(&clock, set + 5_000, 167.0), "{back}");
+        }
+    }
+
+    #[test]
+    fn a_clock_set_forward_is_followed_without_a_refusal() {
+        for forward in [3_000, HOUR_MS, 365 * 24 * HOUR_MS, 16 * 365 * 24 * HOUR_MS] {
+            let mut clock = StationClock::default();
+            beat(&mut clock, 0.0, NOON, 100);
+            let set = (NOON + 101_000 + forward) % TimeStamp::PERIOD_MS;
+            for n in 0..100 {
+                let stamp = (set + n * 1_000) % TimeStamp::PERIOD_MS;
+                assert!(in_time(&clock, stamp, 101.0 + n as f64), "{forward} {n}");
+                clock.note(TimeStamp(stamp), s(101.0 + n as f64));
+            }
+            assert!(!in_time(&clock, set, 201.0), "{forward}");
+        }
+    }
+
+    #[test]
+    fn a_station_that_stamps_with_the_last_stamp_and_one_stays_in_time() {
+        let mut clock = StationClock::default();
+        beat(&mut clock, 0.0, NOON, 10);
+        for n in 0..3_600 {
+            let (stamp, at) = (NOON + 10_001 + n, 11.0 + n as f64);
+            assert!(in_time(&clock, stamp, at));
+            clock.note(TimeStamp(stamp), s(at));
+        }
+    }
+
+    #[test]
+    fn replays_beside_the_stations_own_traffic_move_nothing() {
+        for lead in [-(HOUR_MS as i64), HOUR_MS as i64] {
+            let mut clock = StationClock::default();
+            beat(&mut clock, 0.0, NOON, 10);
+            for n in 0..600_u64 {
+                let (own, at) = (NOON + 11_000 + n * 1_000, 11.0 + n as f64);
+                assert!(in_time(&clock, own, at), "{lead} {n}");
+                clock.note(TimeStamp(own), s(at));
+                // One frame of another time, now and then; a stream of them where they are behind.
+                if lead < 0 || n % 10 == 0 {
+                    let other = own.checked_add_signed(lead).unwrap();
+                    clock.note(TimeStamp(other), s(at + 0.5));
+                }
+                assert!(lead > 0 || !in_time(&clock, own - HOUR_MS, at));
+            }
+        }
+    }
+
+    #[test]
+    fn an_old_frame_received_first_after_a_start_costs_no_command() {
+        let mut clock = StationClock::default();
+        clock.restore(TimeStamp(NOON), s(0.0));
+        assert!(!in_time(&clock, NOON - HOUR_MS, 1.0), "of before the start");
+        clock.note(TimeStamp(NOON - HOUR_MS), s(1.0));
+        let own = NOON + 3 * HOUR_MS;
+        assert!(in_time(&clock, own, 2.0));
+        clock.note(TimeStamp(own), s(2.0));
+        assert!(!in_time(&clock, NOON + HOUR_MS, 3.0));
+    }
+
+    #[test]
+    fn the_rollover_of_the_counter_is_no_step() {
+        let mut clock = StationClock::default();
+        beat(&mut clock, 0.0, TimeStamp::PERIOD_MS - 20_000, 40);
+        assert!(in_time(&clock, 20_500, 40.5));
+        assert!(in_time(&clock, TimeStamp::PERIOD_MS - 5_000, 40.5));
+        assert!(!in_time(&clock, 20_500, 140.5));
+        assert_eq!(
+            stamps_apart_ms(TimeStamp(5), TimeStamp(TimeStamp::PERIOD_MS - 5)),
+            10
+        );
+        assert_eq!(
+            stamps_apart_ms(TimeStamp(TimeStamp::PERIOD_MS - 5), TimeStamp(5)),
+            -10
+        );
+    }
+}
