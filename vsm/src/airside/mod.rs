@@ -262,6 +262,11 @@ impl Agent {
         }
     }
 
+    /// Counts what the shell has held back, for the status.
+    pub fn count_held_back(&mut self, why: &'static str) {
+        self.relay.held_back.count(why);
+    }
+
     /// The next thing for the log.
     pub fn poll_note(&mut self) -> Option<Note> {
         self.reports.poll_note()

@@ -93,7 +93,11 @@ pub struct Px4 {
     /// Whether PX4 is given the same key with a new stamp after each start, disarmed: recordings from before die.
     #[serde(default = "yes")]
     pub restamp: bool,
-    /// Vouches for a link that is neither serial nor loopback.
+    /// On UDP: which users' programs may be PX4 beside the agent's own user and root, by their numbers. PX4 takes its first
+    /// key unsigned, so that on loopback any program of this computer could pose as it.
+    #[serde(default)]
+    pub users: Vec<u32>,
+    /// Vouches for a link that is neither serial nor loopback, and for every program on it.
     #[serde(default)]
     pub i_trust_this_link: bool,
 }

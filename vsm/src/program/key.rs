@@ -328,6 +328,10 @@ fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {
             "nothing was sent: who speaks in the vehicle's name does not sign, though it has a key. If the vehicle has lost \
              it, say so with --vehicle-is-unsigned"
         ),
+        Ending::Stranger(stranger) => bail!(
+            "nothing was sent: {stranger}. Run this command as the user that the vehicle's program has, or vouch for \
+             every program on the link with --i-trust-this-link"
+        ),
         Ending::StayedArmed => {
             bail!("nothing was sent: the vehicle did not report that it is disarmed")
         }

@@ -21,6 +21,7 @@ use super::disk::{FileDisk, OpenError};
 use super::key_file::system_random;
 use super::key_link;
 use super::key_store::{KeyStore, KeyStoreError};
+use super::local_peers::LocalPeers;
 use super::pairing_socket::{self, Asker};
 use super::service;
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
@@ -73,6 +74,8 @@ pub struct AirsideServer {
     vehicle: String,
     radio: (VehicleReader, VehicleWriter),
     px4: (VehicleReader, VehicleWriter),
+    /// Who may be PX4.
+    px4_peers: LocalPeers,
     status: UnixListener,
     pairing: UnixListener,
     /// Somebody at this computer who has not said yet what they want.
@@ -137,6 +140,7 @@ impl AirsideServer {
             vehicle: own.vehicle_id.to_string(),
             radio: (radio_reader, radio_writer),
             px4: (px4_reader, px4_writer),
+            px4_peers: LocalPeers::new(&px4.link, px4.i_trust_this_link, &px4.users),
             status,
             pairing,
             greeting: None,
@@ -176,7 +180,11 @@ impl AirsideServer {
                     Ok((length, from)) => {
                         let bytes = from_px4.get(..length).unwrap_or_default();
                         let now = self.clock.now();
-                        self.agent.handle_px4(now, from, bytes, &mut self.disk);
+                        if self.px4_peers.admits(now.mono, from) {
+                            self.agent.handle_px4(now, from, bytes, &mut self.disk);
+                        } else {
+                            self.agent.count_held_back(FOREIGN);
+                        }
                     }
                     Err(cause) => pause_after("PX4's link", &cause).await,
                 },
@@ -272,7 +280,11 @@ impl AirsideServer {
                 Side::Radio => (&mut self.radio.1, "writer of the ground's serial port"),
                 Side::Px4 => (&mut self.px4.1, "writer of PX4's serial port"),
             };
-            if let Err(cause) = writer.send(frame, sent.to).await {
+            let stranger = sent.secret.then(|| self.px4_peers.may_have_key(sent.to));
+            if let Some(Err(stranger)) = stranger {
+                tracing::error!("PX4's key is NOT sent: {stranger}");
+                self.agent.count_held_back(FOREIGN);
+            } else if let Err(cause) = writer.send(frame, sent.to).await {
                 if cause.kind() == io::ErrorKind::BrokenPipe {
                     return Err(TaskFault::Ended { task });
                 }
@@ -347,8 +359,106 @@ async fn pause_after(what: &str, cause: &io::Error) {
     tokio::time::sleep(PAUSE).await;
 }
 
+/// What the status calls datagrams, and keys, of which the other end is not a permitted user's.
+const FOREIGN: &str = "PX4's link: not a permitted user's socket";
 const LARGEST: usize = 65_536;
 /// A socket takes a whole status at once: the links wait no longer for one who does not read.
 const STATUS_WITHIN: Duration = Duration::from_millis(100);
 const GREETING_WITHIN: Duration = Duration::from_secs(5);
 const PAUSE: Duration = Duration::from_millis(100);
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    use mavlink_link::clock::Ceiling;
+    use mavlink_link::dialect::{
+        ATTITUDE_DATA, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType,
+    };
+    use mavlink_link::frame::{FrameView, Header, SETUP_SIGNING_ID, encode};
+    use tokio::net::UdpSocket;
+
+    use super::*;
+    use crate::shell::key_file;
+
+    /// An agent that had a key in force before it was started, PX4 on UDP, and a program that poses as an unsigned,
+    /// disarmed PX4: whether it is given the key within three seconds, and the agent's last status.
+    async fn posing(permitted: Option<Vec<u32>>) -> (bool, AirsideStatus) {
+        let folder = tempfile::tempdir().unwrap();
+        let key = folder.path().join("airside.key");
+        std::fs::write(&key, "5a".repeat(32)).unwrap();
+        std::fs::set_permissions(&key, std::fs::Permissions::from_mode(0o600)).unwrap();
+        let (radio, port) = (kit::process::free_udp_port(), kit::process::free_udp_port());
+        let text = format!(
+            "[agent]\nvehicle_id = \"1b:00:01:01\"\nvsm_id = \"1b:00:00:01\"\nkey_file = \"airside.key\"\n\
+             [radio]\nlink = \"udpin:127.0.0.1:{radio}\"\n[px4]\nlink = \"udpin:127.0.0.1:{port}\"\nsystem_id = 1\n\
+             [store]\ndir = \"state\"\n"
+        );
+        let config = AirsideConfig::parse(&text, folder.path()).unwrap();
+        // In an earlier run the key was in use, and PX4 has it.
+        let mut store = FileDisk::open(&config.store.dir).unwrap();
+        let id = key_file::read(&key).unwrap().id();
+        let used = Stamp::from_unix(NOT_BEFORE);
+        Ceiling::raise(&mut store, &id, used).unwrap();
+        drop(store);
+        let mut server = AirsideServer::open(&config).unwrap();
+        server.px4_peers = LocalPeers::of_users(permitted);
+        let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        let mut given = false;
+        let pose = async {
+            let end = tokio::time::Instant::now() + Duration::from_secs(3);
+            let mut seq = 0;
+            while !given && tokio::time::Instant::now() < end {
+                let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+                    autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
+                    mavtype: MavType::MAV_TYPE_QUADROTOR,
+                    base_mode: MavModeFlag::empty(),
+                    ..HEARTBEAT_DATA::default()
+                });
+                // Heartbeats alone could be somebody else's that PX4 has forwarded.
+                let attitude = MavMessage::ATTITUDE(ATTITUDE_DATA::default());
+                for message in [heartbeat, attitude] {
+                    let mut out = [0; MAX_FRAME];
+                    seq += 1;
+                    let header = Header {
+                        system_id: 1,
+                        component_id: 1,
+                        seq,
+                        ..Header::default()
+                    };
+                    let len = encode(&message, header, &mut out);
+                    socket
+                        .send_to(&out[..len], ("127.0.0.1", port))
+                        .await
+                        .unwrap();
+                }
+                let mut bytes = [0; 512];
+                let pause = Duration::from_millis(50);
+                while let Ok(Ok(len)) = tokio::time::timeout(pause, socket.recv(&mut bytes)).await {
+                    let frame = FrameView::parse(&bytes[..len]).unwrap();
+                    given |= frame.header().message_id == SETUP_SIGNING_ID;
+                }
+            }
+        };
+        let status = server.serve(pose).await.unwrap();
+        (given, status)
+    }
+
+    #[tokio::test]
+    async fn a_program_of_another_user_that_poses_as_px4_gets_no_key() {
+        // The test's own user is another one here.
+        let own = rustix::process::geteuid().as_raw();
+        let (given, status) = posing(Some(vec![own + 1])).await;
+        assert!(!given);
+        // It has not even made the agent doubt PX4: what it sent was dropped unseen.
+        assert_eq!(status.state, "relaying");
+        assert!(status.held_back.get(FOREIGN) > 0, "{:?}", status.held_back);
+    }
+
+    #[tokio::test]
+    async fn a_program_of_a_permitted_user_is_px4() {
+        let own = rustix::process::geteuid().as_raw();
+        let (given, status) = posing(Some(vec![own])).await;
+        assert!(given, "{status:?}");
+    }
+}

@@ -1,7 +1,8 @@
 //! `vsm key provision | rotate | revoke`: a vehicle's link, held by this process alone, and the handover of a key on it.
 //!
 //! The store's lock and the key's are held, so no bridge shares the stream of stamps. SETUP_SIGNING shows the key to
-//! whoever hears the line: it goes over loopback and serial lines only, unless the operator vouches for the link.
+//! whoever hears the line: it goes over loopback and serial lines only, unless the operator vouches for the link; on
+//! loopback only to a program of this command's user or of root.
 
 use std::net::ToSocketAddrs;
 use std::time::Duration;
@@ -20,6 +21,7 @@ use zeroize::Zeroize;
 use super::clock::{Clock, NOT_BEFORE};
 use super::disk::{FileDisk, OpenError};
 use super::key_store::{KeyStore, KeyStoreError};
+use super::local_peers::{LocalPeers, Stranger};
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use crate::config::{Config, LinkAddress, Vehicle};
 use crate::session::Peer;
@@ -75,7 +77,7 @@ pub struct Trust {
 }
 
 /// How it ended, for a person.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Ending {
     /// The machine's own end.
     Ended(Outcome),
@@ -85,6 +87,8 @@ pub enum Ending {
     ForeignKey,
     /// Somebody in the vehicle's name does not sign, and was not believed.
     Unsigned,
+    /// Only a program that may not have the key spoke in the vehicle's name.
+    Stranger(Stranger),
     /// The vehicle stayed armed.
     StayedArmed,
     /// The vehicle fell silent after the key was sent: both keys are kept, and `vsm run` finds out which it has.
@@ -105,6 +109,9 @@ pub struct KeyLink {
     clock: Clock,
     reader: VehicleReader,
     writer: VehicleWriter,
+    /// Who may be the vehicle.
+    peers: LocalPeers,
+    stranger: Option<Stranger>,
 }
 
 impl KeyLink {
@@ -182,6 +189,8 @@ impl KeyLink {
             clock,
             reader,
             writer,
+            peers: LocalPeers::new(&vehicle.link, trust.open_link, &[]),
+            stranger: None,
         })
     }
 
@@ -203,7 +212,11 @@ impl KeyLink {
                     Ok((length, from)) => {
                         let now = self.clock.now();
                         let bytes = bytes.get(..length).unwrap_or_default();
-                        self.handover.handle_datagram(now, from, bytes, &mut self.store);
+                        if self.peers.admits(now.mono, from) {
+                            self.handover.handle_datagram(now, from, bytes, &mut self.store);
+                        } else if self.stranger.is_none() {
+                            self.stranger = self.peers.may_have_key(from).err();
+                        }
                     }
                     Err(_) => tokio::time::sleep(LOOK).await,
                 },
@@ -264,16 +277,28 @@ impl KeyLink {
             let sent = self.handover.poll_transmit(now, &mut self.store, &mut out);
             let Some(sent) = sent else { return };
             let frame = out.get(..sent.len).unwrap_or_default();
-            // A frame that does not leave is a frame that is lost.
-            let _ = self.writer.send(frame, sent.to).await;
+            let allowed = if sent.secret {
+                self.peers.may_have_key(sent.to)
+            } else {
+                Ok(())
+            };
+            match allowed {
+                // A frame that does not leave is a frame that is lost.
+                Ok(()) => drop(self.writer.send(frame, sent.to).await),
+                Err(stranger) => self.stranger = Some(stranger),
+            }
             if sent.secret {
                 out.zeroize();
             }
         }
     }
 
-    fn impatient(&self) -> Ending {
+    fn impatient(&mut self) -> Ending {
         match self.handover.state() {
+            State::Staged if self.stranger.is_some() => self
+                .stranger
+                .take()
+                .map_or(Ending::NotHeard, Ending::Stranger),
             State::WaitDisarm => Ending::StayedArmed,
             State::Staged if self.handover.foreign_frames() > 0 => Ending::ForeignKey,
             State::Staged if self.handover.disbelieved_frames() > 0 => Ending::Unsigned,
