@@ -24,11 +24,7 @@ pub(crate) struct Shape<'a> {
 impl Shape<'_> {
     /// The last fix that a leg from `i` may end at.
     pub(crate) fn limit(&self, i: usize) -> usize {
-        let end = if self.closed {
-            i + self.count
-        } else {
-            self.count - 1
-        };
+        let end = self.end(i);
         let next = |from: usize, lap: usize| {
             self.corners
                 .iter()
@@ -65,6 +61,11 @@ impl Shape<'_> {
         } else {
             self.count - 1
         }
+    }
+
+    /// The fixes of the whole rounds before fix `i`: none on a track that is not closed.
+    pub(crate) fn lap(&self, i: usize) -> usize {
+        i / self.count * self.count
     }
 }
 
@@ -124,11 +125,7 @@ pub(crate) fn reaches(
 /// The joints of the shortest chain of parts that all fit, first and last included.
 pub(crate) fn fewest(shape: &Shape<'_>, reaches: &[usize], parts: &mut dyn Parts) -> Vec<usize> {
     let reach = |i: usize| {
-        let lap = if shape.closed {
-            i / shape.count * shape.count
-        } else {
-            0
-        };
+        let lap = shape.lap(i);
         reaches[i - lap] + lap
     };
     let stride = |start: usize| {
@@ -145,7 +142,7 @@ pub(crate) fn fewest(shape: &Shape<'_>, reaches: &[usize], parts: &mut dyn Parts
     chains.sort_by_key(Vec::len);
     // The strides themselves fit; the last leg is the one that was cut short.
     let chosen = chains.iter().position(|joints| match joints[..] {
-        [.., a, b] => reach(a) == b || parts.fits(a % shape.count, b - (a - a % shape.count)),
+        [.., a, b] => reach(a) == b || parts.fits(a % shape.count, b - shape.lap(a)),
         _ => false,
     });
     let mut joints = chains.swap_remove(chosen.unwrap_or(0));
@@ -159,7 +156,7 @@ pub(crate) fn fewest(shape: &Shape<'_>, reaches: &[usize], parts: &mut dyn Parts
 fn mend(joints: &mut Vec<usize>, shape: &Shape<'_>, parts: &mut dyn Parts) {
     let Some(end) = joints.pop() else { return };
     while let Some(&a) = joints.last() {
-        let lap = a - a % shape.count;
+        let lap = shape.lap(a);
         let mut b = end;
         while b > a + 1 && !parts.fits(a - lap, b - lap) {
             b -= 1;

@@ -118,11 +118,7 @@ fn search(
         Continuity::G0 => chain::fewest(shape, &reaches, cubics)
             .windows(2)
             .map(|pair| {
-                let lap = if shape.closed {
-                    pair[0] / shape.count * shape.count
-                } else {
-                    0
-                };
+                let lap = shape.lap(pair[0]);
                 let (i, j) = (pair[0] - lap, pair[1] - lap);
                 (i, j, cubics.fit(i, j, Tangents::FREE).cubic)
             })

@@ -55,11 +55,7 @@ fn chain_from(
         if chain.len() + 1 >= max {
             return None;
         }
-        let lap = if shape.closed {
-            at / shape.count * shape.count
-        } else {
-            0
-        };
+        let lap = shape.lap(at);
         let reach = (reaches[at - lap] + lap).min(end);
         let closing = match chain.first() {
             Some((_, _, first)) if shape.closed && !is_corner(end) => Some(leaving(first)),
