@@ -127,14 +127,9 @@ impl Simulator {
         let mut sockets = Vec::new();
         let mut addresses = Vec::new();
         for &link in &config.links {
-            let socket = bind(link)
-                .await
-                .map_err(|source| SimulatorError::Socket { link, source })?;
-            addresses.push(
-                socket
-                    .local_addr()
-                    .map_err(|source| SimulatorError::Socket { link, source })?,
-            );
+            let fault = |source| SimulatorError::Socket { link, source };
+            let socket = bind(link).await.map_err(fault)?;
+            addresses.push(socket.local_addr().map_err(fault)?);
             sockets.push(socket);
         }
         let remotes = config
@@ -147,12 +142,10 @@ impl Simulator {
             .collect();
         let signing = match (config.key, &config.signing_file) {
             (Some(key), _) => Signing::with_key(key, config.initial_timestamp),
-            (None, Some(path)) => {
-                read_px4_key(path).map_err(|source| SimulatorError::SigningFile {
-                    path: path.clone(),
-                    source,
-                })?
-            }
+            (None, Some(path)) => read_px4_key(path).map_err(|source| {
+                let path = path.clone();
+                SimulatorError::SigningFile { path, source }
+            })?,
             (None, None) => Signing::off(),
         };
         let autopilot = Autopilot::new(config.vehicle, signing, remotes);

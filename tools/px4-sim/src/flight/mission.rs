@@ -13,7 +13,7 @@ use super::items::{
 use super::view::{Note, View, loiter};
 use crate::config::Airframe;
 use crate::physics::motion::Ned;
-use crate::physics::trajectory::{Guidance, Heading, Leg};
+use crate::physics::trajectory::{Circle, Guidance, Heading, Leg};
 
 /// The phase within an item.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -472,12 +472,11 @@ impl Mission {
         if view.airframe == Airframe::Plane
             && (stays || self.reached_at.is_some() && hold_time(item) > 0.0)
         {
-            return Guidance::Circle {
+            return Guidance::Circle(Circle {
                 centre: target,
                 radius: loiter_radius(item, view),
                 speed,
-                altitude_d: target.d,
-            };
+            });
         }
         let brakes = stays || !item.autocontinue || hold_time(item) > 0.0;
         let next = if brakes { None } else { self.place_after(view) };

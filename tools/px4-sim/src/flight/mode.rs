@@ -9,7 +9,8 @@ macro_rules! modes {
         pub enum Mode { $($(#[$doc])* $Mode,)* }
 
         impl Mode {
-            const ALL: &[Self] = &[$(Self::$Mode),*];
+            /// Every mode.
+            pub(crate) const ALL: &[Self] = &[$(Self::$Mode),*];
 
             /// Main and sub mode.
             pub fn main_sub(self) -> (u8, u8) {
@@ -29,7 +30,7 @@ macro_rules! modes {
     };
 }
 
-// Main mode, sub mode, standard mode, title.
+// Main mode, sub mode, standard mode, title; in the order of AVAILABLE_MODES.mode_index, the last is not in it.
 modes! {
     /// Sticks to attitude; named only, see `docs/guide/simulator.md`.
     Manual = 1, 0, MAV_STANDARD_MODE_NON_STANDARD, "Manual";
@@ -37,25 +38,25 @@ modes! {
     AltCtl = 2, 0, MAV_STANDARD_MODE_ALTITUDE_HOLD, "Altitude";
     /// Sticks to velocity.
     PosCtl = 3, 0, MAV_STANDARD_MODE_POSITION_HOLD, "Position";
-    /// Named only.
-    Acro = 5, 0, MAV_STANDARD_MODE_NON_STANDARD, "Acro";
-    /// Named only.
-    Stabilized = 7, 0, MAV_STANDARD_MODE_NON_STANDARD, "Stabilized";
-    /// Setpoints from outside.
-    Offboard = 6, 0, MAV_STANDARD_MODE_NON_STANDARD, "Offboard";
-    /// Circling a point (multicopter only).
-    Orbit = 3, 1, MAV_STANDARD_MODE_ORBIT, "Orbit";
-    /// Climbing from the ground.
-    Takeoff = 4, 2, MAV_STANDARD_MODE_TAKEOFF, "Takeoff";
+    /// Flying the mission.
+    Mission = 4, 4, MAV_STANDARD_MODE_MISSION, "Mission";
     /// Holding: the mode in which PX4 boots.
     #[default]
     Loiter = 4, 3, MAV_STANDARD_MODE_NON_STANDARD, "Hold";
-    /// Flying the mission.
-    Mission = 4, 4, MAV_STANDARD_MODE_MISSION, "Mission";
     /// Going home.
     Rtl = 4, 5, MAV_STANDARD_MODE_SAFE_RECOVERY, "Return";
+    /// Named only.
+    Acro = 5, 0, MAV_STANDARD_MODE_NON_STANDARD, "Acro";
+    /// Setpoints from outside.
+    Offboard = 6, 0, MAV_STANDARD_MODE_NON_STANDARD, "Offboard";
+    /// Named only.
+    Stabilized = 7, 0, MAV_STANDARD_MODE_NON_STANDARD, "Stabilized";
+    /// Climbing from the ground.
+    Takeoff = 4, 2, MAV_STANDARD_MODE_TAKEOFF, "Takeoff";
     /// Coming down here.
     Land = 4, 6, MAV_STANDARD_MODE_LAND, "Land";
+    /// Circling a point (multicopter only).
+    Orbit = 3, 1, MAV_STANDARD_MODE_ORBIT, "Orbit";
     /// Motors off for good.
     Termination = 10, 0, MAV_STANDARD_MODE_NON_STANDARD, "Termination";
 }

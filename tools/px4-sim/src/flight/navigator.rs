@@ -7,7 +7,7 @@ use crate::flight::mission::Mission;
 use crate::flight::mode::Mode;
 use crate::flight::view::{Note, View, loiter};
 use crate::physics::motion::Ned;
-use crate::physics::trajectory::{Guidance, Heading, Leg};
+use crate::physics::trajectory::{Circle, Guidance, Heading, Leg};
 
 /// The target of DO_REPOSITION.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,17 +32,6 @@ impl Reposition {
             radius: None,
         }
     }
-}
-
-/// The circle of DO_ORBIT.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Orbit {
-    /// Centre in the local frame; down is the height to keep.
-    pub centre: Ned,
-    /// Radius, m; positive is clockwise.
-    pub radius: f64,
-    /// Speed, m/s.
-    pub speed: f64,
 }
 
 /// The result of a step.
@@ -78,7 +67,7 @@ pub(crate) struct Navigator {
     takeoff_altitude: Option<f64>,
     takeoff_target: Ned,
     homeward: Return,
-    orbit: Option<Orbit>,
+    orbit: Option<Circle>,
     speed: Option<f64>,
 }
 
@@ -97,12 +86,12 @@ impl Navigator {
     }
 
     /// DO_ORBIT.
-    pub(crate) fn set_orbit(&mut self, orbit: Orbit) {
+    pub(crate) fn set_orbit(&mut self, orbit: Circle) {
         self.orbit = Some(orbit);
     }
 
     /// The orbit that is flown.
-    pub(crate) fn orbit(&self) -> Option<Orbit> {
+    pub(crate) fn orbit(&self) -> Option<Circle> {
         self.orbit
     }
 
@@ -187,13 +176,7 @@ impl Navigator {
         let Some(reposition) = self.reposition else {
             return;
         };
-        let keep = |new: f64, now: f64| if new.is_finite() { new } else { now };
-        let here = stopping_point(view);
-        self.hold = Ned::new(
-            keep(reposition.target.n, here.n),
-            keep(reposition.target.e, here.e),
-            keep(reposition.target.d, here.d),
-        );
+        self.hold = reposition.target.or(stopping_point(view));
         if reposition.speed.is_some() {
             self.speed = reposition.speed;
         }
@@ -206,10 +189,10 @@ impl Navigator {
         {
             leg.speed = speed;
         }
-        if let Guidance::Circle { radius, .. } = &mut guidance
-            && let Some(requested) = self.reposition.and_then(|r| r.radius)
+        if let Guidance::Circle(circle) = &mut guidance
+            && let Some(radius) = self.reposition.and_then(|r| r.radius)
         {
-            *radius = requested;
+            circle.radius = radius;
         }
         let heading = match self.reposition {
             Some(reposition) if reposition.yaw.is_finite() => Heading::To(reposition.yaw),
@@ -261,8 +244,10 @@ impl Navigator {
             self.mission.set_finished(true);
             *then = Some(Mode::Loiter);
         }
-        let leg = Leg::to(self.takeoff_target, view.acceptance(), view.cruise());
-        (Guidance::Climb(leg), Heading::Hold)
+        (
+            Guidance::Climb(view.leg(self.takeoff_target)),
+            Heading::Hold,
+        )
     }
 
     fn prepare_return(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
@@ -280,7 +265,6 @@ impl Navigator {
     }
 
     fn return_home(&mut self, view: &View<'_>, notes: &mut Vec<Note>) -> (Guidance, Heading) {
-        let leg = |target: Ned| Leg::to(target, view.acceptance(), view.cruise());
         let descend = view.home.d - view.params.get(Param::RTL_DESCEND_ALT);
         match self.homeward {
             Return::Climb(d) => {
@@ -295,13 +279,11 @@ impl Navigator {
                 if (over - view.position).horizontal() < view.acceptance() {
                     self.homeward = Return::Down;
                 }
-                (
-                    Guidance::Leg(Leg {
-                        from: self.hold,
-                        ..leg(over)
-                    }),
-                    Heading::Along,
-                )
+                let leg = Leg {
+                    from: self.hold,
+                    ..view.leg(over)
+                };
+                (Guidance::Leg(leg), Heading::Along)
             }
             Return::Down => {
                 let d = descend.max(view.position.d.min(descend));
@@ -325,27 +307,17 @@ impl Navigator {
         if view.landed {
             return Guidance::Ground;
         }
-        Guidance::Land(Leg::to(
-            Ned {
-                d: view.home.d,
-                ..at
-            },
-            view.acceptance(),
-            view.cruise(),
-        ))
+        Guidance::Land(view.leg(Ned {
+            d: view.home.d,
+            ..at
+        }))
     }
 
     fn fly_orbit(&self, view: &View<'_>) -> (Guidance, Heading) {
-        let Some(orbit) = self.orbit.filter(|_| !view.landed) else {
-            return self.stay(view);
-        };
-        let guidance = Guidance::Circle {
-            centre: orbit.centre,
-            radius: orbit.radius,
-            speed: orbit.speed,
-            altitude_d: orbit.centre.d,
-        };
-        (guidance, Heading::Along)
+        match self.orbit.filter(|_| !view.landed) {
+            Some(orbit) => (Guidance::Circle(orbit), Heading::Along),
+            None => self.stay(view),
+        }
     }
 }
 
@@ -367,7 +339,7 @@ fn stopping_point(view: &View<'_>) -> Ned {
 
 fn fly_to(target: Ned, view: &View<'_>) -> Guidance {
     match view.airframe {
-        Airframe::Quad => Guidance::Leg(Leg::to(target, view.acceptance(), view.cruise())),
+        Airframe::Quad => Guidance::Leg(view.leg(target)),
         Airframe::Plane => loiter(target, view),
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::config::{Airframe, Param, Params};
 use crate::physics::motion::{LocalFrame, Ned};
-use crate::physics::trajectory::{Guidance, Leg};
+use crate::physics::trajectory::{Circle, Guidance, Leg};
 
 /// What the navigator knows of the vehicle.
 #[derive(Debug, Clone, Copy)]
@@ -51,6 +51,11 @@ impl View<'_> {
             Airframe::Plane => self.params.get(Param::FW_AIRSPD_TRIM),
         }
     }
+
+    /// The way to a place, as nothing else is commanded.
+    pub(crate) fn leg(&self, target: Ned) -> Leg {
+        Leg::to(target, self.acceptance(), self.cruise())
+    }
 }
 
 /// Something for the vehicle to send or to do.
@@ -69,12 +74,11 @@ pub(crate) enum Note {
 /// Staying at a place: on it for a multicopter, round it on wings.
 pub(crate) fn loiter(at: Ned, view: &View<'_>) -> Guidance {
     match view.airframe {
-        Airframe::Quad => Guidance::Leg(Leg::to(at, view.acceptance(), view.cruise())),
-        Airframe::Plane => Guidance::Circle {
+        Airframe::Quad => Guidance::Leg(view.leg(at)),
+        Airframe::Plane => Guidance::Circle(Circle {
             centre: at,
             radius: view.params.get(Param::NAV_LOITER_RAD),
             speed: view.cruise(),
-            altitude_d: at.d,
-        },
+        }),
     }
 }

@@ -60,6 +60,16 @@ impl Ned {
         self.horizontal().hypot(self.d)
     }
 
+    /// Each component where it is finite, elsewhere that of `other`.
+    pub(crate) fn or(self, other: Self) -> Self {
+        let or = |own: f64, other: f64| if own.is_finite() { own } else { other };
+        Self::new(
+            or(self.n, other.n),
+            or(self.e, other.e),
+            or(self.d, other.d),
+        )
+    }
+
     /// True when no component is infinite or NaN.
     pub fn is_finite(self) -> bool {
         self.n.is_finite() && self.e.is_finite() && self.d.is_finite()

@@ -3,7 +3,7 @@
 
 use crate::physics::motion::{GRAVITY, Motion, Ned, wrap_pi};
 use crate::physics::noise::{Drift, Noise};
-use crate::physics::trajectory::{Guidance, Leg, Trajectory};
+use crate::physics::trajectory::{Circle, Guidance, Leg, Trajectory};
 
 /// What the guidance needs from the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,15 +81,10 @@ impl Plane {
                 climb: -tuning.sink.min(0.4 + 0.15 * -self.motion.position.d),
                 airspeed: leg.speed.min(tuning.airspeed_min * 1.2),
             }),
-            Guidance::Circle {
-                centre,
-                radius,
-                speed,
-                altitude_d,
-            } => Some(Demand {
-                course: round(*centre, *radius, believed),
-                climb: self.climb_to(*altitude_d, believed, tuning),
-                airspeed: *speed,
+            Guidance::Circle(circle) => Some(Demand {
+                course: round(circle, believed),
+                climb: self.climb_to(circle.centre.d, believed, tuning),
+                airspeed: circle.speed,
             }),
             // No stick or setpoint steering: straight and level.
             Guidance::Steer { .. } => Some(Demand {
@@ -228,10 +223,10 @@ impl Plane {
 }
 
 /// Course round a circle: along its tangent, bent inward or outward by the distance from it.
-fn round(centre: Ned, radius: f64, at: Ned) -> f64 {
-    let out = at - centre;
-    let r = radius.abs().max(10.0);
-    let side = if radius < 0.0 { -1.0 } else { 1.0 };
+fn round(circle: &Circle, at: Ned) -> f64 {
+    let out = at - circle.centre;
+    let r = circle.radius.abs().max(10.0);
+    let side = if circle.radius < 0.0 { -1.0 } else { 1.0 };
     let off = ((out.horizontal() - r) / (0.5 * r)).atan();
     out.bearing() + side * (std::f64::consts::FRAC_PI_2 + off)
 }

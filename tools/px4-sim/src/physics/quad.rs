@@ -3,7 +3,7 @@
 
 use crate::physics::motion::{GRAVITY, Motion, Ned, tilt_for, wrap_pi};
 use crate::physics::noise::{Drift, Noise};
-use crate::physics::trajectory::{Guidance, Heading, Limits, Trajectory, braking_speed};
+use crate::physics::trajectory::{Circle, Guidance, Heading, Limits, Trajectory, braking_speed};
 
 /// What the controllers need from the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -164,20 +164,19 @@ impl Quad {
                 let desired = self.steered(position, velocity, tuning);
                 self.trajectory.advance(dt, desired, believed, &limits);
             }
-            Guidance::Circle {
+            &Guidance::Circle(Circle {
                 centre,
                 radius,
                 speed,
-                altitude_d,
-            } => {
-                let out = believed - *centre;
+            }) => {
+                let out = believed - centre;
                 let r = out.horizontal().max(0.1);
                 let (un, ue) = (out.n / r, out.e / r);
                 let side = radius.signum();
                 // Toward the circle first, then round it.
                 let outward = (0.6 * (radius.abs() - r)).clamp(-speed.abs(), speed.abs());
                 let round = (speed * speed - outward * outward).max(0.0).sqrt() * side;
-                let climb = (1.0 * (altitude_d - self.trajectory.position.d))
+                let climb = (1.0 * (centre.d - self.trajectory.position.d))
                     .clamp(-limits.climb, limits.sink);
                 let desired = Ned::new(un * outward - ue * round, ue * outward + un * round, climb);
                 self.trajectory.advance(dt, desired, believed, &limits);
@@ -251,7 +250,7 @@ impl Quad {
                     let way = leg.target - believed;
                     (way.horizontal() > leg.acceptance).then(|| way.bearing())
                 }
-                Guidance::Circle { centre, .. } => Some((*centre - believed).bearing()),
+                Guidance::Circle(circle) => Some((circle.centre - believed).bearing()),
                 _ => None,
             },
         };

@@ -27,16 +27,18 @@ pub(crate) enum Guidance {
         velocity: [Option<f64>; 3],
     },
     /// Round a centre.
-    Circle {
-        /// Centre in the local frame.
-        centre: Ned,
-        /// Radius, m; positive is clockwise from above.
-        radius: f64,
-        /// Speed over ground, m/s.
-        speed: f64,
-        /// Height to keep, as local down.
-        altitude_d: f64,
-    },
+    Circle(Circle),
+}
+
+/// A circle to fly: that of DO_ORBIT, or a loiter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Circle {
+    /// Centre in the local frame; down is the height to keep.
+    pub centre: Ned,
+    /// Radius, m; positive is clockwise from above.
+    pub radius: f64,
+    /// Speed over ground, m/s.
+    pub speed: f64,
 }
 
 /// Where to look.
@@ -162,19 +164,13 @@ impl Trajectory {
         // cannot leave a vehicle behind that drag holds back. A setpoint that moves toward the vehicle is not slowed.
         let lead = self.position - vehicle;
         let ahead = lead.n * self.velocity.n + lead.e * self.velocity.e >= 0.0;
-        let dt_xy = dt
-            * if ahead {
-                1.0 - (lead.horizontal() / limits.lead_xy).clamp(0.0, 1.0)
-            } else {
-                1.0
-            };
         let ahead_z = lead.d * self.velocity.d >= 0.0;
-        let dt_z = dt
-            * if ahead_z {
-                1.0 - (lead.d.abs() / limits.lead_z).clamp(0.0, 1.0)
-            } else {
-                1.0
-            };
+        let stretched = |ahead: bool, lead: f64, most: f64| {
+            let share = if ahead { lead / most } else { 0.0 };
+            dt * (1.0 - share.clamp(0.0, 1.0))
+        };
+        let dt_xy = stretched(ahead, lead.horizontal(), limits.lead_xy);
+        let dt_z = stretched(ahead_z, lead.d.abs(), limits.lead_z);
 
         let (dn, de) = (desired.n - self.velocity.n, desired.e - self.velocity.e);
         let gap = dn.hypot(de);

@@ -152,9 +152,8 @@ impl<R: ItemRules> Server<R> {
         else {
             return false;
         };
-        let target = Node::new(system, component);
-        let planner = target == Node::new(self.us.system, MISSION_PLANNER);
-        if !planner && !self.us.is_target(target.system, target.component) {
+        let planner = (system, component) == (self.us.system, MISSION_PLANNER);
+        if !planner && !self.us.is_target(system, component) {
             return false;
         }
         match message {
@@ -318,6 +317,11 @@ impl<R: ItemRules> Server<R> {
         }));
     }
 
+    fn reject(&mut self, from: Node, text: &'static str) {
+        self.text(text);
+        self.send_ack(from, MavMissionResult::MAV_MISSION_ERROR, 0);
+    }
+
     fn text(&mut self, text: &'static str) {
         self.events.push(ServerEvent::Text(text));
     }
@@ -349,23 +353,16 @@ impl<R: ItemRules> Server<R> {
             }
             State::Receiving { items, .. } => {
                 self.last_heard = now;
-                let error = MavMissionResult::MAV_MISSION_ERROR;
                 if self.partner != Some(from) {
-                    self.send_ack(from, error, 0);
+                    self.send_ack(from, MavMissionResult::MAV_MISSION_ERROR, 0);
                     return;
                 }
                 // While no item came, a repeated count is taken for one whose answer was lost.
                 if !items.is_empty() {
-                    self.text("WPM: REJ. CMD: Busy\t");
-                    self.send_ack(from, error, 0);
-                    return;
+                    return self.reject(from, "WPM: REJ. CMD: Busy\t");
                 }
             }
-            State::Sending { .. } => {
-                self.text("WPM: IGN MISSION_COUNT: Busy\t");
-                self.send_ack(from, MavMissionResult::MAV_MISSION_ERROR, 0);
-                return;
-            }
+            State::Sending { .. } => return self.reject(from, "WPM: IGN MISSION_COUNT: Busy\t"),
         }
         self.send_request(now);
     }
@@ -396,16 +393,8 @@ impl<R: ItemRules> Server<R> {
                 self.send_ack(from, R::MAV_MISSION_ACCEPTED, crc);
                 return;
             }
-            State::Idle => {
-                self.text("IGN MISSION_ITEM: No transfer\t");
-                self.send_ack(from, R::MAV_MISSION_ERROR, 0);
-                return;
-            }
-            State::Sending { .. } => {
-                self.text("IGN MISSION_ITEM: Busy\t");
-                self.send_ack(from, R::MAV_MISSION_ERROR, 0);
-                return;
-            }
+            State::Idle => return self.reject(from, "IGN MISSION_ITEM: No transfer\t"),
+            State::Sending { .. } => return self.reject(from, "IGN MISSION_ITEM: Busy\t"),
         };
         self.last_heard = now;
         if seq != received {
@@ -468,14 +457,15 @@ impl<R: ItemRules> Server<R> {
 /// Sending the stored plan: MISSION_REQUEST_LIST, then request after request.
 impl<R: ItemRules> Server<R> {
     fn handle_request_list(&mut self, now: Duration, from: Node, kind: MavMissionType) {
-        if let State::Sending { next, .. } = self.state {
-            let all_sent = usize::from(next) == self.items(self.kind).len();
-            let again = self.kind == kind && self.partner == Some(from);
-            if !all_sent && !again {
-                self.text("Mission download request ignored, already active\t");
-                return;
+        let again = self.kind == kind && self.partner == Some(from);
+        let ignored = match self.state {
+            State::Idle => false,
+            State::Sending { next, .. } => {
+                usize::from(next) != self.items(self.kind).len() && !again
             }
-        } else if self.is_busy() {
+            State::Receiving { .. } => true,
+        };
+        if ignored {
             self.text("Mission download request ignored, already active\t");
             return;
         }
@@ -511,8 +501,7 @@ impl<R: ItemRules> Server<R> {
 
     fn abort_sending(&mut self, to: Node) {
         self.state = State::Idle;
-        self.send_ack(to, MavMissionResult::MAV_MISSION_ERROR, 0);
-        self.text("WPM: REJ. CMD: Req. WP was unexpected\t");
+        self.reject(to, "WPM: REJ. CMD: Req. WP was unexpected\t");
     }
 
     fn send_count(&mut self, now: Duration) {

@@ -76,23 +76,10 @@ impl Px4Rules {
         // In a global MISSION_ITEM_INT only INT32_MAX is "not set" for x and y; 0 is a place.
         let zero_is_unset = item.frame == FRAME_MISSION || !int;
         let coordinate_set = |value: i32| value != i32::MAX && !(zero_is_unset && value == 0);
-        let float_set = |value: f32| !value.is_nan() && value != 0.0;
-        let [p1, p2, p3, p4] = item.params;
-        let set = [
-            float_set(p1),
-            float_set(p2),
-            float_set(p3),
-            float_set(p4),
-            coordinate_set(item.x),
-            coordinate_set(item.y),
-            float_set(item.z),
-        ];
-        for (number, set) in (1u8..).zip(set) {
-            if set && used >> (number - 1) & 1 == 0 {
-                return Err(ItemFault::Param(number));
-            }
-        }
-        Ok(())
+        let [p1, p2, p3, p4] = item.params.map(is_set);
+        let (x, y) = (coordinate_set(item.x), coordinate_set(item.y));
+        let set = [p1, p2, p3, p4, x, y, is_set(item.z)];
+        unused(used, set).map_or(Ok(()), |number| Err(ItemFault::Param(number)))
     }
 }
 
@@ -186,14 +173,18 @@ pub fn first_unused_param_set(
     params: [f32; 7],
 ) -> Option<u8> {
     let used = used_params(command, in_mission, airframe)?;
-    params
-        .iter()
-        .zip(1u8..)
-        .find(|&(&value, number)| {
-            let is_used = used >> (number - 1) & 1 == 1;
-            !is_used && !value.is_nan() && value != 0.0
-        })
-        .map(|(_, number)| number)
+    unused(used, params.map(is_set))
+}
+
+fn is_set(value: f32) -> bool {
+    !value.is_nan() && value != 0.0
+}
+
+/// The number of the first parameter that is set and not used.
+fn unused(used: u8, set: [bool; 7]) -> Option<u8> {
+    let mut numbers = (1u8..).zip(set);
+    let (number, _) = numbers.find(|&(number, set)| set && used >> (number - 1) & 1 == 0)?;
+    Some(number)
 }
 
 /// Bit n-1 is set when param n is used; `None` for a command that PX4 does not check.

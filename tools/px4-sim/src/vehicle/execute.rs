@@ -11,8 +11,9 @@ use super::command::{Answer, Command, REQUEST_OPERATOR_CONTROL, is_for};
 use super::state::{Outgoing, Vehicle};
 use crate::config::Airframe;
 use crate::flight::mode::{Mode, UnknownMode};
-use crate::flight::navigator::{Orbit, Reposition};
+use crate::flight::navigator::Reposition;
 use crate::physics::motion::{Geodetic, Ned};
+use crate::physics::trajectory::Circle;
 use crate::services::mission_rules::{Airframe as ParamUse, first_unused_param_set};
 
 impl Vehicle {
@@ -373,8 +374,6 @@ impl Vehicle {
             return Answer::TemporarilyRejected;
         }
         let target = self.local_target_of(c);
-        let here = self.believed();
-        let or = |v: f64, other: f64| if v.is_finite() { v } else { other };
         let radius = c.given(1).unwrap_or(1.0);
         if !(1.0..=1000.0).contains(&radius.abs()) {
             self.critical("Orbit radius limit exceeded");
@@ -386,12 +385,8 @@ impl Vehicle {
             .unwrap_or(1.0)
             .abs()
             .min((2.0 * radius.abs()).sqrt());
-        self.navigator.set_orbit(Orbit {
-            centre: Ned::new(
-                or(target.n, here.n),
-                or(target.e, here.e),
-                or(target.d, here.d),
-            ),
+        self.navigator.set_orbit(Circle {
+            centre: target.or(self.believed()),
             radius: if c.given(2).unwrap_or(1.0) < 0.0 {
                 -radius
             } else {

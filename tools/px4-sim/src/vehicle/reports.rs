@@ -71,11 +71,12 @@ impl Vehicle {
 
     /// AVAILABLE_MODES for the mode of this 1-based index.
     pub(crate) fn available_mode(&self, index: u8) -> Option<MavMessage> {
-        let mode = *MODES.get(usize::from(index).checked_sub(1)?)?;
+        let (_termination, modes) = Mode::ALL.split_last()?;
+        let mode = modes.get(usize::from(index).checked_sub(1)?)?;
         Some(MavMessage::AVAILABLE_MODES(mav::AVAILABLE_MODES_DATA {
             custom_mode: mode.custom_mode(),
             properties: mav::MavModeProperty::from_bits_retain(0),
-            number_modes: MODES.len() as u8,
+            number_modes: modes.len() as u8,
             mode_index: index,
             standard_mode: mode.standard_mode(),
             mode_name: mode.title().into(),
@@ -175,12 +176,10 @@ impl Vehicle {
         let mut voltages = [u16::MAX; 10];
         voltages[0] = (self.battery_volts() * 1000.0) as u16;
         mav::BATTERY_STATUS_DATA {
-            current_consumed: 0,
             energy_consumed: -1,
             temperature: i16::MAX,
             voltages,
             current_battery: -1,
-            id: 0,
             battery_function: mav::MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
             mavtype: mav::MavBatteryType::MAV_BATTERY_TYPE_LIPO,
             battery_remaining: self.battery_percent(),
@@ -347,22 +346,6 @@ const ENABLED: u32 = 50_446_383;
 const HEALTH: u32 = 52_480_063;
 /// 1.18.0, release type 128 (beta).
 const VERSION_1_18_0_BETA: u32 = 0x0112_0080;
-
-/// In the order of AVAILABLE_MODES.mode_index.
-const MODES: &[Mode] = &[
-    Mode::Manual,
-    Mode::AltCtl,
-    Mode::PosCtl,
-    Mode::Mission,
-    Mode::Loiter,
-    Mode::Rtl,
-    Mode::Acro,
-    Mode::Offboard,
-    Mode::Stabilized,
-    Mode::Takeoff,
-    Mode::Land,
-    Mode::Orbit,
-];
 
 impl Vehicle {
     pub(crate) fn gps_raw_int(&self) -> mav::GPS_RAW_INT_DATA {

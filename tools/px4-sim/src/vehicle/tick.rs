@@ -77,7 +77,7 @@ impl Vehicle {
         };
         self.target = match &guidance {
             Guidance::Leg(leg) | Guidance::Climb(leg) | Guidance::Land(leg) => leg.target,
-            Guidance::Circle { centre, .. } => *centre,
+            Guidance::Circle(circle) => circle.centre,
             Guidance::Ground | Guidance::Steer { .. } => self.body.setpoint().position,
         };
         let error = self.estimator.position_error();
