@@ -2,6 +2,7 @@
 
 use core::time::Duration;
 
+use super::challenge::{Ping, Turns};
 use super::config::LinkConfig;
 use super::freshness::HeartbeatLog;
 use super::peer::{LinkState, PeerLock, Presence};
@@ -51,6 +52,13 @@ pub(super) struct Core<A> {
     pub(super) heartbeat_due: bool,
     /// Where a heartbeat must go at once to lift stamps: to somebody else, to the peer.
     pub(super) lift: [Option<A>; 2],
+    /// Senders of verified frames that are stamped too far ahead.
+    pub(super) challenge: Turns<A, ()>,
+    /// Who is to be answered that we are here.
+    pub(super) answer: Turns<A, Ping>,
+    /// When our first heartbeat was sent, and when the newest that was received for certain.
+    pub(super) first_heartbeat: Option<Duration>,
+    pub(super) answered: Option<Duration>,
     pub(super) bad_signatures: Burst,
     pub(super) events: Events<A>,
     pub(super) stats: LinkStats,
@@ -94,6 +102,10 @@ impl<A: Copy + Eq> Link<A> {
                 heartbeat_at: Duration::ZERO,
                 heartbeat_due: false,
                 lift: [None; 2],
+                challenge: Turns::new(),
+                answer: Turns::new(),
+                first_heartbeat: None,
+                answered: None,
                 bad_signatures: Burst::default(),
                 events: Events::new(),
                 stats: LinkStats::default(),
@@ -132,6 +144,15 @@ impl<A: Copy + Eq> Link<A> {
         self.core.presence.accepted_at()
     }
 
+    /// How old the newest heartbeat of ours is that the vehicle has received for certain, or the first where it has
+    /// received none; `None` on an unsigned link, and before the first. Frames of the vehicle that are accepted show that
+    /// we receive it; this shows that it receives us.
+    #[must_use]
+    pub fn unanswered(&self, mono: Duration) -> Option<Duration> {
+        let since = self.core.answered.or(self.core.first_heartbeat)?;
+        Some(mono.saturating_sub(since))
+    }
+
     /// The next event, in the order they happened.
     pub fn poll_event(&mut self) -> Option<Event<A>> {
         self.core.events.pop()
@@ -163,6 +184,14 @@ impl<A: Copy + Eq> Link<A> {
         if core.presence.take_alert(now.mono) {
             core.events.alert(Alert::StaysBehind, now.mono);
         }
+        let accepted = core.presence.accepted_at();
+        let since = core.answered.or(core.first_heartbeat);
+        // Only while it is received: silence has a report of its own.
+        if accepted.is_some_and(|at| now.mono.saturating_sub(at) < UNANSWERED)
+            && since.is_some_and(|at| now.mono.saturating_sub(at) > UNANSWERED)
+        {
+            core.events.alert(Alert::Unanswered, now.mono);
+        }
     }
 
     /// The counters.
@@ -185,3 +214,5 @@ impl<A: Copy + Eq> Link<A> {
 }
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
+/// How long no heartbeat of ours may be answered before a person is told: some may be lost.
+const UNANSWERED: Duration = Duration::from_secs(10);

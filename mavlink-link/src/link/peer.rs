@@ -109,6 +109,8 @@ pub enum LinkState {
     Live,
     /// The vehicle's frames verify, but their timestamps have fallen back.
     Behind,
+    /// The vehicle's frames verify, but are stamped further ahead than is followed.
+    Ahead,
 }
 
 /// Follows [`LinkState`] and paces the heartbeats that lift a vehicle that has fallen back.
@@ -164,6 +166,19 @@ impl Presence {
         self.state = LinkState::Behind;
         self.alert_at = Some(mono.saturating_add(BEHIND_ALERT));
         true
+    }
+
+    /// A verified frame was stamped too far ahead. True where the link becomes [`LinkState::Ahead`] by it: not by a
+    /// recording beside a vehicle that is received.
+    pub(super) fn ahead(&mut self, mono: Duration) -> bool {
+        let received = self
+            .accepted
+            .is_some_and(|at| mono.saturating_sub(at) <= STALE_WITHIN);
+        if received {
+            return false;
+        }
+        self.alert_at = None;
+        core::mem::replace(&mut self.state, LinkState::Ahead) != LinkState::Ahead
     }
 
     /// Whether a lifting heartbeat may be sent now: at most five a second to the peer, and as many to

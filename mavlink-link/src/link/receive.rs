@@ -5,6 +5,7 @@
 
 use core::time::Duration;
 
+use super::challenge::{PING_ID, Ping};
 use super::config::Security;
 use super::freshness::Age;
 use super::machine::{Auth, Core, Link};
@@ -134,12 +135,32 @@ impl<A: Copy + Eq> Core<A> {
             }
             judged => judged,
         };
+        if frame.header().message_id == PING_ID {
+            // A challenge is answered whatever its timestamp: the end that sends it is behind, or was restarted.
+            if matches!(judged, Ok(_) | Err(Refusal::Stale | Refusal::Future)) {
+                self.note_challenge(from, frame);
+            }
+            if let Some(ahead) = key.take_met() {
+                self.stats.clock_met += 1;
+                self.challenge.clear();
+                self.events.push(Event::ClockMet(ahead));
+            }
+        }
         match judged {
             Ok(stamp) => {
                 self.accept(now, from, frame, stamp, deliver);
                 Trust::Verified
             }
-            Err(refusal) => self.refuse(now, from, frame, refusal),
+            Err(refusal) => {
+                if refusal == Refusal::Future
+                    && let Some(signature) = frame.signature()
+                    && key.wants_challenge(frame.header().system_id, now)
+                {
+                    let peer = self.peer.peer();
+                    self.challenge.note(from, peer, signature.stamp, ());
+                }
+                self.refuse(now, from, frame, refusal)
+            }
         }
     }
 
@@ -153,6 +174,10 @@ impl<A: Copy + Eq> Core<A> {
     ) {
         let header = frame.header();
         let age = self.heartbeats.age(stamp, now.mono);
+        if let Age::AtMost(age) = age {
+            let sent = now.mono.saturating_sub(age);
+            self.answered = self.answered.max(Some(sent));
+        }
         if let (AUTOPILOT, Some(signature)) = (header.component_id, frame.signature())
             && self.pin.record(signature.link_id, age, now.mono)
         {
@@ -170,9 +195,22 @@ impl<A: Copy + Eq> Core<A> {
                 .push_exchange(KeyExchangeFrame::new(from, frame, Some(stamp)));
             return;
         }
+        if Ping::of(frame).is_some() {
+            self.stats.clock_pings += 1;
+            return;
+        }
         self.stats.delivered_verified += 1;
         self.stats.late += u64::from(age.is_late());
         self.deliver(frame, Some(stamp), age, deliver);
+    }
+
+    fn note_challenge(&mut self, from: A, frame: &FrameView<'_>) {
+        if let (Some(ping), Some(signature)) = (Ping::of(frame), frame.signature())
+            && let Some(answer) = ping.answer(frame.header())
+        {
+            self.answer
+                .note(from, self.peer.peer(), signature.stamp, answer);
+        }
     }
 
     fn may_move_pin(&self, mono: Duration, frame: &FrameView<'_>) -> bool {
@@ -222,6 +260,9 @@ impl<A: Copy + Eq> Core<A> {
             Refusal::Future => {
                 stats.future += 1;
                 self.events.alert(Alert::Future, now.mono);
+                if self.presence.ahead(now.mono) {
+                    self.events.push(Event::Ahead);
+                }
             }
             Refusal::Ceiling => {
                 stats.ceiling_not_stored += 1;

@@ -11,8 +11,11 @@
 //! [`signing::clock`](crate::signing::clock)). There is no window for
 //! reordered frames either, since it would accept replays within it (pitfall 4); the protocols above retry.
 
+use core::time::Duration;
+
 use thiserror::Error;
 
+use super::challenge::{Challenges, Ping, REFUSED_FOR};
 use crate::Now;
 use crate::frame::FrameView;
 use crate::signing::clock::{Ceiling, ClockError, Origin, SigningClock, WallState};
@@ -29,6 +32,9 @@ pub struct KeyState {
     id: KeyId,
     clock: SigningClock,
     streams: Streams,
+    challenges: Challenges,
+    /// How far the clock moved when it met a peer's, until somebody reports it.
+    met: Option<Duration>,
 }
 
 impl KeyState {
@@ -53,6 +59,8 @@ impl KeyState {
             id,
             clock,
             streams: Streams::default(),
+            challenges: Challenges::default(),
+            met: None,
         })
     }
 
@@ -82,17 +90,43 @@ impl KeyState {
         self.clock.take(now, store)
     }
 
-    /// Raises this key's clock above a timestamp that was used under another key of the same link.
+    /// Raises this key's clock above a timestamp of ours that was used under another key of the same link.
     ///
     /// # Errors
-    /// See [`SigningClock::follow`]: nothing may be sent then.
+    /// See [`SigningClock::carry`]: nothing may be sent then.
     pub fn follow(
         &mut self,
         stamp: Stamp,
         now: Now,
         store: &mut dyn Disk,
     ) -> Result<(), ClockError> {
-        self.clock.follow(stamp, now, store)
+        self.clock.carry(stamp, now, store)
+    }
+
+    /// See [`SigningClock::run_from`].
+    pub fn run_from(&mut self, stamp: Stamp, now: Now) {
+        self.clock.run_from(stamp, now);
+    }
+
+    /// Whether a sender whose frame was refused as [`Refusal::Future`] is to be asked whether it is there: nothing of its
+    /// system has been accepted lately. Beside honest frames one far ahead is a recording, or of a thief with the key.
+    #[must_use]
+    pub fn wants_challenge(&self, system: u8, now: Now) -> bool {
+        !self.streams.accepted_lately(system, now.mono)
+    }
+
+    /// A challenge for a sender whose frames are stamped too far ahead; see [`Self::wants_challenge`].
+    ///
+    /// # Errors
+    /// See [`SigningClock::take`]: no timestamp is left to make it of.
+    pub(crate) fn challenge(&mut self, now: Now, store: &mut dyn Disk) -> Result<Ping, ClockError> {
+        let unique = self.clock.take(now, store)?;
+        Ok(self.challenges.make(&self.key, unique, now.mono))
+    }
+
+    /// How far the clock has moved to meet a peer's, once after each time.
+    pub fn take_met(&mut self) -> Option<Duration> {
+        self.met.take()
     }
 
     /// See [`SigningClock::watch_wall`].
@@ -144,10 +178,23 @@ impl KeyState {
         }
 
         let stamp = signature.stamp;
-        if !self.clock.allows(stamp, now) {
-            return Err(Refusal::Future);
-        }
         let place = self.streams.place(name);
+        if !self.clock.allows(stamp, now) {
+            let own = expected.own_system;
+            let proven = self.challenges.are_answered(frame, own, now.mono);
+            if !proven || !self.clock.may_meet(stamp) {
+                return Err(Refusal::Future);
+            }
+            let place = place.ok_or(Refusal::TableFull)?;
+            let before = self.clock.reading(now);
+            self.clock
+                .meet(stamp, now, store)
+                .map_err(|_| Refusal::Ceiling)?;
+            self.challenges.end();
+            self.met = Some(stamp.since(before));
+            self.streams.set(place, name, stamp, now.mono);
+            return Ok(stamp);
+        }
         let last = place
             .and_then(|at| self.streams.last(at))
             .unwrap_or(Stamp::ZERO);
@@ -159,7 +206,7 @@ impl KeyState {
         self.clock
             .follow(stamp, now, store)
             .map_err(|_| Refusal::Ceiling)?;
-        self.streams.set(place, name, stamp);
+        self.streams.set(place, name, stamp, now.mono);
         Ok(stamp)
     }
 }
@@ -249,7 +296,7 @@ pub enum Refusal {
     /// There is no place for another stream.
     #[error("too many streams under one key")]
     TableFull,
-    /// The stamp is more than an hour ahead of our clock's base.
+    /// The stamp is more than an hour ahead of our clock's base, and the frame answers no challenge of ours.
     #[error("timestamp too far ahead")]
     Future,
     /// The timestamp is at or below the floor or the last of its stream: a replay, a reordered frame, or
@@ -272,14 +319,23 @@ pub struct Stream {
     pub link: u8,
 }
 
-/// The last timestamp of each stream. Nothing is ever evicted: a stream that was dropped could be replayed.
+/// The last timestamp of each stream, and when it came. Nothing is ever evicted: a stream that was dropped could be replayed.
 #[derive(Debug, Default)]
 struct Streams {
     entries: [(Stream, Stamp); STREAMS],
+    at: [Duration; STREAMS],
     len: usize,
 }
 
 impl Streams {
+    /// Whether a frame of that system was accepted a moment ago.
+    fn accepted_lately(&self, system: u8, mono: Duration) -> bool {
+        let streams = self.entries[..self.len].iter().zip(&self.at);
+        streams
+            .filter(|((name, _), _)| name.system == system)
+            .any(|(_, at)| mono.saturating_sub(*at) < REFUSED_FOR)
+    }
+
     /// Where the stream is, or where a new one may go.
     ///
     /// The last places are reserved for component 1, so that other components can never lock it out (pitfall 7: the
@@ -302,8 +358,9 @@ impl Streams {
         self.entries[..self.len].get(at).map(|(_, stamp)| *stamp)
     }
 
-    fn set(&mut self, at: usize, name: Stream, stamp: Stamp) {
+    fn set(&mut self, at: usize, name: Stream, stamp: Stamp, mono: Duration) {
         self.entries[at] = (name, stamp);
+        self.at[at] = mono;
         self.len = self.len.max(at + 1);
     }
 }

@@ -22,8 +22,12 @@ pub enum Event<A> {
     },
     /// The vehicle's timestamps have fallen back: its frames verify but are not delivered.
     Behind,
-    /// The first frame is accepted, or the first after [`Event::Behind`].
+    /// The vehicle's frames verify and are stamped too far ahead: they are not delivered, and it is asked for a proof.
+    Ahead,
+    /// The first frame is accepted, or the first after [`Event::Behind`] or [`Event::Ahead`].
     Live,
+    /// The signing clock has moved up to the vehicle's, which has proved to run so far ahead.
+    ClockMet(Duration),
     /// For a person.
     Alert(Alert),
     /// A KEY_EXCHANGE frame, for the key exchange only.
@@ -45,12 +49,15 @@ pub enum Alert {
     VehicleUnsigned,
     /// Many frames under the vehicle's system id with a wrong signature.
     BadSignatures,
-    /// Frames of the vehicle are stamped more than an hour ahead: somebody who has the key did that.
+    /// Frames of the vehicle are stamped more than an hour ahead: somebody who has the key did that, or one of the two ends
+    /// started with a wrong wall clock.
     Future,
     /// The autopilot's stream has another link id than before.
     LinkIdMoved,
     /// More streams under the key than there are places.
     StreamTableFull,
+    /// The vehicle's frames are accepted, but it has received none of ours for 10 s.
+    Unanswered,
 }
 
 /// A KEY_EXCHANGE frame as received.
@@ -143,7 +150,7 @@ impl<A> Events<A> {
 
 const QUEUE: usize = 32;
 const EXCHANGES: usize = 4;
-const ALERTS: usize = Alert::StreamTableFull as usize + 1;
+const ALERTS: usize = Alert::Unanswered as usize + 1;
 const ALERT_EVERY: Duration = Duration::from_secs(10);
 
 /// Declares the counters once, and lists them by name.
@@ -219,6 +226,14 @@ counters! {
     undecoded_value,
     /// KEY_EXCHANGE frames passed to the key exchange.
     key_exchange,
+    /// Verified challenges, and answers to challenges, of signing clocks that are apart.
+    clock_pings,
+    /// Challenges sent to senders whose frames are stamped too far ahead.
+    clock_challenges,
+    /// Challenges of the other end answered.
+    clock_answers,
+    /// How often our signing clock has moved up to the other end's.
+    clock_met,
     /// Events lost because nobody polled for them.
     events_lost,
     /// Frames sent.

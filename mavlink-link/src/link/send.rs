@@ -6,8 +6,10 @@
 use mavlink::Message as _;
 use thiserror::Error;
 
+use super::challenge::{ANSWER_EVERY, CHALLENGE_EVERY};
 use super::config::Security;
 use super::machine::{Auth, Core, Link};
+use super::receiver::KeyState;
 use super::report::Alert;
 use crate::Now;
 use crate::dialect::MavMessage;
@@ -16,6 +18,7 @@ use crate::frame::{
 };
 use crate::signing::clock::{ClockError, WallState};
 use crate::signing::{SignError, Stamp, sign};
+use crate::store::Disk;
 
 /// A frame that is ready in the caller's buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,7 +89,7 @@ impl<A: Copy + Eq> Link<A> {
             .send_to(to, now, auth, Content::Raw(message_id, payload), out)
     }
 
-    /// The next heartbeat that is due, if any. Call it until it returns `None`, after each
+    /// The next heartbeat, challenge or answer to a challenge that is due, if any. Call it until it returns `None`, after each
     /// [`handle_datagram`](Self::handle_datagram) and [`handle_timeout`](Self::handle_timeout).
     pub fn poll_transmit(
         &mut self,
@@ -101,6 +104,11 @@ impl<A: Copy + Eq> Link<A> {
         {
             core.events.alert(Alert::WallFarAhead, now.mono);
         }
+        if let Auth::Signed { key, store } = &mut auth
+            && let Some(sent) = core.next_ping(now, key, &mut **store, out)
+        {
+            return Some(sent);
+        }
         let to = core.next_heartbeat_to()?;
         let heartbeat = MavMessage::HEARTBEAT(core.config.heartbeat());
         let sent = core
@@ -109,6 +117,7 @@ impl<A: Copy + Eq> Link<A> {
         core.stats.sent_heartbeats += 1;
         if let Some(stamp) = sent.stamp {
             core.heartbeats.record(stamp, now.mono);
+            core.first_heartbeat.get_or_insert(now.mono);
         }
         Some(sent)
     }
@@ -121,6 +130,29 @@ enum Content<'a> {
 }
 
 impl<A: Copy + Eq> Core<A> {
+    /// The next PING about clocks that are apart: to nobody but the senders of frames that have verified.
+    fn next_ping(
+        &mut self,
+        now: Now,
+        key: &mut KeyState,
+        store: &mut dyn Disk,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<Sent<A>> {
+        if let Some((to, answer)) = self.answer.take(ANSWER_EVERY, now.mono) {
+            let auth = Auth::Signed { key, store };
+            let message = answer.message();
+            let sent = self.send_to(to, now, auth, Content::Message(&message), out);
+            self.stats.clock_answers += u64::from(sent.is_ok());
+            return sent.ok();
+        }
+        let (to, ()) = self.challenge.take(CHALLENGE_EVERY, now.mono)?;
+        let challenge = key.challenge(now, store).ok()?.message();
+        let auth = Auth::Signed { key, store };
+        let sent = self.send_to(to, now, auth, Content::Message(&challenge), out);
+        self.stats.clock_challenges += u64::from(sent.is_ok());
+        sent.ok()
+    }
+
     fn next_heartbeat_to(&mut self) -> Option<A> {
         let regular = self.peer.heartbeat_to();
         if let Some(lift) = self.lift.iter_mut().find_map(Option::take) {

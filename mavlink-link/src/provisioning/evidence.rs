@@ -9,6 +9,7 @@ use super::rollover::{Event, KeyRollover, KeySlot, NewKey, Outcome, State};
 use crate::Now;
 use crate::dialect::{MavAutopilot, MavMessage, MavModeFlag};
 use crate::frame::{FrameView, Stamp};
+use crate::link::challenge::{Ping, Turns};
 use crate::link::receiver::{AUTOPILOT, Expected, Refusal};
 use crate::store::Disk;
 
@@ -18,6 +19,8 @@ enum Proof {
     /// With its stamp; `None` where the stamp was refused as too far ahead.
     Old(Option<Stamp>),
     Stale(KeySlot),
+    /// Verified under the new key, and stamped too far ahead.
+    Ahead,
     Unsigned,
     Foreign,
 }
@@ -71,7 +74,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         }
         if header.component_id != AUTOPILOT {
             // A camera or gimbal beside the autopilot proves nothing about the autopilot's key.
-            match self.prove(now, frame, store) {
+            match self.prove(now, from, frame, store) {
                 Proof::New if self.state == State::Committed => pass(KeySlot::New, frame),
                 Proof::Old(Some(_)) if self.state != State::Committed => pass(KeySlot::Old, frame),
                 _ => {}
@@ -79,7 +82,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             return;
         }
         let message = frame.message().ok();
-        match self.prove(now, frame, store) {
+        match self.prove(now, from, frame, store) {
             Proof::New => {
                 self.verified_from(now.mono, from);
                 self.seen.verified = Some(now.mono);
@@ -114,15 +117,20 @@ impl<A: Copy + Eq> KeyRollover<A> {
                 self.seen.first.get_or_insert(now.mono);
                 self.lift = Some((under, from));
             }
+            // It may be a replay: it is asked for a proof, and nothing else.
+            Proof::Ahead => {
+                self.seen.first.get_or_insert(now.mono);
+            }
             Proof::Unsigned => self.take_unsigned(now.mono, from, message.as_ref()),
             Proof::Foreign => self.seen.foreign += 1,
         }
     }
 
-    fn prove(&mut self, now: Now, frame: &FrameView<'_>, store: &mut dyn Disk) -> Proof {
-        if !frame.is_signed() {
+    fn prove(&mut self, now: Now, from: A, frame: &FrameView<'_>, store: &mut dyn Disk) -> Proof {
+        let Some(signature) = frame.signature() else {
             return Proof::Unsigned;
-        }
+        };
+        let (stamp, header, peer) = (signature.stamp, frame.header(), self.peer);
         let expected = Expected {
             own_system: self.config.link.own_system,
             system: self.config.link.vehicle_system,
@@ -130,22 +138,38 @@ impl<A: Copy + Eq> KeyRollover<A> {
             only: self.config.link.only,
         };
         if let NewKey::Offered(key) = &mut self.new {
-            match key.receive(frame, expected, now, store) {
+            let judged = key.receive(frame, expected, now, store);
+            note_challenge(&mut self.answer, KeySlot::New, judged, from, peer, frame);
+            match judged {
                 Ok(_) => return Proof::New,
                 Err(Refusal::Stale) => return Proof::Stale(KeySlot::New),
+                Err(Refusal::Future) => {
+                    if key.wants_challenge(header.system_id, now) {
+                        self.challenge.note(from, peer, stamp, KeySlot::New);
+                    }
+                    return Proof::Ahead;
+                }
                 Err(_) => {}
             }
         }
-        match self
-            .old
-            .as_mut()
-            .map(|key| key.receive(frame, expected, now, store))
+        let Some(key) = &mut self.old else {
+            return Proof::Foreign;
+        };
+        let judged = key.receive(frame, expected, now, store);
+        note_challenge(&mut self.answer, KeySlot::Old, judged, from, peer, frame);
+        // Where the key can be sent, the new one sets the vehicle's clock back, which is better than to follow it.
+        if judged == Err(Refusal::Future)
+            && !self.config.may_send_key
+            && key.wants_challenge(header.system_id, now)
         {
-            Some(Ok(stamp)) => Proof::Old(Some(stamp)),
-            Some(Err(Refusal::Stale)) => Proof::Stale(KeySlot::Old),
+            self.challenge.note(from, peer, stamp, KeySlot::Old);
+        }
+        match judged {
+            Ok(stamp) => Proof::Old(Some(stamp)),
+            Err(Refusal::Stale) => Proof::Stale(KeySlot::Old),
             // A clock that somebody with the old key has dragged ahead is repaired by the new key.
-            Some(Err(Refusal::Future)) => Proof::Old(None),
-            _ => Proof::Foreign,
+            Err(Refusal::Future) => Proof::Old(None),
+            Err(_) => Proof::Foreign,
         }
     }
 
@@ -226,5 +250,22 @@ impl<A: Copy + Eq> KeyRollover<A> {
             }
             _ => {}
         }
+    }
+}
+
+/// Remembers a challenge of the other end, which is behind or was restarted: whatever its timestamp, it is answered.
+fn note_challenge<A: Copy + Eq>(
+    answer: &mut Turns<A, (KeySlot, Ping)>,
+    under: KeySlot,
+    judged: Result<Stamp, Refusal>,
+    from: A,
+    peer: Option<A>,
+    frame: &FrameView<'_>,
+) {
+    if matches!(judged, Ok(_) | Err(Refusal::Stale | Refusal::Future))
+        && let (Some(ping), Some(signature)) = (Ping::of(frame), frame.signature())
+        && let Some(ping) = ping.answer(frame.header())
+    {
+        answer.note(from, peer, signature.stamp, (under, ping));
     }
 }

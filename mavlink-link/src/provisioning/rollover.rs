@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use crate::Now;
 use crate::frame::{Parser, Stamp};
+use crate::link::challenge::{Ping, Turns};
 use crate::link::receiver::KeyState;
 use crate::link::{Endpoint, LinkConfig};
 use crate::signing::clock::{Ceiling, Origin};
@@ -112,6 +113,9 @@ pub struct KeyRollover<A> {
     /// Where a verified frame with a stale timestamp came from.
     pub(super) lift: Option<(KeySlot, A)>,
     pub(super) lifted_at: Option<Duration>,
+    /// Senders of verified frames that are stamped too far ahead, and of challenges of the same kind.
+    pub(super) challenge: Turns<A, KeySlot>,
+    pub(super) answer: Turns<A, (KeySlot, Ping)>,
     pub(super) events: VecDeque<Event>,
     pub(super) outcome: Option<Outcome>,
 }
@@ -209,6 +213,8 @@ impl<A: Copy + Eq> KeyRollover<A> {
             new_next: false,
             setup_due: false,
             lift: None,
+            challenge: Turns::new(),
+            answer: Turns::new(),
             lifted_at: None,
             events: VecDeque::from([Event::State(state)]),
             outcome: None,

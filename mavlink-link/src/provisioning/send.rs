@@ -8,6 +8,7 @@ use super::rollover::{ASK_FAST_FOR, KeyRollover, KeySlot, NewKey, State};
 use crate::Now;
 use crate::dialect::MavMessage;
 use crate::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, SETUP_SIGNING_ID, encode, encode_raw};
+use crate::link::challenge::{ANSWER_EVERY, CHALLENGE_EVERY};
 use crate::link::receiver::{AUTOPILOT, KeyState};
 use crate::signing::clock::{ClockError, Origin};
 use crate::signing::{Stamp, sign};
@@ -22,6 +23,16 @@ pub struct Transmit<A> {
     pub len: usize,
     /// It holds a key: never record or log it, and wipe the buffer once it is sent.
     pub secret: bool,
+}
+
+impl<A> Transmit<A> {
+    fn open(to: A, len: usize) -> Self {
+        Self {
+            to,
+            len,
+            secret: false,
+        }
+    }
 }
 
 impl<A: Copy + Eq> KeyRollover<A> {
@@ -49,13 +60,20 @@ impl<A: Copy + Eq> KeyRollover<A> {
                 secret: true,
             });
         }
+        if let Some((to, (under, answer))) = self.answer.take(ANSWER_EVERY, now.mono) {
+            let len = self.message(under, &answer.message(), now, store, out);
+            return Some(Transmit::open(to, len.ok()?));
+        }
+        if let Some((to, under)) = self.challenge.take(CHALLENGE_EVERY, now.mono) {
+            let key = self.key_mut(under)?;
+            let challenge = key.challenge(now, store).ok()?.message();
+            let len = self.message(under, &challenge, now, store, out);
+            return Some(Transmit::open(to, len.ok()?));
+        }
         let (under, to) = self.next_heartbeat(now.mono)?;
-        let len = self.heartbeat(under, now, store, out).ok()?;
-        Some(Transmit {
-            to,
-            len,
-            secret: false,
-        })
+        let beat = MavMessage::HEARTBEAT(self.config.link.heartbeat());
+        let len = self.message(under, &beat, now, store, out).ok()?;
+        Some(Transmit::open(to, len))
     }
 
     /// Under which key a heartbeat is due, and where to. A stale frame gets its heartbeat at the address that it came
@@ -94,9 +112,10 @@ impl<A: Copy + Eq> KeyRollover<A> {
         Some((under, to))
     }
 
-    fn heartbeat(
+    fn message(
         &mut self,
         under: KeySlot,
+        message: &MavMessage,
         now: Now,
         store: &mut dyn Disk,
         out: &mut [u8; MAX_FRAME],
@@ -106,8 +125,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             (other, _) => other,
         };
         let signed = under == KeySlot::New || self.old.is_some();
-        let message = MavMessage::HEARTBEAT(self.config.link.heartbeat());
-        let len = encode(&message, self.header(0, signed), out);
+        let len = encode(message, self.header(0, signed), out);
         if !signed {
             return Ok(len);
         }

@@ -2,9 +2,14 @@
 //!
 //! Promised: every timestamp sent or accepted under a key is at most the ceiling that has been stored for
 //! it, and a later start begins above that ceiling. The wall clock is read once; afterwards the base
-//! runs on monotonic time, so that a wrong wall clock (GPS spoofing, pitfall 11) does not move it. The clock follows
-//! peers whose timestamps run ahead, but never further than an hour beyond the base (pitfall 12). The limit is measured
-//! from the base and not from the clock: otherwise a peer could push it on with every frame.
+//! runs on monotonic time, so that a wrong wall clock (GPS spoofing, pitfall 11) does not move it: once a peer's frame has
+//! been accepted, no step of the wall clock does, however small. Before that a wall clock that was wrong at the start may
+//! still be set, which is as good as a later start.
+//!
+//! The clock follows peers whose timestamps run ahead, but never further than an hour beyond the base (pitfall 12). The
+//! limit is measured from the base and not from the clock: otherwise a peer could push it on with every frame. Two ends
+//! that are further apart, because one of them started with a wrong wall clock, meet at the higher of the two clocks by a
+//! challenge that the other end has answered ([`SigningClock::meet`]).
 //!
 //! The clock is advanced by time, not by one for each packet: after 60 s of silence a peer would refuse everything
 //! (pitfall 1).
@@ -89,6 +94,10 @@ pub struct SigningClock {
     floor: Stamp,
     base: u64,
     base_at: Duration,
+    /// How far the clock runs ahead of its base, because a peer does.
+    lead: u64,
+    /// Whether the wall clock may still move the base: it was wrong at the start, and no frame has been accepted since.
+    unset: bool,
     /// The least stamp that may be sent next: above the ceiling at start, all sent, all accepted.
     least: u64,
     wall_reference: Now,
@@ -137,6 +146,8 @@ impl SigningClock {
             floor,
             base: start,
             base_at: now.mono,
+            lead: 0,
+            unset: wall != WallState::Fits,
             least: ceiling + 1,
             wall_reference: now,
             wall,
@@ -165,7 +176,8 @@ impl SigningClock {
     /// The clock: the stamp that would be sent next.
     #[must_use]
     pub fn reading(&self, now: Now) -> Stamp {
-        Stamp::new(self.least.max(self.base(now).get()))
+        let running = self.base(now).get().saturating_add(self.lead);
+        Stamp::new(self.least.max(running))
     }
 
     /// How the wall clock was judged last.
@@ -205,15 +217,73 @@ impl SigningClock {
         store: &mut dyn Disk,
     ) -> Result<(), ClockError> {
         self.raise_ceiling(stamp, now, store)?;
+        self.unset = false;
+        // From then on the clock runs with the peer's. If it stood still until the base has caught up, a frame that was
+        // held back meanwhile would lie above our newest heartbeats, and pass for one made after them. A vehicle that
+        // counts its packets from our stamps is always a little ahead: that is no clock to run with, and would add up.
+        let running = self.base(now).get().saturating_add(self.lead);
+        if stamp.get() > running.saturating_add(CLOSE) {
+            self.lead = stamp.get().saturating_sub(self.base(now).get());
+        }
         // One above, not at it: a vehicle that then restarts with old timestamps is lifted by our next frame to that
         // frame's timestamp, and its answer must lie above what has been accepted.
         self.least = self.least.max(stamp.get() + 1);
         Ok(())
     }
 
-    /// Checks whether the wall clock has been set since, and judges it as at start.
+    /// Continues at a timestamp of our own that was used under another key of the same link. The base moves with it: a
+    /// vehicle that we lift to that timestamp must not be too far ahead for us.
     ///
-    /// Only a step of more than a second counts, and the base only ever moves forward.
+    /// # Errors
+    /// The ceiling cannot be raised to it: nothing may be sent then.
+    pub fn carry(
+        &mut self,
+        stamp: Stamp,
+        now: Now,
+        store: &mut dyn Disk,
+    ) -> Result<(), ClockError> {
+        self.raise_ceiling(stamp, now, store)?;
+        self.run_from(stamp, now);
+        self.least = self.least.max(stamp.get() + 1);
+        Ok(())
+    }
+
+    /// Moves the base up to a timestamp of our own, and writes nothing: none is used by it.
+    pub fn run_from(&mut self, stamp: Stamp, now: Now) {
+        if stamp > self.base(now) {
+            (self.base, self.base_at, self.lead) = (stamp.get(), now.mono, 0);
+        }
+    }
+
+    /// Whether this clock may meet a peer's at that timestamp: the last years of the 48 bits are kept, so that nobody who
+    /// has the key can end the life of every clock by one frame.
+    #[must_use]
+    pub fn may_meet(&self, stamp: Stamp) -> bool {
+        stamp.get().saturating_add(RESERVE) <= Stamp::MAX.get()
+    }
+
+    /// Moves to a peer's clock, which the peer has proved to run ahead of this one now: as a restart from a ceiling at that
+    /// timestamp would. Nothing stamped at or below it is accepted any more, so what was recorded while the clocks were
+    /// apart has no value.
+    ///
+    /// # Errors
+    /// The ceiling cannot be raised to it: nothing has changed then.
+    pub fn meet(&mut self, stamp: Stamp, now: Now, store: &mut dyn Disk) -> Result<(), ClockError> {
+        if !self.may_meet(stamp) {
+            return Err(ClockError::Exhausted);
+        }
+        self.raise_ceiling(stamp, now, store)?;
+        (self.base, self.base_at, self.lead) = (stamp.get(), now.mono, 0);
+        self.floor = self.floor.max(stamp);
+        self.least = self.least.max(stamp.get() + 1);
+        self.unset = false;
+        Ok(())
+    }
+
+    /// Judges the wall clock as at start, where it has been set since.
+    ///
+    /// Only a step of more than a second counts. It moves nothing, but for a clock that started without a usable wall clock
+    /// and has accepted no frame yet; and then only forward.
     pub fn watch_wall(&mut self, now: Now) -> WallState {
         let reference = self.wall_reference;
         let expected = reference
@@ -222,7 +292,9 @@ impl SigningClock {
         if now.wall.abs_diff(expected) > WALL_STEP {
             self.wall_reference = now;
             self.wall = judge_wall(self.ceiling, Stamp::from_unix(now.wall));
-            if self.wall == WallState::Fits {
+            // A peer that follows a clock an hour would lose one that leaps: only before there is a peer may it leap.
+            if self.wall == WallState::Fits && self.unset {
+                self.unset = false;
                 self.rebase(now);
             }
         }
@@ -291,6 +363,10 @@ fn judge_wall(ceiling: u64, wall: Stamp) -> WallState {
 
 /// How far beyond the base a peer is followed.
 const LEAD: Duration = Duration::from_secs(3600);
+/// How far a peer's timestamp must be ahead of the clock, in units of 10 us, to show that the peer's clock is: a second.
+const CLOSE: u64 = 100_000;
+/// The stamps that no peer can use up by being met: ten years, in units of 10 us.
+const RESERVE: u64 = 3_653 * 86_400 * 100_000;
 /// How far the ceiling is written ahead.
 // One synchronised write for 10 s of stamps, where one for each frame would stall the link.
 const WRITE_AHEAD: Duration = Duration::from_secs(10);

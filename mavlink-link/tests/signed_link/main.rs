@@ -3,6 +3,7 @@
 mod allocations;
 mod c_library;
 mod captures;
+mod challenges;
 mod histories;
 mod link;
 mod parser;

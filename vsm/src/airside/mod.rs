@@ -101,7 +101,8 @@ impl Agent {
                     self.reports
                         .note(LogLevel::Info, format!("the ground is at {to}"));
                 }
-                Event::Behind | Event::Live => {}
+                Event::ClockMet(ahead) => self.reports.note_clock("the ground", ahead),
+                Event::Behind | Event::Ahead | Event::Live => {}
             }
         }
     }
@@ -149,6 +150,11 @@ impl Agent {
                 Event::Behind => self.reports.note(
                     LogLevel::Info,
                     "PX4's timestamps went back: it has restarted; sending it a current timestamp",
+                ),
+                Event::ClockMet(ahead) => self.reports.note_clock("PX4", ahead),
+                Event::Ahead => self.reports.note(
+                    LogLevel::Warning,
+                    "PX4's timestamps are over an hour ahead: asking it for a proof that they are its own",
                 ),
                 Event::PeerChanged { .. } | Event::KeyExchange(_) => {}
             }
@@ -303,8 +309,8 @@ impl Agent {
                     .filter(|&(_, count)| count > 0)
                     .collect()
             },
-            radio: SideStatus::new(self.radio.peer(), &self.radio.stats()),
-            px4: SideStatus::new(self.px4.peer(), &self.px4.stats()),
+            radio: SideStatus::new(&self.radio, mono),
+            px4: SideStatus::new(&self.px4, mono),
         }
     }
 }

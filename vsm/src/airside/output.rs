@@ -1,6 +1,7 @@
 //! What the agent gives out: frames for its two links, lines for the log, and texts for the ground.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use mavlink_link::dialect::MavSeverity;
 use mavlink_link::link::Alert;
@@ -67,10 +68,20 @@ impl Reports {
 
     pub(super) fn note_alert(&mut self, link: &str, alert: Alert) {
         let text = match alert {
+            Alert::Unanswered => "it is received, but receives nothing from us",
             Alert::VehicleUnsigned | Alert::StaysBehind => "stamps or signatures are missing",
             other => link_alert_text(other),
         };
         self.note(LogLevel::Warning, format!("{link}: {text}"));
+    }
+
+    /// The signing clock has moved to that of one of the two other ends.
+    pub(super) fn note_clock(&mut self, whose: &str, ahead: Duration) {
+        let text = format!(
+            "the signing clock moved {:.0} s ahead, to that of {whose}: a computer started with a wrong clock",
+            ahead.as_secs_f64()
+        );
+        self.note(LogLevel::Warning, text);
     }
 
     /// A text for the ground, which alerts its operators: at most 50 bytes, the longest that STATUSTEXT holds in one.

@@ -1,11 +1,12 @@
 //! What the agent is doing, for `vsm airside status`. Keys are named by their ids only.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
-use mavlink_link::link::LinkStats;
+use mavlink_link::link::Link;
 use serde::Serialize;
 
-use crate::session::{Counters, Peer};
+use crate::session::{Counters, Peer, link_state_name};
 
 /// The whole agent.
 #[derive(Debug, Clone, Serialize)]
@@ -46,14 +47,22 @@ pub struct AirsideStatus {
 pub struct SideStatus {
     /// Where the other end is.
     pub peer: Option<String>,
+    /// How it stands: "waiting", "live", "unanswered", "behind" or "ahead", as the bridge's link.
+    pub state: &'static str,
+    /// How old the newest frame of ours is that a verified frame from there has answered, or the first where none has
+    /// been, s.
+    pub unanswered_s: Option<f64>,
     /// Frames by what became of them.
     pub frames: BTreeMap<&'static str, u64>,
 }
 
 impl SideStatus {
-    pub(super) fn new(peer: Option<Peer>, stats: &LinkStats) -> SideStatus {
+    pub(super) fn new(link: &Link<Peer>, mono: Duration) -> SideStatus {
+        let (stats, unanswered) = (link.stats(), link.unanswered(mono));
         SideStatus {
-            peer: peer.map(|peer| peer.to_string()),
+            peer: link.peer().map(|peer| peer.to_string()),
+            state: link_state_name(link, mono),
+            unanswered_s: unanswered.map(|age| age.as_secs_f64()),
             frames: stats.iter().filter(|&(_, count)| count > 0).collect(),
         }
     }

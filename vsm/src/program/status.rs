@@ -93,6 +93,12 @@ fn readable(status: &Value) -> String {
         let peer = link["peer"].as_str().unwrap_or("no data received yet");
         let address = plain(&link["address"]);
         text += &format!("  {address} {signed}, {state}{since}, peer {peer}\n");
+        if let Some(age) = link["unanswered_s"].as_f64().filter(|age| *age > 5.0) {
+            text += &format!(
+                "  NO VERIFIED ANSWER to a frame of ours for {age:.0} s: commands are lost\n"
+            );
+        }
+        text += &counts("  verified and refused: ", &link["refused_though_verified"]);
         let exchange = &link["exchange"];
         if exchange.is_object() {
             let peer = exchange["peer"].as_str().unwrap_or("none");

@@ -114,7 +114,7 @@ impl<'a> DliEffects<'a> {
 
     /// The stamp of a message made now.
     pub(crate) fn stamp(&mut self) -> TimeStamp {
-        self.outbox.stamp(self.now.wall)
+        self.outbox.stamp(self.now)
     }
 
     /// Sends to one station, where its address is known.
@@ -176,8 +176,8 @@ impl<'a> DliEffects<'a> {
     /// Sends an alert (16000) to these stations, by the group too.
     pub(crate) fn show(&mut self, source: Id, to: &[usize], raised: &Raised) {
         let Raised { alert, first } = raised;
-        let (outbox, wall) = (&mut *self.outbox, self.now.wall);
-        let messages: Vec<Message> = alert::messages(alert, *first, || outbox.stamp(wall))
+        let (outbox, now) = (&mut *self.outbox, self.now);
+        let messages: Vec<Message> = alert::messages(alert, *first, || outbox.stamp(now))
             .map(Message::SubsystemStatusAlert)
             .collect();
         for message in &messages {

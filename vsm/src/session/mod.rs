@@ -94,10 +94,10 @@ pub use authority::rules::{
 pub use bridge::status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
 pub use bridge::{Bridge, BridgeError, LinkEnd, Tap};
 pub use counters::{ByType, Counters};
-pub(crate) use link::alert_text as link_alert_text;
 pub use link::frame::{OutFrame, Peer};
 pub use link::key_agreement::{ExchangeNotice, ExchangeStatus};
 pub use link::key_recovery::KeyChange;
+pub(crate) use link::{alert_text as link_alert_text, link_state_name};
 pub use log::{LogEntry, LogLevel};
 pub use outbox::{Datagram, Destination};
 pub(crate) use store::vehicle_record;

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use mavlink_link::Now;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, Profile, TimeStamp};
 
 use super::counters::ByType;
@@ -34,11 +35,50 @@ impl Datagram {
     }
 }
 
+/// The time of messages. A station refuses what is stamped before what it has, so a wall clock that is wrong for some
+/// seconds must not carry the stamps away: they could not come back.
+#[derive(Debug, Default)]
+struct WallTime {
+    /// The clocks when the wall clock was last believed; monotonic time carries it from there.
+    believed: Option<Now>,
+    /// Since when the wall clock has been further ahead than the time that it should show, and by how much.
+    ahead: Option<(Duration, Duration)>,
+}
+
+impl WallTime {
+    fn read(&mut self, now: Now) -> Duration {
+        let Some(believed) = self.believed else {
+            self.believed = Some(now);
+            return now.wall;
+        };
+        let carried = believed
+            .wall
+            .saturating_add(now.mono.saturating_sub(believed.mono));
+        // Small corrections, as time synchronisation makes them all the time, are followed at once.
+        let small = now.wall.abs_diff(carried) <= SMALL_STEP;
+        let ahead = now.wall.saturating_sub(carried);
+        let since = match self.ahead {
+            Some((since, by)) if by.abs_diff(ahead) <= SMALL_STEP => since,
+            _ => now.mono,
+        };
+        self.ahead = (!small && now.wall > carried).then_some((since, ahead));
+        // Set forward for good, as on a computer that starts in 1970: followed. Set back, it is not, for the same reason
+        // as above, until the next start.
+        if small || (self.ahead.is_some() && now.mono.saturating_sub(since) >= STEP_LASTS) {
+            self.believed = Some(now);
+            self.ahead = None;
+            return now.wall;
+        }
+        carried
+    }
+}
+
 /// The queue of one bridge.
 #[derive(Debug, Default)]
 pub(crate) struct Outbox {
     profile: Profile,
     queue: VecDeque<Datagram>,
+    time: WallTime,
     last_stamp: u64,
     pub(crate) sent: ByType,
 }
@@ -53,9 +93,10 @@ impl Outbox {
     }
 
     /// The stamp of a message made now: later than every one before.
-    pub(crate) fn stamp(&mut self, wall: Duration) -> TimeStamp {
+    pub(crate) fn stamp(&mut self, now: Now) -> TimeStamp {
+        let wall = self.time.read(now);
         let now = TimeStamp::from_unix_ms(u64::try_from(wall.as_millis()).unwrap_or(u64::MAX)).0;
-        // Two messages within a millisecond, or a wall clock that was set back, still get rising stamps.
+        // Two messages within a millisecond still get rising stamps.
         self.last_stamp = now.max(self.last_stamp + 1);
         TimeStamp(self.last_stamp)
     }
@@ -86,3 +127,49 @@ impl Outbox {
 
 /// Datagrams that wait for the socket at most: a download of a full plan to several stations.
 const MAX_QUEUED: usize = 65_536;
+/// A change of the wall clock against monotonic time that is no step.
+const SMALL_STEP: Duration = Duration::from_secs(1);
+/// How long a step forward must last before the stamps follow it.
+const STEP_LASTS: Duration = Duration::from_secs(10);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WALL: Duration = Duration::from_secs(1_795_219_200);
+    const YEAR: i64 = 366 * 86_400;
+
+    /// What is stamped each second while the wall clock is wrong by so many seconds, in s after [`WALL`].
+    fn stamps(wrong: impl IntoIterator<Item = i64>) -> Vec<u64> {
+        let mut outbox = Outbox::default();
+        let start = TimeStamp::from_unix_ms(u64::try_from(WALL.as_millis()).unwrap()).0;
+        let stamps = wrong.into_iter().zip(0_u64..).map(|(wrong, second)| {
+            let wall = WALL.as_secs().saturating_add(second);
+            let now = Now {
+                mono: Duration::from_secs(500 + second),
+                wall: Duration::from_secs(wall.saturating_add_signed(wrong)),
+            };
+            (outbox.stamp(now).0.saturating_sub(start)) / 1_000
+        });
+        stamps.collect()
+    }
+
+    #[test]
+    fn stamps_run_on_through_a_wall_clock_that_is_wrong_for_some_seconds() {
+        for wrong in [7_200, 10 * YEAR, -7_200, -10 * YEAR] {
+            let walls = [0, 0, wrong, wrong, wrong, wrong, wrong, 0, 0, 0];
+            assert_eq!(stamps(walls), (0..10).collect::<Vec<_>>(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_wall_clock_that_was_set_forward_for_good_is_followed_and_one_set_back_is_not() {
+        let forward = stamps((0..20).map(|second| if second < 3 { 0 } else { 3_600 }));
+        assert_eq!(forward[12], 12, "not yet");
+        assert_eq!(forward[19], 3_619);
+        let back = stamps((0..20).map(|second| if second < 3 { 0 } else { -3_600 }));
+        assert_eq!(back, (0..20).collect::<Vec<_>>());
+        // Small corrections are followed at once.
+        assert_eq!(stamps([0, 1, 1]), [0, 2, 3]);
+    }
+}

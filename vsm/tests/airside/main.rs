@@ -1,5 +1,9 @@
-//! The air-side agent between a simulated PX4 and a ground that signs (`world`): as a relay, and as PX4's key store.
+//! The air-side agent between a simulated PX4 and a ground that signs (`world`): as a relay, as PX4's key store,
+//! and with wall clocks that are wrong (`chain` is the whole way from a station, `clock_model` walks every short history).
 
+mod chain;
+mod clock_model;
+mod clocks;
 mod provisioning;
 mod relay;
 mod world;

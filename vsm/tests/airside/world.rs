@@ -136,7 +136,7 @@ impl Keys for Disk {
 pub(crate) struct Ground {
     pub(crate) link: Link<Peer>,
     pub(crate) key: KeyState,
-    disk: MemoryDisk,
+    pub(crate) disk: MemoryDisk,
     /// Ids of frames of component 1 delivered so far.
     pub(crate) received: Vec<u32>,
     /// The agent's texts.
@@ -158,7 +158,14 @@ impl Ground {
         }
     }
 
-    fn take(&mut self, now: Now, bytes: &[u8]) {
+    /// It is killed and started again; the disk stays.
+    pub(crate) fn restart(&mut self, now: Now) {
+        let key = self.key.key().duplicate();
+        self.key = KeyState::start(key, Origin::KeyFile, BUILD, now, &mut self.disk).unwrap();
+        self.link = Link::new(*self.link.config());
+    }
+
+    pub(crate) fn take(&mut self, now: Now, bytes: &[u8]) {
         let auth = Auth::Signed {
             key: &mut self.key,
             store: &mut self.disk,
@@ -175,8 +182,13 @@ impl Ground {
             });
     }
 
-    fn beat(&mut self, now: Now) -> Option<Vec<u8>> {
+    /// What it wants to send by itself now.
+    pub(crate) fn beat(&mut self, now: Now) -> Vec<Vec<u8>> {
         self.link.handle_timeout(now);
+        std::iter::from_fn(|| self.transmit(now)).collect()
+    }
+
+    fn transmit(&mut self, now: Now) -> Option<Vec<u8>> {
         let auth = Auth::Signed {
             key: &mut self.key,
             store: &mut self.disk,
@@ -322,7 +334,8 @@ impl World {
                 self.drain();
             }
         }
-        if let Some(beat) = self.ground.as_mut().and_then(|g| g.beat(self.now)) {
+        let beats = self.ground.as_mut().map(|ground| ground.beat(self.now));
+        for beat in beats.unwrap_or_default() {
             self.radio(GROUND, &beat);
         }
         self.agent.handle_timeout(self.now, &mut self.disk);

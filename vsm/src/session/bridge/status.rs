@@ -129,11 +129,17 @@ pub struct LinkStatus {
     pub signed: bool,
     /// The key's id.
     pub key_id: Option<String>,
-    /// How it stands: "waiting" (nothing accepted yet), "live", "behind" (verified, but its stamps have fallen back) or
-    /// "settling" (which of two keys the vehicle has is being found out).
+    /// How it stands: "waiting" (nothing accepted yet), "live", "unanswered" (accepted, but for over 5 s nothing has shown
+    /// that the vehicle receives us), "behind" (verified, but its stamps have fallen back), "ahead" (verified, but stamped
+    /// over an hour ahead) or "settling" (which of two keys the vehicle has is being found out).
     pub state: &'static str,
     /// Since when it has been live, s.
     pub live_s: Option<f64>,
+    /// How old the newest frame of ours is that a verified frame of the vehicle has answered, or the first where none has
+    /// been, s; none on an unsigned link.
+    pub unanswered_s: Option<f64>,
+    /// Frames that verified under the key and were refused all the same, by the reason.
+    pub refused_though_verified: BTreeMap<&'static str, u64>,
     /// How keys are agreed about over the air, where they are.
     pub exchange: Option<ExchangeStatus>,
     /// Refused frames in the vehicle's name, by the reason.
@@ -187,7 +193,9 @@ impl Bridge {
                     peer: link.peer().map(|peer| peer.to_string()),
                     signed: aircraft.config.signing != crate::config::Signing::Off,
                     key_id: link.key().map(|key| key.id().to_string()),
-                    state: link.link_state_name(),
+                    state: link.link_state_name(now),
+                    unanswered_s: link.last_answer(now).map(|age| age.as_secs_f64()),
+                    refused_though_verified: link.refused_though_verified(),
                     live_s: link
                         .live_since
                         .map(|at| now.saturating_sub(at).as_secs_f64()),

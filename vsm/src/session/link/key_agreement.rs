@@ -1,5 +1,6 @@
 //! Keys agreed over the air, as the bridge sees it: frames of the exchange go out and in, the key that waits is looked
-//! for in the vehicle's frames, and stations are told.
+//! for in the vehicle's frames, and stations are told. While nothing answers under the key in force, this end signs its
+//! heartbeats under both.
 //!
 //! Promised: KEY_EXCHANGE goes to the exchange only; the vehicle goes on under its current key until one of its own
 //! frames verifies under the next, and from that frame on under that one.
@@ -85,6 +86,7 @@ impl Agreement {
         &mut self,
         config: LinkConfig<Peer>,
         key: SigningKey,
+        current: Option<&KeyState>,
         now: Now,
         not_before: Duration,
         store: &mut dyn Disk,
@@ -94,7 +96,11 @@ impl Agreement {
         let origin = Origin::Provisioned {
             initial: not_before,
         };
-        let key = KeyState::start(key, origin, not_before, now, store)?;
+        let mut key = KeyState::start(key, origin, not_before, now, store)?;
+        if let Some(current) = current {
+            // One clock for both keys: a vehicle that this one has lifted must not be too far ahead for the next.
+            key.run_from(current.clock().reading(now), now);
+        }
         let link = Link::new(config);
         self.next = Some(Box::new(NextKey { link, key }));
         Ok(())
@@ -130,22 +136,36 @@ impl Agreement {
             // As when it is adopted: what lifts the vehicle must be above what it has had from us.
             let _ = key.follow(current.clock().reading(now), now, store);
         }
-        let mut frame = [0; MAX_FRAME];
-        loop {
-            let auth = Auth::Signed {
-                key: &mut *key,
-                store: &mut *store,
-            };
-            let Some(sent) = link.poll_transmit(now, auth, &mut frame) else {
-                break;
-            };
-            out.push_back(OutFrame::new(sent.to, sent.len, frame));
-        }
+        transmit(link, key, now, out, store);
         if proven {
             self.adopt(now, current, store)
         } else {
             None
         }
+    }
+
+    /// Sends what is due under the next key. Heartbeats under it go out only while nothing answers those under the key in
+    /// force: then the vehicle may have the next one already, and this end would be heard under none.
+    pub(super) fn handle_timeout(
+        &mut self,
+        now: Now,
+        unanswered: bool,
+        current: Option<&KeyState>,
+        out: &mut VecDeque<OutFrame>,
+        store: &mut dyn Disk,
+    ) {
+        let Some(NextKey { link, key }) = self.next.as_deref_mut() else {
+            return;
+        };
+        if !unanswered {
+            return;
+        }
+        if let Some(current) = current {
+            // The vehicle has one table of streams for all keys. Where the disk fails, nothing can be sent under this key.
+            let _ = key.follow(current.clock().reading(now), now, store);
+        }
+        link.handle_timeout(now);
+        transmit(link, key, now, out, store);
     }
 
     /// Ends the search: the vehicle signs with the next key already. Returns that key.
@@ -162,6 +182,27 @@ impl Agreement {
             let _ = next.key.follow(current.clock().reading(now), now, store);
         }
         Some(next.key)
+    }
+}
+
+/// What the link under the next key wants sent.
+fn transmit(
+    link: &mut Link<Peer>,
+    key: &mut KeyState,
+    now: Now,
+    out: &mut VecDeque<OutFrame>,
+    store: &mut dyn Disk,
+) {
+    let mut frame = [0; MAX_FRAME];
+    loop {
+        let auth = Auth::Signed {
+            key: &mut *key,
+            store: &mut *store,
+        };
+        let Some(sent) = link.poll_transmit(now, auth, &mut frame) else {
+            break;
+        };
+        out.push_back(OutFrame::new(sent.to, sent.len, frame));
     }
 }
 

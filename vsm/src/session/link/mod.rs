@@ -28,7 +28,7 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::dialect::{MavMessage, MavSeverity};
-use mavlink_link::link::{Alert, Auth, Event, Link, LinkState, LinkStats};
+use mavlink_link::link::{Alert, Auth, Endpoint, Event, Link, LinkState, LinkStats};
 use mavlink_link::provisioning::StartError;
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
 use mavlink_link::service::Node;
@@ -139,6 +139,10 @@ impl VehicleLink {
         self.key_recovery.handle_timeout(now);
         self.advance_key_recovery(effects);
         self.link.handle_timeout(now);
+        let unanswered = is_unanswered(&self.link, now.mono);
+        let (current, out) = (self.key.as_ref(), &mut self.out);
+        self.agreement
+            .handle_timeout(now, unanswered, current, out, effects.dli.disk);
         let Services {
             missions,
             commands,
@@ -214,7 +218,7 @@ impl VehicleLink {
         while let Some(event) = self.link.poll_event() {
             match event {
                 Event::Live => self.live_since = Some(now),
-                Event::Behind => self.live_since = None,
+                Event::Behind | Event::Ahead => self.live_since = None,
                 Event::KeyExchange(frame) if self.agreement.wanted => {
                     self.agreement.queue(frame);
                     continue;
@@ -240,6 +244,20 @@ impl VehicleLink {
                     LogLevel::Info,
                     "the vehicle's timestamps went back: it has restarted",
                 );
+            }
+            Event::Ahead => {
+                effects.note(
+                    LogLevel::Warning,
+                    "the vehicle's timestamps are over an hour ahead: asking it for a proof that they are its own",
+                );
+            }
+            Event::ClockMet(ahead) => {
+                let text = format!(
+                    "the signing clock moved {:.0} s ahead, to that of the vehicle: one of the two computers started \
+                     with a wrong clock",
+                    ahead.as_secs_f64()
+                );
+                effects.note(LogLevel::Warning, text);
             }
             Event::Live => {
                 effects.note(LogLevel::Info, "the link is live");
@@ -290,8 +308,14 @@ impl VehicleLink {
         not_before: Duration,
         store: &mut dyn Disk,
     ) -> Result<(), StoreError> {
+        let mut config = *self.link.config();
+        // Heartbeats under the next key go where the vehicle is known to be.
+        if let Some(peer) = self.link.peer() {
+            config.endpoint = Endpoint::Fixed(peer);
+        }
+        let current = self.key.as_ref();
         self.agreement
-            .offer(*self.link.config(), key, now, not_before, store)
+            .offer(config, key, current, now, not_before, store)
     }
 
     /// The vehicle signs with the next key already.
@@ -320,16 +344,32 @@ impl VehicleLink {
 
 /// For the status.
 impl VehicleLink {
+    /// How old the newest frame of ours is that the vehicle has received for certain; `None` on an unsigned link.
+    pub(crate) fn last_answer(&self, mono: Duration) -> Option<Duration> {
+        self.link.unanswered(mono)
+    }
+
     /// How the link stands, for the status.
-    pub(crate) fn link_state_name(&self) -> &'static str {
+    pub(crate) fn link_state_name(&self, mono: Duration) -> &'static str {
         if self.key_recovery.is_open() {
             return "settling";
         }
-        match self.link.state() {
-            LinkState::Waiting => "waiting",
-            LinkState::Live => "live",
-            LinkState::Behind => "behind",
-        }
+        link_state_name(&self.link, mono)
+    }
+
+    /// Frames that verified under the key and were refused all the same, by the reason.
+    pub(crate) fn refused_though_verified(&self) -> BTreeMap<&'static str, u64> {
+        let stats = self.stats();
+        [
+            ("stale timestamp", stats.stale),
+            ("stamp over an hour ahead", stats.future),
+            ("another link's stream", stats.unexpected_link),
+            ("too many streams", stats.stream_table_full),
+            ("signing clock not stored", stats.ceiling_not_stored),
+        ]
+        .into_iter()
+        .filter(|&(_, count)| count > 0)
+        .collect()
     }
 
     /// Frames that carried the vehicle's system id and were refused, by the reason.
@@ -357,6 +397,25 @@ impl VehicleLink {
     }
 }
 
+/// How a link stands, for the status of bridge and agent.
+pub(crate) fn link_state_name(link: &Link<Peer>, mono: Duration) -> &'static str {
+    match link.state() {
+        LinkState::Waiting => "waiting",
+        LinkState::Live if is_unanswered(link, mono) => "unanswered",
+        LinkState::Live => "live",
+        LinkState::Behind => "behind",
+        LinkState::Ahead => "ahead",
+    }
+}
+
+/// Whether for too long no frame of the other end has shown that it receives us.
+fn is_unanswered(link: &Link<Peer>, mono: Duration) -> bool {
+    link.unanswered(mono).is_some_and(|age| age > UNANSWERED)
+}
+
+/// How long a frame of ours may remain unanswered: heartbeats go out each second, and some are lost.
+const UNANSWERED: Duration = Duration::from_secs(5);
+
 /// How the link signs and verifies: by the key, or not at all where signing is off by configuration.
 fn auth<'a>(key: Option<&'a mut KeyState>, store: &'a mut dyn Disk) -> Auth<'a> {
     match key {
@@ -382,5 +441,6 @@ pub(crate) fn alert_text(alert: Alert) -> &'static str {
         A::Future => "frames with timestamps over an hour ahead are refused",
         A::LinkIdMoved => "the autopilot signs with another link id",
         A::StreamTableFull => "too many signing streams: one is refused",
+        A::Unanswered => "the vehicle is received but receives nothing from us: commands are lost",
     }
 }

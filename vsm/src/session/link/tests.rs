@@ -1,8 +1,11 @@
-//! The machine without the others: frames of an unsigned vehicle go in, events come out.
+//! The machine without the others: frames of an unsigned vehicle go in, events come out; and which key it signs with while
+//! another waits.
 
+use mavlink_link::clock::Origin;
 use mavlink_link::dialect::{ATTITUDE_DATA, HEARTBEAT_DATA, MavMessage};
-use mavlink_link::frame::{Header, MAX_FRAME, encode};
-use mavlink_link::link::{Endpoint, LinkConfig, Security};
+use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::link::{LinkConfig, Security};
+use mavlink_link::signing::{sign, verify};
 
 use super::state::SILENCE;
 use super::*;
@@ -113,4 +116,119 @@ fn a_clock_since_boot_that_goes_back_is_a_restart_unless_frames_overtook_each_ot
         let events = receive(&mut world, &mut link, VEHICLE, &attitude(boot_ms));
         assert_eq!(events, expected, "{boot_ms} ms");
     }
+}
+
+/// A link that signs, with a vehicle at the other end of a serial line; and a key that waits to follow.
+fn start_signed(world: &mut World, not_before: Duration) -> VehicleLink {
+    let config = LinkConfig::new(VEHICLE, Security::Signed, Endpoint::Fixed(Peer::Serial));
+    let now = world.now;
+    let state = world.act(|_, _, effects| {
+        let not_before = Stamp::from_unix(not_before);
+        KeyState::start(
+            key(1),
+            Origin::KeyFile,
+            not_before,
+            now,
+            &mut *effects.dli.disk,
+        )
+    });
+    let mut link = VehicleLink::new(Link::new(config), Some(state.unwrap()));
+    world.act(|_, _, effects| {
+        let disk = &mut *effects.dli.disk;
+        link.offer_next_key(key(2), now, not_before, disk).unwrap();
+    });
+    link
+}
+
+fn key(byte: u8) -> SigningKey {
+    SigningKey::new([byte; 32]).unwrap()
+}
+
+/// How many of the frames that wait are signed with the key, and the stamp of the last.
+fn sent_under(link: &mut VehicleLink, key: &SigningKey) -> (usize, Option<Stamp>) {
+    let frames: Vec<OutFrame> = std::iter::from_fn(|| link.poll_transmit()).collect();
+    let stamps = frames.iter().filter_map(|frame| {
+        let frame = FrameView::parse(frame.bytes()).ok()?;
+        verify(key, &frame).ok()?;
+        Some(frame.signature()?.stamp)
+    });
+    let stamps: Vec<Stamp> = stamps.collect();
+    (stamps.len(), stamps.last().copied())
+}
+
+/// A heartbeat of the vehicle, signed.
+fn signed_heartbeat(key: &SigningKey, stamp: Stamp) -> Vec<u8> {
+    let header = Header {
+        system_id: VEHICLE,
+        component_id: AUTOPILOT,
+        incompat: INCOMPAT_SIGNED,
+        ..Header::default()
+    };
+    let mut bytes = [0; MAX_FRAME];
+    let length = encode(&heartbeat(1), header, &mut bytes);
+    let length = sign(key, 0, stamp, &mut bytes, length).unwrap();
+    bytes[..length].to_vec()
+}
+
+fn deliver(world: &mut World, link: &mut VehicleLink, bytes: &[u8]) {
+    let mut state = std::mem::take(&mut world.vehicle);
+    world.act(|_, _, effects| {
+        link.handle_datagram(Peer::Serial, bytes, &mut state, effects, &mut |_| {});
+    });
+    world.vehicle = state;
+}
+
+#[test]
+fn heartbeats_go_out_under_the_next_key_too_while_nothing_answers_under_the_one_in_force() {
+    let mut world = World::new();
+    let build = world.now.wall - Duration::from_secs(30 * 86_400);
+    let mut link = start_signed(&mut world, build);
+    let second = Duration::from_secs(1);
+    for _ in 0..10 {
+        wait(&mut world, &mut link, second);
+        let mut under = [0; 2];
+        let mut newest = None;
+        let frames: Vec<OutFrame> = std::iter::from_fn(|| link.poll_transmit()).collect();
+        for frame in &frames {
+            let frame = FrameView::parse(frame.bytes()).unwrap();
+            let which = usize::from(verify(&key(1), &frame).is_err());
+            under[which] += 1;
+            newest = newest.max(frame.signature().map(|signature| signature.stamp));
+        }
+        let [in_force, next] = under;
+        assert!(
+            in_force > 0 && next == 0,
+            "it answers under the key in force"
+        );
+        let answer = signed_heartbeat(&key(1), newest.unwrap().next().unwrap());
+        deliver(&mut world, &mut link, &answer);
+    }
+    assert_eq!(link.link_state_name(world.now.mono), "live");
+    sent_under(&mut link, &key(2));
+    // From here on it has the next key, and nothing of it has come through yet.
+    let mut under_next = 0;
+    let mut last = None;
+    for _ in 0..12 {
+        wait(&mut world, &mut link, second);
+        let (count, stamp) = sent_under(&mut link, &key(2));
+        under_next += count;
+        last = stamp.or(last);
+    }
+    assert!((5..=8).contains(&under_next), "{under_next}");
+    assert_eq!(link.link_state_name(world.now.mono), "unanswered");
+    // Its answer is the proof.
+    let answer = signed_heartbeat(&key(2), last.unwrap().next().unwrap());
+    deliver(&mut world, &mut link, &answer);
+    assert_eq!(link.key().map(KeyState::id), Some(key(2).id()));
+}
+
+#[test]
+fn the_next_key_runs_by_the_clock_of_the_one_in_force_however_old_the_build_is() {
+    let mut world = World::new();
+    let build = world.now.wall - Duration::from_secs(3 * 366 * 86_400);
+    let mut link = start_signed(&mut world, build);
+    let stamp = link.key().unwrap().clock().reading(world.now);
+    let proof = signed_heartbeat(&key(2), stamp.plus(Duration::from_secs(2)));
+    deliver(&mut world, &mut link, &proof);
+    assert_eq!(link.key().map(KeyState::id), Some(key(2).id()));
 }

@@ -1,0 +1,199 @@
+//! How two ends of a key whose signing clocks are further apart than a receiver follows find together again.
+//!
+//! A computer that starts with a wrong wall clock may stamp years ahead of its peer. The peer verifies such frames and
+//! must refuse them: followed without proof, one recorded frame could drag its clock. So it asks. A challenge is a PING to
+//! everybody, signed, with a number that was never used before; the answer is the same PING, signed, addressed to who
+//! asked. That is what PX4 does with every PING, and what [`Link`](super::Link) does with a challenge, whatever the
+//! challenge's own timestamp: that of the end which is behind is stale by nature.
+//!
+//! An answer proves that the one who has the key runs at that timestamp now, and only then does the clock behind
+//! move up to it ([`SigningClock::meet`](crate::clock::SigningClock::meet)). No recording can do that: the number did not
+//! exist when it was made. A recorded challenge gets an answer to a number that nobody waits for. Clocks only ever move up,
+//! to the clock of an end that has the key, so any number of ends and any order of events find one clock.
+//!
+//! The number is an HMAC under the key of a timestamp of ours, none of which is ever used twice, over restarts too: new,
+//! and not foreseeable for someone who gets PX4 to sign answers on a port that takes unsigned frames.
+
+use core::time::Duration;
+
+use hmac::{Hmac, KeyInit as _, Mac as _};
+use sha2::Sha256;
+
+use crate::dialect::MavMessage;
+#[expect(
+    deprecated,
+    reason = "PX4 answers PING; TIMESYNC, which replaces it, sets its clock"
+)]
+use crate::dialect::PING_DATA;
+use crate::frame::{FrameView, Header, Stamp};
+use crate::signing::SigningKey;
+
+/// The numbers that an answer is awaited for.
+#[derive(Debug, Default)]
+pub(super) struct Challenges {
+    waiting: [Option<(u64, Duration)>; WAITING],
+    next: usize,
+}
+
+impl Challenges {
+    /// Makes a challenge of a timestamp that is used for nothing else.
+    pub(super) fn make(&mut self, key: &SigningKey, unique: Stamp, mono: Duration) -> Ping {
+        let mut number = [0; 8];
+        // An HMAC accepts a key of any length, so this cannot fail.
+        if let Ok(mut mac) = Hmac::<Sha256>::new_from_slice(key.expose()) {
+            mac.update(b"vsm/1 clock challenge");
+            mac.update(&unique.get().to_le_bytes());
+            number.copy_from_slice(&mac.finalize().into_bytes()[..8]);
+        }
+        let number = u64::from_le_bytes(number);
+        self.waiting[self.next] = Some((number, mono));
+        self.next = (self.next + 1) % WAITING;
+        Ping {
+            number,
+            target_system: 0,
+            target_component: 0,
+        }
+    }
+
+    /// Whether this frame, which has verified, is the answer to one of them.
+    pub(super) fn are_answered(
+        &self,
+        frame: &FrameView<'_>,
+        own_system: u8,
+        mono: Duration,
+    ) -> bool {
+        Ping::of(frame).is_some_and(|ping| {
+            ping.target_system == own_system
+                && self.waiting.iter().flatten().any(|&(number, at)| {
+                    number == ping.number && mono.saturating_sub(at) <= ANSWER_WITHIN
+                })
+        })
+    }
+
+    /// The clocks have met: nothing is awaited any more.
+    pub(super) fn end(&mut self) {
+        self.waiting = [None; WAITING];
+    }
+}
+
+/// A PING of this protocol.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Ping {
+    number: u64,
+    target_system: u8,
+    target_component: u8,
+}
+
+impl Ping {
+    /// The PING in this frame, if it is one of this protocol: other PINGs are messages like any other.
+    pub(crate) fn of(frame: &FrameView<'_>) -> Option<Ping> {
+        if frame.header().message_id != PING_ID {
+            return None;
+        }
+        // Trailing zeros are trimmed on the wire: time_usec u64, seq u32, target_system u8, target_component u8.
+        let mut payload = [0; 14];
+        let sent = frame.payload();
+        payload.get_mut(..sent.len())?.copy_from_slice(sent);
+        let (number, rest) = payload.split_first_chunk::<8>()?;
+        let (seq, target) = rest.split_first_chunk::<4>()?;
+        (u32::from_le_bytes(*seq) == SEQ).then_some(Ping {
+            number: u64::from_le_bytes(*number),
+            target_system: target[0],
+            target_component: target[1],
+        })
+    }
+
+    /// What is sent back where this is a challenge.
+    pub(crate) fn answer(self, asked_by: Header) -> Option<Ping> {
+        (self.target_system == 0 && self.target_component == 0).then_some(Ping {
+            target_system: asked_by.system_id,
+            target_component: asked_by.component_id,
+            ..self
+        })
+    }
+
+    /// As it is sent.
+    #[expect(
+        deprecated,
+        reason = "PX4 answers PING; TIMESYNC, which replaces it, sets its clock"
+    )]
+    pub(crate) fn message(self) -> MavMessage {
+        MavMessage::PING(PING_DATA {
+            time_usec: self.number,
+            seq: SEQ,
+            target_system: self.target_system,
+            target_component: self.target_component,
+        })
+    }
+}
+
+/// Where challenges or answers are to be sent: to the peer, and to one other sender.
+///
+/// The two have places of their own, and of the others the one with the newest timestamp: an end that is there stamps
+/// above all that was ever recorded of it, so whoever plays recordings, however many, does not get its turn.
+#[derive(Debug)]
+pub(crate) struct Turns<A, T> {
+    peer: Option<(A, T)>,
+    other: Option<(Stamp, A, T)>,
+    served: [Option<Duration>; 2],
+}
+
+impl<A: Copy + Eq, T> Turns<A, T> {
+    pub(crate) fn new() -> Self {
+        Self {
+            peer: None,
+            other: None,
+            served: [None; 2],
+        }
+    }
+
+    /// A verified frame with that timestamp came from there.
+    pub(crate) fn note(&mut self, from: A, peer: Option<A>, stamp: Stamp, what: T) {
+        if peer == Some(from) {
+            self.peer = Some((from, what));
+        } else if self
+            .other
+            .as_ref()
+            .is_none_or(|(newest, ..)| stamp > *newest)
+        {
+            self.other = Some((stamp, from, what));
+        }
+    }
+
+    /// The next one whose turn has come: each place once in that time.
+    pub(crate) fn take(&mut self, every: Duration, mono: Duration) -> Option<(A, T)> {
+        let due = |at: &mut Option<Duration>| {
+            let due = at.is_none_or(|at| mono.saturating_sub(at) >= every);
+            if due {
+                *at = Some(mono);
+            }
+            due
+        };
+        let [peer_at, other_at] = &mut self.served;
+        if self.peer.is_some() && due(peer_at) {
+            return self.peer.take();
+        }
+        if self.other.is_some() && due(other_at) {
+            return self.other.take().map(|(_, to, what)| (to, what));
+        }
+        None
+    }
+
+    pub(crate) fn clear(&mut self) {
+        (self.peer, self.other) = (None, None);
+    }
+}
+
+pub(crate) const PING_ID: u32 = 4;
+/// PING.seq of this protocol.
+const SEQ: u32 = u32::from_be_bytes(*b"CLK?");
+/// As many as can be on their way: for [`ANSWER_WITHIN`] one a second to each of two places on two links, and some more.
+const WAITING: usize = 24;
+/// How old an answer may be. A slow radio takes a second or two each way.
+const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+/// How often each place gets a challenge.
+pub(crate) const CHALLENGE_EVERY: Duration = Duration::from_secs(1);
+/// How often each place gets an answer.
+pub(crate) const ANSWER_EVERY: Duration = Duration::from_millis(200);
+/// How long an end must not have been accepted before it is challenged.
+pub(super) const REFUSED_FOR: Duration = Duration::from_secs(2);
