@@ -130,6 +130,10 @@ table! {
         /// Folder of recordings: a `.tlog` for each vehicle and run (keys blanked, signatures stripped), and a `.pcapng` of
         /// the DLI
         pub dir: PathBuf => Nothing("none"),
+        /// What all recordings in the folder take, MiB, 8 or more, those of earlier runs included: an equal share for each
+        /// vehicle and for the DLI. The oldest files of a recording are removed for new ones
+        #[serde(default = "max_mb")]
+        pub max_mb: u32 => Value("2048"),
     }
 }
 
@@ -265,6 +269,9 @@ impl Config {
             let found = format!("warn_s {warn_s}, offer_s {offer_s}, act_s {act_s}");
             return fault(at, "authority", found, "warn_s <= offer_s <= act_s");
         }
+        if let Some(record) = self.record.as_ref().filter(|record| record.max_mb < 8) {
+            return fault(0, "record.max_mb", record.max_mb, "8 or more, MiB");
+        }
         if self.mavlink.system_id == 0 {
             return fault(0, "mavlink.system_id", 0, "1 to 255");
         }
@@ -282,6 +289,10 @@ impl Config {
             }
         }
     }
+}
+
+fn max_mb() -> u32 {
+    2_048
 }
 
 const OWN_ID: &str = "an id that nothing else in this file has";

@@ -111,6 +111,7 @@ fn readable(status: &Value) -> String {
     text += &counts("DLI received by type: ", &status["received"]);
     text += &counts("DLI sent by type: ", &status["sent"]);
     text += &counts("DLI refused: ", &status["refused"]);
+    text += &counts("recordings: ", &status["recordings"]);
     text
 }
 

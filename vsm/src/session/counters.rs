@@ -16,6 +16,14 @@ impl Counters {
         *value = value.saturating_add(1);
     }
 
+    /// So many more of this; none are not named.
+    pub fn add(&mut self, name: &'static str, count: u64) {
+        if count > 0 {
+            let value = self.0.entry(name).or_default();
+            *value = value.saturating_add(count);
+        }
+    }
+
     /// How many of this.
     #[must_use]
     pub fn get(&self, name: &str) -> u64 {

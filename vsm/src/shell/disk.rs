@@ -16,6 +16,7 @@ use rustix::fs::FlockOperation;
 use rustix::io::Errno;
 use zeroize::Zeroizing;
 
+use super::ownership::{self, OwnershipError};
 use crate::key_exchange::{IDENTITY, MAX_IDENTITY_BYTES, parse_identity};
 
 /// The folder of `[store] dir`. Only one process holds it at a time.
@@ -46,6 +47,9 @@ pub enum OpenError {
         /// Its mode.
         mode: u32,
     },
+    /// It is somebody else's.
+    #[error("[store] dir: {0}")]
+    Ownership(#[from] OwnershipError),
     /// Another process has it.
     #[error("[store] dir {folder} is in use by another vsm: two must not share one signing clock", folder = folder.display())]
     Locked {
@@ -85,13 +89,10 @@ impl FileDisk {
             });
         }
         // The lock file itself is never removed: a process that opened it before would hold a lock on a nameless file.
-        let lock = OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .mode(0o600)
-            .open(folder.join("lock"))
-            .map_err(fault)?;
+        ownership::check_folder(folder)?;
+        let mut how = OpenOptions::new();
+        how.write(true).create(true).truncate(false).mode(0o600);
+        let lock = ownership::open_no_link(&mut how, &folder.join("lock")).map_err(fault)?;
         if !self::lock(&lock).map_err(fault)? {
             return Err(OpenError::Locked {
                 folder: folder.to_owned(),
@@ -112,11 +113,9 @@ impl FileDisk {
     /// without end, and closes it.
     fn append_to(&self, path: &Path, bytes: &[u8], power: bool) -> io::Result<()> {
         let new = !path.exists();
-        let mut file = OpenOptions::new()
-            .append(true)
-            .create(true)
-            .mode(0o600)
-            .open(path)?;
+        let mut how = OpenOptions::new();
+        how.append(true).create(true).mode(0o600);
+        let mut file = ownership::open_no_link(&mut how, path)?;
         file.write_all(bytes)?;
         if power {
             file.sync_data()?;
@@ -267,11 +266,12 @@ impl FileSystem for NativeFileSystem {
     }
 
     fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
-        let file = match File::open(path) {
+        let file = match ownership::open_no_link(OpenOptions::new().read(true), path) {
             Ok(file) => file,
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(cause) => return Err(cause),
         };
+        ownership::check_file(&file, path)?;
         // Room from the start: a buffer that grows leaves copies of what it held behind.
         let size = file.metadata()?.len().min(most);
         let mut bytes = Zeroizing::new(Vec::with_capacity(usize::try_from(size).unwrap_or(0) + 1));

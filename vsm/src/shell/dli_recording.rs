@@ -1,6 +1,7 @@
 //! The DLI recording: a .pcapng of what ground stations of the configuration sent, and of all that was sent to them.
 //!
-//! What others send is not in it: nobody else can fill the disk. The DLI carries no key; Wireshark opens it with
+//! What others send is not in it. As anyone can write the id of a ground station into a datagram, that alone bounds nothing:
+//! [`Quota`] does. The DLI carries no key; Wireshark opens it with
 //! `packaging/wireshark/stanag4586.lua`.
 
 use std::io;
@@ -10,7 +11,8 @@ use std::time::Duration;
 
 use stanag_msgs::{Id, frames};
 
-use super::recording::RecordFile;
+use super::recording::{Quota, RecordFile};
+use crate::session::Counters;
 use stanag_msgs::pcapng;
 
 /// An open recording.
@@ -25,10 +27,15 @@ impl DliRecording {
     /// Begins a file in `folder`, named by the time, of these ground stations.
     ///
     /// # Errors
-    /// The folder or the file cannot be made.
-    pub fn begin(folder: &Path, stations: Vec<Id>, wall: Duration) -> io::Result<DliRecording> {
-        let mut file = RecordFile::begin(folder, &format!("dli-{}.pcapng", wall.as_secs()))?;
-        file.write(&pcapng::header());
+    /// The folder or the file cannot be made, or the folder is open to others.
+    pub fn begin(
+        folder: &Path,
+        stations: Vec<Id>,
+        wall: Duration,
+        quota: Quota,
+    ) -> io::Result<DliRecording> {
+        let head = pcapng::header();
+        let file = RecordFile::begin(folder, "dli", "pcapng", head, wall, quota)?;
         Ok(DliRecording {
             file,
             stations,
@@ -51,6 +58,11 @@ impl DliRecording {
         self.write(wall, here, to, bytes);
     }
 
+    /// Adds what was not recorded, and what was removed again.
+    pub fn count(&self, counters: &mut Counters) {
+        self.file.count(counters);
+    }
+
     /// Brings it to the disk.
     pub fn flush(&mut self) {
         self.file.flush();
@@ -59,6 +71,6 @@ impl DliRecording {
     fn write(&mut self, wall: Duration, from: SocketAddr, to: SocketAddr, bytes: &[u8]) {
         self.block.clear();
         pcapng::datagram(&mut self.block, wall, from, to, bytes);
-        self.file.write(&self.block);
+        self.file.write(wall, &self.block);
     }
 }

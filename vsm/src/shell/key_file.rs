@@ -14,6 +14,7 @@ use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior,
 use zeroize::Zeroizing;
 
 use super::disk::{self, NativeFileSystem};
+use super::ownership::{self, OwnershipError};
 
 /// A key file that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -46,6 +47,9 @@ pub enum KeyFileError {
         /// Its mode.
         mode: u32,
     },
+    /// It, or its folder, is somebody else's.
+    #[error("key file: {0}")]
+    Ownership(#[from] OwnershipError),
     /// It does not hold a key.
     #[error("key file {path}: {cause}: a key is 64 hex digits (32 random bytes), as `vsm keygen` writes them", path = path.display())]
     Content {
@@ -68,6 +72,7 @@ pub fn read(path: &Path) -> Result<SigningKey, KeyFileError> {
         },
         _ => io(cause),
     })?;
+    ownership::check_file(&file, path)?;
     let mode = file.metadata().map_err(io)?.permissions().mode() & 0o777;
     if mode & 0o077 != 0 {
         return Err(KeyFileError::Permissions {

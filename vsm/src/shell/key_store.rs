@@ -15,10 +15,12 @@ use std::path::{Path, PathBuf};
 
 use mavlink_link::signing::{KeyId, SigningKey};
 use mavlink_link::store::StoreError;
+use rustix::io::Errno;
 use zeroize::Zeroizing;
 
 use super::disk::{self, FileSystem, NativeFileSystem};
 use super::key_file::{self, KeyFileError};
+use super::ownership;
 use crate::key_exchange::Keyring;
 
 /// The key files of one vehicle, locked for this process.
@@ -86,20 +88,28 @@ impl KeyStore {
             Err(cause) => Err(change(cause)),
         };
         let real = real_path(path).map_err(change)?;
-        let beside = OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .mode(0o600)
-            .open(with(&real, "lock"));
+        // The folder of a link, and that of the file: whoever may write either decides which key is in force.
+        for folder in [disk::folder_of(path), disk::folder_of(&real)] {
+            ownership::check_folder(folder).map_err(KeyFileError::from)?;
+        }
+        let mut how = OpenOptions::new();
+        how.write(true).create(true).truncate(false).mode(0o600);
+        let beside = ownership::open_no_link(&mut how, &with(&real, "lock"));
         // Two locks: the key file's own is found through any hard link to it, the one beside covers a missing key file.
         let key = match File::open(&real) {
-            Ok(file) => Some(locked(file)?),
+            Ok(file) => {
+                ownership::check_file(&file, &real).map_err(KeyFileError::from)?;
+                Some(locked(file)?)
+            }
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => None,
             Err(cause) => return Err(change(cause)),
         };
         let beside = match beside {
             Ok(file) => Some(locked(file)?),
+            // A link planted there would hold the lock of another file.
+            Err(cause) if cause.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
+                return Err(change(cause));
+            }
             // In a folder that cannot be written nothing is ever replaced: the key file's own lock will do.
             Err(_) if key.is_some() => None,
             Err(cause) => return Err(change(cause)),

@@ -1,6 +1,6 @@
 //! Sockets, files, clocks and the log around the sans-I/O machines of `session`, `airside` and `key_exchange`.
 //!
-//! From the bottom up: `disk` is the one implementation of [`Disk`](mavlink_link::store::Disk); `key_file` and
+//! From the bottom up: `ownership` is whose files are believed; `disk` is the one implementation of [`Disk`](mavlink_link::store::Disk); `key_file` and
 //! `key_store` are the signing keys, `clock` the time, `sockets` UDP and serial lines,
 //! `local_peers` who is at their other end; `recording` and
 //! `dli_recording` write what passes; `status_socket`, `pairing_socket`, `http` and `service` show the state to people
@@ -17,6 +17,7 @@ pub mod key_file;
 pub mod key_link;
 pub mod key_store;
 pub mod local_peers;
+pub mod ownership;
 pub mod pairing;
 pub mod pairing_socket;
 pub mod recording;

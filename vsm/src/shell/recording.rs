@@ -1,49 +1,127 @@
 //! The MAVLink recording of one vehicle: a .tlog, keys blanked and signatures stripped.
 
-use std::fs::{DirBuilder, File, OpenOptions};
+use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use mavlink_link::frame::FrameView;
 use mavlink_link::tlog;
 
-/// A file that is written for as long as that works: a recording must not stop a flight.
+use super::ownership;
+use crate::session::Counters;
+
+/// How much a recording may take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Quota {
+    /// All its files together, those of earlier runs included, bytes.
+    pub total: u64,
+}
+
+impl Quota {
+    /// An equal share of `[record] max_mb` for each of so many recordings: who floods one takes no room from the others.
+    #[must_use]
+    pub fn share(max_mb: u32, recordings: usize) -> Quota {
+        let total = u64::from(max_mb) << 20;
+        let recordings = u64::try_from(recordings).unwrap_or(u64::MAX).max(1);
+        Quota {
+            total: total / recordings,
+        }
+    }
+
+    /// When a file is ended and the next one begun: the oldest part of a full quota is then an eighth of it.
+    fn file(self) -> u64 {
+        self.total / 8
+    }
+}
+
+/// A series of files that is written for as long as that works: a recording must not stop a flight.
+///
+/// What is recorded is partly up to whoever can send to us, so it is bounded in time and in all: beyond
+/// [`RATE`] bytes a second what comes is not recorded, and the oldest files of the series make room for new ones.
 #[derive(Debug)]
 pub(super) struct RecordFile {
+    folder: PathBuf,
+    /// `1b000101-1767225600`; files after the first of a run have `-1` and so on behind it.
+    run: String,
+    /// `1b000101-`, which all files of the series begin with.
+    series: String,
+    extension: &'static str,
+    /// What each file begins with.
+    head: Vec<u8>,
+    quota: Quota,
     path: PathBuf,
     file: BufWriter<File>,
+    written: u64,
+    files: u32,
+    /// Bytes that may still be written at once, and when that was.
+    allowance: (u64, Duration),
     failed: bool,
+    dropped: u64,
+    removed: u64,
+    reported_at: Option<Duration>,
 }
 
 impl RecordFile {
-    /// Makes a file of this name in `folder`, readable for its owner alone.
+    /// Makes a file in `folder`, named by the recording and the time, readable for its owner alone.
     ///
     /// # Errors
-    /// The folder or the file cannot be made.
-    pub(super) fn begin(folder: &Path, name: &str) -> io::Result<RecordFile> {
+    /// The folder or the file cannot be made, or the folder is open to others.
+    pub(super) fn begin(
+        folder: &Path,
+        name: &str,
+        extension: &'static str,
+        head: Vec<u8>,
+        wall: Duration,
+        quota: Quota,
+    ) -> io::Result<RecordFile> {
         DirBuilder::new()
             .recursive(true)
             .mode(0o700)
             .create(folder)?;
-        let path = folder.join(name);
-        let file = OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(true)
-            .mode(0o600)
-            .open(&path)?;
-        Ok(RecordFile {
+        ownership::check_folder(folder)?;
+        let run = format!("{name}-{}", wall.as_secs());
+        let (path, file) = create(folder, &run, 0, extension)?;
+        let mut record = RecordFile {
+            folder: folder.to_owned(),
+            run,
+            series: format!("{name}-"),
+            extension,
+            head,
+            quota,
             path,
             file: BufWriter::new(file),
+            written: 0,
+            files: 1,
+            allowance: (BURST, wall),
             failed: false,
-        })
+            dropped: 0,
+            removed: 0,
+            reported_at: None,
+        };
+        record.make_room();
+        record.start_file();
+        Ok(record)
     }
 
     /// After the first failure nothing more is written.
-    pub(super) fn write(&mut self, bytes: &[u8]) {
+    pub(super) fn write(&mut self, wall: Duration, bytes: &[u8]) {
+        if self.failed {
+            return;
+        }
+        let length = bytes.len() as u64;
+        if !self.allows(wall, length) {
+            self.dropped = self.dropped.saturating_add(1);
+            self.report_drops(wall);
+            return;
+        }
+        if self.written.saturating_add(length) > self.quota.file() {
+            let begun = self.next_file();
+            self.see(begun);
+        }
         if !self.failed {
+            self.written = self.written.saturating_add(length);
             let done = self.file.write_all(bytes);
             self.see(done);
         }
@@ -57,6 +135,102 @@ impl RecordFile {
         }
     }
 
+    /// Adds what was not recorded, and what was removed again.
+    pub(super) fn count(&self, counters: &mut Counters) {
+        counters.add("not recorded: too much at once", self.dropped);
+        counters.add("file removed: over record.max_mb", self.removed);
+        counters.add("recording ended: disk", u64::from(self.failed));
+    }
+
+    fn allows(&mut self, wall: Duration, length: u64) -> bool {
+        let (left, at) = self.allowance;
+        // A wall clock that steps back must not stop the recording until it has come forward again.
+        let passed = wall.saturating_sub(at);
+        let more = u64::try_from(passed.as_millis()).unwrap_or(u64::MAX);
+        let more = more.saturating_mul(RATE) / 1_000;
+        // Not counted on until it is a byte: many short pauses would otherwise add up to nothing.
+        let at = if more > 0 || wall < at { wall } else { at };
+        let left = left.saturating_add(more).min(BURST);
+        let allowed = left >= length;
+        let left = if allowed { left - length } else { left };
+        self.allowance = (left, at);
+        allowed
+    }
+
+    fn report_drops(&mut self, wall: Duration) {
+        let quiet = self
+            .reported_at
+            .is_some_and(|at| wall >= at && wall.saturating_sub(at) < REPORT_AGAIN);
+        if !quiet {
+            self.reported_at = Some(wall);
+            tracing::warn!(
+                "more than {RATE} bytes a second for {}: not recorded ({} in all)",
+                self.path.display(),
+                self.dropped
+            );
+        }
+    }
+
+    fn next_file(&mut self) -> io::Result<()> {
+        self.file.flush()?;
+        let (path, file) = create(&self.folder, &self.run, self.files, self.extension)?;
+        (self.path, self.file) = (path, BufWriter::new(file));
+        self.files = self.files.saturating_add(1);
+        self.written = 0;
+        self.make_room();
+        self.start_file();
+        Ok(())
+    }
+
+    fn start_file(&mut self) {
+        self.written = self.head.len() as u64;
+        let done = self.file.write_all(&self.head);
+        self.see(done);
+    }
+
+    /// Removes the oldest files of the series until a whole new one fits.
+    fn make_room(&mut self) {
+        let mut files = self.files_before();
+        files.sort();
+        let mut sum: u64 = files.iter().map(|(_, _, length)| length).sum();
+        let room = self.quota.total.saturating_sub(self.quota.file());
+        for (_, path, length) in files {
+            if sum <= room {
+                break;
+            }
+            match fs::remove_file(&path) {
+                Ok(()) => self.removed = self.removed.saturating_add(1),
+                Err(cause) => tracing::warn!("{} cannot be removed: {cause}", path.display()),
+            }
+            sum = sum.saturating_sub(length);
+        }
+    }
+
+    /// The other files of the series, with their time and length. A name that a person gave is none of them, nor is a link.
+    fn files_before(&self) -> Vec<(SystemTime, PathBuf, u64)> {
+        let Ok(entries) = fs::read_dir(&self.folder) else {
+            return Vec::new();
+        };
+        let of_series = entries.flatten().filter(|entry| {
+            let name = entry.file_name();
+            let name = name.to_str().unwrap_or_default();
+            let number = name
+                .strip_prefix(&self.series)
+                .and_then(|rest| rest.strip_suffix(self.extension)?.strip_suffix('.'));
+            number.is_some_and(|number| {
+                !number.is_empty() && number.chars().all(|c| c.is_ascii_digit() || c == '-')
+            })
+        });
+        of_series
+            .filter_map(|entry| {
+                let about = entry.metadata().ok()?;
+                let path = entry.path();
+                (about.is_file() && path != self.path)
+                    .then(|| Some((about.modified().ok()?, path, about.len())))?
+            })
+            .collect()
+    }
+
     fn see(&mut self, done: io::Result<()>) {
         if let Err(cause) = done {
             // No retry: a disk that is full would log an error for every frame.
@@ -65,6 +239,36 @@ impl RecordFile {
         }
     }
 }
+
+/// Never a file that is there, and never what a link leads to.
+fn create(folder: &Path, run: &str, first: u32, extension: &str) -> io::Result<(PathBuf, File)> {
+    let mut last = io::ErrorKind::AlreadyExists.into();
+    for number in first..first.saturating_add(MAX_RUNS_A_SECOND) {
+        let path = folder.join(match number {
+            0 => format!("{run}.{extension}"),
+            _ => format!("{run}-{number}.{extension}"),
+        });
+        match OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(&path)
+        {
+            Ok(file) => return Ok((path, file)),
+            Err(cause) if cause.kind() == io::ErrorKind::AlreadyExists => last = cause,
+            Err(cause) => return Err(cause),
+        }
+    }
+    Err(last)
+}
+
+/// What a recording takes at most, bytes a second. A link to PX4 carries some 25 kB/s, a ground station less.
+const RATE: u64 = 512 * 1024;
+/// What it takes at once: the answer to a request of everything, an upload.
+const BURST: u64 = 8 << 20;
+const REPORT_AGAIN: Duration = Duration::from_secs(60);
+/// Names that are tried where one is taken, as after two starts within one second.
+const MAX_RUNS_A_SECOND: u32 = 1_000;
 
 /// An open recording.
 #[derive(Debug)]
@@ -76,13 +280,18 @@ impl Recording {
     /// Begins a file in `folder`, named by the vehicle and the time.
     ///
     /// # Errors
-    /// The folder or the file cannot be made.
-    pub fn begin(folder: &Path, name: &str, wall: Duration) -> io::Result<Recording> {
-        let file = RecordFile::begin(folder, &format!("{name}-{}.tlog", wall.as_secs()))?;
+    /// The folder or the file cannot be made, or the folder is open to others.
+    pub fn begin(folder: &Path, name: &str, wall: Duration, quota: Quota) -> io::Result<Recording> {
+        let file = RecordFile::begin(folder, name, "tlog", Vec::new(), wall, quota)?;
         Ok(Recording { file })
     }
 
-    /// Where it is.
+    /// Adds what was not recorded, and what was removed again.
+    pub fn count(&self, counters: &mut Counters) {
+        self.file.count(counters);
+    }
+
+    /// Where it is: the file that is being written.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.file.path
@@ -92,11 +301,113 @@ impl Recording {
     pub fn write(&mut self, wall: Duration, frame: &FrameView<'_>) {
         let mut record = [0; tlog::MAX_RECORD];
         let length = tlog::record(wall, frame, &mut record);
-        self.file.write(record.get(..length).unwrap_or_default());
+        self.file
+            .write(wall, record.get(..length).unwrap_or_default());
     }
 
     /// Brings it to the disk.
     pub fn flush(&mut self) {
         self.file.flush();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    const QUOTA: Quota = Quota { total: 80_000 };
+
+    fn series(folder: &Path, wall_s: u64) -> RecordFile {
+        let wall = Duration::from_secs(wall_s);
+        RecordFile::begin(folder, "dli", "pcapng", b"head".to_vec(), wall, QUOTA).unwrap()
+    }
+
+    fn bytes_in(folder: &Path) -> u64 {
+        let files = fs::read_dir(folder).unwrap();
+        files
+            .map(|file| file.unwrap().metadata().unwrap().len())
+            .sum()
+    }
+
+    #[test]
+    fn a_recording_keeps_to_its_quota_whatever_comes_and_over_restarts() {
+        let folder = tempfile::tempdir().unwrap();
+        // A person's, and another recording's.
+        for name in ["dli-kept.pcapng", "1b000101-1.tlog"] {
+            fs::write(folder.path().join(name), "x").unwrap();
+        }
+        let mut removed = 0;
+        for run in 1..=20 {
+            let mut record = series(folder.path(), 1_000 + run);
+            for at in 0..100 {
+                let wall = Duration::from_secs(1_000 + run + at);
+                record.write(wall, &[7; 1_000]);
+                // What waits in memory is not in the folder yet.
+                record.flush();
+                assert!(bytes_in(folder.path()) <= QUOTA.total + 2);
+            }
+            let newest = fs::read(&record.path).unwrap();
+            assert!(newest.starts_with(b"head") && newest.len() > 1_000);
+            let mut counters = Counters::default();
+            record.count(&mut counters);
+            removed += counters.get("file removed: over record.max_mb");
+        }
+        assert!(removed > 100, "{removed}");
+        assert!(
+            bytes_in(folder.path()) > QUOTA.total / 2,
+            "what fits is kept"
+        );
+        for name in ["dli-kept.pcapng", "1b000101-1.tlog"] {
+            assert!(folder.path().join(name).exists(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_flood_is_not_recorded_and_is_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let wall = Duration::from_secs(1_000);
+        let quota = Quota { total: 1 << 30 };
+        let begun = RecordFile::begin(folder.path(), "dli", "pcapng", vec![], wall, quota);
+        let mut record = begun.unwrap();
+        // A second of it, in steps that are each shorter than a byte takes.
+        for at in 0..20_000_u64 {
+            record.write(wall + Duration::from_micros(50 * at), &[7; 1_000]);
+        }
+        record.flush();
+        let mut counters = Counters::default();
+        record.count(&mut counters);
+        let dropped = counters.get("not recorded: too much at once");
+        let written = bytes_in(folder.path());
+        assert!((BURST..=BURST + RATE).contains(&written), "{written}");
+        assert_eq!(written / 1_000 + dropped, 20_000);
+        // The clock of the computer is set back by a year: the recording goes on a second later.
+        let back = Duration::from_secs(10);
+        record.write(back, &[7; 1_000]);
+        record.write(back + Duration::from_secs(1), &[7; 1_000]);
+        record.flush();
+        assert!(bytes_in(folder.path()) >= written + 1_000);
+    }
+
+    #[test]
+    fn a_link_in_the_place_of_a_recording_is_not_written_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let records = folder.path().join("records");
+        DirBuilder::new().mode(0o700).create(&records).unwrap();
+        let target = folder.path().join("target");
+        fs::write(&target, "somebody's").unwrap();
+        symlink(&target, records.join("dli-7.pcapng")).unwrap();
+        let mut record = series(&records, 7);
+        assert_eq!(record.path, records.join("dli-7-1.pcapng"));
+        record.write(Duration::from_secs(7), b"bytes");
+        record.flush();
+        assert_eq!(fs::read(&target).unwrap(), b"somebody's");
+    }
+
+    #[test]
+    fn every_recording_has_its_share() {
+        assert_eq!(Quota::share(2_048, 2).total, 1 << 30);
+        assert_eq!(Quota::share(1, 0).total, 1 << 20);
     }
 }

@@ -236,7 +236,7 @@ fn the_reference_names_every_key() {
                 vehicle.link_id vehicle.agl vehicle.curve.tolerance_m vehicle.curve.max_items vehicle.curve.policy \
                 vehicle.limits.first_m vehicle.limits.leg_m vehicle.limits.lowest_m vehicle.limits.highest_m \
                 vehicle.limits.speed_m_s store.dir http.listen authority.warn_s authority.offer_s authority.act_s \
-                authority.on_loss mavlink.system_id mavlink.component_id record.dir";
+                authority.on_loss mavlink.system_id mavlink.component_id record.dir record.max_mb";
     for key in keys.split_whitespace() {
         assert!(
             reference.contains(&format!("`{key}`")),

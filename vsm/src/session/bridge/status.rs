@@ -21,6 +21,8 @@ pub struct Status {
     pub uptime_s: f64,
     /// Drops and refusals of the DLI side, by name.
     pub refused: Counters,
+    /// What the recordings have left out or removed, by the reason.
+    pub recordings: Counters,
     /// DLI messages taken, by type.
     pub received: ByType,
     /// DLI messages sent, by type.
@@ -212,6 +214,7 @@ impl Bridge {
             vsm,
             uptime_s: now.saturating_sub(self.started).as_secs_f64(),
             refused: self.counters.clone(),
+            recordings: Counters::default(),
             received: self.received.clone(),
             sent: self.outbox.sent.clone(),
             stations: stations.collect(),

@@ -13,7 +13,7 @@ use tokio::sync::Notify;
 
 use super::shared::{Core, Shared};
 use super::{Server, StartError};
-use crate::config::{Config, ExchangeMode, Signing, Vehicle};
+use crate::config::{Config, ExchangeMode, Record, Signing, Vehicle};
 use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::{Bridge, LinkEnd};
 use crate::shell::clock::{Clock, NOT_BEFORE};
@@ -21,7 +21,7 @@ use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
 use crate::shell::key_store::KeyStore;
-use crate::shell::recording::Recording;
+use crate::shell::recording::{Quota, Recording};
 use crate::shell::sockets::{self, DliSockets};
 use crate::shell::{key_file, status_socket};
 use mavlink_link::clock::Ceiling;
@@ -120,11 +120,16 @@ fn record_vehicle(
         return Ok(None);
     };
     let name = format!("{:08x}", vehicle.id.0);
-    let begun = Recording::begin(&record.dir, &name, now.wall);
+    let begun = Recording::begin(&record.dir, &name, now.wall, share(config, record));
     begun.map(Some).map_err(|cause| StartError::Recording {
         folder: record.dir.clone(),
         cause,
     })
+}
+
+/// One recording for each vehicle, and the one of the DLI.
+fn share(config: &Config, record: &Record) -> Quota {
+    Quota::share(record.max_mb, config.vehicle.len() + 1)
 }
 
 fn record_dli(config: &Config, now: Now) -> Result<Option<DliRecording>, StartError> {
@@ -132,7 +137,7 @@ fn record_dli(config: &Config, now: Now) -> Result<Option<DliRecording>, StartEr
         return Ok(None);
     };
     let stations = config.stations().map(|station| station.id).collect();
-    let begun = DliRecording::begin(&record.dir, stations, now.wall);
+    let begun = DliRecording::begin(&record.dir, stations, now.wall, share(config, record));
     begun.map(Some).map_err(|cause| StartError::Recording {
         folder: record.dir.clone(),
         cause,

@@ -129,6 +129,13 @@ impl Shared {
     /// How everything stands.
     pub(super) fn status(&self) -> Status {
         let core = self.core.borrow();
-        core.bridge.status(self.vsm.clone(), self.clock.mono())
+        let mut status = core.bridge.status(self.vsm.clone(), self.clock.mono());
+        for recording in core.recordings.iter().flatten() {
+            recording.count(&mut status.recordings);
+        }
+        if let Some(recording) = &core.dli_recording {
+            recording.count(&mut status.recordings);
+        }
+        status
     }
 }
