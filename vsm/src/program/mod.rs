@@ -1,6 +1,7 @@
 //! The command line of `vsm`. Exit status: 0 done, 1 failed, 2 bad arguments or configuration.
 
 mod airside;
+mod audit;
 mod check_config;
 #[cfg(feature = "demo")]
 mod demo;
@@ -64,6 +65,11 @@ enum Command {
         #[command(subcommand)]
         action: key::Action,
     },
+    /// Verify and print the audit logs of who controlled which vehicle
+    Audit {
+        #[command(subcommand)]
+        action: audit::Action,
+    },
     /// Pair this VSM with a vehicle's air-side agent by a code
     Pair(pair::Pair),
     /// Decode DLI datagrams from standard input, one a line in hex, to one line of JSON for each message
@@ -114,6 +120,7 @@ pub fn main() -> ExitCode {
         Command::Status { config, json } => status::show(&config, json),
         Command::Keygen { file } => key::generate(&file),
         Command::Key { action } => key::run(action),
+        Command::Audit { action } => audit::run(action),
         Command::Pair(arguments) => pair::run(arguments),
         Command::Decode { raw } => dli_lines::decode(raw),
         Command::Encode { raw } => dli_lines::encode(raw),

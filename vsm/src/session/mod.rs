@@ -86,11 +86,13 @@ pub(crate) mod store;
 #[cfg(test)]
 mod testing;
 
-pub use authority::audit::{Broken, Chain, Entry, Verified};
+pub use authority::audit::{AuditKey, Broken, Chain, Entry, Verified};
+pub(crate) use authority::record::examine as examine_audit;
 pub use authority::rules::{
     Access, Answer, Asker, Authority, CONSENT_WITHIN, CONTROL, Change, Circumstances, Decision,
     Ended, Handover, Outcome, Reason, Record, Refusal, Rights, Silence, Stage, Stations,
 };
+pub(crate) use authority::trail::{Kind as AuditKind, MAX_FILES as MAX_AUDIT_FILES};
 pub use bridge::status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
 pub use bridge::{Bridge, BridgeError, LinkEnd, Tap};
 pub use counters::{ByType, Counters};

@@ -201,6 +201,52 @@ pub fn peek_identity(folder: &Path) -> Option<PublicKey> {
     Some(parse_identity(&bytes)?.public())
 }
 
+/// The folder of a store that another process may hold: to be looked at.
+#[derive(Debug)]
+pub struct ReadOnlyDisk {
+    folder: PathBuf,
+}
+
+impl ReadOnlyDisk {
+    /// Looks at a folder.
+    ///
+    /// # Errors
+    /// There is none that can be read.
+    pub fn open(folder: &Path) -> io::Result<ReadOnlyDisk> {
+        fs::read_dir(folder)?;
+        Ok(ReadOnlyDisk {
+            folder: folder.to_owned(),
+        })
+    }
+
+    fn refuse(name: &str) -> Result<(), StoreError> {
+        Err(StoreError::new(name, "the store is open to be read only"))
+    }
+}
+
+impl Disk for ReadOnlyDisk {
+    fn read(&self, name: &str, max_bytes: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+        let read = NativeFileSystem.read(&self.folder.join(name), max_bytes);
+        read.map_err(|cause| StoreError::new(name, cause))
+    }
+
+    fn replace(&mut self, name: &str, _: &[u8], _: Durability) -> Result<(), StoreError> {
+        ReadOnlyDisk::refuse(name)
+    }
+
+    fn append(&mut self, name: &str, _: &[u8], _: Durability) -> Result<(), StoreError> {
+        ReadOnlyDisk::refuse(name)
+    }
+
+    fn rename(&mut self, from: &str, _: &str) -> Result<(), StoreError> {
+        ReadOnlyDisk::refuse(from)
+    }
+
+    fn remove(&mut self, name: &str) -> Result<(), StoreError> {
+        ReadOnlyDisk::refuse(name)
+    }
+}
+
 /// The steps of writing and reading a file.
 pub trait FileSystem: fmt::Debug + Send + Sync {
     /// Writes a new file, mode 0600, in place of what bears its name.

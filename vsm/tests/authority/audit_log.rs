@@ -1,11 +1,13 @@
-//! The audit log: put aside when it has grown, its chain unbroken over files and restarts; status alone costs no wait
-//! for the disk.
+//! The audit logs: put aside when they have grown, their chains unbroken over files and restarts; status alone costs no wait
+//! for the disk, and does not turn over the log of control. Whatever is done to them without the key is named.
 
 use crate::scene::{A, B, CONTROL, Scene};
 use stanag_msgs::enums::{AckType, RequestedAccess};
 use vsm::session::Chain;
 
 const LOG: &str = "audit-1b000101.log";
+const MONITORS: &str = "audit-monitors-1b000101.log";
+const RECORD: &str = "authority-1b000101.json";
 
 /// B takes LOI 2 and gives it up again, so often.
 fn flip(scene: &mut Scene, times: usize) {
@@ -29,12 +31,16 @@ fn status_alone_is_not_synchronised_and_a_repeated_request_is_not_written() {
     assert_eq!(scene.rig.store.synced, synced);
     let ticket = scene.ask(B, RequestedAccess::Request, 0x01);
     assert_eq!(scene.end(B, ticket), Some(AckType::CarriedOut));
-    let length = scene.rig.store.records[LOG].len();
+    // What is still counted has its line by then.
+    scene.rig.run(25.0);
+    let lengths = |scene: &Scene| [LOG, MONITORS].map(|log| scene.rig.store.records[log].len());
+    let length = lengths(&scene);
     for _ in 0..20 {
         let ticket = scene.ask(B, RequestedAccess::Request, 0x01);
         assert_eq!(scene.end(B, ticket), Some(AckType::CarriedOut));
     }
-    assert_eq!(scene.rig.store.records[LOG].len(), length);
+    scene.rig.run(25.0);
+    assert_eq!(lengths(&scene), length);
     // A right to command is another matter.
     let release = scene.ask(A, RequestedAccess::Relinquish, CONTROL);
     assert_eq!(scene.end(A, release), Some(AckType::CarriedOut));
@@ -47,11 +53,11 @@ fn the_chain_continues_over_files_and_the_oldest_is_removed() {
     // As if it had been written for months: the length alone counts.
     let grown = |scene: &mut Scene| {
         let mut bytes = scene.rig.store.records[LOG].clone();
-        let mut chain = Chain::verify(&bytes).chain;
+        let mut chain = Chain::verify(&bytes, None, 0).chain;
         let vehicle = kit::bridge::vehicle_id(0);
         while bytes.len() < 1 << 20 {
             let entry = vsm::session::Entry::NotKept;
-            let (next, line) = chain.extended(scene.rig.now().wall, vehicle, &entry);
+            let (next, line) = chain.extended(None, scene.rig.now().wall, vehicle, &entry);
             chain = next;
             bytes.extend_from_slice(line.as_bytes());
         }
@@ -79,7 +85,7 @@ fn the_chain_continues_over_files_and_the_oldest_is_removed() {
         .map(|n| format!("{LOG}.{n}"))
         .chain([LOG.to_owned()])
     {
-        let verified = Chain::verify(&scene.rig.store.records[&name]);
+        let verified = Chain::verify(&scene.rig.store.records[&name], None, 0);
         assert_eq!(verified.broken, None, "{name}");
         assert!(
             before.is_none_or(|before| before == verified.follows),
@@ -92,4 +98,167 @@ fn the_chain_continues_over_files_and_the_oldest_is_removed() {
     scene.rig.restart_bridge();
     scene.rig.run(0.1);
     assert!(broken(&scene));
+}
+
+#[test]
+fn monitors_fill_a_log_of_their_own_by_a_line_in_ten_seconds() {
+    let mut scene = Scene::controlled();
+    let control = scene.rig.store.records[LOG].clone();
+    let from = scene.rig.clock.elapsed();
+    flip(&mut scene, 400);
+    scene.rig.run(25.0);
+    assert_eq!(scene.rig.store.records[LOG], control);
+    let log = String::from_utf8_lossy(&scene.rig.store.records[MONITORS]).into_owned();
+    let took_s = (scene.rig.clock.elapsed() - from).as_secs() as usize;
+    assert!(log.lines().count() <= 4 + took_s / 10, "{log}");
+    // No change is missing from the numbers.
+    let objects = log
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(&line[65..]).unwrap());
+    let (mut gained, mut lost) = (0, 0);
+    for object in objects {
+        gained += object["times_gained"].as_u64().unwrap_or_default();
+        gained += u64::from(object["gained"].is_string());
+        lost += object["times_lost"].as_u64().unwrap_or_default();
+        lost += u64::from(object["lost"].is_string());
+    }
+    assert_eq!((gained, lost), (400, 400), "{log}");
+}
+
+/// With a log of an earlier version, then a key, and some handovers since.
+fn keyed() -> Scene {
+    let mut scene = Scene::controlled();
+    let key = "5a".repeat(32) + "\n";
+    scene
+        .rig
+        .store
+        .records
+        .insert("audit.key".to_owned(), key.into_bytes());
+    scene.rig.restart_bridge();
+    hand_over(&mut scene, 2);
+    scene
+}
+
+fn hand_over(scene: &mut Scene, times: usize) {
+    for _ in 0..times {
+        for access in [RequestedAccess::Relinquish, RequestedAccess::Request] {
+            let ticket = scene.ask(A, access, CONTROL);
+            assert_eq!(scene.end(A, ticket), Some(AckType::CarriedOut));
+        }
+    }
+}
+
+/// What a start finds wrong.
+fn findings(mut scene: Scene) -> String {
+    let before = scene.rig.log.len();
+    scene.rig.restart_bridge();
+    scene.rig.run(0.1);
+    let found = scene.rig.log[before..]
+        .iter()
+        .filter(|entry| entry.text.contains("the audit log"))
+        .map(|entry| entry.text.clone());
+    found.collect::<Vec<_>>().join("; ")
+}
+
+#[test]
+fn a_log_of_an_earlier_version_is_continued_by_a_key_and_stays_whole() {
+    let scene = keyed();
+    let log = String::from_utf8_lossy(&scene.rig.store.records[LOG]).into_owned();
+    assert_eq!(log.matches("\"what\":\"keyed\"").count(), 1, "{log}");
+    assert!(
+        log.starts_with(|digit: char| digit.is_ascii_hexdigit())
+            && !log.lines().next().unwrap().contains("keyed")
+    );
+    assert_eq!(findings(scene), "");
+}
+
+/// What is done to the files of the store.
+type Tampering = fn(&mut Scene);
+
+#[test]
+fn whatever_is_done_to_a_log_without_its_key_is_named_by_the_next_start() {
+    fn log(scene: &mut Scene) -> &mut Vec<u8> {
+        scene.rig.store.records.get_mut(LOG).unwrap()
+    }
+    fn cut_tail(scene: &mut Scene, lines: usize) {
+        let text = String::from_utf8(log(scene).clone()).unwrap();
+        let kept = text.lines().count() - lines;
+        *log(scene) = text
+            .lines()
+            .take(kept)
+            .map(|line| format!("{line}\n"))
+            .collect::<String>()
+            .into_bytes();
+    }
+    /// The log as it could be written by whoever has no key: from its fourth line on.
+    fn written_anew(scene: &mut Scene) {
+        let lines = String::from_utf8(log(scene).clone())
+            .unwrap()
+            .lines()
+            .count();
+        let mut chain = Chain::default();
+        log(scene).clear();
+        for _ in 0..lines {
+            let (next, line) = chain.extended(
+                None,
+                std::time::Duration::from_secs(1_800_000_000),
+                kit::bridge::vehicle_id(0),
+                &vsm::session::Entry::NotKept,
+            );
+            chain = next;
+            log(scene).extend_from_slice(line.as_bytes());
+        }
+    }
+    let cases: [(&str, Tampering); 9] = [
+        ("its end was cut off", |scene| cut_tail(scene, 1)),
+        ("its end was cut off", |scene| {
+            // An older copy.
+            let older = log(scene).clone();
+            hand_over(scene, 1);
+            *log(scene) = older;
+        }),
+        ("is deleted", |scene| {
+            scene.rig.store.records.remove(LOG);
+        }),
+        ("is broken: line", |scene| {
+            let text = String::from_utf8(log(scene).clone()).unwrap();
+            *log(scene) = text.replacen("released", "granted", 1).into_bytes();
+        }),
+        ("is not the line that was recorded", written_anew),
+        ("is not by the key", |scene| {
+            // The record follows the log that was cut.
+            cut_tail(scene, 1);
+            let text = String::from_utf8(log(scene).clone()).unwrap();
+            let last = text.lines().last().unwrap()[..64].to_owned();
+            let record = scene.rig.store.records.get_mut(RECORD).unwrap();
+            let mut value: serde_json::Value = serde_json::from_slice(record).unwrap();
+            value["audit"]["lines"] = text.lines().count().into();
+            value["audit"]["digits"] = last.into();
+            *record = serde_json::to_vec(&value).unwrap();
+        }),
+        ("no end of it is recorded", |scene| {
+            cut_tail(scene, 1);
+            let record = scene.rig.store.records.get_mut(RECORD).unwrap();
+            let mut value: serde_json::Value = serde_json::from_slice(record).unwrap();
+            value.as_object_mut().unwrap().remove("audit");
+            *record = serde_json::to_vec(&value).unwrap();
+        }),
+        ("lines by another key", |scene| {
+            let key = "a5".repeat(32).into_bytes();
+            scene.rig.store.records.insert("audit.key".to_owned(), key);
+        }),
+        ("is deleted", |scene| {
+            flip(scene, 1);
+            scene.rig.store.records.remove(MONITORS);
+        }),
+    ];
+    for (number, (expected, tamper)) in cases.into_iter().enumerate() {
+        let mut scene = keyed();
+        tamper(&mut scene);
+        let found = findings(scene);
+        assert!(
+            found.contains(expected),
+            "case {number}: {expected}: {found}"
+        );
+    }
 }

@@ -463,7 +463,7 @@ fn levels_that_command_nothing_need_not_outlive_a_power_cut() {
         &trace,
         &[
             "disk append commands-1b0000a0.log Process",
-            "disk append audit-1b000101.log Process",
+            "disk append audit-monitors-1b000101.log Process",
             "disk save authority-1b000101.json Process",
             "disk append commands-1b0000a0.log Process",
             "A 3",

@@ -1,8 +1,12 @@
-//! The audit log: every change of control is a line, and each line is bound to all before it by a hash.
+//! The audit log: every change of control is a line, and each line is bound to all before it by a keyed hash.
 //!
-//! A line is 64 hex digits, a space and a JSON object. The digits are SHA-256 of the digits of the line before (64
-//! zeros before the first), a line feed and the object: a line that is changed, left out, moved or put in breaks the
-//! chain there. What has been cut off at the end cannot be seen: keep the last line elsewhere where that matters.
+//! A line is 64 hex digits, a space and a JSON object. The digits are HMAC-SHA256, by the key of this installation
+//! ([`AuditKey`]), of the digits of the line before (64 zeros before the first), a line feed and the object: a line that
+//! is changed, left out, moved or put in breaks the chain there, and nobody without the key can write it anew. How far it
+//! goes is in the authority record ([`trail`](super::trail)).
+//!
+//! Logs of earlier versions are plain SHA-256 of the same. A line `keyed`, which names the key, continues them: before it
+//! they are verified as what they are, after it no line without the key counts.
 //!
 //! A log that has grown to a megabyte is put aside, and the next begins with a line that names the digits of the last
 //! line before it: the chain goes on over files, and each can be verified by itself.
@@ -10,17 +14,103 @@
 use std::fmt;
 use std::time::Duration;
 
+use hmac::{Hmac, KeyInit as _, Mac as _};
+use mavlink_link::exchange::Random;
+use mavlink_link::store::{Disk, Durability, StoreError};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use stanag_msgs::Id;
+use zeroize::Zeroizing;
 
 use super::rules::{Change, Rights};
+
+/// The key of the installation's audit logs: `audit.key` in the store's folder.
+pub struct AuditKey(Zeroizing<[u8; 32]>);
+
+impl fmt::Debug for AuditKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "AuditKey({})", self.id())
+    }
+}
+
+impl AuditKey {
+    /// The key of these bytes.
+    #[must_use]
+    pub fn new(bytes: [u8; 32]) -> AuditKey {
+        AuditKey(Zeroizing::new(bytes))
+    }
+
+    /// The key on a disk; `None` where none was made yet.
+    ///
+    /// # Errors
+    /// It is there and cannot be read, or is none.
+    pub fn load(disk: &dyn Disk) -> Result<Option<AuditKey>, StoreError> {
+        let Some(text) = disk.read(AUDIT_KEY, MAX_KEY_BYTES)? else {
+            return Ok(None);
+        };
+        let text = std::str::from_utf8(&text).unwrap_or_default().trim_end();
+        let mut key = Zeroizing::new([0; 32]);
+        let mut digits = text.as_bytes().chunks_exact(2);
+        for byte in key.iter_mut() {
+            let two = digits
+                .next()
+                .and_then(|two| std::str::from_utf8(two).ok())
+                .and_then(|two| u8::from_str_radix(two, 16).ok());
+            *byte = two.ok_or_else(|| StoreError::new(AUDIT_KEY, "expected 64 hex digits"))?;
+        }
+        Ok(Some(AuditKey(key)))
+    }
+
+    /// The key on a disk, made at the first start.
+    ///
+    /// # Errors
+    /// As [`AuditKey::load`], or it cannot be made: no random bytes, or a disk that does not store it.
+    pub fn load_or_make(
+        disk: &mut dyn Disk,
+        random: &mut dyn Random,
+    ) -> Result<AuditKey, StoreError> {
+        // One that cannot be read is not replaced: with another the logs could not be verified any more.
+        if let Some(key) = AuditKey::load(disk)? {
+            return Ok(key);
+        }
+        let mut key = Zeroizing::new([0; 32]);
+        random
+            .fill(&mut *key)
+            .map_err(|_| StoreError::new(AUDIT_KEY, "no random bytes"))?;
+        let text = Zeroizing::new(hex(&*key) + "\n");
+        disk.replace(AUDIT_KEY, text.as_bytes(), Durability::Power)?;
+        Ok(AuditKey(key))
+    }
+
+    /// Its public name: the first 8 bytes of its HMAC of "vsm/1 audit key id".
+    #[must_use]
+    pub fn id(&self) -> String {
+        self.mac(&["vsm/1 audit key id"])[..16].to_owned()
+    }
+
+    /// HMAC-SHA256 of texts with a line feed between two of them, in hex.
+    pub(super) fn mac(&self, texts: &[&str]) -> String {
+        // An HMAC takes a key of any length.
+        let Ok(mut mac) = Hmac::<Sha256>::new_from_slice(&*self.0) else {
+            return String::new();
+        };
+        for (n, text) in texts.iter().enumerate() {
+            if n > 0 {
+                mac.update(b"\n");
+            }
+            mac.update(text.as_bytes());
+        }
+        hex(&mac.finalize().into_bytes())
+    }
+}
 
 /// Where the log stands: the number and the hash of its last line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Chain {
     lines: u64,
     last: String,
+    /// The id of the key that its lines are bound by; `None` in logs of earlier versions.
+    keyed: Option<String>,
 }
 
 /// What a line says.
@@ -34,6 +124,17 @@ pub enum Entry {
     NotKept,
     /// The first line of a log that follows another.
     Continued,
+    /// From this line on the chain is bound by a key.
+    Keyed,
+    /// A station has taken and given up rights that command no aircraft so often since the line before about it.
+    Repeated {
+        /// The station.
+        station: Id,
+        /// How often it gained some.
+        gained: u32,
+        /// How often it lost some.
+        lost: u32,
+    },
 }
 
 /// What a log is found to be.
@@ -47,6 +148,10 @@ pub struct Verified {
     pub broken: Option<Broken>,
     /// The last line has no end: a crash cut it off.
     pub torn: bool,
+    /// Lines that are bound by a key that is not at hand: the id of the first such key. They were not verified.
+    pub other_key: Option<String>,
+    /// The digits of the line with the number that was asked for, where it is in this log.
+    pub digits: Option<String>,
 }
 
 /// A line that does not follow from those before it.
@@ -70,7 +175,9 @@ impl fmt::Display for Broken {
 #[derive(Deserialize)]
 struct First {
     line: u64,
+    what: String,
     after: Option<String>,
+    key: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -96,6 +203,13 @@ struct Line<'a> {
     /// The digits of the last line of the log before.
     #[serde(skip_serializing_if = "Option::is_none")]
     after: Option<&'a str>,
+    /// The id of the key that this line and those after it are bound by.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    key: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    times_gained: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    times_lost: Option<u32>,
 }
 
 impl Default for Chain {
@@ -103,6 +217,7 @@ impl Default for Chain {
         Chain {
             lines: 0,
             last: "0".repeat(HASH_DIGITS),
+            keyed: None,
         }
     }
 }
@@ -114,9 +229,29 @@ impl Chain {
         self.lines
     }
 
-    /// The chain with one line more, and that line with its line feed.
+    /// The digits of the last line.
     #[must_use]
-    pub fn extended(&self, wall: Duration, vehicle: Id, entry: &Entry) -> (Chain, String) {
+    pub fn digits(&self) -> &str {
+        &self.last
+    }
+
+    /// The id of the key that it is bound by.
+    #[must_use]
+    pub fn keyed(&self) -> Option<&str> {
+        self.keyed.as_deref()
+    }
+
+    /// The chain with one line more, and that line with its line feed. With `key` the line is bound by it: one after a
+    /// chain that is not must be [`Entry::Keyed`].
+    #[must_use]
+    pub fn extended(
+        &self,
+        key: Option<&AuditKey>,
+        wall: Duration,
+        vehicle: Id,
+        entry: &Entry,
+    ) -> (Chain, String) {
+        let id = key.map(AuditKey::id);
         let mut line = Line {
             line: self.lines + 1,
             time_ms: u64::try_from(wall.as_millis()).unwrap_or(u64::MAX),
@@ -129,6 +264,9 @@ impl Chain {
             why: None,
             holders: None,
             after: None,
+            key: None,
+            times_gained: None,
+            times_lost: None,
         };
         match entry {
             Entry::Started(holders) => {
@@ -149,31 +287,65 @@ impl Chain {
             Entry::Continued => {
                 line.what = "continued";
                 line.after = Some(&self.last);
+                line.key = id.as_deref();
+            }
+            Entry::Keyed => {
+                line.what = KEYED;
+                line.key = id.as_deref();
+            }
+            Entry::Repeated {
+                station,
+                gained,
+                lost,
+            } => {
+                line.what = "repeated";
+                line.to = Some(station.to_string());
+                line.times_gained = Some(*gained);
+                line.times_lost = Some(*lost);
             }
         }
         // Text and numbers alone: this cannot fail.
         let object = serde_json::to_string(&line).unwrap_or_default();
-        let last = hash(&self.last, &object);
+        let last = hash(key, &self.last, &object);
         let text = format!("{last} {object}\n");
-        let lines = self.lines + 1;
-        (Chain { lines, last }, text)
+        let chain = Chain {
+            lines: self.lines + 1,
+            last,
+            keyed: id,
+        };
+        (chain, text)
     }
 
-    /// Checks a log from its first line on.
+    /// Checks a log from its first line on; `wanted`: the line whose digits the caller needs.
     #[must_use]
-    pub fn verify(bytes: &[u8]) -> Verified {
+    pub fn verify(bytes: &[u8], key: Option<&AuditKey>, wanted: u64) -> Verified {
+        let own = key.map(AuditKey::id);
         let follows = Chain::before(bytes);
         let mut chain = follows.clone();
-        let mut broken = None;
+        let (mut broken, mut other_key, mut wanted_digits) = (None, None, None);
         let torn = bytes.last().is_some_and(|byte| *byte != b'\n');
         let mut lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').collect();
         // After the last line feed there is nothing, or what a crash has cut off: no line yet.
         lines.pop();
         for bytes in lines {
-            let fits = std::str::from_utf8(bytes)
+            let line = std::str::from_utf8(bytes)
                 .ok()
-                .and_then(|line| line.split_once(' '))
-                .filter(|(digits, object)| hash(&chain.last, object) == *digits);
+                .and_then(|line| line.split_once(' '));
+            // No other line can have these bytes: quotes within its texts are escaped.
+            if let Some((_, object)) = line
+                && object.contains(KEYED_LINE)
+                && let Ok(First { what, key, .. }) = serde_json::from_str(object)
+                && what == KEYED
+            {
+                chain.keyed = key.or(Some(String::new()));
+            }
+            let unknown = chain.keyed.is_some() && chain.keyed != own;
+            if unknown && other_key.is_none() && !is_torn(bytes) {
+                other_key.clone_from(&chain.keyed);
+            }
+            let key = key.filter(|_| chain.keyed.is_some());
+            let fits = line
+                .filter(|(digits, object)| unknown || hash(key, &chain.last, object) == *digits);
             match fits {
                 Some((digits, _)) => digits.clone_into(&mut chain.last),
                 // What a crash has cut off was closed by the next start, and is no line of the chain.
@@ -191,12 +363,17 @@ impl Chain {
                 }
             }
             chain.lines += 1;
+            if chain.lines == wanted {
+                wanted_digits = Some(chain.last.clone());
+            }
         }
         Verified {
             follows,
             chain,
             broken,
             torn,
+            other_key,
+            digits: wanted_digits,
         }
     }
 }
@@ -212,9 +389,12 @@ impl Chain {
             Some(First {
                 line,
                 after: Some(last),
+                key,
+                ..
             }) => Chain {
                 lines: line.saturating_sub(1),
                 last,
+                keyed: key,
             },
             _ => Chain::default(),
         }
@@ -226,15 +406,26 @@ fn is_torn(bytes: &[u8]) -> bool {
     bytes.last() != Some(&b'}')
 }
 
-fn hash(before: &str, object: &str) -> String {
+fn hash(key: Option<&AuditKey>, before: &str, object: &str) -> String {
+    if let Some(key) = key {
+        return key.mac(&[before, object]);
+    }
     let mut sum = Sha256::new();
     sum.update(before.as_bytes());
     sum.update(b"\n");
     sum.update(object.as_bytes());
-    let digest = sum.finalize();
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    hex(&sum.finalize())
 }
 
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+const KEYED: &str = "keyed";
+const KEYED_LINE: &str = "\"what\":\"keyed\"";
+const AUDIT_KEY: &str = "audit.key";
+/// The key is 64 digits; more than this is never read.
+const MAX_KEY_BYTES: u64 = 256;
 const HASH_DIGITS: usize = 64;
 
 #[cfg(test)]
@@ -246,7 +437,7 @@ mod tests {
         let mut text = String::new();
         for n in 0..lines {
             let wall = Duration::from_secs(n as u64);
-            let (next, line) = chain.extended(wall, Id(0x1b00_0101), &Entry::NotKept);
+            let (next, line) = chain.extended(None, wall, Id(0x1b00_0101), &Entry::NotKept);
             chain = next;
             text += &line;
         }
@@ -255,7 +446,7 @@ mod tests {
 
     #[test]
     fn a_log_goes_on_where_it_stopped() {
-        let verified = Chain::verify(log(3).as_bytes());
+        let verified = Chain::verify(log(3).as_bytes(), None, 0);
         assert_eq!(
             (verified.chain.lines(), verified.broken, verified.torn),
             (3, None, false)
@@ -263,14 +454,14 @@ mod tests {
         let wall = Duration::from_secs(3);
         let (_, line) = verified
             .chain
-            .extended(wall, Id(0x1b00_0101), &Entry::NotKept);
+            .extended(None, wall, Id(0x1b00_0101), &Entry::NotKept);
         assert_eq!(log(4), log(3) + &line);
     }
 
     #[test]
     fn a_changed_line_breaks_the_chain_there() {
         let text = log(4).replacen("\"time_ms\":2000", "\"time_ms\":2001", 1);
-        let broken = Chain::verify(text.as_bytes()).broken;
+        let broken = Chain::verify(text.as_bytes(), None, 0).broken;
         assert_eq!(broken, Some(Broken { line: 3 }));
     }
 
@@ -286,7 +477,7 @@ mod tests {
         ] {
             let other: String = order.iter().map(|n| format!("{}\n", lines[*n])).collect();
             assert!(
-                Chain::verify(other.as_bytes()).broken.is_some(),
+                Chain::verify(other.as_bytes(), None, 0).broken.is_some(),
                 "{order:?}"
             );
         }
@@ -296,16 +487,16 @@ mod tests {
     fn a_line_that_a_crash_cut_off_is_no_break() {
         let whole = log(3);
         let cut = &whole[..whole.len() - 20];
-        let verified = Chain::verify(cut.as_bytes());
+        let verified = Chain::verify(cut.as_bytes(), None, 0);
         assert_eq!(
             (verified.chain.lines(), verified.broken, verified.torn),
             (2, None, true)
         );
         let (_, line) = verified
             .chain
-            .extended(Duration::ZERO, Id(1), &Entry::NotKept);
+            .extended(None, Duration::ZERO, Id(1), &Entry::NotKept);
         let healed = format!("{cut}\n{line}");
-        let verified = Chain::verify(healed.as_bytes());
+        let verified = Chain::verify(healed.as_bytes(), None, 0);
         assert_eq!(
             (verified.chain.lines(), verified.broken, verified.torn),
             (3, None, false)
@@ -314,15 +505,66 @@ mod tests {
 
     #[test]
     fn a_log_that_follows_another_is_verified_by_itself_and_after_it() {
-        let before = Chain::verify(log(3).as_bytes()).chain;
+        let before = Chain::verify(log(3).as_bytes(), None, 0).chain;
         let vehicle = Id(0x1b00_0101);
-        let (chain, first) = before.extended(Duration::ZERO, vehicle, &Entry::Continued);
-        let (chain, second) = chain.extended(Duration::ZERO, vehicle, &Entry::NotKept);
+        let (chain, first) = before.extended(None, Duration::ZERO, vehicle, &Entry::Continued);
+        let (chain, second) = chain.extended(None, Duration::ZERO, vehicle, &Entry::NotKept);
         let text = first + &second;
-        let verified = Chain::verify(text.as_bytes());
+        let verified = Chain::verify(text.as_bytes(), None, 0);
         assert_eq!((verified.broken, &verified.chain), (None, &chain));
         assert_eq!((verified.follows, chain.lines()), (before, 5));
         let forged = text.replacen("\"line\":4", "\"line\":6", 1);
-        assert!(Chain::verify(forged.as_bytes()).broken.is_some());
+        assert!(Chain::verify(forged.as_bytes(), None, 0).broken.is_some());
+    }
+
+    #[test]
+    fn without_the_key_no_line_can_be_changed_added_or_written_anew() {
+        let (key, other) = (AuditKey::new([7; 32]), AuditKey::new([8; 32]));
+        let vehicle = Id(0x1b00_0101);
+        // A log of an earlier version, continued with a key.
+        let plain = log(2);
+        let mut chain = Chain::verify(plain.as_bytes(), Some(&key), 0).chain;
+        let mut text = plain.clone();
+        for entry in [Entry::Keyed, Entry::NotKept, Entry::NotKept] {
+            let (next, line) = chain.extended(Some(&key), Duration::ZERO, vehicle, &entry);
+            chain = next;
+            text += &line;
+        }
+        let verified = Chain::verify(text.as_bytes(), Some(&key), 4);
+        assert_eq!((verified.broken, verified.other_key), (None, None));
+        assert_eq!(
+            verified.digits.as_deref(),
+            text.lines().nth(3).map(|line| &line[..64])
+        );
+        assert_eq!(verified.chain, chain);
+
+        // Rewritten from the fourth line on, by SHA-256 or by another key.
+        let upto = text
+            .lines()
+            .take(3)
+            .map(|line| line.len() + 1)
+            .sum::<usize>();
+        let before = Chain::verify(&text.as_bytes()[..upto], Some(&key), 0).chain;
+        let forger = |key| {
+            before
+                .extended(key, Duration::ZERO, vehicle, &Entry::NotKept)
+                .1
+        };
+        for line in [forger(None), forger(Some(&other))] {
+            let forged = text[..upto].to_owned() + &line;
+            let broken = Chain::verify(forged.as_bytes(), Some(&key), 0).broken;
+            assert_eq!(broken, Some(Broken { line: 4 }));
+        }
+        // Another key's own transition is named.
+        let (_, line) = before.extended(Some(&other), Duration::ZERO, vehicle, &Entry::Keyed);
+        let forged = text[..upto].to_owned() + &line;
+        let verified = Chain::verify(forged.as_bytes(), Some(&key), 0);
+        assert_eq!(verified.other_key, Some(other.id()));
+        // And without any key the keyed part is named, too.
+        let verified = Chain::verify(text.as_bytes(), None, 0);
+        assert_eq!(
+            (verified.broken, verified.other_key),
+            (None, Some(key.id()))
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! Who controls one vehicle: messages 1, 2, 4, 5, 34000 and 35000, the silence of holders, and what of it is stored.
 //!
 //! The rules are a pure machine ([`rules`]), checked over every reachable state. This machine asks them, stores what they
-//! decide before it is answered ([`record`], [`audit`]), and sends what follows ([`messages`] composes it). Whatever
+//! decide before it is answered ([`record`]; [`trail`] and [`audit`] its logs), and sends what follows ([`messages`] composes it). Whatever
 //! leads to a decision goes the same way, [`AuthorityMachine::decide`].
 //!
 //! The order of the actors in a handover is not documented in public sources: this one is ours, drawn in
@@ -16,6 +16,7 @@ pub(crate) mod record;
 pub(crate) mod rules;
 #[cfg(test)]
 mod tests;
+pub(crate) mod trail;
 
 use std::ops::Deref;
 use std::time::Duration;
@@ -249,7 +250,10 @@ impl AuthorityMachine {
                 station.silence_changes_at(known, now, limits)
             })
             .map(|at| at + WATCH_SLACK);
-        let due = silences.chain(self.rights.poll_timeout()).min()?;
+        let due = silences
+            .chain(self.rights.poll_timeout())
+            .chain(self.record.poll_timeout())
+            .min()?;
         // A decision that could not be stored is still due: it is tried again from time to time, not as fast as it fails.
         let failed = due + WATCH_SLACK < now;
         Some(if failed { now + WATCH_SLACK } else { due })
@@ -674,6 +678,7 @@ impl AuthorityMachine {
 /// The silence of holders: warned of, offered to others, acted on. Each step goes out by 16000 and 35000.
 impl AuthorityMachine {
     fn watch_silence(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        self.record.write_repetitions(context, effects);
         for station in context.stations {
             let id = station.id();
             if self.rights.held(id).is_empty() {

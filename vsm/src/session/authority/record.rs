@@ -1,24 +1,26 @@
-//! What is stored of the authority over one vehicle before it is answered: who holds what since when, and the audit log;
-//! and the messages that wait for a decision.
+//! What is stored of the authority over one vehicle before it is answered: who holds what since when, the audit logs and
+//! how far they go; and the messages that wait for a decision.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use mavlink_link::store::{Durability, Store as _, StoreError, log_name};
+use mavlink_link::store::{Disk, Durability, Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 
-use super::audit::{Broken, Chain, Entry};
+use super::audit::{AuditKey, Entry};
 use super::rules::{Authority, Change, Decision, Handover, Record, Rights};
+use super::trail::{self, Examined, Fault, Finding, Head, Kind, Place, Repetitions, Trail};
 use crate::session::alerts::Cause;
 use crate::session::context::{Context, Origin};
 use crate::session::effects::Effects;
+use crate::session::log::LogLevel;
 use crate::session::station::GroundStation;
 use crate::session::store::vehicle_record;
 
 /// What is known of the holders of rights beside these, and the audit log.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct AuthorityRecord {
     /// When each holder last gained a right, since 1970.
     since: BTreeMap<Id, Duration>,
@@ -26,9 +28,25 @@ pub(crate) struct AuthorityRecord {
     waiting: Vec<(Id, Origin)>,
     /// Holders that have sent heartbeats, as stored: their silence counts after a restart too.
     beats: BTreeSet<Id>,
-    audit: Chain,
-    /// Length of the audit log that is being written; 0 before its first line.
-    audit_bytes: usize,
+    /// What the audit logs are bound by.
+    key: Option<AuditKey>,
+    control: Trail,
+    monitors: Trail,
+    repetitions: Repetitions,
+}
+
+impl Default for AuthorityRecord {
+    fn default() -> AuthorityRecord {
+        AuthorityRecord {
+            since: BTreeMap::new(),
+            waiting: Vec::new(),
+            beats: BTreeSet::new(),
+            key: None,
+            control: Trail::new(Kind::Control),
+            monitors: Trail::new(Kind::Monitors),
+            repetitions: Repetitions::default(),
+        }
+    }
 }
 
 impl AuthorityRecord {
@@ -63,6 +81,11 @@ impl AuthorityRecord {
 struct Stored {
     authority: Record,
     holders: Vec<Holder>,
+    /// How far the audit logs go; none in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    audit: Option<Head>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    monitors: Option<Head>,
 }
 
 vehicle_record!(Stored, "authority", Power);
@@ -99,9 +122,17 @@ impl AuthorityRecord {
     ) -> Result<(), StoreError> {
         let since = self.since.clone();
         let durability = durability(decision);
+        let mut logged = None;
         // The log before the record: a crash between them leaves a line too many, never a change without its line.
         for change in &decision.changes {
-            self.write_audit(&Entry::Change(*change), durability, context, effects)?;
+            let (kind, now) = (Kind::of(change), context.mono());
+            if kind == Kind::Control || !self.repetitions.count(change, now) {
+                self.write_audit(kind, &Entry::Change(*change), durability, context, effects)?;
+                logged = logged.filter(|kind| *kind == Kind::Control).or(Some(kind));
+                if kind == Kind::Monitors {
+                    self.repetitions.written(change, now);
+                }
+            }
             if let Some(to) = change.to {
                 self.since.insert(to, context.now.wall);
             }
@@ -112,9 +143,9 @@ impl AuthorityRecord {
             Ok(()) => effects.clear(Cause::Store, "authority is stored again"),
             Err(_) => {
                 self.since = since;
-                if !decision.changes.is_empty() {
+                if let Some(kind) = logged {
                     // The log has the changes already: it must say too that they do not hold.
-                    self.write_audit(&Entry::NotKept, Durability::Power, context, effects)?;
+                    self.write_audit(kind, &Entry::NotKept, Durability::Power, context, effects)?;
                 }
             }
         }
@@ -166,52 +197,65 @@ impl AuthorityRecord {
         Ok((rights, known))
     }
 
-    /// Verifies the audit logs and continues the last. A broken one raises an alert; the vehicle is served all the same.
+    /// Verifies the audit logs and continues them. What is wrong raises an alert; the vehicle is served all the same.
     ///
     /// # Errors
-    /// A log exists and cannot be read, or the line of this start cannot be written.
+    /// A log or the key exists and cannot be read, or the line of this start, or the record of it, cannot be written.
     pub(super) fn restore_audit(
         &mut self,
         rights: &Authority,
         context: &Context<'_>,
         effects: &mut Effects<'_>,
     ) -> Result<(), StoreError> {
-        let name = audit_name(context.id());
-        let mut before: Option<Chain> = None;
-        // The oldest first: each log is checked against the end of the one before it.
-        for number in (0..=MAX_AUDIT_LOGS).rev() {
-            let name = log_name(&name, number);
-            let bytes = effects.disk().read(&name, u64::MAX)?.unwrap_or_default();
-            if bytes.is_empty() {
-                continue;
+        let vehicle = context.id();
+        self.key = AuditKey::load(effects.disk())?;
+        let stored = effects.disk().load::<Stored>(&vehicle)?;
+        let (control, monitors) = stored.map_or((None, None), |one| (one.audit, one.monitors));
+        for (kind, head) in [(Kind::Control, control), (Kind::Monitors, monitors)] {
+            let key = self.key.as_ref();
+            let found = trail::examine(kind, vehicle, key, head.as_ref(), &[], effects.disk())?;
+            for finding in &found.findings {
+                effects.warn(Cause::Audit, format!("the audit log {finding}"));
             }
-            let verified = Chain::verify(&bytes);
-            // The oldest that is kept may follow one that is not.
-            let follows = before.is_none_or(|before| before == verified.follows);
-            let first = Broken {
-                line: verified.follows.lines() + 1,
+            let trail = match kind {
+                Kind::Control => &mut self.control,
+                Kind::Monitors => &mut self.monitors,
             };
-            let broken = if follows {
-                verified.broken
-            } else {
-                Some(first)
-            };
-            if let Some(broken) = broken {
-                let text = format!("the audit log {name} is broken: {broken}");
-                effects.warn(Cause::Audit, text);
+            trail.restore(&found, effects.disk())?;
+            if trail.begins_to_be_keyed(key) {
+                let file = kind.file(vehicle);
+                let text =
+                    format!("the audit log {file} of an earlier version is continued by a key");
+                effects.note(LogLevel::Warning, text);
             }
-            if verified.torn {
-                // What a crash cut off is closed, so that the next line is a line.
-                effects.disk().append(&name, b"\n", Durability::Power)?;
-            }
-            if number == 0 {
-                self.audit_bytes = bytes.len();
-            }
-            self.audit = verified.chain.clone();
-            before = Some(verified.chain);
         }
         let started = Entry::Started(rights.holders().collect());
-        self.write_audit(&started, Durability::Power, context, effects)
+        let power = Durability::Power;
+        self.write_audit(Kind::Control, &started, power, context, effects)?;
+        match self.key {
+            // So that this line cannot be cut off either.
+            Some(_) => self.store(rights, power, context, effects),
+            None => Ok(()),
+        }
+    }
+
+    /// Writes how often monitors have changed since their last lines, where that is due.
+    pub(super) fn write_repetitions(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        while let Some(entry) = self.repetitions.due(context.mono()) {
+            let process = Durability::Process;
+            if self
+                .write_audit(Kind::Monitors, &entry, process, context, effects)
+                .is_err()
+            {
+                // With the next line; a full disk has alerts of its own.
+                return self.repetitions.failed(&entry);
+            }
+        }
+    }
+
+    /// When [`AuthorityRecord::write_repetitions`] is next needed.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        self.repetitions.poll_timeout()
     }
 
     fn store(
@@ -240,53 +284,63 @@ impl AuthorityRecord {
         let holders: Vec<Holder> = holders.collect();
         let beats = holders.iter().filter(|holder| holder.beats);
         self.beats = beats.map(|holder| Id(holder.id)).collect();
+        let (vehicle, key) = (context.id(), self.key.as_ref());
         let stored = Stored {
             authority: rights.record(),
             holders,
+            audit: self.control.head(vehicle, key),
+            monitors: self.monitors.head(vehicle, key),
         };
         effects.disk().save_as(&context.id(), &stored, durability)
     }
 
     fn write_audit(
         &mut self,
+        kind: Kind,
         entry: &Entry,
         durability: Durability,
         context: &Context<'_>,
         effects: &mut Effects<'_>,
     ) -> Result<(), StoreError> {
-        let name = audit_name(context.id());
-        if self.audit_bytes >= MAX_AUDIT_BYTES {
-            effects.disk().rotate(&name, MAX_AUDIT_LOGS)?;
-            self.audit_bytes = 0;
-        }
-        // After a rotation, and after a start that found rotated logs only.
-        if self.audit_bytes == 0 && self.audit.lines() > 0 {
-            self.write_line(
-                &name,
-                &Entry::Continued,
-                Durability::Power,
-                context,
-                effects,
-            )?;
-        }
-        self.write_line(&name, entry, durability, context, effects)
+        let at = Place {
+            vehicle: context.id(),
+            wall: context.now.wall,
+            key: self.key.as_ref(),
+        };
+        let trail = match kind {
+            Kind::Control => &mut self.control,
+            Kind::Monitors => &mut self.monitors,
+        };
+        trail.write(entry, durability, &at, effects.disk())
     }
+}
 
-    fn write_line(
-        &mut self,
-        name: &str,
-        entry: &Entry,
-        durability: Durability,
-        context: &Context<'_>,
-        effects: &mut Effects<'_>,
-    ) -> Result<(), StoreError> {
-        let (chain, line) = self.audit.extended(context.now.wall, context.id(), entry);
-        effects.disk().append(name, line.as_bytes(), durability)?;
-        // Only once the line is written: a failed write leaves no gap in the chain.
-        self.audit = chain;
-        self.audit_bytes += line.len();
-        Ok(())
+/// What `vsm audit verify` finds of a vehicle's logs, in a store that another process may hold.
+///
+/// # Errors
+/// A file is there and cannot be read.
+pub(crate) fn examine(
+    vehicle: Id,
+    digits: &[String],
+    disk: &dyn Disk,
+) -> Result<Vec<Examined>, StoreError> {
+    let key = AuditKey::load(disk)?;
+    // The record first: a log that goes further is one that is being written.
+    let stored = disk.load::<Stored>(&vehicle)?;
+    let (control, monitors) = stored.map_or((None, None), |one| (one.audit, one.monitors));
+    let mut all = Vec::new();
+    for (kind, head) in [(Kind::Control, control), (Kind::Monitors, monitors)] {
+        let mut found = trail::examine(kind, vehicle, key.as_ref(), head.as_ref(), digits, disk)?;
+        // At a start that may be the log of an earlier version; since then it has been continued by the key.
+        let is_due = kind == Kind::Control || found.chain.lines() > 0;
+        if key.is_some() && is_due && found.chain.keyed().is_none() {
+            let file = kind.file(vehicle);
+            let fault = Fault::NotKeyed;
+            found.findings.push(Finding { file, fault });
+        }
+        all.push(found);
     }
+    Ok(all)
 }
 
 /// What must outlive a power cut: every right to command, and every request for one. LOI 2 commands nothing, and may be
@@ -305,13 +359,5 @@ fn durability(decision: &Decision) -> Durability {
     }
 }
 
-fn audit_name(vehicle: Id) -> String {
-    format!("audit-{:08x}.log", vehicle.0)
-}
-
 /// Messages that wait for a decision at most, of a vehicle.
 const MAX_WAITING: usize = 64;
-/// A log of this length is rotated.
-const MAX_AUDIT_BYTES: usize = 1 << 20;
-/// Logs that are kept beside the one that is written, some four thousand changes each.
-const MAX_AUDIT_LOGS: u32 = 8;

@@ -15,7 +15,7 @@ use super::shared::{Core, Shared};
 use super::{Server, StartError};
 use crate::config::{Config, ExchangeMode, Record, Signing, Vehicle};
 use crate::key_exchange::{KeyExchange, Surroundings};
-use crate::session::{Bridge, LinkEnd};
+use crate::session::{AuditKey, Bridge, BridgeError, LinkEnd};
 use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
@@ -59,6 +59,8 @@ impl Server {
             recordings.push(record_vehicle(config, vehicle, now)?);
         }
         let dli_recording = record_dli(config, now)?;
+        // Before the bridge verifies its audit logs, and binds the next line by it.
+        AuditKey::load_or_make(&mut store, &mut system_random).map_err(BridgeError::Store)?;
         let mut bridge = Bridge::new(config, ends, now, NOT_BEFORE, &mut store)?;
         let exchanges = open_exchanges(config, &key_stores, now, &mut bridge, &mut store)?;
         let page = config

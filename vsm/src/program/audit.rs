@@ -1,0 +1,195 @@
+//! `vsm audit`: verify the audit logs of a store, and print them. Also while the bridge runs.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, anyhow};
+use clap::{Subcommand, ValueEnum};
+use mavlink_link::store::{Disk as _, log_name};
+use serde_json::{Map, Value};
+use stanag_msgs::Id;
+
+use super::process::{Failure, bad, failed, print};
+use crate::config::Config;
+use crate::session::{AuditKind, MAX_AUDIT_FILES, examine_audit};
+use crate::shell::disk::ReadOnlyDisk;
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Action {
+    /// Verify the audit logs: report what was changed, cut off, deleted or replaced; exit status 1 where anything was
+    Verify {
+        /// Find the store by this configuration
+        #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
+        config: PathBuf,
+        /// Expect a line with these 64 digits, as an earlier verification has reported them
+        #[arg(long, value_name = "DIGITS", value_parser = digits)]
+        head: Vec<String>,
+    },
+    /// Print the audit logs, the oldest line first
+    Export {
+        /// Find the store by this configuration
+        #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
+        config: PathBuf,
+        /// Print the logs of this vehicle only, such as 1b:00:01:01
+        #[arg(long, value_name = "ID")]
+        vehicle: Option<Id>,
+        /// Print in this form
+        #[arg(long, value_enum, default_value_t = Format::Json)]
+        format: Format,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// One JSON object a line
+    Json,
+    /// A table with a row of names
+    Csv,
+}
+
+pub(crate) fn run(action: Action) -> Result<(), Failure> {
+    match action {
+        Action::Verify { config, head } => verify(&config, &head),
+        Action::Export {
+            config,
+            vehicle,
+            format,
+        } => export(&config, vehicle, format),
+    }
+}
+
+fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
+    let config = Config::load(path).map_err(bad)?;
+    let disk = open(&config)?;
+    let (mut text, mut faults) = (String::new(), 0);
+    let mut absent: Vec<&String> = heads.iter().collect();
+    for vehicle in config.vehicles() {
+        let logs = examine_audit(vehicle.id, heads, &disk).map_err(failed)?;
+        for log in logs {
+            let name = log.kind.name();
+            absent.retain(|head| !log.present.contains(head));
+            text += &match (log.chain.lines(), log.findings.len()) {
+                (0, 0) => format!("vehicle {} {name}: no line\n", vehicle.id),
+                (lines, 0) => format!(
+                    "vehicle {} {name}: intact, {lines} lines, {}, head {}\n",
+                    vehicle.id,
+                    match log.chain.keyed() {
+                        Some(id) => format!("key {id}"),
+                        None => "without a key".to_owned(),
+                    },
+                    log.chain.digits()
+                ),
+                (lines, count) => {
+                    format!(
+                        "vehicle {} {name}: {lines} lines, faults: {count}\n",
+                        vehicle.id
+                    )
+                }
+            };
+            for finding in &log.findings {
+                faults += 1;
+                text += &format!("  {finding}\n");
+            }
+        }
+    }
+    for head in absent {
+        faults += 1;
+        text += &format!("no log has the line {head}: it is an older copy, or another log\n");
+    }
+    print(&text)?;
+    match faults {
+        0 => Ok(()),
+        _ => Err(failed(anyhow!(
+            "the audit logs are not intact, faults: {faults}"
+        ))),
+    }
+}
+
+fn export(path: &Path, only: Option<Id>, format: Format) -> Result<(), Failure> {
+    let config = Config::load(path).map_err(bad)?;
+    let disk = open(&config)?;
+    if format == Format::Csv {
+        print(&(COLUMNS.join(",") + "\n"))?;
+    }
+    let vehicles = config.vehicles().map(|vehicle| vehicle.id);
+    for vehicle in vehicles.filter(|id| only.is_none_or(|only| only == *id)) {
+        for kind in AuditKind::ALL {
+            let file = kind.file(vehicle);
+            for number in (0..=MAX_AUDIT_FILES).rev() {
+                let bytes = disk
+                    .read(&log_name(&file, number), u64::MAX)
+                    .map_err(failed)?;
+                let bytes = bytes.unwrap_or_default();
+                let lines = String::from_utf8_lossy(&bytes);
+                let rows = lines.lines().filter_map(|line| row(kind, line));
+                let text: String = rows.map(|row| shown(&row, format) + "\n").collect();
+                print(&text)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A line as an object that also names its log and its digits; none of what a crash has cut off.
+fn row(kind: AuditKind, line: &str) -> Option<Map<String, Value>> {
+    let (digits, object) = line.split_once(' ')?;
+    let Ok(Value::Object(mut row)) = serde_json::from_str(object) else {
+        return None;
+    };
+    row.insert("log".to_owned(), kind.name().into());
+    row.insert("digits".to_owned(), digits.into());
+    Some(row)
+}
+
+fn shown(row: &Map<String, Value>, format: Format) -> String {
+    if format == Format::Json {
+        return Value::Object(row.clone()).to_string();
+    }
+    let cells = COLUMNS.iter().map(|name| match row.get(*name) {
+        None => String::new(),
+        Some(Value::String(text)) => cell(text),
+        Some(other) => cell(&other.to_string()),
+    });
+    cells.collect::<Vec<_>>().join(",")
+}
+
+fn cell(text: &str) -> String {
+    if text.contains(['"', ',', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+fn open(config: &Config) -> Result<ReadOnlyDisk, Failure> {
+    ReadOnlyDisk::open(&config.store.dir)
+        .with_context(|| format!("[store] dir {}", config.store.dir.display()))
+        .map_err(failed)
+}
+
+fn digits(text: &str) -> Result<String, String> {
+    let hex = |digit: char| digit.is_ascii_digit() || ('a'..='f').contains(&digit);
+    if text.len() == 64 && text.chars().all(hex) {
+        Ok(text.to_owned())
+    } else {
+        Err("expected 64 hex digits".to_owned())
+    }
+}
+
+const COLUMNS: [&str; 16] = [
+    "log",
+    "line",
+    "time_ms",
+    "vehicle",
+    "what",
+    "from",
+    "lost",
+    "to",
+    "gained",
+    "why",
+    "holders",
+    "times_gained",
+    "times_lost",
+    "after",
+    "key",
+    "digits",
+];

@@ -1,0 +1,455 @@
+//! The trail: the audit logs of one vehicle, one of changes of control and one of monitors, each over files that are put
+//! aside; how far each goes ([`Head`], kept in the authority record), and what is found wrong with them.
+//!
+//! Monitors, and holders of payload stations, take and give up rights as often as they like. Their changes have a log
+//! of their own, so that they cannot turn over the files of control, and those of one station within [`COALESCED`]
+//! are one line with their number.
+//!
+//! [`examine`] is what a start and `vsm audit verify` look with. An older copy of the logs is seen by the head; an
+//! older copy of the whole folder only by whoever has kept a later head elsewhere.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::time::Duration;
+
+use mavlink_link::store::{Disk, Durability, StoreError, log_name};
+use serde::{Deserialize, Serialize};
+use stanag_msgs::Id;
+
+use super::audit::{AuditKey, Broken, Chain, Entry};
+use super::rules::Change;
+
+/// Which of the two logs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// Changes of LOI 4 and 5, and the starts of the VSM.
+    Control,
+    /// Changes of LOI 2 and 3.
+    Monitors,
+}
+
+impl Kind {
+    /// Both.
+    pub(crate) const ALL: [Kind; 2] = [Kind::Control, Kind::Monitors];
+
+    /// The file that is being written.
+    pub(crate) fn file(self, vehicle: Id) -> String {
+        match self {
+            Kind::Control => format!("audit-{:08x}.log", vehicle.0),
+            Kind::Monitors => format!("audit-monitors-{:08x}.log", vehicle.0),
+        }
+    }
+
+    /// As an export names it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Kind::Control => "control",
+            Kind::Monitors => "monitors",
+        }
+    }
+
+    /// Where a change belongs.
+    pub(super) fn of(change: &Change) -> Kind {
+        if change.lost.control().is_empty() && change.gained.control().is_empty() {
+            Kind::Monitors
+        } else {
+            Kind::Control
+        }
+    }
+}
+
+/// How far a log goes, as the authority record has it: the number and the digits of its last line.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Head {
+    lines: u64,
+    digits: String,
+    /// The head by the key: the digits of an earlier line cannot be put in its place.
+    mac: String,
+}
+
+impl Head {
+    fn of(chain: &Chain, vehicle: Id, kind: Kind, key: &AuditKey) -> Head {
+        let mut head = Head {
+            lines: chain.lines(),
+            digits: chain.digits().to_owned(),
+            mac: String::new(),
+        };
+        head.mac = head.by(key, vehicle, kind);
+        head
+    }
+
+    fn by(&self, key: &AuditKey, vehicle: Id, kind: Kind) -> String {
+        let (lines, vehicle) = (self.lines.to_string(), vehicle.to_string());
+        key.mac(&["head", kind.name(), &vehicle, &lines, &self.digits])
+    }
+}
+
+/// What is wrong with a log.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Finding {
+    /// Of a file.
+    pub(crate) file: String,
+    /// What.
+    pub(crate) fault: Fault,
+}
+
+/// What is wrong.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Fault {
+    /// A line was changed, left out, moved or put in.
+    Line(Broken),
+    /// The file does not follow the one before it, or that is gone; its first line.
+    Gap(u64),
+    /// It has fewer lines than were recorded.
+    Short { lines: u64, recorded: u64 },
+    /// It is gone, with this many lines.
+    Gone(u64),
+    /// The line with the recorded number is another.
+    Replaced(u64),
+    /// The recorded head is not by the key of this installation.
+    ForgedHead,
+    /// Lines by a key that is not at hand.
+    OtherKey(String),
+    /// There is a key, and the log has no line by it.
+    NotKeyed,
+    /// It is by a key, and no head of it is recorded.
+    NoHead,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let file = &self.file;
+        match &self.fault {
+            Fault::Line(broken) => write!(f, "{file} is broken: {broken}"),
+            Fault::Gap(line) => write!(
+                f,
+                "{file} is broken: line {line} does not follow from the file before it: a file was changed or deleted"
+            ),
+            Fault::Short { lines, recorded } => write!(
+                f,
+                "{file} ends with line {lines}, expected line {recorded} as recorded: its end was cut off, or it is an \
+                 older copy"
+            ),
+            Fault::Gone(recorded) => write!(
+                f,
+                "{file} is deleted: line {recorded} was recorded as its last"
+            ),
+            Fault::Replaced(line) => write!(
+                f,
+                "{file} is another log: line {line} is not the line that was recorded"
+            ),
+            Fault::ForgedHead => write!(
+                f,
+                "{file}: its recorded end is not by the key of this installation: the record or audit.key was replaced"
+            ),
+            Fault::OtherKey(id) => write!(
+                f,
+                "{file} has lines by another key (id {id}), which cannot be verified with audit.key"
+            ),
+            Fault::NotKeyed => write!(
+                f,
+                "{file} has no line by the key of this installation: it is an older copy or was written anew"
+            ),
+            Fault::NoHead => write!(
+                f,
+                "{file}: no end of it is recorded: the authority record was replaced or deleted"
+            ),
+        }
+    }
+}
+
+/// What one of the logs is found to be.
+#[derive(Debug)]
+pub(crate) struct Examined {
+    pub(crate) kind: Kind,
+    /// Where to continue.
+    pub(crate) chain: Chain,
+    pub(crate) findings: Vec<Finding>,
+    /// Of the lines that were asked for by their digits, those that are there.
+    pub(crate) present: Vec<String>,
+    /// Length of the file that is being written.
+    pub(super) bytes: usize,
+    /// Files whose last line has no end.
+    pub(super) torn: Vec<String>,
+}
+
+/// Examines the files of a log, the oldest first, and looks for lines by their digits.
+///
+/// # Errors
+/// A file is there and cannot be read.
+pub(crate) fn examine(
+    kind: Kind,
+    vehicle: Id,
+    key: Option<&AuditKey>,
+    head: Option<&Head>,
+    digits: &[String],
+    disk: &dyn Disk,
+) -> Result<Examined, StoreError> {
+    let name = kind.file(vehicle);
+    let wanted = head.map_or(0, |head| head.lines);
+    let mut found = Examined {
+        kind,
+        chain: Chain::default(),
+        findings: Vec::new(),
+        present: Vec::new(),
+        bytes: 0,
+        torn: Vec::new(),
+    };
+    let (mut before, mut recorded) = (None::<Chain>, None);
+    for number in (0..=MAX_FILES).rev() {
+        let file = log_name(&name, number);
+        let bytes = disk.read(&file, u64::MAX)?.unwrap_or_default();
+        if bytes.is_empty() {
+            continue;
+        }
+        let verified = Chain::verify(&bytes, key, wanted);
+        let mut find = |fault| {
+            let file = file.clone();
+            found.findings.push(Finding { file, fault });
+        };
+        // Only where the oldest of all is there may what it follows be gone.
+        let follows = match &before {
+            Some(before) => *before == verified.follows,
+            None => number == MAX_FILES || verified.follows.lines() == 0,
+        };
+        if !follows {
+            find(Fault::Gap(verified.follows.lines() + 1));
+        } else if let Some(broken) = verified.broken {
+            find(Fault::Line(broken));
+        }
+        if let Some(id) = verified.other_key {
+            find(Fault::OtherKey(id));
+        }
+        if verified.torn {
+            found.torn.push(file.clone());
+        }
+        if number == 0 {
+            found.bytes = bytes.len();
+        }
+        for digits in digits {
+            let mut lines = bytes.split(|byte| *byte == b'\n');
+            if lines.any(|line| line.starts_with(digits.as_bytes())) {
+                found.present.push(digits.clone());
+            }
+        }
+        recorded = recorded.or(verified.digits);
+        found.chain = verified.chain.clone();
+        before = Some(verified.chain);
+    }
+    let lines = found.chain.lines();
+    let forged = |head: &Head| key.is_some_and(|key| head.mac != head.by(key, vehicle, kind));
+    let fault = match head {
+        Some(head) if forged(head) => Some(Fault::ForgedHead),
+        Some(head) if head.lines > 0 && before.is_none() => Some(Fault::Gone(head.lines)),
+        Some(head) if head.lines > lines => Some(Fault::Short {
+            lines,
+            recorded: head.lines,
+        }),
+        Some(head) if head.lines > 0 && recorded.as_ref() != Some(&head.digits) => {
+            Some(Fault::Replaced(head.lines))
+        }
+        None if found.chain.keyed().is_some() && kind == Kind::Control => Some(Fault::NoHead),
+        _ => None,
+    };
+    if let Some(fault) = fault {
+        found.findings.push(Finding { file: name, fault });
+    }
+    Ok(found)
+}
+
+/// One of the logs, as it is written.
+#[derive(Debug)]
+pub(super) struct Trail {
+    kind: Kind,
+    chain: Chain,
+    /// Length of the file that is being written; 0 before its first line.
+    bytes: usize,
+}
+
+impl Trail {
+    pub(super) fn new(kind: Kind) -> Trail {
+        Trail {
+            kind,
+            chain: Chain::default(),
+            bytes: 0,
+        }
+    }
+
+    /// Continues what was found, and closes lines that a crash has cut off.
+    ///
+    /// # Errors
+    /// A line cannot be closed.
+    pub(super) fn restore(
+        &mut self,
+        found: &Examined,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        for file in &found.torn {
+            // So that the next line is a line.
+            disk.append(file, b"\n", Durability::Power)?;
+        }
+        self.chain.clone_from(&found.chain);
+        self.bytes = found.bytes;
+        Ok(())
+    }
+
+    /// For the record; without a key it would prove nothing.
+    pub(super) fn head(&self, vehicle: Id, key: Option<&AuditKey>) -> Option<Head> {
+        key.map(|key| Head::of(&self.chain, vehicle, self.kind, key))
+    }
+
+    /// The log is one of an earlier version, and the next line begins to bind it by the key.
+    pub(super) fn begins_to_be_keyed(&self, key: Option<&AuditKey>) -> bool {
+        key.is_some() && self.chain.lines() > 0 && self.chain.keyed().is_none()
+    }
+
+    /// Writes one line, and before it those that begin a file or the use of a key.
+    ///
+    /// # Errors
+    /// It is not written.
+    pub(super) fn write(
+        &mut self,
+        entry: &Entry,
+        durability: Durability,
+        at: &Place<'_>,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        if self.bytes >= MAX_BYTES {
+            disk.rotate(&self.kind.file(at.vehicle), MAX_FILES)?;
+            self.bytes = 0;
+        }
+        let own = at.key.map(AuditKey::id);
+        let is_own = self.chain.keyed() == own.as_deref();
+        // After a rotation, and after a start that found rotated logs only: bound as the line before it is.
+        if self.bytes == 0 && self.chain.lines() > 0 && (is_own || self.chain.keyed().is_none()) {
+            let key = at.key.filter(|_| self.chain.keyed().is_some());
+            let as_before = Place { key, ..*at };
+            self.write_line(&Entry::Continued, Durability::Power, &as_before, disk)?;
+        }
+        if at.key.is_some() && !is_own {
+            self.write_line(&Entry::Keyed, Durability::Power, at, disk)?;
+        }
+        self.write_line(entry, durability, at, disk)
+    }
+
+    fn write_line(
+        &mut self,
+        entry: &Entry,
+        durability: Durability,
+        at: &Place<'_>,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        let (chain, line) = self.chain.extended(at.key, at.wall, at.vehicle, entry);
+        let file = self.kind.file(at.vehicle);
+        disk.append(&file, line.as_bytes(), durability)?;
+        // Only once the line is written: a failed write leaves no gap in the chain.
+        self.chain = chain;
+        self.bytes += line.len();
+        Ok(())
+    }
+}
+
+/// What every line names or is bound by.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub(super) vehicle: Id,
+    /// Since 1970.
+    pub(super) wall: Duration,
+    pub(super) key: Option<&'a AuditKey>,
+}
+
+/// Changes of monitors that are counted until their line is due.
+#[derive(Debug, Default)]
+pub(super) struct Repetitions {
+    of: BTreeMap<Id, Repeated>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Repeated {
+    /// Until then changes are counted.
+    until: Duration,
+    gained: u32,
+    lost: u32,
+}
+
+impl Repetitions {
+    /// Whether a change is counted instead of written.
+    pub(super) fn count(&mut self, change: &Change, now: Duration) -> bool {
+        let Some(repeated) = station(change).and_then(|id| self.of.get_mut(&id)) else {
+            return false;
+        };
+        // One whose line is due is counted in that line.
+        if repeated.until <= now && !repeated.is_pending() {
+            return false;
+        }
+        repeated.gained = repeated
+            .gained
+            .saturating_add(u32::from(change.to.is_some()));
+        repeated.lost = repeated
+            .lost
+            .saturating_add(u32::from(change.from.is_some()));
+        true
+    }
+
+    /// A line about the station was written: what follows it is counted.
+    pub(super) fn written(&mut self, change: &Change, now: Duration) {
+        if let Some(id) = station(change) {
+            let repeated = Repeated {
+                until: now + COALESCED,
+                gained: 0,
+                lost: 0,
+            };
+            self.of.insert(id, repeated);
+        }
+    }
+
+    /// A line that is due; it is counted again where it could not be written ([`Repetitions::failed`]).
+    pub(super) fn due(&mut self, now: Duration) -> Option<Entry> {
+        let mut all = self.of.iter_mut();
+        let (id, repeated) = all.find(|(_, one)| one.until <= now && one.is_pending())?;
+        let entry = Entry::Repeated {
+            station: *id,
+            gained: std::mem::take(&mut repeated.gained),
+            lost: std::mem::take(&mut repeated.lost),
+        };
+        // One that goes on has a line in each such time.
+        repeated.until = now + COALESCED;
+        Some(entry)
+    }
+
+    pub(super) fn failed(&mut self, entry: &Entry) {
+        if let Entry::Repeated {
+            station,
+            gained,
+            lost,
+        } = entry
+            && let Some(repeated) = self.of.get_mut(station)
+        {
+            repeated.gained = repeated.gained.saturating_add(*gained);
+            repeated.lost = repeated.lost.saturating_add(*lost);
+        }
+    }
+
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        let pending = self.of.values().filter(|one| one.is_pending());
+        pending.map(|one| one.until).min()
+    }
+}
+
+impl Repeated {
+    fn is_pending(&self) -> bool {
+        self.gained > 0 || self.lost > 0
+    }
+}
+
+/// Whom a change of monitors is about.
+fn station(change: &Change) -> Option<Id> {
+    change.to.or(change.from)
+}
+
+/// Changes of one monitor within this time are one line.
+const COALESCED: Duration = Duration::from_secs(10);
+/// A log of this length is put aside.
+const MAX_BYTES: usize = 1 << 20;
+/// Files that are kept beside the one that is written, some four thousand lines each.
+pub(crate) const MAX_FILES: u32 = 8;

@@ -1,0 +1,112 @@
+//! `vsm audit` on a real store: verifies, names what is wrong by its exit status too, and prints the logs.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use kit::process::program;
+use mavlink_link::Now;
+use vsm::config::Config;
+use vsm::session::{AuditKey, Bridge, LinkEnd};
+use vsm::shell::disk::FileDisk;
+use vsm::shell::key_file::system_random;
+
+const CONFIG: &str = r#"
+[dli]
+vsm_id = "1b:00:00:01"
+listen = "127.0.0.1:4586"
+[[vehicle]]
+id = "1b:00:01:01"
+link = "udpin:127.0.0.1:14550"
+system_id = 1
+signing = "off"
+[store]
+dir = "state"
+"#;
+
+/// A start of the bridge: one line, `started`.
+fn start(folder: &Path) {
+    let config = Config::parse(CONFIG, folder).unwrap();
+    let mut disk = FileDisk::open(&folder.join("state")).unwrap();
+    AuditKey::load_or_make(&mut disk, &mut system_random).unwrap();
+    let now = Now {
+        mono: Duration::ZERO,
+        wall: Duration::from_secs(1_795_219_200),
+    };
+    let end = LinkEnd {
+        key: None,
+        peer: None,
+    };
+    Bridge::new(&config, vec![end], now, Duration::ZERO, &mut disk).unwrap();
+}
+
+/// Its exit status, and what it prints.
+fn audit(folder: &Path, arguments: &[&str]) -> (i32, String) {
+    let mut command = Command::new(program("vsm"));
+    command.arg("audit").args(arguments).arg("--config");
+    let done = command.arg(folder.join("vsm.toml")).output().unwrap();
+    let text = String::from_utf8(done.stdout).unwrap();
+    (done.status.code().unwrap(), text)
+}
+
+#[test]
+fn the_audit_logs_are_verified_and_printed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, log) = (folder.path(), "state/audit-1b000101.log");
+    fs::write(folder.join("vsm.toml"), CONFIG).unwrap();
+    start(folder);
+    let key = fs::metadata(folder.join("state/audit.key")).unwrap();
+    assert_eq!(key.permissions().mode() & 0o777, 0o600);
+    let (status, text) = audit(folder, &["verify"]);
+    assert_eq!(status, 0, "{text}");
+    let head = text
+        .lines()
+        .find_map(|line| line.rsplit_once("head "))
+        .unwrap()
+        .1
+        .to_owned();
+    let earlier = fs::read(folder.join(log)).unwrap();
+    let record = fs::read(folder.join("state/authority-1b000101.json")).unwrap();
+    start(folder);
+    let (status, text) = audit(folder, &["verify", "--head", &head]);
+    assert_eq!(status, 0, "{text}");
+    let head = text
+        .lines()
+        .find_map(|line| line.rsplit_once("head "))
+        .unwrap()
+        .1
+        .to_owned();
+
+    let (status, json) = audit(folder, &["export"]);
+    assert_eq!((status, json.lines().count()), (0, 3), "{json}");
+    let row: serde_json::Value = serde_json::from_str(json.lines().last().unwrap()).unwrap();
+    assert_eq!(
+        (&row["what"], &row["log"]),
+        (&"started".into(), &"control".into())
+    );
+    let (_, csv) = audit(
+        folder,
+        &["export", "--format", "csv", "--vehicle", "1b:00:01:01"],
+    );
+    assert!(csv.starts_with("log,line,time_ms,vehicle,what,"), "{csv}");
+    assert_eq!(csv.lines().count(), 4);
+
+    // An older copy of the log, then of the whole folder: the latter is known by a head that was kept elsewhere.
+    fs::write(folder.join(log), &earlier).unwrap();
+    let (status, text) = audit(folder, &["verify"]);
+    assert_eq!(status, 1);
+    assert!(text.contains("it is an older copy"), "{text}");
+    fs::write(folder.join("state/authority-1b000101.json"), record).unwrap();
+    assert_eq!(audit(folder, &["verify"]).0, 0);
+    let (status, text) = audit(folder, &["verify", "--head", &head]);
+    assert!(
+        status == 1 && text.contains("no log has the line"),
+        "{text}"
+    );
+    fs::remove_file(folder.join(log)).unwrap();
+    let (status, text) = audit(folder, &["verify"]);
+    assert!(status == 1 && text.contains("is deleted"), "{text}");
+    assert_eq!(audit(folder, &["verify", "--head", "12"]).0, 2);
+}
