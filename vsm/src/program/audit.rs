@@ -20,7 +20,7 @@ pub(crate) enum Action {
         /// Find the store by this configuration
         #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
         config: PathBuf,
-        /// Expect a line with these 64 digits, as an earlier verification has reported them
+        /// Expect a line with these 64 digits, reported by an earlier verification; faults recorded before it are known
         #[arg(long, value_name = "DIGITS", value_parser = digits)]
         head: Vec<String>,
     },
@@ -66,7 +66,11 @@ fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
         let logs = examine_audit(vehicle.id, heads, &disk).map_err(failed)?;
         for log in logs {
             let name = log.kind.name();
-            absent.retain(|head| !log.present.contains(head));
+            let present = |head: &String| log.present.iter().find(|(digits, _)| digits == head);
+            absent.retain(|head| present(head).is_none());
+            // Whoever has kept the digits of a line knows what was found before it.
+            let known = heads.iter().filter_map(present).map(|(_, line)| *line);
+            let known = known.max().unwrap_or(0);
             text += &match (log.chain.lines(), log.findings.len()) {
                 (0, 0) => format!("vehicle {} {name}: no line\n", vehicle.id),
                 (lines, 0) => format!(
@@ -88,6 +92,10 @@ fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
             for finding in &log.findings {
                 faults += 1;
                 text += &format!("  {finding}\n");
+            }
+            for (line, fault) in &log.faults {
+                faults += usize::from(*line > known);
+                text += &format!("  line {line}: a start of the VSM found: {fault}\n");
             }
         }
     }

@@ -27,7 +27,7 @@ use std::time::Duration;
 
 use mavlink_link::store::{Disk, Durability, StoreError};
 use sha2::{Digest as _, Sha256};
-use stanag_msgs::enums::{AckType, AreaPlanMode, MissionPlanMode};
+use stanag_msgs::enums::{AckType, AreaPlanMode, MissionPlanMode, RequestedAccess};
 use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Id, Message, TimeStamp};
 
@@ -292,6 +292,9 @@ pub(crate) struct Seen {
     pub(crate) mode: u8,
     /// What it was answered last.
     pub(crate) answer: Option<AckType>,
+    /// A message 1 that asks, and neither requests nor releases: it may be asked once a second for hours, and must not
+    /// use up the stamps of commands.
+    question: bool,
     /// When it came, and what it is about; none of what was read back after a restart.
     pub(crate) came: Option<(Duration, Option<u64>)>,
 }
@@ -310,6 +313,17 @@ impl Seen {
                 .map_or(0, |mode| mode.raw()),
             _ => 0,
         };
+        let question = match message {
+            Message::CucsAuthorisationRequest(request) => {
+                let levels = request.requested_handover_loi;
+                let releases =
+                    request.requested_handover_access == Some(RequestedAccess::Relinquish);
+                // To everybody it releases only what it names.
+                let to_all = frame.header.destination == Id::BROADCAST;
+                levels.is_none_or(|levels| levels.is_empty()) && (to_all || !releases)
+            }
+            _ => false,
+        };
         Seen {
             digest: Digest::of(frame.bytes),
             stamp,
@@ -318,6 +332,7 @@ impl Seen {
             ack_requested,
             mode,
             answer: None,
+            question,
             came: Some((now, about(message))),
         }
     }
@@ -335,7 +350,7 @@ impl Seen {
     /// Whether a second carrying out would do something: all but questions, heartbeats and the stream of sticks, of
     /// which the next one takes the place of the last.
     pub(crate) fn commands(&self) -> bool {
-        !NO_COMMANDS.contains(&self.message_type)
+        !self.question && !NO_COMMANDS.contains(&self.message_type)
     }
 }
 
@@ -376,7 +391,11 @@ impl Recent {
     /// Remembers a message; the stamps of those that are forgotten for it.
     fn remember(&mut self, new: Seen) -> [Option<TimeStamp>; 2] {
         let now = new.came.map(|(now, _)| now).unwrap_or_default();
-        let ring = self.ring(new.message_type);
+        let ring = if new.commands() {
+            &mut self.commands
+        } else {
+            &mut self.others
+        };
         let mut forgotten = [None; 2];
         // Two, so that a memory that has grown shrinks again.
         for stamp in &mut forgotten {
@@ -401,18 +420,16 @@ impl Recent {
         stamp: TimeStamp,
         answer: AckType,
     ) -> Option<Seen> {
-        let mut latest = self.ring(message_type).iter_mut().rev();
-        let seen = latest.find(|seen| seen.message_type == message_type && seen.stamp == stamp)?;
+        let is_it = |seen: &&mut Seen| seen.message_type == message_type && seen.stamp == stamp;
+        // Streams are no commands; of message 1 there are questions, too.
+        let command = if NO_COMMANDS.contains(&message_type) {
+            None
+        } else {
+            self.commands.iter_mut().rev().find(is_it)
+        };
+        let seen = command.or_else(|| self.others.iter_mut().rev().find(is_it))?;
         seen.answer = Some(answer);
         Some(*seen)
-    }
-
-    fn ring(&mut self, message_type: u16) -> &mut VecDeque<Seen> {
-        if NO_COMMANDS.contains(&message_type) {
-            &mut self.others
-        } else {
-            &mut self.commands
-        }
     }
 }
 
@@ -473,6 +490,7 @@ fn parse_line(line: &str) -> Option<Seen> {
             "-" => None,
             number => Some(AckType::from_raw(number.parse().ok()?)),
         },
+        question: false,
         came: None,
     };
     words.next().is_none().then_some(seen)
@@ -572,6 +590,7 @@ mod tests {
             ack_requested: number % 2 == 1,
             mode: 21,
             answer,
+            question: false,
             came: None,
         }
     }
@@ -673,6 +692,7 @@ mod tests {
                 ack_requested: true,
                 mode: 0,
                 answer: None,
+                question: false,
                 came: None,
             };
             self.recorded.push(new);

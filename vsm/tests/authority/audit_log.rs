@@ -148,7 +148,7 @@ fn hand_over(scene: &mut Scene, times: usize) {
     }
 }
 
-/// What a start finds wrong.
+/// What a start finds wrong, which then is in the log, too.
 fn findings(mut scene: Scene) -> String {
     let before = scene.rig.log.len();
     scene.rig.restart_bridge();
@@ -157,7 +157,14 @@ fn findings(mut scene: Scene) -> String {
         .iter()
         .filter(|entry| entry.text.contains("the audit log"))
         .map(|entry| entry.text.clone());
-    found.collect::<Vec<_>>().join("; ")
+    let found = found.collect::<Vec<_>>().join("; ");
+    let log = String::from_utf8_lossy(&scene.rig.store.records[LOG]).into_owned();
+    assert_eq!(
+        log.contains("\"what\":\"fault\""),
+        !found.is_empty(),
+        "{log}"
+    );
+    found
 }
 
 #[test]

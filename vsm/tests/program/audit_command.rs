@@ -98,6 +98,21 @@ fn the_audit_logs_are_verified_and_printed() {
     let (status, text) = audit(folder, &["verify"]);
     assert_eq!(status, 1);
     assert!(text.contains("it is an older copy"), "{text}");
+    // A start finds it, continues, and leaves that in the log.
+    start(folder);
+    let (status, text) = audit(folder, &["verify"]);
+    assert!(
+        status == 1 && text.contains("line 3: a start of the VSM found"),
+        "{text}"
+    );
+    let seen = text
+        .lines()
+        .find_map(|line| line.rsplit_once("head "))
+        .unwrap()
+        .1
+        .to_owned();
+    assert_eq!(audit(folder, &["verify", "--head", &seen]).0, 0);
+    fs::write(folder.join(log), &earlier).unwrap();
     fs::write(folder.join("state/authority-1b000101.json"), record).unwrap();
     assert_eq!(audit(folder, &["verify"]).0, 0);
     let (status, text) = audit(folder, &["verify", "--head", &head]);

@@ -126,6 +126,8 @@ pub enum Entry {
     Continued,
     /// From this line on the chain is bound by a key.
     Keyed,
+    /// A start has found this wrong with the logs: without this line the next start would find them whole again.
+    Fault(String),
     /// A station has taken and given up rights that command no aircraft so often since the line before about it.
     Repeated {
         /// The station.
@@ -150,6 +152,8 @@ pub struct Verified {
     pub torn: bool,
     /// Lines that are bound by a key that is not at hand: the id of the first such key. They were not verified.
     pub other_key: Option<String>,
+    /// What earlier starts have found wrong: the number of the line that says so, and what.
+    pub faults: Vec<(u64, String)>,
     /// The digits of the line with the number that was asked for, where it is in this log.
     pub digits: Option<String>,
 }
@@ -178,6 +182,7 @@ struct First {
     what: String,
     after: Option<String>,
     key: Option<String>,
+    why: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -293,6 +298,10 @@ impl Chain {
                 line.what = KEYED;
                 line.key = id.as_deref();
             }
+            Entry::Fault(why) => {
+                line.what = FAULT;
+                line.why = Some(why.clone());
+            }
             Entry::Repeated {
                 station,
                 gained,
@@ -323,6 +332,7 @@ impl Chain {
         let follows = Chain::before(bytes);
         let mut chain = follows.clone();
         let (mut broken, mut other_key, mut wanted_digits) = (None, None, None);
+        let mut faults = Vec::new();
         let torn = bytes.last().is_some_and(|byte| *byte != b'\n');
         let mut lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').collect();
         // After the last line feed there is nothing, or what a crash has cut off: no line yet.
@@ -347,7 +357,14 @@ impl Chain {
             let fits = line
                 .filter(|(digits, object)| unknown || hash(key, &chain.last, object) == *digits);
             match fits {
-                Some((digits, _)) => digits.clone_into(&mut chain.last),
+                Some((digits, object)) => {
+                    digits.clone_into(&mut chain.last);
+                    if object.contains(FAULT_LINE)
+                        && let Ok(First { why: Some(why), .. }) = serde_json::from_str(object)
+                    {
+                        faults.push((chain.lines + 1, why));
+                    }
+                }
                 // What a crash has cut off was closed by the next start, and is no line of the chain.
                 None if is_torn(bytes) => continue,
                 // Counted as a line all the same: the log continues with the number after it.
@@ -373,6 +390,7 @@ impl Chain {
             broken,
             torn,
             other_key,
+            faults,
             digits: wanted_digits,
         }
     }
@@ -421,6 +439,8 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+const FAULT: &str = "fault";
+const FAULT_LINE: &str = "\"what\":\"fault\"";
 const KEYED: &str = "keyed";
 const KEYED_LINE: &str = "\"what\":\"keyed\"";
 const AUDIT_KEY: &str = "audit.key";

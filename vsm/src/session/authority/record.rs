@@ -211,11 +211,13 @@ impl AuthorityRecord {
         self.key = AuditKey::load(effects.disk())?;
         let stored = effects.disk().load::<Stored>(&vehicle)?;
         let (control, monitors) = stored.map_or((None, None), |one| (one.audit, one.monitors));
+        let mut faults = Vec::new();
         for (kind, head) in [(Kind::Control, control), (Kind::Monitors, monitors)] {
             let key = self.key.as_ref();
             let found = trail::examine(kind, vehicle, key, head.as_ref(), &[], effects.disk())?;
             for finding in &found.findings {
                 effects.warn(Cause::Audit, format!("the audit log {finding}"));
+                faults.push(Entry::Fault(finding.to_string()));
             }
             let trail = match kind {
                 Kind::Control => &mut self.control,
@@ -231,6 +233,9 @@ impl AuthorityRecord {
         }
         let started = Entry::Started(rights.holders().collect());
         let power = Durability::Power;
+        for fault in &faults {
+            self.write_audit(Kind::Control, fault, power, context, effects)?;
+        }
         self.write_audit(Kind::Control, &started, power, context, effects)?;
         match self.key {
             // So that this line cannot be cut off either.

@@ -165,8 +165,10 @@ pub(crate) struct Examined {
     /// Where to continue.
     pub(crate) chain: Chain,
     pub(crate) findings: Vec<Finding>,
-    /// Of the lines that were asked for by their digits, those that are there.
-    pub(crate) present: Vec<String>,
+    /// Of the lines that were asked for by their digits, those that are there, with their numbers.
+    pub(crate) present: Vec<(String, u64)>,
+    /// What earlier starts have found: the number of the line that says so, and what.
+    pub(crate) faults: Vec<(u64, String)>,
     /// Length of the file that is being written.
     pub(super) bytes: usize,
     /// Files whose last line has no end.
@@ -192,6 +194,7 @@ pub(crate) fn examine(
         chain: Chain::default(),
         findings: Vec::new(),
         present: Vec::new(),
+        faults: Vec::new(),
         bytes: 0,
         torn: Vec::new(),
     };
@@ -226,12 +229,16 @@ pub(crate) fn examine(
         if number == 0 {
             found.bytes = bytes.len();
         }
-        for digits in digits {
-            let mut lines = bytes.split(|byte| *byte == b'\n');
-            if lines.any(|line| line.starts_with(digits.as_bytes())) {
-                found.present.push(digits.clone());
-            }
+        let lines = bytes.split(|byte| *byte == b'\n');
+        for (line, number) in lines.zip(verified.follows.lines() + 1..) {
+            let looked_for = digits
+                .iter()
+                .find(|digits| line.starts_with(digits.as_bytes()));
+            found
+                .present
+                .extend(looked_for.map(|digits| (digits.clone(), number)));
         }
+        found.faults.extend(verified.faults);
         recorded = recorded.or(verified.digits);
         found.chain = verified.chain.clone();
         before = Some(verified.chain);
