@@ -63,7 +63,8 @@ pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
         &control(version, &architecture),
         PLAIN,
     )?;
-    put(&tree, "DEBIAN/conffiles", "/etc/vsm/vsm.toml\n", PLAIN)?;
+    let own = "/etc/vsm/vsm.toml\n/etc/vsm/airside.toml\n";
+    put(&tree, "DEBIAN/conffiles", own, PLAIN)?;
     let package = out.join(format!("vsm_{version}_{architecture}.deb"));
     let mut pack = Command::new("dpkg-deb");
     pack.args(["--root-owner-group", "--build"]);
@@ -144,17 +145,23 @@ fn control(version: &str, architecture: &str) -> String {
 }
 
 const PROGRAMS: [&str; 4] = ["vsm", "cucs", "px4-sim", "curve-plan"];
-const FILES: [(&str, &str); 6] = [
+const FILES: [(&str, &str); 9] = [
     (
         "packaging/vsm.service",
         "usr/lib/systemd/system/vsm.service",
     ),
+    (
+        "packaging/vsm-airside.service",
+        "usr/lib/systemd/system/vsm-airside.service",
+    ),
     ("packaging/vsm.toml", "etc/vsm/vsm.toml"),
+    ("packaging/airside.toml", "etc/vsm/airside.toml"),
     (
         "packaging/wireshark/stanag4586.lua",
         "usr/share/vsm/stanag4586.lua",
     ),
     ("README.md", "usr/share/doc/vsm/README.md"),
+    ("SECURITY.md", "usr/share/doc/vsm/SECURITY.md"),
     ("LICENSE-MIT", "usr/share/doc/vsm/LICENSE-MIT"),
     ("LICENSE-APACHE", "usr/share/doc/vsm/LICENSE-APACHE"),
 ];

@@ -12,6 +12,7 @@ mod fuzz;
 mod licences;
 mod metrics;
 mod peers;
+mod sbom;
 mod steps;
 mod tests;
 
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
         "bench" => bench::run(&mut steps),
         "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
+        "sbom" => sbom::write().map(|list| eprintln!("{}", list.display())),
         "metrics" => metrics::run(),
         "unused" => dependencies::check(),
         "man" => manual(&mut steps),
@@ -72,6 +74,7 @@ usage: cargo xtask TASK
   bench   run every bench, the C library and pymavlink for comparison; print the figures as Markdown
   fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: pack the programs of DIR; --out DIR
+  sbom    write target/vsm.cdx.json, the CycloneDX list of what the flight binary is made of; --out FILE: elsewhere
   man     write manual pages and completions of bash, zsh and fish to target/man; --out DIR: elsewhere
   metrics print code sizes, module cycles, test binaries and words to replace; --root DIR, --edges, --check
   unused  list the dependencies that are declared and not used

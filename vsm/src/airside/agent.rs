@@ -11,6 +11,7 @@ use super::exchange::Exchange;
 use super::fallback::Fallback;
 use super::output::Reports;
 use super::phase::Phase;
+use super::policy::RelayPolicy;
 use super::relay::Relay;
 use super::watch::Watch;
 use crate::session::Peer;
@@ -28,6 +29,8 @@ pub struct Settings {
     pub own_link_id: u8,
     /// Who may speak to PX4, the VSM first; at most [`AllowedStreams::MAX`](mavlink_link::receiver::AllowedStreams::MAX).
     pub talkers: Vec<Stream>,
+    /// What they may ask of PX4.
+    pub policy: RelayPolicy,
     /// Where the ground is, where that is known.
     pub radio: Endpoint<Peer>,
     /// Where PX4 is, where that is known.

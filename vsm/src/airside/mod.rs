@@ -13,7 +13,10 @@
 //!
 //! What the promise against replays after PX4's restart is worth hangs on PX4 having no other radio.
 //!
-//! From the bottom up: `phase` is how it stands with PX4's key, `keys` its disk, `output` what it gives out. The parts
+//! - What the ground may ask of PX4 is a list of the agent's own ([`RelayPolicy`]), so that a captured ground station does not own
+//!   the vehicle's shell, files and failsafes.
+//!
+//! From the bottom up: `policy` is what the ground may ask, `phase` how it stands with PX4's key, `keys` its disk, `output` what it gives out. The parts
 //! `watch`, `relay`, `fallback` and `exchange` know no sibling; `agent` is the struct that has them all. Above it,
 //! `key_install` takes a key to PX4, `transmit` chooses the next frame, `start` begins; this file is the router.
 
@@ -24,6 +27,7 @@ mod key_install;
 mod keys;
 mod output;
 mod phase;
+mod policy;
 mod relay;
 mod start;
 mod status;
@@ -34,6 +38,7 @@ pub use agent::{Agent, Settings};
 pub use exchange::PairingNews;
 pub use keys::{Held, Keys};
 pub use output::{Note, Side, Transmit};
+pub use policy::RelayPolicy;
 pub use start::AgentError;
 pub use status::{AirsideStatus, SideStatus};
 
@@ -88,10 +93,11 @@ impl Agent {
     ) {
         let closed = self.phase.is_closed(now.mono, self.px4.accepted_at());
         let to = self.px4.peer();
+        let disarmed = self.watch.is_disarmed(now.mono);
         let auth = self.phase.ground_auth(keys);
         self.radio
             .handle_datagram(now, from, bytes, auth, &mut |delivery| {
-                self.relay.pass_to_px4(&delivery, to, closed);
+                self.relay.pass_to_px4(&delivery, to, closed, disarmed);
             });
         while let Some(event) = self.radio.poll_event() {
             match event {
@@ -290,6 +296,8 @@ impl Agent {
             to_px4: self.relay.to_px4,
             to_ground: self.relay.to_ground,
             held_back: self.relay.held_back.clone(),
+            denied_messages: self.relay.denied_messages.clone(),
+            denied_commands: self.relay.denied_commands.clone(),
             identity: self.identity.to_string(),
             ground: self
                 .exchange

@@ -11,8 +11,9 @@ use mavlink_link::frame::{FrameView, MAX_FRAME, SETUP_SIGNING_ID};
 use mavlink_link::link::Delivery;
 
 use super::output::{Side, Transmit};
+use super::policy::{Denied, RelayPolicy};
 use super::watch::Watch;
-use crate::session::{Counters, Peer};
+use crate::session::{ByType, Counters, Peer};
 
 /// A frame on its way through, as it came.
 #[derive(Debug)]
@@ -28,16 +29,23 @@ pub(super) struct Relay {
     queue: VecDeque<Relayed>,
     buffer: BytesMut,
     pub(super) held_back: Counters,
+    /// Of those that the policy keeps from PX4: messages and commands by their numbers.
+    pub(super) denied_messages: ByType,
+    pub(super) denied_commands: ByType,
+    policy: RelayPolicy,
     pub(super) to_px4: u64,
     pub(super) to_ground: u64,
 }
 
-impl Default for Relay {
-    fn default() -> Relay {
+impl Relay {
+    pub(super) fn new(policy: RelayPolicy) -> Relay {
         Relay {
             queue: VecDeque::new(),
             buffer: BytesMut::with_capacity(BUFFER_BYTES),
             held_back: Counters::default(),
+            denied_messages: ByType::default(),
+            denied_commands: ByType::default(),
+            policy,
             to_px4: 0,
             to_ground: 0,
         }
@@ -52,20 +60,37 @@ pub(super) struct Mark {
 }
 
 impl Relay {
-    /// A frame of the ground. `closed`: PX4 does not sign, and would carry out anybody's command.
-    pub(super) fn pass_to_px4(&mut self, delivery: &Delivery<'_>, px4: Option<Peer>, closed: bool) {
+    /// A frame of the ground. `closed`: PX4 does not sign, and would carry out anybody's command. `disarmed`: it has just
+    /// reported that it is.
+    pub(super) fn pass_to_px4(
+        &mut self,
+        delivery: &Delivery<'_>,
+        px4: Option<Peer>,
+        closed: bool,
+        disarmed: bool,
+    ) {
         let why = match px4 {
             _ if !delivery.verified => "unsigned",
             // Even if validly signed: PX4 takes a key from any link and checks no target, so only the agent sends one.
             _ if delivery.header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from the ground",
             _ if closed => "PX4 is not heard, signed",
             None => "PX4 has not been heard",
-            Some(to) => match self.enqueue(Side::Px4, to, delivery.frame.as_bytes()) {
-                true => {
+            Some(to) => match self.policy.check(&delivery.frame, disarmed) {
+                Err(denied) => {
+                    match denied {
+                        Denied::Message(id) => self.denied_messages.count(id),
+                        Denied::Command(command) | Denied::InFlight(command) => {
+                            self.denied_commands.count(command.into());
+                        }
+                        Denied::ForcedDisarm | Denied::Parameter(_) => {}
+                    }
+                    denied.name()
+                }
+                Ok(()) if self.enqueue(Side::Px4, to, delivery.frame.as_bytes()) => {
                     self.to_px4 += 1;
                     return;
                 }
-                false => "too much at once",
+                Ok(()) => "too much at once",
             },
         };
         self.held_back.count(why);
@@ -148,7 +173,7 @@ mod tests {
 
     #[test]
     fn a_relay_that_keeps_up_reuses_its_buffer() {
-        let mut relay = Relay::default();
+        let mut relay = Relay::new(RelayPolicy::default());
         let first = relay.buffer.as_ptr() as usize;
         for round in 0..2_000_u32 {
             let frame = [round as u8; 200];

@@ -111,7 +111,7 @@ impl Agent {
             phase: Phase::Keyless,
             fallback: Fallback::default(),
             watch: Watch::default(),
-            relay: Relay::default(),
+            relay: Relay::new(settings.policy.clone()),
             reports: Reports::default(),
             settings,
         };

@@ -6,7 +6,7 @@ use std::time::Duration;
 use mavlink_link::link::Link;
 use serde::Serialize;
 
-use crate::session::{Counters, Peer, link_state_name};
+use crate::session::{ByType, Counters, Peer, link_state_name};
 
 /// The whole agent.
 #[derive(Debug, Clone, Serialize)]
@@ -28,6 +28,10 @@ pub struct AirsideStatus {
     pub to_ground: u64,
     /// Verified frames not passed on all the same, by the reason.
     pub held_back: Counters,
+    /// Messages that the ground may not send to PX4, by their ids.
+    pub denied_messages: ByType,
+    /// Commands that it may not give, by their numbers.
+    pub denied_commands: ByType,
     /// The fingerprint of the agent's own static key.
     pub identity: String,
     /// That of the ground's, once paired.

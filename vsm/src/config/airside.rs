@@ -21,8 +21,23 @@ pub struct AirsideConfig {
     pub radio: Spanned<Radio>,
     /// The link to PX4.
     pub px4: Spanned<Px4>,
+    /// What the ground may ask of PX4.
+    #[serde(default)]
+    pub relay: Relay,
     /// Where state lives that must survive a restart.
     pub store: Store,
+}
+
+/// `[relay]`: what passes from the radio to PX4, each list in place of its default, which is what the bridge itself sends.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Relay {
+    /// MAVLink message ids.
+    pub messages: Option<Vec<u32>>,
+    /// Commands of COMMAND_LONG and COMMAND_INT, by their numbers.
+    pub commands: Option<Vec<u16>>,
+    /// Parameters that are not written; `*` stands for any characters.
+    pub protected_parameters: Option<Vec<String>>,
 }
 
 /// `[agent]`

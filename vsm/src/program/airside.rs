@@ -148,5 +148,7 @@ fn readable(of: &Value) -> String {
         of["to_px4"], of["to_ground"]
     );
     text += &status::counts("  verified and held back: ", &of["held_back"]);
+    text += &status::counts("    messages by id: ", &of["denied_messages"]);
+    text += &status::counts("    commands by number: ", &of["denied_commands"]);
     text
 }

@@ -27,8 +27,10 @@ use super::service;
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
 use super::tasks::TaskFault;
-use crate::airside::{Agent, AgentError, AirsideStatus, Held, PairingNews, Settings, Side};
-use crate::config::airside::AirsideConfig;
+use crate::airside::{
+    Agent, AgentError, AirsideStatus, Held, PairingNews, RelayPolicy, Settings, Side,
+};
+use crate::config::airside::{AirsideConfig, Relay};
 use crate::key_exchange::{self, ExchangeRecord};
 use crate::session::{LogLevel, Peer};
 use mavlink_link::store::StoreError;
@@ -119,6 +121,7 @@ impl AirsideServer {
             own_component: own.component_id,
             own_link_id: own.link_id,
             talkers: radio.talkers.iter().copied().map(Stream::from).collect(),
+            policy: policy(&config.relay),
             radio: endpoint(ground),
             px4: endpoint(autopilot),
             restamp: px4.restamp,
@@ -304,6 +307,20 @@ impl AirsideServer {
             }
         }
         Ok(())
+    }
+}
+
+fn policy(lists: &Relay) -> RelayPolicy {
+    let bridge = RelayPolicy::default();
+    let Relay {
+        messages,
+        commands,
+        protected_parameters,
+    } = lists.clone();
+    RelayPolicy {
+        messages: messages.unwrap_or(bridge.messages),
+        commands: commands.unwrap_or(bridge.commands),
+        protected_parameters: protected_parameters.unwrap_or(bridge.protected_parameters),
     }
 }
 

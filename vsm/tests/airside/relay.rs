@@ -1,6 +1,6 @@
 //! The air-side agent as a relay: what passes, byte by byte, and each thing that does not.
 
-use crate::world::{GROUND, STRANGER, VSM, World, at, encoded, frame, key};
+use crate::world::{Disk, GROUND, STRANGER, VSM, World, at, encoded, frame, key, settings};
 use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
@@ -257,4 +257,102 @@ fn a_disk_that_is_full_lets_nothing_pass_beyond_the_stored_ceiling() {
     let now = world.now;
     let bytes = world.ground.as_mut().unwrap().frame(now, &command());
     assert!(world.passes(GROUND, &bytes));
+}
+
+/// A frame of the VSM, validly signed.
+fn signed(world: &mut World, id: u32, payload: &[u8]) -> Vec<u8> {
+    let now = world.now;
+    let stamp = world.ground.as_mut().unwrap().stamp(now);
+    frame(VSM, id, payload, Some((&key(5), stamp)))
+}
+
+fn command_frame(world: &mut World, id: u32, command: u16, param2: f32) -> Vec<u8> {
+    let mut payload = [1; 33];
+    payload[4..8].copy_from_slice(&param2.to_le_bytes());
+    payload[28..30].copy_from_slice(&command.to_le_bytes());
+    signed(world, id, &payload)
+}
+
+fn write_of(world: &mut World, name: &str) -> Vec<u8> {
+    let mut payload = [0; 23];
+    payload[4..6].copy_from_slice(&[1, 1]);
+    payload[6..6 + name.len()].copy_from_slice(name.as_bytes());
+    signed(world, 23, &payload)
+}
+
+#[test]
+fn a_captured_ground_station_reaches_no_shell_no_files_and_no_failsafe() {
+    let mut world = World::live();
+    // SERIAL_CONTROL, FILE_TRANSFER_PROTOCOL, ENCAPSULATED_DATA, LOG_ERASE, TUNNEL, PARAM_EXT_SET.
+    for id in [126, 110, 131, 121, 385, 323] {
+        let bytes = signed(&mut world, id, &[1; 20]);
+        assert!(!world.passes(GROUND, &bytes), "{id}");
+    }
+    assert_eq!(world.held_back("message not allowed (relay.messages)"), 6);
+    // Reboot, storage, DO_FLIGHTTERMINATION, DO_SET_ACTUATOR, motor test, in both forms.
+    for command in [246, 245, 185, 187, 209] {
+        for id in [75, 76] {
+            let bytes = command_frame(&mut world, id, command, 0.0);
+            assert!(!world.passes(GROUND, &bytes), "{command}");
+        }
+    }
+    assert_eq!(world.held_back("command not allowed (relay.commands)"), 10);
+    // The motors are not stopped in flight by force.
+    for param2 in [21_196.0, f32::NAN, 1.0] {
+        let bytes = command_frame(&mut world, 76, 400, param2);
+        assert!(!world.passes(GROUND, &bytes), "{param2}");
+    }
+    for name in [
+        "COM_DL_LOSS_T",
+        "NAV_DLL_ACT",
+        "NAV_RCL_ACT",
+        "GF_ACTION",
+        "CBRK_FLIGHTTERM",
+        "MAV_SIGN_CFG",
+        "MAV_2_CONFIG",
+        "COM_ARM_WO_GPS",
+    ] {
+        let bytes = write_of(&mut world, name);
+        assert!(!world.passes(GROUND, &bytes), "{name}");
+    }
+    let protected = "parameter protected (relay.protected_parameters)";
+    assert_eq!(world.held_back(protected), 8);
+    let status = world.agent.status(String::new(), world.now.mono);
+    let messages: Vec<_> = status.denied_messages.iter().collect();
+    assert!(
+        messages.contains(&(126, 1)) && messages.contains(&(110, 1)),
+        "{messages:?}"
+    );
+    assert!(
+        status
+            .denied_commands
+            .iter()
+            .any(|(command, count)| (command, count) == (246, 2))
+    );
+
+    // What the bridge sends passes.
+    for command in [22, 34, 176, 178, 192, 400, 511, 512, 32_100] {
+        let bytes = command_frame(&mut world, 76, command, 0.0);
+        assert!(world.passes(GROUND, &bytes), "{command}");
+    }
+    for name in ["MPC_XY_CRUISE", "NAV_LOITER_RAD", "MIS_TAKEOFF_ALT"] {
+        let bytes = write_of(&mut world, name);
+        assert!(world.passes(GROUND, &bytes), "{name}");
+    }
+}
+
+#[test]
+fn a_reboot_that_is_on_the_list_passes_only_while_px4_reports_that_it_is_disarmed() {
+    let mut settings = settings();
+    settings.policy.commands.push(246);
+    let disk = Disk::with(Some(key(5)));
+    let mut world = World::with(settings, disk, Signing::with_key(key(5), 0));
+    world.run(3.0);
+    let bytes = command_frame(&mut world, 76, 246, 0.0);
+    assert!(world.passes(GROUND, &bytes), "on the ground");
+    // PX4 falls silent: whether it is armed is not known any more.
+    world.px4_connected = false;
+    world.run(2.0);
+    let bytes = command_frame(&mut world, 76, 246, 0.0);
+    assert!(!world.passes(GROUND, &bytes));
 }

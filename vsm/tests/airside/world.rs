@@ -15,7 +15,7 @@ use mavlink_link::receiver::{KeyState, Stream};
 use mavlink_link::signing::{SigningKey, Stamp, sign};
 use mavlink_link::store::{MemoryDisk, StoreError};
 use px4_sim::{Autopilot, Config, Signing};
-use vsm::airside::{Agent, Held, Keys, Settings, Side, Transmit};
+use vsm::airside::{Agent, Held, Keys, RelayPolicy, Settings, Side, Transmit};
 use vsm::session::Peer;
 
 pub(crate) fn key(byte: u8) -> SigningKey {
@@ -249,6 +249,7 @@ pub(crate) fn settings() -> Settings {
         own_component: 191,
         own_link_id: 0,
         talkers: vec![VSM],
+        policy: RelayPolicy::default(),
         radio: Endpoint::Listen,
         px4: Endpoint::Fixed(at(PX4)),
         restamp: false,

@@ -80,19 +80,27 @@ fn the_package_unpacks_and_its_programs_run() {
         .arg("check-config")
         .arg(&config));
 
-    verify_unit(&root);
+    let text = fs::read_to_string(root.join("etc/vsm/airside.toml")).expect("the agent's");
+    let text = text.replace("/var/lib/vsm-airside", &state.display().to_string());
+    fs::write(&config, text).expect("the configuration");
+    run(Command::new(root.join("usr/bin/vsm"))
+        .arg("check-config")
+        .arg(&config));
+
+    verify_unit(&root, "vsm.service");
+    verify_unit(&root, "vsm-airside.service");
 }
 
 /// systemd reads the unit without a word; where it rates it, it rates it safe.
-fn verify_unit(root: &Path) {
+fn verify_unit(root: &Path, name: &str) {
     if !is_installed("systemd-analyze") {
         return;
     }
-    let unit = root.join("usr/lib/systemd/system/vsm.service");
+    let unit = root.join("usr/lib/systemd/system").join(name);
     // It looks for the program where the unit names it: in the scratch root.
     let text = fs::read_to_string(&unit).expect("the unit");
     let program = root.join("usr/bin/vsm").display().to_string();
-    let scratch = root.join("vsm.service");
+    let scratch = root.join(name);
     fs::write(&scratch, text.replace("/usr/bin/vsm", &program)).expect("the unit");
     let verified = Command::new("systemd-analyze")
         .args(["verify", "--man=no"])
@@ -100,10 +108,7 @@ fn verify_unit(root: &Path) {
         .output()
         .expect("systemd-analyze");
     let printed = String::from_utf8_lossy(&verified.stderr);
-    let ours: Vec<_> = printed
-        .lines()
-        .filter(|line| line.contains("vsm.service"))
-        .collect();
+    let ours: Vec<_> = printed.lines().filter(|line| line.contains(name)).collect();
     assert!(verified.status.success() && ours.is_empty(), "{printed}");
 
     let rated = Command::new("systemd-analyze")

@@ -1,0 +1,206 @@
+//! What the ground may ask of PX4 through the agent: an allow-list, against a ground station that somebody has captured.
+//!
+//! Who holds the signing key can command; a list bounds what that is worth. By default it is what the bridge itself sends: its
+//! messages, its commands, and writes of parameters that are no safety net. Not on it are SERIAL_CONTROL (a shell on PX4),
+//! FILE_TRANSFER_PROTOCOL (its SD card, and its key file with it), reboots, and the parameters by which PX4 defends itself:
+//! failsafes, geofence, arming checks, the ports and their signing. The lists are the agent's own configuration, which nobody
+//! changes over the radio.
+
+use mavlink_link::frame::FrameView;
+
+/// What passes; see `[relay]` of `airside.toml`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RelayPolicy {
+    /// MAVLink message ids.
+    pub messages: Vec<u32>,
+    /// Commands of COMMAND_LONG and COMMAND_INT.
+    pub commands: Vec<u16>,
+    /// Names of parameters that are not written; `*` stands for any characters.
+    pub protected_parameters: Vec<String>,
+}
+
+impl Default for RelayPolicy {
+    fn default() -> RelayPolicy {
+        RelayPolicy {
+            messages: MESSAGES.to_vec(),
+            commands: COMMANDS.to_vec(),
+            protected_parameters: PROTECTED.map(str::to_owned).to_vec(),
+        }
+    }
+}
+
+/// Why a frame is not passed on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Denied {
+    /// Its message is not on the list.
+    Message(u32),
+    /// The command in it is not on the list.
+    Command(u16),
+    /// Such a command passes only while PX4 reports that it is disarmed.
+    InFlight(u16),
+    /// The motors would be stopped in flight.
+    ForcedDisarm,
+    /// It writes a parameter that is protected.
+    Parameter([u8; 16]),
+}
+
+impl Denied {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Denied::Message(_) => "message not allowed (relay.messages)",
+            Denied::Command(_) => "command not allowed (relay.commands)",
+            Denied::InFlight(_) => "command not allowed unless disarmed",
+            Denied::ForcedDisarm => "forced arming or disarming",
+            Denied::Parameter(_) => "parameter protected (relay.protected_parameters)",
+        }
+    }
+}
+
+impl RelayPolicy {
+    /// Whether a verified frame of the ground may go on to PX4. `disarmed`: PX4 has just reported so.
+    pub(super) fn check(&self, frame: &FrameView<'_>, disarmed: bool) -> Result<(), Denied> {
+        let (id, payload) = (frame.header().message_id, frame.payload());
+        if !self.messages.contains(&id) {
+            return Err(Denied::Message(id));
+        }
+        match id {
+            COMMAND_INT | COMMAND_LONG => self.check_command(payload, disarmed),
+            PARAM_SET => {
+                let mut name = [0; 16];
+                for (to, at) in name.iter_mut().zip(6..) {
+                    *to = byte(payload, at);
+                }
+                if self.protects(&name) {
+                    Err(Denied::Parameter(name))
+                } else {
+                    Ok(())
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn check_command(&self, payload: &[u8], disarmed: bool) -> Result<(), Denied> {
+        // In both messages param2 is at 4 and the command at 28; zeros at the end are cut off on the wire.
+        let command = u16::from_le_bytes([byte(payload, 28), byte(payload, 29)]);
+        if !self.commands.contains(&command) {
+            return Err(Denied::Command(command));
+        }
+        if ONLY_DISARMED.contains(&command) && !disarmed {
+            return Err(Denied::InFlight(command));
+        }
+        // The bridge never forces; PX4 cuts the motors in flight where param2 is 21196.
+        let param2 = f32::from_le_bytes([4, 5, 6, 7].map(|at| byte(payload, at)));
+        if command == ARM_DISARM && param2 != 0.0 {
+            return Err(Denied::ForcedDisarm);
+        }
+        Ok(())
+    }
+
+    fn protects(&self, name: &[u8; 16]) -> bool {
+        let end = name
+            .iter()
+            .position(|&byte| byte == 0)
+            .unwrap_or(name.len());
+        let name = name.get(..end).unwrap_or_default();
+        let mut patterns = self.protected_parameters.iter();
+        patterns.any(|pattern| matches(pattern.as_bytes(), name))
+    }
+}
+
+fn byte(payload: &[u8], at: usize) -> u8 {
+    payload.get(at).copied().unwrap_or(0)
+}
+
+/// Whether a name fits a pattern. A star is tried at each length: names have at most 16 characters.
+fn matches(pattern: &[u8], name: &[u8]) -> bool {
+    match pattern.split_first() {
+        None => name.is_empty(),
+        Some((b'*', rest)) => {
+            (0..=name.len()).any(|at| matches(rest, name.get(at..).unwrap_or_default()))
+        }
+        Some((first, rest)) => name
+            .split_first()
+            .is_some_and(|(here, name)| here == first && matches(rest, name)),
+    }
+}
+
+const COMMAND_INT: u32 = 75;
+const COMMAND_LONG: u32 = 76;
+const PARAM_SET: u32 = 23;
+const ARM_DISARM: u16 = 400;
+
+/// HEARTBEAT, PING; PARAM_REQUEST_READ, _LIST, _SET; the mission protocol; MANUAL_CONTROL; COMMAND_INT, _LONG, _ACK;
+/// SET_POSITION_TARGET_LOCAL_NED.
+const MESSAGES: [u32; 19] = [
+    0,
+    4,
+    20,
+    21,
+    23,
+    39,
+    40,
+    41,
+    43,
+    44,
+    45,
+    47,
+    51,
+    69,
+    73,
+    COMMAND_INT,
+    COMMAND_LONG,
+    77,
+    84,
+];
+
+/// NAV_TAKEOFF, DO_ORBIT, DO_SET_MODE, DO_CHANGE_SPEED, DO_REPOSITION, COMPONENT_ARM_DISARM, SET_MESSAGE_INTERVAL,
+/// REQUEST_MESSAGE, REQUEST_OPERATOR_CONTROL.
+const COMMANDS: [u16; 9] = [22, 34, 176, 178, 192, ARM_DISARM, 511, 512, 32_100];
+
+/// PREFLIGHT_CALIBRATION, _SET_SENSOR_OFFSETS, _STORAGE, _REBOOT_SHUTDOWN: where the list has them, on the ground only.
+const ONLY_DISARMED: [u16; 4] = [241, 242, 245, 246];
+
+/// The failsafes and arming checks (COM_), what they do (NAV_), the geofence, the circuit breakers, the ports and the
+/// signing on them, the termination, the operator control, the boot script's choices.
+const PROTECTED: [&str; 13] = [
+    "COM_*",
+    "NAV_DLL_ACT",
+    "NAV_RCL_ACT",
+    "GF_*",
+    "CBRK_*",
+    "MAV_*",
+    "SER_*",
+    "FD_*",
+    "BAT*_ACT",
+    "BAT*_THR",
+    "SYS_*",
+    "UXRCE_*",
+    "UAVCAN_*",
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_match_whole_names() {
+        for (pattern, name, fits) in [
+            ("COM_*", "COM_DL_LOSS_T", true),
+            ("COM_*", "XCOM_A", false),
+            ("NAV_DLL_ACT", "NAV_DLL_ACT", true),
+            ("NAV_DLL_ACT", "NAV_DLL_ACT2", false),
+            ("BAT*_THR", "BAT_CRIT_THR", true),
+            ("BAT*_THR", "BAT1_V_CHARGED", false),
+            ("MAV_*SIGN*", "MAV_0_SIGN_CFG", true),
+            ("*", "", true),
+            ("**", "ABCDEFGHIJKLMNOP", true),
+        ] {
+            assert_eq!(
+                matches(pattern.as_bytes(), name.as_bytes()),
+                fits,
+                "{pattern} {name}"
+            );
+        }
+    }
+}
