@@ -7,7 +7,7 @@ use stanag_msgs::messages::{
     CurveSegment, CurveSegmentPaper, MissionTransferCommand, UaLoiterWaypoint, UaPositionWaypoint,
     UaRoute,
 };
-use stanag_msgs::scalar::{Integer, Scale};
+use stanag_msgs::scalar::{Altitude, Integer, Scale};
 use stanag_msgs::{Bam16, Bam32, Envelope, Id, MAX_DATAGRAM, Message, Scaled, Text, TimeStamp};
 
 use super::model::{
@@ -297,36 +297,30 @@ fn loiter(loiter: &UaLoiterWaypoint) -> Loiter {
 }
 
 fn curve(message: &Message) -> Option<Curve> {
+    let place = |latitude, longitude, altitude: Option<Altitude>| Place {
+        latitude_deg: degrees(latitude),
+        longitude_deg: degrees(longitude),
+        altitude_m: altitude.map(|altitude| altitude.si()),
+    };
+    let flat = |latitude: f64, longitude: f64| Place {
+        latitude_deg: latitude.to_degrees(),
+        longitude_deg: longitude.to_degrees(),
+        altitude_m: None,
+    };
     match message {
         Message::CurveSegment(curve) => Some(Curve {
             from: curve.p1_waypoint_no?,
             to: curve.p4_waypoint_no?,
-            p2: Place {
-                latitude_deg: degrees(curve.p2_latitude),
-                longitude_deg: degrees(curve.p2_longitude),
-                altitude_m: curve.p2_altitude.map(|altitude| altitude.si()),
-            },
-            p3: Place {
-                latitude_deg: degrees(curve.p3_latitude),
-                longitude_deg: degrees(curve.p3_longitude),
-                altitude_m: curve.p3_altitude.map(|altitude| altitude.si()),
-            },
+            p2: place(curve.p2_latitude, curve.p2_longitude, curve.p2_altitude),
+            p3: place(curve.p3_latitude, curve.p3_longitude, curve.p3_altitude),
             altitude_type: curve.altitude_type,
             form: CurveForm::Native,
         }),
         Message::CurveSegmentPaper(curve) => Some(Curve {
             from: curve.p1_waypoint_no?,
             to: curve.p4_waypoint_no?,
-            p2: Place {
-                latitude_deg: curve.p2_latitude?.to_degrees(),
-                longitude_deg: curve.p2_longitude?.to_degrees(),
-                altitude_m: None,
-            },
-            p3: Place {
-                latitude_deg: curve.p3_latitude?.to_degrees(),
-                longitude_deg: curve.p3_longitude?.to_degrees(),
-                altitude_m: None,
-            },
+            p2: flat(curve.p2_latitude?, curve.p2_longitude?),
+            p3: flat(curve.p3_latitude?, curve.p3_longitude?),
             altitude_type: None,
             form: CurveForm::Paper,
         }),

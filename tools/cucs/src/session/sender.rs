@@ -124,6 +124,13 @@ impl Sent {
             _ => false,
         }
     }
+
+    /// The same bytes, counted.
+    fn again(&self, traffic: &mut Traffic) -> Vec<u8> {
+        traffic.sent.count(self.message_type);
+        traffic.retransmitted += 1;
+        self.bytes.to_vec()
+    }
 }
 
 impl Sender {
@@ -220,9 +227,7 @@ impl Sender {
                 sent.tries += 1;
                 sent.delivery = Delivery::Sent(sent.tries);
             }
-            traffic.sent.count(sent.message_type);
-            traffic.retransmitted += 1;
-            self.out.push_back(sent.bytes.to_vec());
+            self.out.push_back(sent.again(traffic));
         }
     }
 
@@ -281,9 +286,7 @@ impl Sender {
         if let Some(sent) = self.sent.get(&ticket)
             && !sent.bytes.is_empty()
         {
-            traffic.sent.count(sent.message_type);
-            traffic.retransmitted += 1;
-            self.out.push_back(sent.bytes.to_vec());
+            self.out.push_back(sent.again(traffic));
         }
     }
 
@@ -331,12 +334,8 @@ impl Sender {
 
     fn forget_old(&mut self) {
         while self.sent.len() > MAX_REMEMBERED {
-            let Some(oldest) = self
-                .sent
-                .iter()
-                .find(|(_, sent)| sent.delivery.is_final())
-                .map(|(ticket, _)| *ticket)
-            else {
+            let mut sent = self.sent.iter();
+            let Some((&oldest, _)) = sent.find(|(_, sent)| sent.delivery.is_final()) else {
                 return;
             };
             self.sent.remove(&oldest);

@@ -165,10 +165,7 @@ impl Vehicle {
     /// LOI Granted: everything that this CUCS holds.
     #[must_use]
     pub fn granted(&self) -> LoiBitmap {
-        let response = self.authorisation.as_ref();
-        response
-            .and_then(|response| response.loi_granted)
-            .unwrap_or(LoiBitmap::NONE)
+        self.rights(|response| response.loi_granted)
     }
 
     /// Which CUCS requests what this one holds (4), and which levels.
@@ -205,10 +202,12 @@ impl Vehicle {
     /// LOI Authorized: what this CUCS may have.
     #[must_use]
     pub fn authorised(&self) -> LoiBitmap {
+        self.rights(|response| response.loi_authorized)
+    }
+
+    fn rights(&self, of: fn(&VsmAuthorisationResponse) -> Option<LoiBitmap>) -> LoiBitmap {
         let response = self.authorisation.as_ref();
-        response
-            .and_then(|response| response.loi_authorized)
-            .unwrap_or(LoiBitmap::NONE)
+        response.and_then(of).unwrap_or(LoiBitmap::NONE)
     }
 
     /// The mode that it reports (3001).
