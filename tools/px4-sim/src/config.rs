@@ -51,11 +51,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             system_id: 1,
-            home: Geodetic {
-                latitude_deg: 47.397_743_4,
-                longitude_deg: 8.545_593_9,
-                altitude_m: 488.0,
-            },
+            home: Geodetic::new(47.397_743_4, 8.545_593_9, 488.0),
             airframe: Airframe::Quad,
             seed: 1,
             geoid_separation_m: 47.4,

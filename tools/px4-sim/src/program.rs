@@ -171,11 +171,7 @@ fn home(text: &str) -> Result<Geodetic, String> {
     let valid =
         latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 180.0 && altitude_m.abs() < 10_000.0;
     if valid {
-        Ok(Geodetic {
-            latitude_deg,
-            longitude_deg,
-            altitude_m,
-        })
+        Ok(Geodetic::new(latitude_deg, longitude_deg, altitude_m))
     } else {
         Err("expected -90 to 90, -180 to 180, and metres above mean sea level".into())
     }

@@ -93,14 +93,14 @@ impl Mission {
         current: Option<usize>,
         active: bool,
         view: &View<'_>,
-    ) -> Vec<Note> {
+        notes: &mut Vec<Note>,
+    ) {
         let id = plan_id(&items);
         let last = items.len().saturating_sub(1);
         let index = current.unwrap_or(self.index).min(last);
         let same = id == self.id && items.len() == self.items.len();
-        let mut notes = Vec::new();
         if same && index == self.index {
-            return notes;
+            return;
         }
         self.items = items;
         self.id = id;
@@ -109,33 +109,31 @@ impl Mission {
         if !same {
             self.jumps = vec![0; self.items.len()];
             self.finished = false;
-            self.check(view, &mut notes);
+            self.check(view, notes);
         }
         if active {
-            self.begin(view, &mut notes);
+            self.begin(view, notes);
         } else if !same {
             self.activated = false;
         }
-        notes
     }
 
-    /// MISSION_SET_CURRENT; false when there is no such item.
+    /// MISSION_SET_CURRENT; nothing where there is no such item.
     pub(crate) fn select(
         &mut self,
         index: usize,
         active: bool,
         view: &View<'_>,
-    ) -> (bool, Vec<Note>) {
-        let mut notes = Vec::new();
+        notes: &mut Vec<Note>,
+    ) {
         if index >= self.items.len() {
-            return (false, notes);
+            return;
         }
         self.index = index;
         self.finished = false;
         if active {
-            self.begin(view, &mut notes);
+            self.begin(view, notes);
         }
-        (true, notes)
     }
 
     /// PX4's own checks, few as they are. They need a home.
@@ -172,8 +170,7 @@ impl Mission {
     }
 
     /// The mode has been entered.
-    pub(crate) fn activate(&mut self, view: &View<'_>) -> Vec<Note> {
-        let mut notes = Vec::new();
+    pub(crate) fn activate(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
         // A mission at its last item starts again from the first one, but only if the vehicle has been disarmed since:
         // entering the mode again in the air continues where it was.
         if self.disarmed_inactive && self.activated && self.index + 1 >= self.items.len() {
@@ -184,8 +181,7 @@ impl Mission {
         self.activated = true;
         self.disarmed_inactive = false;
         self.finished = false;
-        self.begin(view, &mut notes);
-        notes
+        self.begin(view, notes);
     }
 
     /// The mode has been left.
@@ -259,13 +255,11 @@ impl Mission {
     }
 
     /// One step while the mode is active.
-    pub(crate) fn step(&mut self, view: &View<'_>) -> (Guidance, Heading, Vec<Note>) {
-        let mut notes = Vec::new();
+    pub(crate) fn step(&mut self, view: &View<'_>, notes: &mut Vec<Note>) -> (Guidance, Heading) {
         if self.running {
-            self.progress(view, &mut notes);
+            self.progress(view, notes);
         }
-        let (guidance, heading) = self.guide(view);
-        (guidance, heading, notes)
+        self.guide(view)
     }
 
     fn progress(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {

@@ -1,6 +1,6 @@
 //! The modes in which the vehicle finds its own way: take-off, hold, mission, return, land, orbit.
 //!
-//! One step takes a view of the vehicle and returns where to go, where to look, notes, and the mode that follows.
+//! One step takes a view of the vehicle and returns where to go, where to look, and the mode that follows.
 
 use crate::config::{Airframe, Param};
 use crate::flight::mission::Mission;
@@ -41,8 +41,6 @@ pub(crate) struct Step {
     pub guidance: Guidance,
     /// Where to look.
     pub heading: Heading,
-    /// Notes for the vehicle.
-    pub notes: Vec<Note>,
     /// The mode is finished; this one follows.
     pub then: Option<Mode>,
 }
@@ -102,8 +100,13 @@ impl Navigator {
     }
 
     /// One step in `mode`; `armed` decides whether anything moves at all.
-    pub(crate) fn step(&mut self, mode: Mode, armed: bool, view: &View<'_>) -> Step {
-        let mut notes = Vec::new();
+    pub(crate) fn step(
+        &mut self,
+        mode: Mode,
+        armed: bool,
+        view: &View<'_>,
+        notes: &mut Vec<Note>,
+    ) -> Step {
         let active = armed.then_some(mode);
         if active != self.active {
             if self.active == Some(Mode::Mission) {
@@ -111,7 +114,7 @@ impl Navigator {
             }
             self.active = active;
             if let Some(mode) = active {
-                self.enter(mode, view, &mut notes);
+                self.enter(mode, view, notes);
             }
         }
         if active != Some(Mode::Mission) {
@@ -121,25 +124,23 @@ impl Navigator {
             return Step {
                 guidance: Guidance::Ground,
                 heading: Heading::Hold,
-                notes,
                 then: None,
             };
         }
         let mut then = None;
         let (guidance, heading) = match mode {
             Mode::Mission => {
-                let (guidance, heading, noted) = self.mission.step(view);
-                notes.extend(noted);
+                let flown = self.mission.step(view, notes);
                 if notes.contains(&Note::ReturnHome) {
                     then = Some(Mode::Rtl);
                 } else if !self.mission.is_valid() || (self.mission.is_finished() && !view.landed) {
                     // As observed: a mission that ends in the air leaves PX4 in AUTO.LOITER, and so does one that is cleared.
                     then = Some(Mode::Loiter);
                 }
-                (guidance, heading)
+                flown
             }
             Mode::Takeoff => self.take_off(view, &mut then),
-            Mode::Rtl => self.return_home(view, &mut notes),
+            Mode::Rtl => self.return_home(view, notes),
             Mode::Land => (self.land(self.hold, view), Heading::Hold),
             Mode::Orbit => self.fly_orbit(view),
             _ if view.landed => (Guidance::Ground, Heading::Hold),
@@ -148,7 +149,6 @@ impl Navigator {
         Step {
             guidance,
             heading,
-            notes,
             then,
         }
     }
@@ -158,7 +158,7 @@ impl Navigator {
             self.hold = stopping_point(view);
         }
         match mode {
-            Mode::Mission => notes.extend(self.mission.activate(view)),
+            Mode::Mission => self.mission.activate(view, notes),
             Mode::Loiter => {
                 self.speed = None;
                 self.apply_reposition(view);

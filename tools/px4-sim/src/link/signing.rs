@@ -95,19 +95,15 @@ impl Signing {
         };
         let header = frame.header();
         let needs_none = NEED_NO_SIGNATURE.contains(&header.message_id);
+        let exempt = |admission, refusal| match needs_none {
+            true => Ok(admission),
+            false => Err(refusal),
+        };
         let Some(signature) = frame.signature() else {
-            return if needs_none {
-                Ok(Admission::Unsigned)
-            } else {
-                Err(Refusal::Unsigned)
-            };
+            return exempt(Admission::Unsigned, Refusal::Unsigned);
         };
         if verify(key, frame).is_err() {
-            return if needs_none {
-                Ok(Admission::BadlySigned)
-            } else {
-                Err(Refusal::BadSignature)
-            };
+            return exempt(Admission::BadlySigned, Refusal::BadSignature);
         }
         let id = (header.system_id, header.component_id, signature.link_id);
         match self.admit_stamp(id, signature.stamp, *clock) {
@@ -115,8 +111,7 @@ impl Signing {
                 *clock = (*clock).max(signature.stamp.get());
                 Ok(Admission::Verified)
             }
-            Err(_) if needs_none => Ok(Admission::BadlySigned),
-            Err(refusal) => Err(refusal),
+            Err(refusal) => exempt(Admission::BadlySigned, refusal),
         }
     }
 

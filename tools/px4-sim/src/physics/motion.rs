@@ -18,13 +18,18 @@ pub struct Geodetic {
 }
 
 impl Geodetic {
-    /// From MAVLink's latitude and longitude, degrees times 1e7.
-    pub(crate) fn from_e7(latitude: i32, longitude: i32, altitude_m: f64) -> Self {
+    pub(crate) const fn new(latitude_deg: f64, longitude_deg: f64, altitude_m: f64) -> Self {
         Self {
-            latitude_deg: f64::from(latitude) * 1e-7,
-            longitude_deg: f64::from(longitude) * 1e-7,
+            latitude_deg,
+            longitude_deg,
             altitude_m,
         }
+    }
+
+    /// From MAVLink's latitude and longitude, degrees times 1e7.
+    pub(crate) fn from_e7(latitude: i32, longitude: i32, altitude_m: f64) -> Self {
+        let degrees = |e7: i32| f64::from(e7) * 1e-7;
+        Self::new(degrees(latitude), degrees(longitude), altitude_m)
     }
 }
 

@@ -555,7 +555,8 @@ const MISSION_PLANNER: u8 = 190;
 const MAX_OUT: usize = 64;
 const MAX_EVENTS: usize = 64;
 
-const KINDS: [MavMissionType; 3] = [
+/// The kinds of plan that a vehicle stores.
+pub(crate) const KINDS: [MavMissionType; 3] = [
     MavMissionType::MAV_MISSION_TYPE_MISSION,
     MavMissionType::MAV_MISSION_TYPE_FENCE,
     MavMissionType::MAV_MISSION_TYPE_RALLY,

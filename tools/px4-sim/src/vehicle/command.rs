@@ -100,6 +100,13 @@ pub(crate) enum Answer {
     NotInControl = 10,
 }
 
+impl Answer {
+    /// Accepted where it was done, otherwise this.
+    pub(crate) fn accepted_or(otherwise: Self, done: bool) -> Self {
+        if done { Self::Accepted } else { otherwise }
+    }
+}
+
 /// Whether a message is for this node; 0 is every system, and every component.
 pub(crate) fn is_for(own: Node, system: u8, component: u8) -> bool {
     (system == own.system || system == 0) && (component == own.component || component == 0)

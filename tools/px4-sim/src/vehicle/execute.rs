@@ -101,13 +101,7 @@ impl Vehicle {
             // Regions of interest, camera triggers and the like: taken, without effect here.
             80 | 189 | 195 | 196 | 197 | 201 | 206 | 211 | 214 | 530..=532 => Answer::Accepted,
             // A reboot would be accepted by a board; a process cannot.
-            246 => {
-                if c.param(1) == 0.0 {
-                    Answer::Accepted
-                } else {
-                    Answer::Denied
-                }
-            }
+            246 => Answer::accepted_or(Answer::Denied, c.param(1) == 0.0),
             262 => match Mode::from_standard(c.param(1) as u32) {
                 Some(mode) => self.switch(mode, None),
                 None => Answer::Denied,
@@ -120,11 +114,8 @@ impl Vehicle {
             511 => {
                 let now = self.now();
                 let message = (c.param(1) + 0.5) as i64;
-                if self.streams.set(message, c.param(2) as f32, now) {
-                    Answer::Accepted
-                } else {
-                    Answer::Failed
-                }
+                let set = self.streams.set(message, c.param(2) as f32, now);
+                Answer::accepted_or(Answer::Failed, set)
             }
             512 => self.request_message((c.param(1).round()).clamp(0.0, 1e7) as u32, c),
             REQUEST_OPERATOR_CONTROL => {
@@ -250,9 +241,9 @@ impl Vehicle {
             let active = self.commander.is_armed() && self.commander.mode() == Mode::Mission;
             // Item 0 is where a mission starts anyway; only another one moves it.
             if first as usize != self.navigator.mission.index() {
-                let (_, notes) =
-                    self.navigate(|nav, view| nav.mission.select(first as usize, active, view));
-                self.take_notes(notes);
+                self.navigate(|nav, view, notes| {
+                    nav.mission.select(first as usize, active, view, notes);
+                });
             }
         }
         let was_armed = self.commander.is_armed();
@@ -296,11 +287,7 @@ impl Vehicle {
                     requested..=requested
                 };
                 let modes: Vec<_> = indices.map_while(|i| self.available_mode(i)).collect();
-                let answer = if modes.is_empty() {
-                    Answer::Denied
-                } else {
-                    Answer::Accepted
-                };
+                let answer = Answer::accepted_or(Answer::Denied, !modes.is_empty());
                 modes.into_iter().for_each(|m| self.send(m));
                 answer
             }
@@ -321,51 +308,46 @@ impl Vehicle {
         let holding = self.commander.mode() == Mode::Loiter;
         let answer = if change_mode {
             self.switch(Mode::Loiter, None)
-        } else if holding {
-            Answer::Accepted
         } else {
-            Answer::Denied
+            Answer::accepted_or(Answer::Denied, holding)
         };
-        // Disarmed, the place is not kept: a later switch to hold must not fly there.
-        if answer == Answer::Accepted && self.commander.is_armed() {
-            let target = self.local_target_of(c);
-            let reposition = Reposition {
-                target,
+        if answer == Answer::Accepted {
+            self.hold_at(Reposition {
+                target: self.local_target_of(c),
                 yaw: c.param(4),
                 speed: c.given(1).filter(|s| *s > 0.0),
                 radius: c.given(3).filter(|r| r.abs() > 1e-6),
-            };
-            self.navigate(|nav, view| nav.set_reposition(reposition, view));
+            });
         }
         answer
+    }
+
+    /// Disarmed, the place is not kept: a later switch to hold must not fly there.
+    fn hold_at(&mut self, reposition: Reposition) {
+        if self.commander.is_armed() {
+            self.navigate(|nav, view, _| nav.set_reposition(reposition, view));
+        }
     }
 
     pub(crate) fn change_altitude(&mut self, c: &Command) -> Answer {
         if self.commander.mode() != Mode::Loiter {
             return Answer::TemporarilyRejected;
         }
-        if self.commander.is_armed() {
-            let d = self.frame.origin().altitude_m - c.param(1);
-            let target = Ned::new(f64::NAN, f64::NAN, d);
-            let reposition = Reposition::to(target);
-            self.navigate(|nav, view| nav.set_reposition(reposition, view));
-        }
+        let d = self.frame.origin().altitude_m - c.param(1);
+        self.hold_at(Reposition::to(Ned::new(f64::NAN, f64::NAN, d)));
         Answer::Accepted
     }
 
     pub(crate) fn orbit(&mut self, c: &Command) -> Answer {
         if self.config.airframe == Airframe::Plane {
-            let reposition = Reposition {
-                radius: c.given(1),
-                ..Reposition::to(self.local_target_of(c))
-            };
             if !self.request(Mode::Loiter, false) {
                 self.critical("Orbit command rejected");
                 return Answer::TemporarilyRejected;
             }
-            if self.commander.is_armed() {
-                self.navigate(|nav, view| nav.set_reposition(reposition, view));
-            }
+            self.hold_at(Reposition {
+                radius: c.given(1),
+                ..Reposition::to(self.local_target_of(c))
+            });
             return Answer::Accepted;
         }
         if !self.request(Mode::Orbit, false) {
@@ -380,18 +362,11 @@ impl Vehicle {
             return Answer::Accepted;
         }
         // No more than 2 m/s2 toward the centre.
-        let speed = c
-            .given(2)
-            .unwrap_or(1.0)
-            .abs()
-            .min((2.0 * radius.abs()).sqrt());
+        let requested = c.given(2).unwrap_or(1.0);
+        let speed = requested.abs().min((2.0 * radius.abs()).sqrt());
         self.navigator.set_orbit(Circle {
             centre: target.or(self.believed()),
-            radius: if c.given(2).unwrap_or(1.0) < 0.0 {
-                -radius
-            } else {
-                radius
-            },
+            radius: if requested < 0.0 { -radius } else { radius },
             speed,
         });
         Answer::Accepted
@@ -402,13 +377,12 @@ impl Vehicle {
     pub(crate) fn local_target_of(&self, c: &Command) -> Ned {
         let d = self.frame.origin().altitude_m - c.param(7);
         match (c.given(5), c.given(6)) {
-            (Some(latitude_deg), Some(longitude_deg)) => {
-                let at = self.frame.to_local(Geodetic {
-                    latitude_deg,
-                    longitude_deg,
-                    altitude_m: 0.0,
-                });
-                Ned { d, ..at }
+            (Some(latitude), Some(longitude)) => {
+                let at = Geodetic::new(latitude, longitude, 0.0);
+                Ned {
+                    d,
+                    ..self.frame.to_local(at)
+                }
             }
             _ => Ned::new(f64::NAN, f64::NAN, d),
         }
@@ -426,13 +400,10 @@ impl Vehicle {
             return Answer::Accepted;
         }
         match (c.given(5), c.given(6), c.given(7)) {
-            (Some(latitude_deg), Some(longitude_deg), Some(altitude_m)) => {
+            (Some(latitude), Some(longitude), Some(altitude)) => {
                 self.set_home();
-                self.home = Some(self.frame.to_local(Geodetic {
-                    latitude_deg,
-                    longitude_deg,
-                    altitude_m,
-                }));
+                let home = Geodetic::new(latitude, longitude, altitude);
+                self.home = Some(self.frame.to_local(home));
                 Answer::Accepted
             }
             _ => Answer::Denied,
@@ -440,11 +411,8 @@ impl Vehicle {
     }
 
     pub(crate) fn terminate(&mut self, c: &Command) -> Answer {
-        if c.param(1) > 0.5 && self.commander.is_armed() {
-            self.request(Mode::Termination, true);
-            return Answer::Accepted;
-        }
-        Answer::Denied
+        let may = c.param(1) > 0.5 && self.commander.is_armed();
+        Answer::accepted_or(Answer::Denied, may && self.request(Mode::Termination, true))
     }
 }
 

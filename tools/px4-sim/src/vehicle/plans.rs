@@ -54,9 +54,9 @@ impl Vehicle {
         match event {
             ServerEvent::Text(text) => self.texts.queue(MavSeverity::MAV_SEVERITY_CRITICAL, text),
             ServerEvent::CurrentSet(seq) => {
-                let (_, notes) =
-                    self.navigate(|nav, view| nav.mission.select(usize::from(seq), active, view));
-                self.take_notes(notes);
+                self.navigate(|nav, view, notes| {
+                    nav.mission.select(seq.into(), active, view, notes);
+                });
             }
             ServerEvent::Stored {
                 kind: MavMissionType::MAV_MISSION_TYPE_MISSION,
@@ -69,11 +69,11 @@ impl Vehicle {
                     .items(MavMissionType::MAV_MISSION_TYPE_MISSION)
                     .to_vec();
                 let start = start.map(usize::from);
-                let notes =
-                    self.navigate(|nav, view| nav.mission.replace(items, start, active, view));
                 self.reached = None;
                 self.plan_checked = false;
-                self.take_notes(notes);
+                self.navigate(|nav, view, notes| {
+                    nav.mission.replace(items, start, active, view, notes);
+                });
             }
             ServerEvent::Stored { kind, .. } => {
                 self.counters.plans_stored += 1;
@@ -89,9 +89,8 @@ impl Vehicle {
     /// waypoint 20 km away and a jump to a missing item all pass.
     fn check_plan(&mut self) {
         let fence = self.fence.clone();
-        let notes = self.navigate(|nav, view| {
-            let mut notes = Vec::new();
-            nav.mission.check(view, &mut notes);
+        self.navigate(|nav, view, notes| {
+            nav.mission.check(view, notes);
             let outside = nav
                 .mission
                 .places(view)
@@ -103,8 +102,6 @@ impl Vehicle {
                         .reject(format!("Geofence violation for waypoint {}\t", index + 1)),
                 );
             }
-            notes
         });
-        self.take_notes(notes);
     }
 }

@@ -22,7 +22,7 @@ use crate::physics::airframe::{Body, Tuning};
 use crate::physics::motion::{Geodetic, LocalFrame, Ned};
 use crate::physics::noise::Estimator;
 use crate::physics::trajectory::{Guidance, Heading};
-use crate::services::mission::{Limits, Server};
+use crate::services::mission::{KINDS, Limits, Server};
 use crate::services::mission_rules::{Airframe as ParamUse, Px4Rules};
 use crate::services::param;
 use crate::services::streams::Streams;
@@ -266,12 +266,7 @@ impl Vehicle {
 
     /// Ids of mission, fence and rally plan.
     pub(crate) fn plan_ids(&self) -> [u32; 3] {
-        [
-            MavMissionType::MAV_MISSION_TYPE_MISSION,
-            MavMissionType::MAV_MISSION_TYPE_FENCE,
-            MavMissionType::MAV_MISSION_TYPE_RALLY,
-        ]
-        .map(|kind| self.missions.opaque_id(kind))
+        KINDS.map(|kind| self.missions.opaque_id(kind))
     }
 
     /// Home is where the vehicle believes to be.
@@ -281,8 +276,12 @@ impl Vehicle {
         self.plan_checked = false;
     }
 
-    /// Calls the navigator with a view of the vehicle.
-    pub(crate) fn navigate<T>(&mut self, call: impl FnOnce(&mut Navigator, &View<'_>) -> T) -> T {
+    /// Calls the navigator with a view of the vehicle, and delivers its notes.
+    pub(crate) fn navigate<T>(
+        &mut self,
+        call: impl FnOnce(&mut Navigator, &View<'_>, &mut Vec<Note>) -> T,
+    ) -> T {
+        let mut notes = Vec::new();
         let motion = self.body.motion();
         let view = View {
             now: self.now(),
@@ -295,7 +294,9 @@ impl Vehicle {
             params: &self.params,
             airframe: self.config.airframe,
         };
-        call(&mut self.navigator, &view)
+        let done = call(&mut self.navigator, &view, &mut notes);
+        self.take_notes(notes);
+        done
     }
 
     /// Calls the commander with the facts that it decides on, and delivers its notes.

@@ -62,11 +62,10 @@ impl Vehicle {
         }
         if self.ticks.is_multiple_of(NAVIGATE_EVERY) || self.navigated != (mode, armed) {
             self.navigated = (mode, armed);
-            let step = self.navigate(|navigator, view| navigator.step(mode, armed, view));
+            let step = self.navigate(|nav, view, notes| nav.step(mode, armed, view, notes));
             if let Some(next) = step.then {
                 self.commander.follow_with(next);
             }
-            self.take_notes(step.notes);
             self.course = (step.guidance, step.heading);
         }
         let spooling = now - self.commander.armed_at() < self.params.get(Param::COM_SPOOLUP_TIME);
