@@ -25,13 +25,13 @@ pub(crate) struct Command {
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let loaded = Loaded::read(&self.input, &self.how)?;
-        if Format::of(&self.output)?.keeps_curves() {
-            formats::write(&self.output, &loaded.route, &self.addresses)?;
+        let written = if Format::of(&self.output)?.keeps_curves() {
+            &loaded.route
         } else {
             let (densified, _) = loaded.densify(&self.how)?;
-            let flown = loaded.route.flown(&densified);
-            formats::write(&self.output, &flown, &self.addresses)?;
-        }
+            &loaded.route.flown(&densified)
+        };
+        formats::write(&self.output, written, &self.addresses)?;
         if loaded.route.skipped > 0 {
             print(&format!(
                 "{} items that are no part of the path were left out\n",

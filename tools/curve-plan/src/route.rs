@@ -206,9 +206,10 @@ impl Route {
             1
         };
         let number = |k: usize| {
-            u16::try_from((k + 1) * step)
-                .ok()
-                .filter(|n| *n <= MAX_NUMBER)
+            let number = u16::try_from((k + 1) * step).ok();
+            number.filter(|n| *n <= MAX_NUMBER).ok_or_else(|| {
+                Failure::Answer(format!("{ends} waypoints, expected at most {MAX_NUMBER}"))
+            })
         };
         let altitude_type = self.datum.altitude_type();
         let mut plan = cucs::Route {
@@ -217,11 +218,6 @@ impl Route {
         };
         for k in 0..ends {
             let w = &self.waypoints[k % self.waypoints.len()];
-            let number = |k| {
-                number(k).ok_or_else(|| {
-                    Failure::Answer(format!("{ends} waypoints, expected at most {MAX_NUMBER}"))
-                })
-            };
             let next = if k + 1 < ends { number(k + 1)? } else { 0 };
             plan.waypoints.push(cucs::Waypoint {
                 number: number(k)?,

@@ -57,11 +57,9 @@ pub(crate) fn draw(scene: &Scene) -> String {
     if climbs {
         y += PROFILE_HEIGHT + 44.0;
         let altitude: Vec<Point> = scene.curve.iter().map(|s| [s.along_m, s.alt_m]).collect();
-        let low = altitude.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
-        let high = altitude
-            .iter()
-            .map(|p| p[1])
-            .fold(f64::NEG_INFINITY, f64::max);
+        let metres = || altitude.iter().map(|p| p[1]);
+        let low = metres().fold(f64::INFINITY, f64::min);
+        let high = metres().fold(f64::NEG_INFINITY, f64::max);
         let axes = Axes::draw(&mut out, y, length_m, [low, high], "altitude, m");
         axes.line(&mut out, &altitude, "#5b4b8a", 1.6);
     }
@@ -97,9 +95,17 @@ impl View {
         ]
     }
 
-    fn path(&self, points: impl Iterator<Item = Point>) -> String {
-        path(points.map(|p| self.to(p)))
+    fn line(&self, out: &mut String, points: &[Point], colour: &str, width: f64) {
+        line(out, points.iter().map(|p| self.to(*p)), colour, width);
     }
+}
+
+fn line(out: &mut String, points: impl Iterator<Item = Point>, colour: &str, width: f64) {
+    let d = path(points);
+    let _ = writeln!(
+        out,
+        "<path d=\"{d}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\"/>"
+    );
 }
 
 fn path(points: impl Iterator<Item = Point>) -> String {
@@ -132,17 +138,9 @@ fn map(out: &mut String, scene: &Scene, view: &View) {
         );
     }
     curve(out, scene, view);
-    let chords = view.path(scene.vertices.iter().copied());
-    let _ = writeln!(
-        out,
-        "<path d=\"{chords}\" fill=\"none\" stroke=\"#111\" stroke-width=\"0.7\"/>"
-    );
+    view.line(out, &scene.vertices, "#111", 0.7);
     if !scene.flown.is_empty() {
-        let flown = view.path(scene.flown.iter().copied());
-        let _ = writeln!(
-            out,
-            "<path d=\"{flown}\" fill=\"none\" stroke=\"#d100a8\" stroke-width=\"1.2\"/>"
-        );
+        view.line(out, &scene.flown, "#d100a8", 1.2);
     }
     for p in &scene.vertices {
         let [x, y] = view.to(*p);
@@ -177,7 +175,7 @@ fn curve(out: &mut String, scene: &Scene, view: &View) {
         while end + 1 < scene.curve.len() && class(scene.curve[end + 1].radius_m) == here {
             end += 1;
         }
-        let d = view.path(scene.curve[k..=end].iter().map(|s| s.at));
+        let d = path(scene.curve[k..=end].iter().map(|s| view.to(s.at)));
         let _ = writeln!(
             out,
             "<path d=\"{d}\" fill=\"none\" stroke=\"{}\" stroke-width=\"4.5\" stroke-linecap=\"round\" stroke-linejoin=\"round\"/>",
@@ -347,11 +345,7 @@ impl Axes {
     }
 
     fn line(&self, out: &mut String, points: &[Point], colour: &str, width: f64) {
-        let d = path(points.iter().map(|p| self.to(*p)));
-        let _ = writeln!(
-            out,
-            "<path d=\"{d}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\"/>"
-        );
+        line(out, points.iter().map(|p| self.to(*p)), colour, width);
     }
 }
 
