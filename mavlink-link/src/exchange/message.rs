@@ -15,8 +15,22 @@ use crate::frame::Node;
 pub const MAX_MESSAGE: usize = 203;
 /// The most bytes of `data`.
 pub const MAX_DATA: usize = 160;
-/// The version of the exchange that is spoken here.
-pub const VERSION: u8 = 1;
+/// The version of the exchange that is spoken here. Version 1 had no authenticator before the handshake, so that anybody's
+/// first message cost the responder a Diffie-Hellman and a session.
+pub const VERSION: u8 = 2;
+
+/// A message as received from the radio.
+#[derive(Debug, Clone, Copy)]
+pub struct Inbound<'a, A> {
+    /// Where it came from, and the answer is sent.
+    pub from: A,
+    /// System and component of the frame's header.
+    pub source: Node,
+    /// Whether the frame was verified under the current key.
+    pub verified: bool,
+    /// The payload, trailing zeros trimmed.
+    pub payload: &'a [u8],
+}
 
 /// What was received: an exchange of this version, or the bare public key of the legacy exchange.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,7 +48,7 @@ pub struct Message {
     pub public_key: [u8; 32],
     /// 229.session: chosen at random by the initiator; 0 only in step 0.
     pub session: u32,
-    /// 229.version, 1 for all that is known here.
+    /// 229.version, [`VERSION`] for all that is known here.
     pub version: u8,
     /// 229.step.
     pub step: Step,
@@ -61,6 +75,8 @@ pub enum Step {
     Confirm,
     /// 4: the responder's confirmation and the state of the key.
     Outcome,
+    /// 5: the responder asks the initiator to prove its address, under load.
+    Cookie,
     /// 15: refused, with a status. Unauthenticated, so it changes nothing.
     Reject,
     /// Any other.
@@ -75,6 +91,7 @@ impl From<u8> for Step {
             2 => Self::Answer,
             3 => Self::Confirm,
             4 => Self::Outcome,
+            5 => Self::Cookie,
             15 => Self::Reject,
             other => Self::Unknown(other),
         }
@@ -89,6 +106,7 @@ impl From<Step> for u8 {
             Step::Answer => 2,
             Step::Confirm => 3,
             Step::Outcome => 4,
+            Step::Cookie => 5,
             Step::Reject => 15,
             Step::Unknown(other) => other,
         }
@@ -148,6 +166,8 @@ pub enum Status {
     UnknownSession,
     /// 9: refused.
     Refused,
+    /// 10: this end speaks another version of the exchange.
+    OtherVersion,
     /// Any other.
     Unknown(u8),
 }
@@ -165,6 +185,7 @@ impl From<u8> for Status {
             7 => Self::CannotSign,
             8 => Self::UnknownSession,
             9 => Self::Refused,
+            10 => Self::OtherVersion,
             other => Self::Unknown(other),
         }
     }
@@ -183,6 +204,7 @@ impl From<Status> for u8 {
             Status::CannotSign => 7,
             Status::UnknownSession => 8,
             Status::Refused => 9,
+            Status::OtherVersion => 10,
             Status::Unknown(other) => other,
         }
     }
@@ -201,6 +223,7 @@ impl fmt::Display for Status {
             Self::CannotSign => "the autopilot cannot sign",
             Self::UnknownSession => "unknown session",
             Self::Refused => "refused",
+            Self::OtherVersion => "another version of the exchange; update the older end",
             Self::Unknown(other) => return write!(f, "unknown status {other}"),
         })
     }
@@ -359,7 +382,8 @@ mod tests {
     fn fields_are_where_the_table_has_them() {
         let payload = message(&[9; 88]).to_payload();
         assert_eq!(payload[..32], [7; 32]);
-        assert_eq!(payload[32..43], [1, 2, 3, 4, 1, 2, 2, 0, 245, 190, 88]);
+        // The fifth is the version: 2 since a message carries an authenticator from before the handshake.
+        assert_eq!(payload[32..43], [1, 2, 3, 4, 2, 2, 2, 0, 245, 190, 88]);
         assert_eq!(payload[43..131], [9; 88]);
         assert_eq!(payload[131..], [0; 72]);
     }

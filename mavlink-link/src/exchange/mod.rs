@@ -15,7 +15,7 @@
 //! - no key is replaced on silence.
 //!
 //! Order of the parts: `message` (the bytes of 229), `identity` (static keys), `pairing` (the code), `terms` (what is agreed
-//! beside the secrets), `noise` (the handshake), `keys` (what is derived from it), `store` (what is on disk when),
+//! beside the secrets), `gate` (who may come as far as the handshake), `noise` (the handshake), `keys` (what is derived from it), `store` (what is on disk when),
 //! `initiator` and `responder` (the two machines), `stats`; `legacy` is the unauthenticated exchange.
 //!
 //! A caller must keep on disk: its [`Identity`], the peer's [`PublicKey`], the counter, the epoch, and the keys
@@ -76,7 +76,9 @@
 //!     let inbound = Inbound { from: (), source: ground, verified: false, payload: &payload };
 //!     responder.handle(now.mono, inbound, &mut random, &mut air_disk)?;
 //!     while let Some(answer) = responder.poll_transmit() {
-//!         initiator.handle(now, air, &answer.message.to_payload(), &mut ground_disk)?;
+//!         let payload = answer.message.to_payload();
+//!         let inbound = Inbound { from: (), source: air, verified: false, payload: &payload };
+//!         initiator.handle(now, inbound, &mut ground_disk)?;
 //!     }
 //! }
 //! assert!(ground_disk.0.is_some());
@@ -84,6 +86,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod gate;
 mod identity;
 mod initiator;
 mod keys;
@@ -97,16 +100,15 @@ mod store;
 mod terms;
 
 pub use self::identity::{Fingerprint, Identity, NoRandom, PublicKey, Random};
-pub use self::initiator::{Initiator, InitiatorConfig, InitiatorEvent, Trust};
+pub use self::initiator::{Initiator, InitiatorConfig, InitiatorEvent, KeyInForce, Trust};
 pub use self::keys::{Agreed, ConfidentialKeys};
 pub use self::legacy::Legacy;
 pub use self::message::{
-    Data, MAX_DATA, MAX_MESSAGE, Message, MessageError, Received, Status, Step, Suite, VERSION,
+    Data, Inbound, MAX_DATA, MAX_MESSAGE, Message, MessageError, Received, Status, Step, Suite,
+    VERSION,
 };
 pub use self::pairing::{CodeError, PairingCode};
-pub use self::responder::{
-    Inbound, Outbound, Responder, ResponderConfig, ResponderEvent, WindowError,
-};
+pub use self::responder::{Outbound, Responder, ResponderConfig, ResponderEvent, WindowError};
 pub use self::stats::{ExchangeStats, Ignored};
 pub use self::store::{
     InitiatorMemory, InitiatorStore, PinnedPeer, ResponderMemory, ResponderStore, StagedKey,

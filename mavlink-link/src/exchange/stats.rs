@@ -20,7 +20,7 @@ pub enum Ignored {
     #[error("for another system or component")]
     Target,
     /// A version that is not known.
-    #[error("another version, expected 1")]
+    #[error("another version, expected 2")]
     Version,
     /// A suite that is not known, or not the one this peer has.
     #[error("not the suite of this peer")]
@@ -61,11 +61,14 @@ pub enum Ignored {
     /// There are no random bytes.
     #[error("no random bytes")]
     NoRandom,
+    /// A request for an exchange that nobody has proved to be the peer's, or one for a key that is too young.
+    #[error("a request that is not verified under the key in force, or comes too early")]
+    Hint,
 }
 
 impl Ignored {
     /// Every reason's name, in the order of [`ExchangeStats::by_reason`].
-    const NAMES: [&'static str; 18] = [
+    const NAMES: [&'static str; 19] = [
         "message",
         "legacy",
         "source",
@@ -84,6 +87,7 @@ impl Ignored {
         "busy",
         "not_stored",
         "no_random",
+        "hint",
     ];
 
     fn place(self) -> usize {
@@ -106,6 +110,7 @@ impl Ignored {
             Self::Busy => 15,
             Self::NotStored => 16,
             Self::NoRandom => 17,
+            Self::Hint => 18,
         }
     }
 }

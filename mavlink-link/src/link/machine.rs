@@ -5,7 +5,7 @@ use core::time::Duration;
 use super::challenge::{Ping, Turns};
 use super::config::LinkConfig;
 use super::freshness::HeartbeatLog;
-use super::peer::{LinkState, PeerLock, Presence};
+use super::peer::{LinkState, PeerLock, Presence, Rising};
 use super::pin::LinkIdPin;
 use super::receiver::KeyState;
 use super::report::{Alert, Event, Events, LinkStats};
@@ -45,6 +45,7 @@ pub(super) struct Core<A> {
     pub(super) config: LinkConfig<A>,
     pub(super) peer: PeerLock<A>,
     pub(super) presence: Presence,
+    pub(super) rising: Rising<A>,
     pub(super) pin: LinkIdPin,
     pub(super) heartbeats: HeartbeatLog,
     pub(super) seq: u8,
@@ -95,6 +96,7 @@ impl<A: Copy + Eq> Link<A> {
                 config,
                 peer: PeerLock::new(config.endpoint),
                 presence: Presence::new(),
+                rising: Rising::new(),
                 pin: LinkIdPin::new(config.vehicle_link_id, config.known_link_id),
                 heartbeats: HeartbeatLog::new(),
                 seq: 0,

@@ -7,6 +7,8 @@
 
 use core::time::Duration;
 
+use crate::frame::Stamp;
+
 /// How a link finds its peer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Endpoint<A> {
@@ -100,6 +102,60 @@ pub const UNSIGNED_SILENCE: Duration = Duration::from_secs(5);
 /// How long a provisional peer is kept after its last frame against another one.
 const PROVISIONAL_HOLD: Duration = Duration::from_secs(2);
 
+/// Tells a vehicle that has restarted from a recording of one: the stamps of the vehicle are new, and rise. A frame that
+/// is played again and again would otherwise use up the heartbeats that are to lift the vehicle, and hold the place of
+/// the provisional peer.
+#[derive(Debug)]
+pub(crate) struct Rising<A> {
+    /// Stamps that counted lately, and when, from whatever address: no address counts with one of them again.
+    counted: [(Stamp, Duration); COUNTED],
+    next: usize,
+    len: usize,
+    /// The highest stamp of an address, and when it counted.
+    marks: [Option<(A, Stamp, Duration)>; MARKS],
+}
+
+impl<A: Copy + Eq> Rising<A> {
+    pub(crate) fn new() -> Self {
+        Self {
+            counted: [(Stamp::ZERO, Duration::ZERO); COUNTED],
+            next: 0,
+            len: 0,
+            marks: [None; MARKS],
+        }
+    }
+
+    /// Whether a verified frame with a stale stamp can be the vehicle's own. Nothing is proved by it.
+    pub(crate) fn counts(&mut self, from: A, stamp: Stamp, mono: Duration) -> bool {
+        let mut counted = self.counted[..self.len].iter();
+        if counted.any(|(known, at)| *known == stamp && mono.saturating_sub(*at) < COUNTED_LIFE) {
+            return false;
+        }
+        let of_address = |mark: &Option<(A, Stamp, Duration)>| mark.is_some_and(|m| m.0 == from);
+        let oldest = |mark: &Option<(A, Stamp, Duration)>| mark.map(|m| m.2);
+        let place = (self.marks.iter().position(of_address))
+            .or_else(|| (0..MARKS).min_by_key(|&at| oldest(&self.marks[at])))
+            .unwrap_or(0);
+        if let Some((address, mark, at)) = self.marks[place]
+            && address == from
+            && stamp <= mark
+            && mono.saturating_sub(at) < COUNTED_LIFE
+        {
+            return false;
+        }
+        self.marks[place] = Some((from, stamp, mono));
+        self.counted[self.next] = (stamp, mono);
+        self.next = (self.next + 1) % COUNTED;
+        self.len = (self.len + 1).min(COUNTED);
+        true
+    }
+}
+
+const COUNTED: usize = 64;
+const MARKS: usize = 8;
+/// A vehicle may start again within a second, and with the same stamps: it is not taken for a recording for longer.
+const COUNTED_LIFE: Duration = Duration::from_secs(1);
+
 /// The state of a signed link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LinkState {
@@ -118,6 +174,8 @@ pub enum LinkState {
 pub(super) struct Presence {
     state: LinkState,
     accepted: Option<Duration>,
+    /// The last accepted frame of the autopilot itself.
+    autopilot: Option<Duration>,
     /// The last stale frames, oldest first.
     stale: [Option<Duration>; STALE_FRAMES],
     /// When to raise the alert that the vehicle stays behind.
@@ -130,6 +188,7 @@ impl Presence {
         Self {
             state: LinkState::Waiting,
             accepted: None,
+            autopilot: None,
             stale: [None; STALE_FRAMES],
             alert_at: None,
             lifted: [None; 2],
@@ -150,6 +209,17 @@ impl Presence {
         self.stale = [None; STALE_FRAMES];
         self.alert_at = None;
         core::mem::replace(&mut self.state, LinkState::Live) != LinkState::Live
+    }
+
+    /// A frame of the autopilot was accepted.
+    pub(super) fn autopilot_accepted(&mut self, mono: Duration) {
+        self.autopilot = Some(mono);
+    }
+
+    /// Whether the autopilot signs: one frame that anybody can send says nothing beside those that it has just signed.
+    pub(super) fn autopilot_signs(&self, mono: Duration) -> bool {
+        self.autopilot
+            .is_some_and(|at| mono.saturating_sub(at) < SIGNS_FOR)
     }
 
     /// A verified frame was stale. True where the link becomes [`LinkState::Behind`] by it. A single stale
@@ -206,3 +276,37 @@ const STALE_FRAMES: usize = 3;
 const STALE_WITHIN: Duration = Duration::from_secs(1);
 const BEHIND_ALERT: Duration = Duration::from_secs(5);
 const LIFT_EVERY: Duration = Duration::from_millis(200);
+/// How long an accepted frame shows that the autopilot signs. One that has lost its key has started anew, which takes
+/// longer.
+const SIGNS_FOR: Duration = Duration::from_secs(2);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_counts_once_a_second_and_a_vehicle_with_every_frame() {
+        let mut rising = Rising::new();
+        let mut recording = 0;
+        for n in 0..60_000_u32 {
+            let mono = Duration::from_secs(30) * n / 60_000;
+            // One recorded frame, from a hundred addresses.
+            recording += u32::from(rising.counts(100 + n % 100, Stamp::new(900_000), mono));
+            if n % 600 == 0 {
+                assert!(rising.counts(1, Stamp::new(u64::from(n) + 1), mono), "{n}");
+            }
+        }
+        assert!(recording <= 30, "{recording}");
+    }
+
+    #[test]
+    fn many_recorded_frames_of_one_address_count_once_a_round() {
+        let mut rising = Rising::new();
+        let mut counted = 0;
+        for n in 0..30_000_u64 {
+            let mono = Duration::from_millis(n / 30);
+            counted += u32::from(rising.counts(7, Stamp::new(1 + n % 100), mono));
+        }
+        assert_eq!(counted, 100);
+    }
+}

@@ -174,9 +174,14 @@ impl<A: Copy + Eq> Core<A> {
     ) {
         let header = frame.header();
         let age = self.heartbeats.age(stamp, now.mono);
+<<<<<<< HEAD
         if let Age::AtMost(age) = age {
             let sent = now.mono.saturating_sub(age);
             self.answered = self.answered.max(Some(sent));
+=======
+        if header.component_id == AUTOPILOT {
+            self.presence.autopilot_accepted(now.mono);
+>>>>>>> a50227b (Start no exchange of keys for anybody, and let nobody starve one)
         }
         if let (AUTOPILOT, Some(signature)) = (header.component_id, frame.signature())
             && self.pin.record(signature.link_id, age, now.mono)
@@ -243,7 +248,7 @@ impl<A: Copy + Eq> Core<A> {
                 stats.unexpected_link += 1;
                 if self.pin.is_movable() {
                     // The vehicle may have restarted with another link id: lifted, it can prove that it is live.
-                    self.fallen_back(now.mono, from);
+                    self.fallen_back(now.mono, from, frame);
                 }
             }
             Refusal::Unsigned => stats.unsigned_vehicle += 1,
@@ -270,7 +275,7 @@ impl<A: Copy + Eq> Core<A> {
             }
             Refusal::Stale => {
                 stats.stale += 1;
-                self.fallen_back(now.mono, from);
+                self.fallen_back(now.mono, from, frame);
             }
         }
         if verified {
@@ -281,8 +286,12 @@ impl<A: Copy + Eq> Core<A> {
     }
 
     /// A verified frame with an old timestamp: the vehicle may have restarted, so a heartbeat that lifts
-    /// its timestamps is sent there at once, and nothing else.
-    fn fallen_back(&mut self, mono: Duration, from: A) {
+    /// its timestamps is sent there at once, and nothing else. A recording that is played again has no effect.
+    fn fallen_back(&mut self, mono: Duration, from: A, frame: &FrameView<'_>) {
+        let stamp = frame.signature().map(|signature| signature.stamp);
+        if !stamp.is_some_and(|stamp| self.rising.counts(from, stamp, mono)) {
+            return;
+        }
         self.peer.stale_from(from, mono);
         if self.presence.stale(mono) {
             self.events.push(Event::Behind);
@@ -335,7 +344,10 @@ impl<A: Copy + Eq> Core<A> {
         } else if of_vehicle {
             self.stats.unsigned_vehicle += 1;
             // A signing PX4 forwards anybody's unsigned heartbeats, but no other unsigned message.
-            if component_id == AUTOPILOT && message_id != HEARTBEAT_ID {
+            if component_id == AUTOPILOT
+                && message_id != HEARTBEAT_ID
+                && !self.presence.autopilot_signs(now.mono)
+            {
                 self.events.alert(Alert::VehicleUnsigned, now.mono);
             }
         } else {

@@ -115,7 +115,10 @@ impl<A: Copy + Eq> KeyRollover<A> {
             Proof::Stale(under) => {
                 // The vehicle has restarted, or it is a replay: a heartbeat is sent there, and nothing else.
                 self.seen.first.get_or_insert(now.mono);
-                self.lift = Some((under, from));
+                let stamp = frame.signature().map(|signature| signature.stamp);
+                if stamp.is_some_and(|stamp| self.rising.counts(from, stamp, now.mono)) {
+                    self.lift = Some((under, from));
+                }
             }
             // It may be a replay: it is asked for a proof, and nothing else.
             Proof::Ahead => {

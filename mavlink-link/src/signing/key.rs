@@ -128,6 +128,18 @@ impl KeyId {
         Self(bytes)
     }
 
+    /// An id as [`Display`](fmt::Display) writes it.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        let digits = text.as_bytes();
+        let mut id = [0; 8];
+        for (byte, pair) in id.iter_mut().zip(digits.chunks_exact(2)) {
+            let pair = core::str::from_utf8(pair).ok()?;
+            *byte = u8::from_str_radix(pair, 16).ok()?;
+        }
+        (digits.len() == 16 && !text.contains('+')).then_some(Self(id))
+    }
+
     /// The id's bytes.
     #[must_use]
     pub const fn bytes(&self) -> &[u8; 8] {
@@ -202,5 +214,15 @@ mod tests {
         // python3 -c 'import hmac; print(hmac.new(bytes(range(1, 33)), b"vsm/1 key id", "sha256").hexdigest()[:16])'
         let key = SigningKey::from_hex(HEX).unwrap();
         assert_eq!(key.id().to_string(), "965fac51df6401b4");
+        assert_eq!(KeyId::parse("965fac51df6401b4"), Some(key.id()));
+        for wrong in [
+            "",
+            "965fac51df6401b",
+            "965fac51df6401b40",
+            "965fac51df6401g4",
+            "+65fac51df6401b4",
+        ] {
+            assert_eq!(KeyId::parse(wrong), None);
+        }
     }
 }

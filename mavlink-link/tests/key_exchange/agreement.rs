@@ -1,11 +1,14 @@
 //! The result of an exchange without faults, and its events.
 
 use core::time::Duration;
+use std::collections::VecDeque;
 
-use mavlink_link::exchange::{InitiatorEvent, Message, Received, ResponderEvent, Status, Step};
+use mavlink_link::exchange::{
+    InitiatorEvent, KeyInForce, Message, Received, ResponderEvent, Status, Step,
+};
 
 use crate::disks::id;
-use crate::world::{Parcel, World, ms};
+use crate::world::{AIR, Parcel, World, ms};
 
 fn steps(world: &World) -> Vec<(Step, usize)> {
     world
@@ -29,10 +32,11 @@ fn four_messages_of_the_stated_sizes_agree_about_a_key_and_the_vehicle_signs_wit
     let old = world.autopilot;
     world.run_until(ms(1_200));
     let sizes = [
-        (Step::Offer, 40),
-        (Step::Answer, 40),
-        (Step::Confirm, 32),
-        (Step::Outcome, 40),
+        // Each with its authenticators, 32 bytes from the ground and 16 from the air, since version 2.
+        (Step::Offer, 40 + 32),
+        (Step::Answer, 40 + 16),
+        (Step::Confirm, 32 + 32),
+        (Step::Outcome, 40 + 16),
     ];
     assert_eq!(steps(&world), sizes);
     assert!(world.run_until_settled(Duration::from_secs(10)).is_some());
@@ -54,10 +58,10 @@ fn a_pairing_has_four_messages_too_and_pins_both_ends() {
     let mut world = World::pairing(2);
     world.run_until(ms(1_200));
     let sizes = [
-        (Step::Offer, 16),
-        (Step::Answer, 88),
-        (Step::Confirm, 88),
-        (Step::Outcome, 40),
+        (Step::Offer, 16 + 32),
+        (Step::Answer, 88 + 16),
+        (Step::Confirm, 88 + 32),
+        (Step::Outcome, 40 + 16),
     ];
     assert_eq!(steps(&world), sizes);
     assert!(world.is_paired());
@@ -81,7 +85,7 @@ fn after_a_pairing_only_the_pinned_keys_count() {
     assert!(world.run_until_settled(Duration::from_secs(30)).is_some());
     assert_ne!(world.autopilot, first);
     let sizes: Vec<_> = steps(&world)[before..].iter().take(2).copied().collect();
-    assert_eq!(sizes, [(Step::Offer, 40), (Step::Answer, 40)]);
+    assert_eq!(sizes, [(Step::Offer, 40 + 32), (Step::Answer, 40 + 16)]);
 }
 
 #[test]
@@ -135,18 +139,46 @@ fn a_hint_starts_an_exchange_at_most_once_in_ten_seconds() {
             .filter(|event| matches!(event, InitiatorEvent::Begun { .. }))
             .count()
     };
-    let before = begun(&world);
     let hint = world.air.as_mut().unwrap().please(world.now).unwrap();
     assert!(world.air.as_mut().unwrap().please(world.now).is_none());
-    for session in 0..49 {
-        let forged = Message {
-            session,
-            ..hint.clone()
-        };
-        world.post(Parcel::Down(forged.to_payload().to_vec()));
-        world.run_until(world.now + ms(200));
+    // What the key in force is, whether the frame was verified under it, and how many attempts 10 s of hints start.
+    for (key, verified, attempts) in [
+        (KeyInForce::Settled, false, 0),
+        (KeyInForce::Young, false, 0),
+        (KeyInForce::Young, true, 0),
+        (KeyInForce::Settled, true, 1),
+        (KeyInForce::None, false, 1),
+    ] {
+        let before = begun(&world);
+        world.ground.as_mut().unwrap().set_key_in_force(key);
+        for _ in 0..49 {
+            world.ground_hears_as(AIR, verified, &hint.to_payload());
+            world.run_until(world.now + ms(200));
+        }
+        assert_eq!(begun(&world) - before, attempts, "{key:?}, {verified}");
+        world.run_until(world.now + Duration::from_secs(10));
     }
-    assert_eq!(begun(&world) - before, 1);
+}
+
+#[test]
+fn an_attempt_that_anybody_may_have_asked_for_ends_with_the_first_proof_of_a_key() {
+    let mut world = World::paired(6);
+    assert!(world.run_until_settled(Duration::from_secs(30)).is_some());
+    world.run_until(world.now + ms(500));
+    let hint = world.air.as_mut().unwrap().please(world.now).unwrap();
+    world.held = Some(VecDeque::new());
+    let ground = world.ground.as_mut().unwrap();
+    ground.set_key_in_force(KeyInForce::None);
+    world.ground_hears_as(AIR, false, &hint.to_payload());
+    world.run_until(world.now + ms(10));
+    assert!(world.ground.as_ref().unwrap().is_busy());
+    let ground = world.ground.as_mut().unwrap();
+    ground.set_key_in_force(KeyInForce::Settled);
+    assert!(!ground.is_busy());
+    // An honest wish stays.
+    ground.want();
+    ground.set_key_in_force(KeyInForce::Settled);
+    assert!(ground.is_busy());
 }
 
 #[test]

@@ -6,4 +6,5 @@ mod attacks;
 mod cost;
 mod disks;
 mod faults;
+mod under_load;
 mod world;

@@ -20,6 +20,8 @@ pub(crate) const AIR: Node = Node {
     system: 1,
     component: 191,
 };
+/// Where the ground is.
+pub(crate) const HONEST: u8 = 7;
 pub(crate) const WANTED: Wanted = Wanted {
     signing: true,
     confidential: false,
@@ -27,6 +29,16 @@ pub(crate) const WANTED: Wanted = Wanted {
 
 pub(crate) fn parties() -> Parties {
     Parties::new(GROUND, AIR, 0x1b00_0001, 0x1b00_0101)
+}
+
+/// A message as it comes in at the ground.
+pub(crate) fn heard(source: Node, verified: bool, payload: &[u8]) -> Inbound<'_, ()> {
+    Inbound {
+        from: (),
+        source,
+        verified,
+        payload,
+    }
 }
 
 pub(crate) const fn ms(ms: u64) -> Duration {
@@ -124,6 +136,8 @@ pub(crate) struct World {
     pub(crate) tape: Vec<Parcel>,
     /// Where a test is the network, what waits for it.
     pub(crate) held: Option<VecDeque<Parcel>>,
+    /// What the air answers to other addresses than the ground's does not come to the ground.
+    pub(crate) addressed: bool,
     under_way: Vec<(Duration, u64, Parcel)>,
     parcels: u64,
     identities: (Identity, Identity),
@@ -188,6 +202,7 @@ impl World {
             weather: Weather::default(),
             tape: Vec::new(),
             held: None,
+            addressed: false,
             under_way: Vec::new(),
             parcels: 0,
             identities,
@@ -411,7 +426,7 @@ impl World {
 
     pub(crate) fn deliver(&mut self, parcel: &Parcel) {
         match parcel {
-            Parcel::Up(payload) => self.air_hears(7, GROUND, false, payload),
+            Parcel::Up(payload) => self.air_hears(HONEST, GROUND, false, payload),
             Parcel::Down(payload) => self.ground_hears(AIR, payload),
             Parcel::Telemetry(key) => self.receive_signed(*key),
         }
@@ -433,10 +448,14 @@ impl World {
     }
 
     pub(crate) fn ground_hears(&mut self, source: Node, payload: &[u8]) {
+        self.ground_hears_as(source, false, payload);
+    }
+
+    pub(crate) fn ground_hears_as(&mut self, source: Node, verified: bool, payload: &[u8]) {
         let now = self.clock();
         if let Some(ground) = &mut self.ground {
             let begun = Instant::now();
-            let _ = ground.handle(now, source, payload, &mut self.ground_disk);
+            let _ = ground.handle(now, heard(source, verified, payload), &mut self.ground_disk);
             self.worked[0] += begun.elapsed();
         }
         self.after_ground();
@@ -499,6 +518,9 @@ impl World {
             return;
         };
         while let Some(outbound) = air.poll_transmit() {
+            if self.addressed && outbound.to != HONEST {
+                continue;
+            }
             self.post(Parcel::Down(wire(&outbound.message.to_payload())));
         }
         while let Some(event) = air.poll_event() {

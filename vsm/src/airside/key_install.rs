@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::dialect::MavSeverity;
-use mavlink_link::exchange::{ResponderEvent, Status};
+use mavlink_link::exchange::{ResponderEvent, Status, VERSION};
 use mavlink_link::link::Endpoint;
 use mavlink_link::provisioning::{
     Event, KeyRollover, KeyRolloverConfig, KeySlot, Outcome, StartError, State,
@@ -74,6 +74,21 @@ impl Agent {
                 ResponderEvent::WrongCode => {
                     self.reports
                         .note(LogLevel::Warning, "pairing attempt with a wrong code");
+                }
+                ResponderEvent::OtherVersion { version, verified } => {
+                    self.reports.note(
+                        LogLevel::Warning,
+                        format!(
+                            "the ground speaks version {version} of the key exchange, this agent version {VERSION}: \
+                             no key can be agreed on, update the older end"
+                        ),
+                    );
+                    // Anybody can send it unverified, and an operator is not to be alarmed by anybody.
+                    if verified {
+                        let text = "Agent: other key exchange version, update";
+                        self.reports
+                            .alert_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
+                    }
                 }
                 ResponderEvent::NotStored(fault) => {
                     self.reports.note(

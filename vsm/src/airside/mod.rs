@@ -48,6 +48,7 @@ use mavlink_link::Now;
 use mavlink_link::exchange::{PairingCode, Random, VehicleState, WindowError};
 use mavlink_link::link::{Alert, Auth, Event, KeyExchangeFrame, LinkState};
 
+use self::fallback::Fallback;
 use self::phase::{Cause, Phase};
 use self::relay::FrameForwarder;
 use crate::session::{LogLevel, Peer};
@@ -184,7 +185,11 @@ impl Agent {
             && relaying.previous.is_some()
         {
             match keys.drop_previous() {
-                Ok(()) => relaying.previous = None,
+                Ok(()) => {
+                    relaying.previous = None;
+                    // It would go on stamping under a key whose clock is deleted.
+                    self.fallback = Fallback::default();
+                }
                 Err(fault) => self.reports.note(
                     LogLevel::Warning,
                     format!("the previous key cannot be deleted: {fault}"),

@@ -39,6 +39,12 @@ pub trait Keyring {
     /// # Errors
     /// It could not be deleted.
     fn drop_next(&self) -> Result<(), store::StoreError>;
+
+    /// Deletes the signing clocks of keys that none of these files holds any more.
+    ///
+    /// # Errors
+    /// It was not done: done at the next call, or the next start.
+    fn bury(&self, disk: &mut dyn Disk) -> Result<(), store::StoreError>;
 }
 
 /// What the machine must know of the stored keys.
@@ -69,6 +75,11 @@ impl GroundKeys<'_> {
         *self.record = record;
         Ok(())
     }
+
+    /// What it leaves behind does no harm, and is deleted at the next start.
+    fn bury(&mut self) {
+        let _ = self.keys.bury(self.store);
+    }
 }
 
 impl InitiatorStore for GroundKeys<'_> {
@@ -77,7 +88,9 @@ impl InitiatorStore for GroundKeys<'_> {
     }
 
     fn promote_next(&mut self) -> Result<(), StoreError> {
-        self.keys.commit().map_err(reason)
+        self.keys.commit().map_err(reason)?;
+        self.bury();
+        Ok(())
     }
 
     fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
@@ -91,11 +104,15 @@ impl InitiatorStore for GroundKeys<'_> {
                 key: Some(key),
             });
         })?;
-        self.keys.restage(&agreed.key).map_err(reason)
+        self.keys.restage(&agreed.key).map_err(reason)?;
+        self.bury();
+        Ok(())
     }
 
     fn drop_next(&mut self) -> Result<(), StoreError> {
-        self.keys.drop_next().map_err(reason)
+        self.keys.drop_next().map_err(reason)?;
+        self.bury();
+        Ok(())
     }
 
     fn pin(&mut self, peer: &PublicKey) -> Result<(), StoreError> {

@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::exchange::{
-    Identity, Initiator, InitiatorConfig, InitiatorEvent, Legacy, Node, Parties, Random, Status,
-    Trust, Wanted,
+    Identity, Ignored, Inbound, Initiator, InitiatorConfig, InitiatorEvent, KeyInForce, Legacy,
+    Node, Parties, Random, Status, Trust, Wanted,
 };
+use mavlink_link::link::KeyExchangeFrame;
 use mavlink_link::signing::KeyId;
 use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
@@ -35,6 +36,8 @@ pub struct KeyExchange {
     state: String,
     /// The key in force has been seen in use, in this run or by what the store says.
     settled: bool,
+    /// When the key in force came into use, where that was in this run: monotonic, since the wall clock may step.
+    adopted_at: Option<Duration>,
     log: VecDeque<LogEntry>,
 }
 
@@ -97,6 +100,7 @@ impl KeyExchange {
             again_at: now.mono,
             state: "idle".to_owned(),
             settled,
+            adopted_at: None,
             log: VecDeque::new(),
         };
         with.bridge.want_key_exchange(index);
@@ -135,11 +139,10 @@ impl KeyExchange {
                 system: header.system_id,
                 component: header.component_id,
             };
-            // Not authenticated yet, as KEY_EXCHANGE may come unsigned: it only decides where the next message goes.
-            if source == self.parties.responder {
+            // Where the agent is, is told by what only it can have made: a recording of that, at the worst.
+            if self.take(now, source, &frame, with) && source == self.parties.responder {
                 self.agent_at = Some(frame.from);
             }
-            self.take(now, source, frame.payload(), with);
         }
         if now.mono >= self.check_at {
             self.check_at = now.mono.saturating_add(LOOK_EVERY);
@@ -181,7 +184,14 @@ impl KeyExchange {
             .send_key_exchange(self.index, now, payload, self.agent_at, with.store);
     }
 
-    fn take(&mut self, now: Now, source: Node, payload: &[u8], with: &mut Surroundings<'_>) {
+    fn take(
+        &mut self,
+        now: Now,
+        source: Node,
+        frame: &KeyExchangeFrame<Peer>,
+        with: &mut Surroundings<'_>,
+    ) -> bool {
+        let in_force = self.key_in_force(now);
         let mut disk = GroundKeys {
             store: with.store,
             keys: with.keys,
@@ -189,16 +199,24 @@ impl KeyExchange {
             vehicle: self.vehicle,
         };
         match &mut self.machine {
-            Machine::Unpaired => {}
+            Machine::Unpaired => false,
             Machine::Paired(initiator) => {
-                // Counted there.
-                let _ = initiator.handle(now, source, payload, &mut disk);
+                let inbound = Inbound {
+                    from: (),
+                    source,
+                    verified: frame.verified.is_some(),
+                    payload: frame.payload(),
+                };
+                initiator.set_key_in_force(in_force);
+                let taken = initiator.handle(now, inbound, &mut disk);
+                // A request that comes too early, or is not verified, has been authenticated all the same.
+                matches!(taken, Ok(()) | Err(Ignored::Limited | Ignored::Hint))
             }
             // Anyone can have sent it: it brings a first key, and replaces none that the vehicle signs with.
-            Machine::Legacy(_) if self.settled => {}
+            Machine::Legacy(_) if self.settled => false,
             Machine::Legacy(legacy) => {
-                let Ok(key) = legacy.handle(source, payload) else {
-                    return;
+                let Ok(key) = legacy.handle(source, frame.payload()) else {
+                    return true;
                 };
                 let id = key.id();
                 match with.keys.restage(&key) {
@@ -211,7 +229,32 @@ impl KeyExchange {
                         self.notify_once(now, AlertPriority::Caution, fault.to_string(), with)
                     }
                 }
+                true
             }
+        }
+    }
+
+    /// How long a key is in use before another is agreed on.
+    fn life(&self) -> Duration {
+        Duration::from_secs_f64(self.settings.rotate_days * 86_400.0)
+    }
+
+    /// Since when the key in force is in use. In the run in which it came into use the wall clock does not count:
+    /// whoever can make that jump could otherwise cause one exchange after another.
+    fn key_age(&self, now: Now) -> Duration {
+        match self.adopted_at {
+            Some(at) => now.mono.saturating_sub(at),
+            None => Duration::from_secs(now.wall.as_secs().saturating_sub(self.record.since)),
+        }
+    }
+
+    fn key_in_force(&self, now: Now) -> KeyInForce {
+        if !self.settled {
+            KeyInForce::None
+        } else if self.key_age(now) < MIN_KEY_AGE.min(self.life()) {
+            KeyInForce::Young
+        } else {
+            KeyInForce::Settled
         }
     }
 
@@ -220,21 +263,35 @@ impl KeyExchange {
         let wall_s = now.wall.as_secs();
         if let Some(proven) = with.bridge.proven_key(self.index) {
             self.prove_pairing(now, proven, with);
-            if self.record.note_key(proven, wall_s)
-                && let Err(fault) = self.record.save(with.store, self.vehicle)
-            {
+            if self.record.note_key(proven, wall_s) {
+                self.adopted_at = Some(now.mono);
+            } else if self.record.is_ahead_of(wall_s) {
+                // It was noted under a wall clock that was ahead: by that date the key would never grow old.
+                self.record.since = wall_s;
+            } else {
+                return self.replace_old(now, with);
+            }
+            if let Err(fault) = self.record.save(with.store, self.vehicle) {
                 self.note(
                     LogLevel::Warning,
                     format!("the age of the key cannot be stored: {fault}"),
                 );
             }
         }
-        let age = Duration::from_secs(wall_s.saturating_sub(self.record.since));
-        let life = Duration::from_secs_f64(self.settings.rotate_days * 86_400.0);
+        self.replace_old(now, with);
+    }
+
+    /// Agrees on another key where the one in force is old.
+    fn replace_old(&mut self, now: Now, with: &mut Surroundings<'_>) {
+        let in_force = self.key_in_force(now);
+        let (age, life) = (self.key_age(now), self.life());
         // Age never ends a key that is in use: it only starts an agreement about the next one.
         let old = self.record.key.is_some() && age >= life;
-        if let Machine::Paired(initiator) = &mut self.machine
-            && old
+        let Machine::Paired(initiator) = &mut self.machine else {
+            return;
+        };
+        initiator.set_key_in_force(in_force);
+        if old
             && !initiator.is_busy()
             && initiator.memory().next.is_none()
             && now.mono >= self.again_at
@@ -299,6 +356,7 @@ impl KeyExchange {
         if !matches!(self.machine, Machine::Legacy(_)) {
             self.notify(now, ExchangeNotice::Over("the new key is in use"), with);
         }
+        self.adopted_at = Some(now.mono);
         // The age of the new key is recorded at once, not at the next look.
         self.check_at = now.mono;
     }
@@ -437,6 +495,12 @@ impl KeyExchange {
                 self.note(LogLevel::Info, text);
                 "the agent does not answer".clone_into(&mut self.state);
             }
+            E::Rejected {
+                status: Status::OtherVersion,
+            } => {
+                "the agent seems to speak another version of the exchange: update the older end"
+                    .clone_into(&mut self.state);
+            }
             // Anyone can send these, and as many as they like: counted, and neither alerted nor logged.
             E::Rejected { .. } => {}
             E::NotStored(cause) => {
@@ -515,5 +579,8 @@ pub(crate) const WANTED: Wanted = Wanted {
 };
 const MAX_LOGGED: usize = 64;
 const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// A key that was agreed on less than so long ago is not replaced, whoever requests it; one that is to live shorter by
+/// configuration is replaced at the end of its life.
+const MIN_KEY_AGE: Duration = Duration::from_secs(3_600);
 /// After a key that the vehicle did not take.
 const AGAIN_AFTER: Duration = Duration::from_secs(600);

@@ -77,7 +77,16 @@ impl ExchangeRecord {
         }
         changed
     }
+
+    /// Whether the key was noted under a wall clock that was ahead of this one, s since 1970, by more than a clock that
+    /// is set right now and then.
+    #[must_use]
+    pub fn is_ahead_of(&self, wall_s: u64) -> bool {
+        self.since > wall_s.saturating_add(A_DAY_S)
+    }
 }
+
+const A_DAY_S: u64 = 86_400;
 
 vehicle_record!(ExchangeRecord, "exchange", Power);
 

@@ -134,6 +134,7 @@ impl AirsideServer {
             keys,
             vehicle: own.vehicle_id,
         };
+        disk.bury();
         let held = held(&disk)?;
         let agent = Agent::start(settings, identity, held, clock.now(), &mut disk)?;
         Ok(AirsideServer {

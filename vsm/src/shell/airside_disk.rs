@@ -28,9 +28,20 @@ impl AirsideDisk {
     }
 }
 
+impl AirsideDisk {
+    /// Deletes the signing clocks of dead keys. What it leaves behind does no harm, and is deleted at the next start.
+    pub(super) fn bury(&mut self) {
+        if let Err(fault) = self.keys.bury(&mut self.store) {
+            tracing::debug!("the clock of a dead key cannot be deleted: {fault}");
+        }
+    }
+}
+
 impl ResponderStore for AirsideDisk {
     fn withdraw_next(&mut self) -> Result<(), exchange::StoreError> {
-        self.keys.drop_next().map_err(exchange_fault)
+        self.keys.drop_next().map_err(exchange_fault)?;
+        self.bury();
+        Ok(())
     }
 
     fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), exchange::StoreError> {
@@ -68,15 +79,21 @@ impl Keys for AirsideDisk {
     }
 
     fn commit(&mut self) -> Result<(), StoreError> {
-        self.keys.commit().map_err(fault)
+        self.keys.commit().map_err(fault)?;
+        self.bury();
+        Ok(())
     }
 
     fn drop_next(&mut self) -> Result<(), StoreError> {
-        self.keys.drop_next().map_err(fault)
+        self.keys.drop_next().map_err(fault)?;
+        self.bury();
+        Ok(())
     }
 
     fn drop_previous(&mut self) -> Result<(), StoreError> {
-        self.keys.drop_previous().map_err(fault)
+        self.keys.drop_previous().map_err(fault)?;
+        self.bury();
+        Ok(())
     }
 }
 

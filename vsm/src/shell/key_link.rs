@@ -138,6 +138,7 @@ impl KeyLink {
         // A running bridge holds both locks: two writers of one stream would make each other's stamps stale.
         let mut store = FileDisk::open(&config.store.dir)?;
         let keys = KeyStore::open(key_file)?;
+        keys.bury(&mut store)?;
         let record = format!("port-{:08x}", vehicle.id.0);
         let (reader, writer, peer) =
             sockets::open_link("vehicle.link", &vehicle.link, &record, &mut store)?;
@@ -228,9 +229,15 @@ impl KeyLink {
                 tell(event);
                 match event {
                     _ if self.again => {}
-                    Event::Commit => self.keys.commit()?,
+                    Event::Commit => {
+                        self.keys.commit()?;
+                        self.bury();
+                    }
                     // Only proof that the vehicle keeps its key deletes the new one; silence (UNKNOWN) proves nothing.
-                    Event::Ended(Outcome::RolledBack) => self.keys.drop_next()?,
+                    Event::Ended(Outcome::RolledBack) => {
+                        self.keys.drop_next()?;
+                        self.bury();
+                    }
                     _ => {}
                 }
             }
@@ -262,6 +269,13 @@ impl KeyLink {
     /// The wish could not be made durable.
     pub fn revoke_current(&self) -> Result<(), KeyStoreError> {
         self.keys.revoke_current()
+    }
+
+    /// A clock that is left behind does no harm, and is deleted at the next start.
+    fn bury(&mut self) {
+        if let Err(fault) = self.keys.bury(&mut self.store) {
+            tracing::debug!("the clock of a dead key cannot be deleted: {fault}");
+        }
     }
 
     /// Names the key that is handed over.

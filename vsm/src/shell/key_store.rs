@@ -6,6 +6,10 @@
 //! process uses them, so that no two sign with one key and one stream, by whatever names they know it: a symbolic
 //! link is followed first, and a hard link is the same file. A copy is not noticed here. Every change is durable
 //! when it returns, and a change that fails leaves a key file that can be used.
+//!
+//! A key that is in none of these files any more is dead, and its signing clock is deleted: before each change
+//! `uav1.key.dead` names the keys that it may end, and [`KeyStore::bury`] deletes the clocks of those that it has, now
+//! or after a restart.
 
 use std::cell::RefCell;
 use std::fs::{self, File, OpenOptions};
@@ -13,9 +17,14 @@ use std::io;
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
+use mavlink_link::clock::Ceiling;
 use mavlink_link::signing::{KeyId, SigningKey};
+<<<<<<< HEAD
 use mavlink_link::store::StoreError;
 use rustix::io::Errno;
+=======
+use mavlink_link::store::{Disk, Record as _, StoreError};
+>>>>>>> a50227b (Start no exchange of keys for anybody, and let nobody starve one)
 use zeroize::Zeroizing;
 
 use super::disk::{self, FileSystem, NativeFileSystem};
@@ -157,6 +166,54 @@ impl KeyStore {
         Ok(keys.iter().flatten().map(SigningKey::id).collect())
     }
 
+    /// Deletes the signing clocks of keys that are in none of the files any more. Without it every change of a key
+    /// would leave a file behind, for good. To be called after each change, and at the start.
+    ///
+    /// # Errors
+    /// A clock could not be deleted, or a key file not be read: done at the next call.
+    pub fn bury(&self, disk: &mut dyn Disk) -> Result<(), StoreError> {
+        let path = with(&self.path, "dead");
+        let read = self.system.read(&path, MAX_NAMED);
+        let Some(named) = read.map_err(|cause| StoreError::new("dead", cause))? else {
+            return Ok(());
+        };
+        let held = self.held().map_err(fault)?;
+        for name in String::from_utf8_lossy(&named).lines() {
+            if let Some(id) = KeyId::parse(name)
+                && !held.contains(&id)
+            {
+                disk.remove(&Ceiling::name(&id))?;
+            }
+        }
+        // Last: after a power cut in between the next start looks again.
+        self.delete(&path).map_err(fault)
+    }
+
+    /// The names of all keys in the files.
+    fn held(&self) -> Result<Vec<KeyId>, KeyStoreError> {
+        let keys = [self.current()?, self.next()?, self.previous()?];
+        Ok(keys.iter().flatten().map(SigningKey::id).collect())
+    }
+
+    /// Names the keys that the change to come may end.
+    fn mark(&self) {
+        let path = with(&self.path, "dead");
+        let before = self.system.read(&path, MAX_NAMED).ok().flatten();
+        let mut names = before
+            .map(|named| String::from_utf8_lossy(&named).into_owned())
+            .unwrap_or_default();
+        let Ok(held) = self.held() else { return };
+        for id in held {
+            let name = id.to_string();
+            if !names.lines().any(|known| known == name) {
+                names += &name;
+                names.push('\n');
+            }
+        }
+        // On a disk that is full the key is changed or deleted all the same, and only the clock's file stays behind.
+        let _ = disk::replace(&*self.system, &path, names.as_bytes(), true);
+    }
+
     /// The key in force is to be deleted as soon as the vehicle has another one, instead of being kept as the one
     /// before. That holds over restarts, until then or until the vehicle is known to keep the key.
     ///
@@ -218,6 +275,7 @@ impl KeyStore {
     /// # Errors
     /// It could not be made durable; what was there before still is.
     pub fn restage(&self, key: &SigningKey) -> Result<(), KeyStoreError> {
+        self.mark();
         self.save(&with(&self.path, "next"), key)
     }
 
@@ -233,6 +291,7 @@ impl KeyStore {
         if self.next()?.is_none() {
             return self.finish_revocation();
         }
+        self.mark();
         // The previous key is saved before the rename takes the current one's place: no step leaves a key nowhere.
         if let Some(current) = self.current()?
             && !self.is_revoked(&current)?
@@ -262,6 +321,7 @@ impl KeyStore {
     /// # Errors
     /// It could not be deleted.
     pub fn drop_next(&self) -> Result<(), KeyStoreError> {
+        self.mark();
         // The vehicle keeps the current key, so the wish to revoke it is void: it must stay usable.
         self.delete(&with(&self.path, "next"))?;
         match self.revoked()? {
@@ -275,6 +335,7 @@ impl KeyStore {
     /// # Errors
     /// It could not be deleted.
     pub fn drop_previous(&self) -> Result<(), KeyStoreError> {
+        self.mark();
         self.delete(&with(&self.path, "previous"))
     }
 
@@ -337,6 +398,10 @@ impl Keyring for KeyStore {
     fn drop_next(&self) -> Result<(), StoreError> {
         KeyStore::drop_next(self).map_err(fault)
     }
+
+    fn bury(&self, disk: &mut dyn Disk) -> Result<(), StoreError> {
+        KeyStore::bury(self, disk)
+    }
 }
 
 fn fault(cause: KeyStoreError) -> StoreError {
@@ -356,6 +421,9 @@ pub fn real_path(path: &Path) -> io::Result<PathBuf> {
         found => found,
     }
 }
+
+/// The names of dead keys are 17 bytes each, and at most three more with each change that was cut off.
+const MAX_NAMED: u64 = 16 * 1024;
 
 /// `uav1.key` with `next`: `uav1.key.next`.
 fn with(path: &Path, part: &str) -> PathBuf {

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use mavlink_link::exchange::{
-    Ignored, Initiator, InitiatorConfig, InitiatorEvent, Node, PairingCode, PublicKey, Status,
-    Trust,
+    Ignored, Inbound, Initiator, InitiatorConfig, InitiatorEvent, Node, PairingCode, PublicKey,
+    Status, Trust,
 };
 use mavlink_link::frame::{Header, KEY_EXCHANGE_ID, MAX_FRAME, Parser, encode_raw};
 use tokio::time::{Instant, sleep_until};
@@ -85,6 +85,7 @@ impl Pairing {
         let clock = Clock::default();
         let mut store = FileDisk::open(&config.store.dir)?;
         let keys = KeyStore::open(key_file)?;
+        keys.bury(&mut store)?;
         let port = format!("port-{:08x}", vehicle.id.0);
         let (reader, writer, peer) =
             sockets::open_link("vehicle.link", &vehicle.link, &port, &mut store)?;
@@ -178,12 +179,16 @@ impl Pairing {
                     system: header.system_id,
                     component: header.component_id,
                 };
+                let inbound = Inbound {
+                    from: (),
+                    source,
+                    verified: false,
+                    payload: frame.payload(),
+                };
                 // What is of no use is counted by the machine.
-                let taken = self
-                    .initiator
-                    .handle(now, source, frame.payload(), &mut disk);
+                let taken = self.initiator.handle(now, inbound, &mut disk);
                 // A hint that comes while an attempt runs is none too many for this.
-                exchanged = matches!(taken, Ok(()) | Err(Ignored::Limited));
+                exchanged = matches!(taken, Ok(()) | Err(Ignored::Limited | Ignored::Hint));
             }
             // A listening link learns here where the vehicle is. Nothing of it is proven before the end, so nobody who
             // has spoken first, or in between, keeps the place against one who speaks after.

@@ -6,4 +6,5 @@ mod clock_model;
 mod clocks;
 mod provisioning;
 mod relay;
+mod under_attack;
 mod world;

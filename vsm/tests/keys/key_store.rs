@@ -6,8 +6,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use mavlink_link::signing::SigningKey;
-use mavlink_link::store::{Disk as _, Durability};
+use mavlink_link::clock::Ceiling;
+use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::store::{Disk as _, Durability, Store as _};
 use vsm::shell::disk::FileDisk;
 use vsm::shell::disk::{FileSystem, NativeFileSystem};
 use vsm::shell::key_file;
@@ -116,7 +117,7 @@ fn prepared() -> (tempfile::TempDir, std::path::PathBuf) {
 #[test]
 fn a_commit_that_fails_at_any_step_loses_no_key_and_can_be_done_again() {
     for fault in FAULTS {
-        for step in 0..8 {
+        for step in 0..14 {
             let (_folder, path) = prepared();
             let keys = KeyStore::open_on(&path, Box::new(Failing::new(step, fault))).unwrap();
             let done = keys.commit();
@@ -301,7 +302,7 @@ fn a_key_by_another_name_is_the_same_key() {
 #[test]
 fn a_revoked_key_is_deleted_by_whichever_process_finds_the_new_one_in_use() {
     for fault in FAULTS {
-        for step in 0..10 {
+        for step in 0..24 {
             let (_folder, path) = prepared();
             KeyStore::open(&path).unwrap().revoke_current().unwrap();
             let keys = KeyStore::open_on(&path, Box::new(Failing::new(step, fault))).unwrap();
@@ -349,4 +350,92 @@ fn a_new_key_file_is_whole_and_takes_the_place_of_none() {
     key_file::generate(&path).unwrap_err();
     assert!(key_file::read(&path).unwrap().same_as(&made));
     assert!(!folder.path().join("uav1.key.new").exists());
+}
+
+/// What is done to the keys, and which of 1 (in force), 2 (next) and 9 (the one before) is dead then.
+type Change = (fn(&KeyStore) -> Result<(), KeyStoreError>, &'static [u8]);
+
+const CHANGES: [Change; 4] = [
+    (KeyStore::commit, &[9]),
+    (KeyStore::drop_next, &[2]),
+    (|keys| keys.restage(&key(3)), &[2]),
+    (KeyStore::drop_previous, &[9]),
+];
+
+#[test]
+fn the_clock_of_a_dead_key_is_deleted_whatever_step_is_the_last_before_a_restart() {
+    for (nth, (change, dead)) in CHANGES.into_iter().enumerate() {
+        for step in 0..24 {
+            let folder = tempfile::tempdir().unwrap();
+            let (path, dir) = (folder.path().join("uav1.key"), folder.path().join("state"));
+            let keys = KeyStore::open(&path).unwrap();
+            for byte in [9, 1] {
+                keys.stage(&key(byte)).unwrap();
+                keys.commit().unwrap();
+            }
+            keys.stage(&key(2)).unwrap();
+            let mut store = FileDisk::open(&dir).unwrap();
+            for byte in [1, 2, 9] {
+                let clock = Ceiling(Stamp::new(byte.into()));
+                store.save(&key(byte).id(), &clock).unwrap();
+            }
+            // What the preparation may have left to be looked at.
+            keys.bury(&mut store).unwrap();
+            drop((keys, store));
+            let at = format!("change {nth}, step {step}");
+            let failing = Failing::new(step, Fault::Io);
+            let keys = KeyStore::open_on(&path, Box::new(failing.clone())).unwrap();
+            let mut store = FileDisk::open_on(&dir, Box::new(failing)).unwrap();
+            let done = change(&keys).is_ok() && keys.bury(&mut store).is_ok();
+            drop((keys, store));
+            let has = |store: &FileDisk, byte: u8| {
+                store.load::<Ceiling>(&key(byte).id()).unwrap().is_some()
+            };
+            // The next process.
+            let keys = KeyStore::open(&path).unwrap();
+            let mut store = FileDisk::open(&dir).unwrap();
+            let held = [keys.current(), keys.next(), keys.previous()];
+            let held: Vec<SigningKey> = held.into_iter().filter_map(Result::unwrap).collect();
+            for byte in [1, 2, 9] {
+                let alive = held.iter().any(|one| one.same_as(&key(byte)));
+                assert!(
+                    !alive || has(&store, byte),
+                    "{at}: the clock of a live key is gone"
+                );
+                assert!(
+                    alive || !done || !has(&store, byte),
+                    "{at}: a dead key has a clock"
+                );
+            }
+            keys.bury(&mut store).unwrap();
+            if !done {
+                change(&keys).unwrap();
+                keys.bury(&mut store).unwrap();
+            }
+            for byte in [1, 2, 9] {
+                assert_eq!(has(&store, byte), !dead.contains(&byte), "{at}: key {byte}");
+            }
+            assert!(!path.with_file_name("uav1.key.dead").exists());
+        }
+    }
+}
+
+#[test]
+fn a_hundred_rotations_leave_the_clocks_of_the_keys_that_are_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let keys = KeyStore::open(&folder.path().join("uav1.key")).unwrap();
+    let mut store = FileDisk::open(&folder.path().join("state")).unwrap();
+    for byte in 1..=100 {
+        keys.stage(&key(byte)).unwrap();
+        let clock = Ceiling(Stamp::new(byte.into()));
+        store.save(&key(byte).id(), &clock).unwrap();
+        keys.commit().unwrap();
+        keys.bury(&mut store).unwrap();
+    }
+    let files = std::fs::read_dir(folder.path().join("state")).unwrap();
+    let clocks = files.filter(|file| {
+        let name = file.as_ref().unwrap().file_name();
+        name.to_str().unwrap().starts_with("clock-")
+    });
+    assert_eq!(clocks.count(), 2);
 }

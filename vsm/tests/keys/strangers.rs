@@ -6,6 +6,10 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage, STATUSTEXT_DATA};
+use mavlink_link::exchange::{
+    Agreed, Identity, Node, PairingCode, Parties, PinnedPeer, Responder, ResponderConfig,
+    ResponderMemory, ResponderStore, StoreError, Wanted,
+};
 use mavlink_link::frame::{
     FrameView, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode, encode_raw,
 };
@@ -262,7 +266,7 @@ fn a_pairing_continues_with_the_agent_whoever_has_sent_before_it() {
     let ground = Ground::new();
     let mut command = Command::new(program("vsm"));
     command
-        .args(["pair", "--wait-s", "40"])
+        .args(["pair", "--wait-s", "40", "--code", &"A".repeat(32)])
         .current_dir(ground.path());
     let command = command.stdout(Stdio::null()).stderr(Stdio::null());
     let _pairing = KillOnDrop(command.spawn().unwrap());
@@ -293,10 +297,23 @@ fn a_pairing_continues_with_the_agent_whoever_has_sent_before_it() {
         }
         assert!(Instant::now() < end, "nobody is asked");
     }
-    // Step 0 of suite 2, to the VSM.
-    let mut please = [0; 42];
-    please[32] = 7;
-    (please[36], please[38], please[40], please[41]) = (1, 2, 245, 190);
+    // Step 0 of suite 2, to the VSM: from an agent whose window is open for the same code.
+    let node = |system, component| Node { system, component };
+    let config = ResponderConfig {
+        parties: Parties::new(node(245, 190), node(1, 191), 0x1b00_0001, 0x1b00_0101),
+        identity: Identity::new([3; 32]),
+        wanted: Wanted {
+            signing: true,
+            confidential: false,
+        },
+    };
+    let mut responder: Responder<u8> =
+        Responder::new(config, ResponderMemory::default(), Duration::ZERO);
+    let code = PairingCode::parse(&"A".repeat(32)).unwrap();
+    responder
+        .open_window(Duration::ZERO, &code, &mut Nothing)
+        .unwrap();
+    let please = responder.please(Duration::ZERO).unwrap().to_payload();
     let header = Header {
         system_id: 1,
         component_id: 191,
@@ -310,4 +327,21 @@ fn a_pairing_continues_with_the_agent_whoever_has_sent_before_it() {
     std::thread::sleep(Duration::from_millis(100));
     stranger.send(beat).unwrap();
     assert!(receives_key_exchange(&agent));
+}
+
+/// An agent's disk on which nothing is ever written.
+struct Nothing;
+
+impl ResponderStore for Nothing {
+    fn withdraw_next(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn store_peer(&mut self, _: &PinnedPeer) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn store_next(&mut self, _: &Agreed) -> Result<(), StoreError> {
+        Ok(())
+    }
 }

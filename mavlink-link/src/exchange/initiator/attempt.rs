@@ -3,6 +3,7 @@
 use core::fmt;
 use core::time::Duration;
 
+use crate::exchange::gate::Gate;
 use crate::exchange::identity::{NoRandom, PublicKey, Random};
 use crate::exchange::keys::Confirmation;
 use crate::exchange::message::Message;
@@ -13,6 +14,7 @@ use crate::signing::KeyId;
 #[derive(Debug)]
 pub(super) struct Asking {
     pub(super) noise: Noise,
+    pub(super) gate: Gate,
     pub(super) message: Message,
     /// As on disk; with suite 2 it is sent in step 3.
     pub(super) counter: u64,
@@ -20,6 +22,7 @@ pub(super) struct Asking {
 
 /// Step 2 has been read, and `next` is on disk.
 pub(super) struct Confirming {
+    pub(super) gate: Gate,
     pub(super) message: Message,
     pub(super) agreed: Promise,
     pub(super) confirmation: Confirmation,

@@ -5,13 +5,13 @@ use std::collections::VecDeque;
 
 use super::attempt::{Asking, Attempt, Confirming, Pauses, Promise};
 use crate::Now;
+use crate::exchange::gate::{Cookie, Gate};
 use crate::exchange::identity::{Identity, PublicKey, Random};
-use crate::exchange::message::{Message, Received, Status, Step, Suite, VERSION};
+use crate::exchange::message::{Inbound, Message, Received, Status, Step, Suite, VERSION};
 use crate::exchange::pairing::PairingCode;
 use crate::exchange::stats::{ExchangeStats, Ignored};
 use crate::exchange::store::{InitiatorMemory, InitiatorStore, StoreError};
 use crate::exchange::terms::{Parties, Wanted};
-use crate::frame::Node;
 use crate::signing::KeyId;
 
 /// How the initiator and its peer know each other.
@@ -30,6 +30,17 @@ impl Trust {
             Self::Pairing(_) => Suite::Pairing,
         }
     }
+}
+
+/// How it stands with the key that the vehicle signs with: what a request of the peer (step 0) counts for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum KeyInForce {
+    /// None, or one that was never seen in use: any request starts an exchange.
+    None,
+    /// One that was agreed on lately: no request starts another.
+    Young,
+    /// One that may be replaced: only a request that is verified under it starts an exchange.
+    Settled,
 }
 
 /// The settings of an initiator.
@@ -114,6 +125,14 @@ pub struct Initiator {
     pub(super) not_before: Duration,
     pub(super) pauses: Pauses,
     pub(super) hinted_at: Option<Duration>,
+    /// The attempt was begun by a request that anybody can have sent.
+    pub(super) hinted_by_anyone: bool,
+    pub(super) in_force: KeyInForce,
+    /// Of the peer, or of the pairing code.
+    pub(super) gate: Option<Gate>,
+    /// What the responder has given this attempt to prove its address with, and how often.
+    cookie: Option<Cookie>,
+    cookies: u32,
     pub(super) due: bool,
     pub(super) events: VecDeque<InitiatorEvent>,
     pub(super) stats: ExchangeStats,
@@ -148,13 +167,22 @@ impl Initiator {
             now
         };
         Self {
-            config,
             memory,
             wanted: false,
             phase: Phase::Idle,
             not_before,
             pauses: Pauses::default(),
             hinted_at: None,
+            hinted_by_anyone: false,
+            gate: gate(&config),
+            cookie: None,
+            cookies: 0,
+            in_force: if pairing || memory.current.is_none() {
+                KeyInForce::None
+            } else {
+                KeyInForce::Settled
+            },
+            config,
             due: false,
             events: VecDeque::new(),
             stats: ExchangeStats::default(),
@@ -164,6 +192,17 @@ impl Initiator {
     /// Requests an exchange; attempts are made until one succeeds. Does nothing where one is in progress.
     pub fn want(&mut self) {
         self.wanted |= !matches!(self.phase, Phase::Following(..));
+        self.hinted_by_anyone = false;
+    }
+
+    /// Sets what a request of the peer counts for from now on. An attempt that nobody has proved to be the peer's wish
+    /// ends with the first proof that a key is in force.
+    pub fn set_key_in_force(&mut self, key: KeyInForce) {
+        self.in_force = key;
+        let unproven = matches!(self.phase, Phase::Idle | Phase::Asking(..));
+        if key != KeyInForce::None && self.hinted_by_anyone && unproven {
+            self.rest();
+        }
     }
 
     /// Whether an exchange is requested or in progress.
@@ -217,11 +256,10 @@ impl Initiator {
     pub fn handle(
         &mut self,
         now: Now,
-        source: Node,
-        payload: &[u8],
+        inbound: Inbound<'_, ()>,
         store: &mut dyn InitiatorStore,
     ) -> Result<(), Ignored> {
-        let result = self.judge(now, source, payload, store);
+        let result = self.judge(now, inbound, store);
         self.stats.count(result);
         result
     }
@@ -229,15 +267,14 @@ impl Initiator {
     fn judge(
         &mut self,
         now: Now,
-        source: Node,
-        payload: &[u8],
+        inbound: Inbound<'_, ()>,
         store: &mut dyn InitiatorStore,
     ) -> Result<(), Ignored> {
         let parties = &self.config.parties;
-        if source != parties.responder {
+        if inbound.source != parties.responder {
             return Err(Ignored::Source);
         }
-        let message = match Message::parse(payload).map_err(Ignored::Message)? {
+        let message = match Message::parse(inbound.payload).map_err(Ignored::Message)? {
             Received::Exchange(message) => message,
             Received::Legacy(_) => return Err(Ignored::Legacy),
         };
@@ -245,10 +282,20 @@ impl Initiator {
             return Err(Ignored::Target);
         }
         if message.version != VERSION {
+            if message.step == Step::Reject {
+                let status = Status::OtherVersion;
+                self.events.push_back(InitiatorEvent::Rejected { status });
+                self.keep_few_events();
+            }
             return Err(Ignored::Version);
         }
         match message.step {
-            Step::Please => self.hinted(now.mono),
+            Step::Please => {
+                // A hint with no authenticator is anybody's, and tells not even where the peer is.
+                let gate = self.gate.as_ref().ok_or(Ignored::Forged)?;
+                gate.open(&message).ok_or(Ignored::Forged)?;
+                self.hinted(now.mono, inbound.verified)
+            }
             // Step 15 is not authenticated: it is reported, and the attempt continues.
             Step::Reject => {
                 let status = message.status;
@@ -256,24 +303,78 @@ impl Initiator {
                 self.keep_few_events();
                 Ok(())
             }
-            Step::Answer => self.answered(now, &message, store),
-            Step::Outcome => self.outcome(now, &message, store),
+            Step::Answer | Step::Outcome | Step::Cookie => {
+                let message = self.admit(&message)?;
+                match message.step {
+                    Step::Answer => self.answered(now, &message, store),
+                    Step::Cookie => self.take_cookie(&message),
+                    _ => self.outcome(now, &message, store),
+                }
+            }
             // Our own messages, reflected.
             Step::Offer | Step::Confirm => Err(Ignored::Reflected),
             Step::Unknown(_) => Err(Ignored::Step),
         }
     }
 
-    /// Step 0 is a hint that anybody can send: it starts at most one attempt in 10 s.
-    fn hinted(&mut self, now: Duration) -> Result<(), Ignored> {
+    /// A message of the session that is open, without its authenticator: what does not have it has cost one hash.
+    fn admit(&self, message: &Message) -> Result<Message, Ignored> {
+        let (gate, own) = match &self.phase {
+            Phase::Idle => return Err(Ignored::Session),
+            Phase::Asking(asking, _) => (&asking.gate, &asking.message),
+            Phase::Confirming(confirming, _) | Phase::Following(confirming, _) => {
+                (&confirming.gate, &confirming.message)
+            }
+        };
+        if (message.session, message.suite) != (own.session, own.suite) {
+            return Err(Ignored::Session);
+        }
+        let opened = gate.open(message).ok_or(Ignored::Forged)?;
+        Ok(opened.message)
+    }
+
+    /// Step 5: the responder is under load, and answers those that prove their address.
+    fn take_cookie(&mut self, message: &Message) -> Result<(), Ignored> {
+        let own = match &self.phase {
+            Phase::Asking(asking, _) => &asking.message,
+            Phase::Confirming(confirming, _) => &confirming.message,
+            Phase::Idle | Phase::Following(..) => return Err(Ignored::Session),
+        };
+        let cookie: Cookie = (message.data.as_slice().try_into()).map_err(|_| Ignored::Forged)?;
+        if message.public_key != own.public_key || self.cookie == Some(cookie) {
+            return Err(Ignored::Repeated);
+        }
+        // One that was given to another address is a recording, and makes us send no more than a few messages.
+        if self.cookies >= MAX_COOKIES {
+            return Err(Ignored::Limited);
+        }
+        self.cookies += 1;
+        self.cookie = Some(cookie);
+        self.due = true;
+        Ok(())
+    }
+
+    pub(super) fn forget_cookie(&mut self) {
+        (self.cookie, self.cookies) = (None, 0);
+    }
+
+    /// Step 0. Anybody can send it, once a second and for days: where a key is in force it counts only inside a frame
+    /// that is verified under that key, and it never replaces a key that is young.
+    fn hinted(&mut self, now: Duration, verified: bool) -> Result<(), Ignored> {
+        match self.in_force {
+            KeyInForce::None => {}
+            KeyInForce::Settled if verified => {}
+            KeyInForce::Settled | KeyInForce::Young => return Err(Ignored::Hint),
+        }
         let lately = self
             .hinted_at
             .is_some_and(|at| now.saturating_sub(at) < HINT_EVERY);
-        // A hint is not authenticated, so any number of them starts at most one attempt in `HINT_EVERY`.
+        // Any number of hints starts at most one attempt in `HINT_EVERY`.
         if lately || self.is_busy() {
             return Err(Ignored::Limited);
         }
         self.hinted_at = Some(now);
+        self.hinted_by_anyone = !verified;
         self.wanted = true;
         Ok(())
     }
@@ -317,11 +418,12 @@ impl Initiator {
         if !core::mem::take(&mut self.due) {
             return None;
         }
+        let cookie = self.cookie.as_ref();
         match &self.phase {
             Phase::Idle => None,
-            Phase::Asking(asking, _) => Some(asking.message.clone()),
+            Phase::Asking(asking, _) => asking.gate.seal(&asking.message, cookie),
             Phase::Confirming(confirming, _) | Phase::Following(confirming, _) => {
-                Some(confirming.message.clone())
+                confirming.gate.seal(&confirming.message, cookie)
             }
         }
     }
@@ -356,6 +458,7 @@ impl Initiator {
         if matches!(self.config.trust, Trust::Pairing(_)) {
             store.pin(peer)?;
             self.config.trust = Trust::Pinned(*peer);
+            self.gate = gate(&self.config);
         }
         Ok(())
     }
@@ -382,6 +485,7 @@ impl Initiator {
     /// Nothing more to do until it is wanted again.
     pub(super) fn rest(&mut self) {
         (self.phase, self.due, self.wanted) = (Phase::Idle, false, false);
+        self.hinted_by_anyone = false;
         self.pauses.reset();
     }
 
@@ -393,6 +497,15 @@ impl Initiator {
     }
 }
 
+fn gate(config: &InitiatorConfig) -> Option<Gate> {
+    match &config.trust {
+        Trust::Pinned(peer) => Gate::of_peers(&config.identity, peer),
+        Trust::Pairing(code) => Some(Gate::of_code(code)),
+    }
+}
+
+/// Cookies that are taken in one attempt.
+const MAX_COOKIES: u32 = 8;
 /// Step 0 starts at most one attempt in this time.
 const HINT_EVERY: Duration = Duration::from_secs(10);
 /// How often the state of a key is requested.

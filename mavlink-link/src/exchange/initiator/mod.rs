@@ -15,4 +15,4 @@ mod attempt;
 mod machine;
 mod steps;
 
-pub use self::machine::{Initiator, InitiatorConfig, InitiatorEvent, Trust};
+pub use self::machine::{Initiator, InitiatorConfig, InitiatorEvent, KeyInForce, Trust};

@@ -31,6 +31,7 @@ impl Initiator {
             return;
         }
         self.memory.counter = counter;
+        self.forget_cookie();
         let Some(asking) = self.first_message(counter, random) else {
             let pause = self.pauses.next(random);
             self.fail(now.mono, pause);
@@ -81,6 +82,7 @@ impl Initiator {
         let message = self.message(session, Step::Offer, *public_key, Data::new(data)?);
         Some(Asking {
             noise,
+            gate: self.gate.clone()?,
             message,
             counter,
         })
@@ -165,6 +167,7 @@ impl Initiator {
     ) -> Result<Confirming, Option<StoreError>> {
         let Asking {
             mut noise,
+            gate,
             message: offer,
             counter,
         } = asking;
@@ -198,6 +201,7 @@ impl Initiator {
         }
         self.store_next(&agreed, store)?;
         Ok(Confirming {
+            gate,
             message: self.message(
                 offer.session,
                 Step::Confirm,

@@ -27,12 +27,27 @@ impl Bucket {
     }
 }
 
-/// The limits of one responder: verified frames have their own, so that no attacker can use them up.
+/// What a sender has shown of itself, beyond the authenticator that every admitted message has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Claim {
+    /// The frame is verified under the key in force.
+    Verified,
+    /// It is at its address.
+    Proven,
+    Nothing,
+}
+
+/// The limits of one responder. Verified frames, proven addresses, repetitions and refusals have their own, so that
+/// what anybody can send, or play again, uses up nothing that an honest peer needs.
 #[derive(Debug)]
 pub(super) struct Limits<A> {
     verified: Bucket,
     all: Bucket,
+    again: Bucket,
+    owner: Bucket,
+    refusals: Bucket,
     addresses: [Option<(A, Bucket)>; ADDRESSES],
+    proven: [Option<(A, Bucket)>; ADDRESSES],
 }
 
 impl<A: Copy + Eq> Limits<A> {
@@ -40,21 +55,67 @@ impl<A: Copy + Eq> Limits<A> {
         Self {
             verified: Bucket::full(EACH, now),
             all: Bucket::full(ALL, now),
+            again: Bucket::full(ALL, now),
+            owner: Bucket::full(EACH, now),
+            refusals: Bucket::full(EACH, now),
             addresses: [None; ADDRESSES],
+            proven: [None; ADDRESSES],
         }
     }
 
-    /// Takes a token; false where there is none.
-    pub(super) fn admit(&mut self, from: A, verified: bool, now: Duration) -> bool {
-        // A bucket of its own: strangers must not use up the rate of a ground that holds the key.
-        if verified {
-            self.verified.refill(EACH, now);
-            return take(&mut [&mut self.verified]);
+    /// Takes a token for a message that costs a Diffie-Hellman; false where there is none.
+    pub(super) fn admit(&mut self, from: A, claim: Claim, now: Duration) -> bool {
+        match self.of_claim(from, claim, now) {
+            Some(admitted) => admitted,
+            None => {
+                self.all.refill(ALL, now);
+                let address = address(&mut self.addresses, from, now);
+                address.refill(EACH, now);
+                take(&mut [&mut self.all, address])
+            }
         }
-        self.all.refill(ALL, now);
-        let address = address(&mut self.addresses, from, now);
-        address.refill(EACH, now);
-        take(&mut [&mut self.all, address])
+    }
+
+    /// Takes a token for a message that is answered as before; `owner`: it comes from where it came from first. Anybody
+    /// can play these again, so they take nothing from messages that are new.
+    pub(super) fn repeat(&mut self, from: A, claim: Claim, owner: bool, now: Duration) -> bool {
+        match self.of_claim(from, claim, now) {
+            Some(admitted) => admitted,
+            None if owner => {
+                self.owner.refill(EACH, now);
+                take(&mut [&mut self.owner])
+            }
+            None => {
+                self.again.refill(ALL, now);
+                take(&mut [&mut self.again])
+            }
+        }
+    }
+
+    /// Takes a token for a refusal by step 15, which nobody has proved to have a right to.
+    pub(super) fn refuse(&mut self, from: A, claim: Claim, now: Duration) -> bool {
+        match self.of_claim(from, claim, now) {
+            Some(admitted) => admitted,
+            None => {
+                self.refusals.refill(EACH, now);
+                take(&mut [&mut self.refusals])
+            }
+        }
+    }
+
+    fn of_claim(&mut self, from: A, claim: Claim, now: Duration) -> Option<bool> {
+        match claim {
+            Claim::Verified => {
+                self.verified.refill(EACH, now);
+                Some(take(&mut [&mut self.verified]))
+            }
+            Claim::Proven => {
+                let address = address(&mut self.proven, from, now);
+                address.refill(EACH, now);
+                Some(take(&mut [address]))
+            }
+            Claim::Nothing => None,
+        }
     }
 }
 
@@ -89,7 +150,7 @@ fn take(buckets: &mut [&mut Bucket]) -> bool {
     all
 }
 
-/// A second, in frames verified under the current key, and from each address.
+/// A second, in frames verified under the current key, from each address, and of refusals.
 const EACH: f32 = 5.0;
 /// A second, from all addresses together.
 const ALL: f32 = 20.0;
@@ -100,9 +161,9 @@ const ADDRESSES: usize = 16;
 mod tests {
     use super::*;
 
-    fn admitted(limits: &mut Limits<u16>, from: impl Fn(u32) -> u16, verified: bool) -> u32 {
+    fn admitted(limits: &mut Limits<u16>, from: impl Fn(u32) -> u16, claim: Claim) -> u32 {
         (0..10_000)
-            .filter(|&n| limits.admit(from(n), verified, Duration::from_millis(n.into())))
+            .filter(|&n| limits.admit(from(n), claim, Duration::from_millis(n.into())))
             .count() as u32
     }
 
@@ -110,20 +171,26 @@ mod tests {
     fn ten_seconds_of_a_flood_are_admitted_at_the_stated_rates() {
         // The burst of one second, and ten seconds' worth.
         let mut limits = Limits::new(Duration::ZERO);
-        assert_eq!(admitted(&mut limits, |_| 1, false), 54);
+        assert_eq!(admitted(&mut limits, |_| 1, Claim::Nothing), 54);
         let mut limits = Limits::new(Duration::ZERO);
-        assert_eq!(admitted(&mut limits, |n| n as u16, false), 219);
+        assert_eq!(admitted(&mut limits, |n| n as u16, Claim::Nothing), 219);
         let mut limits = Limits::new(Duration::ZERO);
-        assert_eq!(admitted(&mut limits, |_| 1, true), 54);
+        assert_eq!(admitted(&mut limits, |_| 1, Claim::Verified), 54);
+        let mut limits = Limits::new(Duration::ZERO);
+        assert_eq!(admitted(&mut limits, |_| 1, Claim::Proven), 54);
     }
 
     #[test]
     fn unverified_frames_cannot_use_up_the_limit_of_verified_ones() {
         let mut limits = Limits::new(Duration::ZERO);
         for n in 0..1_000 {
-            limits.admit(n, false, Duration::ZERO);
+            limits.admit(n, Claim::Nothing, Duration::ZERO);
+            limits.repeat(n, Claim::Nothing, false, Duration::ZERO);
+            limits.refuse(n, Claim::Nothing, Duration::ZERO);
         }
-        assert!(!limits.admit(1_000, false, Duration::ZERO));
-        assert!(limits.admit(1_000, true, Duration::ZERO));
+        assert!(!limits.admit(1_000, Claim::Nothing, Duration::ZERO));
+        assert!(limits.repeat(1_000, Claim::Nothing, true, Duration::ZERO));
+        assert!(limits.admit(1_000, Claim::Proven, Duration::ZERO));
+        assert!(limits.admit(1_000, Claim::Verified, Duration::ZERO));
     }
 }

@@ -1,19 +1,22 @@
 //! The state of the air side, and what time and messages do to it.
 
+use core::hash::Hash;
 use core::time::Duration;
 use std::collections::VecDeque;
 
 use zeroize::Zeroizing;
 
-use super::limits::Limits;
+use super::cookies::Cookies;
+use super::limits::{Claim, Limits};
 use super::sessions::{Done, HalfOpen, PairingSlots};
+use super::steps::Arrival;
+use crate::exchange::gate::Gate;
 use crate::exchange::identity::{Identity, PublicKey, Random};
-use crate::exchange::message::{Data, Message, Received, Status, Step, Suite, VERSION};
+use crate::exchange::message::{Data, Inbound, Message, Received, Status, Step, Suite, VERSION};
 use crate::exchange::pairing::PairingCode;
 use crate::exchange::stats::{ExchangeStats, Ignored};
 use crate::exchange::store::{ResponderMemory, ResponderStore, StoreError};
 use crate::exchange::terms::{Parties, VehicleState, Wanted};
-use crate::frame::Node;
 use crate::signing::KeyId;
 
 /// The settings of a responder.
@@ -25,19 +28,6 @@ pub struct ResponderConfig {
     pub identity: Identity,
     /// What the keys are for.
     pub wanted: Wanted,
-}
-
-/// A message as received from the radio.
-#[derive(Debug, Clone, Copy)]
-pub struct Inbound<'a, A> {
-    /// Where the answer is sent.
-    pub from: A,
-    /// System and component of the frame's header.
-    pub source: Node,
-    /// Whether the frame was verified under the current key.
-    pub verified: bool,
-    /// The payload, trailing zeros trimmed.
-    pub payload: &'a [u8],
 }
 
 /// A message to send.
@@ -68,8 +58,15 @@ pub enum ResponderEvent {
     },
     /// The pairing window has closed without a pairing.
     WindowClosed,
-    /// An attempt in the window was made with a wrong code.
+    /// An attempt in the window was made with a wrong code; at most once in 10 s, since anybody can cause it.
     WrongCode,
+    /// Somebody in the ground's name speaks another version of the exchange; at most once a minute.
+    OtherVersion {
+        /// The version.
+        version: u8,
+        /// The frame was verified under the key in force: it is the ground.
+        verified: bool,
+    },
     /// The disk failed; nothing was answered.
     NotStored(StoreError),
 }
@@ -95,8 +92,12 @@ pub struct Responder<A> {
     pub(super) vehicle: VehicleState,
     pub(super) half_open: Option<HalfOpen<A>>,
     pub(super) pairing: Option<Window<A>>,
-    pub(super) done: Option<Done>,
+    pub(super) done: Option<Done<A>>,
+    /// Of the pinned peer.
+    pub(super) gate: Option<Gate>,
+    pub(super) cookies: Cookies,
     pub(super) limits: Limits<A>,
+    version_noted_at: Option<Duration>,
     pub(super) pleased_at: Option<Duration>,
     pub(super) out: VecDeque<Outbound<A>>,
     pub(super) events: VecDeque<ResponderEvent>,
@@ -106,6 +107,8 @@ pub struct Responder<A> {
 /// An open pairing window.
 pub(super) struct Window<A> {
     pub(super) psk: Zeroizing<[u8; 32]>,
+    pub(super) gate: Gate,
+    wrong_code_at: Option<Duration>,
     pub(super) until: Duration,
     pub(super) slots: PairingSlots<A>,
 }
@@ -118,11 +121,15 @@ impl<A> core::fmt::Debug for Window<A> {
     }
 }
 
-impl<A: Copy + Eq> Responder<A> {
+impl<A: Copy + Eq + Hash> Responder<A> {
     /// A responder that starts with what an earlier process has stored.
     #[must_use]
     pub fn new(config: ResponderConfig, memory: ResponderMemory, now: Duration) -> Self {
+        let peer = memory.peer.as_ref();
         Self {
+            gate: peer.and_then(|peer| Gate::of_peers(&config.identity, &peer.key)),
+            cookies: Cookies::default(),
+            version_noted_at: None,
             config,
             highest: memory.peer.map_or(0, |peer| peer.counter),
             memory,
@@ -174,6 +181,8 @@ impl<A: Copy + Eq> Responder<A> {
         self.half_open = None;
         self.pairing = Some(Window {
             psk: code.psk(),
+            gate: Gate::of_code(code),
+            wrong_code_at: None,
             until: now.saturating_add(WINDOW),
             slots: PairingSlots::default(),
         });
@@ -238,13 +247,14 @@ impl<A: Copy + Eq> Responder<A> {
         if lately || !possible {
             return None;
         }
-        self.pleased_at = Some(now);
-        let suite = if self.pairing.is_some() {
-            Suite::Pairing
-        } else {
-            Suite::Pinned
+        let (suite, gate) = match &self.pairing {
+            Some(window) => (Suite::Pairing, &window.gate),
+            None => (Suite::Pinned, self.gate.as_ref()?),
         };
-        Some(self.message(suite.to_wire(), 0, Step::Please, Status::Ok))
+        let hint = self.message(suite.to_wire(), 0, Step::Please, Status::Ok);
+        let sealed = gate.seal(&hint, None)?;
+        self.pleased_at = Some(now);
+        Some(sealed)
     }
 
     /// Takes a KEY_EXCHANGE payload from the radio.
@@ -286,21 +296,107 @@ impl<A: Copy + Eq> Responder<A> {
             Step::Offer | Step::Confirm => {}
             // Step 15 is not authenticated: it is counted and changes nothing.
             Step::Reject => return Err(Ignored::Repeated),
-            Step::Please | Step::Answer | Step::Outcome => return Err(Ignored::Reflected),
+            Step::Please | Step::Answer | Step::Outcome | Step::Cookie => {
+                return Err(Ignored::Reflected);
+            }
             Step::Unknown(_) => return Err(Ignored::Step),
         }
-        let known = message.version == VERSION;
-        let suite = Suite::from_wire(message.suite).filter(|_| known);
-        let result = match (suite, message.step) {
-            (None, _) if !known => Err(Ignored::Version),
-            (None, _) => Err(Ignored::Suite),
-            (Some(suite), Step::Offer) => {
-                self.offered(now, &inbound, suite, &message, random, store)
-            }
-            (Some(_), _) => self.confirmed(now, &inbound, &message, store),
-        };
+        let result = self.enter(now, &inbound, &message, random, store);
         self.answer_refusal(now, &inbound, &message, result);
         result
+    }
+
+    /// From the gate on: what has no authenticator of the code or of the pinned keys has cost one hash, and ends here.
+    fn enter(
+        &mut self,
+        now: Duration,
+        inbound: &Inbound<'_, A>,
+        message: &Message,
+        random: &mut dyn Random,
+        store: &mut dyn ResponderStore,
+    ) -> Result<(), Ignored> {
+        if message.version != VERSION {
+            self.note_version(now, message.version, inbound.verified);
+            return Err(Ignored::Version);
+        }
+        let suite = Suite::from_wire(message.suite).ok_or(Ignored::Suite)?;
+        let done = self.done.as_ref().filter(|done| {
+            message.step == Step::Confirm && done.confirm.session == message.session
+        });
+        let gate = match (done, suite) {
+            (Some(done), _) => &done.gate,
+            (None, Suite::Pinned) => self.gate.as_ref().ok_or(Ignored::Suite)?,
+            (None, Suite::Pairing) => match &self.pairing {
+                Some(window) => &window.gate,
+                None if message.step == Step::Confirm => return Err(Ignored::Session),
+                None => return Err(Ignored::Window),
+            },
+        }
+        .clone();
+        let Some(opened) = gate.open(message) else {
+            if (suite, message.step) == (Suite::Pairing, Step::Offer) {
+                self.note_wrong_code(now);
+            }
+            return Err(Ignored::Forged);
+        };
+        let claim = if inbound.verified {
+            Claim::Verified
+        } else if self.cookies.prove(&gate, &opened, &inbound.from, now) {
+            Claim::Proven
+        } else {
+            Claim::Nothing
+        };
+        let arrival = Arrival {
+            from: inbound.from,
+            claim,
+            gate,
+        };
+        let result = match message.step {
+            Step::Offer => self.offered(now, &arrival, suite, &opened.message, random, store),
+            _ => self.confirmed(now, &arrival, &opened.message, store),
+        };
+        if (result, claim) == (Err(Ignored::Limited), Claim::Nothing) {
+            self.ask_for_address(now, &arrival, message, random);
+        }
+        result
+    }
+
+    /// Step 5. It is shorter than what it answers, so it can be sent to anybody, and as often.
+    fn ask_for_address(
+        &mut self,
+        now: Duration,
+        arrival: &Arrival<A>,
+        message: &Message,
+        random: &mut dyn Random,
+    ) {
+        if let Some(cookie) = self.cookies.make(&arrival.from, now, random) {
+            let step = self.message(message.suite, message.session, Step::Cookie, Status::Ok);
+            let step = Message {
+                public_key: message.public_key,
+                data: Data::new(&cookie).unwrap_or(Data::EMPTY),
+                ..step
+            };
+            self.send(arrival, &step);
+        }
+    }
+
+    fn note_wrong_code(&mut self, now: Duration) {
+        let Some(window) = &mut self.pairing else {
+            return;
+        };
+        let lately = |at: Duration| now.saturating_sub(at) < WRONG_CODE_EVERY;
+        if !window.wrong_code_at.is_some_and(lately) {
+            window.wrong_code_at = Some(now);
+            self.note(ResponderEvent::WrongCode);
+        }
+    }
+
+    fn note_version(&mut self, now: Duration, version: u8, verified: bool) {
+        let lately = |at: Duration| now.saturating_sub(at) < VERSION_EVERY;
+        if !self.version_noted_at.is_some_and(lately) {
+            self.version_noted_at = Some(now);
+            self.note(ResponderEvent::OtherVersion { version, verified });
+        }
     }
 
     /// Step 15, where it helps an honest peer; an attacker learns nothing new from it.
@@ -314,16 +410,24 @@ impl<A: Copy + Eq> Responder<A> {
         let status = match result {
             Err(Ignored::Busy) => Status::Busy,
             Err(Ignored::Session) => Status::UnknownSession,
-            Err(Ignored::Version | Ignored::Suite | Ignored::Window | Ignored::OldCounter) => {
-                Status::Refused
-            }
+            Err(Ignored::Version) => Status::OtherVersion,
+            Err(Ignored::Suite | Ignored::Window | Ignored::OldCounter) => Status::Refused,
             _ => return,
+        };
+        let claim = if inbound.verified {
+            Claim::Verified
+        } else {
+            Claim::Nothing
         };
         // An old counter is found after the rate limit; the other refusals are limited here.
         let paid = matches!(result, Err(Ignored::OldCounter));
-        if paid || self.limits.admit(inbound.from, inbound.verified, now) {
-            let refusal = self.message(message.suite, message.session, Step::Reject, status);
-            self.send(inbound.from, refusal);
+        if paid || self.limits.refuse(inbound.from, claim, now) {
+            let refusal = Message {
+                // An older peer reads its own version only.
+                version: message.version,
+                ..self.message(message.suite, message.session, Step::Reject, status)
+            };
+            self.queue(inbound.from, refusal);
         }
     }
 
@@ -380,7 +484,14 @@ impl<A: Copy + Eq> Responder<A> {
         }
     }
 
-    pub(super) fn send(&mut self, to: A, message: Message) {
+    /// Sends a message of an exchange, with its authenticator.
+    pub(super) fn send(&mut self, arrival: &Arrival<A>, message: &Message) {
+        if let Some(sealed) = arrival.gate.seal(message, None) {
+            self.queue(arrival.from, sealed);
+        }
+    }
+
+    fn queue(&mut self, to: A, message: Message) {
         if self.out.len() < MAX_WAITING {
             self.out.push_back(Outbound { to, message });
         }
@@ -396,5 +507,7 @@ impl<A: Copy + Eq> Responder<A> {
 
 /// How long a pairing window is open.
 const WINDOW: Duration = Duration::from_secs(600);
+const WRONG_CODE_EVERY: Duration = Duration::from_secs(10);
+const VERSION_EVERY: Duration = Duration::from_secs(60);
 const PLEASE_EVERY: Duration = Duration::from_secs(10);
 const MAX_WAITING: usize = 16;

@@ -9,14 +9,13 @@
 //! be installed in the autopilot when the ground no longer has it. Step 1 can be withheld and replayed later,
 //! but its counter must be above that of every exchange completed since.
 //!
-//! Order of the parts: `limits` (rate limits), `sessions` (open sessions), `machine` (the state), `steps` (what each step
+//! Order of the parts: `limits` (rate limits), `cookies` (proof of an address under load), `sessions` (open sessions), `machine` (the state), `steps` (what each step
 //! does).
 
+mod cookies;
 mod limits;
 mod machine;
 mod sessions;
 mod steps;
 
-pub use self::machine::{
-    Inbound, Outbound, Responder, ResponderConfig, ResponderEvent, WindowError,
-};
+pub use self::machine::{Outbound, Responder, ResponderConfig, ResponderEvent, WindowError};

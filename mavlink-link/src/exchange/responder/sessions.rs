@@ -2,9 +2,11 @@
 
 use core::fmt;
 use core::time::Duration;
+use std::collections::VecDeque;
 
 use zeroize::Zeroizing;
 
+use crate::exchange::gate::Gate;
 use crate::exchange::keys::{Agreed, Confirmation, Outcome};
 use crate::exchange::message::{Message, Status};
 use crate::exchange::terms::Facts;
@@ -49,23 +51,36 @@ impl<A> fmt::Debug for HalfOpen<A> {
 }
 
 /// The sessions of a pairing window.
-pub(super) struct PairingSlots<A>([Option<HalfOpen<A>>; SLOTS]);
+pub(super) struct PairingSlots<A> {
+    open: [Option<HalfOpen<A>>; SLOTS],
+    /// The numbers of the sessions that were opened in this window. Only holders of the code open one, so a number
+    /// that comes again is a recording, which opens none.
+    seen: VecDeque<u32>,
+}
 
 impl<A> Default for PairingSlots<A> {
     fn default() -> Self {
-        Self([const { None }; SLOTS])
+        Self {
+            open: [const { None }; SLOTS],
+            seen: VecDeque::new(),
+        }
     }
 }
 
 impl<A: Copy + Eq> PairingSlots<A> {
     pub(super) fn expire(&mut self, now: Duration) {
-        for slot in &mut self.0 {
+        for slot in &mut self.open {
             slot.take_if(|open| open.is_over(now));
         }
     }
 
+    /// Whether a session of this number was opened before, and is not any more.
+    pub(super) fn is_over(&self, session: u32) -> bool {
+        self.seen.contains(&session)
+    }
+
     pub(super) fn find(&self, session: u32) -> Option<&HalfOpen<A>> {
-        self.0
+        self.open
             .iter()
             .flatten()
             .find(|open| open.offer.session == session)
@@ -74,35 +89,47 @@ impl<A: Copy + Eq> PairingSlots<A> {
     /// Takes a free place, or the oldest one of the address with the most sessions, so that a flood from one address
     /// displaces its own.
     pub(super) fn insert(&mut self, open: HalfOpen<A>) {
+        if self.seen.len() == SEEN {
+            self.seen.pop_front();
+        }
+        self.seen.push_back(open.offer.session);
         let share = |of: &HalfOpen<A>| {
-            self.0
+            self.open
                 .iter()
                 .flatten()
                 .filter(|other| other.from == of.from)
                 .count()
         };
-        let place = self.0.iter().position(Option::is_none).unwrap_or_else(|| {
-            let claim = |at: &usize| {
-                self.0[*at]
-                    .as_ref()
-                    .map(|open| (share(open), core::cmp::Reverse(open.since)))
-            };
-            (0..SLOTS).max_by_key(claim).unwrap_or(0)
-        });
-        self.0[place] = Some(open);
+        let place = self
+            .open
+            .iter()
+            .position(Option::is_none)
+            .unwrap_or_else(|| {
+                let claim = |at: &usize| {
+                    self.open[*at]
+                        .as_ref()
+                        .map(|open| (share(open), core::cmp::Reverse(open.since)))
+                };
+                (0..SLOTS).max_by_key(claim).unwrap_or(0)
+            });
+        self.open[place] = Some(open);
     }
 }
 
 /// The last session that was confirmed.
 #[derive(Debug)]
-pub(super) struct Done {
+pub(super) struct Done<A> {
+    /// Where it was confirmed from.
+    pub(super) from: A,
+    /// Of the session: after a pairing the window, and with it the code, is gone.
+    pub(super) gate: Gate,
     pub(super) confirm: Message,
     pub(super) ephemeral: [u8; 32],
     pub(super) confirmation: Confirmation,
     pub(super) outcome: Outcome,
 }
 
-impl Done {
+impl<A> Done<A> {
     pub(super) fn report(&mut self, status: Status, reason: u8) {
         let Outcome {
             status: before,
@@ -123,3 +150,5 @@ impl Done {
 const HALF_OPEN_LIFE: Duration = Duration::from_secs(10);
 /// Half-open sessions of a pairing.
 const SLOTS: usize = 4;
+/// Attempts of 10 s in a window of 10 minutes.
+const SEEN: usize = 64;

@@ -1,11 +1,14 @@
 //! The steps of one exchange: step 1 in, step 2 out, step 3 in, step 4 out.
 
+use core::hash::Hash;
 use core::time::Duration;
 
 use zeroize::Zeroizing;
 
-use super::machine::{Inbound, Responder, ResponderEvent};
+use super::limits::Claim;
+use super::machine::{Responder, ResponderEvent, Window};
 use super::sessions::{Done, HalfOpen, WaitsFor};
+use crate::exchange::gate::Gate;
 use crate::exchange::identity::Random;
 use crate::exchange::keys::{Agreed, Confirmation, Outcome, derive};
 use crate::exchange::message::{Data, Message, Status, Step, Suite};
@@ -14,12 +17,21 @@ use crate::exchange::stats::Ignored;
 use crate::exchange::store::{PinnedPeer, ResponderStore, StagedKey, StoreError};
 use crate::exchange::terms::{Facts, Terms};
 
-impl<A: Copy + Eq> Responder<A> {
+/// Where a message came from, and what it has shown on the way in.
+#[derive(Debug)]
+pub(super) struct Arrival<A> {
+    pub(super) from: A,
+    pub(super) claim: Claim,
+    /// What it passed, and the answer passes at the other end.
+    pub(super) gate: Gate,
+}
+
+impl<A: Copy + Eq + Hash> Responder<A> {
     /// Step 1.
     pub(super) fn offered(
         &mut self,
         now: Duration,
-        inbound: &Inbound<'_, A>,
+        arrival: &Arrival<A>,
         suite: Suite,
         offer: &Message,
         random: &mut dyn Random,
@@ -37,11 +49,11 @@ impl<A: Copy + Eq> Responder<A> {
             if open.offer != *offer {
                 return Err(Ignored::Changed);
             }
-            let answer = open.answer.clone();
-            if !self.limits.admit(inbound.from, inbound.verified, now) {
+            let (answer, owner) = (open.answer.clone(), open.from == arrival.from);
+            if !self.limits.repeat(arrival.from, arrival.claim, owner, now) {
                 return Err(Ignored::Limited);
             }
-            self.send(inbound.from, answer);
+            self.send(arrival, &answer);
             return Ok(());
         }
         match suite {
@@ -50,11 +62,15 @@ impl<A: Copy + Eq> Responder<A> {
             Suite::Pairing if self.pairing.is_none() => return Err(Ignored::Window),
             _ => {}
         }
+        let over = |window: &Window<A>| window.slots.is_over(offer.session);
+        if suite == Suite::Pairing && self.pairing.as_ref().is_some_and(over) {
+            return Err(Ignored::Repeated);
+        }
         // PX4 may have the staged key already: replacing it could leave PX4 with a key that neither end keeps.
         if self.memory.next.is_some_and(|next| next.sent) {
             return Err(Ignored::Busy);
         }
-        if !self.limits.admit(inbound.from, inbound.verified, now) {
+        if !self.limits.admit(arrival.from, arrival.claim, now) {
             return Err(Ignored::Limited);
         }
         let mut ephemeral = Zeroizing::new([0; 32]);
@@ -62,15 +78,15 @@ impl<A: Copy + Eq> Responder<A> {
             .fill(&mut *ephemeral)
             .map_err(|_| Ignored::NoRandom)?;
         match suite {
-            Suite::Pinned => self.answer_pinned(now, inbound, offer, &ephemeral, store),
-            Suite::Pairing => self.answer_pairing(now, inbound, offer, ephemeral),
+            Suite::Pinned => self.answer_pinned(now, arrival, offer, &ephemeral, store),
+            Suite::Pairing => self.answer_pairing(now, arrival, offer, ephemeral),
         }
     }
 
     fn answer_pinned(
         &mut self,
         now: Duration,
-        inbound: &Inbound<'_, A>,
+        arrival: &Arrival<A>,
         offer: &Message,
         ephemeral: &[u8; 32],
         store: &mut dyn ResponderStore,
@@ -100,20 +116,20 @@ impl<A: Copy + Eq> Responder<A> {
         };
         let derived = derive(&finished, &terms).ok_or(Ignored::Forged)?;
         self.half_open = Some(HalfOpen {
-            from: inbound.from,
+            from: arrival.from,
             since: now,
             offer: offer.clone(),
             answer: answer.clone(),
             waits_for: WaitsFor::Proof(Box::new(derived), theirs.counter),
         });
-        self.send(inbound.from, answer);
+        self.send(arrival, &answer);
         Ok(())
     }
 
     fn answer_pairing(
         &mut self,
         now: Duration,
-        inbound: &Inbound<'_, A>,
+        arrival: &Arrival<A>,
         offer: &Message,
         ephemeral: Zeroizing<[u8; 32]>,
     ) -> Result<(), Ignored> {
@@ -126,13 +142,13 @@ impl<A: Copy + Eq> Responder<A> {
             .ok_or(Ignored::Forged)?;
         let window = self.pairing.as_mut().ok_or(Ignored::Window)?;
         window.slots.insert(HalfOpen {
-            from: inbound.from,
+            from: arrival.from,
             since: now,
             offer: offer.clone(),
             answer: answer.clone(),
             waits_for: WaitsFor::Message { ephemeral, facts },
         });
-        self.send(inbound.from, answer);
+        self.send(arrival, &answer);
         Ok(())
     }
 
@@ -191,7 +207,7 @@ impl<A: Copy + Eq> Responder<A> {
     pub(super) fn confirmed(
         &mut self,
         now: Duration,
-        inbound: &Inbound<'_, A>,
+        arrival: &Arrival<A>,
         confirm: &Message,
         store: &mut dyn ResponderStore,
     ) -> Result<(), Ignored> {
@@ -201,16 +217,16 @@ impl<A: Copy + Eq> Responder<A> {
             if done.confirm != *confirm {
                 return Err(Ignored::Changed);
             }
-            return self.answer_done(now, inbound, confirm);
+            return self.answer_done(now, arrival, confirm);
         }
         let pinned = self
             .half_open
             .as_ref()
             .is_some_and(|open| fits(open, confirm));
         if pinned {
-            self.prove_pinned(inbound, confirm, store)
+            self.prove_pinned(arrival, confirm, store)
         } else {
-            self.prove_pairing(now, inbound, confirm, store)
+            self.prove_pairing(now, arrival, confirm, store)
         }
     }
 
@@ -218,19 +234,20 @@ impl<A: Copy + Eq> Responder<A> {
     fn answer_done(
         &mut self,
         now: Duration,
-        inbound: &Inbound<'_, A>,
+        arrival: &Arrival<A>,
         confirm: &Message,
     ) -> Result<(), Ignored> {
-        if !self.limits.admit(inbound.from, inbound.verified, now) {
+        let done = self.done.as_ref().ok_or(Ignored::Session)?;
+        let owner = done.from == arrival.from;
+        if !self.limits.repeat(arrival.from, arrival.claim, owner, now) {
             return Err(Ignored::Limited);
         }
-        let done = self.done.as_ref().ok_or(Ignored::Session)?;
         let answer = self.outcome(done, confirm).ok_or(Ignored::Session)?;
-        self.send(inbound.from, answer);
+        self.send(arrival, &answer);
         Ok(())
     }
 
-    fn outcome(&self, done: &Done, confirm: &Message) -> Option<Message> {
+    fn outcome(&self, done: &Done<A>, confirm: &Message) -> Option<Message> {
         Some(Message {
             public_key: done.ephemeral,
             data: Data::new(&done.confirmation.of_responder(done.outcome))?,
@@ -240,7 +257,7 @@ impl<A: Copy + Eq> Responder<A> {
 
     fn prove_pinned(
         &mut self,
-        inbound: &Inbound<'_, A>,
+        arrival: &Arrival<A>,
         confirm: &Message,
         store: &mut dyn ResponderStore,
     ) -> Result<(), Ignored> {
@@ -272,13 +289,13 @@ impl<A: Copy + Eq> Responder<A> {
             return Err(Ignored::Session);
         };
         let (agreed, confirmation) = *derived;
-        self.complete(inbound, confirm, &answer, peer, &agreed, confirmation)
+        self.complete(arrival, confirm, &answer, peer, &agreed, confirmation)
     }
 
     fn prove_pairing(
         &mut self,
         now: Duration,
-        inbound: &Inbound<'_, A>,
+        arrival: &Arrival<A>,
         confirm: &Message,
         store: &mut dyn ResponderStore,
     ) -> Result<(), Ignored> {
@@ -288,7 +305,7 @@ impl<A: Copy + Eq> Responder<A> {
             .and_then(|window| window.slots.find(confirm.session))
             .filter(|open| fits(open, confirm))
             .ok_or(Ignored::Session)?;
-        if !self.limits.admit(inbound.from, inbound.verified, now) {
+        if !self.limits.admit(arrival.from, arrival.claim, now) {
             return Err(Ignored::Limited);
         }
         let WaitsFor::Message { ephemeral, facts } = &open.waits_for else {
@@ -324,13 +341,13 @@ impl<A: Copy + Eq> Responder<A> {
         stored.map_err(|cause| self.not_stored(cause))?;
         self.pairing = None;
         self.note(ResponderEvent::Paired { peer: key });
-        self.complete(inbound, confirm, &answer, peer, &agreed, confirmation)
+        self.complete(arrival, confirm, &answer, peer, &agreed, confirmation)
     }
 
     /// Both keys are on disk at both ends.
     fn complete(
         &mut self,
-        inbound: &Inbound<'_, A>,
+        arrival: &Arrival<A>,
         confirm: &Message,
         answer: &Message,
         peer: PinnedPeer,
@@ -339,6 +356,9 @@ impl<A: Copy + Eq> Responder<A> {
     ) -> Result<(), Ignored> {
         let (key, epoch) = (agreed.key.id(), agreed.epoch);
         self.highest = peer.counter;
+        if self.memory.peer.map(|known| known.key) != Some(peer.key) {
+            self.gate = Gate::of_peers(&self.config.identity, &peer.key);
+        }
         self.memory.peer = Some(peer);
         self.memory.epoch = epoch;
         self.memory.next = Some(StagedKey {
@@ -347,6 +367,8 @@ impl<A: Copy + Eq> Responder<A> {
         });
         self.half_open = None;
         let done = Done {
+            from: arrival.from,
+            gate: arrival.gate.clone(),
             confirm: confirm.clone(),
             ephemeral: answer.public_key,
             confirmation,
@@ -360,7 +382,7 @@ impl<A: Copy + Eq> Responder<A> {
         self.done = Some(done);
         self.note(ResponderEvent::Staged { key, epoch });
         if let Some(outcome) = outcome {
-            self.send(inbound.from, outcome);
+            self.send(arrival, &outcome);
         }
         Ok(())
     }

@@ -164,7 +164,7 @@ pub fn run(to_initiator: bool, input: &[u8]) {
             }
             4..=7 => {
                 if let Some(message) = down.get(usize::from(value) % down.len().max(1)) {
-                    let _ = initiator.handle(now, AIR, &message.to_payload(), &mut ground_disk);
+                    let _ = initiator.handle(now, from_air(AIR, &message.to_payload()), &mut ground_disk);
                 }
             }
             // The last one of the other end, bent in one byte.
@@ -174,7 +174,7 @@ pub fn run(to_initiator: bool, input: &[u8]) {
                     let mut payload = message.to_payload();
                     payload[usize::from(value) % MAX_MESSAGE] ^= act;
                     if to_initiator {
-                        let _ = initiator.handle(now, AIR, &payload, &mut ground_disk);
+                        let _ = initiator.handle(now, from_air(AIR, &payload), &mut ground_disk);
                     } else {
                         to_air(&mut responder, &mut air_disk, &payload);
                     }
@@ -185,7 +185,7 @@ pub fn run(to_initiator: bool, input: &[u8]) {
                 let (payload, rest) = script.split_at(usize::from(value).min(script.len()));
                 script = rest;
                 if to_initiator {
-                    let _ = initiator.handle(now, AIR, payload, &mut ground_disk);
+                    let _ = initiator.handle(now, from_air(AIR, payload), &mut ground_disk);
                 } else {
                     to_air(&mut responder, &mut air_disk, payload);
                 }
@@ -193,15 +193,11 @@ pub fn run(to_initiator: bool, input: &[u8]) {
             12 => initiator.want(),
             13 => responder.report(Status::from(value), act),
             14 => {
-                let _ = initiator.handle(
-                    now,
-                    Node {
-                        system: act,
-                        component: value,
-                    },
-                    script,
-                    &mut ground_disk,
-                );
+                let source = Node {
+                    system: act,
+                    component: value,
+                };
+                let _ = initiator.handle(now, from_air(source, script), &mut ground_disk);
             }
             _ => {}
         }
@@ -222,5 +218,14 @@ pub fn run(to_initiator: bool, input: &[u8]) {
         {
             assert_eq!(ground_disk.next, Some(key));
         }
+    }
+}
+
+fn from_air(source: Node, payload: &[u8]) -> Inbound<'_, ()> {
+    Inbound {
+        from: (),
+        source,
+        verified: false,
+        payload,
     }
 }

@@ -266,10 +266,25 @@ impl VehicleLink {
                     effects.notify(AlertPriority::Nominal, SubsystemId::Comms, text);
                 }
             }
+            // Its agent lets nothing unsigned pass, and reports by itself that PX4 has lost its key.
+            Event::Alert(Alert::VehicleUnsigned) if self.agent_is_here(effects.dli.now.mono) => {
+                effects
+                    .dli
+                    .counters
+                    .count("unsigned beside a verified agent");
+            }
             Event::Alert(alert) => effects.warn_of_link(alert_text(alert)),
             // No exchange is configured for this vehicle.
             Event::KeyExchange(_) => effects.dli.counters.count("key exchange ignored"),
         }
+    }
+}
+
+impl VehicleLink {
+    /// Whether keys are agreed on with an agent beside the vehicle, and frames verify.
+    fn agent_is_here(&self, mono: Duration) -> bool {
+        let accepted = self.link.accepted_at();
+        self.agreement.wanted && accepted.is_some_and(|at| mono.saturating_sub(at) < AGENT_HERE)
     }
 }
 
@@ -423,6 +438,9 @@ fn auth<'a>(key: Option<&'a mut KeyState>, store: &'a mut dyn Disk) -> Auth<'a> 
         None => Auth::Off,
     }
 }
+
+/// How long an accepted frame shows that the agent is there: it sends a heartbeat each second.
+const AGENT_HERE: Duration = Duration::from_secs(3);
 
 /// What operators are sent for a link's alert.
 pub(crate) fn alert_text(alert: Alert) -> &'static str {

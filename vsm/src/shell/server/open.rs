@@ -200,6 +200,9 @@ fn vehicle_keys(
     store: &mut FileDisk,
 ) -> Result<(SigningKey, KeyStore), StartError> {
     let keys = KeyStore::open(path)?;
+    if let Err(fault) = keys.bury(store) {
+        tracing::warn!("the clock of a dead key cannot be deleted: {fault}");
+    }
     if keys.current()?.is_none() {
         // A key that is handed over has a clock on disk before it leaves.
         if mode == ExchangeMode::Off

@@ -103,7 +103,10 @@ impl Shared {
             write_log(&entry);
         }
         while let Some((index, change)) = core.bridge.poll_key_change() {
-            let Some(Some(keys)) = core.key_stores.get(index) else {
+            let Core {
+                key_stores, store, ..
+            } = &mut *core;
+            let Some(Some(keys)) = key_stores.get(index) else {
                 continue;
             };
             let (done, what) = match change {
@@ -113,6 +116,9 @@ impl Shared {
             match done {
                 Ok(()) => {
                     tracing::info!("{what}");
+                    if let Err(fault) = keys.bury(store) {
+                        tracing::debug!("the clock of a dead key cannot be deleted: {fault}");
+                    }
                     // The exchange learns of it only after the commit is durable: a restart finds it in the files.
                     let in_use = (change == KeyChange::Commit).then_some(index);
                     core.step_exchanges(now, in_use);
