@@ -174,14 +174,12 @@ impl<A: Copy + Eq> Core<A> {
     ) {
         let header = frame.header();
         let age = self.heartbeats.age(stamp, now.mono);
-<<<<<<< HEAD
         if let Age::AtMost(age) = age {
             let sent = now.mono.saturating_sub(age);
             self.answered = self.answered.max(Some(sent));
-=======
+        }
         if header.component_id == AUTOPILOT {
             self.presence.autopilot_accepted(now.mono);
->>>>>>> a50227b (Start no exchange of keys for anybody, and let nobody starve one)
         }
         if let (AUTOPILOT, Some(signature)) = (header.component_id, frame.signature())
             && self.pin.record(signature.link_id, age, now.mono)

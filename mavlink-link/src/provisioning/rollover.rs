@@ -7,11 +7,8 @@ use thiserror::Error;
 
 use crate::Now;
 use crate::frame::{Parser, Stamp};
-<<<<<<< HEAD
-use crate::link::challenge::{Ping, Turns};
-=======
 use crate::link::Rising;
->>>>>>> a50227b (Start no exchange of keys for anybody, and let nobody starve one)
+use crate::link::challenge::{Ping, Turns};
 use crate::link::receiver::KeyState;
 use crate::link::{Endpoint, LinkConfig};
 use crate::signing::clock::{Ceiling, Origin};
@@ -117,13 +114,10 @@ pub struct KeyRollover<A> {
     /// Where a verified frame with a stale timestamp came from.
     pub(super) lift: Option<(KeySlot, A)>,
     pub(super) lifted_at: Option<Duration>,
-<<<<<<< HEAD
     /// Senders of verified frames that are stamped too far ahead, and of challenges of the same kind.
     pub(super) challenge: Turns<A, KeySlot>,
     pub(super) answer: Turns<A, (KeySlot, Ping)>,
-=======
     pub(super) rising: Rising<A>,
->>>>>>> a50227b (Start no exchange of keys for anybody, and let nobody starve one)
     pub(super) events: VecDeque<Event>,
     pub(super) outcome: Option<Outcome>,
 }

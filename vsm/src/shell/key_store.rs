@@ -19,12 +19,8 @@ use std::path::{Path, PathBuf};
 
 use mavlink_link::clock::Ceiling;
 use mavlink_link::signing::{KeyId, SigningKey};
-<<<<<<< HEAD
-use mavlink_link::store::StoreError;
-use rustix::io::Errno;
-=======
 use mavlink_link::store::{Disk, Record as _, StoreError};
->>>>>>> a50227b (Start no exchange of keys for anybody, and let nobody starve one)
+use rustix::io::Errno;
 use zeroize::Zeroizing;
 
 use super::disk::{self, FileSystem, NativeFileSystem};

@@ -196,20 +196,20 @@ impl Flight {
         while let Some((_, frame)) = self.bridge.poll_vehicle() {
             self.exchanged[0] += usize::from(is_exchange(frame.bytes()));
             if frame.to == at(AGENT) {
-                self.to_agent(world::GROUND, frame.bytes());
+                self.agent_hears(world::GROUND, frame.bytes());
             }
         }
     }
 
     /// A datagram at the ground.
-    fn to_ground(&mut self, from: u16, bytes: &[u8]) {
+    fn ground_hears(&mut self, from: u16, bytes: &[u8]) {
         self.bridge
             .handle_vehicle(self.now, 0, at(from), bytes, &mut self.store, &mut |_| {});
         self.follow_ground();
     }
 
     /// A datagram at the agent's radio.
-    fn to_agent(&mut self, from: u16, bytes: &[u8]) {
+    fn agent_hears(&mut self, from: u16, bytes: &[u8]) {
         self.seed += 1;
         let mut dice = dice(self.seed);
         self.agent
@@ -229,7 +229,7 @@ impl Flight {
                 Side::Radio => {
                     self.exchanged[1] += usize::from(is_exchange(&bytes));
                     if sent.to == at(world::GROUND) {
-                        self.to_ground(AGENT, &bytes);
+                        self.ground_hears(AGENT, &bytes);
                     }
                 }
             }
@@ -414,8 +414,8 @@ fn an_unsigned_please_changes_no_key() {
     let mut flight = Flight::live();
     let files = flight.files();
     for second in 0..180 {
-        flight.to_ground(ATTACKER, &please());
-        flight.to_ground(AGENT, &please());
+        flight.ground_hears(ATTACKER, &please());
+        flight.ground_hears(AGENT, &please());
         flight.run(1.0);
         if second % 60 == 59 {
             let end = flight.carry_out(orders::request_control().into());
@@ -435,18 +435,18 @@ fn nothing_unsigned_changes_a_key_at_either_end() {
             for suite in [0, 1, 2, 3] {
                 n += 1;
                 let from = ATTACKER + (n % 40) as u16;
-                flight.to_ground(from, &exchange(AIR, GROUND, step, suite, n));
-                flight.to_agent(from, &exchange(GROUND, AIR, step, suite, n));
+                flight.ground_hears(from, &exchange(AIR, GROUND, step, suite, n));
+                flight.agent_hears(from, &exchange(GROUND, AIR, step, suite, n));
             }
         }
         // The older exchange: a public key alone.
         let legacy = |of: Node| frame(stream(of), KEY_EXCHANGE_ID, &[9; 32], None);
-        flight.to_ground(ATTACKER, &legacy(AIR));
-        flight.to_agent(ATTACKER, &legacy(GROUND));
+        flight.ground_hears(ATTACKER, &legacy(AIR));
+        flight.agent_hears(ATTACKER, &legacy(GROUND));
         for (message, sender) in others() {
             let bytes = world::encoded(stream(sender), &message);
-            flight.to_ground(ATTACKER, &bytes);
-            flight.to_agent(ATTACKER, &bytes);
+            flight.ground_hears(ATTACKER, &bytes);
+            flight.agent_hears(ATTACKER, &bytes);
         }
     };
     for _ in 0..2_400 {

@@ -8,8 +8,7 @@ use zeroize::Zeroizing;
 
 use super::cookies::Cookies;
 use super::limits::{Claim, Limits};
-use super::sessions::{Done, HalfOpen, PairingSlots};
-use super::steps::Arrival;
+use super::sessions::{Arrival, Done, HalfOpen, PairingSlots};
 use crate::exchange::gate::Gate;
 use crate::exchange::identity::{Identity, PublicKey, Random};
 use crate::exchange::message::{Data, Inbound, Message, Received, Status, Step, Suite, VERSION};

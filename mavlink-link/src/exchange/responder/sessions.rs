@@ -6,10 +6,20 @@ use std::collections::VecDeque;
 
 use zeroize::Zeroizing;
 
+use super::limits::Claim;
 use crate::exchange::gate::Gate;
 use crate::exchange::keys::{Agreed, Confirmation, Outcome};
 use crate::exchange::message::{Message, Status};
 use crate::exchange::terms::Facts;
+
+/// Where a message came from, and what it has shown on the way in.
+#[derive(Debug)]
+pub(super) struct Arrival<A> {
+    pub(super) from: A,
+    pub(super) claim: Claim,
+    /// What it passed, and the answer passes at the other end.
+    pub(super) gate: Gate,
+}
 
 /// Step 2 has been sent.
 pub(super) struct HalfOpen<A> {

@@ -5,9 +5,8 @@ use core::time::Duration;
 
 use zeroize::Zeroizing;
 
-use super::limits::Claim;
 use super::machine::{Responder, ResponderEvent, Window};
-use super::sessions::{Done, HalfOpen, WaitsFor};
+use super::sessions::{Arrival, Done, HalfOpen, WaitsFor};
 use crate::exchange::gate::Gate;
 use crate::exchange::identity::Random;
 use crate::exchange::keys::{Agreed, Confirmation, Outcome, derive};
@@ -16,15 +15,6 @@ use crate::exchange::noise::{Failed, Noise, Setup, Written};
 use crate::exchange::stats::Ignored;
 use crate::exchange::store::{PinnedPeer, ResponderStore, StagedKey, StoreError};
 use crate::exchange::terms::{Facts, Terms};
-
-/// Where a message came from, and what it has shown on the way in.
-#[derive(Debug)]
-pub(super) struct Arrival<A> {
-    pub(super) from: A,
-    pub(super) claim: Claim,
-    /// What it passed, and the answer passes at the other end.
-    pub(super) gate: Gate,
-}
 
 impl<A: Copy + Eq + Hash> Responder<A> {
     /// Step 1.
