@@ -11,6 +11,8 @@
 //! exist when it was made. A recorded challenge gets an answer to a number that nobody waits for. Clocks only ever move up,
 //! to the clock of an end that has the key, so any number of ends and any order of events find one clock.
 //!
+//! The same PING, between clocks that agree, shows that the other end receives us ([`Receipt`]).
+//!
 //! The number is an HMAC under the key of a timestamp of ours, none of which is ever used twice, over restarts too: new,
 //! and not foreseeable for someone who gets PX4 to sign answers on a port that takes unsigned frames.
 
@@ -27,6 +29,89 @@ use crate::dialect::MavMessage;
 use crate::dialect::PING_DATA;
 use crate::frame::{FrameView, Header, Stamp};
 use crate::signing::SigningKey;
+
+/// What shows that the other end receives us: frames of it that arrive show only that we receive it.
+///
+/// An autopilot has no clock of its own: its timestamps rise to ours, and show what it has received. Another component of its
+/// system, or a ground station, has one, and is asked by PING every two seconds, and each second once an answer is older.
+/// One that has never answered is judged by its timestamps all the same.
+#[derive(Debug, Default)]
+pub(super) struct Receipt {
+    /// When our first heartbeat was sent.
+    first_heartbeat: Option<Duration>,
+    /// When the newest frame was sent that the other end has received for certain.
+    received: Option<Duration>,
+    /// It stamps by a clock of its own.
+    has_clock: bool,
+    /// It has answered a PING.
+    answers: bool,
+    asked: Option<Duration>,
+    /// That nothing is received has been reported.
+    reported: bool,
+    /// A PING is to be sent.
+    pub(super) due: bool,
+}
+
+impl Receipt {
+    pub(super) fn heartbeat(&mut self, mono: Duration) {
+        self.first_heartbeat.get_or_insert(mono);
+    }
+
+    /// A frame was accepted that its timestamp shows to be made after a heartbeat that was sent then.
+    pub(super) fn by_stamp(&mut self, sent: Duration) {
+        if !self.answers {
+            self.receive(sent);
+        }
+    }
+
+    fn receive(&mut self, sent: Duration) {
+        if Some(sent) > self.received {
+            (self.received, self.reported) = (Some(sent), false);
+        }
+    }
+
+    /// A frame of a component that is no autopilot was accepted.
+    pub(super) fn by_own_clock(&mut self) {
+        self.has_clock = true;
+    }
+
+    /// A PING that was sent then has been answered.
+    pub(super) fn by_answer(&mut self, sent: Duration) {
+        // An autopilot answers too: it needs no PING for that.
+        self.answers = self.has_clock;
+        self.receive(sent);
+    }
+
+    /// When the newest frame was sent that was received for certain, else our first heartbeat.
+    pub(super) fn since(&self) -> Option<Duration> {
+        self.received.or(self.first_heartbeat)
+    }
+
+    /// True once each time that nothing has been received for so long.
+    pub(super) fn is_overdue(&mut self, span: Duration, mono: Duration) -> bool {
+        let overdue = self
+            .since()
+            .is_some_and(|at| mono.saturating_sub(at) > span);
+        overdue && !core::mem::replace(&mut self.reported, overdue)
+    }
+
+    /// Asks where it is time to, of an end whose frames are being accepted.
+    pub(super) fn handle_timeout(&mut self, mono: Duration) {
+        if !self.has_clock {
+            return;
+        }
+        let every = if self.answers {
+            CHALLENGE_EVERY
+        } else {
+            TRY_EVERY
+        };
+        let ago = |at: Option<Duration>, span| at.is_none_or(|at| mono.saturating_sub(at) >= span);
+        let old = !self.answers || ago(self.received, RECEIPT_LASTS);
+        if old && ago(self.asked, every) {
+            (self.asked, self.due) = (Some(mono), true);
+        }
+    }
+}
 
 /// The numbers that an answer is awaited for.
 #[derive(Debug, Default)]
@@ -55,19 +140,18 @@ impl Challenges {
         }
     }
 
-    /// Whether this frame, which has verified, is the answer to one of them.
-    pub(super) fn are_answered(
+    /// When the one was made that this frame, which has verified, is the answer to.
+    pub(super) fn answered(
         &self,
         frame: &FrameView<'_>,
         own_system: u8,
         mono: Duration,
-    ) -> bool {
-        Ping::of(frame).is_some_and(|ping| {
-            ping.target_system == own_system
-                && self.waiting.iter().flatten().any(|&(number, at)| {
-                    number == ping.number && mono.saturating_sub(at) <= ANSWER_WITHIN
-                })
-        })
+    ) -> Option<Duration> {
+        let ping = Ping::of(frame).filter(|ping| ping.target_system == own_system)?;
+        let waiting = self.waiting.iter().flatten();
+        waiting
+            .filter(|(_, at)| mono.saturating_sub(*at) <= ANSWER_WITHIN)
+            .find_map(|&(number, at)| (number == ping.number).then_some(at))
     }
 
     /// The clocks have met: nothing is awaited any more.
@@ -195,5 +279,9 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 pub(crate) const CHALLENGE_EVERY: Duration = Duration::from_secs(1);
 /// How often each place gets an answer.
 pub(crate) const ANSWER_EVERY: Duration = Duration::from_millis(200);
+/// How long a receipt is new enough.
+const RECEIPT_LASTS: Duration = Duration::from_secs(2);
+/// How often an end that has never answered is asked all the same.
+const TRY_EVERY: Duration = Duration::from_secs(5);
 /// How long an end must not have been accepted before it is challenged.
 pub(super) const REFUSED_FOR: Duration = Duration::from_secs(2);

@@ -2,8 +2,8 @@
 
 use core::time::Duration;
 
-use super::challenge::{Ping, Turns};
-use super::config::LinkConfig;
+use super::challenge::{Ping, Receipt, Turns};
+use super::config::{LinkConfig, Security};
 use super::freshness::HeartbeatLog;
 use super::peer::{LinkState, PeerLock, Presence, Rising};
 use super::pin::LinkIdPin;
@@ -57,9 +57,7 @@ pub(super) struct Core<A> {
     pub(super) challenge: Turns<A, ()>,
     /// Who is to be answered that we are here.
     pub(super) answer: Turns<A, Ping>,
-    /// When our first heartbeat was sent, and when the newest that was received for certain.
-    pub(super) first_heartbeat: Option<Duration>,
-    pub(super) answered: Option<Duration>,
+    pub(super) receipt: Receipt,
     pub(super) bad_signatures: Burst,
     pub(super) events: Events<A>,
     pub(super) stats: LinkStats,
@@ -106,8 +104,7 @@ impl<A: Copy + Eq> Link<A> {
                 lift: [None; 2],
                 challenge: Turns::new(),
                 answer: Turns::new(),
-                first_heartbeat: None,
-                answered: None,
+                receipt: Receipt::default(),
                 bad_signatures: Burst::default(),
                 events: Events::new(),
                 stats: LinkStats::default(),
@@ -146,12 +143,12 @@ impl<A: Copy + Eq> Link<A> {
         self.core.presence.accepted_at()
     }
 
-    /// How old the newest heartbeat of ours is that the vehicle has received for certain, or the first where it has
-    /// received none; `None` on an unsigned link, and before the first. Frames of the vehicle that are accepted show that
+    /// How old the newest frame of ours is that the vehicle has received for certain, or the first where it has received
+    /// none; `None` on an unsigned link, and before the first. Frames of the vehicle that are accepted show that
     /// we receive it; this shows that it receives us.
     #[must_use]
     pub fn unanswered(&self, mono: Duration) -> Option<Duration> {
-        let since = self.core.answered.or(self.core.first_heartbeat)?;
+        let since = self.core.receipt.since()?;
         Some(mono.saturating_sub(since))
     }
 
@@ -186,13 +183,14 @@ impl<A: Copy + Eq> Link<A> {
         if core.presence.take_alert(now.mono) {
             core.events.alert(Alert::StaysBehind, now.mono);
         }
-        let accepted = core.presence.accepted_at();
-        let since = core.answered.or(core.first_heartbeat);
         // Only while it is received: silence has a report of its own.
-        if accepted.is_some_and(|at| now.mono.saturating_sub(at) < UNANSWERED)
-            && since.is_some_and(|at| now.mono.saturating_sub(at) > UNANSWERED)
-        {
-            core.events.alert(Alert::Unanswered, now.mono);
+        let accepted = core.presence.accepted_at();
+        let received = accepted.is_some_and(|at| now.mono.saturating_sub(at) < UNANSWERED);
+        if received && core.config.security == Security::Signed {
+            core.receipt.handle_timeout(now.mono);
+            if core.receipt.is_overdue(UNANSWERED, now.mono) {
+                core.events.alert(Alert::Unanswered, now.mono);
+            }
         }
     }
 
@@ -216,5 +214,5 @@ impl<A: Copy + Eq> Link<A> {
 }
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
-/// How long no heartbeat of ours may be answered before a person is told: some may be lost.
+/// How long no frame of ours may be answered before a person is told: some may be lost.
 const UNANSWERED: Duration = Duration::from_secs(10);

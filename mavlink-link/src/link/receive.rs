@@ -139,9 +139,13 @@ impl<A: Copy + Eq> Core<A> {
             // A challenge is answered whatever its timestamp: the end that sends it is behind, or was restarted.
             if matches!(judged, Ok(_) | Err(Refusal::Stale | Refusal::Future)) {
                 self.note_challenge(from, frame);
+                if let Some(sent) = key.answered(frame, self.config.own_system, now) {
+                    self.receipt.by_answer(sent);
+                }
             }
             if let Some(ahead) = key.take_met() {
                 self.stats.clock_met += 1;
+                self.receipt.by_answer(now.mono);
                 self.challenge.clear();
                 self.events.push(Event::ClockMet(ahead));
             }
@@ -175,8 +179,7 @@ impl<A: Copy + Eq> Core<A> {
         let header = frame.header();
         let age = self.heartbeats.age(stamp, now.mono);
         if let Age::AtMost(age) = age {
-            let sent = now.mono.saturating_sub(age);
-            self.answered = self.answered.max(Some(sent));
+            self.receipt.by_stamp(now.mono.saturating_sub(age));
         }
         if header.component_id == AUTOPILOT {
             self.presence.autopilot_accepted(now.mono);
@@ -185,6 +188,9 @@ impl<A: Copy + Eq> Core<A> {
             && self.pin.record(signature.link_id, age, now.mono)
         {
             self.events.alert(Alert::LinkIdMoved, now.mono);
+        }
+        if header.component_id != AUTOPILOT {
+            self.receipt.by_own_clock();
         }
         if let Some((before, to)) = self.peer.confirm(from, now.mono) {
             self.events.push(Event::PeerChanged { from: before, to });

@@ -124,6 +124,16 @@ impl KeyState {
         Ok(self.challenges.make(&self.key, unique, now.mono))
     }
 
+    /// When the challenge was made that this frame, which has verified, is the answer to.
+    pub(crate) fn answered(
+        &self,
+        frame: &FrameView<'_>,
+        own_system: u8,
+        now: Now,
+    ) -> Option<Duration> {
+        self.challenges.answered(frame, own_system, now.mono)
+    }
+
     /// How far the clock has moved to meet a peer's, once after each time.
     pub fn take_met(&mut self) -> Option<Duration> {
         self.met.take()
@@ -180,9 +190,8 @@ impl KeyState {
         let stamp = signature.stamp;
         let place = self.streams.place(name);
         if !self.clock.allows(stamp, now) {
-            let own = expected.own_system;
-            let proven = self.challenges.are_answered(frame, own, now.mono);
-            if !proven || !self.clock.may_meet(stamp) {
+            let proven = self.answered(frame, expected.own_system, now);
+            if proven.is_none() || !self.clock.may_meet(stamp) {
                 return Err(Refusal::Future);
             }
             let place = place.ok_or(Refusal::TableFull)?;

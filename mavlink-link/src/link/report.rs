@@ -226,11 +226,13 @@ counters! {
     undecoded_value,
     /// KEY_EXCHANGE frames passed to the key exchange.
     key_exchange,
-    /// Verified challenges, and answers to challenges, of signing clocks that are apart.
+    /// Verified challenges of signing clocks that are apart, PINGs that ask whether we receive, and answers to both.
     clock_pings,
     /// Challenges sent to senders whose frames are stamped too far ahead.
     clock_challenges,
-    /// Challenges of the other end answered.
+    /// PINGs sent to learn whether the other end receives us.
+    receipt_pings,
+    /// Challenges and such PINGs of the other end answered.
     clock_answers,
     /// How often our signing clock has moved up to the other end's.
     clock_met,

@@ -117,7 +117,7 @@ impl<A: Copy + Eq> Link<A> {
         core.stats.sent_heartbeats += 1;
         if let Some(stamp) = sent.stamp {
             core.heartbeats.record(stamp, now.mono);
-            core.first_heartbeat.get_or_insert(now.mono);
+            core.receipt.heartbeat(now.mono);
         }
         Some(sent)
     }
@@ -130,7 +130,7 @@ enum Content<'a> {
 }
 
 impl<A: Copy + Eq> Core<A> {
-    /// The next PING about clocks that are apart: to nobody but the senders of frames that have verified.
+    /// The next PING about clocks, or about whether we are received: to nobody but senders of frames that have verified.
     fn next_ping(
         &mut self,
         now: Now,
@@ -145,11 +145,20 @@ impl<A: Copy + Eq> Core<A> {
             self.stats.clock_answers += u64::from(sent.is_ok());
             return sent.ok();
         }
-        let (to, ()) = self.challenge.take(CHALLENGE_EVERY, now.mono)?;
-        let challenge = key.challenge(now, store).ok()?.message();
+        let challenged = self.challenge.take(CHALLENGE_EVERY, now.mono);
+        let to = match challenged {
+            Some((to, ())) => to,
+            None if core::mem::take(&mut self.receipt.due) => self.peer.peer()?,
+            None => return None,
+        };
+        let ping = key.challenge(now, store).ok()?.message();
         let auth = Auth::Signed { key, store };
-        let sent = self.send_to(to, now, auth, Content::Message(&challenge), out);
-        self.stats.clock_challenges += u64::from(sent.is_ok());
+        let sent = self.send_to(to, now, auth, Content::Message(&ping), out);
+        let count = match challenged {
+            Some(_) => &mut self.stats.clock_challenges,
+            None => &mut self.stats.receipt_pings,
+        };
+        *count += u64::from(sent.is_ok());
         sent.ok()
     }
 

@@ -38,6 +38,8 @@ pub(crate) struct Chain {
     disk: Disk,
     pub(crate) px4: Autopilot<Peer>,
     station: Station,
+    /// Nothing of the bridge arrives at the agent.
+    pub(crate) uplink_cut: bool,
     /// All that the bridge has sent over the radio.
     pub(crate) recorded: Vec<Vec<u8>>,
     pub(crate) log: Vec<String>,
@@ -81,6 +83,7 @@ impl Chain {
                 vec![Some(at(9))],
             ),
             station: Station::new(cucs(0), STATION),
+            uplink_cut: false,
             recorded: Vec::new(),
             log: Vec::new(),
         }
@@ -186,6 +189,9 @@ impl Chain {
         }
         // Answers follow at once, and the answers to them with the next step.
         while let Some((_, frame)) = self.bridge.poll_vehicle() {
+            if self.uplink_cut {
+                continue;
+            }
             self.recorded.push(frame.bytes().to_vec());
             let bytes = frame.bytes().to_vec();
             self.radio(GROUND, &bytes);

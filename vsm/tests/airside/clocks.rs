@@ -122,6 +122,23 @@ fn a_start_with_a_wrong_wall_clock_heals_without_a_person() {
     }
 }
 
+/// Frames of the vehicle arrive and are accepted all the time: only its answers show whether it receives the ground.
+#[test]
+fn a_link_on_which_nothing_is_answered_is_not_live() {
+    let mut chain = Chain::ready();
+    chain.uplink_cut = true;
+    chain.run(12.0);
+    assert_eq!(chain.states(), ("unanswered", "not live"));
+    let reported = |line: &&String| line.contains("receives nothing from us");
+    assert!(
+        chain.log.iter().any(|line| reported(&line)),
+        "{:#?}",
+        chain.log
+    );
+    chain.uplink_cut = false;
+    assert_healed(&mut chain, "the uplink was cut");
+}
+
 /// Somebody who has the key signs a year ahead, on a stream of his own: PX4 follows at once, and both ends follow PX4.
 #[test]
 fn a_vehicle_whose_clock_a_key_holder_has_dragged_is_met() {
