@@ -75,6 +75,24 @@ pub trait Disk {
     /// It is not deleted, or that is not durable yet.
     fn remove(&mut self, name: &str) -> Result<(), StoreError>;
 
+    /// Whether a change may become durable only after its call.
+    fn queues(&self) -> bool {
+        false
+    }
+
+    /// The number of the last change that this disk has taken and makes durable later, counted from 1. What that change
+    /// promises must not be answered before [`durable`](Disk::durable) has reached the number.
+    ///
+    /// 0 of a disk whose changes are durable when their call returns, as most are.
+    fn queued(&self) -> u64 {
+        0
+    }
+
+    /// All changes up to this number are durable.
+    fn durable(&self) -> u64 {
+        0
+    }
+
     /// Puts a log aside, so that the next line is the first of a new one: `name` becomes `name.1`, that `name.2`, up
     /// to `keep`; the one before is gone.
     ///
@@ -94,7 +112,8 @@ pub trait Disk {
 pub enum Durability {
     /// The end of this process, `kill -9` too.
     Process,
-    /// A power cut as well: synchronised to the disk before the call returns.
+    /// A power cut as well: synchronised to the disk before the call returns, or, on a disk that queues, once
+    /// [`Disk::durable`] has reached what [`Disk::queued`] is after the call.
     Power,
 }
 
@@ -199,7 +218,7 @@ pub use memory::MemoryDisk;
 
 #[cfg(any(test, feature = "test-util"))]
 mod memory {
-    use std::collections::BTreeMap;
+    use std::collections::{BTreeMap, VecDeque};
 
     use super::{Disk, Durability, StoreError};
     use zeroize::Zeroizing;
@@ -217,6 +236,14 @@ mod memory {
         pub refused: u64,
         /// How many had to survive a power cut.
         pub synced: u64,
+        /// What must survive a power cut becomes durable later, by [`complete`](MemoryDisk::complete).
+        pub queues: bool,
+        /// Records that were replaced and are not durable yet, the oldest first: the end of the process loses them.
+        pub waiting: VecDeque<(u64, String, Vec<u8>)>,
+        /// The last change that was queued.
+        pub queued: u64,
+        /// All up to this one are durable.
+        pub durable: u64,
     }
 
     impl MemoryDisk {
@@ -227,7 +254,24 @@ mod memory {
                 return Err(StoreError::new(name, "No space left on device"));
             }
             self.synced += u64::from(durability == Durability::Power);
+            self.queued += u64::from(self.queues && durability == Durability::Power);
             Ok(())
+        }
+
+        /// Makes all changes up to this number durable.
+        pub fn complete(&mut self, change: u64) {
+            while self.waiting.front().is_some_and(|one| one.0 <= change) {
+                let done = self.waiting.pop_front();
+                self.records
+                    .extend(done.map(|(_, name, bytes)| (name, bytes)));
+            }
+            self.durable = self.durable.max(change.min(self.queued));
+        }
+
+        /// The end of the process: what waits is lost.
+        pub fn kill(&mut self) {
+            self.waiting.clear();
+            self.durable = self.queued;
         }
     }
 
@@ -238,7 +282,8 @@ mod memory {
             max_bytes: u64,
         ) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
             let max = usize::try_from(max_bytes).unwrap_or(usize::MAX);
-            let bytes = self.records.get(name);
+            let waits = self.waiting.iter().rev().find(|one| one.1 == name);
+            let bytes = waits.map(|one| &one.2).or(self.records.get(name));
             Ok(bytes.map(|bytes| Zeroizing::new(bytes[..bytes.len().min(max)].to_vec())))
         }
 
@@ -248,8 +293,19 @@ mod memory {
             bytes: &[u8],
             durability: Durability,
         ) -> Result<(), StoreError> {
+            let follows = self.waiting.iter().any(|one| one.1 == name);
+            let durability = if follows {
+                Durability::Power
+            } else {
+                durability
+            };
             self.admit(name, durability)?;
-            self.records.insert(name.to_owned(), bytes.to_vec());
+            if self.queues && durability == Durability::Power {
+                let waits = (self.queued, name.to_owned(), bytes.to_vec());
+                self.waiting.push_back(waits);
+            } else {
+                self.records.insert(name.to_owned(), bytes.to_vec());
+            }
             Ok(())
         }
 
@@ -275,8 +331,21 @@ mod memory {
 
         fn remove(&mut self, name: &str) -> Result<(), StoreError> {
             self.admit(name, Durability::Power)?;
+            self.waiting.retain(|one| one.1 != name);
             self.records.remove(name);
             Ok(())
+        }
+
+        fn queues(&self) -> bool {
+            self.queues
+        }
+
+        fn queued(&self) -> u64 {
+            self.queued
+        }
+
+        fn durable(&self) -> u64 {
+            self.durable
         }
     }
 }

@@ -238,6 +238,7 @@ impl<A: Copy + Eq> Core<A> {
                 | Refusal::Future
                 | Refusal::Stale
                 | Refusal::Ceiling
+                | Refusal::Raising
         );
         if !frame.is_checked() && !verified {
             self.stats.unknown_id += 1;
@@ -277,6 +278,7 @@ impl<A: Copy + Eq> Core<A> {
                 stats.ceiling_not_stored += 1;
                 self.events.alert(Alert::CeilingNotStored, now.mono);
             }
+            Refusal::Raising => stats.ceiling_not_stored += 1,
             Refusal::Stale => {
                 stats.stale += 1;
                 self.fallen_back(now.mono, from, frame);

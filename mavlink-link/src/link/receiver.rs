@@ -214,7 +214,10 @@ impl KeyState {
         // The ceiling is on disk before the frame counts: otherwise a restart could accept the frame again.
         self.clock
             .follow(stamp, now, store)
-            .map_err(|_| Refusal::Ceiling)?;
+            .map_err(|fault| match fault {
+                ClockError::Raising => Refusal::Raising,
+                _ => Refusal::Ceiling,
+            })?;
         self.streams.set(place, name, stamp, now.mono);
         Ok(stamp)
     }
@@ -315,6 +318,9 @@ pub enum Refusal {
     /// The ceiling could not be raised to the stamp.
     #[error("the signing clock's ceiling could not be stored")]
     Ceiling,
+    /// The ceiling is being raised to the stamp by a slow disk.
+    #[error("the signing clock's ceiling is not stored yet")]
+    Raising,
 }
 
 /// A sender's stream: the timestamps of each rise on their own.

@@ -210,11 +210,12 @@ impl<A: Copy + Eq> Core<A> {
             };
             let taken = key.take_stamp(now, store).inspect_err(|error| {
                 self.stats.send_refused += 1;
-                let alert = match error {
-                    ClockError::Ceiling => Alert::CeilingNotStored,
-                    ClockError::Exhausted => Alert::ClockExhausted,
-                };
-                self.events.alert(alert, now.mono);
+                match error {
+                    ClockError::Ceiling => self.events.alert(Alert::CeilingNotStored, now.mono),
+                    ClockError::Exhausted => self.events.alert(Alert::ClockExhausted, now.mono),
+                    // A moment of a slow disk, such as at the first frame under a key.
+                    ClockError::Raising => {}
+                }
             })?;
             len = sign(key.key(), self.config.link_id, taken, out, len)?;
             stamp = Some(taken);

@@ -184,9 +184,15 @@ impl<A: Copy + Eq> KeyRollover<A> {
             // From here on the store knows the key, so a process that starts again knows that it may have been sent. A
             // clock that has just started writes nothing until it passes its start value, so it is moved one beyond.
             let beyond = started.clock().ceiling().next();
-            started.follow(beyond.ok_or(ClockError::Exhausted)?, now, store)?;
-            self.new = NewKey::Offered(started);
-            return Ok(initial);
+            match started.follow(beyond.ok_or(ClockError::Exhausted)?, now, store) {
+                // On its way to a slow disk: started again it would take its own ceiling for that of an earlier run.
+                Ok(()) | Err(ClockError::Raising) => self.new = NewKey::Offered(started),
+                Err(fault) => return Err(fault),
+            }
+            return match &self.new {
+                NewKey::Offered(new) if new.clock().ceiling() >= initial => Ok(initial),
+                _ => Err(ClockError::Raising),
+            };
         }
         let NewKey::Offered(new) = &mut self.new else {
             return Err(ClockError::Ceiling);

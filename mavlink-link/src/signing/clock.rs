@@ -91,6 +91,8 @@ pub struct SigningClock {
     key: KeyId,
     /// The stored ceiling; no stamp beyond it is sent or accepted.
     ceiling: u64,
+    /// A higher ceiling on its way to a disk that queues: the number of the change, and the ceiling.
+    raising: Option<(u64, u64)>,
     floor: Stamp,
     base: u64,
     base_at: Duration,
@@ -143,6 +145,7 @@ impl SigningClock {
         Self {
             key,
             ceiling,
+            raising: None,
             floor,
             base: start,
             base_at: now.mono,
@@ -322,20 +325,35 @@ impl SigningClock {
         now: Now,
         store: &mut dyn Disk,
     ) -> Result<(), ClockError> {
-        if stamp.get() <= self.ceiling {
-            return Ok(());
+        if let Some((change, ceiling)) = self.raising
+            && store.durable() >= change
+        {
+            self.ceiling = ceiling;
+            self.raising = None;
         }
+        let reserve = if store.queues() {
+            EARLY
+        } else {
+            Duration::ZERO
+        };
+        let enough = stamp.plus(reserve).get() <= self.ceiling;
         // A failing disk is not tried again for every frame.
-        if now.mono < self.retry_at {
-            return Err(ClockError::Ceiling);
+        if !enough && self.raising.is_none() && now.mono >= self.retry_at {
+            let ceiling = stamp.plus(WRITE_AHEAD);
+            match Ceiling::raise(store, &self.key, ceiling) {
+                Err(_) => self.retry_at = now.mono.saturating_add(STORE_RETRY),
+                // Sending and accepting continue meanwhile, up to the old ceiling.
+                Ok(()) if store.durable() < store.queued() => {
+                    self.raising = Some((store.queued(), ceiling.get()));
+                }
+                Ok(()) => self.ceiling = ceiling.get(),
+            }
         }
-        let ceiling = stamp.plus(WRITE_AHEAD);
-        if Ceiling::raise(store, &self.key, ceiling).is_err() {
-            self.retry_at = now.mono.saturating_add(STORE_RETRY);
-            return Err(ClockError::Ceiling);
+        match self.raising {
+            _ if stamp.get() <= self.ceiling => Ok(()),
+            Some(_) => Err(ClockError::Raising),
+            None => Err(ClockError::Ceiling),
         }
-        self.ceiling = ceiling.get();
-        Ok(())
     }
 }
 
@@ -345,6 +363,9 @@ pub enum ClockError {
     /// The ceiling could not be stored: neither sending nor accepting goes beyond the old one.
     #[error("the signing clock's ceiling could not be stored")]
     Ceiling,
+    /// The ceiling is on its way to the disk: neither sending nor accepting goes beyond the old one until it is there.
+    #[error("the signing clock's ceiling is not stored yet")]
+    Raising,
     /// The 48 bits are used up.
     #[error("the signing clock has reached its last timestamp: replace the key")]
     Exhausted,
@@ -370,6 +391,8 @@ const RESERVE: u64 = 3_653 * 86_400 * 100_000;
 /// How far the ceiling is written ahead.
 // One synchronised write for 10 s of stamps, where one for each frame would stall the link.
 const WRITE_AHEAD: Duration = Duration::from_secs(10);
+/// What must be left below the ceiling where the disk queues: it has that long, and no frame waits for it.
+const EARLY: Duration = Duration::from_secs(4);
 /// How far beyond the ceiling the wall clock is trusted.
 const WALL_AHEAD: Duration = Duration::from_secs(366 * 86_400);
 /// The least change against monotonic time that counts as setting the wall clock.

@@ -60,7 +60,7 @@ fn load(path: &Path) -> Result<AirsideConfig, Failure> {
 
 fn serve(path: &Path) -> Result<(), Failure> {
     let config = load(path)?;
-    log();
+    let _log = log();
     let runtime = runtime()?;
     runtime.block_on(async {
         let server = AirsideServer::open(&config).map_err(|fault| match fault {

@@ -7,6 +7,8 @@ use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
 use tracing_subscriber::EnvFilter;
 
+use crate::shell::log_pipe::LogPipe;
+
 /// Why the program ends with another status than 0.
 pub(crate) enum Failure {
     /// Status 1.
@@ -60,16 +62,32 @@ pub(crate) fn stop_signal() -> Result<impl Future<Output = ()>, Failure> {
     })
 }
 
-/// To standard error; RUST_LOG chooses how much, default info.
-pub(crate) fn log() {
+/// The log of a program that serves, to standard error until this is dropped; RUST_LOG chooses how much, default info.
+pub(crate) struct Log(Option<LogPipe>);
+
+pub(crate) fn log() -> Log {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    // A pipe that nobody reads must not stop what is served.
+    let Ok(pipe) = LogPipe::new(io::stderr()) else {
+        return Log(None);
+    };
+    let writer = pipe.clone();
     // A second call in one process finds a log already: that is fine.
     let _ = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(io::stderr)
+        .with_writer(move || writer.clone())
         .with_ansi(io::stderr().is_terminal())
         .with_target(false)
         .try_init();
+    Log(Some(pipe))
+}
+
+impl Drop for Log {
+    fn drop(&mut self) {
+        if let Some(pipe) = &self.0 {
+            pipe.finish();
+        }
+    }
 }
 
 /// Writes a whole report.

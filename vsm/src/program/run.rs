@@ -11,7 +11,7 @@ use super::process::{Failure, bad, failed, log, runtime, stop_signal};
 
 pub(crate) fn run(path: &Path) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
-    log();
+    let _log = log();
     let runtime = runtime()?;
     runtime.block_on(async {
         let server = Server::open(&config).map_err(|fault| match fault {

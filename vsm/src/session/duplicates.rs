@@ -350,8 +350,13 @@ impl Seen {
     /// Whether a second carrying out would do something: all but questions, heartbeats and the stream of sticks, of
     /// which the next one takes the place of the last.
     pub(crate) fn commands(&self) -> bool {
-        !self.question && !NO_COMMANDS.contains(&self.message_type)
+        !self.question && is_command(self.message_type)
     }
+}
+
+/// Whether a message of this type may be one that [`Seen::commands`].
+pub(crate) fn is_command(message_type: u16) -> bool {
+    !NO_COMMANDS.contains(&message_type)
 }
 
 impl Recent {

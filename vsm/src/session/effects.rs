@@ -3,8 +3,10 @@
 //! Nothing can be read back through it but whether an effect was possible. Two rules hold for every machine, because
 //! they are kept here and nowhere else:
 //!
-//! - **Persist, then answer.** [`Effects::disk`] writes before it returns. A message only joins the queue of the
-//!   bridge, and the shell takes it from there after the call: no answer can leave before what it promises is stored.
+//! - **Persist, then answer.** [`Effects::disk`] writes before it returns, or queues the change: what a machine sends
+//!   after that in the same call, and every acknowledgement of it, is held until the change is durable
+//!   ([`DliEffects::release`]). A message only joins the queue of the bridge, and the shell takes it from there after
+//!   the call: no answer can leave before what it promises is stored.
 //! - **A request to a sibling is carried out after the call**, by the router, in the order of the requests: a machine
 //!   never finds itself called again in the middle of a change.
 
@@ -23,7 +25,7 @@ use super::counters::Counters;
 use super::duplicates::Remembered;
 use super::link::services::Services;
 use super::log::{LogEntry, LogLevel};
-use super::outbox::{Destination, Outbox};
+use super::outbox::{Destination, Outbox, Waiting};
 use super::station::GroundStation;
 
 /// What a machine of one vehicle may do. Borrowed for one call.
@@ -53,6 +55,10 @@ pub(crate) struct DliEffects<'a> {
     pub(crate) counters: &'a mut Counters,
     pub(crate) log: &'a mut VecDeque<LogEntry>,
     pub(crate) disk: &'a mut dyn Disk,
+    /// The station whose message is being handled.
+    pub(crate) asker: Option<usize>,
+    /// The last change that the disk had queued when this began: what is sent after another waits for that.
+    pub(crate) mark: u64,
 }
 
 /// What one machine asks of another.
@@ -108,8 +114,18 @@ impl<'a> DliEffects<'a> {
             outbox: self.outbox,
             counters: self.counters,
             log: self.log,
+            mark: self.disk.queued(),
             disk: self.disk,
+            asker: self.asker,
         }
+    }
+
+    /// The change of the disk that a message made now has to wait for.
+    fn waits_for(&self) -> Option<u64> {
+        let queued = self.disk.queued();
+        let own = if queued > self.mark { queued } else { 0 };
+        let until = own.max(self.outbox.answer_after);
+        (until > self.disk.durable()).then_some(until)
     }
 
     /// The stamp of a message made now.
@@ -119,11 +135,8 @@ impl<'a> DliEffects<'a> {
 
     /// Sends to one station, where its address is known.
     pub(crate) fn send(&mut self, station: usize, source: Id, message: &Message) {
-        if let Some(station) = self.stations.get(station)
-            && let Some(peer) = station.peer
-        {
-            let to = Destination::Unicast(peer);
-            self.outbox.push(to, source, station.id(), message);
+        if let Some(peer) = self.stations.get(station).and_then(|station| station.peer) {
+            self.push(Destination::Unicast(peer), station, source, message);
         }
     }
 
@@ -131,11 +144,26 @@ impl<'a> DliEffects<'a> {
     /// can be distinguished from what another has scheduled.
     pub(crate) fn publish(&mut self, station: usize, source: Id, message: &Message) {
         self.send(station, source, message);
-        if self.multicast
-            && let Some(station) = self.stations.get(station)
-        {
-            let to = Destination::Multicast;
-            self.outbox.push(to, source, station.id(), message);
+        if self.multicast {
+            self.push(Destination::Multicast, station, source, message);
+        }
+    }
+
+    fn push(&mut self, to: Destination, station: usize, source: Id, message: &Message) {
+        let Some(id) = self.stations.get(station).map(GroundStation::id) else {
+            return;
+        };
+        let behind = || {
+            // What a station is answered keeps its order; others do not wait for what it has led to.
+            let asked = self.asker.filter(|asker| *asker == station);
+            asked.and_then(|asker| self.outbox.held_for(asker))
+        };
+        match self.waits_for().or_else(behind) {
+            None => self.outbox.push(to, source, id, message),
+            Some(until) => {
+                let ids = (source, id);
+                (self.outbox).push_after((until, self.asker), to, ids, message);
+            }
         }
     }
 
@@ -144,6 +172,17 @@ impl<'a> DliEffects<'a> {
         if answer == AckType::Refused {
             self.counters.count("refused");
         }
+        let behind = || self.outbox.held_for(origin.station);
+        match self.waits_for().or_else(behind) {
+            None => self.send_acknowledgement(source, origin, answer),
+            Some(until) => {
+                let what = Waiting::Acknowledgement(source, *origin, answer);
+                self.outbox.hold(until, Some(origin.station), what);
+            }
+        }
+    }
+
+    fn send_acknowledgement(&mut self, source: Id, origin: &Origin, answer: AckType) {
         // Also where no 17000 was requested: a restart must find that the command has ended.
         if let (Some(station), Some(remembered), Some(stamp)) = (
             self.stations.get(origin.station),
@@ -152,16 +191,34 @@ impl<'a> DliEffects<'a> {
         ) {
             remembered.answered(station.id(), origin.message_type, stamp, answer, self.disk);
         }
-        if !origin.ack_requested {
+        let peer = self
+            .stations
+            .get(origin.station)
+            .and_then(|station| Some((station.id(), station.peer?)));
+        let (true, Some((id, peer))) = (origin.ack_requested, peer) else {
             return;
-        }
+        };
         let message = MessageAcknowledgement {
             time_stamp: Some(self.stamp()),
             original_message_time_stamp: origin.stamp,
             original_message_type: Some(origin.message_type),
             acknowledgement_type: Some(answer),
         };
-        self.send(origin.station, source, &message.into());
+        (self.outbox).push(Destination::Unicast(peer), source, id, &message.into());
+    }
+
+    /// Sends what has waited for the disk.
+    pub(crate) fn release(&mut self) {
+        while let Some(waiting) = self.outbox.release(self.disk.durable()) {
+            match waiting {
+                Waiting::Datagram(message_type, datagram) => {
+                    self.outbox.queue(message_type, *datagram);
+                }
+                Waiting::Acknowledgement(source, origin, answer) => {
+                    self.send_acknowledgement(source, &origin, answer);
+                }
+            }
+        }
     }
 
     /// Sends an alert (16000) to these stations, by the group too, and writes it to the log.
@@ -265,9 +322,13 @@ impl Effects<'_> {
             return;
         };
         let text = format!("{} of {} refused: {why}", origin.message_type, station.id());
-        let to = [origin.station];
-        let raised = self.alerts.answer_sometimes(self.dli.now.mono, &to, text);
-        self.dli.alert(self.id, &to, raised);
+        self.answer_sometimes(&[origin.station], text);
+    }
+
+    /// As [`Effects::answer`], but only now and then of many that are alike.
+    pub(crate) fn answer_sometimes(&mut self, to: &[usize], text: String) {
+        let raised = self.alerts.answer_sometimes(self.dli.now.mono, to, text);
+        self.dli.alert(self.id, to, raised);
     }
 
     /// 16000 to these stations only: the answer to one message, cleared after a while.
@@ -333,7 +394,18 @@ impl Effects<'_> {
         self.dli.note(level, self.id, text.into());
     }
 
-    /// Where records are stored: durable, as the record asks for, when the call returns.
+    /// What is answered from here on in this call depends on a change of the disk that an earlier call has queued.
+    pub(crate) fn answer_after(&mut self, change: u64) {
+        self.dli.outbox.answer_after = change;
+    }
+
+    /// Whether what is answered now waits for the disk.
+    pub(crate) fn answers_later(&self) -> bool {
+        self.dli.waits_for().is_some()
+    }
+
+    /// Where records are stored, as durable as the record asks for: when the call returns, or once the disk has done
+    /// what it queued.
     pub(crate) fn disk(&mut self) -> &mut dyn Disk {
         self.dli.disk
     }

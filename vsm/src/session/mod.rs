@@ -66,6 +66,7 @@
 
 mod aircraft;
 mod alerts;
+mod allowance;
 mod authority;
 mod bridge;
 mod context;

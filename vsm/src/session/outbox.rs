@@ -1,12 +1,17 @@
 //! What goes out on the DLI side: stamps that rise strictly, one queue, no allocation a message once it has grown.
+//!
+//! What a message promises may still be on its way to a slow disk. Such a message is held, and with it what answers the
+//! same station afterwards, so that its answers keep their order; nobody else waits for it.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use mavlink_link::Now;
+use stanag_msgs::enums::AckType;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, Profile, TimeStamp};
 
+use super::context::Origin;
 use super::counters::ByType;
 
 /// Where a datagram goes.
@@ -73,12 +78,35 @@ impl WallTime {
     }
 }
 
+/// A message that waits until the disk has made a change durable.
+#[derive(Debug)]
+pub(crate) struct Held {
+    /// The number of the change.
+    until: u64,
+    /// The station whose message led to it.
+    asker: Option<usize>,
+    what: Waiting,
+}
+
+/// What is sent then.
+#[derive(Debug)]
+pub(crate) enum Waiting {
+    /// Of this message type.
+    Datagram(u16, Box<Datagram>),
+    /// An acknowledgement. It is remembered for duplicates only when it is sent: after a restart in between the command
+    /// counts as unanswered.
+    Acknowledgement(Id, Origin, AckType),
+}
+
 /// The queue of one bridge.
 #[derive(Debug, Default)]
 pub(crate) struct Outbox {
     profile: Profile,
     queue: VecDeque<Datagram>,
     time: WallTime,
+    held: VecDeque<Held>,
+    /// The answers of this call depend on decisions up to this change of the disk, made by earlier calls.
+    pub(crate) answer_after: u64,
     last_stamp: u64,
     pub(crate) sent: ByType,
 }
@@ -103,6 +131,52 @@ impl Outbox {
 
     /// Queues a message from `source` to `destination`, in a datagram of its own.
     pub(crate) fn push(&mut self, to: Destination, source: Id, destination: Id, message: &Message) {
+        let datagram = self.encode(to, source, destination, message);
+        self.queue(message.id(), datagram);
+    }
+
+    /// The same, not before a change of the disk is durable.
+    pub(crate) fn push_after(
+        &mut self,
+        (until, asker): (u64, Option<usize>),
+        to: Destination,
+        (source, destination): (Id, Id),
+        message: &Message,
+    ) {
+        let datagram = self.encode(to, source, destination, message);
+        let datagram = Waiting::Datagram(message.id(), Box::new(datagram));
+        self.hold(until, asker, datagram);
+    }
+
+    /// Keeps something until a change of the disk is durable. What finds no room is lost; its station asks again.
+    pub(crate) fn hold(&mut self, until: u64, asker: Option<usize>, what: Waiting) {
+        let of_asker = self.held.iter().filter(|held| held.asker == asker).count();
+        if of_asker < MAX_HELD {
+            self.held.push_back(Held { until, asker, what });
+        }
+    }
+
+    /// The change that the last answer held for a station waits for.
+    pub(crate) fn held_for(&self, station: usize) -> Option<u64> {
+        let mut last = self.held.iter().rev();
+        last.find(|held| held.asker == Some(station))
+            .map(|held| held.until)
+    }
+
+    /// The next that has waited until this change.
+    pub(crate) fn release(&mut self, durable: u64) -> Option<Waiting> {
+        if self.held.front()?.until > durable {
+            return None;
+        }
+        self.held.pop_front().map(|held| held.what)
+    }
+
+    /// How many messages wait for the disk.
+    pub(crate) fn waiting(&self) -> usize {
+        self.held.len()
+    }
+
+    fn encode(&self, to: Destination, source: Id, destination: Id, message: &Message) -> Datagram {
         let mut datagram = Datagram {
             to,
             length: 0,
@@ -114,8 +188,13 @@ impl Outbox {
             // Every message of ours is shorter than a datagram; one that is not is lost, and visibly so.
             Err(_) => debug_assert!(false, "message {} does not fit a datagram", message.id()),
         }
+        datagram
+    }
+
+    /// Queues a datagram that is ready.
+    pub(crate) fn queue(&mut self, message_type: u16, datagram: Datagram) {
         if datagram.length > 0 && self.queue.len() < MAX_QUEUED {
-            self.sent.count(message.id().into());
+            self.sent.count(message_type.into());
             self.queue.push_back(datagram);
         }
     }
@@ -127,6 +206,8 @@ impl Outbox {
 
 /// Datagrams that wait for the socket at most: a download of a full plan to several stations.
 const MAX_QUEUED: usize = 65_536;
+/// Messages that wait for the disk at most, of what one station has led to.
+const MAX_HELD: usize = 256;
 /// A change of the wall clock against monotonic time that is no step.
 const SMALL_STEP: Duration = Duration::from_secs(1);
 /// How long a step forward must last before the stamps follow it.

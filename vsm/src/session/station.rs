@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use stanag_msgs::Id;
 
+use super::allowance::StationAllowance;
 use super::authority::rules::{Asker, Silence};
 use crate::config::Cucs;
 
@@ -18,6 +19,8 @@ pub(crate) struct GroundStation {
     pub(crate) received: Option<Duration>,
     /// It has sent 16002: only then can silence cost it control.
     pub(crate) sends_heartbeats: bool,
+    /// What it may still send.
+    pub(crate) allowance: StationAllowance,
 }
 
 impl GroundStation {
@@ -27,6 +30,7 @@ impl GroundStation {
             peer: None,
             received: None,
             sends_heartbeats: false,
+            allowance: StationAllowance::default(),
         }
     }
 

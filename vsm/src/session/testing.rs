@@ -278,6 +278,8 @@ impl World {
                 outbox: &mut self.outbox,
                 counters: &mut self.counters,
                 log: &mut self.log,
+                asker: None,
+                mark: self.disk.queued(),
                 disk: &mut *self.disk,
             },
             id: VEHICLE,

@@ -2,13 +2,14 @@
 //!
 //! After a power cut there are the old bytes or the new, never a part: written beside, synchronised, renamed, and the
 //! folder synchronised. Whatever step fails, the file that was there before can still be read. The steps go through
-//! [`FileSystem`], so that a test can let each of them fail.
+//! [`FileSystem`], so that a test can let each of them fail, or take its time.
 
 use std::fmt;
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use mavlink_link::exchange::PublicKey;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, Record, StoreError};
@@ -23,7 +24,7 @@ use crate::key_exchange::{IDENTITY, MAX_IDENTITY_BYTES, parse_identity};
 #[derive(Debug)]
 pub struct FileDisk {
     folder: PathBuf,
-    system: Box<dyn FileSystem>,
+    system: Arc<dyn FileSystem>,
     /// Held open for its lock.
     _lock: File,
 }
@@ -100,7 +101,7 @@ impl FileDisk {
         }
         Ok(FileDisk {
             folder: folder.to_owned(),
-            system,
+            system: Arc::from(system),
             _lock: lock,
         })
     }
@@ -109,16 +110,31 @@ impl FileDisk {
         replace(&*self.system, &self.folder.join(name), bytes, power)
     }
 
-    /// Opened to append only, mode 0600. After a failure a part may have been added: the next start finds a line
-    /// without end, and closes it.
-    fn append_to(&self, path: &Path, bytes: &[u8], power: bool) -> io::Result<()> {
+    /// Its files.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    pub(super) fn system(&self) -> Arc<dyn FileSystem> {
+        self.system.clone()
+    }
+
+    /// Adds to a log without synchronising it: the open file, and whether it is a new one, whose name is not durable.
+    /// After a failure a part may have been added: the next start finds a line without end, and closes it.
+    pub(super) fn add(&self, name: &str, bytes: &[u8]) -> io::Result<(File, bool)> {
+        let path = self.folder.join(name);
         let new = !path.exists();
         let mut how = OpenOptions::new();
         how.append(true).create(true).mode(0o600);
-        let mut file = ownership::open_no_link(&mut how, path)?;
+        let mut file = ownership::open_no_link(&mut how, &path)?;
         file.write_all(bytes)?;
+        Ok((file, new))
+    }
+
+    fn append_to(&self, name: &str, bytes: &[u8], power: bool) -> io::Result<()> {
+        let (file, new) = self.add(name, bytes)?;
         if power {
-            file.sync_data()?;
+            self.system.sync_open(&file)?;
         }
         if new {
             // The name of a new file is in its folder.
@@ -165,7 +181,7 @@ impl Disk for FileDisk {
         durability: Durability,
     ) -> Result<(), StoreError> {
         let power = durability == Durability::Power;
-        self.append_to(&self.folder.join(name), bytes, power)
+        self.append_to(name, bytes, power)
             .map_err(|cause| StoreError::new(name, cause))
     }
 
@@ -260,6 +276,14 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// # Errors
     /// The system's.
     fn sync(&self, path: &Path) -> io::Result<()>;
+
+    /// Brings what was added to an open file to the disk.
+    ///
+    /// # Errors
+    /// The system's.
+    fn sync_open(&self, file: &File) -> io::Result<()> {
+        file.sync_data()
+    }
 
     /// Puts a file in the place of another.
     ///

@@ -9,3 +9,4 @@ mod lossy_links;
 mod model;
 mod release;
 mod scene;
+mod slow_disk;

@@ -9,3 +9,4 @@ mod demo_attack;
 mod demo_curves;
 mod serial_line;
 mod small_disk;
+mod under_attack;

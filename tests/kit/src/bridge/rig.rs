@@ -70,6 +70,10 @@ pub struct Rig {
     pub bridge: Option<Bridge>,
     /// The bridge's disk.
     pub store: MemoryDisk,
+    /// How long that takes to synchronise, where it `queues`: all that has gathered meanwhile at once.
+    pub sync: Duration,
+    /// When it has, and up to which change.
+    synced_at: Option<(Duration, u64)>,
     /// Between the stations and the bridge.
     pub dli: Network<SocketAddr, Vec<u8>>,
     /// Between the bridge and the vehicles.
@@ -128,6 +132,8 @@ impl Rig {
             vehicles,
             bridge: None,
             store: MemoryDisk::default(),
+            sync: Duration::ZERO,
+            synced_at: None,
             dli: Network::new(setup.seed ^ 0x00d1_1d11, setup.dli),
             mav: Network::new(setup.seed ^ 0x03a7_73a0, setup.mav),
             log: Vec::new(),
@@ -172,6 +178,8 @@ impl Rig {
     /// The bridge is gone; what it has not written is lost.
     pub fn stop_bridge(&mut self) {
         self.bridge = None;
+        self.store.kill();
+        self.synced_at = None;
     }
 
     /// Starts the bridge.
@@ -361,6 +369,13 @@ impl Rig {
         let Some(bridge) = &mut self.bridge else {
             return;
         };
+        if let Some((_, change)) = self.synced_at.take_if(|(at, _)| *at <= clock) {
+            self.store.complete(change);
+            bridge.handle_durable(now, &mut self.store);
+        }
+        if self.synced_at.is_none() && self.store.durable < self.store.queued {
+            self.synced_at = Some((clock + self.sync, self.store.queued));
+        }
         if bridge.poll_timeout(now.mono) <= now.mono {
             bridge.handle_timeout(now, &mut self.store);
         }

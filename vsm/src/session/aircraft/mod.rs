@@ -138,6 +138,12 @@ impl Aircraft {
         self.run_until_idle(dli);
     }
 
+    /// The disk has made changes durable that it had queued.
+    pub(super) fn handle_durable(&mut self, dli: &mut DliEffects<'_>) {
+        self.authority(dli, authority::Input::Stored);
+        self.run_until_idle(dli);
+    }
+
     /// When [`Aircraft::handle_timeout`] is next needed, by what each machine waits for.
     pub(super) fn poll_timeout(
         &self,

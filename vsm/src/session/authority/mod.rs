@@ -4,6 +4,10 @@
 //! decide before it is answered ([`record`]; [`trail`] and [`audit`] its logs), and sends what follows ([`messages`] composes it). Whatever
 //! leads to a decision goes the same way, [`AuthorityMachine::decide`].
 //!
+//! A disk can take its time. The rules go on deciding meanwhile ([`AuthorityMachine::decided`]), and what they decide
+//! waits in order: until it is durable nobody but its asker's held answers shows it, nobody commands by it, and who
+//! loses a right by it keeps that right ([`AuthorityMachine::rights`]).
+//!
 //! The order of the actors in a handover is not documented in public sources: this one is ours, drawn in
 //! docs/guide/authority.md. A wish (4 of the acquirer) is passed on to the holder as message 4 that names the acquirer; the
 //! holder consents with the same. What a holder offers to its successor is sent to it as message 5. The acquirer is sent
@@ -18,12 +22,13 @@ pub(crate) mod rules;
 mod tests;
 pub(crate) mod trail;
 
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::Deref;
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mavlink_link::dialect::MavLandedState;
-use mavlink_link::store::StoreError;
+use mavlink_link::store::{Durability, StoreError};
 use stanag_msgs::enums::{
     AckType, AlertPriority, FlightPathControlMode as Mode, HandoverStatus, LoiBitmap,
     RequestedAccess, RouteType, SubsystemId, WaitTransition,
@@ -34,23 +39,59 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::{Id, Message};
 
-use self::record::{AuthorityRecord, KnownStation};
+use self::record::{AuthorityRecord, KnownStation, durability};
 use self::rules::{
     Access, Answer, Authority, CONTROL, Change, Circumstances, Decision, Handover, Outcome, Reason,
     Refusal, Rights, Silence, Stage, Stations,
 };
 use super::alerts::{Cause, Raised};
+use super::allowance::{Allowance, Rate};
 use super::context::{self, MissionView, Origin, Transfer, WATCH_SLACK};
 use super::effects::{Effects, Request};
 use super::log::LogLevel;
 use super::station::GroundStation;
+use super::store::record_fault;
 use crate::config::{self, OnLoss, Provisional};
 
 /// The machine.
 #[derive(Debug, Default)]
 pub(crate) struct AuthorityMachine {
+    /// The rights that hold: durable.
     rights: Authority,
+    /// The rights by the latest decision, which may be on its way to the disk.
+    decided: Authority,
+    /// The decisions from `rights` to `decided`, in order.
+    unstored: VecDeque<Unstored>,
+    /// What each CUCS of the configuration may still change.
+    allowances: BTreeMap<Id, Allowance>,
     record: AuthorityRecord,
+}
+
+/// A decision that takes effect once the disk has it.
+#[derive(Debug)]
+struct Unstored {
+    /// The change of the disk that it waits for.
+    change: u64,
+    /// The rights after it.
+    rights: Authority,
+    decision: Decision,
+    of: Of,
+    /// It changed the record.
+    changed: bool,
+    since: Duration,
+}
+
+/// What a decision came of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Of {
+    /// Message 1: its sender is sent message 2 by who handles the message, which repeats the access that was requested.
+    Request(Id),
+    /// Message 4 or 34000, which have no answer of their own: their sender is sent message 2 where its rights change.
+    Handover(Id),
+    /// The silence of a holder, or its end.
+    Silence(Id, Silence),
+    /// Time has passed, or the vehicle flies otherwise.
+    Waiting,
 }
 
 /// What it reads.
@@ -100,6 +141,8 @@ pub(crate) enum Input<'a> {
     WatchSilence,
     /// A load may have ended, or the vehicle flies otherwise: what waited for that is decided.
     Settle,
+    /// The disk has made changes durable: decisions that waited for it take effect.
+    Stored,
 }
 
 /// The right that a message needs; `None` where it is none that a CUCS commands with. `mode`: what a 2016 is about.
@@ -159,6 +202,7 @@ impl AuthorityMachine {
         effects: &mut Effects<'_>,
     ) -> Result<Vec<KnownStation>, StoreError> {
         let (rights, known) = self.record.restore(context, effects)?;
+        self.decided.clone_from(&rights);
         self.rights = rights;
         self.update_listeners(context, effects);
         self.record.restore_audit(&self.rights, context, effects)?;
@@ -226,6 +270,7 @@ impl AuthorityMachine {
             }
             Input::WatchSilence => self.watch_silence(context, effects),
             Input::Settle => self.settle(context, effects),
+            Input::Stored => self.conclude(context, effects),
         }
         AckType::CarriedOut
     }
@@ -239,19 +284,19 @@ impl AuthorityMachine {
     ) -> Option<Duration> {
         // Only the silence of who commands something leads to anything.
         let commands = |id| {
-            let held = self.rights.held(id);
+            let held = self.decided.held(id);
             !held.control().is_empty() || !held.stations().is_empty()
         };
         let silences = stations
             .iter()
             .filter(|station| commands(station.id()))
             .filter_map(|station| {
-                let known = self.rights.silence(station.id());
+                let known = self.decided.silence(station.id());
                 station.silence_changes_at(known, now, limits)
             })
             .map(|at| at + WATCH_SLACK);
         let due = silences
-            .chain(self.rights.poll_timeout())
+            .chain(self.decided.poll_timeout())
             .chain(self.record.poll_timeout())
             .min()?;
         // A decision that could not be stored is still due: it is tried again from time to time, not as fast as it fails.
@@ -295,7 +340,7 @@ impl AuthorityMachine {
         let waits_for_transition = request
             .wait_for_vehicle_data_link_transition_coordination_message
             == Some(WaitTransition::Wait);
-        let answer = self.decide(context, Some(asker.id), effects, |authority, at| {
+        let answer = self.decide(context, Of::Request(asker.id), effects, |authority, at| {
             // With "wait for the transition" it is a wish, as by message 4; an override asks for nobody's consent.
             if waits_for_transition && access == Access::Control {
                 authority.handover(at, &asker, asker.id, wanted)
@@ -303,7 +348,9 @@ impl AuthorityMachine {
                 authority.request(at, &asker, access, wanted, !stations.is_empty())
             }
         });
-        self.answer(context, origin.station, Some(request), effects);
+        if !is_too_often(&answer) {
+            self.answer(context, origin.station, Some(request), effects);
+        }
         self.acknowledgement(origin, asker.id, &answer, effects)
     }
 
@@ -357,7 +404,7 @@ impl AuthorityMachine {
         AckType::CarriedOut
     }
 
-    /// Message 2.
+    /// Message 2, as the answer to a message: by what is decided, once that is durable.
     fn answer(
         &self,
         context: &Context<'_>,
@@ -365,11 +412,27 @@ impl AuthorityMachine {
         request: Option<&CucsAuthorisationRequest>,
         effects: &mut Effects<'_>,
     ) {
-        if let Some(asker) = context.asker(station) {
-            let held = self.rights.held(asker.id);
-            let stamp = effects.stamp();
-            let response = messages::response(context, &asker, held, request, stamp);
-            effects.send(station, &response);
+        let Some(id) = context.asker(station).map(|asker| asker.id) else {
+            return;
+        };
+        let by = |one: &Unstored| matches!(one.of, Of::Request(by) | Of::Handover(by) if by == id);
+        if self.unstored.iter().any(by) {
+            self.answer_after_decisions(effects);
+        }
+        // Who has led to none of the decisions that wait is answered at once, by the rights that hold.
+        let rights = if effects.answers_later() {
+            &self.decided
+        } else {
+            &self.rights
+        };
+        let held = rights.held(id);
+        respond(context, station, held, request, effects);
+    }
+
+    /// What is answered from here on shows decisions that are not durable yet.
+    fn answer_after_decisions(&self, effects: &mut Effects<'_>) {
+        if let Some(last) = self.unstored.back() {
+            effects.answer_after(last.change);
         }
     }
 
@@ -394,7 +457,12 @@ impl AuthorityMachine {
                     format!("{missing} refused")
                 };
                 let text = format!("message {}: {what}: {why}", origin.message_type);
-                effects.answer(&[origin.station], text);
+                if is_too_often(answer) {
+                    // Who asks too often is not sent more than it sends.
+                    effects.answer_sometimes(&[origin.station], text);
+                } else {
+                    effects.answer(&[origin.station], text);
+                }
                 AckType::Refused
             }
         }
@@ -403,11 +471,12 @@ impl AuthorityMachine {
 
 /// Decisions.
 impl AuthorityMachine {
-    /// Asks the rules, stores what they decide, and does what follows from it. The caller answers `asker`.
+    /// Asks the rules, stores what they decide, and does what follows from it as soon as that is durable. The caller
+    /// answers who asked.
     fn decide(
         &mut self,
         context: &Context<'_>,
-        asker: Option<Id>,
+        of: Of,
         effects: &mut Effects<'_>,
         ask: impl FnOnce(&mut Authority, &Circumstances<'_>) -> Decision,
     ) -> Answer {
@@ -418,32 +487,104 @@ impl AuthorityMachine {
             loading: loading(context),
             launch_or_landing: launch_or_landing(context),
         };
-        let before = self.rights.clone();
-        let decision = ask(&mut self.rights, &circumstances);
-        self.update_listeners(context, effects);
+        let before = self.decided.clone();
+        let decision = ask(&mut self.decided, &circumstances);
         // What changes nothing is not stored: a repeated request costs no write and adds no line to the audit log.
-        if self.rights.record() != before.record()
-            && let Err(fault) =
-                self.record
-                    .store_decision(&self.rights, &decision, context, effects)
-        {
-            // A right that would not survive a restart is not granted.
-            self.rights = before;
-            self.update_listeners(context, effects);
-            let text = format!("authority cannot be stored, nothing changes: {fault}");
-            effects.warn(Cause::Store, text);
+        let mut changed = self.decided.record() != before.record();
+        if changed && !self.may_change(context, of, &decision) {
+            self.decided = before;
+            effects.dli.counters.count("too many changes of rights");
             return Answer::Refused {
                 missing: Rights::NONE,
-                why: Refusal::NotStored,
+                why: Refusal::TooOften,
             };
         }
-        // The caller sends the asker its message 2, which repeats the access that was requested.
-        let mut informed: Vec<Id> = asker.into_iter().collect();
+        let queued = effects.disk().queued();
+        if changed {
+            let stored = if self.unstored.len() < MAX_UNSTORED {
+                (self.record).store_decision(&self.decided, &decision, context, effects)
+            } else {
+                Err(record_fault(
+                    "authority",
+                    context.id(),
+                    "the disk is too slow",
+                ))
+            };
+            if let Err(fault) = stored {
+                let text = format!("authority cannot be stored, nothing changes: {fault}");
+                effects.warn(Cause::Store, text);
+                // What a silent controller loses is no promise to anybody, and a restart finds it silent again: a disk
+                // that fails keeps no aircraft from what is flown then.
+                if !matches!(of, Of::Silence(_, Silence::Lost)) {
+                    // A right that would not survive a restart is not granted.
+                    self.decided = before;
+                    return Answer::Refused {
+                        missing: Rights::NONE,
+                        why: Refusal::NotStored,
+                    };
+                }
+                changed = false;
+            }
+        }
+        let answer = decision.answer.clone();
+        // What has not changed the disk waits for those before it all the same: it was decided by them.
+        let change = match effects.disk().queued() {
+            now if now > queued => now,
+            _ => self.unstored.back().map_or(0, |last| last.change),
+        };
+        self.unstored.push_back(Unstored {
+            change,
+            rights: self.decided.clone(),
+            decision,
+            of,
+            changed,
+            since: context.mono(),
+        });
+        self.conclude(context, effects);
+        if changed || answer != Answer::Granted {
+            self.answer_after_decisions(effects);
+        }
+        answer
+    }
+
+    /// Whether who asks may have another decision stored: each costs a line of the audit log and a synchronised write.
+    /// What only gives up rights is always allowed; what can be given up was requested before.
+    fn may_change(&mut self, context: &Context<'_>, of: Of, decision: &Decision) -> bool {
+        let (Of::Request(asker) | Of::Handover(asker)) = of else {
+            return true;
+        };
+        let gives_up = decision.begun.is_empty() && decision.changes.iter().all(|c| c.to.is_none());
+        if gives_up || durability(decision) == Durability::Process {
+            return true;
+        }
+        let allowance = self.allowances.entry(asker).or_default();
+        allowance.take(context.mono(), CHANGES)
+    }
+
+    /// Lets the decisions that are durable take effect.
+    fn conclude(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let durable = effects.disk().durable();
+        while let Some(one) = next(&mut self.unstored, durable) {
+            self.take_effect(context, one, effects);
+        }
+    }
+
+    fn take_effect(&mut self, context: &Context<'_>, one: Unstored, effects: &mut Effects<'_>) {
+        let Unstored { decision, of, .. } = one;
+        let before = std::mem::replace(&mut self.rights, one.rights);
+        self.update_listeners(context, effects);
+        if one.changed {
+            effects.clear(Cause::Store, "authority is stored again");
+        }
+        let mut informed: Vec<Id> = match of {
+            Of::Request(asker) => vec![asker],
+            _ => Vec::new(),
+        };
         for change in &decision.changes {
             for id in [change.from, change.to].into_iter().flatten() {
                 if !informed.contains(&id) {
                     informed.push(id);
-                    self.answer_by_id(context, id, effects);
+                    self.inform(context, id, effects);
                 }
             }
         }
@@ -464,7 +605,11 @@ impl AuthorityMachine {
                 }
             }
         }
-        decision.answer
+        if let Of::Silence(id, silence) = of
+            && before.controller() == Some(id)
+        {
+            self.report_silence(context, id, silence, effects);
+        }
     }
 
     fn update_listeners(&self, context: &context::Context<'_>, effects: &mut Effects<'_>) {
@@ -479,9 +624,9 @@ impl AuthorityMachine {
     }
 
     /// Message 2 to a CUCS whose rights have changed.
-    fn answer_by_id(&self, context: &Context<'_>, id: Id, effects: &mut Effects<'_>) {
+    fn inform(&self, context: &Context<'_>, id: Id, effects: &mut Effects<'_>) {
         if let Some(station) = context.station_of(id) {
-            self.answer(context, station, None, effects);
+            respond(context, station, self.rights.held(id), None, effects);
         }
     }
 
@@ -507,8 +652,8 @@ impl AuthorityMachine {
 
     /// Lets a decision that waited be taken: a load has ended, the vehicle flies otherwise, time has passed.
     fn settle(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        if !self.rights.pending().is_empty() {
-            self.decide(context, None, effects, Authority::look_again);
+        if !self.decided.pending().is_empty() {
+            self.decide(context, Of::Waiting, effects, Authority::look_again);
         }
     }
 }
@@ -535,8 +680,7 @@ impl AuthorityMachine {
         );
         let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
         let wanted = Rights::named(levels, stations);
-        // No asker: message 4 has no answer of its own, so its sender too gets message 2 where its rights change.
-        let answer = self.decide(context, None, effects, |authority, at| {
+        let answer = self.decide(context, Of::Handover(by.id), effects, |authority, at| {
             authority.handover(at, &by, acquirer, wanted)
         });
         self.acknowledgement(origin, by.id, &answer, effects)
@@ -570,7 +714,7 @@ impl AuthorityMachine {
         let acquirer = message.acquiring_cucs_id.unwrap_or(by.id);
         // 34000 stands for message 4 with LOI 4 and 5, which move together.
         let wanted = Rights::of_control(CONTROL);
-        let answer = self.decide(context, None, effects, |authority, at| {
+        let answer = self.decide(context, Of::Handover(by.id), effects, |authority, at| {
             authority.handover(at, &by, acquirer, wanted)
         });
         let answer = self.acknowledgement(&origin, by.id, &answer, effects);
@@ -615,7 +759,7 @@ impl AuthorityMachine {
                     Outcome::Completed(_) => AckType::CarriedOut,
                     _ => AckType::Refused,
                 };
-                self.answer_by_id(context, asker, effects);
+                self.inform(context, asker, effects);
                 effects.acknowledge(&origin, answer);
             }
         }
@@ -681,22 +825,32 @@ impl AuthorityMachine {
         self.record.write_repetitions(context, effects);
         for station in context.stations {
             let id = station.id();
-            if self.rights.held(id).is_empty() {
+            if self.decided.held(id).is_empty() {
                 continue;
             }
             let silence = station.silence(context.mono(), &context.settings.authority);
             self.record
-                .store_heartbeats(&self.rights, station, context, effects);
-            let controls = self.rights.controller() == Some(id);
-            let commands = controls || !self.rights.held(id).stations().is_empty();
-            if silence != self.rights.silence(id) && commands {
-                self.decide(context, None, effects, |authority, at| {
-                    authority.silence_of(at, id, silence)
-                });
-                if controls {
-                    self.report_silence(context, id, silence, effects);
-                }
+                .store_heartbeats(&self.decided, station, context, effects);
+            let controls = self.decided.controller() == Some(id);
+            let commands = controls || !self.decided.held(id).stations().is_empty();
+            if silence != self.decided.silence(id) && commands {
+                self.decide(
+                    context,
+                    Of::Silence(id, silence),
+                    effects,
+                    |authority, at| authority.silence_of(at, id, silence),
+                );
             }
+        }
+        // Nor does a disk that takes its time, or never ends.
+        let overdue = |one: &Unstored| {
+            let waited = context.mono().saturating_sub(one.since);
+            waited > DISK_WITHIN && matches!(one.of, Of::Silence(_, Silence::Lost))
+        };
+        while self.unstored.iter().any(overdue)
+            && let Some(one) = self.unstored.pop_front()
+        {
+            self.take_effect(context, one, effects);
         }
         self.settle(context, effects);
     }
@@ -788,6 +942,26 @@ fn what_follows(context: &Context<'_>) -> &'static str {
     }
 }
 
+fn is_too_often(answer: &Answer) -> bool {
+    let too_often = Refusal::TooOften;
+    matches!(answer, Answer::Refused { why, .. } if *why == too_often)
+}
+
+/// Message 2.
+fn respond(
+    context: &Context<'_>,
+    station: usize,
+    held: Rights,
+    request: Option<&CucsAuthorisationRequest>,
+    effects: &mut Effects<'_>,
+) {
+    if let Some(asker) = context.asker(station) {
+        let stamp = effects.stamp();
+        let response = messages::response(context, &asker, held, request, stamp);
+        effects.send(station, &response);
+    }
+}
+
 /// What a station that begins to listen is sent first: message 3, and the alerts that stand.
 fn welcome(context: &Context<'_>, station: usize, effects: &mut Effects<'_>) {
     let stamp = effects.stamp();
@@ -819,6 +993,13 @@ fn authorise_handover(
 fn parties(context: &Context<'_>, handover: &Handover) -> Vec<usize> {
     let ids = [handover.from, Some(handover.to)].into_iter().flatten();
     ids.filter_map(|id| context.station_of(id)).collect()
+}
+
+fn next(unstored: &mut VecDeque<Unstored>, durable: u64) -> Option<Unstored> {
+    match unstored.front() {
+        Some(one) if one.change <= durable => unstored.pop_front(),
+        _ => None,
+    }
 }
 
 /// Who loads a mission just now; the null id where the VSM does by itself.
@@ -865,3 +1046,13 @@ fn understood(
     }
     Ok(())
 }
+
+/// Changes of rights of one CUCS that are synchronised: four a second, 32 at once.
+const CHANGES: Rate = Rate {
+    cost: Duration::from_millis(250),
+    burst: Duration::from_secs(8),
+};
+/// How long what is flown for a lost controller waits for the disk.
+const DISK_WITHIN: Duration = Duration::from_secs(1);
+/// Decisions that wait for the disk at most, of a vehicle.
+const MAX_UNSTORED: usize = 256;

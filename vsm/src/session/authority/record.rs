@@ -140,7 +140,7 @@ impl AuthorityRecord {
         self.since.retain(|id, _| !rights.held(*id).is_empty());
         let stored = self.store(rights, durability, context, effects);
         match &stored {
-            Ok(()) => effects.clear(Cause::Store, "authority is stored again"),
+            Ok(()) => {}
             Err(_) => {
                 self.since = since;
                 if let Some(kind) = logged {
@@ -350,7 +350,7 @@ pub(crate) fn examine(
 
 /// What must outlive a power cut: every right to command, and every request for one. LOI 2 commands nothing, and may be
 /// requested and released as often as a CUCS likes: synchronising the disk for it would let a station slow down all others.
-fn durability(decision: &Decision) -> Durability {
+pub(super) fn durability(decision: &Decision) -> Durability {
     let commands = |rights: Rights| !rights.without(Rights::monitor()).is_empty();
     let weighs = |change: &Change| commands(change.lost) || commands(change.gained);
     let status_only = !decision.changes.is_empty()

@@ -1,9 +1,11 @@
 //! A datagram of the DLI side: who it is from, whether it may speak, and whether it has been answered before.
 //!
-//! What is dropped is counted under a name of its own. What a listed station asks an answer for is refused with the
-//! reason where it cannot be read, or is not for a VSM.
+//! What is dropped is counted under a name of its own. A station that sends more than it may ([`COMMANDS`],
+//! [`QUESTIONS`]) loses its own messages, unread and unanswered: an answer to each would be a flood as well. What a
+//! listed station asks an answer for is refused with the reason where it cannot be read, or is not for a VSM.
 
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::store::{Disk, StoreError};
@@ -15,9 +17,10 @@ use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::{Bridge, destination_as_source};
 use crate::session::alerts::Cause;
+use crate::session::allowance::Rate;
 use crate::session::authority::{self, Input};
 use crate::session::context::Origin;
-use crate::session::duplicates::{Seen, Verdict};
+use crate::session::duplicates::{Seen, Verdict, is_command};
 
 impl Bridge {
     /// Takes a datagram of the DLI side.
@@ -31,12 +34,35 @@ impl Bridge {
     }
 
     fn handle_frame(&mut self, now: Now, from: SocketAddr, frame: &Frame<'_>, disk: &mut dyn Disk) {
-        let header = frame.header;
         // Before the message is decoded: a stranger's bytes get no further than the wrapper.
-        let index = match self.admit(from, &header) {
-            Ok(index) => index,
-            Err(why) => return self.counters.count(why),
-        };
+        match self.admit(from, &frame.header) {
+            Ok(index) => {
+                let rate = if is_command(frame.header.message_type) {
+                    COMMANDS
+                } else {
+                    QUESTIONS
+                };
+                let station = &mut self.stations[index];
+                if !(station.allowance).take(now.mono, from, station.peer, rate) {
+                    return self.counters.count("over the station's rate");
+                }
+                self.asker = Some(index);
+                self.handle_admitted(now, from, index, frame, disk);
+                self.asker = None;
+            }
+            Err(why) => self.counters.count(why),
+        }
+    }
+
+    fn handle_admitted(
+        &mut self,
+        now: Now,
+        from: SocketAddr,
+        index: usize,
+        frame: &Frame<'_>,
+        disk: &mut dyn Disk,
+    ) {
+        let header = frame.header;
         let origin = Origin {
             station: index,
             message_type: header.message_type,
@@ -262,3 +288,14 @@ fn drop_name(fault: &WrapperError) -> &'static str {
 
 const NO_STAMP: &str = "a command needs its Time Stamp (field 1): without one a recording of it could not be told from it";
 const ACKNOWLEDGEMENT: u16 = 17000;
+/// Commands of one station, which are logged each: 1,000 a second, 2,000 at once. An upload of 10,000 waypoints is
+/// slowed down, and sent again where it was cut.
+const COMMANDS: Rate = Rate {
+    cost: Duration::from_millis(1),
+    burst: Duration::from_secs(2),
+};
+/// Questions, sticks and heartbeats: 4,000 a second.
+const QUESTIONS: Rate = Rate {
+    cost: Duration::from_micros(250),
+    burst: Duration::from_secs(2),
+};

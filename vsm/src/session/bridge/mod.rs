@@ -52,6 +52,8 @@ pub struct Bridge {
     counters: Counters,
     received: ByType,
     log: VecDeque<LogEntry>,
+    /// The station whose message is being handled.
+    asker: Option<usize>,
     started: Duration,
 }
 
@@ -119,6 +121,7 @@ impl Bridge {
             counters: Counters::default(),
             received: ByType::default(),
             log: VecDeque::new(),
+            asker: None,
             started: now.mono,
         };
         for ((vehicle, end), number) in config.vehicles().zip(ends).zip(0..) {
@@ -211,6 +214,16 @@ impl Bridge {
         self.forget_heartbeats();
     }
 
+    /// The disk has made changes durable that it had queued: decisions that waited for it take effect, and what was held
+    /// is sent.
+    pub fn handle_durable(&mut self, now: Now, disk: &mut dyn Disk) {
+        let (mut dli, aircraft) = self.effects(now, disk);
+        for aircraft in aircraft.iter_mut() {
+            aircraft.handle_durable(&mut dli);
+        }
+        dli.release();
+    }
+
     /// Silence counts of a CUCS that has sent heartbeats while it holds something: who has given all up, or lost it, may
     /// come back without.
     fn forget_heartbeats(&mut self) {
@@ -251,7 +264,10 @@ impl Bridge {
         now: Now,
         disk: &'a mut dyn Disk,
     ) -> (DliEffects<'a>, &'a mut Vec<Aircraft>) {
+        self.outbox.answer_after = 0;
         let effects = DliEffects {
+            mark: disk.queued(),
+            asker: self.asker,
             now,
             vsm: self.vsm,
             multicast: self.multicast,

@@ -27,6 +27,8 @@ pub struct Status {
     pub received: ByType,
     /// DLI messages sent, by type.
     pub sent: ByType,
+    /// Messages that are held until the disk has what they promise.
+    pub held: usize,
     /// The ground stations.
     pub stations: Vec<StationStatus>,
     /// The vehicles.
@@ -217,6 +219,7 @@ impl Bridge {
             recordings: Counters::default(),
             received: self.received.clone(),
             sent: self.outbox.sent.clone(),
+            held: self.outbox.waiting(),
             stations: stations.collect(),
             vehicles: vehicles.collect(),
         }

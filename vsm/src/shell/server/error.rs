@@ -20,6 +20,9 @@ pub enum StartError {
     /// The store.
     #[error(transparent)]
     Store(#[from] OpenError),
+    /// The thread that writes to the store.
+    #[error("the [store] dir: {0}")]
+    Writer(io::Error),
     /// A key.
     #[error(transparent)]
     Key(#[from] KeyFileError),

@@ -1,4 +1,5 @@
-//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it.
+//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it, and a second
+//! thread synchronises the disk.
 
 mod error;
 mod open;
@@ -17,7 +18,7 @@ use tokio::net::{TcpListener, UnixListener};
 use tokio::task::LocalSet;
 
 use self::shared::Shared;
-use self::tasks::{keep_time, receive_dli, receive_vehicle, send, tell_status};
+use self::tasks::{keep_time, receive_dli, receive_vehicle, send, take_stored, tell_status};
 use super::http;
 use super::sockets::{DliSockets, VehicleReader, VehicleWriter};
 use super::tasks::{TaskFault, Tasks};
@@ -106,6 +107,8 @@ impl Server {
         let of_all = shared.clone();
         tasks.spawn(&local, "clock", |beat| keep_time(of_all, beat));
         let of_all = shared.clone();
+        tasks.spawn(&local, "disk", |beat| take_stored(of_all, beat));
+        let of_all = shared.clone();
         tasks.spawn(&local, "status socket", |beat| {
             tell_status(of_all, beat, status)
         });
@@ -116,8 +119,10 @@ impl Server {
             });
         }
         let served = local.run_until(tasks.run(stop)).await;
-        // Only the recordings are buffered in memory: the store writes every record at once.
-        shared.core.borrow_mut().flush();
+        let mut core = shared.core.borrow_mut();
+        core.flush();
+        core.store.wait();
+        drop(core);
         served.map(|()| shared.status())
     }
 }

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::rc::Rc;
+use std::sync::Arc;
 
 use mavlink_link::Now;
 use mavlink_link::signing::{KeyId, SigningKey};
@@ -21,6 +22,7 @@ use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
 use crate::shell::key_store::KeyStore;
+use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::{Quota, Recording};
 use crate::shell::sockets::{self, DliSockets};
 use crate::shell::{key_file, status_socket};
@@ -33,10 +35,17 @@ impl Server {
     /// # Errors
     /// Any of them cannot be had; nothing has been sent then.
     pub fn open(config: &Config) -> Result<Server, StartError> {
+        // The store's lock comes first: a second bridge stops here, before it touches keys or sockets.
+        Server::open_on(config, FileDisk::open(&config.store.dir)?)
+    }
+
+    /// As [`Server::open`], with the store on this disk.
+    ///
+    /// # Errors
+    /// As [`Server::open`].
+    pub fn open_on(config: &Config, mut store: FileDisk) -> Result<Server, StartError> {
         let clock = Clock::default();
         let now = clock.now();
-        // The store's lock comes first: a second bridge stops here, before it touches keys or sockets.
-        let mut store = FileDisk::open(&config.store.dir)?;
         let dli = DliSockets::open(&config.dli)?;
         let (mut readers, mut writers, mut ends, mut recordings) = (vec![], vec![], vec![], vec![]);
         let (mut key_stores, mut key_ids) = (vec![], vec![]);
@@ -69,6 +78,9 @@ impl Server {
             .map(|http| listen(http.listen))
             .transpose()?;
         let status = status_socket::listen(&config.store.dir).map_err(StartError::Status)?;
+        let stored = Arc::new(Notify::new());
+        // From here on nothing waits for the disk.
+        let store = QueuedDisk::new(store, stored.clone()).map_err(StartError::Writer)?;
         let shared = Shared {
             clock,
             vsm: config.dli.vsm_id.to_string(),
@@ -82,6 +94,7 @@ impl Server {
             }),
             outgoing: Notify::new(),
             timing: Notify::new(),
+            stored,
         };
         Ok(Server {
             shared: Rc::new(shared),

@@ -1,6 +1,7 @@
 //! What all tasks of a server share: the machine with its store, recordings and keys, and what wakes the others.
 
 use std::cell::RefCell;
+use std::sync::Arc;
 use std::time::Duration;
 
 use mavlink_link::Now;
@@ -9,10 +10,10 @@ use tokio::sync::Notify;
 use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Status};
 use crate::shell::clock::{Clock, NOT_BEFORE};
-use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
 use crate::shell::key_store::KeyStore;
+use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::Recording;
 
 /// Writes what a machine has to report.
@@ -36,13 +37,15 @@ pub(super) struct Shared {
     pub(super) outgoing: Notify,
     /// The next time-out may have moved.
     pub(super) timing: Notify,
+    /// The disk has made something durable, or cannot.
+    pub(super) stored: Arc<Notify>,
 }
 
 /// The machine, and what it works with.
 #[derive(Debug)]
 pub(super) struct Core {
     pub(super) bridge: Bridge,
-    pub(super) store: FileDisk,
+    pub(super) store: QueuedDisk,
     /// One a vehicle, where recordings are made.
     pub(super) recordings: Vec<Option<Recording>>,
     pub(super) dli_recording: Option<DliRecording>,
@@ -55,13 +58,15 @@ pub(super) struct Core {
 impl Core {
     /// The key exchanges take what has come in for them, and do what is due.
     fn step_exchanges(&mut self, now: Now, in_use: Option<usize>) {
+        // An exchange sends in the call in which it writes.
+        let mut store = self.store.waiting();
         for (index, exchange) in &mut self.exchanges {
             let Some(Some(keys)) = self.key_stores.get(*index) else {
                 continue;
             };
             let mut with = Surroundings {
                 bridge: &mut self.bridge,
-                store: &mut self.store,
+                store: &mut store,
                 keys,
                 random: &mut system_random,
                 not_before: NOT_BEFORE,

@@ -11,7 +11,7 @@ use mavlink_link::frame::FrameView;
 use tokio::net::{UdpSocket, UnixListener};
 
 use super::shared::{Core, Shared};
-use crate::session::Destination;
+use crate::session::{Destination, OutFrame};
 use crate::shell::recording::Recording;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
@@ -20,15 +20,31 @@ use crate::shell::tasks::Beat;
 pub(super) async fn receive_dli(shared: Rc<Shared>, beat: Rc<Beat>, socket: Rc<UdpSocket>) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
     let here = socket.local_addr();
+    let mut turn = shared.clock.mono();
     loop {
-        match beat.during(socket.recv_from(&mut bytes)).await {
-            Ok((length, from)) => shared.with(|core, now| {
-                let bytes = bytes.get(..length).unwrap_or_default();
-                if let (Some(recording), Ok(here)) = (&mut core.dli_recording, &here) {
-                    recording.received(now.wall, from, *here, bytes);
+        match socket.try_recv_from(&mut bytes) {
+            Ok((length, from)) => {
+                let now = shared.with(|core, now| {
+                    let bytes = bytes.get(..length).unwrap_or_default();
+                    if let (Some(recording), Ok(here)) = (&mut core.dli_recording, &here) {
+                        recording.received(now.wall, from, *here, bytes);
+                    }
+                    core.bridge.handle_dli(now, from, bytes, &mut core.store);
+                    now.mono
+                });
+                // A socket that is never empty would keep the thread: the vehicles, the clock and what waits to be sent
+                // have their turn in between.
+                if now.saturating_sub(turn) >= TURN {
+                    beat.during(tokio::task::yield_now()).await;
+                    turn = shared.clock.mono();
                 }
-                core.bridge.handle_dli(now, from, bytes, &mut core.store);
-            }),
+            }
+            Err(cause) if cause.kind() == io::ErrorKind::WouldBlock => {
+                if let Err(cause) = beat.during(socket.readable()).await {
+                    pause_after("the DLI socket", &cause).await;
+                }
+                turn = shared.clock.mono();
+            }
             Err(cause) => pause_after("the DLI socket", &cause).await,
         }
     }
@@ -79,30 +95,18 @@ pub(super) async fn send(
 ) {
     loop {
         beat.during(shared.outgoing.notified()).await;
-        // Taken one by one: the machine is not held while the system takes its time.
+        // Taken one by one: the machine is not held while the system takes its time. What is for a vehicle goes first,
+        // however much is to be sent to stations.
         loop {
             let frame = shared.core.borrow_mut().bridge.poll_vehicle();
-            let Some((index, frame)) = frame else { break };
-            {
-                let mut core = shared.core.borrow_mut();
-                if let (Some(recording), Ok(view)) = (
-                    core.recordings.get_mut(index).and_then(Option::as_mut),
-                    FrameView::parse(frame.bytes()),
-                ) {
-                    recording.write(shared.clock.now().wall, &view);
-                }
-            }
-            if let Some(writer) = writers.get_mut(index)
-                && let Err(cause) = writer.send(frame.bytes(), frame.to).await
-            {
-                if cause.kind() == io::ErrorKind::BrokenPipe {
-                    // The task that writes the serial port is gone: its end is ours, too.
+            if let Some((index, frame)) = frame {
+                if let Some(writer) = writers.get_mut(index)
+                    && !send_frame(&shared, index, &frame, writer).await
+                {
                     return;
                 }
-                tracing::debug!("a frame to the vehicle was not sent: {cause}");
+                continue;
             }
-        }
-        loop {
             // Bound to a name so that the borrow of the core ends here, and not after the await below.
             let datagram = shared.core.borrow_mut().bridge.poll_dli();
             let Some(datagram) = datagram else { break };
@@ -116,10 +120,47 @@ pub(super) async fn send(
             {
                 recording.sent(shared.clock.now().wall, here, to, datagram.bytes());
             }
-            if let Err(cause) = socket.send_to(datagram.bytes(), to).await {
+            if let Err(cause) = beat.during(socket.send_to(datagram.bytes(), to)).await {
                 tracing::debug!("a datagram to a CUCS was not sent: {cause}");
             }
         }
+    }
+}
+
+/// False where the line is gone for good.
+async fn send_frame(
+    shared: &Shared,
+    index: usize,
+    frame: &OutFrame,
+    writer: &mut VehicleWriter,
+) -> bool {
+    {
+        let mut core = shared.core.borrow_mut();
+        if let (Some(recording), Ok(view)) = (
+            core.recordings.get_mut(index).and_then(Option::as_mut),
+            FrameView::parse(frame.bytes()),
+        ) {
+            recording.write(shared.clock.now().wall, &view);
+        }
+    }
+    match writer.send(frame.bytes(), frame.to).await {
+        // The task that writes the serial port is gone: its end is ours, too.
+        Err(cause) if cause.kind() == io::ErrorKind::BrokenPipe => return false,
+        Err(cause) => tracing::debug!("a frame to the vehicle was not sent: {cause}"),
+        Ok(()) => {}
+    }
+    true
+}
+
+/// Lets what has waited for the disk take effect.
+pub(super) async fn take_stored(shared: Rc<Shared>, beat: Rc<Beat>) {
+    loop {
+        beat.during(shared.stored.notified()).await;
+        shared.with(|core, now| {
+            if core.store.poll() {
+                core.bridge.handle_durable(now, &mut core.store);
+            }
+        });
     }
 }
 
@@ -173,4 +214,6 @@ async fn pause_after(what: &str, cause: &io::Error) {
 const LARGEST_DATAGRAM: usize = 65_536;
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
+/// How long the messages of stations are handled before others have their turn.
+const TURN: Duration = Duration::from_millis(2);
 const STATUS_WITHIN: Duration = Duration::from_secs(1);

@@ -58,6 +58,8 @@ pub enum Refusal {
     NoHandover,
     /// It cannot be stored: a right that would not survive a restart is not granted.
     NotStored,
+    /// Its sender has had more decisions stored than it may in a short time.
+    TooOften,
 }
 
 impl fmt::Display for Refusal {
@@ -72,6 +74,10 @@ impl fmt::Display for Refusal {
             Refusal::NotHeld => write!(f, "not held by the sender of the handover"),
             Refusal::NoHandover => write!(f, "there is no handover to answer"),
             Refusal::NotStored => write!(f, "it cannot be stored"),
+            Refusal::TooOften => write!(
+                f,
+                "too many changes of rights by this station: wait some seconds"
+            ),
         }
     }
 }

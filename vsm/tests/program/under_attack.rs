@@ -1,0 +1,358 @@
+//! A disk that takes 100 ms to synchronise, and a station that keeps it busy: the vehicle's heartbeats and the
+//! controller's commands go on as if neither were there. Real sockets, real time.
+//!
+//! The figures of docs/guide/reliability.md come from here: `cargo test --release -p vsm --test program under_attack --
+//! --nocapture`. A test cannot hold 20 ms on a machine that does other things as well; it holds what tells a thread that
+//! waits for the disk from one that does not.
+
+use std::fs::{self, File};
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
+use std::path::Path;
+use std::sync::mpsc;
+use std::thread;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use kit::bridge::{VSM, cucs, key, vehicle_id};
+use kit::process::{free_udp_port, write_key};
+use mavlink_link::frame::{FrameView, MAX_FRAME};
+use px4_sim::{Autopilot, Signing};
+use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess, WaitTransition};
+use stanag_msgs::messages::{AreaVertex, CucsAuthorisationRequest, LoiterConfiguration};
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, Scaled, TimeStamp, frames};
+use vsm::config::Config;
+use vsm::session::{Stations, Status};
+use vsm::shell::disk::{FileDisk, FileSystem, NativeFileSystem};
+use vsm::shell::server::Server;
+use zeroize::Zeroizing;
+
+/// A file system of which each synchronisation takes so long.
+#[derive(Debug)]
+struct Slow(Duration);
+
+impl FileSystem for Slow {
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        NativeFileSystem.write(path, bytes)
+    }
+
+    fn sync(&self, path: &Path) -> io::Result<()> {
+        thread::sleep(self.0);
+        NativeFileSystem.sync(path)
+    }
+
+    fn sync_open(&self, file: &File) -> io::Result<()> {
+        thread::sleep(self.0);
+        NativeFileSystem.sync_open(file)
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        NativeFileSystem.rename(from, to)
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        NativeFileSystem.remove(path)
+    }
+
+    fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
+        NativeFileSystem.read(path, most)
+    }
+}
+
+/// What B sends, by the number of the message.
+type Attack = fn(&mut World, u64);
+
+/// A bridge on a thread of its own, its vehicle, the controller A, and B, who attacks.
+struct World {
+    server: Option<thread::JoinHandle<Status>>,
+    stop: Option<tokio::sync::oneshot::Sender<()>>,
+    vehicle: Autopilot<SocketAddr>,
+    mav: UdpSocket,
+    a: UdpSocket,
+    b: UdpSocket,
+    dli: SocketAddr,
+    mavlink: SocketAddr,
+    began: Instant,
+    flown: Duration,
+    /// When HEARTBEATs of the bridge arrived at the vehicle.
+    heartbeats: Vec<Instant>,
+    /// What A has sent and was not answered yet, by stamp.
+    open: Vec<(TimeStamp, Instant)>,
+    /// How long A's answers took.
+    took: Vec<Duration>,
+    _folder: tempfile::TempDir,
+}
+
+impl World {
+    fn start(sync: Duration) -> World {
+        let folder = tempfile::tempdir().expect("a folder");
+        write_key(&folder.path().join("uav.key"), &[0x41; 32]);
+        let loopback = |port| SocketAddr::from(([127, 0, 0, 1], port));
+        let (dli, mavlink) = (loopback(free_udp_port()), loopback(free_udp_port()));
+        let text = format!(
+            "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"{dli}\"\n[[cucs]]\nid = \"{}\"\nloi = [2, 3, 4, 5]\n[[cucs]]\n\
+             id = \"{}\"\nloi = [2, 3, 4, 5]\n[[vehicle]]\nid = \"{}\"\nlink = \"udpin:{mavlink}\"\nsystem_id = 1\n\
+             signing = {{ key_file = \"uav.key\" }}\n[store]\ndir = \"state\"\n",
+            cucs(0),
+            cucs(1),
+            vehicle_id(0),
+        );
+        fs::write(folder.path().join("vsm.toml"), text).expect("the configuration");
+        let config = Config::load(&folder.path().join("vsm.toml")).expect("a good configuration");
+        let (ready, started) = mpsc::channel();
+        let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+        let server = thread::spawn(move || {
+            let runtime = tokio::runtime::Builder::new_current_thread()
+                .enable_all()
+                .build()
+                .expect("a runtime");
+            runtime.block_on(async {
+                let disk = FileDisk::open_on(&config.store.dir, Box::new(Slow(sync)));
+                let server = Server::open_on(&config, disk.expect("a store")).expect("it starts");
+                ready.send(()).expect("the test waits");
+                let stop = async {
+                    let _ = stopped.await;
+                };
+                server.serve(stop).await.expect("it serves until the end")
+            })
+        });
+        started.recv().expect("the bridge starts");
+        let vehicle = px4_sim::Config {
+            unix_time_us: wall().as_micros() as u64,
+            ..px4_sim::Config::default()
+        };
+        let signing = Signing::with_key(key(0), 0);
+        let socket = || {
+            let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+            socket.set_nonblocking(true).expect("it need not block");
+            socket
+        };
+        let mut world = World {
+            server: Some(server),
+            stop: Some(stop),
+            vehicle: Autopilot::new(vehicle, signing, vec![Some(mavlink)]),
+            mav: socket(),
+            a: socket(),
+            b: socket(),
+            dli,
+            mavlink,
+            began: Instant::now(),
+            flown: Duration::ZERO,
+            heartbeats: Vec::new(),
+            open: Vec::new(),
+            took: Vec::new(),
+            _folder: folder,
+        };
+        world.run(4.0, 0, |_, _| ());
+        world.send(
+            0,
+            request(LoiBitmap::from_raw(0x0d), RequestedAccess::Request),
+        );
+        world.run(3.0, 0, |_, _| ());
+        world.take_figures("before");
+        world
+    }
+
+    /// Sends a message of a station, with an acknowledgement requested; a command of A is waited for.
+    fn send(&mut self, station: usize, mut message: Message) {
+        let stamp = TimeStamp::from_unix_ms(wall().as_millis() as u64);
+        match &mut message {
+            Message::CucsAuthorisationRequest(message) => message.time_stamp = Some(stamp),
+            Message::LoiterConfiguration(message) => message.time_stamp = Some(stamp),
+            Message::AreaVertex(message) => message.time_stamp = Some(stamp),
+            _ => {}
+        }
+        let envelope = Envelope::new(cucs(station), vehicle_id(0)).requesting_ack();
+        let mut bytes = [0; MAX_DATAGRAM];
+        let length = message.encode(&envelope, &mut bytes).expect("it fits");
+        if station == 0 {
+            self.open.push((stamp, Instant::now()));
+        }
+        let from = [&self.a, &self.b][station];
+        let _ = from.send_to(&bytes[..length], self.dli);
+    }
+
+    /// Seconds of real time; B sends `attack` so often a second, A commands five times a second.
+    fn run(&mut self, seconds: f64, rate: u32, attack: impl Fn(&mut World, u64)) {
+        let begun = Instant::now();
+        let (mut sent, mut commanded) = (0_u64, 0_u64);
+        while begun.elapsed().as_secs_f64() < seconds {
+            let elapsed = begun.elapsed().as_secs_f64();
+            // After a pause of the whole machine time is lost rather than made up for at once.
+            let due = (elapsed * f64::from(rate)) as u64;
+            let first = sent.max(due.saturating_sub(20));
+            for number in first..due {
+                attack(self, number);
+            }
+            sent = sent.max(due);
+            if rate > 0 && commanded < (elapsed * 5.0) as u64 {
+                commanded += 1;
+                let message = LoiterConfiguration {
+                    loiter_radius: Some(Scaled::saturating_from_si(50.0 + commanded as f64)),
+                    ..LoiterConfiguration::default()
+                };
+                self.send(0, message.into());
+            }
+            self.fly();
+            self.listen();
+            thread::sleep(Duration::from_micros(200));
+        }
+    }
+
+    fn fly(&mut self) {
+        let mut frame = [0; MAX_FRAME];
+        let due = self.began.elapsed();
+        self.flown = self
+            .flown
+            .max(due.saturating_sub(Duration::from_millis(200)));
+        while self.flown < due {
+            self.flown += Duration::from_millis(10);
+            self.vehicle.step(Duration::from_millis(10));
+            while let Some(sent) = self.vehicle.poll_transmit(&mut frame) {
+                let _ = self.mav.send_to(&frame[..sent.len], self.mavlink);
+            }
+        }
+    }
+
+    fn listen(&mut self) {
+        let mut bytes = [0; 2_048];
+        while let Ok((length, _)) = self.mav.recv_from(&mut bytes) {
+            let bytes = &bytes[..length];
+            if FrameView::parse(bytes).is_ok_and(|frame| frame.header().message_id == 0) {
+                self.heartbeats.push(Instant::now());
+            }
+            self.vehicle.handle_datagram(0, self.mavlink, bytes);
+        }
+        while self.b.recv_from(&mut bytes).is_ok() {}
+        while let Ok((length, _)) = self.a.recv_from(&mut bytes) {
+            for frame in frames(&bytes[..length]).flatten() {
+                let message = Message::decode(frame.header.message_type, frame.data);
+                if let Ok(Message::MessageAcknowledgement(ack)) = message {
+                    assert_ne!(ack.acknowledgement_type, Some(AckType::Refused));
+                    let stamp = ack.original_message_time_stamp;
+                    let took = &mut self.took;
+                    self.open.retain(|(of, at)| {
+                        let answered = Some(*of) == stamp;
+                        took.extend(answered.then(|| at.elapsed()));
+                        !answered
+                    });
+                }
+            }
+        }
+    }
+
+    #[allow(clippy::print_stderr, reason = "figures are printed")]
+    /// How long A's answers took, sorted, and how many are missing; the longest time between two heartbeats.
+    fn take_figures(&mut self, what: &str) -> (Vec<Duration>, usize, Duration) {
+        let mut took = std::mem::take(&mut self.took);
+        took.sort();
+        let missing = self
+            .open
+            .iter()
+            .filter(|(_, at)| at.elapsed().as_millis() > 500);
+        let missing = missing.count();
+        self.open.clear();
+        let heartbeats = std::mem::take(&mut self.heartbeats);
+        let gaps = heartbeats.windows(2).map(|two| two[1] - two[0]);
+        let longest = gaps.max().unwrap_or(Duration::MAX);
+        if !took.is_empty() {
+            let at = |part: f64| took[((took.len() - 1) as f64 * part) as usize];
+            eprintln!(
+                "{what}: {} commands, {missing} unanswered, p50 {:?}, p99 {:?}, longest {:?}; heartbeats at most {longest:?} apart",
+                took.len(),
+                at(0.5),
+                at(0.99),
+                at(1.0),
+            );
+        }
+        (took, missing, longest)
+    }
+
+    fn end(mut self) -> Status {
+        drop(self.stop.take());
+        self.server
+            .take()
+            .expect("it runs")
+            .join()
+            .expect("it ends")
+    }
+}
+
+fn request(levels: LoiBitmap, access: RequestedAccess) -> Message {
+    Message::from(CucsAuthorisationRequest {
+        requested_handover_loi: Some(levels),
+        requested_handover_access: Some(access),
+        controlled_station_1_16: Some(Stations::one(1).low()),
+        vsm_id: Some(Id::NULL),
+        ..CucsAuthorisationRequest::default()
+    })
+}
+
+/// Takes LOI 2 and 3, gives up LOI 3, and so on.
+fn flip(world: &mut World, number: u64) {
+    let message = match number % 2 {
+        1 => request(LoiBitmap::from_raw(0x03), RequestedAccess::Request),
+        _ => request(LoiBitmap::from_raw(0x02), RequestedAccess::Relinquish),
+    };
+    world.send(1, message);
+}
+
+/// Asks A for control, without end: a handover begins and ends.
+fn handovers(world: &mut World, number: u64) {
+    let access = match number % 2 {
+        1 => RequestedAccess::Request,
+        _ => RequestedAccess::Relinquish,
+    };
+    let message = CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::from_raw(0x0c)),
+        requested_handover_access: Some(access),
+        wait_for_vehicle_data_link_transition_coordination_message: Some(WaitTransition::Wait),
+        vsm_id: Some(Id::NULL),
+        ..CucsAuthorisationRequest::default()
+    };
+    world.send(1, message.into());
+}
+
+/// A fence that B has no right to send.
+fn vertices(world: &mut World, number: u64) {
+    let message = AreaVertex {
+        area_id: Some(1),
+        vertex_number: Some((number % 64) as u8),
+        ..AreaVertex::default()
+    };
+    world.send(1, message.into());
+}
+
+fn wall() -> Duration {
+    let wall = SystemTime::now().duration_since(UNIX_EPOCH);
+    wall.expect("after 1970")
+}
+
+/// One synchronisation. Whatever waits for the disk waits for two of them at least.
+const SYNC: Duration = Duration::from_millis(100);
+
+#[test]
+fn a_station_that_keeps_a_slow_disk_busy_delays_neither_the_vehicle_nor_the_controller() {
+    let mut world = World::start(SYNC);
+    let attacks: [(&str, u32, Attack); 5] = [
+        ("no attack", 1, |_, _| ()),
+        ("LOI 3 on and off, 30/s", 30, flip),
+        ("LOI 3 on and off, 2000/s", 2_000, flip),
+        ("LOI 4 of a handover and back, 30/s", 30, handovers),
+        ("50016 without a right, 2000/s", 2_000, vertices),
+    ];
+    for (what, rate, attack) in attacks {
+        world.run(5.0, rate, attack);
+        let (took, missing, heartbeats) = world.take_figures(what);
+        assert!(missing <= 5, "{what}: {missing} unanswered");
+        assert!(took.len() >= 15, "{what}: {} answered", took.len());
+        let most = took[(took.len() - 1) * 3 / 4];
+        assert!(most < SYNC, "{what}: a quarter took over {most:?}");
+        assert!(
+            heartbeats < Duration::from_millis(1_800),
+            "{what}: {heartbeats:?}"
+        );
+    }
+    let status = world.end();
+    assert!(status.refused.get("too many changes of rights") > 0);
+    assert!(status.refused.get("over the station's rate") > 0);
+}
