@@ -6,7 +6,7 @@ use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 use thiserror::Error;
 use x25519_dalek::StaticSecret;
-use zeroize::Zeroizing;
+use zeroize::{Zeroize as _, Zeroizing};
 
 /// Random bytes from the caller: this crate has no source of its own.
 pub trait Random {
@@ -28,14 +28,22 @@ impl<F: FnMut(&mut [u8]) -> Result<(), NoRandom>> Random for F {
 #[error("no random bytes")]
 pub struct NoRandom;
 
-/// This end's static X25519 key: wiped when dropped, never printed.
-pub struct Identity(StaticSecret);
+/// This end's static X25519 key: wiped when dropped, never printed, and moved without a copy of its bytes.
+pub struct Identity(Box<Zeroizing<[u8; 32]>>);
 
 impl Identity {
     /// A key of these bytes, as stored by [`Identity::expose`].
     #[must_use]
-    pub fn new(bytes: [u8; 32]) -> Self {
-        Self(bytes.into())
+    pub fn new(mut bytes: [u8; 32]) -> Self {
+        let identity = Self::copy_of(&bytes);
+        bytes.zeroize();
+        identity
+    }
+
+    fn copy_of(bytes: &[u8; 32]) -> Self {
+        let mut identity = Self(Box::new(Zeroizing::new([0; 32])));
+        identity.0.copy_from_slice(bytes);
+        identity
     }
 
     /// A new key.
@@ -43,31 +51,32 @@ impl Identity {
     /// # Errors
     /// There are no random bytes.
     pub fn generate(random: &mut dyn Random) -> Result<Self, NoRandom> {
-        let mut bytes = Zeroizing::new([0; 32]);
-        random.fill(&mut *bytes)?;
-        Ok(Self::new(*bytes))
+        let mut identity = Self::copy_of(&[0; 32]);
+        random.fill(&mut **identity.0)?;
+        Ok(identity)
     }
 
     /// The public key, which the peer pins.
     #[must_use]
     pub fn public(&self) -> PublicKey {
-        PublicKey(x25519_dalek::PublicKey::from(&self.0).to_bytes())
+        PublicKey(x25519_dalek::PublicKey::from(&self.secret()).to_bytes())
     }
 
     /// A second copy for a second owner: each is wiped on its own.
     #[must_use]
     pub fn duplicate(&self) -> Self {
-        Self(self.0.clone())
+        Self::copy_of(&self.0)
     }
 
     /// The bytes, for a file. Keep no copy.
     #[must_use]
     pub fn expose(&self) -> &[u8; 32] {
-        self.0.as_bytes()
+        &self.0
     }
 
-    pub(super) fn secret(&self) -> &StaticSecret {
-        &self.0
+    /// For one use: wiped when it is dropped.
+    pub(super) fn secret(&self) -> StaticSecret {
+        (**self.0).into()
     }
 }
 

@@ -41,8 +41,13 @@ impl<A: Copy + Eq> KeyRollover<A> {
         store: &mut dyn Disk,
         pass: &mut dyn FnMut(KeySlot, &FrameView<'_>),
     ) {
+        let is_peer = self.peer == Some(from);
         // Taken out while its frames are borrowed; it is a few hundred bytes.
-        let mut parser = core::mem::take(&mut self.parser);
+        let mut parser = if is_peer {
+            core::mem::take(&mut self.parser)
+        } else {
+            core::mem::take(&mut self.strange)
+        };
         let mut frames = parser.feed(bytes);
         while let Some(item) = frames.next() {
             if let Ok(frame) = item
@@ -51,7 +56,12 @@ impl<A: Copy + Eq> KeyRollover<A> {
                 self.take(now, from, &frame, store, pass);
             }
         }
-        self.parser = parser;
+        if is_peer {
+            self.parser = parser;
+        } else {
+            parser.discard_pending();
+            self.strange = parser;
+        }
         self.decide(now.mono);
     }
 

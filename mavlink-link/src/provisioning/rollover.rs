@@ -103,7 +103,10 @@ pub struct KeyRollover<A> {
     pub(super) entered: Duration,
     /// SETUP_SIGNING sent since the last fresh start.
     pub(super) tries: u8,
+    /// Joins frames that the peer, or a line, has split.
     pub(super) parser: Parser,
+    /// For the datagrams of all other senders, each on its own: half a frame of theirs must not swallow the peer's next.
+    pub(super) strange: Parser,
     pub(super) peer: Option<A>,
     pub(super) seq: u8,
     pub(super) seen: Seen,
@@ -208,6 +211,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             entered: now.mono,
             tries: 0,
             parser: Parser::new(),
+            strange: Parser::new(),
             peer,
             seq: 0,
             seen: Seen::default(),

@@ -1,4 +1,7 @@
 //! The signing key: wiped when dropped, never printed, never compared with `==`.
+//!
+//! It lies in one place of its own on the heap: a value that holds a key is moved often, and each move of bytes that
+//! are held inside would leave a copy on a stack, which nothing wipes.
 
 use core::fmt;
 
@@ -22,8 +25,21 @@ use zeroize::{Zeroize, ZeroizeOnDrop};
 /// # let key = mavlink_link::signing::SigningKey::new([1; 32]).unwrap();
 /// let same = key == key;
 /// ```
-#[derive(Zeroize, ZeroizeOnDrop)]
-pub struct SigningKey([u8; 32]);
+pub struct SigningKey(Box<[u8; 32]>);
+
+impl Zeroize for SigningKey {
+    fn zeroize(&mut self) {
+        self.0.zeroize();
+    }
+}
+
+impl Drop for SigningKey {
+    fn drop(&mut self) {
+        self.zeroize();
+    }
+}
+
+impl ZeroizeOnDrop for SigningKey {}
 
 impl SigningKey {
     /// A key of these bytes.
@@ -31,7 +47,7 @@ impl SigningKey {
     /// # Errors
     /// All bytes are zero: anyone could sign.
     pub fn new(bytes: [u8; 32]) -> Result<Self, KeyError> {
-        let key = Self(bytes);
+        let key = Self::new_allowing_zero(bytes);
         if bool::from(key.0.ct_eq(&[0; 32])) {
             Err(KeyError::AllZero)
         } else {
@@ -41,8 +57,17 @@ impl SigningKey {
 
     /// A key of any bytes, all-zero too: PX4 accepts such a key, so a model of PX4 needs one.
     #[must_use]
-    pub fn new_allowing_zero(bytes: [u8; 32]) -> Self {
-        Self(bytes)
+    pub fn new_allowing_zero(mut bytes: [u8; 32]) -> Self {
+        let key = Self::copy_of(&bytes);
+        bytes.zeroize();
+        key
+    }
+
+    fn copy_of(bytes: &[u8; 32]) -> Self {
+        // Made empty and filled in place: a box of the bytes themselves would pass them over the stack.
+        let mut key = Self(Box::new([0; 32]));
+        key.0.copy_from_slice(bytes);
+        key
     }
 
     /// A key written as 64 hexadecimal digits; white space around them is ignored.
@@ -52,7 +77,7 @@ impl SigningKey {
     pub fn from_hex(text: &str) -> Result<Self, KeyError> {
         let offset = text.len() - text.trim_start().len();
         let digits = text.trim().as_bytes();
-        let mut key = Self([0; 32]);
+        let mut key = Self(Box::new([0; 32]));
         for (at, &digit) in digits.iter().enumerate() {
             let value = match digit {
                 b'0'..=b'9' => digit - b'0',
@@ -85,7 +110,7 @@ impl SigningKey {
     pub fn id(&self) -> KeyId {
         // An HMAC accepts a key of any length, so this cannot fail.
         let mut id = [0; 8];
-        if let Ok(mut mac) = Hmac::<Sha256>::new_from_slice(&self.0) {
+        if let Ok(mut mac) = Hmac::<Sha256>::new_from_slice(&*self.0) {
             mac.update(b"vsm/1 key id");
             id.copy_from_slice(&mac.finalize().into_bytes()[..8]);
         }
@@ -95,16 +120,16 @@ impl SigningKey {
     /// Whether both are the same key, in constant time.
     #[must_use]
     pub fn same_as(&self, other: &Self) -> bool {
-        self.0.ct_eq(&other.0).into()
+        self.0.ct_eq(&*other.0).into()
     }
 
     /// A second copy for a second owner: each is wiped on its own.
     #[must_use]
     pub fn duplicate(&self) -> Self {
-        Self(self.0)
+        Self::copy_of(&self.0)
     }
 
-    /// The bytes themselves, for the hash, a key file or SETUP_SIGNING. Keep no copy.
+    /// The bytes themselves, where they lie, for the hash, a key file or SETUP_SIGNING. Keep no copy.
     #[must_use]
     pub fn expose(&self) -> &[u8; 32] {
         &self.0

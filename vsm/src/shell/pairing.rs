@@ -197,6 +197,10 @@ impl Pairing {
                 self.exchanged |= exchanged;
             }
         }
+        // Half a frame of one sender must not swallow the next one's.
+        if from != Peer::Serial {
+            self.parser.discard_pending();
+        }
     }
 
     async fn send(&mut self) {

@@ -301,7 +301,7 @@ impl Initiator {
                 let status = message.status;
                 self.events.push_back(InitiatorEvent::Rejected { status });
                 self.keep_few_events();
-                Ok(())
+                Err(Ignored::Repeated)
             }
             Step::Answer | Step::Outcome | Step::Cookie => {
                 let message = self.admit(&message)?;
