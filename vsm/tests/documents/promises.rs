@@ -1,4 +1,4 @@
-//! docs/guide/security.md and docs/guide/keys.md name the test that shows each promise. The tests of those names exist.
+//! docs/reference/promises.md and docs/guide/keys.md name the test that shows each promise. The tests of those names exist.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -68,7 +68,7 @@ fn each_promise_names_tests_that_exist() {
     for place in PLACES {
         tests_in(&root.join(place), &mut tests);
     }
-    for page in ["docs/guide/security.md", "docs/guide/keys.md"] {
+    for page in ["docs/reference/promises.md", "docs/guide/keys.md"] {
         let text = fs::read_to_string(root.join(page)).unwrap();
         let rows = shown_by(&text);
         assert!(rows.len() >= 9, "{page}: {} promises", rows.len());
