@@ -164,7 +164,11 @@ pub fn run(to_initiator: bool, input: &[u8]) {
             }
             4..=7 => {
                 if let Some(message) = down.get(usize::from(value) % down.len().max(1)) {
-                    let _ = initiator.handle(now, from_air(AIR, &message.to_payload()), &mut ground_disk);
+                    let _ = initiator.handle(
+                        now,
+                        from_air(AIR, &message.to_payload()),
+                        &mut ground_disk,
+                    );
                 }
             }
             // The last one of the other end, bent in one byte.
