@@ -8,6 +8,7 @@
 
 mod dissector;
 mod man;
+mod map;
 mod reference;
 mod support;
 
@@ -21,8 +22,7 @@ use anyhow::{Context, Result, anyhow, ensure};
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let root = own.ancestors().nth(2).unwrap_or(own);
+    let root = source_root();
     let result = match arguments[..] {
         ["files"] => run(root, false),
         ["files", "--check"] => run(root, true),
@@ -43,7 +43,7 @@ fn main() -> ExitCode {
 /// # Errors
 /// A file cannot be read or written; or, with `check`, some are stale.
 fn run(root: &Path, check: bool) -> Result<()> {
-    let outputs = outputs();
+    let outputs = outputs()?;
     let obsolete = obsolete(root, &outputs)?;
     let stale = |path: &Path, text: &str| {
         fs::read_to_string(root.join(path)).map_or(true, |found| found != text)
@@ -78,7 +78,7 @@ fn run(root: &Path, check: bool) -> Result<()> {
 }
 
 /// Every generated file: its path from the root of the repository, and its text.
-fn outputs() -> BTreeMap<PathBuf, String> {
+fn outputs() -> Result<BTreeMap<PathBuf, String>> {
     let mut outputs = BTreeMap::from(
         [
             ("packaging/wireshark/stanag4586.lua", dissector::script()),
@@ -90,12 +90,19 @@ fn outputs() -> BTreeMap<PathBuf, String> {
                 "docs/reference/configuration.md",
                 vsm::config::reference::markdown(),
             ),
+            ("docs/reference/files.md", map::markdown(source_root())?),
         ]
         .map(|(path, text)| (PathBuf::from(path), text)),
     );
     let pages = reference::pages().into_iter();
     outputs.extend(pages.map(|(name, text)| (Path::new(REFERENCE).join(name), text)));
-    outputs
+    Ok(outputs)
+}
+
+/// The root of the repository that this program was built from.
+fn source_root() -> &'static Path {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    own.ancestors().nth(2).unwrap_or(own)
 }
 
 /// Pages of the reference that are no longer generated, such as those of a renamed group.
