@@ -5,7 +5,7 @@
 //!
 //! Bottom to top: `info` (what a row records), `codec` (reading and writing message data, and the macro that makes a
 //! struct of a row), one file of rows for each group of messages in the order of their types, and here [`Message`],
-//! which is any of them.
+//! which is any of them; `stamp` gives one another Time Stamp.
 
 mod alerts_and_requests;
 pub(crate) mod codec;
@@ -18,6 +18,7 @@ pub(crate) mod info;
 mod mission;
 mod payload;
 mod private;
+mod stamp;
 mod system_id;
 
 pub use crate::field::{Confidence, FieldInfo, Wire};

@@ -161,8 +161,8 @@ impl<'a> DliEffects<'a> {
         match self.waits_for().or_else(behind) {
             None => self.outbox.push(to, source, id, message),
             Some(until) => {
-                let ids = (source, id);
-                (self.outbox).push_after((until, self.asker), to, ids, message);
+                let waiting = Waiting::Message(to, (source, id), Box::new(message.clone()));
+                self.hold(until, self.asker, waiting);
             }
         }
     }
@@ -177,8 +177,14 @@ impl<'a> DliEffects<'a> {
             None => self.send_acknowledgement(source, origin, answer),
             Some(until) => {
                 let what = Waiting::Acknowledgement(source, *origin, answer);
-                self.outbox.hold(until, Some(origin.station), what);
+                self.hold(until, Some(origin.station), what);
             }
+        }
+    }
+
+    fn hold(&mut self, until: u64, asker: Option<usize>, what: Waiting) {
+        if !self.outbox.hold(until, asker, what) {
+            self.counters.count("no room to wait for the disk");
         }
     }
 
@@ -211,8 +217,9 @@ impl<'a> DliEffects<'a> {
     pub(crate) fn release(&mut self) {
         while let Some(waiting) = self.outbox.release(self.disk.durable()) {
             match waiting {
-                Waiting::Datagram(message_type, datagram) => {
-                    self.outbox.queue(message_type, *datagram);
+                Waiting::Message(to, (source, id), message) => {
+                    let message = message.stamped(self.stamp());
+                    self.outbox.push(to, source, id, &message);
                 }
                 Waiting::Acknowledgement(source, origin, answer) => {
                     self.send_acknowledgement(source, &origin, answer);

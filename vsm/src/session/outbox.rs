@@ -91,8 +91,8 @@ pub(crate) struct Held {
 /// What is sent then.
 #[derive(Debug)]
 pub(crate) enum Waiting {
-    /// Of this message type.
-    Datagram(u16, Box<Datagram>),
+    /// Stamped when it is sent, since what does not wait overtakes it: a station sees stamps that rise.
+    Message(Destination, (Id, Id), Box<Message>),
     /// An acknowledgement. It is remembered for duplicates only when it is sent: after a restart in between the command
     /// counts as unanswered.
     Acknowledgement(Id, Origin, AckType),
@@ -135,25 +135,23 @@ impl Outbox {
         self.queue(message.id(), datagram);
     }
 
-    /// The same, not before a change of the disk is durable.
-    pub(crate) fn push_after(
-        &mut self,
-        (until, asker): (u64, Option<usize>),
-        to: Destination,
-        (source, destination): (Id, Id),
-        message: &Message,
-    ) {
-        let datagram = self.encode(to, source, destination, message);
-        let datagram = Waiting::Datagram(message.id(), Box::new(datagram));
-        self.hold(until, asker, datagram);
-    }
-
-    /// Keeps something until a change of the disk is durable. What finds no room is lost; its station asks again.
-    pub(crate) fn hold(&mut self, until: u64, asker: Option<usize>, what: Waiting) {
-        let of_asker = self.held.iter().filter(|held| held.asker == asker).count();
-        if of_asker < MAX_HELD {
+    /// Keeps something until a change of the disk is durable; false where there is no room, and it is lost.
+    ///
+    /// Answers have more room: they are small, and one that is lost is not given again, since its command counts as not
+    /// answered yet.
+    pub(crate) fn hold(&mut self, until: u64, asker: Option<usize>, what: Waiting) -> bool {
+        let is_answer = |what: &Waiting| matches!(what, Waiting::Acknowledgement(..));
+        let alike = |held: &&Held| held.asker == asker && is_answer(&held.what) == is_answer(&what);
+        let room = if is_answer(&what) {
+            MAX_HELD_ANSWERS
+        } else {
+            MAX_HELD
+        };
+        let fits = self.held.iter().filter(alike).count() < room;
+        if fits {
             self.held.push_back(Held { until, asker, what });
         }
+        fits
     }
 
     /// The change that the last answer held for a station waits for.
@@ -208,6 +206,8 @@ impl Outbox {
 const MAX_QUEUED: usize = 65_536;
 /// Messages that wait for the disk at most, of what one station has led to.
 const MAX_HELD: usize = 256;
+/// Answers (17000) that wait for the disk at most, for one station: of some seconds at the rate that a station has.
+const MAX_HELD_ANSWERS: usize = 4_096;
 /// A change of the wall clock against monotonic time that is no step.
 const SMALL_STEP: Duration = Duration::from_secs(1);
 /// How long a step forward must last before the stamps follow it.

@@ -174,8 +174,18 @@ fn permitted(users: &[u32]) -> Vec<u32> {
 
 /// Each socket that a datagram to `at` could reach must be a permitted user's: with `SO_REUSEADDR` there may be several.
 fn judge(sockets: &[(SocketAddr, u32)], permitted: &[u32], at: SocketAddr) -> Result<(), Stranger> {
+    let reached = |(bound, _): &&(SocketAddr, u32)| reaches(*bound, at);
+    // Beside a socket of IPv4 itself the system gives [::] nothing of IPv4: any user may bind that one, with IPV6_V6ONLY,
+    // to PX4's port, and must not cut PX4 off by it.
+    let by_ipv4 = sockets
+        .iter()
+        .filter(reached)
+        .any(|(bound, _)| bound.is_ipv4());
     let mut found = false;
-    for (_, uid) in sockets.iter().filter(|(bound, _)| reaches(*bound, at)) {
+    for (bound, uid) in sockets.iter().filter(reached) {
+        if by_ipv4 && bound.is_ipv6() && bound.ip().is_unspecified() {
+            continue;
+        }
         if !permitted.contains(uid) {
             let (uid, expected) = (*uid, permitted.to_vec());
             return Err(Stranger::OtherUser { at, uid, expected });

@@ -17,7 +17,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use mavlink_link::store::{Disk, Durability, StoreError};
 use tokio::sync::Notify;
@@ -37,6 +37,8 @@ pub struct QueuedDisk {
     busy: bool,
     queued: u64,
     durable: u64,
+    /// What [`QueuedDisk::poll`] last reported.
+    reported: u64,
     /// Why the thread cannot go on.
     fault: Option<String>,
     work: Sender<Batch>,
@@ -101,25 +103,31 @@ impl QueuedDisk {
             busy: false,
             queued: 0,
             durable: 0,
+            reported: 0,
             fault: None,
             work,
             done,
         })
     }
 
-    /// Takes what the thread has done; true where more is durable than before.
+    /// Takes what the thread has done; true where more is durable than at the call before.
     pub fn poll(&mut self) -> bool {
-        let before = self.durable;
         while let Ok(done) = self.done.try_recv() {
             self.take(done);
         }
+        // Not compared with the start of this call: whoever waited in between has taken the reports already.
+        let before = std::mem::replace(&mut self.reported, self.durable);
         self.durable > before
     }
 
-    /// Waits until all is durable; false where it fails.
-    pub fn wait(&mut self) -> bool {
+    /// Waits until all is durable; false where it fails, or is not within this time.
+    pub fn wait(&mut self, within: Duration) -> bool {
+        let end = Instant::now() + within;
         while self.busy {
-            match self.done.recv() {
+            match self
+                .done
+                .recv_timeout(end.saturating_duration_since(Instant::now()))
+            {
                 Ok(done) => self.take(done),
                 Err(_) => return false,
             }
@@ -300,11 +308,11 @@ pub struct WaitingDisk<'a>(&'a mut QueuedDisk);
 impl WaitingDisk<'_> {
     fn finish(&mut self, name: &str, done: Result<(), StoreError>) -> Result<(), StoreError> {
         done?;
-        if self.0.wait() {
+        if self.0.wait(AN_EXCHANGE_WAITS) {
             return Ok(());
         }
         self.0.check(name)?;
-        Err(StoreError::new(name, "the thread that writes has ended"))
+        Err(StoreError::new(name, "not durable within 2 s"))
     }
 }
 
@@ -405,5 +413,7 @@ fn make_durable(
 
 /// Between the name of a record and the number of the change that wrote it.
 const BESIDE: &str = ".new-";
+/// How long the bridge stands still for a key at most: less than any watchdog.
+const AN_EXCHANGE_WAITS: Duration = Duration::from_secs(2);
 /// The pause after a failure.
 const TRY_AGAIN: Duration = Duration::from_secs(1);

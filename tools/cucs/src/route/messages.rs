@@ -14,7 +14,6 @@ use super::model::{
     Curve, CurveForm, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
 };
 use crate::session::download::Download;
-use crate::session::sender::stamped;
 
 impl Route {
     /// The messages, in the order: route, each waypoint with its loiter, curves. 50001 names vehicle and CUCS too.
@@ -59,7 +58,9 @@ impl Route {
         let mut out = Vec::with_capacity(messages.len());
         let stamps = TimeStamp::from_unix_ms(unix_ms).0..;
         for (stamp, message) in stamps.zip(messages) {
-            let length = stamped(&message, TimeStamp(stamp)).encode(&envelope, &mut bytes)?;
+            let length = message
+                .stamped(TimeStamp(stamp))
+                .encode(&envelope, &mut bytes)?;
             out.extend(bytes.get(..length).map(<[u8]>::to_vec));
         }
         Ok(out)

@@ -8,8 +8,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use stanag_msgs::enums::AckType;
-use stanag_msgs::table::Wire;
-use stanag_msgs::wrapper::{ChecksumStyle, MAX_DATA};
+use stanag_msgs::wrapper::ChecksumStyle;
 use stanag_msgs::{EncodeError, Envelope, Id, MAX_DATAGRAM, Message, Packer, TimeStamp};
 
 use super::traffic::Traffic;
@@ -176,7 +175,7 @@ impl Sender {
             && let Some((ticket, destination, message, acknowledged)) = self.queue.pop_front()
         {
             let stamp = self.stamp(now.unix_ms);
-            let message = stamped(&message, stamp);
+            let message = message.stamped(stamp);
             let envelope = self.envelope(destination, acknowledged);
             let mut bytes = [0; MAX_DATAGRAM];
             let out = &mut self.out;
@@ -343,98 +342,8 @@ impl Sender {
     }
 }
 
-/// The same message with this stamp. A message whose first field is no stamp, or that cannot be written, is returned
-/// as it is: encoding it will report the reason.
-pub(crate) fn stamped(message: &Message, stamp: TimeStamp) -> Message {
-    rewritten(message, stamp).unwrap_or_else(|| message.clone())
-}
-
-fn rewritten(message: &Message, stamp: TimeStamp) -> Option<Message> {
-    let info = message.info();
-    let presence = usize::from(info.presence_bytes);
-    let mut value = [0; 8];
-    let wide = match info.fields.first()?.wire {
-        Wire::U40 => {
-            value[..5].copy_from_slice(&stamp.0.to_be_bytes()[3..]);
-            5
-        }
-        // 50001 carries the same milliseconds as a double.
-        Wire::F64 => {
-            value = (stamp.0 as f64).to_be_bytes();
-            8
-        }
-        _ => return None,
-    };
-    let mut old = [0; MAX_DATA];
-    let length = message.encode_data(&mut old).ok()?;
-    let (vector, fields) = old.get(..length)?.split_at_checked(presence)?;
-    let was_stamped = vector.last()? & 1 != 0;
-    let others = fields.get(if was_stamped { wide } else { 0 }..)?;
-
-    let mut new = Vec::with_capacity(length + wide);
-    new.extend_from_slice(vector);
-    *new.last_mut()? |= 1;
-    new.extend_from_slice(value.get(..wide)?);
-    new.extend_from_slice(others);
-    Message::decode(info.id, &new).ok()
-}
-
 /// Messages on their way without an answer: as many acknowledgements as fit a socket's buffer.
 const WINDOW: usize = 32;
 const MAX_REMEMBERED: usize = 4_096;
 /// At two retry intervals each: a minute by default, longer than a command may take to be carried out.
 const MAX_OUTCOME_REQUESTS: u32 = 60;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    use stanag_msgs::enums::FlightPathControlMode;
-    use stanag_msgs::messages::{CurveSegmentPaper, VehicleOperatingModeCommand};
-    use stanag_msgs::table;
-
-    #[test]
-    fn a_stamp_is_put_in_and_replaced_and_nothing_else_changes() {
-        let bare = VehicleOperatingModeCommand {
-            select_flight_path_control_mode: Some(FlightPathControlMode::Loiter),
-            commanded_waypoint_number: Some(7),
-            ..Default::default()
-        };
-        for stamp in [TimeStamp(1), TimeStamp(0xFF_FFFF_FFFF)] {
-            let once = stamped(&bare.clone().into(), TimeStamp(99));
-            let expected = VehicleOperatingModeCommand {
-                time_stamp: Some(stamp),
-                ..bare.clone()
-            };
-            assert_eq!(stamped(&once, stamp), expected.into());
-        }
-    }
-
-    #[test]
-    fn every_message_of_the_table_can_be_stamped_but_is_otherwise_empty() {
-        for info in table::MESSAGES {
-            let Some(empty) = Message::empty(info.id) else {
-                panic!("{} is not in the table", info.id)
-            };
-            let message = stamped(&empty, TimeStamp(0x12_3456_789A));
-            let mut bytes = [0; MAX_DATA];
-            let length = message.encode_data(&mut bytes).unwrap();
-            let wide = info.fields[0].wire.bytes().unwrap();
-            assert_eq!(
-                length,
-                usize::from(info.presence_bytes) + wide,
-                "{}",
-                info.id
-            );
-        }
-    }
-
-    #[test]
-    fn the_papers_curve_carries_the_stamp_as_a_double() {
-        let message = stamped(&CurveSegmentPaper::default().into(), TimeStamp(1234));
-        let Message::CurveSegmentPaper(curve) = message else {
-            panic!("another message");
-        };
-        assert_eq!(curve.time_stamp, Some(1234.0));
-    }
-}

@@ -13,6 +13,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::rc::Rc;
+use std::time::Duration;
 
 use tokio::net::{TcpListener, UnixListener};
 use tokio::task::LocalSet;
@@ -121,8 +122,11 @@ impl Server {
         let served = local.run_until(tasks.run(stop)).await;
         let mut core = shared.core.borrow_mut();
         core.flush();
-        core.store.wait();
+        core.store.wait(LAST_WRITES);
         drop(core);
         served.map(|()| shared.status())
     }
 }
+
+/// What is left to write gets so long at the end: longer than a slow disk takes, shorter than a service manager waits.
+const LAST_WRITES: Duration = Duration::from_secs(10);
