@@ -136,18 +136,9 @@ impl Outbox {
     }
 
     /// Keeps something until a change of the disk is durable; false where there is no room, and it is lost.
-    ///
-    /// Answers have more room: they are small, and one that is lost is not given again, since its command counts as not
-    /// answered yet.
     pub(crate) fn hold(&mut self, until: u64, asker: Option<usize>, what: Waiting) -> bool {
-        let is_answer = |what: &Waiting| matches!(what, Waiting::Acknowledgement(..));
-        let alike = |held: &&Held| held.asker == asker && is_answer(&held.what) == is_answer(&what);
-        let room = if is_answer(&what) {
-            MAX_HELD_ANSWERS
-        } else {
-            MAX_HELD
-        };
-        let fits = self.held.iter().filter(alike).count() < room;
+        let of_asker = self.held.iter().filter(|held| held.asker == asker).count();
+        let fits = of_asker < MAX_HELD;
         if fits {
             self.held.push_back(Held { until, asker, what });
         }
@@ -206,8 +197,6 @@ impl Outbox {
 const MAX_QUEUED: usize = 65_536;
 /// Messages that wait for the disk at most, of what one station has led to.
 const MAX_HELD: usize = 256;
-/// Answers (17000) that wait for the disk at most, for one station: of some seconds at the rate that a station has.
-const MAX_HELD_ANSWERS: usize = 4_096;
 /// A change of the wall clock against monotonic time that is no step.
 const SMALL_STEP: Duration = Duration::from_secs(1);
 /// How long a step forward must last before the stamps follow it.
