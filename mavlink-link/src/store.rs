@@ -80,17 +80,18 @@ pub trait Disk {
         false
     }
 
-    /// The number of the last change that this disk has taken and makes durable later, counted from 1. What that change
-    /// promises must not be answered before [`durable`](Disk::durable) has reached the number.
+    /// The number of the last change that this disk has taken and makes durable later, counted from 1. What a change
+    /// promises must not be answered before it is [`Progress::Durable`].
     ///
     /// 0 of a disk whose changes are durable when their call returns, as most are.
     fn queued(&self) -> u64 {
         0
     }
 
-    /// All changes up to this number are durable.
-    fn durable(&self) -> u64 {
-        0
+    /// How far these changes are. Each file has a fate of its own: one that cannot be made durable holds back no other.
+    fn progress(&self, of: Changes) -> Progress {
+        let _ = of;
+        Progress::Durable
     }
 
     /// Puts a log aside, so that the next line is the first of a new one: `name` becomes `name.1`, that `name.2`, up
@@ -107,13 +108,57 @@ pub trait Disk {
     }
 }
 
+/// Changes that a disk has queued, by their numbers: those after `after`, up to `until`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Changes {
+    /// What [`Disk::queued`] was before the first of them.
+    pub after: u64,
+    /// The last of them.
+    pub until: u64,
+}
+
+impl Changes {
+    /// No change at all, which is durable.
+    pub const NONE: Changes = Changes { after: 0, until: 0 };
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(self) -> bool {
+        self.until <= self.after
+    }
+
+    /// These and the others, and those in between.
+    #[must_use]
+    pub fn and(self, others: Changes) -> Changes {
+        match (self.is_empty(), others.is_empty()) {
+            (true, _) => others,
+            (_, true) => self,
+            _ => Changes {
+                after: self.after.min(others.after),
+                until: self.until.max(others.until),
+            },
+        }
+    }
+}
+
+/// How far changes are on their way to the disk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// All of them would survive a power cut.
+    Durable,
+    /// They are on their way.
+    Waiting,
+    /// One could not be made durable and is tried again: what depends on it must hold up nothing else.
+    Failing,
+}
+
 /// What a record must survive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Durability {
     /// The end of this process, `kill -9` too.
     Process,
     /// A power cut as well: synchronised to the disk before the call returns, or, on a disk that queues, once
-    /// [`Disk::durable`] has reached what [`Disk::queued`] is after the call.
+    /// its change is [`Progress::Durable`].
     Power,
 }
 
@@ -220,7 +265,7 @@ pub use memory::MemoryDisk;
 mod memory {
     use std::collections::{BTreeMap, VecDeque};
 
-    use super::{Disk, Durability, StoreError};
+    use super::{Changes, Disk, Durability, Progress, StoreError};
     use zeroize::Zeroizing;
 
     /// A disk in memory, for tests: it outlives what writes to it, and can be full.
@@ -240,9 +285,11 @@ mod memory {
         pub queues: bool,
         /// Records that were replaced and are not durable yet, the oldest first: the end of the process loses them.
         pub waiting: VecDeque<(u64, String, Vec<u8>)>,
+        /// Records whose names start so cannot be made durable.
+        pub stuck: Option<&'static str>,
         /// The last change that was queued.
         pub queued: u64,
-        /// All up to this one are durable.
+        /// All up to this one are durable, but for what is stuck.
         pub durable: u64,
     }
 
@@ -258,12 +305,18 @@ mod memory {
             Ok(())
         }
 
+        fn is_stuck(&self, name: &str) -> bool {
+            self.stuck.is_some_and(|prefix| name.starts_with(prefix))
+        }
+
         /// Makes all changes up to this number durable.
         pub fn complete(&mut self, change: u64) {
-            while self.waiting.front().is_some_and(|one| one.0 <= change) {
-                let done = self.waiting.pop_front();
-                self.records
-                    .extend(done.map(|(_, name, bytes)| (name, bytes)));
+            for one in std::mem::take(&mut self.waiting) {
+                if one.0 <= change && !self.is_stuck(&one.1) {
+                    self.records.insert(one.1, one.2);
+                } else {
+                    self.waiting.push_back(one);
+                }
             }
             self.durable = self.durable.max(change.min(self.queued));
         }
@@ -344,8 +397,15 @@ mod memory {
             self.queued
         }
 
-        fn durable(&self) -> u64 {
-            self.durable
+        fn progress(&self, of: Changes) -> Progress {
+            let mut waiting = self.waiting.iter();
+            if waiting.any(|one| of.after < one.0 && one.0 <= of.until && self.is_stuck(&one.1)) {
+                Progress::Failing
+            } else if of.is_empty() || of.until <= self.durable {
+                Progress::Durable
+            } else {
+                Progress::Waiting
+            }
         }
     }
 }

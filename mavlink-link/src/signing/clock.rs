@@ -21,7 +21,10 @@ use thiserror::Error;
 use super::key::KeyId;
 use crate::Now;
 use crate::frame::Stamp;
-use crate::store::{Disk, Durability, Record, Store as _, StoreError};
+use crate::store::{Changes, Disk, Durability, Progress, Record, Store as _, StoreError};
+
+/// How the files of ceilings begin.
+pub const CEILING: &str = "clock-";
 
 /// The stored ceiling of a key: a power cut does not reach it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,10 +36,13 @@ impl Ceiling {
     /// # Errors
     /// It could not be read or made durable. The old ceiling stays in force.
     pub fn raise(disk: &mut dyn Disk, key: &KeyId, to: Stamp) -> Result<(), StoreError> {
-        match disk.load::<Ceiling>(key)? {
-            Some(Ceiling(stored)) if stored >= to => Ok(()),
-            _ => disk.save(key, &Ceiling(to)),
+        let stored = disk.load::<Ceiling>(key)?;
+        let to = stored.map_or(to, |Ceiling(stored)| stored.max(to));
+        if stored == Some(Ceiling(to)) && !disk.queues() {
+            return Ok(());
         }
+        // On a disk that queues the higher one may be on its way only: written again, it has a number to wait for.
+        disk.save(key, &Ceiling(to))
     }
 }
 
@@ -45,7 +51,7 @@ impl Record for Ceiling {
     const DURABILITY: Durability = Durability::Power;
 
     fn name(key: &KeyId) -> String {
-        format!("clock-{key}")
+        format!("{CEILING}{key}")
     }
 
     fn encode(&self) -> Vec<u8> {
@@ -91,8 +97,8 @@ pub struct SigningClock {
     key: KeyId,
     /// The stored ceiling; no stamp beyond it is sent or accepted.
     ceiling: u64,
-    /// A higher ceiling on its way to a disk that queues: the number of the change, and the ceiling.
-    raising: Option<(u64, u64)>,
+    /// A higher ceiling on its way to a disk that queues: the change, and the ceiling.
+    raising: Option<(Changes, u64)>,
     floor: Stamp,
     base: u64,
     base_at: Duration,
@@ -325,9 +331,10 @@ impl SigningClock {
         now: Now,
         store: &mut dyn Disk,
     ) -> Result<(), ClockError> {
-        if let Some((change, ceiling)) = self.raising
-            && store.durable() >= change
-        {
+        let raising = self
+            .raising
+            .map(|(change, ceiling)| (store.progress(change), ceiling));
+        if let Some((Progress::Durable, ceiling)) = raising {
             self.ceiling = ceiling;
             self.raising = None;
         }
@@ -340,19 +347,28 @@ impl SigningClock {
         // A failing disk is not tried again for every frame.
         if !enough && self.raising.is_none() && now.mono >= self.retry_at {
             let ceiling = stamp.plus(WRITE_AHEAD);
+            let after = store.queued();
             match Ceiling::raise(store, &self.key, ceiling) {
                 Err(_) => self.retry_at = now.mono.saturating_add(STORE_RETRY),
-                // Sending and accepting continue meanwhile, up to the old ceiling.
-                Ok(()) if store.durable() < store.queued() => {
-                    self.raising = Some((store.queued(), ceiling.get()));
+                Ok(()) => {
+                    let until = store.queued();
+                    let change = Changes { after, until };
+                    match store.progress(change) {
+                        Progress::Durable => self.ceiling = ceiling.get(),
+                        // Sending and accepting continue meanwhile, up to the old ceiling.
+                        _ => self.raising = Some((change, ceiling.get())),
+                    }
                 }
-                Ok(()) => self.ceiling = ceiling.get(),
             }
         }
+        if stamp.get() <= self.ceiling {
+            return Ok(());
+        }
         match self.raising {
-            _ if stamp.get() <= self.ceiling => Ok(()),
-            Some(_) => Err(ClockError::Raising),
-            None => Err(ClockError::Ceiling),
+            Some((change, _)) if store.progress(change) == Progress::Waiting => {
+                Err(ClockError::Raising)
+            }
+            _ => Err(ClockError::Ceiling),
         }
     }
 }

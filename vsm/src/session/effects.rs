@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 
 use mapping::alert;
 use mavlink_link::Now;
-use mavlink_link::store::Disk;
+use mavlink_link::store::{Changes, Disk, Progress};
 use stanag_msgs::enums::{AckType, AlertPriority, RouteType, SubsystemId};
 use stanag_msgs::messages::{MessageAcknowledgement, VehicleOperatingModeCommand};
 use stanag_msgs::{Id, Message, TimeStamp};
@@ -120,12 +120,14 @@ impl<'a> DliEffects<'a> {
         }
     }
 
-    /// The change of the disk that a message made now has to wait for.
-    fn waits_for(&self) -> Option<u64> {
-        let queued = self.disk.queued();
-        let own = if queued > self.mark { queued } else { 0 };
-        let until = own.max(self.outbox.answer_after);
-        (until > self.disk.durable()).then_some(until)
+    /// The changes of the disk that a message made now has to wait for.
+    fn waits_for(&self) -> Option<Changes> {
+        let own = Changes {
+            after: self.mark,
+            until: self.disk.queued(),
+        };
+        let until = own.and(self.outbox.answer_after);
+        (self.disk.progress(until) != Progress::Durable).then_some(until)
     }
 
     /// The stamp of a message made now.
@@ -182,8 +184,9 @@ impl<'a> DliEffects<'a> {
         }
     }
 
-    fn hold(&mut self, until: u64, asker: Option<usize>, what: Waiting) {
-        if !self.outbox.hold(until, asker, what) {
+    fn hold(&mut self, until: Changes, asker: Option<usize>, what: Waiting) {
+        let stuck = self.disk.progress(until) == Progress::Failing;
+        if !self.outbox.hold((until, stuck), asker, what) {
             self.counters.count("no room to wait for the disk");
         }
     }
@@ -215,7 +218,8 @@ impl<'a> DliEffects<'a> {
 
     /// Sends what has waited for the disk.
     pub(crate) fn release(&mut self) {
-        while let Some(waiting) = self.outbox.release(self.disk.durable()) {
+        let disk = &*self.disk;
+        for waiting in self.outbox.release(|changes| disk.progress(changes)) {
             match waiting {
                 Waiting::Message(to, (source, id), message) => {
                     let message = message.stamped(self.stamp());
@@ -402,8 +406,8 @@ impl Effects<'_> {
     }
 
     /// What is answered from here on in this call depends on a change of the disk that an earlier call has queued.
-    pub(crate) fn answer_after(&mut self, change: u64) {
-        self.dli.outbox.answer_after = change;
+    pub(crate) fn answer_after(&mut self, changes: Changes) {
+        self.dli.outbox.answer_after = changes;
     }
 
     /// Whether what is answered now waits for the disk.

@@ -8,6 +8,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use mavlink_link::Now;
+use mavlink_link::store::{Changes, Progress};
 use stanag_msgs::enums::AckType;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, Profile, TimeStamp};
 
@@ -78,11 +79,12 @@ impl WallTime {
     }
 }
 
-/// A message that waits until the disk has made a change durable.
+/// A message that waits until the disk has made changes durable.
 #[derive(Debug)]
 pub(crate) struct Held {
-    /// The number of the change.
-    until: u64,
+    until: Changes,
+    /// They cannot be made durable just now: what answers the same station passes by.
+    stuck: bool,
     /// The station whose message led to it.
     asker: Option<usize>,
     what: Waiting,
@@ -105,8 +107,8 @@ pub(crate) struct Outbox {
     queue: VecDeque<Datagram>,
     time: WallTime,
     held: VecDeque<Held>,
-    /// The answers of this call depend on decisions up to this change of the disk, made by earlier calls.
-    pub(crate) answer_after: u64,
+    /// The answers of this call depend on decisions of earlier calls, stored by these changes of the disk.
+    pub(crate) answer_after: Changes,
     last_stamp: u64,
     pub(crate) sent: ByType,
 }
@@ -135,29 +137,50 @@ impl Outbox {
         self.queue(message.id(), datagram);
     }
 
-    /// Keeps something until a change of the disk is durable; false where there is no room, and it is lost.
-    pub(crate) fn hold(&mut self, until: u64, asker: Option<usize>, what: Waiting) -> bool {
+    /// Keeps something until changes of the disk are durable; false where there is no room, and it is lost.
+    pub(crate) fn hold(
+        &mut self,
+        (until, stuck): (Changes, bool),
+        asker: Option<usize>,
+        what: Waiting,
+    ) -> bool {
         let of_asker = self.held.iter().filter(|held| held.asker == asker).count();
         let fits = of_asker < MAX_HELD;
         if fits {
-            self.held.push_back(Held { until, asker, what });
+            self.held.push_back(Held {
+                until,
+                stuck,
+                asker,
+                what,
+            });
         }
         fits
     }
 
-    /// The change that the last answer held for a station waits for.
-    pub(crate) fn held_for(&self, station: usize) -> Option<u64> {
-        let mut last = self.held.iter().rev();
-        last.find(|held| held.asker == Some(station))
-            .map(|held| held.until)
+    /// Whether an answer is held for a station, behind which the next one has to wait.
+    pub(crate) fn held_for(&self, station: usize) -> Option<Changes> {
+        let mut held = self.held.iter();
+        let before = |held: &Held| held.asker == Some(station) && !held.stuck;
+        held.any(before).then_some(Changes::NONE)
     }
 
-    /// The next that has waited until this change.
-    pub(crate) fn release(&mut self, durable: u64) -> Option<Waiting> {
-        if self.held.front()?.until > durable {
-            return None;
+    /// What has waited long enough, in its order for each station.
+    pub(crate) fn release(&mut self, progress: impl Fn(Changes) -> Progress) -> Vec<Waiting> {
+        let mut behind = Vec::new();
+        let mut released = Vec::new();
+        for mut held in std::mem::take(&mut self.held) {
+            let progress = progress(held.until);
+            held.stuck = progress == Progress::Failing;
+            if progress == Progress::Durable && !behind.contains(&held.asker) {
+                released.push(held.what);
+                continue;
+            }
+            if !held.stuck && !behind.contains(&held.asker) {
+                behind.push(held.asker);
+            }
+            self.held.push_back(held);
         }
-        self.held.pop_front().map(|held| held.what)
+        released
     }
 
     /// How many messages wait for the disk.

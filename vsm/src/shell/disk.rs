@@ -106,10 +106,6 @@ impl FileDisk {
         })
     }
 
-    fn replace_whole(&self, name: &str, bytes: &[u8], power: bool) -> io::Result<()> {
-        replace(&*self.system, &self.folder.join(name), bytes, power)
-    }
-
     /// Its files.
     pub(super) fn folder(&self) -> &Path {
         &self.folder
@@ -131,30 +127,19 @@ impl FileDisk {
         Ok((file, new))
     }
 
-    fn append_to(&self, name: &str, bytes: &[u8], power: bool) -> io::Result<()> {
-        let (file, new) = self.add(name, bytes)?;
-        if power {
-            self.system.sync_open(&file)?;
-        }
-        if new {
-            // The name of a new file is in its folder.
-            self.system.sync(&self.folder)?;
-        }
-        Ok(())
-    }
-
-    fn rename_durably(&self, from: &Path, to: &Path) -> io::Result<()> {
-        match self.system.rename(from, to) {
-            // A file that is not there needs no move: the rotation of logs counts on that.
-            Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(()),
-            Err(cause) => Err(cause),
-            Ok(()) => self.system.sync(&self.folder),
+    /// Puts a file in the place of another without synchronising the folder; false where there is none to be moved: the
+    /// rotation of logs counts on that being no fault.
+    pub(super) fn move_file(&self, from: &str, to: &str) -> io::Result<bool> {
+        let (from, to) = (self.folder.join(from), self.folder.join(to));
+        match self.system.rename(&from, &to) {
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(false),
+            moved => moved.map(|()| true),
         }
     }
 
-    fn remove_durably(&self, path: &Path) -> io::Result<()> {
-        self.system.remove(path)?;
-        self.system.sync(&self.folder)
+    /// Deletes a file without synchronising the folder.
+    pub(super) fn delete(&self, name: &str) -> io::Result<()> {
+        self.system.remove(&self.folder.join(name))
     }
 }
 
@@ -170,8 +155,8 @@ impl Disk for FileDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        self.replace_whole(name, bytes, durability == Durability::Power)
-            .map_err(|cause| StoreError::new(name, cause))
+        let (path, power) = (self.folder.join(name), durability == Durability::Power);
+        replace(&*self.system, &path, bytes, power).map_err(|cause| StoreError::new(name, cause))
     }
 
     fn append(
@@ -180,18 +165,32 @@ impl Disk for FileDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        let power = durability == Durability::Power;
-        self.append_to(name, bytes, power)
-            .map_err(|cause| StoreError::new(name, cause))
+        let added = self.add(name, bytes).and_then(|(file, new)| {
+            if durability == Durability::Power {
+                self.system.sync_open(&file)?;
+            }
+            // The name of a new file is in its folder.
+            if new {
+                self.system.sync(&self.folder)?;
+            }
+            Ok(())
+        });
+        added.map_err(|cause| StoreError::new(name, cause))
     }
 
     fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
-        self.rename_durably(&self.folder.join(from), &self.folder.join(to))
-            .map_err(|cause| StoreError::new(from, cause))
+        let moved = self.move_file(from, to).and_then(|moved| {
+            if moved {
+                self.system.sync(&self.folder)?;
+            }
+            Ok(())
+        });
+        moved.map_err(|cause| StoreError::new(from, cause))
     }
 
     fn remove(&mut self, name: &str) -> Result<(), StoreError> {
-        self.remove_durably(&self.folder.join(name))
+        self.delete(name)
+            .and_then(|()| self.system.sync(&self.folder))
             .map_err(|cause| StoreError::new(name, cause))
     }
 }

@@ -122,6 +122,28 @@ fn a_disk_that_fails_at_once_refuses_and_one_that_never_ends_promises_nothing() 
 }
 
 #[test]
+fn a_record_that_cannot_be_made_durable_keeps_no_station_from_its_other_answers() {
+    let mut scene = slow(Duration::from_millis(300));
+    scene.rig.store.stuck = Some("authority");
+    let taken = scene.ask(B, RequestedAccess::Override, CONTROL);
+    scene.rig.run(1.0);
+    // Nobody controls by it, and B is not answered; what else B asks is.
+    assert!(scene.rig.stations[B].answers(taken).is_empty());
+    assert_eq!(scene.controller(), Some(A));
+    let of_b = scene.rig.send_as(B, 0, loiter(70.0));
+    let of_a = scene.rig.send_as(A, 0, loiter(60.0));
+    scene.rig.run(0.2);
+    assert_eq!(scene.rig.stations[B].end(of_b), Some(AckType::Refused));
+    assert_eq!(scene.rig.stations[A].end(of_a), Some(AckType::CarriedOut));
+    // Once it is durable, it takes effect.
+    scene.rig.store.stuck = None;
+    scene.rig.store.queued += 1;
+    scene.rig.run(1.0);
+    assert_eq!(scene.rig.stations[B].end(taken), Some(AckType::CarriedOut));
+    assert_eq!(scene.controller(), Some(B));
+}
+
+#[test]
 fn what_is_flown_for_a_lost_controller_does_not_wait_for_a_disk_that_never_ends_or_is_full() {
     for full in [None, Some("authority"), Some("audit")] {
         let mut scene = slow(Duration::from_millis(300));

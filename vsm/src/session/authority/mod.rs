@@ -28,7 +28,7 @@ use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mavlink_link::dialect::MavLandedState;
-use mavlink_link::store::{Durability, StoreError};
+use mavlink_link::store::{Changes, Disk, Durability, Progress, StoreError};
 use stanag_msgs::enums::{
     AckType, AlertPriority, FlightPathControlMode as Mode, HandoverStatus, LoiBitmap,
     RequestedAccess, RouteType, SubsystemId, WaitTransition,
@@ -70,8 +70,8 @@ pub(crate) struct AuthorityMachine {
 /// A decision that takes effect once the disk has it.
 #[derive(Debug)]
 struct Unstored {
-    /// The change of the disk that it waits for.
-    change: u64,
+    /// The changes of the disk that it waits for.
+    stored: Changes,
     /// The rights after it.
     rights: Authority,
     decision: Decision,
@@ -431,8 +431,9 @@ impl AuthorityMachine {
 
     /// What is answered from here on shows decisions that are not durable yet.
     fn answer_after_decisions(&self, effects: &mut Effects<'_>) {
-        if let Some(last) = self.unstored.back() {
-            effects.answer_after(last.change);
+        let stored = self.unstored.iter().map(|one| one.stored);
+        if let Some(all) = stored.reduce(Changes::and) {
+            effects.answer_after(all);
         }
     }
 
@@ -499,7 +500,7 @@ impl AuthorityMachine {
                 why: Refusal::TooOften,
             };
         }
-        let queued = effects.disk().queued();
+        let after = effects.disk().queued();
         if changed {
             let stored = if self.unstored.len() < MAX_UNSTORED {
                 (self.record).store_decision(&self.decided, &decision, context, effects)
@@ -528,12 +529,12 @@ impl AuthorityMachine {
         }
         let answer = decision.answer.clone();
         // What has not changed the disk waits for those before it all the same: it was decided by them.
-        let change = match effects.disk().queued() {
-            now if now > queued => now,
-            _ => self.unstored.back().map_or(0, |last| last.change),
+        let stored = Changes {
+            after,
+            until: effects.disk().queued(),
         };
         self.unstored.push_back(Unstored {
-            change,
+            stored,
             rights: self.decided.clone(),
             decision,
             of,
@@ -563,8 +564,7 @@ impl AuthorityMachine {
 
     /// Lets the decisions that are durable take effect.
     fn conclude(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        let durable = effects.disk().durable();
-        while let Some(one) = next(&mut self.unstored, durable) {
+        while let Some(one) = next(&mut self.unstored, effects.disk()) {
             self.take_effect(context, one, effects);
         }
     }
@@ -995,11 +995,10 @@ fn parties(context: &Context<'_>, handover: &Handover) -> Vec<usize> {
     ids.filter_map(|id| context.station_of(id)).collect()
 }
 
-fn next(unstored: &mut VecDeque<Unstored>, durable: u64) -> Option<Unstored> {
-    match unstored.front() {
-        Some(one) if one.change <= durable => unstored.pop_front(),
-        _ => None,
-    }
+fn next(unstored: &mut VecDeque<Unstored>, disk: &dyn Disk) -> Option<Unstored> {
+    let first = unstored.front()?;
+    let durable = disk.progress(first.stored) == Progress::Durable;
+    durable.then(|| unstored.pop_front()).flatten()
 }
 
 /// Who loads a mission just now; the null id where the VSM does by itself.

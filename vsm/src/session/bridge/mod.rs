@@ -18,7 +18,7 @@ use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::service::Node;
 use mavlink_link::signing::Stamp;
-use mavlink_link::store::{Disk, Store as _, StoreError};
+use mavlink_link::store::{Changes, Disk, Store as _, StoreError};
 use stanag_msgs::{Id, Profile};
 
 use super::aircraft::Aircraft;
@@ -264,7 +264,7 @@ impl Bridge {
         now: Now,
         disk: &'a mut dyn Disk,
     ) -> (DliEffects<'a>, &'a mut Vec<Aircraft>) {
-        self.outbox.answer_after = 0;
+        self.outbox.answer_after = Changes::NONE;
         let effects = DliEffects {
             mark: disk.queued(),
             asker: self.asker,
