@@ -4,15 +4,15 @@
 //! streams, so that neither sticks nor heartbeats push them out, and are logged on disk: they are known after a restart
 //! too, and one that the restart cut off is answered.
 //!
-//! What the memory has no room for any more leaves its stamp behind ([`UsedStamps`]): no command is carried out twice,
-//! however many others came between. What moves the aircraft, changes what it will fly or says who may (`commands` of
+//! What was authorised and the memory has no room for any more leaves its stamp behind ([`UsedStamps`]): no command is
+//! carried out twice, however many others came between. What was not authorised leaves nothing. What moves the aircraft, changes what it will fly or says who may (`commands` of
 //! the caller) needs a stamp, and comes in time by its station's own clock ([`StationClock`]). Sticks are too many to
 //! be logged one by one: of them each must be newer than the last, and the log has a bound on their stamps that is
 //! ahead of them.
 //!
 //! The log has a line before a command is carried out, and another when its answer is final: digest, message type,
-//! stamp, destination, 1 where an acknowledgement was requested, mode, and the answer, `-` before it is known. A later
-//! line of the same digest takes the place of the earlier. `used` and `sticks` lines have the first and the last of
+//! stamp, destination, 1 where an acknowledgement was requested, mode, and the answer, `-` before it is known;
+//! `unauthorised` behind that where it was refused for want of a right, or as late. A later line of the same digest takes the place of the earlier. `used` and `sticks` lines have the first and the last of
 //! stamps that were used; they are written with the rest, in one step, when the log is written whole. It survives the
 //! end of the process, `kill -9` too; after a power cut the last lines may be missing. Where no line can be written the
 //! command is carried out all the same, and an alert says so: a vehicle in the air must be commanded with a full disk
@@ -32,7 +32,7 @@ use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::context::Origin;
-use super::stamps::{MAX_LATE, SETTLE, StationClock, UsedStamps, stamps_apart_ms};
+use super::stamps::{MAX_AHEAD, MAX_LATE, SETTLE, StationClock, UsedStamps, stamps_apart_ms};
 
 /// What one CUCS has sent lately, in memory and in its log.
 #[derive(Debug, Default)]
@@ -64,49 +64,69 @@ pub(crate) enum Verdict {
 }
 
 impl Remembered {
-    /// Judges a message of `station`, and remembers it before it is carried out. `commands`: it needs a stamp, and must
-    /// be in time.
+    /// Judges a message, and remembers it. `timed`: it must be in time.
     ///
-    /// The second value is whether its line was written, where it has one. It is remembered all the same.
-    pub(crate) fn judge(
-        &mut self,
-        station: Id,
-        new: &Seen,
-        commands: bool,
-        now: Duration,
-        disk: &mut dyn Disk,
-    ) -> (Verdict, Option<Result<(), StoreError>>) {
+    /// That it was received uses up nothing: what is not authorised must not, else a CUCS without a right, or who sends in
+    /// its name, would lock it out of moments to come. What is authorised is [accepted](Remembered::accept) before it is
+    /// carried out.
+    pub(crate) fn judge(&mut self, new: &Seen, timed: bool, now: Duration) -> Verdict {
         if let Some(answer) = self.recent.find(new) {
-            return (Verdict::Again(answer), None);
+            return Verdict::Again(answer);
         }
         let sticks = new.message_type == STICKS;
         let used = if sticks { &self.sticks } else { &self.used };
-        if (sticks || new.commands()) && used.contains(new.stamp) {
+        let is_used = (sticks || new.commands()) && used.contains(new.stamp);
+        if is_used {
             // It is not remembered: replays must not push out what is.
-            return (Verdict::Refused("used time stamp", USED.into()), None);
+            return Verdict::Refused("used time stamp", USED.into());
         }
         // Noted first: it may be the message that shows for long enough that the clock was set.
         self.clock.note(new.stamp, now);
-        let late = self.clock.lateness(new.stamp, now).filter(|_| commands);
+        // One that is ahead stays used until the clock has passed it, however many there are.
+        if timed
+            && self.clock.is_ahead(new.stamp, now)
+            && let Some(reading) = self.clock.reading(now)
+            && used.ahead(reading) >= MAX_AHEAD
+        {
+            return Verdict::Refused("too far ahead", TOO_MANY_AHEAD.into());
+        }
         // An overtaken order is remembered too, so that its repetitions are refused as duplicates; a late one likewise.
         let overtaken = self.recent.is_overtaken(new);
-        let forgotten = self.recent.remember(*new);
-        let logged = if sticks {
-            Some(self.log_sticks(station, new.stamp, disk))
-        } else if new.commands() {
-            for stamp in forgotten.into_iter().flatten() {
-                self.used.insert(stamp);
+        let reading = self.clock.reading(now);
+        for seen in self.recent.remember(*new).into_iter().flatten() {
+            if seen.has_used_its_stamp() {
+                self.used.insert(seen.stamp);
+                self.used.bound(reading.unwrap_or(seen.stamp));
             }
-            Some(self.log(station, new, disk))
-        } else {
-            None
-        };
-        let verdict = match late {
+        }
+        match self.clock.lateness(new.stamp, now).filter(|_| timed) {
             Some(late) => Verdict::Refused("late", late_text(late)),
             None if overtaken => Verdict::Refused("overtaken", OVERTAKEN.into()),
             None => Verdict::New,
-        };
-        (verdict, logged)
+        }
+    }
+
+    /// The message that was judged last is to be carried out: it is on disk before that. `authorised`: its stamp is used
+    /// from here on. `None` where it is not logged; else whether that could be written. It counts all the same.
+    pub(crate) fn accept(
+        &mut self,
+        station: Id,
+        message_type: u16,
+        stamp: TimeStamp,
+        authorised: bool,
+        now: Duration,
+        disk: &mut dyn Disk,
+    ) -> Option<Result<(), StoreError>> {
+        if message_type == STICKS {
+            return Some(self.log_sticks(station, stamp, now, disk));
+        }
+        let latest = self.recent.commands.back_mut()?;
+        if latest.accepted || (latest.message_type, latest.stamp) != (message_type, stamp) {
+            return None;
+        }
+        latest.accepted = authorised;
+        let seen = *latest;
+        Some(self.log(station, &seen, disk))
     }
 
     /// Remembers the answer to the latest message of this type and stamp.
@@ -141,11 +161,14 @@ impl Remembered {
             return Ok(Vec::new());
         };
         self.read_log(&bytes);
-        if let Some(latest) = self.recent.commands.back() {
+        let commands = &self.recent.commands;
+        // Of what was not authorised nothing is learnt.
+        if let Some(latest) = commands.iter().rev().find(|seen| seen.has_used_its_stamp()) {
             self.clock.restore(latest.stamp, now);
+            self.used.bound(latest.stamp);
+            self.sticks.bound(latest.stamp);
         }
-        let commands = self.recent.commands.iter();
-        let open = commands.filter(|seen| !is_final(seen.answer));
+        let open = commands.iter().filter(|seen| !is_final(seen.answer));
         Ok(open.copied().collect())
     }
 
@@ -191,9 +214,11 @@ impl Remembered {
         &mut self,
         station: Id,
         stamp: TimeStamp,
+        now: Duration,
         disk: &mut dyn Disk,
     ) -> Result<(), StoreError> {
         self.sticks.insert(stamp);
+        self.sticks.bound(self.clock.reading(now).unwrap_or(stamp));
         let logged = self.sticks_logged.checked_sub(stamp.0);
         if logged.is_some_and(|ahead_ms| ahead_ms <= STICKS_AHEAD_MS) {
             return Ok(());
@@ -252,7 +277,9 @@ impl Remembered {
             if known.len() > MAX_COMMANDS
                 && let Some(oldest) = known.pop_front()
             {
-                self.used.insert(oldest.stamp);
+                if oldest.has_used_its_stamp() {
+                    self.used.insert(oldest.stamp);
+                }
                 forgotten += 1;
             }
         }
@@ -295,6 +322,8 @@ pub(crate) struct Seen {
     /// A message 1 that asks, and neither requests nor releases: it may be asked once a second for hours, and must not
     /// use up the stamps of commands.
     question: bool,
+    /// It was authorised: its stamp is used.
+    accepted: bool,
     /// When it came, and what it is about; none of what was read back after a restart.
     pub(crate) came: Option<(Duration, Option<u64>)>,
 }
@@ -333,6 +362,7 @@ impl Seen {
             mode,
             answer: None,
             question,
+            accepted: false,
             came: Some((now, about(message))),
         }
     }
@@ -351,6 +381,12 @@ impl Seen {
     /// which the next one takes the place of the last.
     pub(crate) fn commands(&self) -> bool {
         !self.question && is_command(self.message_type)
+    }
+
+    /// Whether its stamp must not command again. Anybody listed may request rights: only what was granted counts.
+    fn has_used_its_stamp(&self) -> bool {
+        let granted = self.answer == Some(AckType::CarriedOut);
+        self.accepted && (granted || !REQUESTS.contains(&self.message_type))
     }
 }
 
@@ -386,6 +422,7 @@ impl Recent {
             seen.message_type == new.message_type
                 && known == about
                 && seen.destination == new.destination
+                && seen.accepted
                 // A refused order had no effect that an earlier one could undo.
                 && seen.answer != Some(AckType::Refused)
                 && (1..LONGEST_WAY_MS).contains(&stamps_apart_ms(seen.stamp, new.stamp))
@@ -393,8 +430,8 @@ impl Recent {
         })
     }
 
-    /// Remembers a message; the stamps of those that are forgotten for it.
-    fn remember(&mut self, new: Seen) -> [Option<TimeStamp>; 2] {
+    /// Remembers a message; those that are forgotten for it.
+    fn remember(&mut self, new: Seen) -> [Option<Seen>; 2] {
         let now = new.came.map(|(now, _)| now).unwrap_or_default();
         let ring = if new.commands() {
             &mut self.commands
@@ -403,7 +440,7 @@ impl Recent {
         };
         let mut forgotten = [None; 2];
         // Two, so that a memory that has grown shrinks again.
-        for stamp in &mut forgotten {
+        for one in &mut forgotten {
             let young = |seen: &&Seen| {
                 let came = seen.came.map(|(at, _)| now.saturating_sub(at));
                 // Its retransmissions, and those of what was sent just before it, may still be on their way.
@@ -411,28 +448,27 @@ impl Recent {
             };
             let full = ring.len() >= MAX_COMMANDS;
             if ring.len() >= DEPTH && (full || ring.front().filter(young).is_none()) {
-                *stamp = ring.pop_front().map(|seen| seen.stamp);
+                *one = ring.pop_front();
             }
         }
         ring.push_back(new);
         forgotten
     }
 
-    /// Notes the answer to the latest message of this type and stamp.
-    pub(crate) fn answered(
-        &mut self,
-        message_type: u16,
-        stamp: TimeStamp,
-        answer: AckType,
-    ) -> Option<Seen> {
-        let is_it = |seen: &&mut Seen| seen.message_type == message_type && seen.stamp == stamp;
+    /// The latest command of this type and stamp.
+    fn latest_command(&mut self, message_type: u16, stamp: TimeStamp) -> Option<&mut Seen> {
         // Streams are no commands; of message 1 there are questions, too.
-        let command = if NO_COMMANDS.contains(&message_type) {
-            None
-        } else {
-            self.commands.iter_mut().rev().find(is_it)
+        let mut commands = (self.commands.iter_mut().rev()).filter(|_| is_command(message_type));
+        commands.find(|seen| seen.message_type == message_type && seen.stamp == stamp)
+    }
+
+    /// Notes the answer to the latest message of this type and stamp.
+    fn answered(&mut self, message_type: u16, stamp: TimeStamp, answer: AckType) -> Option<Seen> {
+        let is_it = |seen: &&mut Seen| seen.message_type == message_type && seen.stamp == stamp;
+        let seen = match self.latest_command(message_type, stamp) {
+            Some(seen) => seen,
+            None => self.others.iter_mut().rev().find(is_it)?,
         };
-        let seen = command.or_else(|| self.others.iter_mut().rev().find(is_it))?;
         seen.answer = Some(answer);
         Some(*seen)
     }
@@ -453,6 +489,7 @@ fn write_line(out: &mut String, seen: &Seen) {
         ack_requested,
         mode,
         answer,
+        accepted,
         ..
     } = *seen;
     let (stamp, destination, ack) = (stamp.0, destination.0, u8::from(ack_requested));
@@ -461,9 +498,10 @@ fn write_line(out: &mut String, seen: &Seen) {
         " {message_type} {stamp} {destination:08x} {ack} {mode} "
     );
     let _ = match answer {
-        Some(answer) => writeln!(out, "{}", answer.raw()),
-        None => writeln!(out, "-"),
+        Some(answer) => write!(out, "{}", answer.raw()),
+        None => write!(out, "-"),
     };
+    let _ = writeln!(out, "{}", if accepted { "" } else { UNAUTHORISED });
 }
 
 fn write_span(out: &mut String, name: &str, first: u64, last: u64) {
@@ -480,6 +518,10 @@ fn parse_span(line: &str) -> Option<(&str, u64, u64)> {
 }
 
 fn parse_line(line: &str) -> Option<Seen> {
+    let (line, accepted) = match line.strip_suffix(UNAUTHORISED) {
+        Some(line) => (line, false),
+        None => (line, true),
+    };
     let mut words = line.split(' ');
     let digest: [u8; 16] = u128::from_str_radix(words.next().filter(|hex| hex.len() == 32)?, 16)
         .ok()?
@@ -496,6 +538,7 @@ fn parse_line(line: &str) -> Option<Seen> {
             number => Some(AckType::from_raw(number.parse().ok()?)),
         },
         question: false,
+        accepted,
         came: None,
     };
     words.next().is_none().then_some(seen)
@@ -553,6 +596,8 @@ const LONGEST_WAY_MS: i64 = 10_000;
 const NO_COMMANDS: [u16; 10] = [
     2010, 15000, 15001, 16002, 17000, 17001, 17002, 40000, 50010, 50014,
 ];
+/// Requests for rights, and positive handovers.
+const REQUESTS: [u16; 3] = [1, 4, 34_000];
 /// Messages remembered a CUCS, of each of the two kinds: an upload of 500 waypoints, sent twice, is told apart.
 const DEPTH: usize = 1024;
 /// Commands remembered while they are young.
@@ -565,10 +610,14 @@ const STICKS: u16 = 2010;
 const STICKS_AHEAD_MS: u64 = 10_000;
 const USED_LINE: &str = "used";
 const STICKS_LINE: &str = "sticks";
+/// Ends a line of the log.
+const UNAUTHORISED: &str = " unauthorised";
 /// Its sender has ordered something else since.
 const OVERTAKEN: &str = "overtaken by a later command, which applies instead";
 const USED: &str = "its Time Stamp lies where this CUCS has commanded before: it is a repetition, or the clock of the CUCS was \
      set back";
+const TOO_MANY_AHEAD: &str = "its Time Stamp is ahead of the clock of its CUCS, as those of many commands before it were: set the clock \
+     of the CUCS, and send it again";
 
 fn late_text(late: Duration) -> String {
     format!(
@@ -596,6 +645,7 @@ mod tests {
             mode: 21,
             answer,
             question: false,
+            accepted: true,
             came: None,
         }
     }
@@ -698,6 +748,7 @@ mod tests {
                 mode: 0,
                 answer: None,
                 question: false,
+                accepted: false,
                 came: None,
             };
             self.recorded.push(new);
@@ -708,14 +759,15 @@ mod tests {
             let now = self.now - self.started;
             seen.came = Some((now, None));
             let commands = seen.commands() || seen.message_type == STICKS;
-            let (verdict, _) = self
-                .remembered
-                .judge(STATION, &seen, commands, now, &mut self.disk);
+            let verdict = self.remembered.judge(&seen, commands, now);
             if commands && verdict == Verdict::New {
+                let (kind, stamp) = (seen.message_type, seen.stamp);
+                let disk = &mut self.disk;
+                self.remembered
+                    .accept(STATION, kind, stamp, true, now, disk);
                 let times = self.carried_out.entry(seen.digest.0).or_default();
                 *times += 1;
                 assert_eq!(*times, 1, "{seen:?} is carried out again");
-                let (kind, stamp) = (seen.message_type, seen.stamp);
                 let answer = [AckType::Received, AckType::CarriedOut, AckType::Refused]
                     [self.random.usize(0..3)];
                 self.remembered

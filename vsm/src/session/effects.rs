@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 
 use mapping::alert;
 use mavlink_link::Now;
-use mavlink_link::store::{Changes, Disk, Progress};
+use mavlink_link::store::{Changes, Disk, Progress, StoreError};
 use stanag_msgs::enums::{AckType, AlertPriority, RouteType, SubsystemId};
 use stanag_msgs::messages::{MessageAcknowledgement, VehicleOperatingModeCommand};
 use stanag_msgs::{Id, Message, TimeStamp};
@@ -167,6 +167,20 @@ impl<'a> DliEffects<'a> {
                 self.hold(until, self.asker, waiting);
             }
         }
+    }
+
+    /// The message that arrived last is to be carried out: it is on disk before that. `authorised`: its Time Stamp is
+    /// used from here on. `None` where it is not logged; an error where that could not be written.
+    pub(crate) fn accept(
+        &mut self,
+        origin: &Origin,
+        authorised: bool,
+    ) -> Option<Result<(), StoreError>> {
+        let station = self.stations.get(origin.station)?.id();
+        let remembered = self.remembered.get_mut(origin.station)?;
+        let (of, now) = (origin.message_type, self.now.mono);
+        let stamp = origin.stamp?;
+        remembered.accept(station, of, stamp, authorised, now, self.disk)
     }
 
     /// Answers with 17000 where one was requested, and remembers the answer for duplicates.

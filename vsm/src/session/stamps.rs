@@ -3,7 +3,9 @@
 //! **Used stamps.** The memory of duplicates is bounded, so a recorded command can wait until it has been pushed out.
 //! The stamp of what leaves the memory therefore stays, in [`UsedStamps`]: spans that only grow, so that a stamp outside
 //! of them and outside of the memory has never commanded. A single floor would be simpler, and would lock out for good
-//! a station whose clock was wrong by a year for a minute; the years between two spans stay free.
+//! a station whose clock was wrong by a year for a minute; the years between two spans stay free. Only of what was
+//! authorised is the stamp used: else anybody could use up moments to come. Where there are too many spans, older ones
+//! become one.
 //!
 //! **The station's clock.** A command can also be held back and delivered later, for the first time. It is
 //! measured against the other traffic of its station ([`StationClock`]): the newest stamp received, carried on by our
@@ -40,7 +42,8 @@ impl UsedStamps {
         self.insert_span(stamp.0, stamp.0);
     }
 
-    /// Adds a span, and everything between it and another that is nearer than [`MERGED_MS`].
+    /// Adds a span, and everything between it and another that is nearer than [`MERGED_MS`]. [`UsedStamps::bound`] is
+    /// for the caller: what a log holds is read before it is known what the clock shows.
     pub(crate) fn insert_span(&mut self, mut first: u64, mut last: u64) {
         let begin = self
             .spans
@@ -58,9 +61,6 @@ impl UsedStamps {
             return;
         }
         self.spans.splice(begin..end, [(first, last)]);
-        if self.spans.len() > MAX_SPANS {
-            self.close_smallest_gap();
-        }
     }
 
     /// First and last stamp of each span.
@@ -68,17 +68,43 @@ impl UsedStamps {
         self.spans.iter().copied()
     }
 
-    /// Bounds the memory: pauses between two commands close before those between two days, or two clocks.
-    fn close_smallest_gap(&mut self) {
-        let gaps = self.spans.windows(2).enumerate();
-        let smallest = gaps.min_by_key(|(_, pair)| match pair {
-            [(_, end), (start, _)] => start - end,
-            _ => u64::MAX,
-        });
-        if let Some((index, _)) = smallest {
+    /// Bounds the memory: where there are more than [`MAX_SPANS`], some of the older become one, by a clock that shows
+    /// `now`.
+    ///
+    /// What lies between two used stamps counts as used from then on. So only gaps that have passed are closed: with one
+    /// that `now` or the future lies in, who makes many stamps would lock out the station itself. Of the older half the
+    /// smallest: a clock that is set back by minutes, and one that was wrong by years, find most of their time free.
+    pub(crate) fn bound(&mut self, now: TimeStamp) {
+        while self.spans.len() > MAX_SPANS {
+            let passed = self.passed_gaps(now).count();
+            let older = self.passed_gaps(now).take(passed.div_ceil(2));
+            let Some(index) = older.min_by_key(|(_, ms)| *ms).map(|(index, _)| index) else {
+                return;
+            };
             let (_, last) = self.spans.remove(index + 1);
             self.spans[index].1 = last;
         }
+    }
+
+    /// The gaps that a clock that shows `now` has passed, the oldest first: the span before each, and how long it is, ms.
+    fn passed_gaps(&self, now: TimeStamp) -> impl Iterator<Item = (usize, u64)> {
+        let age = move |stamp: u64| stamps_apart_ms(now, TimeStamp(stamp));
+        let after = self.spans.partition_point(|(first, _)| *first <= now.0);
+        let order = (after..self.spans.len()).chain(0..after);
+        order.filter_map(move |index| match self.spans.get(index..index + 2)? {
+            [(_, end), (start, _)] => {
+                let (opened, closed) = (age(*end), age(*start));
+                // The counter rolls over: of a gap that has its end in the future, the beginning may seem to have passed.
+                (closed >= 0 && opened >= closed).then_some((index, start - end))
+            }
+            _ => None,
+        })
+    }
+
+    /// How many spans begin later than a clock that shows `now`.
+    pub(crate) fn ahead(&self, now: TimeStamp) -> usize {
+        let ahead = |first: u64| stamps_apart_ms(TimeStamp(first), now) > 0;
+        self.spans.iter().filter(|(first, _)| ahead(*first)).count()
     }
 }
 
@@ -123,6 +149,21 @@ impl StationClock {
         });
     }
 
+    /// What it shows now.
+    pub(crate) fn reading(&self, now: Duration) -> Option<TimeStamp> {
+        let Reference { stamp, at } = self.reference?;
+        let elapsed = u64::try_from(now.saturating_sub(at).as_millis()).unwrap_or_default();
+        Some(TimeStamp(
+            stamp.0.wrapping_add(elapsed) % TimeStamp::PERIOD_MS,
+        ))
+    }
+
+    /// Whether a stamp received now is of a time that it has not reached.
+    pub(crate) fn is_ahead(&self, stamp: TimeStamp, now: Duration) -> bool {
+        let reference = self.reference;
+        reference.is_some_and(|reference| reference.lead_ms(stamp, now) > NEAR_MS)
+    }
+
     /// By how much a stamp received now is later than [`MAX_LATE`] allows; `None` where it is in time.
     pub(crate) fn lateness(&self, stamp: TimeStamp, now: Duration) -> Option<Duration> {
         let lead_ms = self.reference?.lead_ms(stamp, now);
@@ -137,7 +178,7 @@ impl StationClock {
             return self.follow(new, now);
         };
         let in_time = self.lateness(stamp, now).is_none();
-        let ahead = reference.lead_ms(stamp, now) > NEAR_MS;
+        let ahead = self.is_ahead(stamp, now);
         if ahead && !self.is_settled(now) {
             // What was received first may have been old. Honest traffic is ahead of that, and need not wait.
             return self.follow(new, now);
@@ -198,8 +239,10 @@ pub(crate) const SETTLE: Duration = Duration::from_secs(5);
 const NEAR_MS: i64 = 2_000;
 /// Two used stamps that are nearer than this make one span.
 const MERGED_MS: u64 = 1_000;
-/// Spans kept: 16 KiB a station and kind.
+/// Spans kept of what has passed: 16 KiB a station and kind.
 const MAX_SPANS: usize = 1_024;
+/// Spans ahead of a station's clock. A clock that is set forward is followed in seconds, so that an honest one makes few.
+pub(crate) const MAX_AHEAD: usize = 512;
 
 #[cfg(test)]
 mod tests {
@@ -238,6 +281,7 @@ mod tests {
             };
             let one = TimeStamp(stamp - random.u64(0..5_000));
             used.insert(one);
+            used.bound(TimeStamp(stamp));
             all.push(one);
             assert!(used.spans.len() <= MAX_SPANS);
         }
@@ -250,6 +294,44 @@ mod tests {
         let mut gaps = used.spans.windows(2).map(|pair| pair[1].0 - pair[0].1);
         assert!(gaps.by_ref().filter(|gap| *gap > HOUR_MS / 2).count() >= 6);
         assert!(!used.contains(TimeStamp(NOON)) && !used.contains(TimeStamp(stamp + HOUR_MS)));
+    }
+
+    #[test]
+    fn however_many_stamps_were_used_now_and_the_future_stay_free() {
+        let free = |used: &UsedStamps, from: u64, seconds: u64| {
+            let mut moments =
+                (0..seconds).map(|n| TimeStamp((from + n * 1_000) % TimeStamp::PERIOD_MS));
+            moments.all(|moment| !used.contains(moment))
+        };
+        // Also where the counter rolls over a moment ago, or soon.
+        for now in [NOON, 5_000, TimeStamp::PERIOD_MS - 5_000] {
+            let (mut used, clock) = (UsedStamps::default(), TimeStamp(now));
+            let at = |ms: i64| {
+                let period = TimeStamp::PERIOD_MS as i64;
+                TimeStamp((now as i64 + ms).rem_euclid(period) as u64)
+            };
+            // Every two seconds of the hour to come, before a pause of ten minutes; the days before an hour apart.
+            for n in 0..1_500 {
+                used.insert(at(600_000 + 2_000 * n));
+                used.insert(at(-(HOUR_MS as i64) * (n + 1)));
+                used.bound(clock);
+            }
+            assert!(free(&used, now, 590), "{now}");
+            assert!(
+                (0..1_500).all(|n| !used.contains(at(601_000 + 2_000 * n))),
+                "{now}"
+            );
+            // Of the past the latest stay apart too.
+            assert!(!used.contains(at(-(HOUR_MS as i64) / 2)), "{now}");
+            assert!(
+                (1..=1_500).all(|n| used.contains(at(-(HOUR_MS as i64) * n))),
+                "{now}"
+            );
+            assert_eq!(used.ahead(clock), 1_500, "{now}");
+            // As soon as they have passed they are bounded as well.
+            used.bound(at(2 * HOUR_MS as i64));
+            assert!(used.spans.len() <= MAX_SPANS + 1);
+        }
     }
 
     #[test]

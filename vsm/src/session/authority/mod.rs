@@ -178,17 +178,23 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
 /// granted always.
 pub(crate) fn commands(message: &Message) -> bool {
     match message {
-        Message::CucsAuthorisationRequest(request) => {
-            let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
-            let relinquishes =
-                request.requested_handover_access == Some(RequestedAccess::Relinquish);
-            !relinquishes && levels.raw() & !LoiBitmap::LOI2.raw() != 0
-        }
+        Message::CucsAuthorisationRequest(request) => requests_control(request),
         Message::PositiveHandoverAuthorisationRequest(_)
         | Message::VehicleDataLinkTransitionCoordination(_) => true,
         // By the right that it needs: a message that is added there is covered here.
         other => right_for(other, None).is_some_and(|right| right != LoiBitmap::LOI2),
     }
+}
+
+/// Whether a message 1 requests a right to command.
+pub(crate) fn requests_control(request: &CucsAuthorisationRequest) -> bool {
+    let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
+    !releases(request) && levels.raw() & !LoiBitmap::LOI2.raw() != 0
+}
+
+/// Whether a message 1 gives up rights.
+pub(crate) fn releases(request: &CucsAuthorisationRequest) -> bool {
+    request.requested_handover_access == Some(RequestedAccess::Relinquish)
 }
 
 impl AuthorityMachine {
@@ -225,6 +231,11 @@ impl AuthorityMachine {
     /// The rights.
     pub(crate) fn rights(&self) -> &Authority {
         &self.rights
+    }
+
+    /// Whether a CUCS holds anything, or will once the disk has it.
+    pub(crate) fn has_rights(&self, id: Id) -> bool {
+        !self.rights.held(id).is_empty() || !self.decided.held(id).is_empty()
     }
 
     /// The CUCS that holds LOI 4 or 5.
@@ -320,8 +331,7 @@ impl AuthorityMachine {
         };
         let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
         // A release is always granted, whatever else the message says.
-        let releases = request.requested_handover_access == Some(RequestedAccess::Relinquish);
-        if let (false, Err(why)) = (releases, understood(context, request, levels)) {
+        if let (false, Err(why)) = (releases(request), understood(context, request, levels)) {
             self.answer(context, origin.station, Some(request), effects);
             effects.answer(&[origin.station], format!("message 1 refused: {why}"));
             return AckType::Refused;

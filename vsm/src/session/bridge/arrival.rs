@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::store::{Disk, StoreError};
+use mavlink_link::store::Disk;
 use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::UaStickCommand;
 use stanag_msgs::table::{self, Direction};
@@ -16,7 +16,6 @@ use stanag_msgs::wrapper::{Frame, Header, WrapperError};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::{Bridge, destination_as_source};
-use crate::session::alerts::Cause;
 use crate::session::allowance::Rate;
 use crate::session::authority::{self, Input};
 use crate::session::context::Origin;
@@ -95,7 +94,6 @@ impl Bridge {
         let station = &mut self.stations[index];
         station.peer = Some(from);
         station.received = Some(now.mono);
-        let id = station.id();
         let commands = authority::commands(&message);
         let Some(stamp) = origin.stamp else {
             if commands {
@@ -106,11 +104,9 @@ impl Bridge {
             return self.dispatch(now, origin, header.destination, &message, disk);
         };
         let seen = Seen::new(frame, &message, stamp, origin.ack_requested, now.mono);
-        let (verdict, logged) = self.remembered[index].judge(id, &seen, commands, now.mono, disk);
-        if let Some(logged) = logged {
-            self.report_log(now, header.destination, logged, disk);
-        }
-        match verdict {
+        // A release needs no stamp. One that has a stamp is no recording of a release made when nothing was held.
+        let releases = matches!(&message, Message::CucsAuthorisationRequest(request) if authority::releases(request));
+        match self.remembered[index].judge(&seen, commands || releases, now.mono) {
             Verdict::New => {}
             Verdict::Again(answer) => {
                 self.counters.count("duplicate");
@@ -123,30 +119,6 @@ impl Bridge {
         }
         self.dispatch(now, origin, header.destination, &message, disk);
         self.forget_heartbeats();
-    }
-
-    /// Raises an alert where a command could not be logged, and clears it where commands are logged again.
-    fn report_log(
-        &mut self,
-        now: Now,
-        destination: Id,
-        logged: Result<(), StoreError>,
-        disk: &mut dyn Disk,
-    ) {
-        let (mut dli, aircraft) = self.effects(now, disk);
-        let Some(aircraft) = aircraft.iter_mut().find(|one| one.id() == destination) else {
-            return;
-        };
-        let mut effects = aircraft.effects(&mut dli);
-        match logged {
-            Ok(()) => effects.clear(Cause::CommandLog, "commands are logged again"),
-            Err(fault) => effects.warn(
-                Cause::CommandLog,
-                format!(
-                    "commands cannot be logged, one repeated after a restart would be carried out again: {fault}"
-                ),
-            ),
-        }
     }
 
     /// The index of the station that a frame is from, where it may speak and speaks to us; else the name of the drop.

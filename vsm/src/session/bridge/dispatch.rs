@@ -8,6 +8,7 @@ use stanag_msgs::{Id, Message};
 
 use super::{Bridge, destination_as_source};
 use crate::session::aircraft::Aircraft;
+use crate::session::alerts::Cause;
 use crate::session::authority::{self, rules::Rights, rules::Stations};
 use crate::session::context::Origin;
 use crate::session::effects::DliEffects;
@@ -40,10 +41,11 @@ impl Bridge {
             }
             Message::MessageAcknowledgement(_) => {}
             Message::CucsAuthorisationRequest(request) => {
-                authorise(aircraft, &mut dli, &origin, destination, request);
+                authorise(aircraft, &mut dli, &origin, destination, cucs, request);
             }
             Message::PositiveHandoverAuthorisationRequest(request) => match meant {
                 Some(one) => {
+                    accept(one, &mut dli, &origin, true);
                     let input = authority::Input::HandOver {
                         origin: &origin,
                         request,
@@ -55,6 +57,7 @@ impl Bridge {
             },
             Message::VehicleDataLinkTransitionCoordination(message) => match meant {
                 Some(one) => {
+                    accept(one, &mut dli, &origin, true);
                     let input = authority::Input::Transition { origin, message };
                     one.ask_authority(&mut dli, input);
                 }
@@ -100,6 +103,7 @@ fn authorise(
     dli: &mut DliEffects<'_>,
     origin: &Origin,
     destination: Id,
+    cucs: Id,
     request: &CucsAuthorisationRequest,
 ) {
     let addressed = |vsm: Id| [dli.vsm, Id::BROADCAST, Id::NULL, Id(0)].contains(&vsm);
@@ -115,6 +119,15 @@ fn authorise(
             false if to_all => true,
             false => continue,
         };
+        // A request is authorised where it is granted. A release of nothing, and a request to listen, use up no Time
+        // Stamp: anybody may make as many as he likes.
+        let gives_up = authority::releases(request) && one.authority.has_rights(cucs);
+        accept(
+            one,
+            dli,
+            origin,
+            authority::requests_control(request) || gives_up,
+        );
         let input = authority::Input::Authorise {
             origin,
             request,
@@ -180,6 +193,7 @@ fn command_one(
 ) {
     match one.right_for(message) {
         Some(right) if one.authority.rights().holds(cucs, right) => {
+            accept(one, dli, &origin, true);
             one.command(dli, origin, message);
         }
         Some(right) => refuse_without_right(one, dli, &origin, cucs, right),
@@ -191,6 +205,24 @@ fn command_one(
             );
             one.effects(dli).refuse_unprivileged(&origin, &why);
         }
+    }
+}
+
+/// Logs a message before it is carried out; `authorised`: its Time Stamp is used from here on. Raises an alert where that could not be logged, and
+/// clears it where commands are logged again.
+fn accept(one: &mut Aircraft, dli: &mut DliEffects<'_>, origin: &Origin, authorised: bool) {
+    let Some(logged) = dli.accept(origin, authorised) else {
+        return;
+    };
+    let mut effects = one.effects(dli);
+    match logged {
+        Ok(()) => effects.clear(Cause::CommandLog, "commands are logged again"),
+        Err(fault) => effects.warn(
+            Cause::CommandLog,
+            format!(
+                "commands cannot be logged, one repeated after a restart would be carried out again: {fault}"
+            ),
+        ),
     }
 }
 
