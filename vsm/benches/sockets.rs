@@ -129,7 +129,8 @@ impl World {
             false => "\"off\"",
         };
         let text = format!(
-            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"{dli}\"\n[[cucs]]\nid = \"{CUCS}\"\nloi = [2]\n[[vehicle]]\n\
+            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"{dli}\"\nlease_s = 3600\n\
+             [[cucs]]\nid = \"{CUCS}\"\nloi = [2]\naddress = \"127.0.0.1\"\n[[vehicle]]\n\
              id = \"{VEHICLE}\"\nlink = \"udpin:{mavlink}\"\nsystem_id = 1\nsigning = {signing}\n\
              [store]\ndir = \"state\"\n"
         );

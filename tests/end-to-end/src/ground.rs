@@ -74,6 +74,7 @@ listen = "127.0.0.1:{dli}"
 [[cucs]]
 id = "1b:00:00:a0"
 loi = [2, 3, 4, 5]
+address = "127.0.0.1"
 [[vehicle]]
 id = "1b:00:01:01"
 link = "udpin:127.0.0.1:{mavlink}"

@@ -11,7 +11,10 @@ use super::disputed::Readings;
 use super::error::{ConfigError, Fault, fault};
 use super::key::WhenAbsent::{Nothing, Required, Table, Value};
 use super::key::table;
-use super::value::{LinkAddress, LoiSet, OnLoss, Signing, group, id, silence};
+use super::value::{
+    LinkAddress, LoiSet, OnLoss, Signing, bytes_a_second, group, id, lease, messages_a_second,
+    silence,
+};
 use super::vehicle::Vehicle;
 
 table! {
@@ -61,10 +64,32 @@ table! {
         /// Use of layouts derived from Edition 2: `"off"`, `"status"` (answers and reports), `"all"` (commands too)
         #[serde(default)]
         pub provisional: Provisional => Value("\"status\""),
+        /// Status goes to a CUCS for this long after its last message, s, 10 to 3600: one that only listens acknowledges the
+        /// VSM's heartbeats, or sends heartbeats (16002) of its own
+        #[serde(default = "lease_s", deserialize_with = "lease")]
+        pub lease_s: f64 => Value("60.0"),
+        /// What one CUCS is sent at most, bytes a second, 1000 to 100000000
+        #[serde(default = "max_bytes_s", deserialize_with = "bytes_a_second")]
+        pub max_bytes_s: u32 => Value("65536"),
+        /// What one CUCS is sent at most, messages a second, 50 to 1000000
+        #[serde(default = "max_messages_s", deserialize_with = "messages_a_second")]
+        pub max_messages_s: u32 => Value("1000"),
         /// How peers read what the sources leave open.
         #[serde(default)]
         pub disputed: Readings => Table(Readings::KEYS),
     }
+}
+
+fn lease_s() -> f64 {
+    60.0
+}
+
+fn max_bytes_s() -> u32 {
+    65_536
+}
+
+fn max_messages_s() -> u32 {
+    1_000
 }
 
 /// `dli.provisional`: the use of message layouts derived from Edition 2.
@@ -91,7 +116,8 @@ table! {
         pub id: Id => Required,
         /// Levels of interoperability that it may hold, from 2, 3, 4, 5
         pub loi: LoiSet => Required,
-        /// Address that it must send from
+        /// Address that it must send from. It counts as proven: without it a CUCS that never sends acknowledgements (17000) is
+        /// sent at most three times the bytes that it sends
         pub address: Option<IpAddr> => Nothing("any"),
         /// Whether it may take control from another
         #[serde(default, rename = "override")]
@@ -119,6 +145,9 @@ table! {
     pub struct Http {
         /// TCP address of the status page
         pub listen: SocketAddr => Nothing("none"),
+        /// Names that it may be requested by, beside `localhost` and its address: those of a proxy before it
+        #[serde(default)]
+        pub hosts: Vec<String> => Value("[]"),
     }
 }
 
@@ -228,6 +257,38 @@ impl Config {
     /// The ground stations, without their places in the file.
     pub fn stations(&self) -> impl Iterator<Item = &Cucs> {
         self.cucs.iter().map(Spanned::get_ref)
+    }
+
+    /// What is allowed, and weaker than it could be: for the log at each start, and for the status.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings: Vec<String> = self
+            .vehicles()
+            .filter(|vehicle| vehicle.signing == Signing::Off)
+            .map(|vehicle| {
+                format!(
+                    "{}: MAVLink signing is OFF: anyone in range can command this vehicle",
+                    vehicle.id
+                )
+            })
+            .collect();
+        let Dli {
+            listen,
+            multicast,
+            interface,
+            ..
+        } = self.dli;
+        let group = multicast.filter(|_| !interface.is_some_and(|ip| ip.is_loopback()));
+        let open = [Some(listen).filter(|at| !at.ip().is_loopback()), group];
+        let open: Vec<String> = open.iter().flatten().map(ToString::to_string).collect();
+        if !open.is_empty() && !self.cucs.is_empty() {
+            warnings.push(format!(
+                "DLI on {}: CUCSs are not authenticated: whoever can send there from a CUCS's address can command its \
+                 vehicles; keep it on loopback, or behind a tunnel or firewall",
+                open.join(" and ")
+            ));
+        }
+        warnings
     }
 
     /// The first key, in the order of the file's tables, that does not fit.

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::net::SocketAddr;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use serde::de::value::MapAccessDeserializer;
@@ -246,6 +247,49 @@ pub(super) fn silence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64,
     seconds(deserializer, "0.5 to 3600 (seconds)", |s| {
         (0.5..=3600.0).contains(&s)
     })
+}
+
+/// `dli.lease_s`: 10 to 3600 s.
+pub(super) fn lease<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    seconds(deserializer, "10 to 3600 (seconds)", |s| {
+        (10.0..=3600.0).contains(&s)
+    })
+}
+
+/// `dli.max_bytes_s`. Below it not even the status of one vehicle would fit.
+pub(super) fn bytes_a_second<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    within(
+        deserializer,
+        1_000..=100_000_000,
+        "1000 to 100000000 (bytes a second)",
+    )
+}
+
+/// `dli.max_messages_s`.
+pub(super) fn messages_a_second<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<u32, D::Error> {
+    within(
+        deserializer,
+        50..=1_000_000,
+        "50 to 1000000 (messages a second)",
+    )
+}
+
+fn within<'de, D: Deserializer<'de>>(
+    deserializer: D,
+    range: RangeInclusive<u32>,
+    expected: &'static str,
+) -> Result<u32, D::Error> {
+    let found = u32::deserialize(deserializer)?;
+    if range.contains(&found) {
+        Ok(found)
+    } else {
+        Err(de::Error::invalid_value(
+            de::Unexpected::Unsigned(found.into()),
+            &expected,
+        ))
+    }
 }
 
 /// `vehicle.stall_s`: 10 to 3600 s, 0 for never.

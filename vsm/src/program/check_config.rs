@@ -43,6 +43,9 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
             station.loi.0.raw()
         );
     }
+    for warning in config.warnings() {
+        text += &format!("  WARNING: {warning}\n");
+    }
     if config.cucs.is_empty() {
         text += "  no CUCS is listed: nobody may connect\n";
     }

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use crate::config::{Config, Signing};
+use crate::config::Config;
 use crate::shell::server::{Server, StartError};
 use crate::shell::service;
 
@@ -19,14 +19,8 @@ pub(crate) fn run(path: &Path) -> Result<(), Failure> {
             other => failed(other),
         })?;
         let stop = stop_signal()?;
-        for vehicle in config
-            .vehicles()
-            .filter(|vehicle| vehicle.signing == Signing::Off)
-        {
-            tracing::warn!(
-                "{}: MAVLink signing is OFF: anyone in range can command this vehicle",
-                vehicle.id
-            );
+        for warning in config.warnings() {
+            tracing::warn!("{warning}");
         }
         if config.cucs.is_empty() {
             tracing::warn!("no [[cucs]] is listed: nobody may connect");

@@ -45,11 +45,20 @@ fn readable(status: &Value) -> String {
         plain(&status["vsm"]),
         status["uptime_s"].as_f64().unwrap_or(0.0)
     );
+    for warning in list(&status["warnings"]) {
+        text += &format!("WARNING: {}\n", plain(warning));
+    }
     for station in list(&status["stations"]) {
         let address = station["address"]
             .as_str()
             .unwrap_or("no data received yet");
-        text += &format!("CUCS {} at {address}\n", plain(&station["id"]));
+        let proof = match station["proof"].as_str() {
+            Some("none") if station["address"].is_string() => {
+                ", address not proven: sent three times what it sends at most"
+            }
+            _ => "",
+        };
+        text += &format!("CUCS {} at {address}{proof}\n", plain(&station["id"]));
     }
     for vehicle in list(&status["vehicles"]) {
         let live = if vehicle["live"] == true {

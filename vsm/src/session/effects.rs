@@ -17,7 +17,7 @@ use mavlink_link::Now;
 use mavlink_link::store::{Changes, Disk, Progress, StoreError};
 use stanag_msgs::enums::{AckType, AlertPriority, RouteType, SubsystemId};
 use stanag_msgs::messages::{MessageAcknowledgement, VehicleOperatingModeCommand};
-use stanag_msgs::{Id, Message, TimeStamp};
+use stanag_msgs::{Envelope, Id, Message, TimeStamp};
 
 use super::alerts::{Alerts, Cause, Raised};
 use super::context::Origin;
@@ -25,7 +25,8 @@ use super::counters::Counters;
 use super::duplicates::Remembered;
 use super::link::services::Services;
 use super::log::{LogEntry, LogLevel};
-use super::outbox::{Destination, Outbox, Waiting};
+use super::outbox::{Datagram, Destination, Outbox, Waiting};
+use super::paths::{Kind, Paths, Verdict};
 use super::station::GroundStation;
 
 /// What a machine of one vehicle may do. Borrowed for one call.
@@ -52,6 +53,8 @@ pub(crate) struct DliEffects<'a> {
     /// Alerts of the VSM itself, not of a vehicle.
     pub(crate) alerts: &'a mut Alerts,
     pub(crate) outbox: &'a mut Outbox,
+    /// How much each station may be sent.
+    pub(crate) paths: &'a mut Paths,
     pub(crate) counters: &'a mut Counters,
     pub(crate) log: &'a mut VecDeque<LogEntry>,
     pub(crate) disk: &'a mut dyn Disk,
@@ -112,6 +115,7 @@ impl<'a> DliEffects<'a> {
             remembered: self.remembered,
             alerts: self.alerts,
             outbox: self.outbox,
+            paths: self.paths,
             counters: self.counters,
             log: self.log,
             mark: self.disk.queued(),
@@ -137,33 +141,77 @@ impl<'a> DliEffects<'a> {
 
     /// Sends to one station, where its address is known.
     pub(crate) fn send(&mut self, station: usize, source: Id, message: &Message) {
-        if let Some(peer) = self.stations.get(station).and_then(|station| station.peer) {
-            self.push(Destination::Unicast(peer), station, source, message);
-        }
+        self.deliver(station, source, message, Kind::Answer);
     }
 
     /// Sends a report to a station, and to the group where there is one: addressed to the station there too, so that it
     /// can be distinguished from what another has scheduled.
     pub(crate) fn publish(&mut self, station: usize, source: Id, message: &Message) {
-        self.send(station, source, message);
-        if self.multicast {
-            self.push(Destination::Multicast, station, source, message);
+        let kind = match message {
+            // What happens once is not sent again: it waits rather than being dropped.
+            Message::SubsystemStatusAlert(_) | Message::HandoverStatusReport(_) => Kind::Answer,
+            report => Kind::Report(report.id()),
+        };
+        self.deliver(station, source, message, kind);
+        if self.multicast
+            && let Some(one) = self.stations.get(station)
+        {
+            let envelope = Envelope::new(source, one.id());
+            let copy = self
+                .outbox
+                .compose(Destination::Multicast, &envelope, message);
+            if let Some(copy) = copy {
+                let (now, bytes) = (self.now.mono, copy.bytes().len());
+                if self.paths.admit_to_group(now, station, bytes, kind) {
+                    self.post(station, copy);
+                } else {
+                    self.counters.count("group over the rate");
+                }
+            }
         }
     }
 
-    fn push(&mut self, to: Destination, station: usize, source: Id, message: &Message) {
-        let Some(id) = self.stations.get(station).map(GroundStation::id) else {
+    fn deliver(&mut self, station: usize, source: Id, message: &Message, kind: Kind) {
+        let Some((one, peer)) = self
+            .stations
+            .get(station)
+            .and_then(|one| Some((one, one.peer?)))
+        else {
             return;
         };
+        let envelope = Envelope::new(source, one.id());
+        let to = Destination::Unicast(peer);
+        let Some(datagram) = self.outbox.compose(to, &envelope, message) else {
+            return;
+        };
+        if self.held_until(station).is_some() {
+            // Its allowance is looked at when it goes.
+            return self.post(station, datagram);
+        }
+        let (now, bytes) = (self.now.mono, datagram.bytes().len());
+        match self.paths.admit(now, station, bytes, kind) {
+            Verdict::Send => self.outbox.push(datagram),
+            Verdict::Wait => self.paths.wait(now, station, datagram),
+            Verdict::Drop(why) => self.counters.count(why),
+        }
+    }
+
+    /// The change of the disk that what this station is sent now waits for.
+    fn held_until(&self, station: usize) -> Option<Changes> {
         let behind = || {
             // What a station is answered keeps its order; others do not wait for what it has led to.
             let asked = self.asker.filter(|asker| *asker == station);
             asked.and_then(|asker| self.outbox.held_for(asker))
         };
-        match self.waits_for().or_else(behind) {
-            None => self.outbox.push(to, source, id, message),
+        self.waits_for().or_else(behind)
+    }
+
+    /// Queues a datagram, not before a change of the disk that it depends on is durable.
+    fn post(&mut self, station: usize, datagram: Datagram) {
+        match self.held_until(station) {
+            None => self.outbox.push(datagram),
             Some(until) => {
-                let waiting = Waiting::Message(to, (source, id), Box::new(message.clone()));
+                let waiting = Waiting::Datagram(Box::new(datagram));
                 self.hold(until, self.asker, waiting);
             }
         }
@@ -181,6 +229,27 @@ impl<'a> DliEffects<'a> {
         let (of, now) = (origin.message_type, self.now.mono);
         let stamp = origin.stamp?;
         remembered.accept(station, of, stamp, authorised, now, self.disk)
+    }
+
+    /// Queues what has waited for the disk, within what may be sent to where it goes.
+    fn send_held(&mut self, datagram: Datagram) {
+        let Destination::Unicast(to) = datagram.to else {
+            return self.outbox.push(datagram);
+        };
+        let mut stations = self.stations.iter();
+        let id = datagram.destination();
+        // Of a station that has moved since it is dropped: it will ask again.
+        let is_there = |one: &GroundStation| one.id() == id && one.peer == Some(to);
+        let Some(station) = stations.position(is_there) else {
+            return self.counters.count("no address");
+        };
+        let (now, bytes) = (self.now.mono, datagram.bytes().len());
+        let kind = Kind::of_answer(&datagram);
+        match self.paths.admit(now, station, bytes, kind) {
+            Verdict::Send => self.outbox.push(datagram),
+            Verdict::Wait => self.paths.wait(now, station, datagram),
+            Verdict::Drop(why) => self.counters.count(why),
+        }
     }
 
     /// Answers with 17000 where one was requested, and remembers the answer for duplicates.
@@ -227,7 +296,10 @@ impl<'a> DliEffects<'a> {
             original_message_type: Some(origin.message_type),
             acknowledgement_type: Some(answer),
         };
-        (self.outbox).push(Destination::Unicast(peer), source, id, &message.into());
+        let (to, envelope) = (Destination::Unicast(peer), Envelope::new(source, id));
+        if let Some(datagram) = self.outbox.compose(to, &envelope, &message.into()) {
+            self.send_held(datagram);
+        }
     }
 
     /// Sends what has waited for the disk.
@@ -235,9 +307,9 @@ impl<'a> DliEffects<'a> {
         let disk = &*self.disk;
         for waiting in self.outbox.release(|changes| disk.progress(changes)) {
             match waiting {
-                Waiting::Message(to, (source, id), message) => {
-                    let message = message.stamped(self.stamp());
-                    self.outbox.push(to, source, id, &message);
+                Waiting::Datagram(datagram) => {
+                    let datagram = self.outbox.restamped(self.now, *datagram);
+                    self.send_held(datagram);
                 }
                 Waiting::Acknowledgement(source, origin, answer) => {
                     self.send_acknowledgement(source, &origin, answer);

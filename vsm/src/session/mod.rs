@@ -80,6 +80,7 @@ mod log;
 mod maneuver;
 mod mission;
 mod outbox;
+mod paths;
 mod reports;
 mod stamps;
 mod station;

@@ -29,6 +29,8 @@ pub enum Destination {
 pub struct Datagram {
     /// Where it goes.
     pub to: Destination,
+    message_type: u16,
+    destination: Id,
     length: usize,
     bytes: [u8; MAX_DATAGRAM],
 }
@@ -38,6 +40,15 @@ impl Datagram {
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.length).unwrap_or_default()
+    }
+
+    pub(crate) fn message_type(&self) -> u16 {
+        self.message_type
+    }
+
+    /// Whom it is for.
+    pub(crate) fn destination(&self) -> Id {
+        self.destination
     }
 }
 
@@ -93,8 +104,8 @@ pub(crate) struct Held {
 /// What is sent then.
 #[derive(Debug)]
 pub(crate) enum Waiting {
-    /// Stamped when it is sent, since what does not wait overtakes it: a station sees stamps that rise.
-    Message(Destination, (Id, Id), Box<Message>),
+    /// Stamped again when it is sent, since what does not wait overtakes it: a station sees stamps that rise.
+    Datagram(Box<Datagram>),
     /// An acknowledgement. It is remembered for duplicates only when it is sent: after a restart in between the command
     /// counts as unanswered.
     Acknowledgement(Id, Origin, AckType),
@@ -129,12 +140,6 @@ impl Outbox {
         // Two messages within a millisecond still get rising stamps.
         self.last_stamp = now.max(self.last_stamp + 1);
         TimeStamp(self.last_stamp)
-    }
-
-    /// Queues a message from `source` to `destination`, in a datagram of its own.
-    pub(crate) fn push(&mut self, to: Destination, source: Id, destination: Id, message: &Message) {
-        let datagram = self.encode(to, source, destination, message);
-        self.queue(message.id(), datagram);
     }
 
     /// Keeps something until changes of the disk are durable; false where there is no room, and it is lost.
@@ -188,25 +193,44 @@ impl Outbox {
         self.held.len()
     }
 
-    fn encode(&self, to: Destination, source: Id, destination: Id, message: &Message) -> Datagram {
+    /// A message in a datagram of its own; `None` where it does not fit one.
+    pub(crate) fn compose(
+        &self,
+        to: Destination,
+        envelope: &Envelope,
+        message: &Message,
+    ) -> Option<Datagram> {
         let mut datagram = Datagram {
             to,
+            message_type: message.id(),
+            destination: envelope.destination,
             length: 0,
             bytes: [0; MAX_DATAGRAM],
         };
-        let envelope = Envelope::new(source, destination);
-        match self.profile.encode(message, &envelope, &mut datagram.bytes) {
+        match self.profile.encode(message, envelope, &mut datagram.bytes) {
             Ok(length) => datagram.length = length,
             // Every message of ours is shorter than a datagram; one that is not is lost, and visibly so.
             Err(_) => debug_assert!(false, "message {} does not fit a datagram", message.id()),
         }
-        datagram
+        (datagram.length > 0).then_some(datagram)
     }
 
-    /// Queues a datagram that is ready.
-    pub(crate) fn queue(&mut self, message_type: u16, datagram: Datagram) {
-        if datagram.length > 0 && self.queue.len() < MAX_QUEUED {
-            self.sent.count(message_type.into());
+    /// A datagram that has waited, stamped now: what did not wait has overtaken it, and a station sees stamps that rise.
+    pub(crate) fn restamped(&mut self, now: Now, datagram: Datagram) -> Datagram {
+        let Some(Ok(frame)) = self.profile.frames(datagram.bytes()).next() else {
+            return datagram;
+        };
+        let envelope = Envelope::new(frame.header.source, frame.header.destination);
+        let decoded = self.profile.decode(frame.header.message_type, frame.data);
+        let stamped = decoded.map(|message| message.stamped(self.stamp(now)));
+        let again = stamped.map(|message| self.compose(datagram.to, &envelope, &message));
+        again.ok().flatten().unwrap_or(datagram)
+    }
+
+    /// Queues a datagram for the socket.
+    pub(crate) fn push(&mut self, datagram: Datagram) {
+        if self.queue.len() < MAX_QUEUED {
+            self.sent.count(datagram.message_type.into());
             self.queue.push_back(datagram);
         }
     }

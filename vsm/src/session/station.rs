@@ -13,11 +13,13 @@ use crate::config::Cucs;
 #[derive(Debug)]
 pub(crate) struct GroundStation {
     pub(crate) config: Cucs,
-    /// Its latest accepted address: where answers and status go.
+    /// Where it is (`paths`): where answers and status go.
     pub(crate) peer: Option<SocketAddr>,
-    /// When anything of it was accepted last.
+    /// It has proved to be there, or the configuration vouches for the address.
+    pub(crate) proven: bool,
+    /// When anything of it was accepted last, acknowledgements apart.
     pub(crate) received: Option<Duration>,
-    /// It has sent 16002: only then can silence cost it control.
+    /// It has sent 16002 from a proven address: only then can silence cost it control.
     pub(crate) sends_heartbeats: bool,
     /// What it may still send.
     pub(crate) allowance: StationAllowance,
@@ -28,6 +30,7 @@ impl GroundStation {
         GroundStation {
             config,
             peer: None,
+            proven: false,
             received: None,
             sends_heartbeats: false,
             allowance: StationAllowance::default(),

@@ -32,6 +32,7 @@ use super::link::state::VehicleState;
 use super::log::LogEntry;
 use super::mission::progress::RouteProgress;
 use super::outbox::Outbox;
+use super::paths::Paths;
 use super::station::GroundStation;
 use crate::config::{self, Config};
 
@@ -66,6 +67,7 @@ pub(crate) struct World {
     remembered: Vec<Remembered>,
     vsm_alerts: Alerts,
     outbox: Outbox,
+    paths: Paths,
 }
 
 /// What the other machines show.
@@ -136,6 +138,8 @@ impl World {
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
             vsm_alerts: Alerts::new(0),
             outbox: Outbox::default(),
+            // Nothing is held back: what a machine sends is what is seen.
+            paths: Paths::default(),
             stations,
         }
     }
@@ -276,6 +280,7 @@ impl World {
                 remembered: &mut self.remembered,
                 alerts: &mut self.vsm_alerts,
                 outbox: &mut self.outbox,
+                paths: &mut self.paths,
                 counters: &mut self.counters,
                 log: &mut self.log,
                 asker: None,

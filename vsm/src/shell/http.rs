@@ -1,7 +1,16 @@
 //! `[http] listen`: the status page, /status.json and /metrics. Nothing can be commanded here, only read.
+//!
+//! What can be read is for who asks by the address or by a name of the configuration. A web page that has its own name
+//! point to this computer (DNS rebinding) sends that name as Host, and is refused.
+//!
+//! A connection has one answer. Of those that are open the one that has sent no request for longest makes room for the
+//! next: however many say nothing, who asks is answered.
 
+use std::cell::Cell;
+use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::fmt::Write as _;
+use std::net::{IpAddr, SocketAddr};
 use std::panic::resume_unwind;
 use std::rc::Rc;
 use std::time::Duration;
@@ -9,43 +18,59 @@ use std::time::Duration;
 use bytes::Bytes;
 use http_body_util::Full;
 use hyper::body::Incoming;
-use hyper::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
+use hyper::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, ORIGIN};
+use hyper::http::uri::Authority;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
-use hyper::{Method, Request, Response, StatusCode};
+use hyper::{HeaderMap, Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::task::JoinSet;
+use tokio::task::{AbortHandle, JoinError, JoinSet};
 
 use super::tasks::Beat;
 use super::test_fault;
 use crate::session::Status;
 
-/// Serves until it is dropped; `status` gives a picture of now.
+/// Serves until it is dropped; `status` gives a picture of now. `hosts`: names that it may be asked by, beside
+/// `localhost` and its addresses.
 ///
 /// # Panics
 /// Where a connection has panicked: this task ends by it, and with it the program.
-pub async fn serve(listener: TcpListener, beat: Rc<Beat>, status: impl Fn() -> Status + 'static) {
-    let status = Rc::new(status);
+pub async fn serve(
+    listener: TcpListener,
+    hosts: Vec<String>,
+    beat: Rc<Beat>,
+    status: impl Fn() -> Status + 'static,
+) {
+    let (status, hosts): (Rc<dyn Fn() -> Status>, Rc<[String]>) = (Rc::new(status), hosts.into());
     let mut connections = JoinSet::new();
+    let mut open: VecDeque<Connection> = VecDeque::new();
     loop {
         let accepted = beat.during(async {
             tokio::select! {
-                // Whoever opens connections and says nothing uses up these places, and nothing else.
-                accepted = listener.accept(), if connections.len() < MAX_CONNECTIONS => Some(accepted),
+                accepted = listener.accept() => Some(accepted),
                 Some(ended) = connections.join_next() => {
-                    if let Err(cause) = ended {
-                        resume_unwind(cause.into_panic());
+                    // One that was dropped to make room has not panicked.
+                    if let Some(Ok(cause)) = ended.err().map(JoinError::try_into_panic) {
+                        resume_unwind(cause);
                     }
                     None
                 }
             }
         });
         match accepted.await {
-            None => {}
+            None => open.retain(|connection| !connection.task.is_finished()),
             Some(Ok((stream, _))) => {
-                let connection = connection(stream, status.clone());
-                connections.spawn_local(test_fault::broken("page connection", connection));
+                if open.len() >= MAX_CONNECTIONS {
+                    let idle = open.iter().position(|connection| !connection.asked.get());
+                    if let Some(connection) = open.remove(idle.unwrap_or(0)) {
+                        connection.task.abort();
+                    }
+                }
+                let asked = Rc::new(Cell::new(false));
+                let served = answer_one(stream, hosts.clone(), status.clone(), asked.clone());
+                let task = connections.spawn_local(test_fault::broken("page connection", served));
+                open.push_back(Connection { asked, task });
             }
             Some(Err(cause)) => {
                 tracing::warn!("the status page: {cause}");
@@ -55,19 +80,94 @@ pub async fn serve(listener: TcpListener, beat: Rc<Beat>, status: impl Fn() -> S
     }
 }
 
-async fn connection(stream: TcpStream, status: Rc<impl Fn() -> Status + 'static>) {
-    let answer = service_fn(move |request| {
-        let answered = answer(&request, &*status);
+/// An open connection, and whether its request is there.
+struct Connection {
+    asked: Rc<Cell<bool>>,
+    task: AbortHandle,
+}
+
+async fn answer_one(
+    stream: TcpStream,
+    hosts: Rc<[String]>,
+    status: Rc<dyn Fn() -> Status>,
+    asked: Rc<Cell<bool>>,
+) {
+    let Ok(here) = stream.local_addr() else {
+        return;
+    };
+    let answer = service_fn(move |request: Request<Incoming>| {
+        asked.set(true);
+        let answered = match check_source(&request, here, &hosts) {
+            Ok(()) => answer(&request, &*status),
+            Err((code, why)) => text(code, "text/plain", why.to_owned()),
+        };
         async move { Ok::<_, Infallible>(answered) }
     });
     let served = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEADER_WITHIN)
+        .max_buf_size(MAX_HEADER_BYTES)
         // One answer a connection: a client that stays connected would hold one of the few places.
         .keep_alive(false)
         .serve_connection(TokioIo::new(stream), answer);
+    // The whole of it has a time-out too: a client that reads its answer byte by byte is not waited for. A body is
+    // not read at all.
     if let Ok(Err(cause)) = tokio::time::timeout(ANSWER_WITHIN, served).await {
         tracing::debug!("a connection to the status page: {cause}");
+    }
+}
+
+/// Whether a request was made by the name or the address of this page, and by no other page.
+fn check_source<T>(
+    request: &Request<T>,
+    here: SocketAddr,
+    hosts: &[String],
+) -> Result<(), (StatusCode, &'static str)> {
+    let host = host_of(request).ok_or((StatusCode::BAD_REQUEST, "one Host is expected\n"))?;
+    if !is_ours(host.host(), here, hosts) {
+        return Err((StatusCode::MISDIRECTED_REQUEST, NOT_OURS));
+    }
+    let mut origins = request.headers().get_all(ORIGIN).iter();
+    let same = |origin: &hyper::header::HeaderValue| {
+        let origin = origin.to_str().unwrap_or_default();
+        let rest = (origin.strip_prefix("http://")).or_else(|| origin.strip_prefix("https://"));
+        rest.is_some_and(|rest| rest.eq_ignore_ascii_case(host.as_str()))
+    };
+    if origins.all(same) {
+        Ok(())
+    } else {
+        Err((StatusCode::FORBIDDEN, "another page may not read this\n"))
+    }
+}
+
+/// Whom the request names: in its target where that is a whole URL, else in its one Host.
+fn host_of<T>(request: &Request<T>) -> Option<Authority> {
+    fn only(headers: &HeaderMap) -> Option<Authority> {
+        let mut all = headers.get_all(HOST).iter();
+        let (Some(host), None) = (all.next(), all.next()) else {
+            return None;
+        };
+        Authority::try_from(host.as_bytes()).ok()
+    }
+    let header = only(request.headers())?;
+    match request.uri().authority() {
+        // The two differ only where somebody wants them to.
+        Some(target) if *target != header => None,
+        _ => Some(header),
+    }
+}
+
+fn is_ours(host: &str, here: SocketAddr, hosts: &[String]) -> bool {
+    let literal = host.trim_start_matches('[').trim_end_matches(']');
+    match literal.parse::<IpAddr>() {
+        Ok(ip) => {
+            let (ip, here) = (ip.to_canonical(), here.ip().to_canonical());
+            ip == here || ip.is_loopback()
+        }
+        Err(_) => {
+            host.eq_ignore_ascii_case("localhost")
+                || hosts.iter().any(|name| name.eq_ignore_ascii_case(host))
+        }
     }
 }
 
@@ -156,6 +256,149 @@ fn metrics(status: &Status) -> String {
 }
 
 const PAGE: &str = include_str!("status.html");
-const MAX_CONNECTIONS: usize = 16;
+const NOT_OURS: &str =
+    "this page is read by its address, by localhost or by a name of [http] hosts\n";
+const MAX_CONNECTIONS: usize = 64;
+/// A request of a browser has some 500 bytes; hyper takes no less.
+const MAX_HEADER_BYTES: usize = 8_192;
 const HEADER_WITHIN: Duration = Duration::from_secs(2);
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    use tokio::task::LocalSet;
+
+    use super::*;
+
+    fn status() -> Status {
+        Status {
+            vsm: "1b:00:00:01".to_owned(),
+            uptime_s: 1.0,
+            warnings: Vec::new(),
+            refused: Default::default(),
+            received: Default::default(),
+            sent: Default::default(),
+            stations: Vec::new(),
+            vehicles: Vec::new(),
+            recordings: Default::default(),
+            held: Default::default(),
+        }
+    }
+
+    async fn page() -> SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let address = listener.local_addr().expect("its address");
+        let hosts = vec!["vsm.example".to_owned()];
+        tokio::task::spawn_local(serve(listener, hosts, Rc::default(), status));
+        address
+    }
+
+    async fn get(address: SocketAddr, target: &str, headers: &str) -> String {
+        let mut stream = TcpStream::connect(address).await.expect("it accepts");
+        let request = format!("GET {target} HTTP/1.1\r\n{headers}\r\n");
+        stream
+            .write_all(request.as_bytes())
+            .await
+            .expect("it reads");
+        let mut answer = Vec::new();
+        let _ = stream.read_to_end(&mut answer).await;
+        let answer = String::from_utf8_lossy(&answer).into_owned();
+        answer.get(9..12).unwrap_or(&answer).to_owned()
+    }
+
+    fn run<T>(test: impl Future<Output = T>) -> T {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build();
+        LocalSet::new().block_on(&runtime.expect("a runtime"), test)
+    }
+
+    #[test]
+    fn only_who_asks_by_an_own_name_is_answered() {
+        run(async {
+            let address = page().await;
+            let port = address.port();
+            let mut codes = BTreeMap::new();
+            for (host, expected) in [
+                (format!("127.0.0.1:{port}"), "200"),
+                (format!("localhost:{port}"), "200"),
+                ("LOCALHOST".to_owned(), "200"),
+                (format!("[::1]:{port}"), "200"),
+                ("vsm.example".to_owned(), "200"),
+                ("attacker.example".to_owned(), "421"),
+                (format!("attacker.example:{port}"), "421"),
+                ("localhost.attacker.example".to_owned(), "421"),
+                ("127.0.0.1.attacker.example".to_owned(), "421"),
+                ("192.0.2.1".to_owned(), "421"),
+                ("0.0.0.0".to_owned(), "421"),
+                ("user@127.0.0.1@attacker.example".to_owned(), "421"),
+                (String::new(), "400"),
+            ] {
+                let code = get(address, "/status.json", &format!("Host: {host}\r\n")).await;
+                codes.insert(host, (code, expected.to_owned()));
+            }
+            assert!(
+                codes.values().all(|(is, expected)| is == expected),
+                "{codes:?}"
+            );
+            assert_eq!(get(address, "/", "").await, "400", "no Host");
+            let two = "Host: localhost\r\nHost: attacker.example\r\n";
+            assert_eq!(get(address, "/", two).await, "400", "two of them");
+            let url = "http://attacker.example/status.json";
+            assert_eq!(get(address, url, "Host: localhost\r\n").await, "400");
+            assert_eq!(get(address, url, "Host: attacker.example\r\n").await, "421");
+        });
+    }
+
+    #[test]
+    fn no_other_page_reads_it() {
+        run(async {
+            let address = page().await;
+            let with = |origin: &str| format!("Host: {address}\r\nOrigin: {origin}\r\n");
+            let own = with(&format!("http://{address}"));
+            assert_eq!(get(address, "/status.json", &own).await, "200");
+            for other in ["http://attacker.example", "null", "http://127.0.0.1:1", ""] {
+                assert_eq!(
+                    get(address, "/status.json", &with(other)).await,
+                    "403",
+                    "{other}"
+                );
+            }
+        });
+    }
+
+    #[test]
+    fn who_asks_is_answered_beside_300_connections_that_say_nothing_or_little() {
+        run(async {
+            let address = page().await;
+            let mut slow = Vec::new();
+            for number in 0..300 {
+                let mut stream = TcpStream::connect(address).await.expect("it accepts");
+                match number % 3 {
+                    0 => {}
+                    1 => stream.write_all(b"GET / HT").await.expect("it reads"),
+                    // A whole request, whose answer is not read.
+                    _ => {
+                        let request = format!("GET / HTTP/1.1\r\nHost: {address}\r\n\r\n");
+                        stream
+                            .write_all(request.as_bytes())
+                            .await
+                            .expect("it reads");
+                    }
+                }
+                slow.push(stream);
+                if number % 50 == 0 {
+                    let host = format!("Host: {address}\r\n");
+                    assert_eq!(get(address, "/status.json", &host).await, "200", "{number}");
+                }
+            }
+            let host = format!("Host: {address}\r\n");
+            let answered = tokio::time::timeout(Duration::from_secs(10), get(address, "/", &host));
+            assert_eq!(answered.await.expect("in time"), "200");
+            drop(slow);
+        });
+    }
+}

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::{
-    CucsAuthorisationRequest, PositiveHandoverAuthorisationRequest,
+    CucsAuthorisationRequest, Heartbeat, PositiveHandoverAuthorisationRequest,
     VehicleDataLinkTransitionCoordination,
 };
 use stanag_msgs::{Id, Message};
@@ -59,6 +59,9 @@ impl Scene {
             let address = ([127, 0, 0, 1], port).into();
             rig.stations.push(Station::new(id, address));
         }
+        // B has proved its address: what it is sent later waits for nothing.
+        let now = rig.station_now();
+        rig.stations[B].send_once(now, Id::BROADCAST, Heartbeat::default().into());
         rig.run(9.0);
         let from = rig.clock.elapsed();
         Scene {

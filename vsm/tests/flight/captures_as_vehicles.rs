@@ -66,7 +66,7 @@ impl Play {
         let begun = datagrams[0].at;
         let signing = self.key.map_or("\"off\"", |_| "{ key_file = \"uav.key\" }");
         let text = format!(
-            "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"127.0.0.1:4586\"\n[[cucs]]\nid = \"{}\"\nloi = [2]\n\
+            "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"127.0.0.1:4586\"\nlease_s = 3600\n[[cucs]]\nid = \"{}\"\nloi = [2]\naddress = \"127.0.0.1\"\n\
              [[vehicle]]\nid = \"{}\"\nlink = \"udpin:127.0.0.1:14550\"\nsystem_id = {}\nsigning = {signing}\n\
              [store]\ndir = \"state\"\n",
             cucs(0),

@@ -9,7 +9,7 @@ use stanag_msgs::enums::{
 };
 use stanag_msgs::json::encode_line;
 use stanag_msgs::messages::{
-    FieldConfigurationRequest, LoiterConfiguration, MessageParameterAvailability,
+    FieldConfigurationRequest, Heartbeat, LoiterConfiguration, MessageParameterAvailability,
     VehicleOperatingModeCommand,
 };
 use stanag_msgs::{Message, Scaled, table};
@@ -232,6 +232,8 @@ fn modes_that_come_and_go_are_reported_to_those_that_requested_them() {
 #[test]
 fn no_grant_is_needed_and_every_level_ends_with_41005() {
     let mut rig = Rig::new(Setup::default());
+    // It proves its address first.
+    rig.send_once(Heartbeat::default());
     rig.run(9.0);
     use ConfigRequestType as T;
     for kind in [T::Loi2, T::Loi3, T::Loi4, T::Loi5, T::DataLink] {
@@ -269,6 +271,7 @@ fn nothing_is_answered_where_provisional_layouts_are_off() {
         dli_keys: "provisional = \"off\"",
         ..Setup::default()
     });
+    rig.send_once(Heartbeat::default());
     rig.run(5.0);
     let end = rig.carry_out(ask(ConfigRequestType::Loi4));
     assert_eq!(end, Some(AckType::Refused));

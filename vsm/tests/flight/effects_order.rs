@@ -254,7 +254,7 @@ fn start(clock: Duration, tables: &str, disk: &mut RecordingDisk) -> Bridge {
     let text = format!(
         "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"127.0.0.1:4586\"\nprovisional = \"all\"\n\
          [authority]\nwarn_s = 1.0\noffer_s = 2.0\nact_s = 3.0\non_loss = \"rtl\"\n\
-         [[cucs]]\nid = \"{}\"\nloi = [2, 3, 4, 5]\n[[cucs]]\nid = \"{}\"\nloi = [2, 3, 4, 5]\n\
+         [[cucs]]\nid = \"{}\"\nloi = [2, 3, 4, 5]\naddress = \"127.0.0.1\"\n[[cucs]]\nid = \"{}\"\nloi = [2, 3, 4, 5]\naddress = \"127.0.0.1\"\n\
          [store]\ndir = \"state\"\n\
          [[vehicle]]\nid = \"{}\"\nlink = \"udpin:{}\"\nsystem_id = 1\n\
          signing = {{ key_file = \"uav.key\" }}\n{tables}",

@@ -9,7 +9,7 @@
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
 //! - the order of effects: `effects_order`
-//! - who may command: `operator_control`, `loss_of_authority`, `loss_action`
+//! - who may command: `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
 //! - reports: `status`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
 //!   `vehicle_services`
 
@@ -25,6 +25,8 @@ mod curves;
 mod effects_order;
 mod faults;
 mod fence;
+
+mod forged_addresses;
 mod forged_time_stamps;
 mod full_disk;
 mod health_alerts;

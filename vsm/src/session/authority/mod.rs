@@ -137,6 +137,8 @@ pub(crate) enum Input<'a> {
         origin: Origin,
         message: &'a VehicleDataLinkTransitionCoordination,
     },
+    /// The station is somewhere else, or may have missed something: it is sent what a new listener is.
+    Returned { station: usize },
     /// Time has passed: how long is each holder silent?
     WatchSilence,
     /// A load may have ended, or the vehicle flies otherwise: what waited for that is decided.
@@ -278,6 +280,11 @@ impl AuthorityMachine {
             }
             Input::Transition { origin, message } => {
                 self.coordinate_transition(context, origin, message, effects);
+            }
+            Input::Returned { station } => {
+                if effects.listeners.contains(&station) {
+                    welcome(context, station, effects);
+                }
             }
             Input::WatchSilence => self.watch_silence(context, effects),
             Input::Settle => self.settle(context, effects),
@@ -835,12 +842,16 @@ impl AuthorityMachine {
         self.record.write_repetitions(context, effects);
         for station in context.stations {
             let id = station.id();
-            if self.decided.held(id).is_empty() {
+            let takes_part = |one: &Handover| one.to == id || one.from == Some(id);
+            let holds = !self.decided.held(id).is_empty();
+            if holds || self.decided.pending().iter().any(takes_part) {
+                self.record
+                    .store_station(&self.decided, station, context, effects);
+            }
+            if !holds {
                 continue;
             }
             let silence = station.silence(context.mono(), &context.settings.authority);
-            self.record
-                .store_heartbeats(&self.decided, station, context, effects);
             let controls = self.decided.controller() == Some(id);
             let commands = controls || !self.decided.held(id).stations().is_empty();
             if silence != self.decided.silence(id) && commands {

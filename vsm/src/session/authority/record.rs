@@ -28,6 +28,8 @@ pub(crate) struct AuthorityRecord {
     waiting: Vec<(Id, Origin)>,
     /// Holders that have sent heartbeats, as stored: their silence counts after a restart too.
     beats: BTreeSet<Id>,
+    /// Where holders have proved to be, as stored: status goes there after a restart.
+    places: BTreeMap<Id, SocketAddr>,
     /// What the audit logs are bound by.
     key: Option<AuditKey>,
     control: Trail,
@@ -41,6 +43,7 @@ impl Default for AuthorityRecord {
             since: BTreeMap::new(),
             waiting: Vec::new(),
             beats: BTreeSet::new(),
+            places: BTreeMap::new(),
             key: None,
             control: Trail::new(Kind::Control),
             monitors: Trail::new(Kind::Monitors),
@@ -97,6 +100,8 @@ struct Holder {
     since_ms: u64,
     beats: bool,
     peer: Option<SocketAddr>,
+    #[serde(default)]
+    proven: bool,
 }
 
 /// A station as the record knows it from before a restart.
@@ -105,6 +110,8 @@ pub(crate) struct KnownStation {
     pub(crate) id: Id,
     pub(crate) sends_heartbeats: bool,
     pub(crate) peer: Option<SocketAddr>,
+    /// It had proved to be there.
+    pub(crate) proven: bool,
 }
 
 impl AuthorityRecord {
@@ -152,18 +159,25 @@ impl AuthorityRecord {
         stored
     }
 
-    /// Stores once that a holder sends heartbeats: its silence counts after a restart too.
-    pub(super) fn store_heartbeats(
+    /// Stores once that a holder sends heartbeats, and where it has proved to be: its silence counts after a restart too,
+    /// and status goes there.
+    pub(super) fn store_station(
         &mut self,
         rights: &Authority,
         station: &GroundStation,
         context: &Context<'_>,
         effects: &mut Effects<'_>,
     ) {
-        if !station.sends_heartbeats || self.beats.contains(&station.id()) {
-            return;
-        }
-        if let Err(fault) = self.store(rights, Durability::Power, context, effects) {
+        let id = station.id();
+        let beats = station.sends_heartbeats && !self.beats.contains(&id);
+        // An address without proof is not worth a write: whoever likes can name another one a thousand times a second.
+        let moved = station.proven && self.places.get(&id).copied() != station.peer;
+        let durability = match (beats, moved) {
+            (true, _) => Durability::Power,
+            (false, true) => Durability::Process,
+            (false, false) => return,
+        };
+        if let Err(fault) = self.store(rights, durability, context, effects) {
             effects.warn(Cause::Store, format!("authority cannot be stored: {fault}"));
         }
     }
@@ -192,6 +206,7 @@ impl AuthorityRecord {
                 id,
                 sends_heartbeats: holder.beats,
                 peer: holder.peer,
+                proven: holder.proven,
             });
         }
         Ok((rights, known))
@@ -284,11 +299,15 @@ impl AuthorityRecord {
                 since_ms: u64::try_from(since.as_millis()).unwrap_or(u64::MAX),
                 beats: station.is_some_and(|station| station.sends_heartbeats),
                 peer: station.and_then(|station| station.peer),
+                proven: station.is_some_and(|station| station.proven),
             }
         });
         let holders: Vec<Holder> = holders.collect();
         let beats = holders.iter().filter(|holder| holder.beats);
         self.beats = beats.map(|holder| Id(holder.id)).collect();
+        self.places = (holders.iter().filter(|holder| holder.proven))
+            .filter_map(|holder| Some((Id(holder.id), holder.peer?)))
+            .collect();
         let (vehicle, key) = (context.id(), self.key.as_ref());
         let stored = Stored {
             authority: rights.record(),

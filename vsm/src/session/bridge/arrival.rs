@@ -46,17 +46,19 @@ impl Bridge {
                     return self.counters.count("over the station's rate");
                 }
                 self.asker = Some(index);
-                self.handle_admitted(now, from, index, frame, disk);
+                if self.is_there(now, from, index, frame, disk) {
+                    self.take_frame(now, index, frame, disk);
+                }
                 self.asker = None;
             }
             Err(why) => self.counters.count(why),
         }
     }
 
-    fn handle_admitted(
+    /// Takes a message from where its station is.
+    pub(super) fn take_frame(
         &mut self,
         now: Now,
-        from: SocketAddr,
         index: usize,
         frame: &Frame<'_>,
         disk: &mut dyn Disk,
@@ -90,9 +92,11 @@ impl Bridge {
             return self.refuse(now, &origin, header.destination, why, disk);
         }
         self.received.count(header.message_type.into());
-        // From here it is a message of a station that may speak: answers go to where it sends from.
+        if let Message::MessageAcknowledgement(_) = message {
+            // It says that the station's computer is there, which `reach` has noted, and nothing of who sits before it.
+            return;
+        }
         let station = &mut self.stations[index];
-        station.peer = Some(from);
         station.received = Some(now.mono);
         let commands = authority::commands(&message);
         let Some(stamp) = origin.stamp else {
@@ -259,7 +263,7 @@ fn drop_name(fault: &WrapperError) -> &'static str {
 }
 
 const NO_STAMP: &str = "a command needs its Time Stamp (field 1): without one a recording of it could not be told from it";
-const ACKNOWLEDGEMENT: u16 = 17000;
+pub(super) const ACKNOWLEDGEMENT: u16 = 17000;
 /// Commands of one station, which are logged each: 1,000 a second, 2,000 at once. An upload of 10,000 waypoints is
 /// slowed down, and sent again where it was cut.
 const COMMANDS: Rate = Rate {

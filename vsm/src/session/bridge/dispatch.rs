@@ -25,10 +25,13 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) {
         if let Message::Heartbeat(_) = message {
-            // One before any grant does no harm: it does not make later silence count.
-            let id = self.stations[origin.station].id();
+            // One before any grant does no harm: it does not make later silence count. Nor does one from an address that
+            // anybody may have written there.
+            let station = &self.stations[origin.station];
+            let id = station.id();
             let holds = |one: &Aircraft| !one.authority.rights().held(id).is_empty();
-            self.stations[origin.station].sends_heartbeats |= self.aircraft.iter().any(holds);
+            let counts = station.proven && self.aircraft.iter().any(holds);
+            self.stations[origin.station].sends_heartbeats |= counts;
         }
         let cucs = self.stations[origin.station].id();
         let (mut dli, aircraft) = self.effects(now, disk);

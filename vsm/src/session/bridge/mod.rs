@@ -1,12 +1,13 @@
 //! The whole bridge as one machine: datagrams of both sides and the time go in, datagrams and log lines come out.
 //!
 //! `arrival`: whom a datagram of the DLI is from, and whether it may speak; `dispatch`: whom its message is for. Each
-//! vehicle is an [`Aircraft`]. `keys`: how the key exchange of the shell reaches a vehicle's link; `status`: what the
+//! vehicle is an [`Aircraft`]. `reach`: which address is a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link; `status`: what the
 //! bridge is doing.
 
 mod arrival;
 mod dispatch;
 mod keys;
+mod reach;
 pub(crate) mod status;
 
 use std::collections::VecDeque;
@@ -33,6 +34,7 @@ use super::link::services::Services;
 use super::link::{LinkId, VehicleLink};
 use super::log::{LogEntry, LogLevel};
 use super::outbox::{Datagram, Outbox};
+use super::paths::{Limits, Paths};
 use super::station::GroundStation;
 use crate::config::Config;
 
@@ -47,6 +49,7 @@ pub struct Bridge {
     remembered: Vec<Remembered>,
     aircraft: Vec<Aircraft>,
     outbox: Outbox,
+    paths: Paths,
     /// Of the VSM itself, not of a vehicle.
     alerts: Alerts,
     counters: Counters,
@@ -54,6 +57,8 @@ pub struct Bridge {
     log: VecDeque<LogEntry>,
     /// The station whose message is being handled.
     asker: Option<usize>,
+    /// What stands from the configuration.
+    warnings: Vec<String>,
     started: Duration,
 }
 
@@ -108,7 +113,13 @@ impl Bridge {
         };
         let stations: Vec<GroundStation> =
             config.stations().cloned().map(GroundStation::new).collect();
+        let limits = Limits {
+            lease: Duration::from_secs_f64(config.dli.lease_s),
+            bytes_s: config.dli.max_bytes_s,
+            messages_s: config.dli.max_messages_s,
+        };
         let mut bridge = Bridge {
+            paths: Paths::new(limits, config.stations().map(|cucs| cucs.address)),
             vsm: config.dli.vsm_id,
             profile: config.dli.disputed.profile.clone(),
             multicast: config.dli.multicast.is_some(),
@@ -122,6 +133,7 @@ impl Bridge {
             received: ByType::default(),
             log: VecDeque::new(),
             asker: None,
+            warnings: config.warnings(),
             started: now.mono,
         };
         for ((vehicle, end), number) in config.vehicles().zip(ends).zip(0..) {
@@ -147,15 +159,25 @@ impl Bridge {
         Ok(bridge)
     }
 
+    /// Makes the stamps by which CUCSs prove their addresses unpredictable; random, and for this run only.
+    pub fn set_secret(&mut self, secret: [u8; 32]) {
+        self.paths.set_secret(secret);
+    }
+
     /// What a record of authority says of its holders: status goes where it went before, so that nobody has to ask again,
     /// and the silence of one that sent heartbeats counts.
     fn remember_stations(&mut self, now: Duration, known: &[KnownStation]) {
         for known in known {
-            let mut stations = self.stations.iter_mut();
-            let Some(station) = stations.find(|station| station.id() == known.id) else {
+            let mut stations = self.stations.iter_mut().enumerate();
+            let Some((index, station)) = stations.find(|(_, station)| station.id() == known.id)
+            else {
                 continue;
             };
-            station.peer = station.peer.or(known.peer);
+            if let Some(peer) = known.peer {
+                self.paths.restore(now, index, peer, known.proven);
+                station.peer = self.paths.peer(index);
+                station.proven = self.paths.is_proven(index);
+            }
             if known.sends_heartbeats {
                 station.sends_heartbeats = true;
                 // Its silence counts from this start: what it sent while the VSM was down is not known.
@@ -212,6 +234,7 @@ impl Bridge {
         }
         dli.clear_answers();
         self.forget_heartbeats();
+        self.watch_paths(now, disk);
     }
 
     /// The disk has made changes durable that it had queued: decisions that waited for it take effect, and what was held
@@ -240,6 +263,7 @@ impl Bridge {
         let each = self.aircraft.iter();
         each.filter_map(|aircraft| aircraft.poll_timeout(now, &self.stations))
             .chain(self.alerts.poll_timeout())
+            .chain(self.paths.poll_timeout(now))
             .fold(now + LONGEST_WAIT, Duration::min)
     }
 
@@ -275,6 +299,7 @@ impl Bridge {
             remembered: &mut self.remembered,
             alerts: &mut self.alerts,
             outbox: &mut self.outbox,
+            paths: &mut self.paths,
             counters: &mut self.counters,
             log: &mut self.log,
             disk,

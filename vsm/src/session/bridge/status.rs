@@ -19,6 +19,8 @@ pub struct Status {
     pub vsm: String,
     /// Since the start, s.
     pub uptime_s: f64,
+    /// What the operator should change, or know that it stands.
+    pub warnings: Vec<String>,
     /// Drops and refusals of the DLI side, by name.
     pub refused: Counters,
     /// What the recordings have left out or removed, by the reason.
@@ -40,8 +42,10 @@ pub struct Status {
 pub struct StationStatus {
     /// CUCS ID.
     pub id: String,
-    /// Where it was heard last.
+    /// Where it is sent to.
     pub address: Option<String>,
+    /// Whether it has proved to be there: "answered", "configured" (the operator vouches for the address) or "none".
+    pub proof: &'static str,
     /// Since it was heard, s.
     pub silent_s: Option<f64>,
 }
@@ -165,6 +169,11 @@ impl Bridge {
         let stations = self.stations.iter().map(|station| StationStatus {
             id: station.id().to_string(),
             address: station.peer.map(|peer| peer.to_string()),
+            proof: match (station.proven, station.config.address) {
+                (true, Some(_)) => "configured",
+                (true, None) => "answered",
+                (false, _) => "none",
+            },
             silent_s: station
                 .received
                 .map(|at| now.saturating_sub(at).as_secs_f64()),
@@ -215,6 +224,7 @@ impl Bridge {
         Status {
             vsm,
             uptime_s: now.saturating_sub(self.started).as_secs_f64(),
+            warnings: self.warnings.clone(),
             refused: self.counters.clone(),
             recordings: Counters::default(),
             received: self.received.clone(),

@@ -33,7 +33,7 @@ pub struct Server {
     readers: Vec<VehicleReader>,
     writers: Vec<VehicleWriter>,
     status: UnixListener,
-    page: Option<TcpListener>,
+    page: Option<(TcpListener, Vec<String>)>,
 }
 
 impl Server {
@@ -113,10 +113,10 @@ impl Server {
         tasks.spawn(&local, "status socket", |beat| {
             tell_status(of_all, beat, status)
         });
-        if let Some(listener) = page {
+        if let Some((listener, hosts)) = page {
             let of_all = shared.clone();
             tasks.spawn(&local, "status page", |beat| {
-                http::serve(listener, beat, move || of_all.status())
+                http::serve(listener, hosts, beat, move || of_all.status())
             });
         }
         let served = local.run_until(tasks.run(stop)).await;

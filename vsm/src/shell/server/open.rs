@@ -1,6 +1,7 @@
 //! How a server comes to its store, keys, sockets and recordings, before anything is sent.
 
 use std::cell::RefCell;
+use std::io;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::rc::Rc;
@@ -71,11 +72,14 @@ impl Server {
         // Before the bridge verifies its audit logs, and binds the next line by it.
         AuditKey::load_or_make(&mut store, &mut system_random).map_err(BridgeError::Store)?;
         let mut bridge = Bridge::new(config, ends, now, NOT_BEFORE, &mut store)?;
+        let mut secret = [0; 32];
+        system_random(&mut secret).map_err(|fault| StartError::Random(io::Error::other(fault)))?;
+        bridge.set_secret(secret);
         let exchanges = open_exchanges(config, &key_stores, now, &mut bridge, &mut store)?;
         let page = config
             .http
             .as_ref()
-            .map(|http| listen(http.listen))
+            .map(|http| Ok::<_, StartError>((listen(http.listen)?, http.hosts.clone())))
             .transpose()?;
         let status = status_socket::listen(&config.store.dir).map_err(StartError::Status)?;
         let stored = Arc::new(Notify::new());

@@ -1,0 +1,171 @@
+//! Which address is a station's: what comes from another one waits until that has answered (see [`paths`](crate::session)).
+
+use std::net::SocketAddr;
+
+use mavlink_link::Now;
+use mavlink_link::store::Disk;
+use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::messages::Heartbeat;
+use stanag_msgs::wrapper::Frame;
+use stanag_msgs::{Envelope, Message, TimeStamp};
+
+use super::Bridge;
+use super::arrival::ACKNOWLEDGEMENT;
+use crate::session::authority::Input;
+use crate::session::authority::rules::CONTROL;
+use crate::session::log::LogLevel;
+use crate::session::outbox::Destination;
+use crate::session::paths::{Arrival, Proof, QUESTION_BYTES};
+
+impl Bridge {
+    /// Whether a frame comes from where its station is, and may be taken. What does not is held back.
+    pub(super) fn is_there(
+        &mut self,
+        now: Now,
+        from: SocketAddr,
+        index: usize,
+        frame: &Frame<'_>,
+        disk: &mut dyn Disk,
+    ) -> bool {
+        let id = self.stations[index].id();
+        let aircraft = &self.aircraft;
+        let commands = LoiBitmap::LOI3.union(CONTROL);
+        let controls = || {
+            let mut all = aircraft.iter();
+            all.any(|one| {
+                one.authority
+                    .rights()
+                    .held(id)
+                    .levels()
+                    .intersects(commands)
+            })
+        };
+        let bytes = frame.bytes.len();
+        let arrival = self.paths.arrived(now.mono, index, from, bytes, controls);
+        if arrival == Arrival::Moved {
+            self.moved(now, index, disk);
+        }
+        let mut taken = arrival != Arrival::Unproven;
+        if let Some(stamp) = self.answer_in(frame) {
+            match self.paths.answered(now, index, from, stamp) {
+                Proof::None => {}
+                Proof::Round => self.ask(now, index, from, true),
+                Proof::Proven { moved } => {
+                    if moved {
+                        self.moved(now, index, disk);
+                        taken = true;
+                    }
+                    self.note_path(index);
+                    if self.paths.take_missed(index) {
+                        self.welcome(now, index, disk);
+                    }
+                }
+            }
+        }
+        self.ask(now, index, from, false);
+        self.send_waiting(now, index);
+        if !taken && frame.header.message_type != ACKNOWLEDGEMENT {
+            let held = self.paths.hold(index, from, frame.bytes);
+            self.counters.count(if held {
+                "held back until the address is proven"
+            } else {
+                "unproven address"
+            });
+        }
+        taken
+    }
+
+    /// The stamp that a 17000 of a heartbeat of ours names.
+    fn answer_in(&self, frame: &Frame<'_>) -> Option<TimeStamp> {
+        if frame.header.message_type != ACKNOWLEDGEMENT || frame.header.destination != self.vsm {
+            return None;
+        }
+        match self.profile.decode(ACKNOWLEDGEMENT, frame.data) {
+            Ok(Message::MessageAcknowledgement(answer))
+                if answer.original_message_type == Some(Heartbeat::ID) =>
+            {
+                answer.original_message_time_stamp
+            }
+            _ => None,
+        }
+    }
+
+    /// What is due of the stations' addresses.
+    pub(super) fn watch_paths(&mut self, now: Now, disk: &mut dyn Disk) {
+        for index in 0..self.stations.len() {
+            if self.paths.handle_timeout(now.mono, index) {
+                self.moved(now, index, disk);
+                // A CUCS that never proves anything has waited for its old address to fall silent: once in a while.
+                if self.paths.take_missed(index) {
+                    self.welcome(now, index, disk);
+                }
+            }
+            self.note_path(index);
+            if let Some(address) = self.paths.due_to_ask(now.mono, index) {
+                self.ask(now, index, address, false);
+            }
+            self.send_waiting(now, index);
+        }
+    }
+
+    /// Asks an address for a proof, where it is time.
+    fn ask(&mut self, now: Now, index: usize, address: SocketAddr, again: bool) {
+        let Some(stamp) = self.paths.ask(now, index, address, again) else {
+            return;
+        };
+        let message = Message::from(Heartbeat {
+            time_stamp: Some(stamp),
+        });
+        let envelope = Envelope::new(self.vsm, self.stations[index].id()).requesting_ack();
+        let to = Destination::Unicast(address);
+        if let Some(datagram) = self.outbox.compose(to, &envelope, &message) {
+            debug_assert!(
+                datagram.bytes().len() <= QUESTION_BYTES,
+                "a longer heartbeat"
+            );
+            self.outbox.push(datagram);
+        }
+    }
+
+    /// Sends what has waited for its credit.
+    fn send_waiting(&mut self, now: Now, index: usize) {
+        while let Some(datagram) = self.paths.next_waiting(now.mono, index) {
+            let datagram = self.outbox.restamped(now, datagram);
+            self.outbox.push(datagram);
+        }
+    }
+
+    /// The station is at another address: what was held back from there is taken.
+    fn moved(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
+        let before = self.stations[index].peer;
+        self.note_path(index);
+        let station = &self.stations[index];
+        // Who moves without proof may do so a thousand times a second: neither a log line nor an alert is spent on it.
+        if let (Some(before), Some(peer), true) = (before, station.peer, station.proven) {
+            let text = format!("CUCS {} has moved from {before} to {peer}", station.id());
+            let vsm = self.vsm;
+            self.effects(now, disk).0.note(LogLevel::Info, vsm, text);
+            self.paths.take_missed(index);
+            self.welcome(now, index, disk);
+        }
+        for held in self.paths.take_held(index) {
+            for frame in self.profile.frames(&held).flatten() {
+                self.take_frame(now, index, &frame, disk);
+            }
+        }
+    }
+
+    /// Copies what the machines may know of a station's address.
+    fn note_path(&mut self, index: usize) {
+        self.stations[index].peer = self.paths.peer(index);
+        self.stations[index].proven = self.paths.is_proven(index);
+    }
+
+    /// Sends a station what a new listener is sent: the vehicles, and the alerts that stand.
+    fn welcome(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
+        let (mut dli, aircraft) = self.effects(now, disk);
+        for one in aircraft.iter_mut() {
+            one.ask_authority(&mut dli, Input::Returned { station: index });
+        }
+    }
+}
