@@ -263,6 +263,11 @@ impl<A: Copy + Eq, T> Turns<A, T> {
         None
     }
 
+    /// Whether somebody waits for a turn.
+    pub(crate) fn any(&self) -> bool {
+        self.peer.is_some() || self.other.is_some()
+    }
+
     pub(crate) fn clear(&mut self) {
         (self.peer, self.other) = (None, None);
     }

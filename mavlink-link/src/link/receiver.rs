@@ -90,6 +90,11 @@ impl KeyState {
         self.clock.take(now, store)
     }
 
+    /// See [`SigningClock::waits`].
+    pub(crate) fn waits(&mut self, now: Now, store: &mut dyn Disk) -> bool {
+        self.clock.waits(now, store)
+    }
+
     /// Raises this key's clock above a timestamp of ours that was used under another key of the same link.
     ///
     /// # Errors

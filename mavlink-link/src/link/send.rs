@@ -104,6 +104,14 @@ impl<A: Copy + Eq> Link<A> {
         {
             core.events.alert(Alert::WallFarAhead, now.mono);
         }
+        // What is due stays due: a lifting heartbeat that was dropped here would leave a vehicle that has just started
+        // refused until the next one, a second of its telemetry.
+        if let Auth::Signed { key, store } = &mut auth
+            && core.has_due()
+            && key.waits(now, &mut **store)
+        {
+            return None;
+        }
         if let Auth::Signed { key, store } = &mut auth
             && let Some(sent) = core.next_ping(now, key, &mut **store, out)
         {
@@ -160,6 +168,14 @@ impl<A: Copy + Eq> Core<A> {
         };
         *count += u64::from(sent.is_ok());
         sent.ok()
+    }
+
+    fn has_due(&self) -> bool {
+        self.heartbeat_due
+            || self.receipt.due
+            || self.lift.iter().any(Option::is_some)
+            || self.answer.any()
+            || self.challenge.any()
     }
 
     fn next_heartbeat_to(&mut self) -> Option<A> {

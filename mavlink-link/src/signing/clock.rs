@@ -209,6 +209,12 @@ impl SigningClock {
         Ok(stamp)
     }
 
+    /// Whether the next stamp waits for a slow disk: what is due then is sent a moment later. Raises the ceiling where
+    /// that is needed, and takes no stamp.
+    pub fn waits(&mut self, now: Now, store: &mut dyn Disk) -> bool {
+        self.raise_ceiling(self.reading(now), now, store) == Err(ClockError::Raising)
+    }
+
     /// Whether a stamp lies within an hour beyond the base.
     #[must_use]
     pub fn allows(&self, stamp: Stamp, now: Now) -> bool {

@@ -62,6 +62,24 @@ fn a_listening_link_lifts_a_restarted_vehicle_within_one_round_trip() {
 }
 
 #[test]
+fn a_heartbeat_that_waits_for_the_disk_is_sent_once_it_has_written() {
+    let disk = MemoryDisk {
+        queues: true,
+        ..MemoryDisk::default()
+    };
+    let mut station = Station::with_store(Endpoint::Listen, at(0), disk);
+    let mut vehicle = Vehicle::new(Stamp::ZERO);
+    station.receive(at(100), VEHICLE, &vehicle.heartbeat());
+    assert_eq!(station.heartbeats(at(100)), [], "nothing is signed yet");
+    station.store.complete(u64::MAX);
+    let sent = station.heartbeats(at(130));
+    assert_eq!(sent.len(), 1, "at once, not a second later");
+    assert!(vehicle.receive(&sent[0].1));
+    let got = station.receive(at(140), VEHICLE, &vehicle.heartbeat());
+    assert!(got.len() == 1 && got[0].verified);
+}
+
+#[test]
 fn heartbeats_go_out_each_second_unprompted_and_say_what_we_are() {
     let mut station = Station::new(Endpoint::Fixed(VEHICLE), at(0));
     let mut beats = Vec::new();
