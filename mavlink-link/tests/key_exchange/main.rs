@@ -6,5 +6,6 @@ mod attacks;
 mod cost;
 mod disks;
 mod faults;
+mod symbolic;
 mod under_load;
 mod world;
