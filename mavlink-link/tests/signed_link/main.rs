@@ -4,6 +4,8 @@ mod allocations;
 mod c_library;
 mod captures;
 mod challenges;
+mod every_clock_history;
+mod every_frame;
 mod histories;
 mod link;
 mod parser;

@@ -17,15 +17,31 @@ pub struct Relay {
     carrier: Option<JoinHandle<()>>,
 }
 
+/// Where a datagram goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum End {
+pub enum End {
+    /// To the client.
     Client,
+    /// To the server.
     Server,
 }
+
+/// Sees every datagram that is delivered, and where to.
+type Observer = Box<dyn FnMut(End, &[u8]) + Send>;
 
 impl Relay {
     /// Listens on a free port, and carries to and from `server`.
     pub fn start(server: &str, faults: Faults, seed: u64) -> Relay {
+        Relay::observed(server, faults, seed, |_, _| {})
+    }
+
+    /// The same, and each datagram is shown to `observer` before it is delivered.
+    pub fn observed(
+        server: &str,
+        faults: Faults,
+        seed: u64,
+        observer: impl FnMut(End, &[u8]) + Send + 'static,
+    ) -> Relay {
         let [front, back] = [(); 2].map(|()| {
             let socket = UdpSocket::bind("127.0.0.1:0").expect("a loopback socket");
             socket.set_nonblocking(true).expect("it need not block");
@@ -40,6 +56,7 @@ impl Relay {
             server: server.parse().expect("an address"),
             client: None,
             network: Network::new(seed, faults),
+            observer: Box::new(observer),
             started: Instant::now(),
         };
         let (ends, counter) = (Arc::clone(&ended), Arc::clone(&lost));
@@ -85,6 +102,7 @@ struct Carrier {
     /// Where the client sent from last.
     client: Option<SocketAddr>,
     network: Network<End, Vec<u8>>,
+    observer: Observer,
     started: Instant,
 }
 
@@ -105,6 +123,7 @@ impl Carrier {
             }
         }
         while let Some(packet) = self.network.receive(now) {
+            (self.observer)(packet.to, &packet.payload);
             let _ = match (packet.to, self.client) {
                 (End::Server, _) => self.back.send_to(&packet.payload, self.server),
                 (End::Client, Some(client)) => self.front.send_to(&packet.payload, client),

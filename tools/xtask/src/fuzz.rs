@@ -31,7 +31,9 @@ pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
         return steps.missing("fuzzing needs Linux and a C++ compiler `c++`");
     }
     let fuzz = root().join("tests/fuzz");
-    let corpus = fuzz.join("corpus");
+    // What was found stays there, so that the next run goes on from it.
+    let corpus = option("--corpus").unwrap_or_else(|| fuzz.join("corpus"));
+    let corpus = std::path::absolute(&corpus)?;
     // With the whole workspace, as built before: for one package alone the dependencies' features differ.
     let seeds = [
         "test",
@@ -63,7 +65,8 @@ pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
         let names: Vec<&str> = targets.iter().map(|(name, _)| *name).collect();
         steps.step(&format!("fuzz {}", names.join(", ")), || {
             let start = |(name, longest): &(&str, u32)| {
-                let mut command = command(&programs.join(name), &fuzz, name, *longest, each)?;
+                let mut command =
+                    command(&programs.join(name), &fuzz, &corpus, name, *longest, each)?;
                 command.spawn().with_context(|| (*name).to_owned())
             };
             let started: Result<Vec<_>> = targets.iter().map(start).collect();
@@ -82,16 +85,17 @@ pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
 fn command(
     program: &Path,
     fuzz: &Path,
+    corpora: &Path,
     target: &str,
     longest: u32,
     seconds: u32,
 ) -> Result<Command> {
-    let folder = |kind: &str| -> Result<PathBuf> {
-        let folder = fuzz.join(kind).join(target);
+    let folder = |all: &Path| -> Result<PathBuf> {
+        let folder = all.join(target);
         fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
         Ok(folder)
     };
-    let (corpus, artifacts) = (folder("corpus")?, folder("artifacts")?);
+    let (corpus, artifacts) = (folder(corpora)?, folder(&fuzz.join("artifacts"))?);
     let mut command = Command::new(program);
     command
         .current_dir(root())

@@ -9,6 +9,7 @@ mod ci;
 mod deb;
 mod dependencies;
 mod fuzz;
+mod kill;
 mod licences;
 mod metrics;
 mod peers;
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
         "gen" => generate(&mut steps),
         "bench" => bench::run(&mut steps),
         "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
+        "kill" => kill::run(&mut steps),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
         "sbom" => sbom::write().map(|list| eprintln!("{}", list.display())),
         "metrics" => metrics::run(),
@@ -72,7 +74,9 @@ usage: cargo xtask TASK
   ci      check formatting, lints, documentation, generated files, dependencies and licences, then `test` and `fuzz`
   gen     write the dissector, the support table and the reference; --check: only list what is stale
   bench   run every bench, the C library and pymavlink for comparison; print the figures as Markdown
-  fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all
+  fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all; --corpus DIR: from and to there
+  kill    kill -9 the bridge and the agent at random moments of flights, and check what must not be lost; --times N,
+          --side-by-side N, --seed N
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: pack the programs of DIR; --out DIR
   sbom    write target/vsm.cdx.json, the CycloneDX list of what the flight binary is made of; --out FILE: elsewhere
   man     write manual pages and completions of bash, zsh and fish to target/man; --out DIR: elsewhere

@@ -2,6 +2,8 @@
 //! planned route, and what outlives the end of a process.
 
 mod airside;
+mod field;
 mod handover;
+mod kills;
 mod planned_route;
 mod survives;
