@@ -13,7 +13,7 @@ const EXHAUSTIVE: usize = 12;
 const RANDOM_CASES: u32 = 300;
 
 /// Message data with these fields present, their bytes taken from `pool`.
-fn data(info: &MessageInfo, presence: u64, pool: &[u8]) -> Vec<u8> {
+pub(crate) fn data(info: &MessageInfo, presence: u64, pool: &[u8]) -> Vec<u8> {
     let start = 8 - usize::from(info.presence_bytes);
     let mut data = presence.to_be_bytes()[start..].to_vec();
     let mut pool = pool.iter().copied().cycle();
@@ -40,7 +40,7 @@ fn data(info: &MessageInfo, presence: u64, pool: &[u8]) -> Vec<u8> {
     data
 }
 
-fn known_presence(info: &MessageInfo) -> u64 {
+pub(crate) fn known_presence(info: &MessageInfo) -> u64 {
     let known = info
         .fields
         .iter()
@@ -48,7 +48,7 @@ fn known_presence(info: &MessageInfo) -> u64 {
     known.fold(0, |bits, field| bits | 1 << field.bit)
 }
 
-fn returns(info: &MessageInfo, data: &[u8]) {
+pub(crate) fn returns(info: &MessageInfo, data: &[u8]) {
     let message = Message::decode(info.id, data).unwrap();
     assert_eq!(message.id(), info.id);
     let mut out = [0; MAX_DATA];

@@ -4,6 +4,7 @@
 //! `VSM_MUTATIONS=1000000 cargo test --release -p vsm --test any_input` runs it for longer. The same targets are fuzzed
 //! with coverage as a guide (`cargo xtask fuzz`), from the seeds that `VSM_CORPUS=DIR` writes.
 
+mod every_replay;
 mod seeds;
 
 use kit::Random;
