@@ -78,7 +78,7 @@ fn every_presence(few: u32) -> usize {
 #[test]
 fn every_presence_vector_is_read_as_it_was_written_or_refused() {
     let number = every_presence(2);
-    assert!(number > 1_000_000, "{number}");
+    assert!(number > 2_000_000, "{number}");
 }
 
 #[test]
@@ -128,6 +128,7 @@ fn every_length_with_every_property_is_a_whole_message_or_refused() {
 
 #[test]
 fn no_message_with_a_checksum_is_taken_with_a_changed_byte() {
+    let mut number = 0;
     let mut out = [0; MAX_DATAGRAM];
     for info in MESSAGES {
         let message = Message::empty(info.id).expect("one of the table");
@@ -145,6 +146,7 @@ fn no_message_with_a_checksum_is_taken_with_a_changed_byte() {
                 // What says whether there is a checksum at all is not protected by it.
                 let style_bits = if at == 15 { 0xc0 } else { 0 };
                 for change in (1..=255_u8).filter(|change| change & style_bits == 0) {
+                    number += 1;
                     let mut changed = whole.clone();
                     changed[at] ^= change;
                     for frame in frames(&changed) {
@@ -154,6 +156,7 @@ fn no_message_with_a_checksum_is_taken_with_a_changed_byte() {
             }
         }
     }
+    assert!(number > 1_000_000, "{number}");
 }
 
 const ENVELOPE: Envelope = Envelope {
