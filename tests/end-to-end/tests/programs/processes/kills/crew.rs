@@ -37,6 +37,8 @@ pub(super) struct Crew {
     _relay: Relay,
     tap: Tap,
     grounds: [Ground; 2],
+    /// Waits, at times, until a key is on its way: some seconds each.
+    waits_for_keys: bool,
     random: Random,
     began: Instant,
     kill_at: Option<Instant>,
@@ -64,7 +66,7 @@ pub(super) struct Crew {
 
 impl Crew {
     /// Starts everything: paired, with a key agreed, the vehicle on the ground.
-    pub(super) fn start(seed: u64) -> Crew {
+    pub(super) fn start(seed: u64, waits_for_keys: bool) -> Crew {
         // A key is old after some seconds: on the ground another is agreed on all the time, in flight one waits.
         let field = Field::with_tables(r#", exchange = "on", rotate_days = 0.0001"#, TABLES);
         let tap = Tap::default();
@@ -92,6 +94,7 @@ impl Crew {
             _relay: relay,
             tap,
             grounds,
+            waits_for_keys,
             random: Random::with_seed(seed),
             began: Instant::now(),
             kill_at: None,
@@ -114,7 +117,7 @@ impl Crew {
     pub(super) fn survive_one(&mut self) {
         // Most things take milliseconds: without the short ones it would nearly always be between two of them.
         let longest = [6, 60, 600, 2_000][self.random.usize(0..4)];
-        if self.random.u8(0..4) == 0 && !self.airborne() {
+        if self.waits_for_keys && self.random.u8(0..4) == 0 && !self.airborne() {
             self.wait(Duration::from_secs(10), |crew| crew.is_between_keys());
         }
         let new_key = self.is_between_keys() && !self.airborne();
