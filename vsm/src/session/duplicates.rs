@@ -7,8 +7,8 @@
 //! What was authorised and the memory has no room for any more leaves its stamp behind ([`UsedStamps`]): no command is
 //! carried out twice, however many others came between. What was not authorised leaves nothing. What moves the aircraft, changes what it will fly or says who may (`commands` of
 //! the caller) needs a stamp, and comes in time by its station's own clock ([`StationClock`]). Sticks are too many to
-//! be logged one by one: of them each must be newer than the last, and the log has a bound on their stamps that is
-//! ahead of them.
+//! be logged one by one: of them each must be newer than the last ([`StickStamps`]), and the log has a bound on their
+//! stamps that is ahead of them.
 //!
 //! The log has a line before a command is carried out, and another when its answer is final: digest, message type,
 //! stamp, destination, 1 where an acknowledgement was requested, mode, and the answer, `-` before it is known;
@@ -32,7 +32,8 @@ use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::context::Origin;
-use super::stamps::{MAX_AHEAD, MAX_LATE, SETTLE, StationClock, UsedStamps, stamps_apart_ms};
+use super::stamps::{Late, MAX_AHEAD, MAX_LATE, SETTLE, StationClock, UsedStamps, stamps_apart_ms};
+use super::stick_stamps::{Stick, StickStamps};
 
 /// What one CUCS has sent lately, in memory and in its log.
 #[derive(Debug, Default)]
@@ -40,8 +41,9 @@ pub(crate) struct Remembered {
     recent: Recent,
     /// Stamps of commands that `recent` had no room for.
     used: UsedStamps,
-    /// Stamps of sticks.
+    /// Stamps of sticks, as the log has them.
     sticks: UsedStamps,
+    stick_stamps: StickStamps,
     /// The log has this as the last of the sticks.
     sticks_logged: u64,
     clock: StationClock,
@@ -74,11 +76,23 @@ impl Remembered {
             return Verdict::Again(answer);
         }
         let sticks = new.message_type == STICKS;
-        let used = if sticks { &self.sticks } else { &self.used };
-        let is_used = (sticks || new.commands()) && used.contains(new.stamp);
-        if is_used {
+        if new.commands() && self.used.contains(new.stamp) {
             // It is not remembered: replays must not push out what is.
             return Verdict::Refused("used time stamp", USED.into());
+        }
+        if sticks {
+            let why = match self.stick_stamps.judge(new.stamp, new.digest.0, now) {
+                Stick::New => None,
+                Stick::Repeated => Some(REPEATED),
+                Stick::Flown => Some(FLOWN),
+                Stick::Older => {
+                    self.clock.note(new.stamp, now);
+                    Some(OLDER)
+                }
+            };
+            if let Some(why) = why {
+                return Verdict::Refused("used time stamp", why.into());
+            }
         }
         // Noted first: it may be the message that shows for long enough that the clock was set.
         self.clock.note(new.stamp, now);
@@ -86,7 +100,7 @@ impl Remembered {
         if timed
             && self.clock.is_ahead(new.stamp, now)
             && let Some(reading) = self.clock.reading(now)
-            && used.ahead(reading) >= MAX_AHEAD
+            && self.ahead(sticks, reading) >= MAX_AHEAD
         {
             return Verdict::Refused("too far ahead", TOO_MANY_AHEAD.into());
         }
@@ -99,11 +113,30 @@ impl Remembered {
                 self.used.bound(reading.unwrap_or(seen.stamp));
             }
         }
-        match self.clock.lateness(new.stamp, now).filter(|_| timed) {
-            Some(late) => Verdict::Refused("late", late_text(late)),
+        match self.clock.late(new.stamp, now).filter(|_| timed) {
+            Some(late) => {
+                if sticks {
+                    self.stick_stamps.refused(now);
+                }
+                Verdict::Refused("late", late_text(late))
+            }
             None if overtaken => Verdict::Refused("overtaken", OVERTAKEN.into()),
             None => Verdict::New,
         }
+    }
+
+    /// How much was used of what is later than the station's clock shows.
+    fn ahead(&self, sticks: bool, reading: TimeStamp) -> usize {
+        if sticks {
+            self.stick_stamps.ahead(reading)
+        } else {
+            self.used.ahead(reading)
+        }
+    }
+
+    /// Whether all sticks of the station have been refused for so long that it must know.
+    pub(crate) fn refuses_sticks(&self, now: Duration) -> bool {
+        self.stick_stamps.are_refused(now)
     }
 
     /// The message that was judged last is to be carried out: it is on disk before that. `authorised`: its stamp is used
@@ -118,7 +151,12 @@ impl Remembered {
         disk: &mut dyn Disk,
     ) -> Option<Result<(), StoreError>> {
         if message_type == STICKS {
-            return Some(self.log_sticks(station, stamp, now, disk));
+            let latest = self.recent.others.back()?;
+            let digest = (latest.message_type == STICKS && latest.stamp == stamp)
+                .then_some(latest.digest)?;
+            let reading = self.clock.reading(now).unwrap_or(stamp);
+            self.stick_stamps.take(stamp, digest.0, reading);
+            return Some(self.log_sticks(station, stamp, reading, disk));
         }
         let latest = self.recent.commands.back_mut()?;
         if latest.accepted || (latest.message_type, latest.stamp) != (message_type, stamp) {
@@ -168,6 +206,7 @@ impl Remembered {
             self.used.bound(latest.stamp);
             self.sticks.bound(latest.stamp);
         }
+        self.stick_stamps.restore(self.sticks.clone());
         let open = commands.iter().filter(|seen| !is_final(seen.answer));
         Ok(open.copied().collect())
     }
@@ -214,11 +253,11 @@ impl Remembered {
         &mut self,
         station: Id,
         stamp: TimeStamp,
-        now: Duration,
+        reading: TimeStamp,
         disk: &mut dyn Disk,
     ) -> Result<(), StoreError> {
         self.sticks.insert(stamp);
-        self.sticks.bound(self.clock.reading(now).unwrap_or(stamp));
+        self.sticks.bound(reading);
         let logged = self.sticks_logged.checked_sub(stamp.0);
         if logged.is_some_and(|ahead_ms| ahead_ms <= STICKS_AHEAD_MS) {
             return Ok(());
@@ -619,14 +658,38 @@ const USED: &str = "its Time Stamp lies where this CUCS has commanded before: it
 const TOO_MANY_AHEAD: &str = "its Time Stamp is ahead of the clock of its CUCS, as those of many commands before it were: set the clock \
      of the CUCS, and send it again";
 
-fn late_text(late: Duration) -> String {
-    format!(
-        "its Time Stamp is {} s behind the clock of its CUCS, expected at most {} s; send it again (once its clock was set, \
-         it is followed within {} s)",
-        late.as_secs(),
-        MAX_LATE.as_secs(),
-        SETTLE.as_secs()
-    )
+const REPEATED: &str = "it was received before: it is a repetition";
+const FLOWN: &str = "its Time Stamp lies where this CUCS has sent sticks before, of which each is no longer known: the VSM has restarted \
+     within 10 s, or the clock of the CUCS was set back; sticks count again once it has passed that time: set the clock \
+     of the CUCS";
+const OLDER: &str = "it is older, by its Time Stamp, than sticks that have come before: the clock of the CUCS was set back; sticks count \
+     again after 5 s in which they come in order";
+
+fn late_text(late: Late) -> String {
+    let (expected_s, settle_s) = (MAX_LATE.as_secs(), SETTLE.as_secs());
+    let behind = |by: Duration| {
+        let by_s = by.as_secs();
+        format!(
+            "its Time Stamp is {by_s} s behind the clock of its CUCS, expected at most {expected_s} s"
+        )
+    };
+    match late {
+        Late::Behind(by) => format!(
+            "{}; send it again (once its clock was set, it is followed within {settle_s} s)",
+            behind(by)
+        ),
+        Late::Contested(by) => format!(
+            "{}, as other messages of that CUCS show it: stamp all messages by one clock; send it again (once its clock \
+             was set, it is followed within {settle_s} s)",
+            behind(by)
+        ),
+        Late::Standing(newest, since) => format!(
+            "the Time Stamps of its CUCS do not rise: none was newer than {} ms for {} s, so that nobody can know how old a \
+             command is; let the CUCS count them on with its clock, and it is followed within {settle_s} s",
+            newest.0,
+            since.as_secs()
+        ),
+    }
 }
 
 #[cfg(test)]

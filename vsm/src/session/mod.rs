@@ -84,6 +84,7 @@ mod paths;
 mod reports;
 mod stamps;
 mod station;
+mod stick_stamps;
 pub(crate) mod store;
 #[cfg(test)]
 mod testing;

@@ -15,7 +15,8 @@
 //! A station's own clock may step. Forward: what is ahead is accepted, since nothing recorded or held back is ahead of
 //! everything that was received. The clock follows it only once such traffic has lasted for [`SETTLE`]: one datagram
 //! from another year must not make all honest ones late. Back: refused, until rising stamps have come for [`SETTLE`]
-//! without one that still fits the clock as it was. A replay beside the station's own traffic never gets there.
+//! without one that still fits the clock as it was, or for [`CONTESTED`] with few that do. A replay beside the station's
+//! own traffic never gets there.
 
 use std::time::Duration;
 
@@ -114,8 +115,9 @@ pub(crate) struct StationClock {
     reference: Option<Reference>,
     /// Since when there has been traffic that follows the reference; `None` where it was not received in this run.
     since: Option<Duration>,
-    /// Traffic that does not fit the reference: its newest message, and when it began.
-    candidate: Option<(Reference, Duration)>,
+    /// Traffic that does not fit the reference, by what it would show. Several, so that single messages of any time, as
+    /// anybody may forge them, do not take the place of what the station itself sends.
+    candidates: [Option<Candidate>; MAX_CANDIDATES],
 }
 
 /// The newest stamp, and when it was received.
@@ -123,6 +125,37 @@ pub(crate) struct StationClock {
 struct Reference {
     stamp: TimeStamp,
     at: Duration,
+}
+
+/// Another clock that a part of the traffic shows.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    newest: Reference,
+    /// When it began, pauses apart.
+    began: Duration,
+    /// Since when nothing newer has fitted the reference.
+    alone_since: Option<Duration>,
+    /// In how many seconds since it began it has shown itself, and in how many the reference has.
+    own: Seconds,
+    others: Seconds,
+}
+
+/// Seconds in which something was received: a burst of messages counts as one.
+#[derive(Debug, Default, Clone, Copy)]
+struct Seconds {
+    count: u64,
+    latest: Option<u64>,
+}
+
+/// Why a message is late.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Late {
+    /// It was long on its way, or the clock was set back.
+    Behind(Duration),
+    /// The same, and other messages of the station show the later time.
+    Contested(Duration),
+    /// The station's stamps have not risen above this one for so long.
+    Standing(TimeStamp, Duration),
 }
 
 impl Reference {
@@ -136,6 +169,47 @@ impl Reference {
     /// whose clock was set back may stamp with the last stamp and one, until its clock has caught up.
     fn continues(&self, stamp: TimeStamp, now: Duration) -> bool {
         stamps_apart_ms(stamp, self.stamp) > 0 && self.lead_ms(stamp, now) <= NEAR_MS
+    }
+}
+
+impl Seconds {
+    fn note(&mut self, now: Duration) {
+        if self.latest != Some(now.as_secs()) {
+            self.latest = Some(now.as_secs());
+            self.count += 1;
+        }
+    }
+}
+
+impl Candidate {
+    fn new(newest: Reference) -> Candidate {
+        let mut own = Seconds::default();
+        own.note(newest.at);
+        Candidate {
+            newest,
+            began: newest.at,
+            alone_since: Some(newest.at),
+            own,
+            others: Seconds::default(),
+        }
+    }
+
+    /// Takes its next message; true where it is the clock of the station.
+    fn goes_on(&mut self, new: Reference) -> bool {
+        if new.at.saturating_sub(self.newest.at) > IDLE {
+            *self = Candidate {
+                alone_since: self.alone_since,
+                ..Candidate::new(new)
+            };
+        }
+        self.newest = new;
+        self.own.note(new.at);
+        let alone_since = *self.alone_since.get_or_insert(new.at);
+        let alone = new.at.saturating_sub(alone_since) >= SETTLE;
+        // Who forges a message of the old time now and then must not hold the clock down for ever; who replays beside the
+        // station's own traffic must not move it. That traffic comes once a second.
+        let lasting = new.at.saturating_sub(self.began) >= CONTESTED;
+        alone || lasting && 3 * self.others.count <= self.own.count
     }
 }
 
@@ -171,6 +245,25 @@ impl StationClock {
         (late > MAX_LATE).then_some(late)
     }
 
+    /// Why a stamp that was noted just now is late; `None` where it is in time.
+    pub(crate) fn late(&self, stamp: TimeStamp, now: Duration) -> Option<Late> {
+        let by = self.lateness(stamp, now)?;
+        let reference = self.reference?;
+        let candidates = self.candidates.iter().flatten().map(|one| one.newest);
+        let latest = candidates
+            .chain([reference])
+            .max_by_key(|one| one.at)
+            .unwrap_or(reference);
+        let age = |one: Reference| now.saturating_sub(one.at);
+        Some(if age(latest) >= SETTLE {
+            Late::Standing(latest.stamp, age(latest))
+        } else if age(reference) < SETTLE {
+            Late::Contested(by)
+        } else {
+            Late::Behind(by)
+        })
+    }
+
     /// Notes the stamp of a message that was received for the first time.
     pub(crate) fn note(&mut self, stamp: TimeStamp, now: Duration) {
         let new = Reference { stamp, at: now };
@@ -181,34 +274,61 @@ impl StationClock {
         let ahead = self.is_ahead(stamp, now);
         if ahead && !self.is_settled(now) {
             // What was received first may have been old. Honest traffic is ahead of that, and need not wait.
+            self.candidates = [None; MAX_CANDIDATES];
             return self.follow(new, now);
         }
+        let newer_ms = stamps_apart_ms(stamp, reference.stamp);
         if in_time && !ahead {
             // What was overtaken on its way says nothing new.
-            if stamps_apart_ms(stamp, reference.stamp) > 0 {
+            if newer_ms > 0 {
                 self.follow(new, self.since.unwrap_or(now));
+                for candidate in self.candidates.iter_mut().flatten() {
+                    candidate.alone_since = None;
+                    candidate.others.note(now);
+                }
             }
             return;
         }
-        match &mut self.candidate {
-            Some((newest, since)) if newest.continues(stamp, now) => {
-                *newest = new;
-                if now.saturating_sub(*since) >= SETTLE {
-                    let since = *since;
-                    self.follow(new, since);
+        if newer_ms == 0 {
+            // A stamp that stands still shows no clock.
+            return;
+        }
+        let continued = |one: &&mut Candidate| one.newest.continues(stamp, now);
+        let candidates = self.candidates.iter_mut().flatten();
+        let nearest = |one: &&mut Candidate| one.newest.lead_ms(stamp, now).abs();
+        if let Some(candidate) = candidates.filter(continued).min_by_key(nearest) {
+            if candidate.goes_on(new) {
+                let began = candidate.began;
+                let is_it = |one: &Candidate| one.newest.stamp == stamp;
+                for slot in self.candidates.iter_mut() {
+                    *slot = slot.filter(|one| !is_it(one));
                 }
+                self.follow(new, began);
             }
-            // Overtaken on its way.
-            Some((newest, _))
-                if (-MAX_LATE_MS..=0).contains(&stamps_apart_ms(stamp, newest.stamp)) => {}
-            _ => self.candidate = Some((new, now)),
+            return;
+        }
+        let overtaken = |one: &Candidate| {
+            (-MAX_LATE_MS..=0).contains(&stamps_apart_ms(stamp, one.newest.stamp))
+        };
+        if !self.candidates.iter().flatten().any(overtaken) {
+            self.begin(new);
+        }
+    }
+
+    /// Begins a candidate, where there is room: one that has just shown itself is not driven out.
+    fn begin(&mut self, new: Reference) {
+        let at = |slot: &Option<Candidate>| slot.map(|one| one.newest.at);
+        let Some(oldest) = self.candidates.iter_mut().min_by_key(|slot| at(slot)) else {
+            return;
+        };
+        if at(oldest).is_none_or(|at| new.at.saturating_sub(at) > IDLE) {
+            *oldest = Some(Candidate::new(new));
         }
     }
 
     fn follow(&mut self, new: Reference, since: Duration) {
         self.reference = Some(new);
         self.since = Some(since);
-        self.candidate = None;
     }
 
     fn is_settled(&self, now: Duration) -> bool {
@@ -235,6 +355,12 @@ pub(crate) const MAX_LATE: Duration = Duration::from_secs(60);
 const MAX_LATE_MS: i64 = MAX_LATE.as_millis() as i64;
 /// Another reading of a station's clock is believed after this time.
 pub(crate) const SETTLE: Duration = Duration::from_secs(5);
+/// The same beside messages that show the reading before: at most one for three.
+const CONTESTED: Duration = Duration::from_secs(30);
+/// Other readings that are followed at a time.
+const MAX_CANDIDATES: usize = 8;
+/// One that has not shown itself for longer makes room, and begins again.
+const IDLE: Duration = Duration::from_secs(10);
 /// Traffic that is ahead by no more fits the clock: its first message may have been on its way for longer.
 const NEAR_MS: i64 = 2_000;
 /// Two used stamps that are nearer than this make one span.
@@ -406,6 +532,75 @@ mod tests {
                 }
                 assert!(lead > 0 || !in_time(&clock, own - HOUR_MS, at));
             }
+        }
+    }
+
+    #[test]
+    fn single_forged_messages_do_not_hold_down_a_clock_that_was_set() {
+        let set = NOON - 365 * 24 * HOUR_MS;
+        let mut random = kit::Random::with_seed(3);
+        // Forged every 4 s, and several times a second: of any time, and of the time before the step.
+        for (old, every, within) in [(false, 4, 6), (false, 1, 30), (true, 4, 45)] {
+            let mut clock = StationClock::default();
+            beat(&mut clock, 0.0, NOON, 100);
+            let mut followed = None;
+            for n in 0..300_u64 {
+                let at = 101.0 + n as f64;
+                clock.note(TimeStamp(set + n * 1_000), s(at));
+                if in_time(&clock, set + n * 1_000, at) {
+                    followed = followed.or(Some(n));
+                } else {
+                    assert_eq!(followed, None, "{old} {every} {n}");
+                }
+                if n % every == 0 {
+                    for k in 1..=4 / every {
+                        let forged = match old {
+                            true => NOON + 101_000 + n * 1_000 + k,
+                            false => random.u64(0..TimeStamp::PERIOD_MS),
+                        };
+                        clock.note(TimeStamp(forged), s(at + 0.1 * k as f64));
+                    }
+                }
+            }
+            assert!(
+                followed.is_some_and(|n| n <= within),
+                "{old} {every}: {followed:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn stamps_that_do_not_rise_are_late_for_that_reason() {
+        let mut clock = StationClock::default();
+        for n in 0..200_u64 {
+            // It stands still; later it counts the same three seconds again and again.
+            let stamp = TimeStamp(if n < 100 { NOON } else { NOON + n % 3 * 1_000 });
+            clock.note(stamp, s(n as f64));
+            match clock.late(stamp, s(n as f64)) {
+                None => assert!(n <= 62, "{n}"),
+                Some(Late::Standing(newest, _)) => assert!(n > 60 && newest.0 < NOON + 3_000),
+                // It has risen just now, as far as anybody can know.
+                Some(Late::Behind(_)) => assert!((100..108).contains(&n), "{n}"),
+                other => panic!("{n}: {other:?}"),
+            }
+        }
+        // Once they rise, they are followed.
+        beat(&mut clock, 200.0, NOON + 10_000, 6);
+        assert!(in_time(&clock, NOON + 16_000, 206.0));
+    }
+
+    #[test]
+    fn two_clocks_of_one_station_are_late_for_that_reason() {
+        let mut clock = StationClock::default();
+        beat(&mut clock, 0.0, NOON, 10);
+        for n in 11..120 {
+            clock.note(TimeStamp(NOON + n * 1_000), s(n as f64));
+            let (other, at) = (TimeStamp(NOON - HOUR_MS + n * 1_000), s(n as f64 + 0.5));
+            clock.note(other, at);
+            assert!(
+                matches!(clock.late(other, at), Some(Late::Contested(_))),
+                "{n}"
+            );
         }
     }
 

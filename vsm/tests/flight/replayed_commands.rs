@@ -4,7 +4,8 @@
 use kit::bridge::{Rig, orders, vehicle_id};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, RequestedAccess};
 use stanag_msgs::messages::{
-    CucsAuthorisationRequest, UaStickCommand, VehicleOperatingModeCommand,
+    CucsAuthorisationRequest, Heartbeat, UaPositionWaypoint, UaStickCommand,
+    VehicleOperatingModeCommand,
 };
 use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, TimeStamp};
 
@@ -155,4 +156,96 @@ fn recorded_sticks_fly_nothing() {
     let to = rig.truth().position;
     let moved = (to.n - from.n).hypot(to.e - from.e);
     assert!(moved < 5.0, "moved by {moved} m");
+}
+
+/// The clock of station 0, set back by so many seconds.
+fn set_back(rig: &Rig, by_s: u64) -> Option<TimeStamp> {
+    let at = rig.now().wall - std::time::Duration::from_secs(by_s);
+    Some(TimeStamp::from_unix_ms(at.as_millis() as u64))
+}
+
+#[test]
+fn sticks_of_a_clock_that_was_set_back_fly_again_in_seconds_and_their_refusal_is_raised() {
+    // Within what may be late, and beyond it: both into times that were flown before.
+    for back_s in [30, 80] {
+        let mut rig = Rig::ready();
+        rig.take_off(20.0);
+        let fly = |rig: &mut Rig, seconds: u32, back_s: u64, forward| {
+            for n in 0..seconds * 20 {
+                let sticks = UaStickCommand {
+                    time_stamp: set_back(rig, back_s),
+                    longitudinal_stick: Some(forward),
+                    ..UaStickCommand::default()
+                };
+                rig.stations[0].send_as_is(vehicle_id(0), &sticks.into());
+                if n % 20 == 0 {
+                    let beat = Heartbeat {
+                        time_stamp: set_back(rig, back_s),
+                    };
+                    rig.stations[0].send_as_is(vehicle_id(0), &beat.into());
+                }
+                rig.run(0.05);
+            }
+        };
+        fly(&mut rig, 100, 0, 0);
+        assert!(!rig.station().has_alert("2010 of"), "before the step");
+        fly(&mut rig, 6, back_s, 100);
+        let alerts = rig.station().alerts();
+        let named = |alert: &String| alert.contains("2010 of") && alert.contains("set back");
+        assert!(alerts.iter().any(named), "{back_s} s: {alerts:?}");
+        let by_hand = VehicleOperatingModeCommand {
+            time_stamp: set_back(&rig, back_s),
+            ..orders::mode(Mode::FlightDirector)
+        };
+        rig.stations[0].send_as_is(vehicle_id(0), &by_hand.into());
+        let from = rig.truth().position;
+        fly(&mut rig, 6, back_s, 100);
+        let to = rig.truth().position;
+        let moved = (to.n - from.n).hypot(to.e - from.e);
+        assert!(
+            moved > 5.0,
+            "{back_s} s: {moved} m, {:?}",
+            rig.station().alerts()
+        );
+    }
+}
+
+#[test]
+fn a_station_whose_stamps_do_not_rise_is_refused_with_that_reason_and_accepted_once_they_do() {
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    let first = set_back(&rig, 0).unwrap();
+    let hold = |rig: &mut Rig, ms: u64, name: u16| {
+        // Each is another message.
+        let command = orders::waypoint(name, 0, 80.0, 0.0, 20.0);
+        let command = UaPositionWaypoint {
+            time_stamp: Some(TimeStamp(first.0 + ms)),
+            ..command
+        };
+        deliver(rig, command);
+    };
+    for n in 0..90 {
+        hold(&mut rig, 0, 300 + n);
+        rig.run(0.8);
+    }
+    let reason = "do not rise";
+    assert!(
+        rig.station().has_alert(reason),
+        "{:?}",
+        rig.station().alerts()
+    );
+    let wrong = |alert: &String| alert.contains("s behind the clock");
+    assert!(!rig.station().alerts().iter().any(wrong));
+    // From where they stood they count on, in a time long past.
+    for n in 0..10 {
+        hold(&mut rig, 1_000 * u64::from(n) + 1, 400 + n);
+        rig.run(0.8);
+    }
+    let before = rig.station().alerts().len();
+    hold(&mut rig, 12_000, 500);
+    let alerts = rig.station().alerts().split_off(before);
+    assert!(
+        !alerts.iter().any(|alert| alert.contains("refused")),
+        "{alerts:?}"
+    );
 }

@@ -9,13 +9,14 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
-use stanag_msgs::enums::AckType;
+use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::UaStickCommand;
 use stanag_msgs::table::{self, Direction};
 use stanag_msgs::wrapper::{Frame, Header, WrapperError};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::{Bridge, destination_as_source};
+use crate::session::aircraft::Aircraft;
 use crate::session::allowance::Rate;
 use crate::session::authority::{self, Input};
 use crate::session::context::Origin;
@@ -186,7 +187,8 @@ impl Bridge {
     }
 
     /// Refuses a command of a listed station with the reason, also where no 17000 was requested: whoever gave it must know
-    /// that the vehicle does not follow. Of sticks, that come in streams, only where it was.
+    /// that the vehicle does not follow. Of sticks, that come in streams, only where it was requested, or the station flies
+    /// by them and none of them counts.
     fn refuse_command(
         &mut self,
         now: Now,
@@ -196,7 +198,17 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) {
         if origin.message_type == UaStickCommand::ID {
-            return self.refuse(now, origin, destination, why, disk);
+            let cucs = self.stations[origin.station].id();
+            let flies = |one: &Aircraft| {
+                let rights = one.authority.rights();
+                one.id() == destination && rights.holds(cucs, LoiBitmap::LOI4)
+            };
+            let in_vain = origin.stamp.is_some()
+                && self.remembered[origin.station].refuses_sticks(now.mono)
+                && self.aircraft.iter().any(flies);
+            if !in_vain {
+                return self.refuse(now, origin, destination, why, disk);
+            }
         }
         let (mut dli, aircraft) = self.effects(now, disk);
         match aircraft.iter_mut().find(|one| one.id() == destination) {

@@ -59,9 +59,12 @@ impl Sticks {
         if let Some(throttle) = sticks.throttle_stick_engine_1.filter(|value| *value > 100) {
             return Err(format!("Throttle Stick {throttle}, expected 0 to 100"));
         }
-        let overtaken = self.latest.as_ref().is_some_and(|(_, latest)| {
+        let overtaken = self.latest.as_ref().is_some_and(|(at, latest)| {
             match (latest.time_stamp, sticks.time_stamp) {
-                (Some(latest), Some(new)) => new < latest && latest.0 - new.0 < CLOCK_SET_MS,
+                // Only beside those that it comes among: later it is of a clock that was set back.
+                (Some(latest), Some(new)) if now.saturating_sub(*at) < FRESH => {
+                    new < latest && latest.0 - new.0 < CLOCK_SET_MS
+                }
                 _ => false,
             }
         });
