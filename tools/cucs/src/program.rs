@@ -186,3 +186,70 @@ fn report(line: &str) {
 }
 
 const SERVE_SPAN: Duration = Duration::from_millis(50);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_value_of_a_subcommand_passes_for_an_option_of_the_program() {
+        let parsed = |words: &str| Arguments::try_parse_from(words.split(' ')).unwrap();
+        let own = parsed("cucs discover").id;
+        let one = Id(0x1b00_0101);
+        let asks = |through| Command::Verb(Verb::Ping { vehicle: through });
+        for (words, vehicle, command) in [
+            ("cucs ping", None, asks(None)),
+            ("cucs ping --vehicle", None, asks(Some(None))),
+            (
+                "cucs ping --vehicle 1b:00:01:01",
+                Some(one),
+                asks(Some(Some(one))),
+            ),
+            (
+                "cucs --vehicle 1b:00:01:01 ping",
+                Some(one),
+                asks(Some(Some(one))),
+            ),
+            (
+                "cucs vehicle 1b:00:01:01",
+                None,
+                Command::Verb(Verb::Vehicle { selected: one }),
+            ),
+        ] {
+            let found = parsed(words);
+            assert_eq!((found.id, found.vehicle), (own, vehicle), "{words}");
+            assert_eq!(
+                format!("{:?}", found.command),
+                format!("{command:?}"),
+                "{words}"
+            );
+        }
+    }
+
+    /// Clap keeps one value for an option of the program and an argument of a subcommand of the same name; one of another
+    /// type ends the program in a panic.
+    #[test]
+    fn arguments_of_one_name_are_of_one_type() {
+        fn check(command: &clap::Command, globals: &[&clap::Arg]) {
+            for sub in command.get_subcommands() {
+                for argument in sub.get_arguments() {
+                    let same = globals.iter().find(|one| one.get_id() == argument.get_id());
+                    let type_of = |one: &clap::Arg| one.get_value_parser().type_id();
+                    assert!(
+                        same.is_none_or(|one| type_of(one) == type_of(argument)),
+                        "{}: {}",
+                        sub.get_name(),
+                        argument.get_id()
+                    );
+                }
+                check(sub, globals);
+            }
+        }
+        let command = command();
+        let globals: Vec<_> = command
+            .get_arguments()
+            .filter(|one| one.is_global_set())
+            .collect();
+        check(&command, &globals);
+    }
+}

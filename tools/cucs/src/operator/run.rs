@@ -140,13 +140,13 @@ impl<W: Write> Operator<W> {
                     json!({"heartbeats": switch}),
                 )
             }
-            Verb::Vehicle { id } => self.select_vehicle(*id).await,
+            Verb::Vehicle { selected } => self.select_vehicle(*selected).await,
             Verb::Traffic => self.print_traffic(),
             Verb::Config { loi } => self.configuration(*loi).await,
             Verb::Parameters { name } => self.parameters(name.as_deref()).await,
             Verb::Set { name, value } => self.set_parameter(name, *value).await,
             Verb::Software => self.software().await,
-            Verb::Ping { vehicle } => self.ping(*vehicle).await,
+            Verb::Ping { vehicle } => self.ping(*vehicle == Some(None)).await,
             Verb::Fence {
                 file: Some(file), ..
             } => self.send_fence(&folder.join(file)).await,

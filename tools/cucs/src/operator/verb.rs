@@ -120,7 +120,9 @@ pub enum Verb {
     /// Select the vehicle to command from now on.
     Vehicle {
         /// Id of the vehicle, such as 1b:00:01:01.
-        id: Id,
+        // Not `id`: that is the option of the program for its own, and clap would take this value for it.
+        #[arg(value_name = "ID")]
+        selected: Id,
     },
     /// Show how many messages were sent and received, by type.
     Traffic,
@@ -147,9 +149,10 @@ pub enum Verb {
     Software,
     /// Measure the round-trip time (50014).
     Ping {
-        /// Measure to the vehicle, through the VSM.
-        #[arg(long)]
-        vehicle: bool,
+        /// Without an id: measure to the vehicle, through the VSM.
+        // Of the same name and type as the option of the program that selects the vehicle: clap keeps one value for both.
+        #[arg(long, value_name = "ID", num_args = 0..=1)]
+        vehicle: Option<Option<Id>>,
     },
     /// Upload a geofence, download it, or delete it (50016, 50017).
     Fence {
