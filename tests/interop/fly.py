@@ -267,7 +267,7 @@ class Flight:
         last = self.route.flown()[-1]
         goal = last.place(self.start)
         c = self.cucs
-        c.wait(lambda m: m.id == 4000 and "Latitude" in m.fields and distance(dli.place(m), goal) < 6.0, self.s(90),
+        c.wait(lambda m: m.id == 4000 and "Latitude" in m.fields and distance(dli.place(m), goal) < 6.0, self.s(150),
                what=f"arrival at waypoint {last.number}")
         track = [dli.place(m) for m in c.inbox[self.flying_since:] if m.id == 4000 and "Latitude" in m.fields]
         # The second was given up for the third on the way to it.

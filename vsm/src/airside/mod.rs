@@ -156,7 +156,7 @@ impl Agent {
                     .note(LogLevel::Info, "link to PX4 is up, signed and verified"),
                 Event::Behind => self.reports.note(
                     LogLevel::Info,
-                    "PX4's timestamps went back: it has restarted; sending it a current timestamp",
+                    "PX4's timestamps are behind: it or this agent has restarted; sending it a current timestamp",
                 ),
                 Event::ClockMet(ahead) => self.reports.note_clock("PX4", ahead),
                 Event::Ahead => self.reports.note(

@@ -343,6 +343,8 @@ impl KeyExchange {
             };
             // A paired initiator has nothing to store here.
             let _ = initiator.key_in_use(&mut disk);
+            // What the agent reported last, such as that it waits for the vehicle, is over.
+            "idle".clone_into(&mut self.state);
         }
         if let Ok(Some(key)) = with.keys.current() {
             let id = key.id();

@@ -237,6 +237,10 @@ async fn a_key_that_is_too_old_is_replaced_in_flight() {
     assert_eq!(link.state, "live");
     let exchange = link.exchange.as_ref().unwrap();
     assert_eq!((exchange.mode, exchange.taken), ("on", 2));
+    assert_eq!(
+        exchange.state, "idle",
+        "what was reported on the way is over"
+    );
     assert!(exchange.peer.is_some());
 }
 

@@ -242,7 +242,7 @@ impl VehicleLink {
             Event::Behind => {
                 effects.note(
                     LogLevel::Info,
-                    "the vehicle's timestamps went back: it has restarted",
+                    "the vehicle's timestamps are behind: it or this bridge has restarted",
                 );
             }
             Event::Ahead => {
