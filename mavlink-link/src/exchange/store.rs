@@ -1,7 +1,8 @@
 //! What each end keeps on disk, and what must be there when a process starts again.
 //!
-//! The machines decide the order; every call returns only when what it was given would survive a power cut. A call that
-//! fails ends the attempt, and nothing more is sent of it. Between any two of the calls the process may die.
+//! The machines decide the order; every call returns only when what it was given would survive a power cut, or the caller
+//! takes nothing from `poll_transmit` before it would. A call that fails ends the attempt, and nothing more is sent of it.
+//! Between any two of the calls the process may die.
 
 use thiserror::Error;
 

@@ -114,6 +114,8 @@ pub struct KeyRollover<A> {
     /// The next alternating heartbeat goes under the new key.
     pub(super) new_next: bool,
     pub(super) setup_due: bool,
+    /// The new key is not durable yet.
+    pub(super) held: bool,
     /// Where a verified frame with a stale timestamp came from.
     pub(super) lift: Option<(KeySlot, A)>,
     pub(super) lifted_at: Option<Duration>,
@@ -218,6 +220,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             heartbeat_at: now.mono,
             new_next: false,
             setup_due: false,
+            held: false,
             lift: None,
             challenge: Turns::new(),
             answer: Turns::new(),
@@ -279,6 +282,11 @@ impl<A: Copy + Eq> KeyRollover<A> {
     #[must_use]
     pub fn is_dragged(&self) -> bool {
         self.clock_is_dragged()
+    }
+
+    /// Holds the new key back, or no longer: while it is not durable it is not sent. All else goes on.
+    pub fn hold_key(&mut self, hold: bool) {
+        self.held = hold;
     }
 
     /// Whether any frame of the vehicle has been believed.

@@ -44,7 +44,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         store: &mut dyn Disk,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit<A>> {
-        if let (true, Some(to)) = (self.setup_due, self.peer) {
+        if let (true, Some(to)) = (self.setup_due && !self.held, self.peer) {
             // If the disk fails there is no timestamp: tried again with the next call.
             let len = self.setup_signing(now, store, out).ok()?;
             self.setup_due = false;

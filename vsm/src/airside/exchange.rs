@@ -131,6 +131,10 @@ impl Exchange {
         keys: &mut dyn Keys,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit> {
+        // Persist, then answer: the disk may be slow.
+        if !keys.is_stored() {
+            return None;
+        }
         let (to, message) = match self.responder.poll_transmit() {
             Some(answer) => (answer.to, answer.message),
             // Without a key nothing else tells the ground that somebody is here.

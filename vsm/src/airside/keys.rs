@@ -8,13 +8,17 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::{Disk, StoreError};
 
 /// The key files beside the clocks and what the exchange keeps. Each call returns only when a power cut could not undo
-/// it.
+/// it, or [`Keys::is_stored`] says when.
 pub trait Keys {
     /// Where the ceilings of the signing clocks are.
     fn disk(&mut self) -> &mut dyn Disk;
 
     /// The same disk as the exchange sees it.
     fn for_exchange(&mut self) -> &mut dyn ResponderStore;
+
+    /// Whether all that was written is durable. Until then neither the exchange nor a key is sent anything of; frames are
+    /// relayed.
+    fn is_stored(&self) -> bool;
 
     /// The key that is going to be handed over.
     ///

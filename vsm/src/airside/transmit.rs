@@ -43,6 +43,8 @@ impl Agent {
         let (to, len, secret) = match &mut self.phase {
             Phase::Keyless | Phase::CannotSign { .. } => return None,
             Phase::HandingOver(on) => {
+                // A key that a power cut could take from this disk is not given to PX4.
+                on.handover.hold_key(!keys.is_stored());
                 let sent = on.handover.poll_transmit(now, keys.disk(), out)?;
                 (sent.to, sent.len, sent.secret)
             }

@@ -7,8 +7,8 @@ use stanag_msgs::Id;
 
 use super::record::{ExchangeRecord, Pending};
 
-/// The keys of one vehicle as they lie on disk. Every change is durable when it returns, and one that fails leaves keys
-/// that can be used.
+/// The keys of one vehicle as they lie on disk. Every change is durable when it returns, or as soon as the records are
+/// that are written with it; one that fails leaves keys that can be used.
 pub trait Keyring {
     /// The key in force; `None` where there is none yet.
     ///
@@ -58,20 +58,33 @@ pub(crate) fn memory(record: &ExchangeRecord, keys: &dyn Keyring) -> InitiatorMe
     }
 }
 
+/// Where the exchange keeps what it must know.
+pub(crate) fn records<'a>(
+    store: &'a mut dyn Disk,
+    records: &'a mut Option<&mut dyn Disk>,
+) -> &'a mut dyn Disk {
+    match records {
+        Some(records) => &mut **records,
+        None => store,
+    }
+}
+
 /// The files that an exchange writes.
-pub(crate) struct GroundKeys<'a> {
+pub(crate) struct GroundKeys<'a, 'b> {
     pub(crate) store: &'a mut dyn Disk,
+    pub(crate) records: &'a mut Option<&'b mut dyn Disk>,
     pub(crate) keys: &'a dyn Keyring,
     pub(crate) record: &'a mut ExchangeRecord,
     pub(crate) vehicle: Id,
 }
 
-impl GroundKeys<'_> {
+impl GroundKeys<'_, '_> {
     /// Changes the record on disk, and then here.
     fn change(&mut self, change: impl FnOnce(&mut ExchangeRecord)) -> Result<(), StoreError> {
         let mut record = self.record.clone();
         change(&mut record);
-        record.save(self.store, self.vehicle).map_err(reason)?;
+        let disk = records(self.store, self.records);
+        record.save(disk, self.vehicle).map_err(reason)?;
         *self.record = record;
         Ok(())
     }
@@ -82,7 +95,7 @@ impl GroundKeys<'_> {
     }
 }
 
-impl InitiatorStore for GroundKeys<'_> {
+impl InitiatorStore for GroundKeys<'_, '_> {
     fn store_counter(&mut self, counter: u64) -> Result<(), StoreError> {
         self.change(|record| record.counter = counter)
     }

@@ -10,11 +10,11 @@ use mavlink_link::exchange::{
 };
 use mavlink_link::link::KeyExchangeFrame;
 use mavlink_link::signing::KeyId;
-use mavlink_link::store::{Disk, StoreError};
+use mavlink_link::store::{Changes, Disk, Progress, StoreError};
 use stanag_msgs::Id;
 use stanag_msgs::enums::AlertPriority;
 
-use super::ground::{GroundKeys, Keyring, memory};
+use super::ground::{GroundKeys, Keyring, memory, records};
 use super::record::{ExchangeRecord, identity};
 use crate::config::{Config, Exchange, ExchangeMode, Vehicle};
 use crate::session::{Bridge, ExchangeNotice, ExchangeStatus, LogEntry, LogLevel, Peer};
@@ -30,6 +30,8 @@ pub struct KeyExchange {
     record: ExchangeRecord,
     /// Where a message of the agent came from last: the vehicle's link may not have a peer yet.
     agent_at: Option<Peer>,
+    /// What could not leave, as where the ceiling of the clock is on its way to the disk, and until when it is worth it.
+    unsent: Option<(Vec<u8>, Duration)>,
     check_at: Duration,
     /// When an exchange that was rolled back may be tried again.
     again_at: Duration,
@@ -53,14 +55,29 @@ enum Machine {
 pub struct Surroundings<'a> {
     /// The bridge.
     pub bridge: &'a mut Bridge,
-    /// The records.
+    /// The clocks of keys, and what the bridge keeps.
     pub store: &'a mut dyn Disk,
+    /// What the exchange keeps, which is to be in order with the key files; `None`: in `store` too.
+    pub records: Option<&'a mut dyn Disk>,
     /// The key files.
     pub keys: &'a dyn Keyring,
     /// For the exchange.
     pub random: &'a mut dyn Random,
     /// A date that cannot be in the future, since 1970: that of the build.
     pub not_before: Duration,
+}
+
+impl Surroundings<'_> {
+    fn records(&mut self) -> &mut dyn Disk {
+        records(self.store, &mut self.records)
+    }
+
+    /// Whether all that the exchange has written is durable.
+    fn is_stored(&mut self) -> bool {
+        let disk = self.records();
+        let (after, until) = (0, disk.queued());
+        disk.progress(Changes { after, until }) == Progress::Durable
+    }
 }
 
 impl KeyExchange {
@@ -76,7 +93,7 @@ impl KeyExchange {
         now: Now,
         with: &mut Surroundings<'_>,
     ) -> Result<KeyExchange, StoreError> {
-        let record = ExchangeRecord::load(with.store, vehicle.id)?;
+        let record = ExchangeRecord::load(with.records(), vehicle.id)?;
         let current = with.keys.current().ok().flatten().map(|key| key.id());
         let settled = current.is_some_and(|id| record.key == Some(*id.bytes()));
         let parties = parties(config, vehicle, settings);
@@ -96,6 +113,7 @@ impl KeyExchange {
             machine,
             record,
             agent_at: None,
+            unsent: None,
             check_at: now.mono,
             again_at: now.mono,
             state: "idle".to_owned(),
@@ -116,7 +134,7 @@ impl KeyExchange {
         };
         let config = InitiatorConfig {
             parties: self.parties,
-            identity: identity(with.store, with.random)?,
+            identity: identity(records(with.store, &mut with.records), with.random)?,
             trust: Trust::Pinned(peer),
             wanted: WANTED,
         };
@@ -133,6 +151,11 @@ impl KeyExchange {
     /// Does what is due, and what has come in. Called after everything that the bridge does.
     pub fn handle(&mut self, now: Now, with: &mut Surroundings<'_>) {
         self.settled |= with.bridge.proven_key(self.index).is_some();
+        if let Some((payload, until)) = self.unsent.take()
+            && now.mono < until
+        {
+            self.send(now, payload, until, with);
+        }
         while let Some(frame) = with.bridge.poll_key_exchange(self.index) {
             let header = frame.header;
             let source = Node {
@@ -150,6 +173,7 @@ impl KeyExchange {
         }
         let mut disk = GroundKeys {
             store: with.store,
+            records: &mut with.records,
             keys: with.keys,
             record: &mut self.record,
             vehicle: self.vehicle,
@@ -160,28 +184,31 @@ impl KeyExchange {
                 let due = legacy.poll_transmit(now.mono);
                 // A peer that heard this run's public key would leave the key in force.
                 if let Some(payload) = due.filter(|_| !self.settled) {
-                    self.send(now, &payload, with);
+                    let until = now.mono.saturating_add(WORTH_SENDING);
+                    self.send(now, payload.to_vec(), until, with);
                 }
             }
             Machine::Paired(initiator) => {
                 initiator.handle_timeout(now, with.random, &mut disk);
-                while let Some(message) = initiator.poll_transmit() {
-                    with.bridge.send_key_exchange(
-                        self.index,
-                        now,
-                        &message.to_payload(),
-                        self.agent_at,
-                        with.store,
-                    );
-                }
             }
+        }
+        // Persist, then send: what it has written may be on its way to a slow disk, and nobody waits for it.
+        while with.is_stored()
+            && let Machine::Paired(initiator) = &mut self.machine
+            && let Some(message) = initiator.poll_transmit()
+        {
+            let until = now.mono.saturating_add(WORTH_SENDING);
+            self.send(now, message.to_payload().to_vec(), until, with);
         }
         self.report(now, with);
     }
 
-    fn send(&self, now: Now, payload: &[u8], with: &mut Surroundings<'_>) {
-        with.bridge
-            .send_key_exchange(self.index, now, payload, self.agent_at, with.store);
+    fn send(&mut self, now: Now, payload: Vec<u8>, until: Duration, with: &mut Surroundings<'_>) {
+        let (index, to) = (self.index, self.agent_at);
+        let bridge = &mut *with.bridge;
+        if !bridge.send_key_exchange(index, now, &payload, to, with.store) {
+            self.unsent = Some((payload, until));
+        }
     }
 
     fn take(
@@ -194,6 +221,7 @@ impl KeyExchange {
         let in_force = self.key_in_force(now);
         let mut disk = GroundKeys {
             store: with.store,
+            records: &mut with.records,
             keys: with.keys,
             record: &mut self.record,
             vehicle: self.vehicle,
@@ -271,7 +299,7 @@ impl KeyExchange {
             } else {
                 return self.replace_old(now, with);
             }
-            if let Err(fault) = self.record.save(with.store, self.vehicle) {
+            if let Err(fault) = self.record.save(with.records(), self.vehicle) {
                 self.note(
                     LogLevel::Warning,
                     format!("the age of the key cannot be stored: {fault}"),
@@ -314,7 +342,7 @@ impl KeyExchange {
         // On disk first: a pairing that a restart would forget must not be used.
         let mut record = self.record.clone();
         (record.peer, record.pending) = (pending.peer, None);
-        if let Err(fault) = record.save(with.store, self.vehicle) {
+        if let Err(fault) = record.save(with.records(), self.vehicle) {
             self.note(
                 LogLevel::Warning,
                 format!("the pairing cannot be stored: {fault}"),
@@ -337,6 +365,7 @@ impl KeyExchange {
         if let Machine::Paired(initiator) = &mut self.machine {
             let mut disk = GroundKeys {
                 store: with.store,
+                records: &mut with.records,
                 keys: with.keys,
                 record: &mut self.record,
                 vehicle: self.vehicle,
@@ -580,6 +609,8 @@ pub(crate) const WANTED: Wanted = Wanted {
     confidential: false,
 };
 const MAX_LOGGED: usize = 64;
+/// How long a message that could not leave is tried again; then the protocol repeats it.
+const WORTH_SENDING: Duration = Duration::from_secs(2);
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// A key that was agreed on less than so long ago is not replaced, whoever requests it; one that is to live shorter by
 /// configuration is replaced at the end of its life.

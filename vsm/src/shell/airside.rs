@@ -3,7 +3,9 @@
 use std::future::Future;
 use std::io;
 use std::panic::resume_unwind;
-use std::time::Duration;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use mavlink_link::exchange::{PairingCode, PinnedPeer};
 use mavlink_link::frame::MAX_FRAME;
@@ -11,6 +13,7 @@ use mavlink_link::link::Endpoint;
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
 use tokio::net::UnixListener;
+use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio::time::Interval;
 use zeroize::Zeroize;
@@ -22,13 +25,15 @@ use super::key_file::system_random;
 use super::key_link;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::local_peers::LocalPeers;
+use super::ordered_files::OrderedKeys;
 use super::pairing_socket::{self, Asker};
+use super::queued_disk::QueuedDisk;
 use super::service;
 use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
 use super::tasks::TaskFault;
 use crate::airside::{
-    Agent, AgentError, AirsideStatus, Held, PairingNews, RelayPolicy, Settings, Side,
+    Agent, AgentError, AirsideStatus, Held, Keys as _, PairingNews, RelayPolicy, Settings, Side,
 };
 use crate::config::airside::{AirsideConfig, Relay};
 use crate::key_exchange::{self, ExchangeRecord};
@@ -62,6 +67,9 @@ pub enum AirsideError {
     /// What the exchange keeps.
     #[error(transparent)]
     Exchange(#[from] StoreError),
+    /// The threads that write to the store.
+    #[error("the [store] dir: {0}")]
+    Writer(io::Error),
     /// The status or the pairing socket.
     #[error("the sockets in the [store] dir: {0}")]
     Status(io::Error),
@@ -72,6 +80,8 @@ pub enum AirsideError {
 pub struct AirsideServer {
     agent: Agent,
     disk: AirsideDisk,
+    /// The disk has made something durable, or cannot.
+    stored: Arc<Notify>,
     clock: Clock,
     vehicle: String,
     radio: (VehicleReader, VehicleWriter),
@@ -94,6 +104,17 @@ impl AirsideServer {
     /// # Errors
     /// Any of them cannot be had; nothing has been sent then.
     pub fn open(config: &AirsideConfig) -> Result<AirsideServer, AirsideError> {
+        AirsideServer::open_on(config, &|dir| FileDisk::open(dir))
+    }
+
+    /// As [`AirsideServer::open`], with the store opened so.
+    ///
+    /// # Errors
+    /// As [`AirsideServer::open`].
+    pub fn open_on(
+        config: &AirsideConfig,
+        open: &dyn Fn(&Path) -> Result<FileDisk, OpenError>,
+    ) -> Result<AirsideServer, AirsideError> {
         let (own, radio, px4) = (
             config.agent.get_ref(),
             config.radio.get_ref(),
@@ -104,7 +125,7 @@ impl AirsideServer {
             return Err(AirsideError::OpenLink { link });
         }
         let clock = Clock::default();
-        let mut store = FileDisk::open(&config.store.dir)?;
+        let mut store = open(&config.store.dir)?;
         // Store and key are locked before a link is opened: a second agent stops before PX4 can see its port.
         let keys = KeyStore::open(&own.key_file)?;
         let (radio_reader, radio_writer, ground) =
@@ -129,9 +150,14 @@ impl AirsideServer {
             ids: [own.vsm_id.0, own.vehicle_id.0],
         };
         let identity = key_exchange::identity(&mut store, &mut system_random)?;
+        let stored = Arc::new(Notify::new());
+        // From here on no frame waits for the disk.
+        let ordered =
+            OrderedKeys::start(keys, &store, stored.clone()).map_err(AirsideError::Writer)?;
+        let store = QueuedDisk::new(store, stored.clone()).map_err(AirsideError::Writer)?;
         let mut disk = AirsideDisk {
             store,
-            keys,
+            ordered,
             vehicle: own.vehicle_id,
         };
         disk.bury();
@@ -140,6 +166,7 @@ impl AirsideServer {
         Ok(AirsideServer {
             agent,
             disk,
+            stored,
             clock,
             vehicle: own.vehicle_id.to_string(),
             radio: (radio_reader, radio_writer),
@@ -164,12 +191,14 @@ impl AirsideServer {
         let mut stop = std::pin::pin!(stop);
         let (mut from_radio, mut from_px4) = (vec![0; LARGEST], vec![0; LARGEST]);
         let mut pings = service::ping_interval().map(tokio::time::interval);
+        let stored = self.stored.clone();
         self.settle().await?;
         loop {
             let due = self.clock.instant(self.agent.poll_timeout());
             tokio::select! {
                 () = &mut stop => break,
                 () = next_ping(&mut pings) => service::alive(),
+                () = stored.notified() => drop(self.disk.store.poll()),
                 received = self.radio.0.receive(&mut from_radio) => match received {
                     Ok((length, from)) => {
                         let bytes = from_radio.get(..length).unwrap_or_default();
@@ -223,6 +252,9 @@ impl AirsideServer {
             }
             self.settle().await?;
         }
+        let end = Instant::now() + LAST_WRITES;
+        self.disk.store.wait(LAST_WRITES);
+        self.disk.ordered.files.wait(end);
         Ok(self.picture())
     }
 
@@ -251,7 +283,10 @@ impl AirsideServer {
 
     /// Tells whoever stands at the window what happens there.
     async fn tell_pairing(&mut self) {
-        while let Some(news) = self.agent.poll_pairing() {
+        // A pairing that is not on the disk yet is none.
+        while self.disk.is_stored()
+            && let Some(news) = self.agent.poll_pairing()
+        {
             let Some(asker) = &mut self.asker else {
                 continue;
             };
@@ -327,7 +362,7 @@ fn policy(lists: &Relay) -> RelayPolicy {
 
 /// The keys as they lie on disk, and whom the agent was paired with.
 fn held(disk: &AirsideDisk) -> Result<Held, AirsideError> {
-    let record = ExchangeRecord::load(&disk.store, disk.vehicle)?;
+    let record = ExchangeRecord::load(&disk.ordered.records, disk.vehicle)?;
     let peer = record.peer().map(|key| PinnedPeer {
         key,
         counter: record.counter,
@@ -335,9 +370,9 @@ fn held(disk: &AirsideDisk) -> Result<Held, AirsideError> {
     Ok(Held {
         peer,
         epoch: record.epoch,
-        current: disk.keys.current()?,
-        next: disk.keys.next()?,
-        previous: disk.keys.previous()?,
+        current: disk.ordered.keys.current()?,
+        next: disk.ordered.keys.next()?,
+        previous: disk.ordered.keys.previous()?,
     })
 }
 
@@ -376,6 +411,9 @@ async fn pause_after(what: &str, cause: &io::Error) {
     tracing::warn!("{what}: {cause}");
     tokio::time::sleep(PAUSE).await;
 }
+
+/// What is left to write gets so long at the end: longer than a slow disk takes, shorter than a service manager waits.
+const LAST_WRITES: Duration = Duration::from_secs(10);
 
 /// What the status calls datagrams, and keys, of which the other end is not a permitted user's.
 const FOREIGN: &str = "PX4's link: not a permitted user's socket";

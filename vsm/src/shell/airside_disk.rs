@@ -1,37 +1,38 @@
-//! The agent's disk: the ceilings of its clocks in its store folder, its keys beside their file.
+//! The agent's disk: the ceilings of its clocks in its store folder, its keys beside their file. Threads synchronise both:
+//! frames are relayed meanwhile.
 
 use mavlink_link::exchange::{self, Agreed, PinnedPeer, ResponderStore};
 use mavlink_link::signing::SigningKey;
 use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
 
-use super::disk::FileDisk;
-use super::key_store::{KeyStore, KeyStoreError};
+use super::key_store::KeyStoreError;
+use super::ordered_files::OrderedKeys;
+use super::queued_disk::QueuedDisk;
 use crate::airside::Keys;
 use crate::key_exchange::ExchangeRecord;
 
 /// Both, locked for this process.
 #[derive(Debug)]
 pub struct AirsideDisk {
-    pub(super) store: FileDisk,
-    pub(super) keys: KeyStore,
+    pub(super) store: QueuedDisk,
+    pub(super) ordered: OrderedKeys,
     pub(super) vehicle: Id,
 }
 
 impl AirsideDisk {
     fn change(&mut self, to: impl FnOnce(&mut ExchangeRecord)) -> Result<(), exchange::StoreError> {
-        let mut record = ExchangeRecord::load(&self.store, self.vehicle).map_err(exchange_fault)?;
+        let disk = &mut self.ordered.records;
+        let mut record = ExchangeRecord::load(disk, self.vehicle).map_err(exchange_fault)?;
         to(&mut record);
-        record
-            .save(&mut self.store, self.vehicle)
-            .map_err(exchange_fault)
+        record.save(disk, self.vehicle).map_err(exchange_fault)
     }
 }
 
 impl AirsideDisk {
     /// Deletes the signing clocks of dead keys. What it leaves behind does no harm, and is deleted at the next start.
     pub(super) fn bury(&mut self) {
-        if let Err(fault) = self.keys.bury(&mut self.store) {
+        if let Err(fault) = self.ordered.keys.bury(&mut self.store) {
             tracing::debug!("the clock of a dead key cannot be deleted: {fault}");
         }
     }
@@ -39,7 +40,7 @@ impl AirsideDisk {
 
 impl ResponderStore for AirsideDisk {
     fn withdraw_next(&mut self) -> Result<(), exchange::StoreError> {
-        self.keys.drop_next().map_err(exchange_fault)?;
+        self.ordered.keys.drop_next().map_err(exchange_fault)?;
         self.bury();
         Ok(())
     }
@@ -55,7 +56,7 @@ impl ResponderStore for AirsideDisk {
         // The epoch goes first: a power cut in between skips an epoch, and never uses one twice.
         self.change(|record| record.epoch = record.epoch.max(agreed.epoch))?;
         // `stage`, not `restage`: a key that PX4 may have been sent is not replaced here.
-        self.keys.stage(&agreed.key).map_err(exchange_fault)
+        self.ordered.keys.stage(&agreed.key).map_err(exchange_fault)
     }
 }
 
@@ -74,24 +75,28 @@ impl Keys for AirsideDisk {
         self
     }
 
+    fn is_stored(&self) -> bool {
+        self.ordered.files.is_durable()
+    }
+
     fn next(&mut self) -> Result<Option<SigningKey>, StoreError> {
-        self.keys.next().map_err(fault)
+        self.ordered.keys.next().map_err(fault)
     }
 
     fn commit(&mut self) -> Result<(), StoreError> {
-        self.keys.commit().map_err(fault)?;
+        self.ordered.keys.commit().map_err(fault)?;
         self.bury();
         Ok(())
     }
 
     fn drop_next(&mut self) -> Result<(), StoreError> {
-        self.keys.drop_next().map_err(fault)?;
+        self.ordered.keys.drop_next().map_err(fault)?;
         self.bury();
         Ok(())
     }
 
     fn drop_previous(&mut self) -> Result<(), StoreError> {
-        self.keys.drop_previous().map_err(fault)?;
+        self.ordered.keys.drop_previous().map_err(fault)?;
         self.bury();
         Ok(())
     }

@@ -12,7 +12,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use mavlink_link::exchange::PublicKey;
-use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, Record, StoreError};
+use mavlink_link::store::{
+    Changes, Disk, Durability, MAX_RECORD_BYTES, Progress, Record, StoreError,
+};
 use rustix::fs::FlockOperation;
 use rustix::io::Errno;
 use zeroize::Zeroizing;
@@ -26,7 +28,7 @@ pub struct FileDisk {
     folder: PathBuf,
     system: Arc<dyn FileSystem>,
     /// Held open for its lock.
-    _lock: File,
+    _lock: Arc<File>,
 }
 
 /// The store cannot be used.
@@ -102,8 +104,17 @@ impl FileDisk {
         Ok(FileDisk {
             folder: folder.to_owned(),
             system: Arc::from(system),
-            _lock: lock,
+            _lock: Arc::new(lock),
         })
+    }
+
+    /// The same store, with all writing by `system`.
+    pub(super) fn through(&self, system: Arc<dyn FileSystem>) -> FileDisk {
+        FileDisk {
+            folder: self.folder.clone(),
+            system,
+            _lock: self._lock.clone(),
+        }
     }
 
     /// Its files.
@@ -192,6 +203,14 @@ impl Disk for FileDisk {
         self.delete(name)
             .and_then(|()| self.system.sync(&self.folder))
             .map_err(|cause| StoreError::new(name, cause))
+    }
+
+    fn queued(&self) -> u64 {
+        self.system.queued()
+    }
+
+    fn progress(&self, of: Changes) -> Progress {
+        self.system.progress(of)
     }
 }
 
@@ -290,11 +309,36 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// The system's; nothing has changed then.
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
 
+    /// As [`FileSystem::rename`], of a file that is locked for this process before it bears its new name, so that at no
+    /// time another could lock the file of that name. The open file, where the caller is to hold it.
+    ///
+    /// # Errors
+    /// The system's; [`io::ErrorKind::WouldBlock`] where another process has locked it.
+    fn rename_locked(&self, from: &Path, to: &Path) -> io::Result<Option<File>> {
+        let file = File::open(from)?;
+        if !lock(&file)? {
+            return Err(io::ErrorKind::WouldBlock.into());
+        }
+        self.rename(from, to)?;
+        Ok(Some(file))
+    }
+
     /// Deletes a file; one that is not there is deleted already.
     ///
     /// # Errors
     /// The system's.
     fn remove(&self, path: &Path) -> io::Result<()>;
+
+    /// The number of the last step that was taken and is done later.
+    fn queued(&self) -> u64 {
+        0
+    }
+
+    /// How far these steps are.
+    fn progress(&self, of: Changes) -> Progress {
+        let _ = of;
+        Progress::Durable
+    }
 
     /// The first `most` bytes of a file; `None` where there is none.
     ///

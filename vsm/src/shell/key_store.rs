@@ -129,6 +129,11 @@ impl KeyStore {
         Ok(keys)
     }
 
+    /// All reading and writing of keys goes by `system` from here on.
+    pub fn write_through(&mut self, system: Box<dyn FileSystem>) {
+        self.system = system;
+    }
+
     /// The key in force; `None` where there is none yet.
     ///
     /// # Errors
@@ -181,7 +186,8 @@ impl KeyStore {
                 disk.remove(&Ceiling::name(&id))?;
             }
         }
-        // Last: after a power cut in between the next start looks again.
+        // Last: after a power cut in between the next start looks again. On a disk that queues the deletions may follow:
+        // what then stays behind is a file, and no harm.
         self.delete(&path).map_err(fault)
     }
 
@@ -298,14 +304,16 @@ impl KeyStore {
             path: self.path.clone(),
             cause,
         };
-        // Locked before it bears its new name, so that at no time another process could lock the file of that name.
-        let file = File::open(&next).map_err(change)?;
-        if !disk::lock(&file).map_err(change)? {
-            let path = next;
-            return Err(KeyStoreError::Locked { path });
+        match self.system.rename_locked(&next, &self.path) {
+            Ok(Some(file)) => drop(self.key_lock.replace(Some(file))),
+            // Who renames it later holds its lock.
+            Ok(None) => {}
+            Err(cause) if cause.kind() == io::ErrorKind::WouldBlock => {
+                let path = next;
+                return Err(KeyStoreError::Locked { path });
+            }
+            Err(cause) => return Err(change(cause)),
         }
-        self.system.rename(&next, &self.path).map_err(change)?;
-        self.key_lock.replace(Some(file));
         self.system
             .sync(disk::folder_of(&self.path))
             .map_err(change)?;
@@ -343,7 +351,12 @@ impl KeyStore {
         let Some(text) = self.system.read(path, key_file::MAX_BYTES).map_err(io)? else {
             return Ok(None);
         };
-        let mode = fs::metadata(path).map_err(io)?.permissions().mode() & 0o777;
+        let mode = match fs::metadata(path) {
+            Ok(file) => file.permissions().mode() & 0o777,
+            // On its way to the disk, by this process.
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => 0o600,
+            Err(cause) => return Err(io(cause).into()),
+        };
         if mode & 0o077 != 0 {
             return Err(KeyStoreError::File(KeyFileError::Permissions {
                 path: path.to_owned(),

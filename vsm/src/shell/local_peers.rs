@@ -13,7 +13,7 @@
 //! who vouches for the link (`i_trust_this_link`) switches the check off.
 
 use std::fs::File;
-use std::io::{self, Read as _};
+use std::io::{self, BufRead, BufReader};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
@@ -212,19 +212,26 @@ fn reaches(bound: SocketAddr, to: SocketAddr) -> bool {
 fn sockets() -> io::Result<Vec<(SocketAddr, u32)>> {
     let mut all = Vec::new();
     for path in ["/proc/self/net/udp", "/proc/self/net/udp6"] {
-        let mut text = String::new();
         match File::open(path) {
-            Ok(file) => file.take(MAX_TABLE_BYTES).read_to_string(&mut text)?,
+            Ok(file) => add_entries(BufReader::new(file), &mut all)?,
             // A kernel without IPv6.
             Err(cause) if cause.kind() == io::ErrorKind::NotFound && path.ends_with('6') => break,
             Err(cause) => return Err(cause),
-        };
-        if text.len() as u64 == MAX_TABLE_BYTES {
-            return Err(io::Error::other("more sockets than can be looked through"));
         }
-        all.extend(text.lines().skip(1).filter_map(entry));
     }
     Ok(all)
+}
+
+/// Line by line, whatever the length of the table: any user can open sockets, and a bound on it would be a way to have
+/// everybody dropped. The kernel's limits of open files bound what is kept, some 40 bytes a socket.
+fn add_entries(mut table: impl BufRead, all: &mut Vec<(SocketAddr, u32)>) -> io::Result<()> {
+    let mut line = String::new();
+    while table.read_line(&mut line)? > 0 {
+        // The first line is a heading, and no entry.
+        all.extend(entry(&line));
+        line.clear();
+    }
+    Ok(())
 }
 
 /// `sl local_address rem_address st tx_queue:rx_queue tr:when retrnsmt uid ...`
@@ -252,8 +259,6 @@ fn entry(line: &str) -> Option<(SocketAddr, u32)> {
 const READ_AGAIN: Duration = Duration::from_secs(1);
 const READ_FOR_UNKNOWN: Duration = Duration::from_millis(250);
 const REPORT_AGAIN: Duration = Duration::from_secs(10);
-/// Some 60,000 sockets.
-const MAX_TABLE_BYTES: u64 = 8 << 20;
 const OVERFLOW_USER: u32 = 65_534;
 
 #[cfg(test)]
@@ -283,6 +288,27 @@ mod tests {
         for cut in 0..40 {
             assert_eq!(entry(&v4[..cut]), None);
         }
+    }
+
+    #[test]
+    fn a_table_of_any_length_is_read_to_its_end() {
+        let line = |port: u32| {
+            format!(
+                "  411: 0100007F:{port:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000  1001        0 19340 2 \
+                 0000000000000000 0\n"
+            )
+        };
+        let heading =
+            "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid\n";
+        let others: String = (0..100_000)
+            .map(|number| line(1 + number % 60_000))
+            .collect();
+        let table = format!("{heading}{others}{}", line(65_000));
+        assert!(table.len() > 8 << 20);
+        let mut all = vec![];
+        add_entries(table.as_bytes(), &mut all).unwrap();
+        assert_eq!(all.len(), 100_001);
+        assert_eq!(all.last().unwrap().0.port(), 65_000);
     }
 
     #[test]

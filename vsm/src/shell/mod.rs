@@ -2,7 +2,7 @@
 //!
 //! From the bottom up: `ownership` is whose files are believed; `disk` implements [`Disk`](mavlink_link::store::Disk), and
 //! `queued_disk` puts a thread before it that synchronises, so that a running bridge never waits for that; `key_file` and
-//! `key_store` are the signing keys, `clock` the time, `sockets` UDP and serial lines, `local_peers` who is at their
+//! `key_store` are the signing keys, `ordered_files` the thread that writes them, `clock` the time, `sockets` UDP and serial lines, `local_peers` who is at their
 //! other end; `recording` and `dli_recording` write what passes, `log_pipe` the log; `status_socket`, `pairing_socket`,
 //! `http` and `service` show the state to people and to systemd; `tasks` ends a program of which a part has ended. On
 //! these stand the programs: `server` (`vsm run`), `airside` with `airside_disk` (`vsm airside`), `pairing` (`vsm pair`)
@@ -19,6 +19,7 @@ pub mod key_link;
 pub mod key_store;
 pub mod local_peers;
 pub mod log_pipe;
+pub mod ordered_files;
 pub mod ownership;
 pub mod pairing;
 pub mod pairing_socket;

@@ -162,6 +162,7 @@ impl Pairing {
         let now = self.clock.now();
         let mut disk = GroundKeys {
             store: &mut self.store,
+            records: &mut None,
             keys: &self.keys,
             record: &mut self.record,
             vehicle: self.vehicle,
@@ -206,6 +207,7 @@ impl Pairing {
     async fn send(&mut self) {
         let mut disk = GroundKeys {
             store: &mut self.store,
+            records: &mut None,
             keys: &self.keys,
             record: &mut self.record,
             vehicle: self.vehicle,

@@ -194,11 +194,6 @@ impl QueuedDisk {
         }
     }
 
-    /// The same disk for who cannot be answered later: each change is durable when its call returns.
-    pub fn waiting(&mut self) -> WaitingDisk<'_> {
-        WaitingDisk(self)
-    }
-
     fn take(&mut self, lane: usize, done: Done) {
         let Done {
             change,
@@ -391,68 +386,6 @@ impl Disk for QueuedDisk {
     }
 }
 
-/// A [`QueuedDisk`] of which each change is durable when its call returns: the key exchange writes rarely, and sends in
-/// the same call.
-#[derive(Debug)]
-pub struct WaitingDisk<'a>(&'a mut QueuedDisk);
-
-impl WaitingDisk<'_> {
-    fn finish(&mut self, name: &str, done: Result<(), StoreError>) -> Result<(), StoreError> {
-        done?;
-        let until = self.0.queued;
-        let own = Changes {
-            after: until.saturating_sub(1),
-            until,
-        };
-        let end = Instant::now() + AN_EXCHANGE_WAITS;
-        while self.0.progress(own) == Progress::Waiting && Instant::now() < end {
-            std::thread::sleep(LOOK_AGAIN);
-            self.0.news |= self.0.poll();
-        }
-        match self.0.progress(own) {
-            Progress::Durable => Ok(()),
-            Progress::Failing => self.0.check(name),
-            Progress::Waiting => Err(StoreError::new(name, "not durable within 2 s")),
-        }
-    }
-}
-
-impl Disk for WaitingDisk<'_> {
-    fn read(&self, name: &str, max_bytes: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
-        self.0.read(name, max_bytes)
-    }
-
-    fn replace(
-        &mut self,
-        name: &str,
-        bytes: &[u8],
-        durability: Durability,
-    ) -> Result<(), StoreError> {
-        let done = self.0.replace(name, bytes, durability);
-        self.finish(name, done)
-    }
-
-    fn append(
-        &mut self,
-        name: &str,
-        bytes: &[u8],
-        durability: Durability,
-    ) -> Result<(), StoreError> {
-        let done = self.0.append(name, bytes, durability);
-        self.finish(name, done)
-    }
-
-    fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
-        let done = self.0.rename(from, to);
-        self.finish(from, done)
-    }
-
-    fn remove(&mut self, name: &str) -> Result<(), StoreError> {
-        let done = self.0.remove(name);
-        self.finish(name, done)
-    }
-}
-
 /// Removes records that a crash has left under their names beside.
 fn sweep(disk: &FileDisk) -> io::Result<()> {
     for entry in std::fs::read_dir(disk.folder())? {
@@ -570,8 +503,6 @@ fn make_durable(system: &dyn FileSystem, folder: &Path, batch: &Batch) -> BTreeM
 
 /// Between the name of a record and the number of the change that wrote it.
 const BESIDE: &str = ".new-";
-/// How long the bridge stands still for a key at most: less than any watchdog.
-const AN_EXCHANGE_WAITS: Duration = Duration::from_secs(2);
 /// The pause after a failure.
 const TRY_AGAIN: Duration = Duration::from_secs(1);
 /// How often the end of the program looks whether all is written.

@@ -240,6 +240,24 @@ fn a_restart_at_each_tenth_of_a_second_changes_nothing_in_the_end() {
 }
 
 #[test]
+fn a_key_that_is_not_on_a_slow_disk_yet_is_not_sent_and_frames_are_relayed() {
+    let mut world = rotation();
+    world.disk.slow = true;
+    world.run(40.0);
+    assert_eq!(world.secrets, 0, "{:?}", world.log);
+    let received = world.received().len();
+    assert!(received > 0);
+    let now = world.now;
+    let bytes = world.ground.as_mut().unwrap().frame(now, &arm());
+    assert!(world.passes(GROUND, &bytes));
+    world.run(1.0);
+    assert!(world.received().len() > received);
+    world.disk.slow = false;
+    world.run(25.0);
+    assert!(has(&world, 6), "{:?}", world.log);
+}
+
+#[test]
 fn a_full_disk_delivers_nothing_under_a_key_that_is_not_in_force_there() {
     let mut world = rotation();
     let now = world.now;

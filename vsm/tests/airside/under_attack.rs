@@ -109,6 +109,7 @@ impl Flight {
         let mut with = Surroundings {
             bridge: &mut bridge,
             store: &mut store,
+            records: None,
             keys: &keys,
             random: &mut dice,
             not_before: NOT_BEFORE,
@@ -163,6 +164,7 @@ impl Flight {
         let mut with = Surroundings {
             bridge: &mut self.bridge,
             store: &mut self.store,
+            records: None,
             keys: &self.keys,
             random: &mut dice,
             not_before: NOT_BEFORE,

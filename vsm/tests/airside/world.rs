@@ -40,6 +40,8 @@ pub(crate) struct Disk {
     pub(crate) peer: Option<PinnedPeer>,
     pub(crate) epoch: u32,
     pub(crate) full: bool,
+    /// Keys and what the exchange keeps are on their way to it.
+    pub(crate) slow: bool,
 }
 
 impl Disk {
@@ -105,6 +107,10 @@ impl Keys for Disk {
 
     fn for_exchange(&mut self) -> &mut dyn ResponderStore {
         self
+    }
+
+    fn is_stored(&self) -> bool {
+        !self.slow
     }
 
     fn next(&mut self) -> Result<Option<SigningKey>, StoreError> {

@@ -98,11 +98,12 @@ impl Broken {
     }
 }
 
-const TASKS: [&str; 6] = [
+const TASKS: [&str; 7] = [
     "DLI receiver",
     "vehicle receiver",
     "sender",
     "clock",
+    "disk",
     "status socket",
     "status page",
 ];

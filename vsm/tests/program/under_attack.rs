@@ -15,14 +15,26 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use kit::bridge::{VSM, cucs, key, vehicle_id};
 use kit::process::{free_udp_port, write_key};
-use mavlink_link::frame::{FrameView, MAX_FRAME};
+use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage};
+use mavlink_link::exchange::{
+    Agreed, Identity, Inbound, Node, Parties, PinnedPeer, Responder, ResponderConfig,
+    ResponderMemory, ResponderStore, StoreError, Wanted,
+};
+use mavlink_link::frame::{
+    FrameView, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode, encode_raw,
+};
+use mavlink_link::signing::{Stamp, sign};
 use px4_sim::{Autopilot, Signing};
 use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess, WaitTransition};
 use stanag_msgs::messages::{AreaVertex, CucsAuthorisationRequest, LoiterConfiguration};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, Scaled, TimeStamp, frames};
 use vsm::config::Config;
+use vsm::config::airside::AirsideConfig;
+use vsm::key_exchange::{ExchangeRecord, identity};
 use vsm::session::{Stations, Status};
+use vsm::shell::airside::AirsideServer;
 use vsm::shell::disk::{FileDisk, FileSystem, NativeFileSystem};
+use vsm::shell::key_file::system_random;
 use vsm::shell::server::Server;
 use zeroize::Zeroizing;
 
@@ -58,6 +70,111 @@ impl FileSystem for Slow {
     }
 }
 
+const AIR: Node = Node {
+    system: 1,
+    component: 191,
+};
+
+/// The agent beside the vehicle: its end of the key exchange, which is silent until it is asked to answer.
+struct Agent {
+    responder: Responder<()>,
+    next: Next,
+    answers: bool,
+    seq: u8,
+}
+
+#[derive(Default)]
+struct Next(u32);
+
+impl ResponderStore for Next {
+    fn withdraw_next(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn store_peer(&mut self, _: &PinnedPeer) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn store_next(&mut self, _: &Agreed) -> Result<(), StoreError> {
+        self.0 += 1;
+        Ok(())
+    }
+}
+
+impl Agent {
+    /// Paired with the bridge of this store, whose key has grown old.
+    fn pair(config: &Config) -> Agent {
+        let air = Identity::new([3; 32]);
+        let mut store = FileDisk::open(&config.store.dir).expect("a store");
+        let mut record = ExchangeRecord {
+            peer: Some(*air.public().bytes()),
+            ..ExchangeRecord::default()
+        };
+        record.note_key(key(0).id(), 0);
+        record.save(&mut store, vehicle_id(0)).expect("it is kept");
+        let ground = identity(&mut store, &mut system_random).expect("made");
+        let here = Node {
+            system: 245,
+            component: 190,
+        };
+        let responder = ResponderConfig {
+            parties: Parties::new(here, AIR, config.dli.vsm_id.0, vehicle_id(0).0),
+            identity: air,
+            wanted: Wanted {
+                signing: true,
+                confidential: false,
+            },
+        };
+        let memory = ResponderMemory {
+            peer: Some(PinnedPeer {
+                key: ground.public(),
+                counter: 0,
+            }),
+            ..ResponderMemory::default()
+        };
+        Agent {
+            responder: Responder::new(responder, memory, Duration::ZERO),
+            next: Next::default(),
+            answers: false,
+            seq: 0,
+        }
+    }
+
+    /// Takes what it was sent; the frames of its answer.
+    fn take(&mut self, now: Duration, frame: &FrameView<'_>) -> Vec<Vec<u8>> {
+        if !self.answers || frame.header().message_id != KEY_EXCHANGE_ID {
+            return vec![];
+        }
+        let inbound = Inbound {
+            from: (),
+            source: Node {
+                system: frame.header().system_id,
+                component: frame.header().component_id,
+            },
+            verified: true,
+            payload: frame.payload(),
+        };
+        let _ = (self.responder).handle(now, inbound, &mut system_random, &mut self.next);
+        let answers = std::iter::from_fn(|| self.responder.poll_transmit());
+        answers
+            .map(|answer| {
+                self.seq = self.seq.wrapping_add(1);
+                let header = Header {
+                    seq: self.seq,
+                    system_id: AIR.system,
+                    component_id: AIR.component,
+                    message_id: KEY_EXCHANGE_ID,
+                    ..Header::default()
+                };
+                let mut out = [0; MAX_FRAME];
+                let payload = answer.message.to_payload();
+                let length = encode_raw(header, &payload, &mut out).expect("it fits");
+                out[..length].to_vec()
+            })
+            .collect()
+    }
+}
+
 /// What B sends, by the number of the message.
 type Attack = fn(&mut World, u64);
 
@@ -79,11 +196,18 @@ struct World {
     open: Vec<(TimeStamp, Instant)>,
     /// How long A's answers took.
     took: Vec<Duration>,
+    /// How often a second A commands.
+    commands: f64,
+    agent: Option<Agent>,
     _folder: tempfile::TempDir,
 }
 
 impl World {
     fn start(sync: Duration) -> World {
+        World::start_with(sync, "off")
+    }
+
+    fn start_with(sync: Duration, exchange: &str) -> World {
         let folder = tempfile::tempdir().expect("a folder");
         write_key(&folder.path().join("uav.key"), &[0x41; 32]);
         let loopback = |port| SocketAddr::from(([127, 0, 0, 1], port));
@@ -91,13 +215,14 @@ impl World {
         let text = format!(
             "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"{dli}\"\n[[cucs]]\nid = \"{}\"\nloi = [2, 3, 4, 5]\n[[cucs]]\n\
              id = \"{}\"\nloi = [2, 3, 4, 5]\n[[vehicle]]\nid = \"{}\"\nlink = \"udpin:{mavlink}\"\nsystem_id = 1\n\
-             signing = {{ key_file = \"uav.key\" }}\n[store]\ndir = \"state\"\n",
+             signing = {{ key_file = \"uav.key\", exchange = \"{exchange}\" }}\n[store]\ndir = \"state\"\n",
             cucs(0),
             cucs(1),
             vehicle_id(0),
         );
         fs::write(folder.path().join("vsm.toml"), text).expect("the configuration");
         let config = Config::load(&folder.path().join("vsm.toml")).expect("a good configuration");
+        let agent = (exchange == "on").then(|| Agent::pair(&config));
         let (ready, started) = mpsc::channel();
         let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
         let server = thread::spawn(move || {
@@ -140,6 +265,8 @@ impl World {
             heartbeats: Vec::new(),
             open: Vec::new(),
             took: Vec::new(),
+            commands: 5.0,
+            agent,
             _folder: folder,
         };
         world.run(4.0, 0, |_, _| ());
@@ -184,7 +311,7 @@ impl World {
                 attack(self, number);
             }
             sent = sent.max(due);
-            if rate > 0 && commanded < (elapsed * 5.0) as u64 {
+            if rate > 0 && commanded < (elapsed * self.commands) as u64 {
                 commanded += 1;
                 let message = LoiterConfiguration {
                     loiter_radius: Some(Scaled::saturating_from_si(50.0 + commanded as f64)),
@@ -217,8 +344,15 @@ impl World {
         let mut bytes = [0; 2_048];
         while let Ok((length, _)) = self.mav.recv_from(&mut bytes) {
             let bytes = &bytes[..length];
-            if FrameView::parse(bytes).is_ok_and(|frame| frame.header().message_id == 0) {
-                self.heartbeats.push(Instant::now());
+            if let Ok(frame) = FrameView::parse(bytes) {
+                if frame.header().message_id == 0 {
+                    self.heartbeats.push(Instant::now());
+                }
+                let now = self.began.elapsed();
+                let agent = self.agent.iter_mut();
+                for answer in agent.flat_map(|agent| agent.take(now, &frame)) {
+                    let _ = self.mav.send_to(&answer, self.mavlink);
+                }
             }
             self.vehicle.handle_datagram(0, self.mavlink, bytes);
         }
@@ -355,4 +489,104 @@ fn a_station_that_keeps_a_slow_disk_busy_delays_neither_the_vehicle_nor_the_cont
     let status = world.end();
     assert!(status.refused.get("too many changes of rights") > 0);
     assert!(status.refused.get("over the station's rate") > 0);
+}
+
+#[test]
+fn a_change_of_keys_on_a_slow_disk_delays_neither_the_vehicle_nor_the_controller() {
+    // Three times as slow, so that a bridge that waits for it shows.
+    let mut world = World::start_with(3 * SYNC, "on");
+    world.commands = 20.0;
+    let agent = world.agent.as_mut().expect("it is paired");
+    agent.answers = true;
+    // A request that was not answered is repeated every 4 s.
+    world.run(8.0, 1, |_, _| ());
+    let (took, missing, heartbeats) = world.take_figures("a change of keys");
+    let agreed = world.agent.as_ref().expect("it is there").next.0;
+    assert_eq!(agreed, 1, "the exchange completes");
+    assert!(world._folder.path().join("uav.key.next").exists());
+    assert_eq!(missing, 0);
+    let slow = took.iter().filter(|took| **took >= SYNC).count();
+    assert!(slow <= 4, "{slow} of {} commands are slow", took.len());
+    assert!(heartbeats < Duration::from_millis(1_800), "{heartbeats:?}");
+    world.end();
+}
+
+#[test]
+fn a_slow_disk_of_the_agent_holds_up_no_frame() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_key(&folder.path().join("airside.key"), &[0x41; 32]);
+    let px4 = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    px4.set_nonblocking(true).expect("it need not block");
+    let radio = SocketAddr::from(([127, 0, 0, 1], free_udp_port()));
+    let text = format!(
+        "[agent]\nvehicle_id = \"1b:00:01:01\"\nvsm_id = \"1b:00:00:01\"\nkey_file = \"airside.key\"\n\
+         [radio]\nlink = \"udpin:{radio}\"\n[px4]\nlink = \"udpout:{}\"\nsystem_id = 1\n[store]\ndir = \"state\"\n",
+        px4.local_addr().expect("bound")
+    );
+    let config = AirsideConfig::parse(&text, folder.path()).expect("a good configuration");
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let agent = thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .expect("a runtime");
+        runtime.block_on(async {
+            let slow = |dir: &Path| FileDisk::open_on(dir, Box::new(Slow(3 * SYNC)));
+            let server = AirsideServer::open_on(&config, &slow).expect("it starts");
+            let stop = async {
+                let _ = stopped.await;
+            };
+            server.serve(stop).await.expect("it serves until the end")
+        })
+    });
+    let vehicle = px4_sim::Config {
+        unix_time_us: wall().as_micros() as u64,
+        ..px4_sim::Config::default()
+    };
+    let mut vehicle = Autopilot::new(vehicle, Signing::with_key(key(0), 0), vec![Some(radio)]);
+    let ground = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let (mut seq, mut at, mut relayed) = (0_u8, None, Vec::<Instant>::new());
+    let begun = Instant::now();
+    // The ceiling of its clock is raised every six seconds or ten.
+    while relayed
+        .first()
+        .is_none_or(|first| first.elapsed() < Duration::from_secs(12))
+    {
+        assert!(begun.elapsed() < Duration::from_secs(40), "nothing passes");
+        let mut frame = [0; MAX_FRAME];
+        vehicle.step(Duration::from_millis(10));
+        while let Some(sent) = vehicle.poll_transmit(&mut frame) {
+            if let Some(at) = at {
+                let _ = px4.send_to(&frame[..sent.len], at);
+            }
+        }
+        seq = seq.wrapping_add(1);
+        let header = Header {
+            seq,
+            system_id: 245,
+            component_id: 190,
+            incompat: INCOMPAT_SIGNED,
+            ..Header::default()
+        };
+        let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+        let length = encode(&beat, header, &mut frame);
+        let stamp = Stamp::from_unix(wall());
+        let length = sign(&key(0), 0, stamp, &mut frame, length).expect("it fits");
+        let _ = ground.send_to(&frame[..length], radio);
+        thread::sleep(Duration::from_millis(10));
+        let mut bytes = [0; 2_048];
+        while let Ok((length, from)) = px4.recv_from(&mut bytes) {
+            at = Some(from);
+            vehicle.handle_datagram(0, radio, &bytes[..length]);
+            let of_ground = |frame: FrameView<'_>| frame.header().system_id == 245;
+            if FrameView::parse(&bytes[..length]).is_ok_and(of_ground) {
+                relayed.push(Instant::now());
+            }
+        }
+    }
+    drop(stop);
+    agent.join().expect("it ends");
+    let gaps = relayed.windows(2).map(|two| two[1] - two[0]);
+    let longest = gaps.max().expect("frames passed");
+    assert!(longest < 5 * SYNC, "{longest:?} without a frame");
 }

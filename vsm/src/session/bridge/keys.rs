@@ -36,7 +36,8 @@ impl Bridge {
             .pop_front()
     }
 
-    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` where there is none yet.
+    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` where there is none yet; false where it cannot
+    /// leave now.
     pub fn send_key_exchange(
         &mut self,
         index: usize,
@@ -44,11 +45,13 @@ impl Bridge {
         payload: &[u8],
         otherwise: Option<Peer>,
         disk: &mut dyn Disk,
-    ) {
-        if let Some(aircraft) = self.aircraft.get_mut(index) {
-            let mav = &mut aircraft.link;
-            mav.send_key_exchange(now, payload, otherwise, disk);
-        }
+    ) -> bool {
+        let Some(aircraft) = self.aircraft.get_mut(index) else {
+            return false;
+        };
+        aircraft
+            .link
+            .send_key_exchange(now, payload, otherwise, disk)
     }
 
     /// A key that the vehicle may sign with from some moment on: it is looked for in its frames.

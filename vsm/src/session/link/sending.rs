@@ -94,25 +94,26 @@ impl VehicleLink {
         sent.stamp
     }
 
-    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` where there is none yet.
+    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` where there is none yet; false where it cannot
+    /// leave now.
     pub(crate) fn send_key_exchange(
         &mut self,
         now: Now,
         payload: &[u8],
         otherwise: Option<Peer>,
         store: &mut dyn Disk,
-    ) {
+    ) -> bool {
         let to = self.link.peer().or(otherwise);
         let mut bytes = [0; MAX_FRAME];
         let auth = auth(self.key.as_mut(), store);
-        // A message that cannot leave is lost, and sent again in time.
-        if let Ok(sent) = self
+        let sent = self
             .link
-            .send_raw(now, auth, KEY_EXCHANGE_ID, payload, to, &mut bytes)
-        {
+            .send_raw(now, auth, KEY_EXCHANGE_ID, payload, to, &mut bytes);
+        if let Ok(sent) = &sent {
             self.sent.count(KEY_EXCHANGE_ID);
             self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
         }
+        sent.is_ok()
     }
 }
 

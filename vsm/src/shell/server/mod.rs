@@ -13,7 +13,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::net::{TcpListener, UnixListener};
 use tokio::task::LocalSet;
@@ -122,7 +122,11 @@ impl Server {
         let served = local.run_until(tasks.run(stop)).await;
         let mut core = shared.core.borrow_mut();
         core.flush();
+        let end = Instant::now() + LAST_WRITES;
         core.store.wait(LAST_WRITES);
+        for keys in core.key_stores.iter().flatten() {
+            keys.files.wait(end);
+        }
         drop(core);
         served.map(|()| shared.status())
     }

@@ -23,6 +23,7 @@ use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
 use crate::shell::key_store::KeyStore;
+use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::{Quota, Recording};
 use crate::shell::sockets::{self, DliSockets};
@@ -84,6 +85,13 @@ impl Server {
         let status = status_socket::listen(&config.store.dir).map_err(StartError::Status)?;
         let stored = Arc::new(Notify::new());
         // From here on nothing waits for the disk.
+        let key_stores = key_stores.into_iter().map(|keys| {
+            keys.map(|keys| OrderedKeys::start(keys, &store, stored.clone()))
+                .transpose()
+        });
+        let key_stores = key_stores
+            .collect::<Result<_, _>>()
+            .map_err(StartError::Writer)?;
         let store = QueuedDisk::new(store, stored.clone()).map_err(StartError::Writer)?;
         let shared = Shared {
             clock,
@@ -180,6 +188,7 @@ fn open_exchanges(
             let mut with = Surroundings {
                 bridge: &mut *bridge,
                 store: &mut *store,
+                records: None,
                 keys,
                 random: &mut system_random,
                 not_before: NOT_BEFORE,

@@ -12,7 +12,7 @@ use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Status};
 use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
-use crate::shell::key_store::KeyStore;
+use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::Recording;
 
@@ -50,7 +50,7 @@ pub(super) struct Core {
     pub(super) recordings: Vec<Option<Recording>>,
     pub(super) dli_recording: Option<DliRecording>,
     /// Locked as long as the bridge runs.
-    pub(super) key_stores: Vec<Option<KeyStore>>,
+    pub(super) key_stores: Vec<Option<OrderedKeys>>,
     /// Of the vehicles that agree about keys over the air, by their index.
     pub(super) exchanges: Vec<(usize, KeyExchange)>,
 }
@@ -58,16 +58,15 @@ pub(super) struct Core {
 impl Core {
     /// The key exchanges take what has come in for them, and do what is due.
     fn step_exchanges(&mut self, now: Now, in_use: Option<usize>) {
-        // An exchange sends in the call in which it writes.
-        let mut store = self.store.waiting();
         for (index, exchange) in &mut self.exchanges {
-            let Some(Some(keys)) = self.key_stores.get(*index) else {
+            let Some(Some(keys)) = self.key_stores.get_mut(*index) else {
                 continue;
             };
             let mut with = Surroundings {
                 bridge: &mut self.bridge,
-                store: &mut store,
-                keys,
+                store: &mut self.store,
+                records: Some(&mut keys.records),
+                keys: &keys.keys,
                 random: &mut system_random,
                 not_before: NOT_BEFORE,
             };
@@ -111,7 +110,7 @@ impl Shared {
             let Core {
                 key_stores, store, ..
             } = &mut *core;
-            let Some(Some(keys)) = key_stores.get(index) else {
+            let Some(Some(OrderedKeys { keys, .. })) = key_stores.get(index) else {
                 continue;
             };
             let (done, what) = match change {
@@ -124,7 +123,7 @@ impl Shared {
                     if let Err(fault) = keys.bury(store) {
                         tracing::debug!("the clock of a dead key cannot be deleted: {fault}");
                     }
-                    // The exchange learns of it only after the commit is durable: a restart finds it in the files.
+                    // The exchange learns of it after the commit, and sends nothing before that is durable.
                     let in_use = (change == KeyChange::Commit).then_some(index);
                     core.step_exchanges(now, in_use);
                 }

@@ -1,0 +1,384 @@
+//! Files that a thread writes one step after the other, so that nobody waits for the disk: for the keys of a vehicle, whose
+//! files depend on each other, and what the key exchange keeps.
+//!
+//! It is a [`FileSystem`]: what writes through it (a `KeyStore`, a `FileDisk`) takes the same steps in the same order as
+//! on the system's own, and reads what it has written. [`FileSystem::progress`] says how far the thread has come; whoever
+//! sends something that depends on a step waits for that. A process that ends in between leaves the files as one that was
+//! killed in the middle of the same steps.
+//!
+//! A step that fails is tried again until it succeeds, those after it wait, and nothing new is begun: what was taken takes
+//! effect, what was refused never does.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use mavlink_link::store::{Changes, Progress};
+use tokio::sync::Notify;
+use zeroize::Zeroizing;
+
+use super::disk::{FileDisk, FileSystem};
+use super::key_store::KeyStore;
+
+/// The steps of one vehicle's files. Its clones are the same; the thread ends with the last of them.
+#[derive(Debug, Clone)]
+pub struct OrderedFiles(Arc<Owner>);
+
+#[derive(Debug)]
+struct Owner {
+    shared: Arc<Shared>,
+    system: Arc<dyn FileSystem>,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    /// What is to be done; the first is being done.
+    steps: VecDeque<Step>,
+    /// What files will hold then; `None` where one will be gone.
+    files: BTreeMap<PathBuf, Option<Bytes>>,
+    /// Files that are locked for this process, by their names.
+    locks: BTreeMap<PathBuf, File>,
+    queued: u64,
+    durable: u64,
+    fault: Option<String>,
+    closed: bool,
+}
+
+type Bytes = Arc<Zeroizing<Vec<u8>>>;
+
+#[derive(Debug, Clone)]
+enum Step {
+    Write(PathBuf, Bytes),
+    Sync(PathBuf),
+    Rename(PathBuf, PathBuf),
+    RenameLocked(PathBuf, PathBuf),
+    Remove(PathBuf),
+}
+
+impl OrderedFiles {
+    /// Starts the thread; `progress` is notified when it has done all that it had, or cannot.
+    ///
+    /// # Errors
+    /// There can be no thread.
+    pub fn start(system: Arc<dyn FileSystem>, progress: Arc<Notify>) -> io::Result<OrderedFiles> {
+        let shared = Arc::new(Shared::default());
+        let (work, on) = (shared.clone(), system.clone());
+        std::thread::Builder::new()
+            .name("key-writer".to_owned())
+            .spawn(move || write(&work, &*on, &progress))?;
+        Ok(OrderedFiles(Arc::new(Owner { shared, system })))
+    }
+
+    /// Whether all that was written so far is durable.
+    #[must_use]
+    pub fn is_durable(&self) -> bool {
+        let state = self.state();
+        state.durable == state.queued
+    }
+
+    /// Waits until all is durable; false where it is not by then.
+    pub fn wait(&self, until: Instant) -> bool {
+        let mut state = self.state();
+        while state.durable < state.queued {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            let waited = self.0.shared.changed.wait_timeout(state, left);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+        true
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.shared.lock()
+    }
+
+    /// A step that may follow others; `first` where it begins something, which a fault refuses.
+    fn push(
+        &self,
+        first: bool,
+        step: impl FnOnce(&mut State) -> io::Result<Step>,
+    ) -> io::Result<()> {
+        let mut state = self.state();
+        if let (true, Some(fault)) = (first, &state.fault) {
+            return Err(io::Error::other(fault.clone()));
+        }
+        let step = step(&mut state)?;
+        state.steps.push_back(step);
+        state.queued += 1;
+        drop(state);
+        self.0.shared.changed.notify_all();
+        Ok(())
+    }
+
+    /// Notes a change of name, and fails where there is nothing to be renamed.
+    fn moved(&self, state: &mut State, from: &Path, to: &Path) -> io::Result<()> {
+        let content = match state.files.get(from) {
+            Some(known) => known.clone(),
+            None => {
+                let read = self.0.system.read(from, MAX_READ)?;
+                read.map(Arc::new)
+            }
+        };
+        let content = content.ok_or(io::ErrorKind::NotFound)?;
+        state.files.insert(from.to_owned(), None);
+        state.files.insert(to.to_owned(), Some(content));
+        Ok(())
+    }
+}
+
+impl FileSystem for OrderedFiles {
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        self.push(true, |state| {
+            let bytes = Arc::new(Zeroizing::new(bytes.to_vec()));
+            state.files.insert(path.to_owned(), Some(bytes.clone()));
+            Ok(Step::Write(path.to_owned(), bytes))
+        })
+    }
+
+    fn sync(&self, path: &Path) -> io::Result<()> {
+        self.push(false, |_| Ok(Step::Sync(path.to_owned())))
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.push(false, |state| {
+            self.moved(state, from, to)?;
+            Ok(Step::Rename(from.to_owned(), to.to_owned()))
+        })
+    }
+
+    fn rename_locked(&self, from: &Path, to: &Path) -> io::Result<Option<File>> {
+        self.push(true, |state| {
+            self.moved(state, from, to)?;
+            Ok(Step::RenameLocked(from.to_owned(), to.to_owned()))
+        })?;
+        Ok(None)
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        self.push(true, |state| {
+            state.files.insert(path.to_owned(), None);
+            Ok(Step::Remove(path.to_owned()))
+        })
+    }
+
+    fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
+        if let Some(known) = self.state().files.get(path) {
+            let most = usize::try_from(most).unwrap_or(usize::MAX);
+            let first = |bytes: &Bytes| bytes.get(..most).unwrap_or(bytes).to_vec();
+            return Ok(known.as_ref().map(first).map(Zeroizing::new));
+        }
+        self.0.system.read(path, most)
+    }
+
+    fn queued(&self) -> u64 {
+        self.state().queued
+    }
+
+    fn progress(&self, of: Changes) -> Progress {
+        let state = self.state();
+        if of.is_empty() || of.until <= state.durable {
+            Progress::Durable
+        } else if state.fault.is_some() {
+            Progress::Failing
+        } else {
+            Progress::Waiting
+        }
+    }
+}
+
+/// The keys of a vehicle and what the exchange keeps of it, written by one thread.
+#[derive(Debug)]
+pub struct OrderedKeys {
+    /// The key files.
+    pub keys: KeyStore,
+    /// The store, for records of the exchange.
+    pub records: FileDisk,
+    /// The steps of both.
+    pub files: OrderedFiles,
+}
+
+impl OrderedKeys {
+    /// From here on nobody waits for them.
+    ///
+    /// # Errors
+    /// There can be no thread.
+    pub fn start(
+        mut keys: KeyStore,
+        store: &FileDisk,
+        progress: Arc<Notify>,
+    ) -> io::Result<OrderedKeys> {
+        let files = OrderedFiles::start(store.system(), progress)?;
+        keys.write_through(Box::new(files.clone()));
+        Ok(OrderedKeys {
+            keys,
+            records: store.through(Arc::new(files.clone())),
+            files,
+        })
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // A thread that panicked is the process's end; nothing half done is left in the state.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Owner {
+    fn drop(&mut self) {
+        self.shared.lock().closed = true;
+        self.shared.changed.notify_all();
+    }
+}
+
+/// The thread.
+fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
+    let mut written: Option<(PathBuf, Bytes)> = None;
+    let mut again = false;
+    loop {
+        let mut state = shared.lock();
+        let step = loop {
+            if state.closed {
+                return;
+            }
+            match state.steps.front() {
+                Some(step) => break step.clone(),
+                None => {
+                    let woken = shared.changed.wait(state);
+                    state = woken.unwrap_or_else(PoisonError::into_inner);
+                }
+            }
+        };
+        drop(state);
+        let done = match &step {
+            Step::Write(path, bytes) => {
+                written = Some((path.clone(), bytes.clone()));
+                system.write(path, bytes).map(|()| None)
+            }
+            Step::Sync(path) => {
+                // What a failed synchronisation leaves in the system's memory may look as if it were on the disk.
+                let lost = written.as_ref().filter(|(of, _)| again && of == path);
+                lost.map_or(Ok(()), |(path, bytes)| system.write(path, bytes))
+                    .and_then(|()| system.sync(path))
+                    .map(|()| None)
+            }
+            Step::Rename(from, to) => system.rename(from, to).map(|()| None),
+            Step::RenameLocked(from, to) => system
+                .rename_locked(from, to)
+                .map(|file| file.map(|file| (to.clone(), file))),
+            Step::Remove(path) => system.remove(path).map(|()| None),
+        };
+        let mut state = shared.lock();
+        again = done.is_err();
+        match done {
+            Ok(lock) => {
+                state.locks.extend(lock);
+                state.steps.pop_front();
+                state.durable += 1;
+                if state.fault.take().is_some() {
+                    tracing::info!("the keys can be written again");
+                }
+                if state.steps.is_empty() {
+                    state.files.clear();
+                    progress.notify_one();
+                }
+            }
+            Err(cause) => {
+                if state.fault.replace(cause.to_string()).is_none() {
+                    tracing::error!("the keys cannot be written ({step:?}): {cause}");
+                }
+                progress.notify_one();
+                let pause = Instant::now() + TRY_AGAIN;
+                while !state.closed && Instant::now() < pause {
+                    let left = pause.saturating_duration_since(Instant::now());
+                    let woken = shared.changed.wait_timeout(state, left);
+                    state = woken.unwrap_or_else(PoisonError::into_inner).0;
+                }
+            }
+        }
+        drop(state);
+        shared.changed.notify_all();
+    }
+}
+
+/// More than any file of keys.
+const MAX_READ: u64 = 1 << 20;
+/// The pause after a failure.
+const TRY_AGAIN: Duration = Duration::from_secs(1);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shell::disk::{NativeFileSystem, replace};
+
+    fn wait(files: &OrderedFiles) -> bool {
+        files.wait(Instant::now() + Duration::from_secs(20))
+    }
+
+    #[test]
+    fn what_is_written_is_read_at_once_and_on_the_disk_in_its_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let files =
+            OrderedFiles::start(Arc::new(NativeFileSystem), Arc::new(Notify::new())).unwrap();
+        for round in 0..20_u8 {
+            replace(&files, &path("next"), &[round], true).unwrap();
+            assert_eq!(**files.read(&path("next"), 9).unwrap().unwrap(), [round]);
+            assert!(
+                files
+                    .rename_locked(&path("next"), &path("key"))
+                    .unwrap()
+                    .is_none()
+            );
+            assert!(files.read(&path("next"), 9).unwrap().is_none());
+            assert_eq!(**files.read(&path("key"), 9).unwrap().unwrap(), [round]);
+        }
+        assert!(wait(&files));
+        assert_eq!(std::fs::read(path("key")).unwrap(), [19]);
+        assert!(!path("next").exists());
+        // The last one is locked for this process.
+        let other = File::open(path("key")).unwrap();
+        assert!(!crate::shell::disk::lock(&other).unwrap());
+        let missing = files.rename(&path("next"), &path("key")).unwrap_err();
+        assert_eq!(missing.kind(), io::ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn what_was_taken_takes_effect_and_what_was_refused_never_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let files =
+            OrderedFiles::start(Arc::new(NativeFileSystem), Arc::new(Notify::new())).unwrap();
+        std::fs::create_dir(path("key")).unwrap();
+        replace(&files, &path("key"), b"1", true).unwrap();
+        let all = Changes {
+            after: 0,
+            until: files.queued(),
+        };
+        let end = Instant::now() + Duration::from_secs(20);
+        while files.progress(all) == Progress::Waiting && Instant::now() < end {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        assert_eq!(files.progress(all), Progress::Failing);
+        replace(&files, &path("key"), b"2", true).unwrap_err();
+        replace(&files, &path("other"), b"2", true).unwrap_err();
+        std::fs::remove_dir(path("key")).unwrap();
+        assert!(wait(&files));
+        assert_eq!(std::fs::read(path("key")).unwrap(), b"1");
+        assert!(!path("other").exists());
+        replace(&files, &path("key"), b"3", true).unwrap();
+        assert!(wait(&files));
+        assert_eq!(std::fs::read(path("key")).unwrap(), b"3");
+    }
+}
