@@ -14,6 +14,7 @@
 //! The clock is advanced by time, not by one for each packet: after 60 s of silence a peer would refuse everything
 //! (pitfall 1).
 
+use core::fmt::Write as _;
 use core::time::Duration;
 
 use thiserror::Error;
@@ -51,7 +52,10 @@ impl Record for Ceiling {
     const DURABILITY: Durability = Durability::Power;
 
     fn name(key: &KeyId) -> String {
-        format!("{CEILING}{key}")
+        // One allocation: it is made where frames are being sent.
+        let mut name = String::with_capacity(CEILING.len() + 16);
+        let _ = write!(name, "{CEILING}{key}");
+        name
     }
 
     fn encode(&self) -> Vec<u8> {
