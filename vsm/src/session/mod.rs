@@ -82,9 +82,7 @@ mod mission;
 mod outbox;
 mod paths;
 mod reports;
-mod stamps;
 mod station;
-mod stick_stamps;
 pub(crate) mod store;
 #[cfg(test)]
 mod testing;
