@@ -1,11 +1,15 @@
 //! The machine without the others: what stations ask for, the disk and the time are played by the test.
 
 use mavlink_link::store::MemoryDisk;
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use stanag_msgs::messages::{
     EngineCommand, ParameterRequest, UaRoute, VehicleOperatingModeCommand,
 };
 
+use super::rules::CONTROL;
 use super::*;
+use crate::session::alerts::Cause;
+use crate::session::effects::Request;
 use crate::session::testing::{CUCS, World, acknowledgements, origin};
 
 /// The station with the index 1.

@@ -1,0 +1,221 @@
+//! Message 1 and its answer, message 2: requests, releases and questions.
+
+use mavlink_link::store::Changes;
+use stanag_msgs::Id;
+use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess, WaitTransition};
+use stanag_msgs::messages::CucsAuthorisationRequest;
+
+use super::rules::{Access, Answer, CONTROL, Refusal, Rights, Stations};
+use super::{AuthorityMachine, Context, Of, Unstored, messages, releases};
+use crate::session::context::Origin;
+use crate::session::effects::Effects;
+
+impl AuthorityMachine {
+    /// To this vehicle: a request, a release, or a question where it names no access.
+    pub(super) fn authorise(
+        &mut self,
+        context: &Context<'_>,
+        origin: &Origin,
+        request: &CucsAuthorisationRequest,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        let Some(asker) = context.asker(origin.station) else {
+            return AckType::Refused;
+        };
+        let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
+        // A release is always granted, whatever else the message says.
+        if let (false, Err(why)) = (releases(request), understood(context, request, levels)) {
+            self.answer(context, origin.station, Some(request), effects);
+            effects.answer(&[origin.station], format!("message 1 refused: {why}"));
+            return AckType::Refused;
+        }
+        let stations = Stations::from_bitmaps(
+            request.controlled_station_1_16,
+            request.controlled_station_17_32,
+        );
+        let access = match request.requested_handover_access {
+            Some(RequestedAccess::Relinquish) => Access::Release,
+            Some(RequestedAccess::Request) if !levels.is_empty() => Access::Control,
+            Some(RequestedAccess::Override) if !levels.is_empty() => Access::Override,
+            _ => return self.question(context, origin.station, request, effects),
+        };
+        let wanted = Rights::named(levels, stations);
+        let waits_for_transition = request
+            .wait_for_vehicle_data_link_transition_coordination_message
+            == Some(WaitTransition::Wait);
+        let answer = self.decide(context, Of::Request(asker.id), effects, |authority, at| {
+            // With "wait for the transition" it is a wish, as by message 4; an override asks for nobody's consent.
+            if waits_for_transition && access == Access::Control {
+                authority.handover(at, &asker, asker.id, wanted)
+            } else {
+                authority.request(at, &asker, access, wanted, !stations.is_empty())
+            }
+        });
+        if !is_too_often(&answer) {
+            self.answer(context, origin.station, Some(request), effects);
+        }
+        self.acknowledgement(origin, asker.id, &answer, effects)
+    }
+
+    /// To everybody, or to the VSM. It is a question for each vehicle, as a discovery is; a release of levels that it
+    /// names is one of each vehicle. Rights are given by a vehicle alone.
+    pub(super) fn authorise_to_all(
+        &mut self,
+        context: &Context<'_>,
+        origin: &Origin,
+        request: &CucsAuthorisationRequest,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        let named = request
+            .requested_handover_loi
+            .is_some_and(|levels| !levels.is_empty());
+        let holds_something = || {
+            let asker = context.asker(origin.station);
+            asker.is_some_and(|asker| !self.rights.held(asker.id).is_empty())
+        };
+        let why = match request.requested_handover_access {
+            Some(RequestedAccess::Relinquish) if named => {
+                return self.authorise(context, origin, request, effects);
+            }
+            // Who discovers requests no acknowledgement; who requests one, and holds something, meant to release it.
+            Some(RequestedAccess::Relinquish) if origin.ack_requested && holds_something() => {
+                "nothing is released: name the levels, or send it to the vehicle"
+            }
+            Some(RequestedAccess::Request | RequestedAccess::Override) => {
+                "rights must be requested from a single vehicle"
+            }
+            Some(RequestedAccess::Unknown(_)) if named => {
+                "Requested/Handover Access is out of range: expected 0 to 2"
+            }
+            _ => return self.question(context, origin.station, request, effects),
+        };
+        self.answer(context, origin.station, Some(request), effects);
+        effects.answer(&[origin.station], format!("message 1 refused: {why}"));
+        AckType::Refused
+    }
+
+    /// A message 1 that changes nothing: what the station may have and holds, and what it has not answered yet.
+    fn question(
+        &mut self,
+        context: &Context<'_>,
+        station: usize,
+        request: &CucsAuthorisationRequest,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        self.answer(context, station, Some(request), effects);
+        self.convey_pending(context, station, effects);
+        AckType::CarriedOut
+    }
+
+    /// Message 2, as the answer to a message: by what is decided, once that is durable.
+    pub(super) fn answer(
+        &self,
+        context: &Context<'_>,
+        station: usize,
+        request: Option<&CucsAuthorisationRequest>,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(id) = context.asker(station).map(|asker| asker.id) else {
+            return;
+        };
+        let by = |one: &Unstored| matches!(one.of, Of::Request(by) | Of::Handover(by) if by == id);
+        if self.unstored.iter().any(by) {
+            self.answer_after_decisions(effects);
+        }
+        // Who has led to none of the decisions that wait is answered at once, by the rights that hold.
+        let rights = if effects.answers_later() {
+            &self.decided
+        } else {
+            &self.rights
+        };
+        let held = rights.held(id);
+        respond(context, station, held, request, effects);
+    }
+
+    /// What is answered from here on shows decisions that are not durable yet.
+    pub(super) fn answer_after_decisions(&self, effects: &mut Effects<'_>) {
+        let stored = self.unstored.iter().map(|one| one.stored);
+        if let Some(all) = stored.reduce(Changes::and) {
+            effects.answer_after(all);
+        }
+    }
+
+    /// What 17000 says of an answer. One that waits is acknowledged again when it is decided.
+    pub(super) fn acknowledgement(
+        &mut self,
+        origin: &Origin,
+        asker: Id,
+        answer: &Answer,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        match answer {
+            Answer::Granted => AckType::CarriedOut,
+            Answer::Waits => {
+                self.record.wait(asker, *origin);
+                AckType::Received
+            }
+            Answer::Refused { missing, why } => {
+                let what = if *missing == Rights::NONE {
+                    "refused".to_owned()
+                } else {
+                    format!("{missing} refused")
+                };
+                let text = format!("message {}: {what}: {why}", origin.message_type);
+                if is_too_often(answer) {
+                    // Who asks too often is not sent more than it sends.
+                    effects.answer_sometimes(&[origin.station], text);
+                } else {
+                    effects.answer(&[origin.station], text);
+                }
+                AckType::Refused
+            }
+        }
+    }
+}
+
+fn is_too_often(answer: &Answer) -> bool {
+    let too_often = Refusal::TooOften;
+    matches!(answer, Answer::Refused { why, .. } if *why == too_often)
+}
+
+/// Message 2.
+pub(super) fn respond(
+    context: &Context<'_>,
+    station: usize,
+    held: Rights,
+    request: Option<&CucsAuthorisationRequest>,
+    effects: &mut Effects<'_>,
+) {
+    if let Some(asker) = context.asker(station) {
+        let stamp = effects.stamp();
+        let response = messages::response(context, &asker, held, request, stamp);
+        effects.send(station, &response);
+    }
+}
+
+/// Whether every value of message 1 is one that is known: of what is not nothing is granted.
+fn understood(
+    context: &Context<'_>,
+    request: &CucsAuthorisationRequest,
+    levels: LoiBitmap,
+) -> Result<(), String> {
+    if !context.is_addressed(request.vsm_id) {
+        return Err("VSM ID is another VSM's".to_owned());
+    }
+    // Without levels it is a question, whatever it names as access.
+    if let Some(RequestedAccess::Unknown(access)) = request.requested_handover_access
+        && !levels.is_empty()
+    {
+        return Err(format!(
+            "Requested/Handover Access {access}, expected 0 to 2"
+        ));
+    }
+    let unknown = levels.raw() & !LoiBitmap::LOI2.union(LoiBitmap::LOI3).union(CONTROL).raw();
+    if unknown != 0 {
+        return Err(format!(
+            "Requested/Handover LOI {:#04x}: bits {unknown:#04x} are out of range: expected LOI 2 to 5",
+            levels.raw()
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,255 @@
+//! Decisions: the rules are asked, what they decide is stored, and what follows from it is done once it is durable.
+//!
+//! A disk can take its time. The rules go on deciding meanwhile ([`AuthorityMachine::decided`]), and what they decide
+//! waits in order: until it is durable nobody but its asker's held answers shows it, nobody commands by it, and who
+//! loses a right by it keeps that right ([`AuthorityMachine::rights`]).
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use mapping::mode::Px4Mode;
+use mavlink_link::store::{Changes, Disk, Durability, Progress};
+use stanag_msgs::Id;
+use stanag_msgs::enums::LoiBitmap;
+
+use super::authorisation::respond;
+use super::record::durability;
+use super::rules::{
+    Answer, Authority, Change, Circumstances, Decision, Reason, Refusal, Rights, Silence,
+};
+use super::{AuthorityMachine, Context, Of, Unstored, welcome};
+use crate::session::alerts::Cause;
+use crate::session::allowance::Rate;
+use crate::session::context::{self, Transfer};
+use crate::session::effects::{Effects, Request};
+use crate::session::log::LogLevel;
+use crate::session::station::GroundStation;
+use crate::session::store::record_fault;
+
+impl AuthorityMachine {
+    /// Asks the rules, stores what they decide, and does what follows from it as soon as that is durable. The caller
+    /// answers who asked.
+    pub(super) fn decide(
+        &mut self,
+        context: &Context<'_>,
+        of: Of,
+        effects: &mut Effects<'_>,
+        ask: impl FnOnce(&mut Authority, &Circumstances<'_>) -> Decision,
+    ) -> Answer {
+        let roster = context.roster();
+        let circumstances = Circumstances {
+            now: context.mono(),
+            roster: &roster,
+            loading: loading(context),
+            launch_or_landing: launch_or_landing(context),
+        };
+        let before = self.decided.clone();
+        let decision = ask(&mut self.decided, &circumstances);
+        // What changes nothing is not stored: a repeated request costs no write and adds no line to the audit log.
+        let mut changed = self.decided.record() != before.record();
+        if changed && !self.may_change(context, of, &decision) {
+            self.decided = before;
+            effects.dli.counters.count("too many changes of rights");
+            return Answer::Refused {
+                missing: Rights::NONE,
+                why: Refusal::TooOften,
+            };
+        }
+        let after = effects.disk().queued();
+        if changed {
+            let stored = if self.unstored.len() < MAX_UNSTORED {
+                (self.record).store_decision(&self.decided, &decision, context, effects)
+            } else {
+                Err(record_fault(
+                    "authority",
+                    context.id(),
+                    "the disk is too slow",
+                ))
+            };
+            if let Err(fault) = stored {
+                let text = format!("authority cannot be stored, nothing changes: {fault}");
+                effects.warn(Cause::Store, text);
+                // What a silent controller loses is no promise to anybody, and a restart finds it silent again: a disk
+                // that fails keeps no aircraft from what is flown then.
+                if !matches!(of, Of::Silence(_, Silence::Lost)) {
+                    // A right that would not survive a restart is not granted.
+                    self.decided = before;
+                    return Answer::Refused {
+                        missing: Rights::NONE,
+                        why: Refusal::NotStored,
+                    };
+                }
+                changed = false;
+            }
+        }
+        let answer = decision.answer.clone();
+        // What has not changed the disk waits for those before it all the same: it was decided by them.
+        let stored = Changes {
+            after,
+            until: effects.disk().queued(),
+        };
+        self.unstored.push_back(Unstored {
+            stored,
+            rights: self.decided.clone(),
+            decision,
+            of,
+            changed,
+            since: context.mono(),
+        });
+        self.conclude(context, effects);
+        if changed || answer != Answer::Granted {
+            self.answer_after_decisions(effects);
+        }
+        answer
+    }
+
+    /// Whether who asks may have another decision stored: each costs a line of the audit log and a synchronised write.
+    /// What only gives up rights is always allowed; what can be given up was requested before.
+    fn may_change(&mut self, context: &Context<'_>, of: Of, decision: &Decision) -> bool {
+        let (Of::Request(asker) | Of::Handover(asker)) = of else {
+            return true;
+        };
+        let gives_up = decision.begun.is_empty() && decision.changes.iter().all(|c| c.to.is_none());
+        if gives_up || durability(decision) == Durability::Process {
+            return true;
+        }
+        let allowance = self.allowances.entry(asker).or_default();
+        allowance.take(context.mono(), CHANGES)
+    }
+
+    /// Lets the decisions that are durable take effect.
+    pub(super) fn conclude(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        while let Some(one) = next(&mut self.unstored, effects.disk()) {
+            self.take_effect(context, one, effects);
+        }
+    }
+
+    pub(super) fn take_effect(
+        &mut self,
+        context: &Context<'_>,
+        one: Unstored,
+        effects: &mut Effects<'_>,
+    ) {
+        let Unstored { decision, of, .. } = one;
+        let before = std::mem::replace(&mut self.rights, one.rights);
+        self.update_listeners(context, effects);
+        if one.changed {
+            effects.clear(Cause::Store, "authority is stored again");
+        }
+        let mut informed: Vec<Id> = match of {
+            Of::Request(asker) => vec![asker],
+            _ => Vec::new(),
+        };
+        for change in &decision.changes {
+            for id in [change.from, change.to].into_iter().flatten() {
+                if !informed.contains(&id) {
+                    informed.push(id);
+                    self.inform(context, id, effects);
+                }
+            }
+        }
+        let lost =
+            |change: &Change| change.from == before.controller() && change.why == Reason::Lost;
+        let lost = decision.changes.iter().any(lost);
+        self.report_change_of_control(before.controller(), lost, effects);
+        self.report_handovers(context, &decision, effects);
+        for station in 0..context.stations.len() {
+            let Some(asker) = context.asker(station) else {
+                continue;
+            };
+            let listens = self.rights.holds(asker.id, LoiBitmap::LOI2);
+            if listens != before.holds(asker.id, LoiBitmap::LOI2) {
+                effects.request(Request::ListenerChanged { station });
+                if listens {
+                    welcome(context, station, effects);
+                }
+            }
+        }
+        if let Of::Silence(id, silence) = of
+            && before.controller() == Some(id)
+        {
+            self.report_silence(context, id, silence, effects);
+        }
+    }
+
+    pub(super) fn update_listeners(
+        &self,
+        context: &context::Context<'_>,
+        effects: &mut Effects<'_>,
+    ) {
+        effects.listeners.clear();
+        let stations = context.stations.iter().enumerate();
+        let listens = |station: &GroundStation| self.rights.holds(station.id(), LoiBitmap::LOI2);
+        effects.listeners.extend(
+            stations
+                .filter(|(_, one)| listens(one))
+                .map(|(index, _)| index),
+        );
+    }
+
+    /// Message 2 to a CUCS whose rights have changed.
+    pub(super) fn inform(&self, context: &Context<'_>, id: Id, effects: &mut Effects<'_>) {
+        if let Some(station) = context.station_of(id) {
+            respond(context, station, self.rights.held(id), None, effects);
+        }
+    }
+
+    /// `lost`: the controller has lost control by silence, which has alerts of its own.
+    fn report_change_of_control(&self, from: Option<Id>, lost: bool, effects: &mut Effects<'_>) {
+        let to = self.rights.controller();
+        if from == to {
+            return;
+        }
+        let name = |id: Option<Id>| id.map_or_else(|| "nobody".to_owned(), |id| id.to_string());
+        let text = format!("control passes from {} to {}", name(from), name(to));
+        effects.note(LogLevel::Info, text);
+        match to {
+            Some(to) => effects.clear(Cause::CucsSilent, &format!("{to} controls the vehicle")),
+            None if !lost => effects.clear(
+                Cause::CucsSilent,
+                "control was released, nobody controls the vehicle",
+            ),
+            None => {}
+        }
+        effects.request(Request::ControlChanged);
+    }
+
+    /// Lets a decision that waited be taken: a load has ended, the vehicle flies otherwise, time has passed.
+    pub(super) fn settle(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        if !self.decided.pending().is_empty() {
+            self.decide(context, Of::Waiting, effects, Authority::look_again);
+        }
+    }
+}
+
+fn next(unstored: &mut VecDeque<Unstored>, disk: &dyn Disk) -> Option<Unstored> {
+    let first = unstored.front()?;
+    let durable = disk.progress(first.stored) == Progress::Durable;
+    durable.then(|| unstored.pop_front()).flatten()
+}
+
+/// Who loads a mission just now; the null id where the VSM does by itself.
+fn loading(context: &Context<'_>) -> Option<Id> {
+    match context.mission.transfer {
+        Transfer::None => None,
+        Transfer::Running { owner, .. } => {
+            let station = owner.and_then(|index| context.asker(index));
+            Some(station.map_or(Id::NULL, |station| station.id))
+        }
+    }
+}
+
+fn launch_or_landing(context: &Context<'_>) -> bool {
+    // By what the vehicle shows, not what was commanded: AUTO.LAND by PX4's own failsafe counts too.
+    let telemetry = &context.vehicle.telemetry;
+    telemetry.armed == Some(true)
+        && matches!(telemetry.mode, Some(Px4Mode::TAKEOFF | Px4Mode::LAND))
+}
+
+/// Changes of rights of one CUCS that are synchronised: four a second, 32 at once.
+const CHANGES: Rate = Rate {
+    cost: Duration::from_millis(250),
+    burst: Duration::from_secs(8),
+};
+/// Decisions that wait for the disk at most, of a vehicle.
+const MAX_UNSTORED: usize = 256;

@@ -1,0 +1,205 @@
+//! Positive handover: messages 4, 5, 34000, 35000.
+//!
+//! The order of the actors in a handover is not documented in public sources: this one is ours, drawn in
+//! docs/guide/authority.md. A wish (4 of the acquirer) is passed on to the holder as message 4 that names the acquirer; the
+//! holder consents with the same. What a holder offers to its successor is sent to it as message 5. The acquirer is sent
+//! the end of every handover by message 5: LOI Authorized is what was handed over, none where nothing was. 35000 reports
+//! it to all who listen.
+
+use stanag_msgs::Id;
+use stanag_msgs::enums::{AckType, HandoverStatus, LoiBitmap};
+use stanag_msgs::messages::{
+    PositiveHandoverAuthorisationRequest, VehicleDataLinkTransitionCoordination,
+};
+
+use super::rules::{CONTROL, Decision, Handover, Outcome, Rights, Stage, Stations};
+use super::{AuthorityMachine, Context, Of, messages};
+use crate::config::Provisional;
+use crate::session::context::Origin;
+use crate::session::effects::Effects;
+
+impl AuthorityMachine {
+    pub(super) fn hand_over(
+        &mut self,
+        context: &Context<'_>,
+        origin: &Origin,
+        request: &PositiveHandoverAuthorisationRequest,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        let Some(by) = context.asker(origin.station) else {
+            return AckType::Refused;
+        };
+        let acquirer = request
+            .requesting_cucs_id
+            .filter(|id| *id != Id::NULL)
+            .unwrap_or(by.id);
+        let stations = Stations::from_bitmaps(
+            request.controlled_station_1_16,
+            request.controlled_station_17_32,
+        );
+        let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
+        let wanted = Rights::named(levels, stations);
+        let answer = self.decide(context, Of::Handover(by.id), effects, |authority, at| {
+            authority.handover(at, &by, acquirer, wanted)
+        });
+        self.acknowledgement(origin, by.id, &answer, effects)
+    }
+
+    /// The link to the vehicle stays where it is: a message that would set the radio is refused.
+    pub(super) fn coordinate_transition(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        message: &VehicleDataLinkTransitionCoordination,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(by) = context.asker(origin.station) else {
+            return;
+        };
+        let why = if context.settings.provisional != Provisional::All {
+            Some(
+                "34000 is derived from Edition 2: it is carried out with dli.provisional = \"all\" only",
+            )
+        } else if messages::sets_radio(message) {
+            Some("34000: this VSM's vehicle link has no frequency and no code to set")
+        } else if message.acquiring_cucs_id.is_none_or(|id| id == Id::NULL) {
+            Some("34000: Acquiring CUCS ID is missing")
+        } else {
+            None
+        };
+        if let Some(why) = why {
+            return effects.refuse(Some(origin), why);
+        }
+        let acquirer = message.acquiring_cucs_id.unwrap_or(by.id);
+        // 34000 stands for message 4 with LOI 4 and 5, which move together.
+        let wanted = Rights::of_control(CONTROL);
+        let answer = self.decide(context, Of::Handover(by.id), effects, |authority, at| {
+            authority.handover(at, &by, acquirer, wanted)
+        });
+        let answer = self.acknowledgement(&origin, by.id, &answer, effects);
+        effects.acknowledge(&origin, answer);
+    }
+
+    /// Reports the handovers that began and ended.
+    pub(super) fn report_handovers(
+        &mut self,
+        context: &Context<'_>,
+        decision: &Decision,
+        effects: &mut Effects<'_>,
+    ) {
+        for handover in &decision.begun {
+            self.convey(context, handover, effects);
+            let Handover {
+                from, to, rights, ..
+            } = *handover;
+            let status = HandoverStatus::InProgress;
+            self.report_handover(context, from, Some(to), status, effects);
+            let holder = from.map_or_else(|| "nobody".to_owned(), |id| id.to_string());
+            let text = match handover.stage {
+                Stage::Consent(_) => format!("{to} requests {rights} from {holder}"),
+                Stage::Acceptance(_) => format!("{holder} offers {rights} to {to}"),
+                Stage::Load(_) => format!("{rights} passes to {to} once the load has ended"),
+            };
+            effects.answer(&parties(context, handover), text);
+        }
+        for ended in &decision.ended {
+            let handover = &ended.handover;
+            let (status, rights) = match ended.outcome {
+                Outcome::Completed(rights) => (HandoverStatus::Successful, rights),
+                _ => (HandoverStatus::Failed, Rights::NONE),
+            };
+            authorise_handover(context, handover.to, rights, effects);
+            self.report_handover(context, handover.from, Some(handover.to), status, effects);
+            let text = format!("handover to {}: {}", handover.to, ended.outcome);
+            effects.answer(&parties(context, handover), text);
+            // Who requested it by a message that waited is answered once nothing of that request is left.
+            for (asker, origin) in self.record.ended(handover, self.rights.pending()) {
+                let answer = match ended.outcome {
+                    Outcome::Completed(_) => AckType::CarriedOut,
+                    _ => AckType::Refused,
+                };
+                self.inform(context, asker, effects);
+                effects.acknowledge(&origin, answer);
+            }
+        }
+    }
+
+    /// What a station is asked for, or offered, and has not answered: sent again, since it may never have arrived.
+    pub(super) fn convey_pending(
+        &self,
+        context: &Context<'_>,
+        station: usize,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(by) = context.asker(station) else {
+            return;
+        };
+        for handover in self.rights.pending() {
+            if handover.to == by.id || handover.from == Some(by.id) {
+                self.convey(context, handover, effects);
+            }
+        }
+    }
+
+    /// Passes a wish on to the holder, an offer on to the successor.
+    fn convey(&self, context: &Context<'_>, handover: &Handover, effects: &mut Effects<'_>) {
+        match handover.stage {
+            Stage::Consent(_) => {
+                let holder = handover.from.and_then(|holder| context.station_of(holder));
+                if let Some(holder) = holder {
+                    let stamp = effects.stamp();
+                    effects.send(holder, &messages::wish(context, handover, stamp));
+                }
+            }
+            Stage::Acceptance(_) => {
+                authorise_handover(context, handover.to, handover.rights, effects);
+            }
+            Stage::Load(_) => {}
+        }
+    }
+
+    /// 35000, to the two and to all who listen. The null id stands for nobody.
+    pub(super) fn report_handover(
+        &self,
+        context: &Context<'_>,
+        from: Option<Id>,
+        to: Option<Id>,
+        status: HandoverStatus,
+        effects: &mut Effects<'_>,
+    ) {
+        if context.settings.provisional == Provisional::Off {
+            return;
+        }
+        let message = messages::handover_status(from, to, status, effects.stamp());
+        // The parties need not listen: an acquirer may hold nothing yet, a holder may have just lost everything.
+        let mut stations = effects.listeners.clone();
+        for party in [from, to].into_iter().flatten() {
+            let station = context.station_of(party);
+            stations.extend(station.filter(|index| !stations.contains(index)));
+        }
+        for station in stations {
+            effects.publish(station, &message);
+        }
+    }
+}
+
+/// Message 5.
+fn authorise_handover(
+    context: &Context<'_>,
+    acquirer: Id,
+    rights: Rights,
+    effects: &mut Effects<'_>,
+) {
+    if let Some(station) = context.station_of(acquirer) {
+        let stamp = effects.stamp();
+        effects.send(
+            station,
+            &messages::authorised(context, acquirer, rights, stamp),
+        );
+    }
+}
+
+fn parties(context: &Context<'_>, handover: &Handover) -> Vec<usize> {
+    let ids = [handover.from, Some(handover.to)].into_iter().flatten();
+    ids.filter_map(|id| context.station_of(id)).collect()
+}

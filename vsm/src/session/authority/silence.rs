@@ -1,0 +1,142 @@
+//! The silence of holders: warned of, offered to others, acted on. Each step goes out by 16000 and 35000.
+
+use std::time::Duration;
+
+use mavlink_link::dialect::MavLandedState;
+use stanag_msgs::Id;
+use stanag_msgs::enums::{AlertPriority, HandoverStatus, RouteType, SubsystemId};
+
+use super::rules::{Handover, Silence};
+use super::{AuthorityMachine, Context, Of, Unstored};
+use crate::config::OnLoss;
+use crate::session::alerts::Cause;
+use crate::session::effects::{Effects, Request};
+
+impl AuthorityMachine {
+    pub(super) fn watch_silence(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        self.record.write_repetitions(context, effects);
+        for station in context.stations {
+            let id = station.id();
+            let takes_part = |one: &Handover| one.to == id || one.from == Some(id);
+            let holds = !self.decided.held(id).is_empty();
+            if holds || self.decided.pending().iter().any(takes_part) {
+                self.record
+                    .store_station(&self.decided, station, context, effects);
+            }
+            if !holds {
+                continue;
+            }
+            let silence = station.silence(context.mono(), &context.settings.authority);
+            let controls = self.decided.controller() == Some(id);
+            let commands = controls || !self.decided.held(id).stations().is_empty();
+            if silence != self.decided.silence(id) && commands {
+                self.decide(
+                    context,
+                    Of::Silence(id, silence),
+                    effects,
+                    |authority, at| authority.silence_of(at, id, silence),
+                );
+            }
+        }
+        // Nor does a disk that takes its time, or never ends.
+        let overdue = |one: &Unstored| {
+            let waited = context.mono().saturating_sub(one.since);
+            waited > DISK_WITHIN && matches!(one.of, Of::Silence(_, Silence::Lost))
+        };
+        while self.unstored.iter().any(overdue)
+            && let Some(one) = self.unstored.pop_front()
+        {
+            self.take_effect(context, one, effects);
+        }
+        self.settle(context, effects);
+    }
+
+    pub(super) fn report_silence(
+        &self,
+        context: &Context<'_>,
+        id: Id,
+        silence: Silence,
+        effects: &mut Effects<'_>,
+    ) {
+        let (priority, text, status) = match silence {
+            Silence::None => {
+                effects.clear(Cause::CucsSilent, "link to the controlling CUCS restored");
+                let status = HandoverStatus::NotRequested;
+                return self.report_handover(context, Some(id), None, status, effects);
+            }
+            Silence::Warned => (
+                AlertPriority::Caution,
+                format!("no data from the controlling CUCS {id}"),
+                HandoverStatus::NotRequested,
+            ),
+            Silence::Offered => (
+                AlertPriority::Warning,
+                format!("no data from the controlling CUCS {id}: another may take control"),
+                HandoverStatus::InProgress,
+            ),
+            Silence::Lost => (
+                AlertPriority::Emergency,
+                format!(
+                    "the controlling CUCS {id} is lost, nobody controls the vehicle: {}",
+                    what_follows(context)
+                ),
+                HandoverStatus::Failed,
+            ),
+        };
+        // Who asked before has it already: nothing is offered, and nothing is flown.
+        let taken = self.rights.controller().is_some_and(|holder| holder != id);
+        if taken {
+            return;
+        }
+        // The silent one too: it may still receive.
+        let mut to = effects.listeners.clone();
+        to.extend(context.station_of(id));
+        to.sort_unstable();
+        to.dedup();
+        let raised = effects
+            .alerts
+            .raise(Cause::CucsSilent, priority, SubsystemId::Comms, text);
+        effects.dli.alert(context.id(), &to, raised);
+        self.report_handover(context, Some(id), None, status, effects);
+        if silence == Silence::Lost {
+            // After `ControlChanged`, which the decision has requested: that puts a steered vehicle on hold, and would
+            // supersede the action if it came second.
+            effects.request(Request::ControllerLost);
+        }
+    }
+}
+
+/// What is flown now that nobody controls the vehicle, as far as it is known before the vehicle shows it.
+fn what_follows(context: &Context<'_>) -> &'static str {
+    let on_loss = context.settings.authority.on_loss;
+    let telemetry = &context.vehicle.telemetry;
+    if !context.vehicle.live() {
+        return match on_loss {
+            OnLoss::Continue => "no data from the vehicle either",
+            _ => "no data from the vehicle either, it is commanded once its link is restored",
+        };
+    }
+    if telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND) {
+        return "vehicle is on the ground, nothing is commanded";
+    }
+    let mission = &context.mission;
+    let stored = mission
+        .plan
+        .route_of_type(RouteType::ContingencyA)
+        .is_some();
+    match on_loss {
+        // A vehicle that was steered (mode 15) would fly straight on: it is held even where nothing is to be flown.
+        OnLoss::Continue if context.steering => "steering stopped; commanding hold",
+        OnLoss::Continue => "vehicle continues in its current mode",
+        OnLoss::Hold => "commanding hold",
+        OnLoss::Contingency if stored && mission.may_change.is_err() => {
+            "another transfer is in progress; commanding return"
+        }
+        OnLoss::Contingency if stored => "commanding contingency A",
+        OnLoss::Contingency => "no contingency A is stored; commanding return",
+        OnLoss::Rtl => "commanding return",
+    }
+}
+
+/// How long what is flown for a lost controller waits for the disk.
+const DISK_WITHIN: Duration = Duration::from_secs(1);
