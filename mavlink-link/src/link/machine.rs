@@ -214,5 +214,5 @@ impl<A: Copy + Eq> Link<A> {
 }
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
-/// How long no frame of ours may be answered before a person is told: some may be lost.
+/// How long no frame of ours may be answered before it is reported: some may be lost.
 const UNANSWERED: Duration = Duration::from_secs(10);

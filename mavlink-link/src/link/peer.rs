@@ -102,7 +102,7 @@ pub const UNSIGNED_SILENCE: Duration = Duration::from_secs(5);
 /// How long a provisional peer is kept after its last frame against another one.
 const PROVISIONAL_HOLD: Duration = Duration::from_secs(2);
 
-/// Tells a vehicle that has restarted from a recording of one: the stamps of the vehicle are new, and rise. A frame that
+/// Distinguishes a restarted vehicle from a recording of one: the stamps of the vehicle are new, and rise. A frame that
 /// is played again and again would otherwise use up the heartbeats that are to lift the vehicle, and hold the place of
 /// the provisional peer.
 #[derive(Debug)]
@@ -276,7 +276,7 @@ const STALE_FRAMES: usize = 3;
 const STALE_WITHIN: Duration = Duration::from_secs(1);
 const BEHIND_ALERT: Duration = Duration::from_secs(5);
 const LIFT_EVERY: Duration = Duration::from_millis(200);
-/// How long an accepted frame shows that the autopilot signs. One that has lost its key has started anew, which takes
+/// How long an accepted frame shows that the autopilot signs. One that has lost its key has restarted, which takes
 /// longer.
 const SIGNS_FOR: Duration = Duration::from_secs(2);
 

@@ -284,7 +284,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         self.clock_is_dragged()
     }
 
-    /// Holds the new key back, or no longer: while it is not durable it is not sent. All else goes on.
+    /// Holds the new key back, or no longer: while it is not durable it is not sent. All else continues.
     pub fn hold_key(&mut self, hold: bool) {
         self.held = hold;
     }

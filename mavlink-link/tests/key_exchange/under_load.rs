@@ -202,7 +202,7 @@ fn another_version_is_refused_by_name_in_its_own_words() {
     let answer = &window.hears(ms(2), 7, &old)[0];
     let found = (answer.step, answer.version, answer.status);
     assert_eq!(found, (Step::Reject, 1, Status::OtherVersion));
-    // And a newer ground is told so by an older agent, which refuses in version 1.
+    // And an older agent reports it to a newer ground: it refuses in version 1.
     let mut world = World::pairing(4);
     world.run_until(world.now + ms(5));
     let mut refusal = answer.clone();

@@ -257,7 +257,7 @@ fn no_step_of_the_wall_clock_moves_a_clock_that_has_a_peer() {
         station.tick(at(ms + 500));
         last = stamp;
     }
-    // Nor where the computer started without a wall clock, once the peer has been heard.
+    // Nor where the computer started without a wall clock, once the peer has been received.
     let boot = Now {
         mono: Duration::ZERO,
         wall: Duration::from_secs(9),

@@ -643,7 +643,7 @@ fn an_unsigned_frame_beside_verified_ones_raises_no_alarm() {
         }
     }
     assert!(!raised(&mut station));
-    // It has started anew and lost its key.
+    // It has restarted and lost its key.
     station.receive(at(32_000), VEHICLE, &unsigned);
     assert!(raised(&mut station));
 }

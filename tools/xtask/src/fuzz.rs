@@ -31,7 +31,7 @@ pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
         return steps.missing("fuzzing needs Linux and a C++ compiler `c++`");
     }
     let fuzz = root().join("tests/fuzz");
-    // What was found stays there, so that the next run goes on from it.
+    // What was found stays there, so that the next run continues from it.
     let corpus = option("--corpus").unwrap_or_else(|| fuzz.join("corpus"));
     let corpus = std::path::absolute(&corpus)?;
     // With the whole workspace, as built before: for one package alone the dependencies' features differ.

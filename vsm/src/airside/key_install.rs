@@ -120,7 +120,7 @@ impl Agent {
             Phase::Keyless | Phase::CannotSign { .. } => None,
         };
         if let Err(fault) = self.hand_over(old, next, Cause::NewKey, now, keys) {
-            // The key stays on disk, and a restart of the agent goes on with it.
+            // The key stays on disk, and a restart of the agent continues with it.
             self.reports.note(
                 LogLevel::Error,
                 format!("the agreed key cannot be installed: {fault}"),
@@ -131,7 +131,7 @@ impl Agent {
         self.exchange.responder.report(Status::WaitDisarm, 0);
     }
 
-    /// The staged key must not be sent any more: PX4 goes on with the one that it has.
+    /// The staged key must not be sent any more: PX4 keeps the one that it has.
     fn give_up_staged(&mut self) {
         self.reports
             .note(LogLevel::Info, "the agreed key is dropped for another");

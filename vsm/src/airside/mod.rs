@@ -187,7 +187,7 @@ impl Agent {
             match keys.drop_previous() {
                 Ok(()) => {
                     relaying.previous = None;
-                    // It would go on stamping under a key whose clock is deleted.
+                    // It would continue to stamp under a key whose clock is deleted.
                     self.fallback = Fallback::default();
                 }
                 Err(fault) => self.reports.note(

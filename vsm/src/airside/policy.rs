@@ -57,7 +57,7 @@ impl Denied {
 }
 
 impl RelayPolicy {
-    /// Whether a verified frame of the ground may go on to PX4. `disarmed`: PX4 has just reported so.
+    /// Whether a verified frame of the ground may be forwarded to PX4. `disarmed`: PX4 has just reported so.
     pub(super) fn check(&self, frame: &FrameView<'_>, disarmed: bool) -> Result<(), Denied> {
         let (id, payload) = (frame.header().message_id, frame.payload());
         if !self.messages.contains(&id) {

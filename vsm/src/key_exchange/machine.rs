@@ -162,7 +162,7 @@ impl KeyExchange {
                 system: header.system_id,
                 component: header.component_id,
             };
-            // Where the agent is, is told by what only it can have made: a recording of that, at the worst.
+            // Only what the agent alone can have made shows where it is: a recording of that, at the worst.
             if self.take(now, source, &frame, with) && source == self.parties.responder {
                 self.agent_at = Some(frame.from);
             }

@@ -34,7 +34,7 @@ pub(crate) fn end_on_panic() {
     let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         report(panic);
-        // Nobody is left to tell when standard error is gone.
+        // Nowhere is left to report it when standard error is gone.
         let _ = writeln!(io::stderr(), "vsm: a panic ends the whole program");
         std::process::abort();
     }));

@@ -182,7 +182,7 @@ impl Paths {
         current.is_some_and(|path| path.trusted || path.proven.is_some())
     }
 
-    /// A restart: the station was there before, and had proved it. One that had not begins anew with its next message.
+    /// A restart: the station was there before, and had proved it. One that had not starts again with its next message.
     pub(crate) fn restore(&mut self, now: Duration, index: usize, peer: SocketAddr, proven: bool) {
         let lease = self.limits.lease;
         let Some(station) = self.stations.get_mut(index) else {
@@ -737,7 +737,7 @@ const MASK: u64 = (1 << BITS) - 1;
 const MAX_AGE: u64 = 4;
 /// Answers in a row that prove an address, each a round trip.
 const ROUNDS: u8 = 3;
-/// Wrong answers before the rounds begin anew.
+/// Wrong answers before the rounds start again.
 const MAX_WRONG: u8 = 8;
 /// 17000 with its wrapper: a command is acknowledged as received, and as carried out.
 const ACKNOWLEDGEMENT_BYTES: usize = 34;

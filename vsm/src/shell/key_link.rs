@@ -1,7 +1,7 @@
 //! `vsm key provision | rotate | revoke`: a vehicle's link, held by this process alone, and the handover of a key on it.
 //!
 //! The store's lock and the key's are held, so no bridge shares the stream of stamps. SETUP_SIGNING shows the key to
-//! whoever hears the line: it goes over loopback and serial lines only, unless the operator vouches for the link; on
+//! whoever reads the line: it goes over loopback and serial lines only, unless the operator vouches for the link; on
 //! loopback only to a program of this command's user or of root.
 
 use std::net::ToSocketAddrs;

@@ -11,9 +11,9 @@
 //! A record is written under a name of its own (`authority-1b000101.json.new-7`) and gets its own by the thread; a start
 //! removes what a crash left. Until then the new bytes are read from memory.
 //!
-//! Where a thread cannot make a file durable it tries that file again, what depends on it goes on waiting, and further
+//! Where a thread cannot make a file durable it tries that file again, what depends on it continues to wait, and further
 //! changes of it are refused: what was taken takes effect in the end or with the process never, and what was refused
-//! never does. The other files go on.
+//! never does. The other files are not affected.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;

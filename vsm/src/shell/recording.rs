@@ -382,7 +382,7 @@ mod tests {
         let written = bytes_in(folder.path());
         assert!((BURST..=BURST + RATE).contains(&written), "{written}");
         assert_eq!(written / 1_000 + dropped, 20_000);
-        // The clock of the computer is set back by a year: the recording goes on a second later.
+        // The clock of the computer is set back by a year: the recording continues a second later.
         let back = Duration::from_secs(10);
         record.write(back, &[7; 1_000]);
         record.write(back + Duration::from_secs(1), &[7; 1_000]);

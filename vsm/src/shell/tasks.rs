@@ -25,7 +25,7 @@ use tokio::time::MissedTickBehavior;
 
 use super::service;
 
-/// Why a program that serves cannot go on.
+/// Why a program that serves cannot continue.
 #[derive(Debug, thiserror::Error)]
 pub enum TaskFault {
     /// It returned, which no task does while the program serves.

@@ -460,11 +460,11 @@ fn nothing_unsigned_changes_a_key_at_either_end() {
     let end = flight.carry_out_beside(orders::launch(20.0).into(), &mut attack);
     assert_eq!(end, Some(AckType::CarriedOut), "{:?}", flight.log);
     flight.assert_untouched(&files);
-    // What was answered is bounded: the agent refuses a few a second by name, so that an honest peer can be told.
+    // What was answered is bounded: the agent refuses a few a second by name, so that an honest peer can learn of it.
     assert!(flight.exchanged[1] < 6 * 130, "{:?}", flight.exchanged);
 }
 
-/// What else may look like a vehicle that has started anew or lost its key, or like a radio.
+/// What else may look like a vehicle that has restarted or lost its key, or like a radio.
 fn others() -> Vec<(MavMessage, Node)> {
     let px4 = Node {
         system: 1,

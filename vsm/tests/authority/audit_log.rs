@@ -198,7 +198,7 @@ fn whatever_is_done_to_a_log_without_its_key_is_named_by_the_next_start() {
             .into_bytes();
     }
     /// The log as it could be written by whoever has no key: from its fourth line on.
-    fn written_anew(scene: &mut Scene) {
+    fn rewritten(scene: &mut Scene) {
         let lines = String::from_utf8(log(scene).clone())
             .unwrap()
             .lines()
@@ -231,7 +231,7 @@ fn whatever_is_done_to_a_log_without_its_key_is_named_by_the_next_start() {
             let text = String::from_utf8(log(scene).clone()).unwrap();
             *log(scene) = text.replacen("released", "granted", 1).into_bytes();
         }),
-        ("is not the line that was recorded", written_anew),
+        ("is not the line that was recorded", rewritten),
         ("is not by the key", |scene| {
             // The record follows the log that was cut.
             cut_tail(scene, 1);

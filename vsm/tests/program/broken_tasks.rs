@@ -1,5 +1,5 @@
 //! `vsm run` and `vsm airside` with a task that panics, ends, waits for ever or keeps the thread: the process ends, or, where
-//! nothing in it can run any more, neither the service manager nor the vehicle is told that all is well.
+//! nothing in it can run any more, nothing reports to the service manager or the vehicle that all is well.
 //!
 //! PX4 starts its failsafe when heartbeats stop. A bridge that is half dead and sends them keeps an aircraft in the air that
 //! nobody commands.

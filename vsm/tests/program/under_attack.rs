@@ -1,9 +1,9 @@
 //! A disk that takes 100 ms to synchronise, and a station that keeps it busy: the vehicle's heartbeats and the
-//! controller's commands go on as if neither were there. Real sockets, real time.
+//! controller's commands continue as if neither were there. Real sockets, real time.
 //!
 //! The figures of docs/guide/reliability.md come from here: `cargo test --release -p vsm --test program under_attack --
-//! --nocapture`. A test cannot hold 20 ms on a machine that does other things as well; it holds what tells a thread that
-//! waits for the disk from one that does not.
+//! --nocapture`. A test cannot hold 20 ms on a machine that does other things as well; it holds what distinguishes a thread
+//! that waits for the disk from one that does not.
 
 use std::fs::{self, File};
 use std::io;

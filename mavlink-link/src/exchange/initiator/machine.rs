@@ -291,7 +291,7 @@ impl Initiator {
         }
         match message.step {
             Step::Please => {
-                // A hint with no authenticator is anybody's, and tells not even where the peer is.
+                // A hint with no authenticator is anybody's, and does not even show where the peer is.
                 let gate = self.gate.as_ref().ok_or(Ignored::Forged)?;
                 gate.open(&message).ok_or(Ignored::Forged)?;
                 self.hinted(now.mono, inbound.verified)

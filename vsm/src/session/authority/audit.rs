@@ -2,7 +2,7 @@
 //!
 //! A line is 64 hex digits, a space and a JSON object. The digits are HMAC-SHA256, by the key of this installation
 //! ([`AuditKey`]), of the digits of the line before (64 zeros before the first), a line feed and the object: a line that
-//! is changed, left out, moved or put in breaks the chain there, and nobody without the key can write it anew. How far it
+//! is changed, left out, moved or put in breaks the chain there, and nobody without the key can rewrite it. How far it
 //! goes is in the authority record ([`trail`](super::trail)).
 //!
 //! Logs of earlier versions are plain SHA-256 of the same. A line `keyed`, which names the key, continues them: before it
@@ -538,7 +538,7 @@ mod tests {
     }
 
     #[test]
-    fn without_the_key_no_line_can_be_changed_added_or_written_anew() {
+    fn without_the_key_no_line_can_be_changed_added_or_rewritten() {
         let (key, other) = (AuditKey::new([7; 32]), AuditKey::new([8; 32]));
         let vehicle = Id(0x1b00_0101);
         // A log of an earlier version, continued with a key.

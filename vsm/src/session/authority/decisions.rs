@@ -1,6 +1,6 @@
 //! Decisions: the rules are asked, what they decide is stored, and what follows from it is done once it is durable.
 //!
-//! A disk can take its time. The rules go on deciding meanwhile ([`AuthorityMachine::decided`]), and what they decide
+//! A disk can take its time. The rules continue to decide meanwhile ([`AuthorityMachine::decided`]), and what they decide
 //! waits in order: until it is durable nobody but its asker's held answers shows it, nobody commands by it, and who
 //! loses a right by it keeps that right ([`AuthorityMachine::rights`]).
 

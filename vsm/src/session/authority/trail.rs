@@ -148,7 +148,7 @@ impl fmt::Display for Finding {
             ),
             Fault::NotKeyed => write!(
                 f,
-                "{file} has no line by the key of this installation: it is an older copy or was written anew"
+                "{file} has no line by the key of this installation: it is an older copy or was rewritten"
             ),
             Fault::NoHead => write!(
                 f,
@@ -419,7 +419,7 @@ impl Repetitions {
             gained: std::mem::take(&mut repeated.gained),
             lost: std::mem::take(&mut repeated.lost),
         };
-        // One that goes on has a line in each such time.
+        // One that continues has a line in each such time.
         repeated.until = now + COALESCED;
         Some(entry)
     }

@@ -212,7 +212,7 @@ pub(super) fn is_final(answer: Option<AckType>) -> bool {
     answer.is_some_and(|answer| answer != AckType::Received)
 }
 
-/// What a message orders about: of two orders about the same thing, which the message type tells beside this, the later
+/// What a message orders about: of two orders about the same thing, which the message type names beside this, the later
 /// one counts. None of those whose order says nothing.
 fn about(message: &Message) -> Option<u64> {
     let named = |name: &str| {
@@ -262,7 +262,7 @@ const NO_COMMANDS: [u16; 10] = [
 ];
 /// Requests for rights, and positive handovers.
 const REQUESTS: [u16; 3] = [1, 4, 34_000];
-/// Messages remembered a CUCS, of each of the two kinds: an upload of 500 waypoints, sent twice, is told apart.
+/// Messages remembered a CUCS, of each of the two kinds: an upload of 500 waypoints, sent twice, is recognised.
 const DEPTH: usize = 1024;
 /// Commands remembered while they are young.
 pub(super) const MAX_COMMANDS: usize = 4 * DEPTH;

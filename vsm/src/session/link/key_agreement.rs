@@ -1,8 +1,8 @@
 //! Keys agreed over the air, as the bridge sees it: frames of the exchange go out and in, the key that waits is looked
-//! for in the vehicle's frames, and stations are told. While nothing answers under the key in force, this end signs its
+//! for in the vehicle's frames, and stations are notified. While nothing answers under the key in force, this end signs its
 //! heartbeats under both.
 //!
-//! Promised: KEY_EXCHANGE goes to the exchange only; the vehicle goes on under its current key until one of its own
+//! Promised: KEY_EXCHANGE goes to the exchange only; the vehicle keeps its current key until one of its own
 //! frames verifies under the next, and from that frame on under that one.
 
 use std::collections::VecDeque;
@@ -145,7 +145,7 @@ impl Agreement {
     }
 
     /// Sends what is due under the next key. Heartbeats under it go out only while nothing answers those under the key in
-    /// force: then the vehicle may have the next one already, and this end would be heard under none.
+    /// force: then the vehicle may have the next one already, and this end would be accepted under none.
     pub(super) fn handle_timeout(
         &mut self,
         now: Now,
@@ -177,7 +177,7 @@ impl Agreement {
     ) -> Option<KeyState> {
         let mut next = self.next.take()?;
         if let Some(current) = current {
-            // The vehicle has one table of streams for all keys, so our stamps go on rising. Where they cannot, its
+            // The vehicle has one table of streams for all keys, so our stamps continue to rise. Where they cannot, its
             // receiver shows it by silence, as with any clock that is behind.
             let _ = next.key.follow(current.clock().reading(now), now, store);
         }

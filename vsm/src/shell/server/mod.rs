@@ -67,7 +67,7 @@ impl Server {
     /// Serves until `stop` is done, then gives the last status.
     ///
     /// # Errors
-    /// A task has ended or does not answer: what is left must not go on without it.
+    /// A task has ended or does not answer: what is left must not continue without it.
     pub async fn serve(self, stop: impl Future<Output = ()>) -> Result<Status, TaskFault> {
         let Server {
             shared,

@@ -144,7 +144,7 @@ fn whatever_is_killed_nothing_is_lost_or_done_twice() {
 /// Kills until `times` are reached by all together. After a fault a new vehicle begins, so that one fault is one.
 #[expect(
     clippy::print_stderr,
-    reason = "a run of an hour shows that it goes on, and a fault at once"
+    reason = "a run of an hour shows that it continues, and a fault at once"
 )]
 fn fly(seed: u64, times: usize, killed: &AtomicUsize) -> Vec<Crew> {
     let mut crews = Vec::new();

@@ -96,7 +96,7 @@ impl Vehicle {
             (End::Client, MavMessage::MISSION_COUNT(count))
                 if count.mission_type == MavMissionType::MAV_MISSION_TYPE_MISSION =>
             {
-                // Repeated it begins nothing anew: what is left of an upload that was cut off is sent again, too.
+                // Repeated it restarts nothing: what is left of an upload that was cut off is sent again, too.
                 self.items.resize(count.count.into(), (0.0, 0.0));
                 Command::Upload
             }
