@@ -857,6 +857,10 @@ fn one_timeout_after_a_restart_in_the_middle_of_a_launch() {
 #[test]
 fn timeouts_while_another_station_owns_the_vehicle() {
     let mut scene = Scene::new(operator_control());
+    // The ceiling is stored 10 s ahead: until some time before it is stored again.
+    let stores_clock = |_: &Scene, trace: &Trace| trace.iter().any(|line| line.starts_with(CLOCK));
+    scene.until(11.0, stores_clock).expect("once in 10 s");
+    scene.run(7.0);
     let ask = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
         command: MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL,
         target_system: 1,
