@@ -57,6 +57,8 @@ pub(crate) struct Commander {
     flown: bool,
     landed_at: Option<f64>,
     intended: Mode,
+    /// The mode that disarming leads back to.
+    after_disarming: Mode,
     failsafe: Option<Failsafe>,
     overridden: [bool; 3],
     sticks_at: Option<f64>,
@@ -156,10 +158,7 @@ impl Commander {
     /// HEARTBEAT.system_status on the ground: standby or uninitialised.
     pub(crate) fn can_arm(&self, facts: &Facts<'_>) -> bool {
         let mode = self.intended;
-        !matches!(
-            mode,
-            Mode::Rtl | Mode::Land | Mode::Orbit | Mode::Termination
-        ) && self.can_run(mode, facts)
+        !prevents_arming(mode) && self.can_run(mode, facts)
     }
 
     /// Requests a mode. On the ground PX4 acknowledges every mode, flyable or not: its answer proves nothing, and a bridge
@@ -177,15 +176,24 @@ impl Commander {
         if !self.sticks_alive(facts) {
             self.overridden[Cause::Sticks as usize] = true;
         }
-        self.intended = mode;
+        self.intend(mode);
         true
+    }
+
+    /// Disarmed, PX4 is in the last mode that was requested and could have been armed in: one that is sent to land out of a
+    /// mission stands in AUTO.MISSION afterwards, with what is left of it.
+    fn intend(&mut self, mode: Mode) {
+        self.intended = mode;
+        if !prevents_arming(mode) && mode != Mode::Takeoff || mode == Mode::Termination {
+            self.after_disarming = mode;
+        }
     }
 
     /// The navigator has finished a mode, and another one follows.
     pub(crate) fn follow_with(&mut self, mode: Mode) {
         match &mut self.failsafe {
             Some(failsafe) => failsafe.mode = mode,
-            None => self.intended = mode,
+            None => self.intend(mode),
         }
     }
 
@@ -227,10 +235,7 @@ impl Commander {
         }
         self.armed = false;
         self.failsafe = None;
-        // As observed: after RTL and LAND the mode is LOITER; AUTO.MISSION stays.
-        if matches!(self.intended, Mode::Rtl | Mode::Land) {
-            self.intended = Mode::Loiter;
-        }
+        self.intended = self.after_disarming;
         notes.push(Note::Info(format!("Disarmed by {reason}\t")));
         true
     }
@@ -378,6 +383,13 @@ impl Commander {
             then: Some((facts.now + delay.max(0.0), action)),
         });
     }
+}
+
+fn prevents_arming(mode: Mode) -> bool {
+    matches!(
+        mode,
+        Mode::Rtl | Mode::Land | Mode::Orbit | Mode::Termination
+    )
 }
 
 /// NAV_DLL_ACT and NAV_RCL_ACT.

@@ -57,3 +57,16 @@ fn a_square_is_flown_and_landed() {
         .fold(0.0, f64::max);
     assert!((24.0..26.5).contains(&highest), "{highest}");
 }
+
+#[test]
+fn a_landing_out_of_a_mission_leads_back_to_it_once_disarmed() {
+    let mut flight = Flight::ready();
+    assert_eq!(flight.upload(&square()), Some(0));
+    assert_eq!(flight.command(300, &[0.0]), Some(0));
+    assert!(flight.until(60.0, |t| -t.position.d > 15.0));
+    assert_eq!(flight.command(176, &[1.0, 4.0, 6.0]), Some(0));
+    flight.run(1.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Land);
+    assert!(flight.until(60.0, |t| !t.armed));
+    assert_eq!(flight.vehicle.truth().mode, Mode::Mission);
+}
