@@ -94,7 +94,8 @@ impl Remembered {
             return Verdict::Refused("used time stamp", USED.into());
         }
         if sticks {
-            let why = match self.stick_stamps.judge(new.stamp, new.digest.0, now) {
+            let ahead = self.clock.is_ahead(new.stamp, now);
+            let why = match self.stick_stamps.judge(new.stamp, new.digest.0, ahead, now) {
                 Stick::New => None,
                 Stick::Repeated => Some(REPEATED),
                 Stick::Flown => Some(FLOWN),

@@ -362,7 +362,7 @@ const MAX_CANDIDATES: usize = 8;
 /// One that has not shown itself for longer makes room, and begins again.
 const IDLE: Duration = Duration::from_secs(10);
 /// Traffic that is ahead by no more fits the clock: its first message may have been on its way for longer.
-const NEAR_MS: i64 = 2_000;
+pub(crate) const NEAR_MS: i64 = 2_000;
 /// Two used stamps that are nearer than this make one span.
 const MERGED_MS: u64 = 1_000;
 /// Spans kept of what has passed: 16 KiB a station and kind.

@@ -8,19 +8,24 @@
 //! Where the clock of the station was set back, its sticks are older than the last that was taken. They count again
 //! once they have come in rising order for [`SETTLE`], none of them a recording and none newer than the last among them.
 //! What was held back on its way, and never arrived, needs the same: it gets there only in place of the station's own.
+//!
+//! A stick that is ahead of the station's clock may be its own, after a step, or forged: it is taken, and those that fit
+//! the clock still count in their own order beside it, until the clock has followed the step.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use stanag_msgs::TimeStamp;
 
-use super::stamps::{SETTLE, UsedStamps, stamps_apart_ms};
+use super::stamps::{NEAR_MS, SETTLE, UsedStamps, stamps_apart_ms};
 
 /// The sticks of one station.
 #[derive(Debug, Default)]
 pub(crate) struct StickStamps {
     /// Those that are known exactly, in runs whose stamps rise; the last is the one that is flown by.
     runs: VecDeque<VecDeque<Taken>>,
+    /// The last one that was not ahead of the station's clock.
+    newest_in_time: Option<TimeStamp>,
     /// When each was taken is known of others.
     spans: UsedStamps,
     /// Sticks that are not newer than the last: the newest of them, when it came, and since when they rise.
@@ -47,8 +52,14 @@ pub(crate) enum Stick {
 }
 
 impl StickStamps {
-    /// Judges a stick that is received now.
-    pub(crate) fn judge(&mut self, stamp: TimeStamp, digest: [u8; 16], now: Duration) -> Stick {
+    /// Judges a stick that is received now; `ahead` of the station's clock or not.
+    pub(crate) fn judge(
+        &mut self,
+        stamp: TimeStamp,
+        digest: [u8; 16],
+        ahead: bool,
+        now: Duration,
+    ) -> Stick {
         let taken = Taken::new(stamp, digest);
         if self
             .runs
@@ -62,8 +73,13 @@ impl StickStamps {
             self.refused(now);
             return Stick::Flown;
         }
-        let newest = self.runs.back().and_then(|run| run.back());
-        if newest.is_none_or(|newest| stamps_apart_ms(stamp, newest.stamp()) > 0) {
+        let taken_last = || Some(self.runs.back()?.back()?.stamp());
+        let newest = if ahead {
+            taken_last()
+        } else {
+            self.newest_in_time
+        };
+        if newest.is_none_or(|newest| stamps_apart_ms(stamp, newest) > 0) {
             return Stick::New;
         }
         self.refused(now);
@@ -93,6 +109,9 @@ impl StickStamps {
         }
         if let Some(run) = self.runs.back_mut() {
             run.push_back(taken);
+        }
+        if stamps_apart_ms(stamp, reading) <= NEAR_MS {
+            self.newest_in_time = Some(stamp);
         }
         (self.set_back, self.refused_since) = (None, None);
         let known: usize = self.runs.iter().map(VecDeque::len).sum();
@@ -185,11 +204,24 @@ mod tests {
     /// One stick, which is taken where it is new.
     fn send(sticks: &mut StickStamps, at: u64, stamp: u64, number: u64) -> Stick {
         let (stamp, digest) = (TimeStamp(stamp), digest(number));
-        let verdict = sticks.judge(stamp, digest, ms(at));
+        let verdict = sticks.judge(stamp, digest, false, ms(at));
         if verdict == Stick::New {
             sticks.take(stamp, digest, stamp);
         }
         verdict
+    }
+
+    #[test]
+    fn a_stick_from_the_future_stops_none_that_fits_the_clock() {
+        let mut sticks = StickStamps::default();
+        for n in 0..500 {
+            assert_eq!(send(&mut sticks, 20 * n, NOON + 20 * n, n), Stick::New);
+            if n % 10 == 5 {
+                let (stamp, forged) = (TimeStamp(NOON + 1_000_000_000 * n), digest(1_000 + n));
+                assert_eq!(sticks.judge(stamp, forged, true, ms(20 * n)), Stick::New);
+                sticks.take(stamp, forged, TimeStamp(NOON + 20 * n));
+            }
+        }
     }
 
     #[test]
