@@ -52,7 +52,7 @@ struct Row {
 
 impl Compare {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let route = formats::read(&self.file, self.selection)?;
+        let route = formats::read_track(&self.file, self.selection)?;
         let fixes: Vec<Position> = route.waypoints.iter().map(|w| w.position).collect();
         let track = Track::new(&fixes, self.closed).map_err(|e| Failure::file(&self.file, e))?;
         let rows = self

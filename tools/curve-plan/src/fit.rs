@@ -3,14 +3,13 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use curve_paths::Position;
 use curve_paths::fit::{Continuity, FitOptions, Track, fit};
 use serde_json::json;
 
 use crate::failure::Failure;
 use crate::formats::{self, Addresses, Selection};
 use crate::output::{print, progress};
-use crate::route::{Datum, Route, ground_points};
+use crate::route::{Level, Route, ground_points};
 
 /// Arguments of `fit`.
 #[derive(Debug, Args)]
@@ -42,12 +41,8 @@ pub(crate) struct Command {
     /// Keep a fix as a corner where the track turns by more than this, degrees.
     #[arg(long, value_name = "DEG")]
     corner: Option<f64>,
-    /// Use this altitude for a track that has none, m above mean sea level.
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    altitude: Option<f64>,
-    /// Use this height above home for a track that has no altitudes, m.
-    #[arg(long, value_name = "M", conflicts_with = "altitude")]
-    height: Option<f64>,
+    #[command(flatten)]
+    level: Level,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -55,21 +50,19 @@ pub(crate) struct Command {
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let read = formats::read(&self.file, self.selection)?;
+        let mut read = formats::read_track(&self.file, self.selection)?;
         let closed = self.closed || read.closed;
         let last = self.to.unwrap_or(usize::MAX);
-        let mut fixes: Vec<Position> = read
-            .waypoints
-            .iter()
-            .enumerate()
+        let fixes = std::mem::take(&mut read.waypoints).into_iter().enumerate();
+        read.waypoints = fixes
             .filter(|(k, _)| (self.from..=last).contains(k))
-            .map(|(_, w)| w.position)
+            .map(|(_, w)| w)
             .collect();
-        let mut datum = read.datum;
-        if let Some(level) = self.altitude.or(self.height) {
-            fixes.iter_mut().for_each(|f| f.alt_m = level);
-            datum = Datum::above_home(self.height.is_some());
+        // A fit is made on the ground; what is flown needs altitudes.
+        if self.output.is_some() {
+            read.level(self.level, &self.file)?;
         }
+        let fixes = read.positions();
         let track = Track::new(&fixes, closed).map_err(|e| Failure::file(&self.file, e))?;
         let continuity = if self.g1 {
             Continuity::G1
@@ -84,7 +77,7 @@ impl Command {
         let fitted =
             fit(&track, &options, &mut progress()).map_err(|e| Failure::answer(&self.file, e))?;
         if let Some(output) = &self.output {
-            let route = Route::of_fit(&read.name, &fitted, closed, datum);
+            let route = Route::of_fit(&read.name, &fitted, closed, read.datum);
             formats::write(output, &route, &self.addresses)?;
         }
         let (legs, deviation_m) = (fitted.legs.len(), fitted.deviation_m);

@@ -6,8 +6,8 @@ use clap::Args;
 use curve_paths::{Densified, Leg, Options, Vertices, densify, densify_to_budget};
 
 use crate::failure::Failure;
-use crate::formats::{self, Selection};
-use crate::route::Route;
+use crate::formats;
+use crate::route::{Level, Route};
 
 /// How to densify, on the command line.
 #[derive(Clone, Debug, Args)]
@@ -27,6 +27,8 @@ pub(crate) struct Densify {
     /// Turn heights above home into altitudes by this altitude of home, m above mean sea level.
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub(crate) home_alt: Option<f64>,
+    #[command(flatten)]
+    pub(crate) level: Level,
 }
 
 /// A route that was read, with its legs.
@@ -39,7 +41,7 @@ pub(crate) struct Loaded {
 impl Loaded {
     /// Reads a route and checks its legs.
     pub(crate) fn read(file: &Path, how: &Densify) -> Result<Self, Failure> {
-        let mut route = formats::read(file, Selection::default())?;
+        let mut route = formats::read(file, how.level)?;
         if let Some(home_m) = how.home_alt {
             route.lift(home_m);
         }

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use clap::Args;
 use curve_paths::fit::Fitted;
 use curve_paths::{BezierLeg, Control, Densified, Leg, Position};
 use stanag_msgs::enums::AltitudeType;
@@ -17,6 +18,19 @@ pub(crate) struct Waypoint {
     pub(crate) line: Option<u64>,
     /// P2 and P3 of the leg that starts here.
     pub(crate) curve: Option<[Control; 2]>,
+    /// Why `position.alt_m` means nothing.
+    pub(crate) no_altitude: Option<NoAltitude>,
+}
+
+/// Why a waypoint has no altitude to fly at.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
+pub(crate) enum NoAltitude {
+    /// The file gives none there.
+    #[error("no altitude")]
+    Missing,
+    /// The file's is that of the ground, or is drawn on the ground.
+    #[error("its altitude is the ground's, which is none to fly at")]
+    Ground,
 }
 
 impl Waypoint {
@@ -25,8 +39,36 @@ impl Waypoint {
             position,
             line,
             curve: None,
+            no_altitude: None,
         }
     }
+
+    /// A waypoint of a file in which the altitude may be absent: the number beside it is never used then.
+    pub(crate) fn found(
+        lat_deg: f64,
+        lon_deg: f64,
+        alt_m: Result<f64, NoAltitude>,
+        line: Option<u64>,
+    ) -> Self {
+        Self {
+            no_altitude: alt_m.err(),
+            ..Self::straight(
+                Position::new(lat_deg, lon_deg, alt_m.unwrap_or_default()),
+                line,
+            )
+        }
+    }
+}
+
+/// The altitude of all waypoints, where a file does not give it.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(crate) struct Level {
+    /// Put a route without altitudes at this altitude, m above mean sea level.
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    altitude: Option<f64>,
+    /// Put a route without altitudes at this height above home, m.
+    #[arg(long, value_name = "M", conflicts_with = "altitude")]
+    height: Option<f64>,
 }
 
 /// What altitudes are above.
@@ -127,9 +169,8 @@ impl Route {
             .legs
             .iter()
             .map(|leg| Waypoint {
-                position: leg.p1(),
-                line: None,
                 curve: Some([leg.p2(), leg.p3()]),
+                ..Waypoint::straight(leg.p1(), None)
             })
             .collect();
         if let (false, Some(leg)) = (closed, fitted.legs.last()) {
@@ -165,6 +206,32 @@ impl Route {
     /// Whether any leg is curved.
     pub(crate) fn is_curved(&self) -> bool {
         self.waypoints.iter().any(|w| w.curve.is_some())
+    }
+
+    /// Puts all waypoints at the altitude of the command line, where there is one; else each must have its own.
+    ///
+    /// An absent altitude is never a number: an aircraft would descend to it.
+    pub(crate) fn level(&mut self, level: Level, file: &Path) -> Result<(), Failure> {
+        let Some(alt_m) = level.altitude.or(level.height) else {
+            let mut waypoints = self.waypoints.iter().enumerate();
+            let absent = waypoints.find_map(|(k, w)| Some((k, w.line, w.no_altitude?)));
+            return absent.map_or(Ok(()), |(k, line, why)| {
+                let problem = format!(
+                    "{why}; expected one for each, or one for all by --altitude or --height"
+                );
+                Err(Failure::at(file, line, format!("point {}", k + 1), problem))
+            });
+        };
+        if self.plan.is_some() {
+            let problem = "the route file has altitudes: --altitude and --height are for files that have none";
+            return Err(Failure::Usage(problem.into()));
+        }
+        for w in &mut self.waypoints {
+            w.position.alt_m = alt_m;
+            w.no_altitude = None;
+        }
+        self.datum = Datum::above_home(level.height.is_some());
+        Ok(())
     }
 
     /// Turns heights above home into altitudes, home being so high.

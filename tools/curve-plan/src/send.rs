@@ -9,7 +9,8 @@ use stanag_msgs::Id;
 use stanag_msgs::enums::LoiBitmap;
 
 use crate::failure::Failure;
-use crate::formats::{self, Selection};
+use crate::formats;
+use crate::route::Level;
 
 /// Arguments of `send`.
 #[derive(Debug, Args)]
@@ -31,6 +32,8 @@ pub(crate) struct Command {
     /// Turn heights above home into altitudes by this altitude of home, m above mean sea level.
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     home_alt: Option<f64>,
+    #[command(flatten)]
+    level: Level,
     /// Take the rights (LOI 4) also where another station holds them.
     #[arg(long = "override")]
     depose: bool,
@@ -44,7 +47,7 @@ pub(crate) struct Command {
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let mut route = formats::read(&self.file, Selection::default())?;
+        let mut route = formats::read(&self.file, self.level)?;
         if let Some(home_m) = self.home_alt {
             route.lift(home_m);
         }

@@ -3,12 +3,11 @@
 
 use std::path::Path;
 
-use curve_paths::Position;
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
 use crate::json_line;
-use crate::route::{Datum, Route, Waypoint};
+use crate::route::{Datum, NoAltitude, Route, Waypoint};
 
 /// Reads the first LineString, Polygon ring or MultiPoint, or else all Points in order.
 pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
@@ -85,11 +84,15 @@ fn list<'a>(value: &'a Value, name: &str, path: &str, out: &mut Vec<(String, &'a
 }
 
 fn position(file: &Path, text: &str, field: &str, c: &Value) -> Result<Waypoint, Failure> {
+    let line = json_line::line_of(text, field);
     match (c[1].as_f64(), c[0].as_f64()) {
-        (Some(lat), Some(lon)) => Ok(Waypoint::straight(
-            Position::new(lat, lon, c[2].as_f64().unwrap_or(0.0)),
-            None,
-        )),
+        (Some(lat), Some(lon)) if c[2].is_null() => {
+            Ok(Waypoint::found(lat, lon, Err(NoAltitude::Missing), line))
+        }
+        (Some(lat), Some(lon)) if c[2].is_number() => {
+            let alt_m = c[2].as_f64().ok_or(NoAltitude::Missing);
+            Ok(Waypoint::found(lat, lon, alt_m, line))
+        }
         _ => {
             let problem = format!("{c}, expected [longitude, latitude, altitude]");
             Err(json_line::fault(file, text, field, problem))

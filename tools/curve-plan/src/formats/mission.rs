@@ -28,9 +28,7 @@ pub(crate) fn read_plan(file: &Path, text: &str) -> Result<Route, Failure> {
         let problem = format!("{}, expected \"Plan\"", plan["fileType"]);
         return Err(fault("fileType", &problem));
     }
-    let home_alt = plan["mission"]["plannedHomePosition"][2]
-        .as_f64()
-        .unwrap_or(0.0);
+    let home_alt = plan["mission"]["plannedHomePosition"][2].as_f64();
     let items = plan["mission"]["items"]
         .as_array()
         .ok_or_else(|| fault("mission.items", "missing, expected an array"))?;
@@ -63,7 +61,11 @@ pub(crate) fn read_plan(file: &Path, text: &str) -> Result<Route, Failure> {
             line,
         );
     }
-    Ok(found.route(home_alt))
+    found.route(home_alt).ok_or_else(|| {
+        let problem =
+            "missing, expected an altitude: some items are relative to home and some are not";
+        fault("mission.plannedHomePosition[2]", problem)
+    })
 }
 
 /// Reads a .waypoints.
@@ -75,7 +77,7 @@ pub(crate) fn read_waypoints(file: &Path, text: &str) -> Result<Route, Failure> 
         return Err(Failure::at(file, Some(1), "", problem));
     }
     let mut found = Found::default();
-    let mut home_alt = 0.0;
+    let mut home_alt = None;
     for (k, line) in lines.filter(|(_, l)| !l.trim().is_empty()) {
         let number = Some(k as u64 + 1);
         let fields: Vec<&str> = line.split_whitespace().collect();
@@ -96,7 +98,7 @@ pub(crate) fn read_waypoints(file: &Path, text: &str) -> Result<Route, Failure> 
         );
         // The first row is home, not a waypoint.
         if value(0, "index")? == 0.0 {
-            home_alt = alt;
+            home_alt = Some(alt);
             continue;
         }
         if !PLACES.contains(&(value(3, "command")? as i64)) {
@@ -107,7 +109,11 @@ pub(crate) fn read_waypoints(file: &Path, text: &str) -> Result<Route, Failure> 
         let relative = is_relative(frame).map_err(|e| Failure::at(file, number, "frame", e))?;
         found.place(relative, Position::new(lat, lon, alt), number);
     }
-    Ok(found.route(home_alt))
+    found.route(home_alt).ok_or_else(|| {
+        let problem =
+            "no row of home (0), expected one: some items are relative to home and some are not";
+        Failure::file(file, problem)
+    })
 }
 
 /// Items that name a place, as found.
@@ -128,20 +134,25 @@ impl Found {
         }
     }
 
-    fn route(self, home_alt: f64) -> Route {
+    /// `None` where home's altitude is needed and absent.
+    fn route(self, home_alt: Option<f64>) -> Option<Route> {
         let all_relative = !self.places.is_empty() && self.places.iter().all(|(r, _)| *r);
         let absolute = |(relative, mut w): (bool, Waypoint)| {
             if relative && !all_relative {
-                w.position.alt_m += home_alt;
+                w.position.alt_m += home_alt?;
             }
-            w
+            Some(w)
         };
-        Route {
-            waypoints: self.places.into_iter().map(absolute).collect(),
+        Some(Route {
+            waypoints: self
+                .places
+                .into_iter()
+                .map(absolute)
+                .collect::<Option<_>>()?,
             skipped: self.skipped,
             datum: Datum::above_home(all_relative),
             ..Route::default()
-        }
+        })
     }
 }
 

@@ -15,7 +15,7 @@ use std::path::Path;
 use clap::Args;
 
 use crate::failure::Failure;
-use crate::route::{Datum, Route};
+use crate::route::{Datum, Level, Route};
 
 pub(crate) use dli::Addresses;
 
@@ -84,8 +84,15 @@ pub(crate) fn ending(file: &Path) -> String {
     ending.to_ascii_lowercase()
 }
 
-/// Reads a route or track.
-pub(crate) fn read(file: &Path, selection: Selection) -> Result<Route, Failure> {
+/// Reads a route to be flown: each waypoint has an altitude, of the file or of the command line.
+pub(crate) fn read(file: &Path, level: Level) -> Result<Route, Failure> {
+    let mut route = read_track(file, Selection::default())?;
+    route.level(level, file)?;
+    Ok(route)
+}
+
+/// Reads a route or track for what is done on the ground: altitudes may be absent.
+pub(crate) fn read_track(file: &Path, selection: Selection) -> Result<Route, Failure> {
     let format = Format::of(file)?;
     if selection.lap.is_some() && format != Format::Csv {
         return Err(Failure::Usage(

@@ -75,6 +75,7 @@ pub(crate) fn read(file: &Path, text: &str) -> Result<Route, Failure> {
             position: Position::new(w.latitude_deg, w.longitude_deg, w.altitude_m),
             line: line_of(w.number),
             curve: curve.map(|c| [control(c.p2), control(c.p3)]),
+            no_altitude: None,
         }
     };
     let next = |k: usize| order.get(k + 1).map(|w| w.number).or(back);

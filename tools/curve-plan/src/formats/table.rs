@@ -1,11 +1,10 @@
-//! CSV with a header: one fix a row, columns found by their names. `alt_m` is above mean sea level, `height_m` above home.
+//! CSV with a header: one fix a row, columns found by their names. `alt_m` is above mean sea level, `height_m` above home;
+//! `elevation_m` is the ground's, and no altitude to fly at.
 
 use std::path::Path;
 
-use curve_paths::Position;
-
 use crate::failure::Failure;
-use crate::route::{Datum, Route, Waypoint};
+use crate::route::{Datum, NoAltitude, Route, Waypoint};
 
 /// Reads the rows of one lap, or of all.
 pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, Failure> {
@@ -30,6 +29,7 @@ pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, F
     let (lat, lon) = (need(LATITUDE)?, need(LONGITUDE)?);
     let height = find(HEIGHT);
     let alt = height.or_else(|| find(ALTITUDE));
+    let ground = find(GROUND).is_some();
     let lap_column = match lap {
         Some(wanted) => Some((need(&["lap"])?, wanted)),
         None => None,
@@ -38,7 +38,6 @@ pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, F
         datum: Datum::above_home(height.is_some()),
         ..Route::default()
     };
-    let mut last_alt = None;
     for row in reader.records() {
         let row =
             row.map_err(|e| Failure::at(file, e.position().map(csv::Position::line), "", &e))?;
@@ -60,16 +59,13 @@ pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, F
                 continue;
             }
         }
-        // A blank altitude is that of the row before.
         let alt_m = match alt.filter(|&c| !row.get(c).unwrap_or("").is_empty()) {
-            Some(column) => number(column)?,
-            None => last_alt.unwrap_or(0.0),
+            Some(column) => Ok(number(column)?),
+            None if ground => Err(NoAltitude::Ground),
+            None => Err(NoAltitude::Missing),
         };
-        last_alt = Some(alt_m);
-        route.waypoints.push(Waypoint::straight(
-            Position::new(number(lat)?, number(lon)?, alt_m),
-            line,
-        ));
+        let point = Waypoint::found(number(lat)?, number(lon)?, alt_m, line);
+        route.waypoints.push(point);
     }
     if route.waypoints.is_empty() {
         let which = lap.map_or_else(String::new, |l| format!(" of lap {l}"));
@@ -84,14 +80,9 @@ pub(crate) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Route, F
 const LATITUDE: &[&str] = &["lat_deg", "lat", "latitude"];
 const LONGITUDE: &[&str] = &["lon_deg", "lon", "lng", "longitude"];
 const HEIGHT: &[&str] = &["height_m"];
-const ALTITUDE: &[&str] = &[
-    "alt_m",
-    "alt",
-    "altitude",
-    "elevation_m",
-    "elevation",
-    "ele",
-];
+const ALTITUDE: &[&str] = &["alt_m", "alt", "altitude", "ele"];
+/// The ground's own altitude, which is none to fly at.
+const GROUND: &[&str] = &["elevation_m", "elevation"];
 
 /// Writes the waypoints.
 pub(crate) fn write(route: &Route) -> String {

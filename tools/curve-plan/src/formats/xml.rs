@@ -3,12 +3,11 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use curve_paths::Position;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use crate::failure::Failure;
-use crate::route::{Datum, Route, Waypoint};
+use crate::route::{Datum, NoAltitude, Route, Waypoint};
 
 /// Reads a KML: the first LineString, LinearRing or gx:Track; else all Points.
 pub(crate) fn read_kml(file: &Path, text: &str) -> Result<Route, Failure> {
@@ -16,13 +15,34 @@ pub(crate) fn read_kml(file: &Path, text: &str) -> Result<Route, Failure> {
     let mut points = Route::default();
     let mut path: Vec<String> = Vec::new();
     let mut taken = false;
+    let mut shape: Option<Shape> = None;
     each_event(file, text, |event, number| {
         match event {
-            Event::Start(e) => path.push(local_name(&e)),
-            Event::End(_) => {
-                if let Some(name) = path.pop() {
-                    taken |= ["LineString", "LinearRing", "Track"].contains(&name.as_str());
+            Event::Start(e) => {
+                let name = local_name(&e);
+                if shape.is_none() && SHAPES.contains(&name.as_str()) {
+                    let whose = if name == "Point" { &points } else { &line };
+                    shape = Some(Shape {
+                        name: name.clone(),
+                        start: whose.waypoints.len(),
+                        mode: String::new(),
+                    });
                 }
+                path.push(name);
+            }
+            Event::End(_) => {
+                let Some(name) = path.pop() else {
+                    return Ok(());
+                };
+                if let Some(ended) = shape.take_if(|shape| shape.name == name) {
+                    let whose = if name == "Point" {
+                        &mut points
+                    } else {
+                        &mut line
+                    };
+                    ended.set_datum(file, number, whose)?;
+                }
+                taken |= ["LineString", "LinearRing", "Track"].contains(&name.as_str());
             }
             Event::Text(t) => {
                 let text = t.decode().map_err(|e| Failure::at(file, number, "", e))?;
@@ -35,13 +55,10 @@ pub(crate) fn read_kml(file: &Path, text: &str) -> Result<Route, Failure> {
                         tuples(file, number, &text, &mut line)?;
                     }
                     Some("coordinates") => tuples(file, number, &text, &mut points)?,
-                    Some("altitudeMode") if text.trim() == RELATIVE => {
-                        let whose = if in_line || inside("Track") {
-                            Some(&mut line).filter(|_| !taken)
-                        } else {
-                            Some(&mut points)
-                        };
-                        whose.into_iter().for_each(|r| r.datum = Datum::Home);
+                    Some("altitudeMode") => {
+                        if let Some(shape) = &mut shape {
+                            shape.mode = text.trim().to_owned();
+                        }
                     }
                     Some("coord") if !taken => {
                         let joined = text.split_whitespace().collect::<Vec<_>>().join(",");
@@ -62,6 +79,40 @@ pub(crate) fn read_kml(file: &Path, text: &str) -> Result<Route, Failure> {
         [line, points],
         "a LineString, LinearRing, gx:Track or Points",
     )
+}
+
+/// A geometry of a KML, whose altitudeMode stands before its coordinates or after them.
+struct Shape {
+    name: String,
+    /// Its first waypoint.
+    start: usize,
+    /// Its altitudeMode; empty where there is none.
+    mode: String,
+}
+
+impl Shape {
+    /// Applies the mode. Without one a KML lies on the ground (clampToGround), whatever altitudes its tuples give.
+    fn set_datum(&self, file: &Path, line: Option<u64>, route: &mut Route) -> Result<(), Failure> {
+        let (before, own) = route.waypoints.split_at_mut(self.start);
+        if own.is_empty() {
+            return Ok(());
+        }
+        let datum = match self.mode.as_str() {
+            ABSOLUTE => Datum::SeaLevel,
+            RELATIVE => Datum::Home,
+            _ => {
+                own.iter_mut()
+                    .for_each(|w| w.no_altitude = Some(NoAltitude::Ground));
+                return Ok(());
+            }
+        };
+        if !before.is_empty() && route.datum != datum {
+            let problem = format!("{}, expected one mode for all points", self.mode);
+            return Err(Failure::at(file, line, "altitudeMode", problem));
+        }
+        route.datum = datum;
+        Ok(())
+    }
 }
 
 /// Reads a GPX: the first route; else the first track's segments; else all waypoints.
@@ -85,7 +136,7 @@ pub(crate) fn read_gpx(file: &Path, text: &str) -> Result<Route, Failure> {
                 _ => return Ok(()),
             };
             let at = |which: &str| attribute(file, number, &name, e, which);
-            let point = Waypoint::straight(Position::new(at("lat")?, at("lon")?, 0.0), number);
+            let point = Waypoint::found(at("lat")?, at("lon")?, Err(NoAltitude::Missing), number);
             current = Some((kind, point));
             Ok(())
         };
@@ -114,6 +165,7 @@ pub(crate) fn read_gpx(file: &Path, text: &str) -> Result<Route, Failure> {
                     point.position.alt_m = alt.map_err(|_| {
                         Failure::at(file, number, "ele", format!("{text:?}, expected a number"))
                     })?;
+                    point.no_altitude = None;
                 }
             }
             Event::End(e) => match e.local_name().as_ref() {
@@ -186,10 +238,8 @@ fn tuples(file: &Path, line: Option<u64>, text: &str, route: &mut Route) -> Resu
         let parsed: Result<Vec<f64>, _> = tuple.split(',').map(str::parse).collect();
         match parsed.as_deref() {
             Ok([lon, lat, rest @ ..]) if rest.len() < 2 => {
-                let alt = rest.first().copied().unwrap_or(0.0);
-                route
-                    .waypoints
-                    .push(Waypoint::straight(Position::new(*lat, *lon, alt), line));
+                let alt = rest.first().copied().ok_or(NoAltitude::Missing);
+                route.waypoints.push(Waypoint::found(*lat, *lon, alt, line));
             }
             _ => {
                 let problem = format!("{tuple:?}, expected longitude,latitude,altitude");
@@ -212,7 +262,7 @@ pub(crate) fn write_kml(route: &Route) -> String {
     let mode = if route.datum == Datum::Home {
         RELATIVE
     } else {
-        "absolute"
+        ABSOLUTE
     };
     let mut out = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<kml xmlns=\"http://www.opengis.net/kml/2.2\"><Document>\n\
@@ -249,4 +299,7 @@ pub(crate) fn escaped(text: &str) -> std::borrow::Cow<'_, str> {
 }
 
 /// KML's word for heights above ground; at home it is home's.
+/// altitudeMode above the ground, which is flown as above home; above mean sea level.
 const RELATIVE: &str = "relativeToGround";
+const ABSOLUTE: &str = "absolute";
+const SHAPES: [&str; 5] = ["LineString", "LinearRing", "Polygon", "Track", "Point"];

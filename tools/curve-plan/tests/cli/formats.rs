@@ -169,3 +169,132 @@ fn the_messages_are_those_that_a_ground_station_sends() {
         "{printed}"
     );
 }
+
+/// Files whose altitudes are absent, or are the ground's; in which line of each, and for which point.
+const WITHOUT_ALTITUDES: [(&str, &str, &str); 12] = [
+    (
+        "a.kml",
+        "<kml><LineString><coordinates>8,47,10 8.01,47,10</coordinates></LineString></kml>",
+        "a.kml:1: point 1: its altitude is the ground's",
+    ),
+    (
+        "b.kml",
+        "<kml><LineString><coordinates>8,47,10 8.01,47,10</coordinates>\n<altitudeMode>clampToGround</altitudeMode></LineString></kml>",
+        "b.kml:1: point 1: its altitude is the ground's",
+    ),
+    (
+        "c.kml",
+        "<kml><LineString><altitudeMode>absolute</altitudeMode><coordinates>\n8,47,510\n8.01,47</coordinates></LineString></kml>",
+        "point 2: no altitude",
+    ),
+    (
+        "d.kml",
+        "<kml><Point><altitudeMode>absolute</altitudeMode><coordinates>8,47,510</coordinates></Point>\n<Point><coordinates>8.01,47,510</coordinates></Point></kml>",
+        "d.kml:2: point 2: its altitude is the ground's",
+    ),
+    (
+        "e.gpx",
+        "<gpx><rte><rtept lat=\"47\" lon=\"8\"/><rtept lat=\"47\" lon=\"8.01\"/></rte></gpx>",
+        "e.gpx:1: point 1: no altitude",
+    ),
+    (
+        "f.gpx",
+        "<gpx><rte><rtept lat=\"47\" lon=\"8\"><ele>510</ele></rtept>\n<rtept lat=\"47\" lon=\"8.01\"><ele/></rtept></rte></gpx>",
+        "f.gpx:2: point 2: no altitude",
+    ),
+    (
+        "g.geojson",
+        "{\"type\":\"LineString\",\"coordinates\":[[8,47,510],\n[8.01,47]]}",
+        "point 2: no altitude",
+    ),
+    (
+        "h.csv",
+        "lat,lon,alt\n47,8,\n47,8.01,510\n",
+        "h.csv:2: point 1: no altitude",
+    ),
+    (
+        "i.csv",
+        "lat,lon,alt\n47,8,510\n47,8.01,\n",
+        "i.csv:3: point 2: no altitude",
+    ),
+    (
+        "j.csv",
+        "lat,lon\n47,8\n47,8.01\n",
+        "j.csv:2: point 1: no altitude",
+    ),
+    (
+        "k.csv",
+        "lat,lon,elevation_m\n47,8,488\n47,8.01,490\n",
+        "k.csv:2: point 1: its altitude is the ground's",
+    ),
+    (
+        "l.csv",
+        "lat,lon,height_m\n47,8,\n47,8.01,30\n",
+        "l.csv:2: point 1: no altitude",
+    ),
+];
+
+#[test]
+fn an_absent_altitude_is_never_a_number() {
+    let files = Files::new();
+    for (name, text, expected) in WITHOUT_ALTITUDES {
+        files.put(name, text);
+        for command in [
+            &["densify", name] as &[&str],
+            &["check", name],
+            &["convert", name, "out.toml"],
+            &["fit", name, "-o", "out.toml"],
+            &["plot", name, "-o", "out.svg"],
+            &["send", name, "--vsm", "127.0.0.1:9"],
+        ] {
+            let (status, printed) = files.refused(command);
+            assert!(
+                status == 2 && printed.contains(expected),
+                "{command:?}: {printed}"
+            );
+            assert!(printed.contains("--altitude or --height"), "{printed}");
+            assert!(!files.path("out.toml").exists() && !files.path("out.svg").exists());
+        }
+        for (option, kind) in [("--altitude", "amsl"), ("--height", "agl")] {
+            files.done(&["convert", name, "level.toml", option, "520"]);
+            let written = files.get("level.toml");
+            assert_eq!(written.matches("520").count(), 2, "{written}");
+            assert!(
+                !written.contains("510") && written.contains(kind),
+                "{written}"
+            );
+        }
+        // On the ground nothing is missed.
+        files.done(&["fit", name]);
+    }
+    let (status, printed) = files.refused(&["densify", "route.toml", "--altitude", "520"]);
+    assert!(
+        status == 2 && printed.contains("has altitudes"),
+        "{printed}"
+    );
+}
+
+#[test]
+fn items_relative_to_a_home_that_the_file_does_not_give_are_refused() {
+    let files = Files::new();
+    files.put(
+        "m.waypoints",
+        "QGC WPL 110\n1 0 3 16 0 0 0 0 47.001 8 20 1\n2 0 0 16 0 0 0 0 47.002 8 530 1\n",
+    );
+    let (status, printed) = files.refused(&["densify", "m.waypoints"]);
+    assert!(
+        status == 2 && printed.contains("no row of home"),
+        "{printed}"
+    );
+    files.put(
+        "m.plan",
+        r#"{"fileType":"Plan","mission":{"items":[
+            {"type":"SimpleItem","command":16,"frame":3,"params":[0,0,0,0,47.0,8.0,20]},
+            {"type":"SimpleItem","command":16,"frame":0,"params":[0,0,0,0,47.0,8.01,530]}]}}"#,
+    );
+    let (status, printed) = files.refused(&["densify", "m.plan"]);
+    assert!(
+        status == 2 && printed.contains("plannedHomePosition[2]"),
+        "{printed}"
+    );
+}
