@@ -27,7 +27,7 @@ impl<W: Write> Operator<W> {
     pub(super) async fn download(&mut self, path: Option<&Path>) -> Done {
         let vehicle = self.find_vehicle().await?;
         let download = self.station.download(vehicle).await?;
-        let routes = Route::from_download(&download);
+        let routes = Route::from_download(&download).map_err(crate::StationError::from)?;
         // Routes share waypoints and a file holds one route: each further one goes to a file of its own.
         for (index, route) in routes.iter().enumerate() {
             let path = path.map(|path| numbered(path, index));

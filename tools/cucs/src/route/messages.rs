@@ -87,8 +87,11 @@ impl Route {
     }
 
     /// The routes of a download, each with the waypoints that it reaches, in flying order.
-    #[must_use]
-    pub fn from_download(download: &Download) -> Vec<Route> {
+    ///
+    /// # Errors
+    /// A waypoint or a curve lacks a position or an altitude, which a route file cannot leave out: a number in its place
+    /// would be flown once the file is sent.
+    pub fn from_download(download: &Download) -> Result<Vec<Route>, RouteError> {
         let routes = download.routes().iter();
         routes.map(|route| from(route, download)).collect()
     }
@@ -223,7 +226,7 @@ fn maybe<R: Integer, S: Scale>(
     value.map(|value| scaled(what, value)).transpose()
 }
 
-fn from(route: &UaRoute, download: &Download) -> Route {
+fn from(route: &UaRoute, download: &Download) -> Result<Route, RouteError> {
     let mut waypoints: Vec<Waypoint> = Vec::new();
     let mut reached = BTreeSet::new();
     let mut number = route.initial_waypoint_number.unwrap_or(0);
@@ -232,7 +235,7 @@ fn from(route: &UaRoute, download: &Download) -> Route {
         && reached.insert(number)
         && let Some((point, loiter)) = download.waypoint(number)
     {
-        waypoints.push(waypoint(number, point, loiter));
+        waypoints.push(waypoint(number, point, loiter)?);
         number = point.next_waypoint.unwrap_or(0);
     }
     let place = |curve: &Curve| {
@@ -242,30 +245,32 @@ fn from(route: &UaRoute, download: &Download) -> Route {
     };
     let mut curves: Vec<Curve> = download
         .messages()
-        .filter_map(|message| curve(&message))
-        .collect();
+        .filter_map(|message| curve(&message).transpose())
+        .collect::<Result<_, _>>()?;
     curves.retain(|curve| place(curve).is_some());
     curves.sort_by_key(place);
-    Route {
+    Ok(Route {
         mission_id: None,
         id: route.route_id.map(|id| id.as_str().to_owned()),
         route_type: route.route_type,
         initial: route.initial_waypoint_number,
         waypoints,
         curves,
-    }
+    })
 }
 
 fn waypoint(
     number: u16,
     point: &UaPositionWaypoint,
     loiter_there: Option<&UaLoiterWaypoint>,
-) -> Waypoint {
-    Waypoint {
+) -> Result<Waypoint, RouteError> {
+    let of = format!("waypoint {number}");
+    let altitude = point.waypoint_to_altitude.map(|m| m.si());
+    Ok(Waypoint {
         number,
-        latitude_deg: degrees(point.waypoint_to_latitude_or_relative_y),
-        longitude_deg: degrees(point.waypoint_to_longitude_or_relative_x),
-        altitude_m: point.waypoint_to_altitude.map_or(0.0, |m| m.si()),
+        latitude_deg: degrees(&of, "latitude", point.waypoint_to_latitude_or_relative_y)?,
+        longitude_deg: degrees(&of, "longitude", point.waypoint_to_longitude_or_relative_x)?,
+        altitude_m: there(&of, "altitude", altitude)?,
         altitude_type: point.waypoint_altitude_type,
         speed_m_s: point.waypoint_to_speed.map(|speed| speed.si()),
         speed_type: point.waypoint_speed_type,
@@ -276,7 +281,7 @@ fn waypoint(
             limit_type: point.limit_type.unwrap_or(LimitType::None),
             limit: point.loop_limit.unwrap_or(0),
         }),
-    }
+    })
 }
 
 fn loiter(loiter: &UaLoiterWaypoint) -> Loiter {
@@ -297,38 +302,63 @@ fn loiter(loiter: &UaLoiterWaypoint) -> Loiter {
     }
 }
 
-fn curve(message: &Message) -> Option<Curve> {
-    let place = |latitude, longitude, altitude: Option<Altitude>| Place {
-        latitude_deg: degrees(latitude),
-        longitude_deg: degrees(longitude),
-        altitude_m: altitude.map(|altitude| altitude.si()),
-    };
-    let flat = |latitude: f64, longitude: f64| Place {
-        latitude_deg: latitude.to_degrees(),
-        longitude_deg: longitude.to_degrees(),
-        altitude_m: None,
-    };
-    match message {
-        Message::CurveSegment(curve) => Some(Curve {
-            from: curve.p1_waypoint_no?,
-            to: curve.p4_waypoint_no?,
-            p2: place(curve.p2_latitude, curve.p2_longitude, curve.p2_altitude),
-            p3: place(curve.p3_latitude, curve.p3_longitude, curve.p3_altitude),
-            altitude_type: curve.altitude_type,
-            form: CurveForm::Native,
-        }),
-        Message::CurveSegmentPaper(curve) => Some(Curve {
-            from: curve.p1_waypoint_no?,
-            to: curve.p4_waypoint_no?,
-            p2: flat(curve.p2_latitude?, curve.p2_longitude?),
-            p3: flat(curve.p3_latitude?, curve.p3_longitude?),
-            altitude_type: None,
-            form: CurveForm::Paper,
-        }),
+/// The curve that a message gives; `None` where it gives none.
+fn curve(message: &Message) -> Result<Option<Curve>, RouteError> {
+    Ok(match message {
+        Message::CurveSegment(curve) => {
+            let (Some(from), Some(to)) = (curve.p1_waypoint_no, curve.p4_waypoint_no) else {
+                return Ok(None);
+            };
+            let of = format!("curve from waypoint {from}");
+            let place =
+                |latitude, longitude, altitude: Option<Altitude>| -> Result<_, RouteError> {
+                    Ok(Place {
+                        latitude_deg: degrees(&of, "latitude", latitude)?,
+                        longitude_deg: degrees(&of, "longitude", longitude)?,
+                        altitude_m: altitude.map(|altitude| altitude.si()),
+                    })
+                };
+            Some(Curve {
+                from,
+                to,
+                p2: place(curve.p2_latitude, curve.p2_longitude, curve.p2_altitude)?,
+                p3: place(curve.p3_latitude, curve.p3_longitude, curve.p3_altitude)?,
+                altitude_type: curve.altitude_type,
+                form: CurveForm::Native,
+            })
+        }
+        Message::CurveSegmentPaper(curve) => {
+            let (Some(from), Some(to)) = (curve.p1_waypoint_no, curve.p4_waypoint_no) else {
+                return Ok(None);
+            };
+            let of = format!("curve from waypoint {from}");
+            let place = |latitude: Option<f64>, longitude: Option<f64>| -> Result<_, RouteError> {
+                Ok(Place {
+                    latitude_deg: there(&of, "latitude", latitude)?.to_degrees(),
+                    longitude_deg: there(&of, "longitude", longitude)?.to_degrees(),
+                    altitude_m: None,
+                })
+            };
+            Some(Curve {
+                from,
+                to,
+                p2: place(curve.p2_latitude, curve.p2_longitude)?,
+                p3: place(curve.p3_latitude, curve.p3_longitude)?,
+                altitude_type: None,
+                form: CurveForm::Paper,
+            })
+        }
         _ => None,
-    }
+    })
 }
 
-fn degrees(angle: Option<Bam32>) -> f64 {
-    angle.map_or(0.0, |angle| angle.degrees())
+fn degrees(of: &str, field: &'static str, angle: Option<Bam32>) -> Result<f64, RouteError> {
+    there(of, field, angle.map(Bam32::degrees))
+}
+
+fn there(of: &str, field: &'static str, value: Option<f64>) -> Result<f64, RouteError> {
+    value.ok_or_else(|| RouteError::Absent {
+        of: of.to_owned(),
+        field,
+    })
 }

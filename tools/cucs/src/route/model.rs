@@ -156,6 +156,14 @@ pub enum RouteError {
         /// The most there may be.
         most: usize,
     },
+    /// A message without what a route file must have.
+    #[error("{of} was sent without its {field}, which is needed")]
+    Absent {
+        /// The waypoint or the curve.
+        of: String,
+        /// The field.
+        field: &'static str,
+    },
     /// 50001 has no field for an altitude.
     #[error("curve from waypoint {from}: 50001 carries no altitudes, use 50002")]
     CurveAltitude {

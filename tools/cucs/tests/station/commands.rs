@@ -131,7 +131,7 @@ async fn a_download_fetches_again_what_did_not_come() {
     vsm.forgets = vec![2, 11, 12, 13, 19, 20];
     let download = beside!(vsm, socket, station.download(VEHICLE)).unwrap();
     assert!(download.missing().is_empty());
-    let [back] = &Route::from_download(&download)[..] else {
+    let [back] = &Route::from_download(&download).unwrap()[..] else {
         panic!("one route")
     };
     assert_eq!(back.messages(VEHICLE, CUCS).unwrap().len(), 21);

@@ -6,6 +6,7 @@ use crate::support::*;
 use cucs::{LoiterSpan, Route, Session, SessionConfig};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AltitudeType, LoiterType, TurnType};
+use stanag_msgs::messages::UaPositionWaypoint;
 
 const ROUTE: &str = r#"mission_id = "M-1"
 id = "a route"
@@ -136,6 +137,32 @@ fn without_next_the_waypoints_follow_each_other_and_the_last_ends_the_route() {
 }
 
 #[test]
+fn a_download_that_lacks_an_altitude_or_a_position_is_no_route_file() {
+    type Without = fn(&mut UaPositionWaypoint);
+    let cases: [(&str, Without); 3] = [
+        ("altitude", |point| point.waypoint_to_altitude = None),
+        ("latitude", |point| {
+            point.waypoint_to_latitude_or_relative_y = None
+        }),
+        ("longitude", |point| {
+            point.waypoint_to_longitude_or_relative_x = None
+        }),
+    ];
+    for (field, without) in cases {
+        let mut session = Session::new(SessionConfig::new(CUCS));
+        for mut message in parse(ROUTE).unwrap().messages(VEHICLE, CUCS).unwrap() {
+            if let Message::UaPositionWaypoint(point) = &mut message {
+                without(point);
+            }
+            session.handle_datagram(now(0), &datagram(VEHICLE, CUCS, message));
+        }
+        let download = &session.vehicle(VEHICLE).unwrap().download;
+        let fault = Route::from_download(download).unwrap_err().to_string();
+        assert!(fault.contains(&format!("without its {field}")), "{fault}");
+    }
+}
+
+#[test]
 fn what_a_vehicle_sends_back_is_the_file_again() {
     let route = parse(ROUTE).unwrap();
     let mut session = Session::new(SessionConfig::new(CUCS));
@@ -147,7 +174,7 @@ fn what_a_vehicle_sends_back_is_the_file_again() {
     }
     let download = &session.vehicle(VEHICLE).unwrap().download;
     assert!(download.missing().is_empty());
-    let [back] = &Route::from_download(download)[..] else {
+    let [back] = &Route::from_download(download).unwrap()[..] else {
         panic!("one route")
     };
     let again = parse(&back.to_toml()).unwrap();
