@@ -184,6 +184,10 @@ impl<'a> DliEffects<'a> {
         let Some(datagram) = self.outbox.compose(to, &envelope, message) else {
             return;
         };
+        let kind = match kind {
+            Kind::Report(_) => kind,
+            _ => Kind::of_answer(&datagram),
+        };
         if self.held_until(station).is_some() {
             // Its allowance is looked at when it goes.
             return self.post(station, datagram);

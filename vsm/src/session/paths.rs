@@ -25,7 +25,7 @@ use std::time::Duration;
 use mavlink_link::Now;
 use sha2::{Digest as _, Sha256};
 use stanag_msgs::TimeStamp;
-use stanag_msgs::messages::MessageAcknowledgement;
+use stanag_msgs::messages::{MessageAcknowledgement, VsmAuthorisationResponse};
 
 use super::outbox::Datagram;
 
@@ -128,7 +128,7 @@ pub(crate) enum Proof {
 /// What is sent, and how much it matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// 17000: what a command was sent for. Others' alerts leave credit for it.
+    /// 17000 and 2: what a command or a request was sent for. Others' alerts leave credit for it.
     Acknowledgement,
     /// Another answer, or an alert: waits where it has no credit.
     Answer,
@@ -139,10 +139,9 @@ pub(crate) enum Kind {
 impl Kind {
     /// Of a datagram that is no report.
     pub(crate) fn of_answer(datagram: &Datagram) -> Kind {
-        if datagram.message_type() == MessageAcknowledgement::ID {
-            Kind::Acknowledgement
-        } else {
-            Kind::Answer
+        match datagram.message_type() {
+            MessageAcknowledgement::ID | VsmAuthorisationResponse::ID => Kind::Acknowledgement,
+            _ => Kind::Answer,
         }
     }
 }
@@ -285,6 +284,7 @@ impl Paths {
     ) -> Option<TimeStamp> {
         let station = self.stations.get_mut(index)?;
         let contested = !station.candidates.is_empty();
+        let answer = station.next_answer();
         let round = match station.find(address) {
             Some(path) => {
                 // An address that is believed is asked only where there is another.
@@ -293,7 +293,15 @@ impl Paths {
                     return None;
                 }
                 if path.proven.is_none() && !path.trusted {
-                    path.credit = path.credit.checked_sub(QUESTION_BYTES)?;
+                    let left = path.credit.checked_sub(QUESTION_BYTES)?;
+                    // One question may take the place of the answer for a moment. A CUCS that never acknowledges would get
+                    // nothing else.
+                    if !again
+                        && answer.is_some_and(|bytes| (left + 1..=path.credit).contains(&bytes))
+                    {
+                        return None;
+                    }
+                    path.credit = left;
                 }
                 path.ask_at = now.mono + path.pause;
                 if path.rounds == 0 && !again {
@@ -419,7 +427,18 @@ impl Paths {
                 station.waiting.pop_front();
                 station.missed = true;
             }
-            station.waiting.push_back((now + LONGEST_WAIT, datagram));
+            // An acknowledgement overtakes alerts here, as it does where it has credit at once.
+            let is_first = |one: &Datagram| Kind::of_answer(one) == Kind::Acknowledgement;
+            let ahead = if is_first(&datagram) {
+                let mut waiting = station.waiting.iter();
+                waiting.position(|(_, other)| !is_first(other))
+            } else {
+                None
+            };
+            let place = ahead.unwrap_or(station.waiting.len());
+            station
+                .waiting
+                .insert(place, (now + LONGEST_WAIT, datagram));
         }
     }
 
@@ -544,6 +563,12 @@ impl Station {
         }
     }
 
+    /// The bytes of the acknowledgement that waits first.
+    fn next_answer(&self) -> Option<usize> {
+        let (_, datagram) = self.waiting.front()?;
+        (Kind::of_answer(datagram) == Kind::Acknowledgement).then(|| datagram.bytes().len())
+    }
+
     fn find(&mut self, address: SocketAddr) -> Option<&mut Path> {
         let all = self.current.iter_mut().chain(&mut self.candidates);
         all.into_iter().find(|path| path.address == address)
@@ -657,7 +682,8 @@ impl Station {
         }
         // What is sent leaves enough to ask again: who sends nothing more, and lost the question, would never be served. Of
         // who does not answer questions the commands are acknowledged first, in whatever handovers and alerts of others.
-        let asked = current.is_asked();
+        let overdue = kind == Kind::Acknowledgement && current.ask_at <= now;
+        let asked = current.is_asked() && !overdue;
         let kept = match kind {
             _ if asked => 2 * QUESTION_BYTES,
             Kind::Acknowledgement => 0,

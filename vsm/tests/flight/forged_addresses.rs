@@ -15,7 +15,7 @@ use stanag_msgs::enums::{
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, FieldConfigurationRequest, GenericInformationRequestMessage,
     Heartbeat, MessageAcknowledgement, ParameterRequest, PingRequest,
-    PositiveHandoverAuthorisationRequest, ScheduleMessageUpdateCommand,
+    PositiveHandoverAuthorisationRequest, ScheduleMessageUpdateCommand, VsmAuthorisationResponse,
 };
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
 
@@ -447,6 +447,26 @@ fn a_station_that_never_acknowledges_flies() {
     let (positions, states) = (count(&rig, 4000) - before.0, count(&rig, 3001) - before.1);
     println!("{positions} of 4000 and {states} of 3001 in 30 s");
     assert!(positions >= 10 && states >= 5, "{positions} {states}");
+}
+
+/// A CUCS that acknowledges nothing, with or without heartbeats: a single request, with the fewest fields, gets its answer.
+#[test]
+fn a_single_request_is_answered_though_its_station_never_acknowledges() {
+    for heartbeats in [false, true] {
+        let mut rig = idle(1);
+        rig.stations[0].acknowledges = false;
+        rig.stations[0].heartbeats = heartbeats;
+        rig.send_once(monitor());
+        rig.run(2.0);
+        let answers = rig.station().received.iter();
+        let answers =
+            answers.filter(|(_, _, message)| message.id() == VsmAuthorisationResponse::ID);
+        assert!(
+            answers.count() > 0,
+            "{heartbeats}: {:?}",
+            rig.station().received
+        );
+    }
 }
 
 /// The operator vouches for the address: no answer is needed, and no other address is taken.
