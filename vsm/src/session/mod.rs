@@ -3,7 +3,7 @@
 //! [`Bridge`] is the whole of it: datagrams of both sides and the time go in, datagrams and log entries come out.
 //! What must survive a restart goes to the [`Disk`](mavlink_link::store::Disk) that is handed in, before it is answered.
 //!
-//! A CUCS asks for control, and is told what it holds before the vehicle has been heard at all:
+//! A CUCS asks for control, and gets its answer before anything was received from the vehicle:
 //!
 //! ```
 //! use std::net::SocketAddr;
@@ -24,6 +24,7 @@
 //!     [[cucs]]
 //!     id = "1b:00:00:a0"
 //!     loi = [2, 3, 4, 5]
+//!     address = "127.0.0.1" # without it the address must prove itself first
 //!     [[vehicle]]
 //!     id = "1b:00:01:01"
 //!     link = "udpin:127.0.0.1:14550"
