@@ -7,15 +7,16 @@ use clap::Args;
 use crate::failure::Failure;
 use crate::formats::{self, Addresses, Format};
 use crate::load::{Densify, Loaded};
-use crate::output::print;
+use crate::output::{RequiredOutput, print};
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
+#[command(mut_arg("written", |to| to.help("Write to this file; curves stay curves in .toml, .hex and .pcapng, and become their vertices elsewhere")))]
 pub(crate) struct Command {
     /// Read this route.
     input: PathBuf,
-    /// Write it to this file; curves stay curves in .toml, .hex and .pcapng, and become their vertices elsewhere.
-    output: PathBuf,
+    #[command(flatten)]
+    output: RequiredOutput,
     #[command(flatten)]
     how: Densify,
     #[command(flatten)]
@@ -25,13 +26,13 @@ pub(crate) struct Command {
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let loaded = Loaded::read(&self.input, &self.how)?;
-        let written = if Format::of(&self.output)?.keeps_curves() {
+        let written = if Format::of(self.output.path())?.keeps_curves() {
             &loaded.route
         } else {
             let (densified, _) = loaded.densify(&self.how)?;
             &loaded.route.flown(&densified)
         };
-        formats::write(&self.output, written, &self.addresses)?;
+        formats::write(self.output.path(), written, &self.addresses)?;
         if loaded.route.skipped > 0 {
             print(&format!(
                 "{} items that are no part of the path were left out\n",

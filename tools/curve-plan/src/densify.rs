@@ -8,16 +8,15 @@ use serde_json::json;
 use crate::failure::Failure;
 use crate::formats::{self, Addresses};
 use crate::load::{Densify, Loaded};
-use crate::output::print;
+use crate::output::{Output, print};
 
 /// Arguments of `densify`.
 #[derive(Debug, Args)]
 pub(crate) struct Command {
     /// Read this route.
     file: PathBuf,
-    /// Write the waypoints to this file; its ending selects the format.
-    #[arg(short, long)]
-    output: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
     #[command(flatten)]
     how: Densify,
     #[command(flatten)]
@@ -31,7 +30,7 @@ impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let loaded = Loaded::read(&self.file, &self.how)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
-        if let Some(output) = &self.output {
+        if let Some(output) = self.output.path() {
             formats::write(output, &loaded.route.flown(&densified), &self.addresses)?;
         }
         let items = densified.vertices.len();

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use crate::failure::Failure;
 use crate::formats::{self, Addresses, Selection};
-use crate::output::{print, progress};
+use crate::output::{Output, print, progress};
 use crate::route::{Level, Route, ground_points};
 
 /// Arguments of `fit`.
@@ -16,9 +16,8 @@ use crate::route::{Level, Route, ground_points};
 pub(crate) struct Command {
     /// Read this track.
     file: PathBuf,
-    /// Write the route to this file: .toml, or .hex or .pcapng for its messages.
-    #[arg(short, long)]
-    output: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
     #[command(flatten)]
     addresses: Addresses,
     /// Stay within this deviation both ways on the ground, m.
@@ -59,7 +58,7 @@ impl Command {
             .map(|(_, w)| w)
             .collect();
         // A fit is made on the ground; what is flown needs altitudes.
-        if self.output.is_some() {
+        if self.output.path().is_some() {
             read.level(self.level, &self.file)?;
         }
         let fixes = read.positions();
@@ -76,7 +75,7 @@ impl Command {
         };
         let fitted =
             fit(&track, &options, &mut progress()).map_err(|e| Failure::answer(&self.file, e))?;
-        if let Some(output) = &self.output {
+        if let Some(output) = self.output.path() {
             let route = Route::of_fit(&read.name, &fitted, closed, read.datum);
             formats::write(output, &route, &self.addresses)?;
         }

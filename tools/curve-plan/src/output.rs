@@ -1,7 +1,47 @@
-//! What the program writes: answers on standard output, the progress of a fit on a terminal.
+//! What the program writes: a file that the command line names, answers on standard output, the progress of a fit on a
+//! terminal.
 
 use crate::failure::Failure;
+use clap::Args;
 use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+
+/// The file to write, named alike by every command: `convert IN OUT` or `convert IN -o OUT`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct Output {
+    /// Write to this file; its ending selects the format.
+    #[arg(value_name = "OUTPUT")]
+    written: Option<PathBuf>,
+    /// The same as OUTPUT.
+    #[arg(
+        short,
+        long = "output",
+        value_name = "OUTPUT",
+        conflicts_with = "written"
+    )]
+    output: Option<PathBuf>,
+}
+
+impl Output {
+    pub(crate) fn path(&self) -> Option<&Path> {
+        self.written.as_deref().or(self.output.as_deref())
+    }
+}
+
+/// The same where there is nothing to do without a file.
+#[derive(Clone, Debug, Args)]
+#[command(mut_arg("written", |to| to.required_unless_present("output")))]
+pub(crate) struct RequiredOutput {
+    #[command(flatten)]
+    output: Output,
+}
+
+impl RequiredOutput {
+    pub(crate) fn path(&self) -> &Path {
+        // The empty path never occurs: clap refuses a command line without one.
+        self.output.path().unwrap_or(Path::new(""))
+    }
+}
 
 /// Shows the progress of a fit in whole percents on standard error, where that is a terminal.
 pub(crate) fn progress() -> impl FnMut(f64) {

@@ -1,7 +1,7 @@
 //! `vsm airside`: the agent beside PX4.
 
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::config::airside::AirsideConfig;
 use crate::shell::airside::{AirsideError, AirsideServer};
@@ -10,6 +10,7 @@ use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use serde_json::Value;
 
+use super::config_arg::AgentConfigArg;
 use super::process::{Failure, bad, failed, log, runtime, stop_signal};
 use super::status;
 
@@ -18,18 +19,16 @@ use super::status;
 pub(crate) struct Arguments {
     #[command(subcommand)]
     action: Option<Action>,
-    /// Read this configuration, such as examples/airside.toml
-    #[arg(long, value_name = "FILE", default_value = "airside.toml")]
-    config: PathBuf,
+    #[command(flatten)]
+    config: AgentConfigArg,
 }
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
     /// Open the running agent's window for one pairing, for 10 minutes, and show the code to enter on the ground
     Pair {
-        /// Find the agent by the configuration that it was started with
-        #[arg(long, value_name = "FILE", default_value = "airside.toml")]
-        config: PathBuf,
+        #[command(flatten)]
+        config: AgentConfigArg,
         /// Use this code, which the ground has made, instead of a new one; `-` reads it from standard input, which is safer:
         /// every user of this computer can see arguments in the list of processes
         #[arg(long, value_name = "CODE")]
@@ -37,9 +36,8 @@ pub(crate) enum Action {
     },
     /// Show the state of a running agent
     Status {
-        /// Find the agent by the configuration that it was started with
-        #[arg(long, value_name = "FILE", default_value = "airside.toml")]
-        config: PathBuf,
+        #[command(flatten)]
+        config: AgentConfigArg,
         /// Print JSON
         #[arg(long)]
         json: bool,
@@ -48,9 +46,9 @@ pub(crate) enum Action {
 
 pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.action {
-        None => serve(&arguments.config),
-        Some(Action::Pair { config, code }) => pair(&config, code),
-        Some(Action::Status { config, json }) => show(&config, json),
+        None => serve(arguments.config.path()),
+        Some(Action::Pair { config, code }) => pair(config.path(), code),
+        Some(Action::Status { config, json }) => show(config.path(), json),
     }
 }
 

@@ -1,6 +1,6 @@
 //! `vsm audit`: verify the audit logs of a store, and print them. Also while the bridge runs.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
 use clap::{Subcommand, ValueEnum};
@@ -8,6 +8,7 @@ use mavlink_link::store::{Disk as _, log_name};
 use serde_json::{Map, Value};
 use stanag_msgs::Id;
 
+use super::config_arg::ConfigArg;
 use super::process::{Failure, bad, failed, print};
 use crate::config::Config;
 use crate::session::{AuditKind, MAX_AUDIT_FILES, examine_audit};
@@ -17,18 +18,16 @@ use crate::shell::disk::ReadOnlyDisk;
 pub(crate) enum Action {
     /// Verify the audit logs: report what was changed, cut off, deleted or replaced; exit status 1 where anything was
     Verify {
-        /// Find the store by this configuration
-        #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
-        config: PathBuf,
+        #[command(flatten)]
+        config: ConfigArg,
         /// Expect a line with these 64 digits, reported by an earlier verification; faults recorded before it are known
         #[arg(long, value_name = "DIGITS", value_parser = digits)]
         head: Vec<String>,
     },
     /// Print the audit logs, the oldest line first
     Export {
-        /// Find the store by this configuration
-        #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
-        config: PathBuf,
+        #[command(flatten)]
+        config: ConfigArg,
         /// Print the logs of this vehicle only, such as 1b:00:01:01
         #[arg(long, value_name = "ID")]
         vehicle: Option<Id>,
@@ -48,12 +47,12 @@ pub(crate) enum Format {
 
 pub(crate) fn run(action: Action) -> Result<(), Failure> {
     match action {
-        Action::Verify { config, head } => verify(&config, &head),
+        Action::Verify { config, head } => verify(config.path(), &head),
         Action::Export {
             config,
             vehicle,
             format,
-        } => export(&config, vehicle, format),
+        } => export(config.path(), vehicle, format),
     }
 }
 

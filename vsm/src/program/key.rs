@@ -16,6 +16,7 @@ use mavlink_link::provisioning::{Event, Outcome, State};
 use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::Store as _;
 
+use super::config_arg::ConfigArg;
 use super::process::{Failure, bad, failed, print, runtime, say};
 
 #[derive(Debug, Subcommand)]
@@ -57,17 +58,15 @@ pub(crate) enum Action {
     },
     /// List the keys on disk by their ids, and the paired air-side agents
     List {
-        /// Read this configuration
-        #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
-        config: PathBuf,
+        #[command(flatten)]
+        config: ConfigArg,
     },
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct Which {
-    /// Read this configuration
-    #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
-    config: PathBuf,
+    #[command(flatten)]
+    config: ConfigArg,
     /// Select the vehicle by its id, such as 1b:00:01:01, where the configuration has several
     #[arg(long, value_name = "ID")]
     vehicle: Option<String>,
@@ -106,7 +105,7 @@ pub(crate) fn run(action: Action) -> Result<(), Failure> {
         Action::Rotate { vehicle, over } => replace(&vehicle, &over, false),
         Action::Revoke { vehicle, over } => replace(&vehicle, &over, true),
         Action::Clock { vehicle, accept } => clock(&vehicle, accept),
-        Action::List { config } => list(&config),
+        Action::List { config } => list(config.path()),
     }
 }
 
@@ -457,7 +456,7 @@ fn beside(path: &Path, part: &str) -> PathBuf {
 
 /// The configuration, the vehicle that is meant, its key file and how keys are agreed about.
 pub(super) fn open(which: &Which) -> Result<(Config, Vehicle, PathBuf, Exchange), Failure> {
-    let config = Config::load(&which.config).map_err(bad)?;
+    let config = Config::load(which.config.path()).map_err(bad)?;
     let found: Vec<Vehicle> = config
         .vehicles()
         .filter(|vehicle| {

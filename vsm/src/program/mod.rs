@@ -3,6 +3,7 @@
 mod airside;
 mod audit;
 mod check_config;
+mod config_arg;
 #[cfg(feature = "demo")]
 mod demo;
 mod dli_lines;
@@ -18,6 +19,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 
+use self::config_arg::ConfigArg;
 use self::process::Failure;
 use crate::shell::key_file;
 
@@ -35,22 +37,20 @@ enum Command {
     Demo(demo::Arguments),
     /// Run the bridge for the vehicles of a configuration, until SIGTERM or SIGINT
     Run {
-        /// Read this configuration, such as examples/vsm.toml
-        #[arg(long, value_name = "FILE")]
-        config: PathBuf,
+        #[command(flatten)]
+        config: ConfigArg,
     },
     /// Run the agent beside PX4, until SIGTERM or SIGINT: a verifying relay that gives PX4 its keys
     Airside(airside::Arguments),
     /// Check a configuration: report the first error, or what each value means
     CheckConfig {
-        /// The configuration to check
-        file: PathBuf,
+        #[command(flatten)]
+        config: ConfigArg,
     },
     /// Show the state of a running bridge
     Status {
-        /// Find the bridge by the configuration that it was started with
-        #[arg(long, value_name = "FILE", default_value = "vsm.toml")]
-        config: PathBuf,
+        #[command(flatten)]
+        config: ConfigArg,
         /// Print JSON
         #[arg(long)]
         json: bool,
@@ -114,10 +114,10 @@ pub fn main() -> ExitCode {
     let done = match arguments.command {
         #[cfg(feature = "demo")]
         Command::Demo(arguments) => demo::run(&arguments),
-        Command::Run { config } => run::run(&config),
+        Command::Run { config } => run::run(config.path()),
         Command::Airside(arguments) => airside::run(arguments),
-        Command::CheckConfig { file } => check_config::check(&file),
-        Command::Status { config, json } => status::show(&config, json),
+        Command::CheckConfig { config } => check_config::check(config.path()),
+        Command::Status { config, json } => status::show(config.path(), json),
         Command::Keygen { file } => key::generate(&file),
         Command::Key { action } => key::run(action),
         Command::Audit { action } => audit::run(action),

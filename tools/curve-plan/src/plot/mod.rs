@@ -11,17 +11,18 @@ use clap::Args;
 
 use crate::failure::Failure;
 use crate::load::{Densify, Loaded};
+use crate::output::RequiredOutput;
 use crate::{formats, tlog};
 use scene::Scene;
 
 /// Arguments of `plot`.
 #[derive(Debug, Args)]
+#[command(mut_arg("written", |to| to.help("Draw to this file: .svg, .png, or .html for a page that can be moved and zoomed")))]
 pub(crate) struct Command {
     /// Read this route.
     file: PathBuf,
-    /// Draw it to this file: .svg, .png, or .html for a page that can be moved and zoomed.
-    #[arg(short, long)]
-    output: PathBuf,
+    #[command(flatten)]
+    output: RequiredOutput,
     #[command(flatten)]
     how: Densify,
     /// Make a .png this wide, pixels.
@@ -34,10 +35,10 @@ pub(crate) struct Command {
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let ending = formats::ending(&self.output);
+        let ending = formats::ending(self.output.path());
         if !["svg", "png", "html"].contains(&ending.as_str()) {
             return Err(Failure::Usage(format!(
-                "--output ends in {ending:?}, expected .svg, .png or .html"
+                "the output ends in {ending:?}, expected .svg, .png or .html"
             )));
         }
         let loaded = Loaded::read(&self.file, &self.how)?;
@@ -56,11 +57,10 @@ impl Command {
         ));
         let bytes = match ending.as_str() {
             "html" => html::page(name, &drawn).into_bytes(),
-            "png" => {
-                png::paint(&drawn, self.width).map_err(|e| Failure::answer(&self.output, e))?
-            }
+            "png" => png::paint(&drawn, self.width)
+                .map_err(|e| Failure::answer(self.output.path(), e))?,
             _ => drawn.into_bytes(),
         };
-        formats::save(&self.output, &bytes)
+        formats::save(self.output.path(), &bytes)
     }
 }

@@ -40,6 +40,41 @@ fn the_route_file_keeps_curves() {
 }
 
 #[test]
+fn the_output_is_named_either_way_by_every_command_that_writes_one() {
+    let command = curve_plan::command();
+    let writing: Vec<_> = command
+        .get_subcommands()
+        .filter(|one| one.get_arguments().any(|a| a.get_long() == Some("output")))
+        .map(|one| one.get_name().to_owned())
+        .collect();
+    assert_eq!(writing, ["densify", "fit", "plot", "convert"]);
+    let files = Files::new();
+    for name in &writing {
+        let (input, ending) = match name.as_str() {
+            // A fit is made of a track.
+            "fit" => ("track.csv", "toml"),
+            "plot" => ("route.toml", "svg"),
+            _ => ("route.toml", "csv"),
+        };
+        if input == "track.csv" {
+            files.done(&["convert", "route.toml", input]);
+        }
+        let out = |form: &str| format!("{name}-{form}.{ending}");
+        files.done(&[name, input, &out("bare")]);
+        files.done(&[name, input, "-o", &out("short")]);
+        files.done(&[name, input, "--output", &out("long")]);
+        assert_eq!(files.get(&out("bare")), files.get(&out("short")), "{name}");
+        assert_eq!(files.get(&out("bare")), files.get(&out("long")), "{name}");
+        let (status, printed) = files.refused(&[name, input, "a.svg", "-o", "b.svg"]);
+        assert_eq!(status, 2, "{printed}");
+    }
+    for name in ["plot", "convert"] {
+        let (status, printed) = files.refused(&[name, "route.toml"]);
+        assert!(status == 2 && printed.contains("OUTPUT"), "{printed}");
+    }
+}
+
+#[test]
 fn heights_above_home_are_kept_where_the_format_has_them() {
     let files = Files::new();
     let low = ROUTE
