@@ -36,7 +36,7 @@ fn telemetry(iterations: u64) -> Duration {
             let bytes = &frame[..sent.len];
             let begun = Instant::now();
             let bridge = rig.bridge.as_mut().expect("it runs");
-            bridge.handle_vehicle(now, 0, peer, bytes, &mut rig.store, &mut |_| {});
+            bridge.handle_vehicle(now, 0, peer, bytes, &mut rig.store, &mut |_, _| {});
             settle(&mut rig);
             spent += begun.elapsed();
             left = left.saturating_sub(1);

@@ -22,4 +22,4 @@ pub use self::layout::{
 };
 pub use self::parser::{FrameCounts, Frames, Parser};
 pub use self::stamp::Stamp;
-pub use self::view::{FrameError, FrameView, Signature, Undecoded};
+pub use self::view::{FrameError, FrameView, Signature, Undecoded, extent};

@@ -131,6 +131,26 @@ impl<'a> FrameView<'a> {
     }
 }
 
+/// System id and length of the frame that begins at the first byte and is there as a whole, by its header alone: nothing
+/// of it is checked. For whoever passes frames on to those that check them.
+#[must_use]
+pub fn extent(bytes: &[u8]) -> Option<(u8, usize)> {
+    let payload = usize::from(*bytes.get(1)?);
+    let (system, length) = match *bytes.first()? {
+        STX => {
+            let signed = *bytes.get(2)? & INCOMPAT_SIGNED != 0;
+            let trailer = if signed { SIGNATURE_LEN } else { 0 };
+            (5, HEADER_LEN + payload + CRC_LEN + trailer)
+        }
+        STX_V1 => (3, HEADER_V1_LEN + payload + CRC_LEN),
+        _ => return None,
+    };
+    (length <= bytes.len()).then_some((*bytes.get(system)?, length))
+}
+
+/// Bytes of the header of a MAVLink 1 frame, the start byte included.
+const HEADER_V1_LEN: usize = 6;
+
 /// Why bytes are not a frame that can be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum FrameError {
@@ -274,7 +294,6 @@ fn examine_v2(bytes: &[u8]) -> Verdict {
 }
 
 fn examine_v1(bytes: &[u8]) -> Verdict {
-    const HEADER_V1_LEN: usize = 6;
     let Some(&payload_len) = bytes.get(1) else {
         return Verdict::Garbage;
     };

@@ -61,6 +61,8 @@ pub(super) struct Core<A> {
     pub(super) bad_signatures: Burst,
     pub(super) events: Events<A>,
     pub(super) stats: LinkStats,
+    /// Frames of other systems than the vehicle, by system id.
+    pub(super) others: Box<[u32; 256]>,
 }
 
 /// Distinguishes many in a short time from a few now and then.
@@ -108,6 +110,7 @@ impl<A: Copy + Eq> Link<A> {
                 bad_signatures: Burst::default(),
                 events: Events::new(),
                 stats: LinkStats::default(),
+                others: Box::new([0; 256]),
             },
         }
     }
@@ -150,6 +153,12 @@ impl<A: Copy + Eq> Link<A> {
     pub fn unanswered(&self, mono: Duration) -> Option<Duration> {
         let since = self.core.receipt.since()?;
         Some(mono.saturating_sub(since))
+    }
+
+    /// The other systems whose frames came, and how many of each: what [`LinkStats::unexpected_system`] counts together.
+    pub fn other_systems(&self) -> impl Iterator<Item = (u8, u32)> + '_ {
+        let all = (0..=u8::MAX).zip(self.core.others.iter().copied());
+        all.filter(|(_, count)| *count > 0)
     }
 
     /// The next event, in the order they happened.

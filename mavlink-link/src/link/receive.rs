@@ -213,6 +213,12 @@ impl<A: Copy + Eq> Core<A> {
         self.deliver(frame, Some(stamp), age, deliver);
     }
 
+    fn count_other(&mut self, system: u8) {
+        self.stats.unexpected_system += 1;
+        let count = &mut self.others[usize::from(system)];
+        *count = count.saturating_add(1);
+    }
+
     fn note_challenge(&mut self, from: A, frame: &FrameView<'_>) {
         if let (Some(ping), Some(signature)) = (Ping::of(frame), frame.signature())
             && let Some(answer) = ping.answer(frame.header())
@@ -247,7 +253,7 @@ impl<A: Copy + Eq> Core<A> {
         let stats = &mut self.stats;
         match refusal {
             Refusal::Reflected => stats.reflected += 1,
-            Refusal::UnexpectedSystem => stats.unexpected_system += 1,
+            Refusal::UnexpectedSystem => self.count_other(frame.header().system_id),
             Refusal::NotListed => stats.not_listed += 1,
             Refusal::UnexpectedLink => {
                 stats.unexpected_link += 1;
@@ -357,7 +363,7 @@ impl<A: Copy + Eq> Core<A> {
                 self.events.alert(Alert::VehicleUnsigned, now.mono);
             }
         } else {
-            self.stats.unexpected_system += 1;
+            self.count_other(system_id);
         }
     }
 
@@ -386,7 +392,7 @@ impl<A: Copy + Eq> Core<A> {
         if !of_vehicle {
             // RADIO_STATUS carries the radio's own system id; it never takes the peer lock.
             if !self.config.accept_unsigned.contains(&message_id) {
-                self.stats.unexpected_system += 1;
+                self.count_other(system_id);
             } else if self.peer.peer() == Some(from) {
                 self.stats.delivered_unverified += 1;
                 self.deliver(frame, None, Age::Unknown, deliver);

@@ -254,6 +254,18 @@ impl Config {
         self.vehicle.iter().map(Spanned::get_ref)
     }
 
+    /// The links of the vehicles, each once, in the order in which the file first names them.
+    #[must_use]
+    pub fn links(&self) -> Vec<&LinkAddress> {
+        let mut links = Vec::new();
+        for vehicle in self.vehicles() {
+            if !links.contains(&&vehicle.link) {
+                links.push(&vehicle.link);
+            }
+        }
+        links
+    }
+
     /// The ground stations, without their places in the file.
     pub fn stations(&self) -> impl Iterator<Item = &Cucs> {
         self.cucs.iter().map(Spanned::get_ref)
@@ -301,18 +313,28 @@ impl Config {
             }
             ids.push(id);
         }
-        let mut links: Vec<&LinkAddress> = Vec::new();
+        let mut links: Vec<(&LinkAddress, u8)> = Vec::new();
         for spanned in &self.vehicle {
             let (vehicle, at) = (spanned.get_ref(), spanned.span().start);
             if ids.contains(&vehicle.id) {
                 return fault(at, "vehicle.id", vehicle.id, OWN_ID);
             }
             ids.push(vehicle.id);
-            if links.contains(&&vehicle.link) {
-                let expected = "a link of its own for each vehicle";
-                return fault(at, "vehicle.link", &vehicle.link, expected);
+            let system = (&vehicle.link, vehicle.system_id);
+            if links.contains(&system) {
+                let expected = "a system id of its own for each vehicle of one link: set another here, by MAV_SYS_ID in \
+                                that vehicle, and in its [[vehicle]]";
+                let found = format!("{} twice on {}", vehicle.system_id, vehicle.link);
+                return fault(at, "vehicle.system_id", found, expected);
             }
-            links.push(&vehicle.link);
+            let other_speed =
+                |one: &&LinkAddress| one.is_device_of(&vehicle.link) && **one != vehicle.link;
+            if let Some(other) = links.iter().map(|(link, _)| *link).find(other_speed) {
+                let expected =
+                    format!("{other}, the speed that this device has for another vehicle");
+                return fault(at, "vehicle.link", &vehicle.link, &expected);
+            }
+            links.push(system);
             if vehicle.system_id == 0 || vehicle.system_id == self.mavlink.system_id {
                 let expected = "1 to 255, and not the VSM's own (mavlink.system_id)";
                 return fault(at, "vehicle.system_id", vehicle.system_id, expected);

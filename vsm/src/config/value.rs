@@ -43,6 +43,16 @@ impl fmt::Display for LinkAddress {
 impl LinkAddress {
     const EXPECTED: &'static str = "\"udpin:ADDRESS:PORT\", \"udpout:HOST:PORT\" or \"serial:DEVICE:BAUD\", such as \"udpin:127.0.0.1:14550\"";
 
+    /// Whether both are one serial device.
+    pub(super) fn is_device_of(&self, other: &LinkAddress) -> bool {
+        match (self, other) {
+            (LinkAddress::Serial { device, .. }, LinkAddress::Serial { device: other, .. }) => {
+                device == other
+            }
+            _ => false,
+        }
+    }
+
     fn parse(text: &str) -> Option<LinkAddress> {
         let (kind, rest) = text.split_once(':')?;
         let (place, number) = rest.rsplit_once(':')?;

@@ -17,7 +17,8 @@ table! {
         /// Identification number of the vehicle (the wrapper's destination of commands)
         #[serde(deserialize_with = "id")]
         pub id: Id => Required,
-        /// Where its MAVLink is: `udpin:ADDRESS:PORT` bind and wait, `udpout:HOST:PORT`, `serial:DEVICE:BAUD`
+        /// Where its MAVLink is: `udpin:ADDRESS:PORT` bind and wait, `udpout:HOST:PORT`, `serial:DEVICE:BAUD`. Vehicles that
+        /// differ in `system_id` may share one, each with a key of its own
         pub link: LinkAddress => Required,
         /// MAVLink system id of the vehicle, 1 to 255
         pub system_id: u8 => Required,

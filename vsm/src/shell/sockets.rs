@@ -109,8 +109,8 @@ pub enum VehicleReader {
     Serial(ReadHalf<SerialStream>),
 }
 
-/// The writing end of a vehicle's link.
-#[derive(Debug)]
+/// The writing end of a vehicle's link; vehicles that share a link have one each.
+#[derive(Debug, Clone)]
 pub enum VehicleWriter {
     /// Datagrams.
     Udp(std::rc::Rc<UdpSocket>),
@@ -120,7 +120,7 @@ pub enum VehicleWriter {
 }
 
 /// Frames on their way to a serial port, each with the time it was queued.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct SerialQueue(mpsc::Sender<(Instant, Zeroizing<Vec<u8>>)>);
 
 impl VehicleReader {
@@ -154,7 +154,7 @@ impl VehicleWriter {
     /// # Errors
     /// The system's; [`io::ErrorKind::BrokenPipe`] where the task that writes a serial port is gone, which is the end of
     /// the program.
-    pub async fn send(&mut self, bytes: &[u8], to: Peer) -> io::Result<()> {
+    pub async fn send(&self, bytes: &[u8], to: Peer) -> io::Result<()> {
         match (self, to) {
             (VehicleWriter::Udp(socket), Peer::Udp(to)) => {
                 socket.send_to(bytes, to).await.map(|_| ())
@@ -348,7 +348,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_port_that_takes_nothing_holds_nobody_up() {
         let (port, mut far) = tokio::io::duplex(16);
-        let mut writer = VehicleWriter::Serial(write_apart(port));
+        let writer = VehicleWriter::Serial(write_apart(port));
         let frame = [7_u8; 16];
         let mut lost = 0;
         for _ in 0..200 {
@@ -373,7 +373,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_command_that_waited_too_long_is_not_sent() {
         let (port, mut far) = tokio::io::duplex(16);
-        let mut writer = VehicleWriter::Serial(write_apart(port));
+        let writer = VehicleWriter::Serial(write_apart(port));
         // Two go into the stalled port, one whole and one in the writing task's hand; two more wait behind them.
         for byte in 1..=4 {
             writer.send(&[byte; 16], Peer::Serial).await.unwrap();

@@ -207,7 +207,7 @@ impl Chain {
                     at(RADIO),
                     bytes,
                     &mut self.store,
-                    &mut |_| {},
+                    &mut |_, _| {},
                 ),
                 Side::Radio => {}
             }

@@ -205,8 +205,14 @@ impl Flight {
 
     /// A datagram at the ground.
     fn ground_hears(&mut self, from: u16, bytes: &[u8]) {
-        self.bridge
-            .handle_vehicle(self.now, 0, at(from), bytes, &mut self.store, &mut |_| {});
+        self.bridge.handle_vehicle(
+            self.now,
+            0,
+            at(from),
+            bytes,
+            &mut self.store,
+            &mut |_, _| {},
+        );
         self.follow_ground();
     }
 

@@ -105,7 +105,7 @@ impl Play {
                 bridge.handle_dli(at, station.address, &bytes, &mut store);
             }
             while let Some(datagram) = played.next_if(|datagram| datagram.at - begun <= clock) {
-                bridge.handle_vehicle(at, 0, vehicle, &datagram.bytes, &mut store, &mut |_| {});
+                bridge.handle_vehicle(at, 0, vehicle, &datagram.bytes, &mut store, &mut |_, _| {});
             }
             if bridge.poll_timeout(clock) <= clock {
                 bridge.handle_timeout(at, &mut store);

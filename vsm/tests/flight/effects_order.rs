@@ -202,7 +202,7 @@ impl Scene {
                 let bytes = &frame[..sent.len];
                 traces.push(self.call(|bridge, now, disk| {
                     let from = Peer::Udp(vehicle_address(0));
-                    bridge.handle_vehicle(now, 0, from, bytes, disk, &mut |_| {});
+                    bridge.handle_vehicle(now, 0, from, bytes, disk, &mut |_, _| {});
                 }));
             }
             for station in [A, B] {

@@ -2,7 +2,7 @@
 //!
 //! One file for each behaviour:
 //!
-//! - whole flights: `whole_route`, `lossy_links`, `restarts`, `full_disk`, `faults`, `many_at_once`,
+//! - whole flights: `whole_route`, `lossy_links`, `restarts`, `full_disk`, `faults`, `many_at_once`, `shared_link`,
 //!   `captures_as_vehicles`
 //! - routes: `routes_by_type`, `route_refusals`, `route_progress`, `curves`, `climbs`, `after_a_return`,
 //!   `mission_watchdog`, `fence`
@@ -45,6 +45,7 @@ mod restarts;
 mod route_progress;
 mod route_refusals;
 mod routes_by_type;
+mod shared_link;
 mod status;
 mod vehicle_services;
 mod whole_route;

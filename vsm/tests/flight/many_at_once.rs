@@ -6,10 +6,11 @@ use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LoiBitmap, Requ
 use stanag_msgs::messages::CucsAuthorisationRequest;
 
 /// Who holds what: station 0 vehicle 0, station 1 vehicle 1, station 2 listens to both, station 3 to vehicle 1.
-fn rig() -> Rig {
+fn rig(one_link: bool) -> Rig {
     let mut rig = Rig::new(Setup {
         vehicles: vec![px4_sim::Config::default(); 2],
         stations: 4,
+        one_link,
         ..Setup::default()
     });
     rig.run(9.0);
@@ -32,7 +33,15 @@ fn rig() -> Rig {
 
 #[test]
 fn each_command_reaches_its_vehicle_and_each_report_its_stations() {
-    let mut rig = rig();
+    fly_both(rig(false));
+}
+
+#[test]
+fn so_it_does_where_the_vehicles_share_a_link() {
+    fly_both(rig(true));
+}
+
+fn fly_both(mut rig: Rig) {
     let tickets: Vec<_> = [(0, 0, 15.0), (1, 1, 30.0)]
         .into_iter()
         .map(|(station, vehicle, height)| {
@@ -81,7 +90,7 @@ fn each_command_reaches_its_vehicle_and_each_report_its_stations() {
 
 #[test]
 fn control_of_one_vehicle_changes_hands_and_the_other_sees_nothing_of_it() {
-    let mut rig = rig();
+    let mut rig = rig(false);
     let release = CucsAuthorisationRequest {
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..orders::request_control()

@@ -91,7 +91,7 @@ fn pass(rig: &mut Rig, seconds: f64, sticks: bool) -> Passed {
             let peer = Peer::Udp(kit::bridge::vehicle_address(0));
             let (count, ()) = allocations(|| {
                 let bytes = &frame[..sent.len];
-                bridge.handle_vehicle(now, 0, peer, bytes, &mut store, &mut |_| {});
+                bridge.handle_vehicle(now, 0, peer, bytes, &mut store, &mut |_, _| {});
             });
             passed.frames_in += 1;
             passed.allocations += count;

@@ -84,7 +84,7 @@ impl Ground {
             peer(from),
             &out[..len],
             &mut self.store,
-            &mut |_| {},
+            &mut |_, _| {},
         );
         self.bridge.poll_key_change().map(|(_, change)| change)
     }

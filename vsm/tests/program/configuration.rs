@@ -195,6 +195,39 @@ fn what_is_wrong_is_reported_with_its_place() {
 }
 
 #[test]
+fn vehicles_of_one_link_differ_in_their_system_ids() {
+    let second = |link: &str, system: u8| {
+        let text = format!(
+            "[[vehicle]]\nid = \"1b:00:01:02\"\nlink = \"{link}\"\nsystem_id = {system}\n\
+             signing = {{ key_file = \"uav2.key\" }}\n[store]"
+        );
+        GOOD.replacen("[store]", &text, 1)
+    };
+    let config = Config::parse(&second("udpin:127.0.0.1:14550", 2), Path::new("")).expect("good");
+    assert_eq!(config.links().len(), 1);
+    let apart = Config::parse(&second("udpin:127.0.0.1:14551", 1), Path::new("")).expect("good");
+    assert_eq!(apart.links().len(), 2);
+    let message = refusal(&second("udpin:127.0.0.1:14550", 1));
+    for part in [
+        "line 20",
+        "vehicle.system_id",
+        "1 twice on udpin:127.0.0.1:14550",
+        "MAV_SYS_ID",
+    ] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    let serial = second("serial:/dev/ttyACM0:57600", 2).replacen(
+        "udpin:127.0.0.1:14550",
+        "serial:/dev/ttyACM0:115200",
+        1,
+    );
+    let message = refusal(&serial);
+    for part in ["line 20", "vehicle.link", "serial:/dev/ttyACM0:115200"] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+}
+
+#[test]
 fn a_missing_file_is_named() {
     let message = Config::load(Path::new("no/such/vsm.toml"))
         .expect_err("missing")

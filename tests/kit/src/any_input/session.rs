@@ -122,7 +122,7 @@ impl World {
         let peer = Peer::Udp(SocketAddr::from(([127, 0, 0, 1], 18_570 + index as u16)));
         let now = at(self.clock);
         self.bridge
-            .handle_vehicle(now, index, peer, bytes, &mut self.store, &mut |_| {});
+            .handle_vehicle(now, index, peer, bytes, &mut self.store, &mut |_, _| {});
     }
 
     fn time(&mut self) {

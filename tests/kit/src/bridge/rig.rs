@@ -35,6 +35,8 @@ pub struct Setup {
     pub vehicles: Vec<px4_sim::Config>,
     /// How many stations; each may have every level of interoperability.
     pub stations: u8,
+    /// All vehicles share the link of the first.
+    pub one_link: bool,
     /// Further keys of `[dli]`, as TOML.
     pub dli_keys: &'static str,
     /// Keys of each `[[vehicle]]`, as TOML.
@@ -51,6 +53,7 @@ impl Default for Setup {
             mav: Faults::NONE,
             vehicles: vec![px4_sim::Config::default()],
             stations: 1,
+            one_link: false,
             dli_keys: "",
             vehicle_keys: "",
             tables: "",
@@ -94,6 +97,7 @@ pub struct Rig {
     pub restarted_in: Option<&'static str>,
     /// When a bridge that was killed comes back.
     back_at: Option<Duration>,
+    one_link: bool,
     config: Config,
 }
 
@@ -121,7 +125,7 @@ impl Rig {
             Autopilot::new(
                 vehicle,
                 Signing::with_key(key(index), 0),
-                vec![Some(bridge_mav(index))],
+                vec![Some(bridge_mav(if setup.one_link { 0 } else { index }))],
             )
         });
         let vehicles = vehicles.collect();
@@ -146,6 +150,7 @@ impl Rig {
             restart_at: None,
             restarted_in: None,
             back_at: None,
+            one_link: setup.one_link,
             config,
         };
         rig.start_bridge();
@@ -361,7 +366,7 @@ impl Rig {
                     Peer::Udp(packet.from),
                     &packet.payload,
                     &mut self.store,
-                    &mut |_| {},
+                    &mut |_, _| {},
                 );
             } else if let Some(index) = to(vehicle_address) {
                 if let Some([a, b, c]) = packet.payload.get(7..10) {
@@ -401,7 +406,8 @@ impl Rig {
         while let Some((index, frame)) = bridge.poll_vehicle() {
             if let Peer::Udp(to) = frame.to {
                 let bytes = frame.bytes().to_vec();
-                self.mav.send(clock, bridge_mav(index), to, bytes);
+                let port = if self.one_link { 0 } else { index };
+                self.mav.send(clock, bridge_mav(port), to, bytes);
             }
         }
         while let Some(entry) = bridge.poll_log() {
@@ -450,7 +456,7 @@ fn toml(setup: &Setup) -> String {
             "[[vehicle]]\nid = \"{}\"\nlink = \"udpin:{}\"\nsystem_id = {}\n\
              signing = {{ key_file = \"uav.key\" }}\n{}\n",
             vehicle_id(index),
-            bridge_mav(index),
+            bridge_mav(if setup.one_link { 0 } else { index }),
             index + 1,
             setup.vehicle_keys
         );

@@ -41,6 +41,8 @@ use crate::config;
 #[derive(Debug)]
 pub(crate) struct Aircraft {
     pub(super) config: config::Vehicle,
+    /// The index of its link.
+    pub(super) port: usize,
     settings: Settings,
     bounds: Bounds,
     pub(super) vehicle: VehicleState,
@@ -92,6 +94,11 @@ mod start;
 impl Aircraft {
     pub(crate) fn id(&self) -> Id {
         self.config.id
+    }
+
+    /// MAVLink system id.
+    pub(super) fn system(&self) -> u8 {
+        self.config.system_id
     }
 
     /// Bytes from the vehicle's side. `tap` is shown every frame that is believed, for a recording.

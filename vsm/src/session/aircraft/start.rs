@@ -32,6 +32,7 @@ impl Aircraft {
         let bounds = Bounds::of(&config);
         let areas = config.area.iter().map(config::Area::area).collect();
         Aircraft {
+            port: 0,
             settings,
             bounds,
             vehicle: VehicleState::default(),

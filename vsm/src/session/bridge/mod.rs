@@ -1,12 +1,14 @@
 //! The whole bridge as one machine: datagrams of both sides and the time go in, datagrams and log lines come out.
 //!
 //! `arrival`: whom a datagram of the DLI is from, and whether it may speak; `dispatch`: whom its message is for. Each
-//! vehicle is an [`Aircraft`]. `reach`: which address is a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link; `status`: what the
-//! bridge is doing.
+//! vehicle is an [`Aircraft`]; `ports`: the links, and which vehicle a frame of one is for. `reach`: which address is a
+//! station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link; `status`:
+//! what the bridge is doing.
 
 mod arrival;
 mod dispatch;
 mod keys;
+mod ports;
 mod reach;
 pub(crate) mod status;
 
@@ -22,6 +24,7 @@ use mavlink_link::signing::Stamp;
 use mavlink_link::store::{Changes, Disk, Store as _, StoreError};
 use stanag_msgs::{Id, Profile};
 
+use self::ports::Port;
 use super::aircraft::Aircraft;
 use super::alerts::Alerts;
 use super::authority::record::KnownStation;
@@ -48,6 +51,8 @@ pub struct Bridge {
     /// What each of the stations has sent lately.
     remembered: Vec<Remembered>,
     aircraft: Vec<Aircraft>,
+    /// The links of the vehicles.
+    ports: Vec<Port>,
     outbox: Outbox,
     paths: Paths,
     /// Of the VSM itself, not of a vehicle.
@@ -62,8 +67,8 @@ pub struct Bridge {
     started: Duration,
 }
 
-/// Is shown every frame that is believed, for a recording.
-pub type Tap<'a> = &'a mut dyn FnMut(&FrameView<'_>);
+/// Is shown every frame that is believed with the index of its vehicle, for a recording.
+pub type Tap<'a> = &'a mut dyn FnMut(usize, &FrameView<'_>);
 
 /// A bridge that cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -126,6 +131,7 @@ impl Bridge {
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
             stations,
             aircraft: Vec::new(),
+            ports: config.links().into_iter().cloned().map(Port::new).collect(),
             outbox: Outbox::new(config.dli.disputed.profile.clone()),
             // The alert ids of the VSM itself follow those of its vehicles, which are numbered from 0.
             alerts: Alerts::new(i32::try_from(config.vehicles().count()).unwrap_or(i32::MAX / 2)),
@@ -151,6 +157,10 @@ impl Bridge {
             let services = Services::new(own, link.autopilot());
             let settings = settings.clone();
             let mut aircraft = Aircraft::new(vehicle.clone(), settings, link, services, number);
+            let mut ports = bridge.ports.iter();
+            aircraft.port = ports
+                .position(|port| port.link == vehicle.link)
+                .unwrap_or(0);
             let known = aircraft.restore(&mut bridge.effects(now, disk).0)?;
             bridge.remember_stations(now.mono, &known);
             bridge.aircraft.push(aircraft);
@@ -210,22 +220,6 @@ impl Bridge {
         Ok(())
     }
 
-    /// Takes a datagram, or serial bytes, of the vehicle with this index.
-    pub fn handle_vehicle(
-        &mut self,
-        now: Now,
-        index: usize,
-        from: Peer,
-        bytes: &[u8],
-        disk: &mut dyn Disk,
-        tap: Tap<'_>,
-    ) {
-        let (mut dli, aircraft) = self.effects(now, disk);
-        if let Some(aircraft) = aircraft.get_mut(index) {
-            aircraft.handle_datagram(&mut dli, from, bytes, tap);
-        }
-    }
-
     /// Does what is due.
     pub fn handle_timeout(&mut self, now: Now, disk: &mut dyn Disk) {
         let (mut dli, aircraft) = self.effects(now, disk);
@@ -234,6 +228,7 @@ impl Bridge {
         }
         dli.clear_answers();
         self.forget_heartbeats();
+        self.name_others(now, disk);
         self.watch_paths(now, disk);
     }
 

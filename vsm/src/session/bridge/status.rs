@@ -152,8 +152,10 @@ pub struct LinkStatus {
     pub exchange: Option<ExchangeStatus>,
     /// Refused frames in the vehicle's name, by the reason.
     pub refused: BTreeMap<&'static str, u64>,
-    /// Frames of other systems, which a vehicle passes on: no concern of this link.
+    /// Frames of systems that are no vehicle of this link, such as those which a vehicle passes on.
     pub strangers: u64,
+    /// Of these, by their system id.
+    pub other_systems: BTreeMap<u8, u32>,
     /// Frames by what became of them.
     pub frames: BTreeMap<&'static str, u64>,
     /// Believed, by message id.
@@ -214,7 +216,11 @@ impl Bridge {
                         .map(|at| now.saturating_sub(at).as_secs_f64()),
                     exchange: link.agreement.status(),
                     refused: link.refused_frames(),
-                    strangers: link.stats().unexpected_system,
+                    strangers: self
+                        .others_on_link(aircraft)
+                        .map(|(_, n)| u64::from(n))
+                        .sum(),
+                    other_systems: self.others_on_link(aircraft).collect(),
                     frames: link.stats().iter().collect(),
                     received: link.received.clone(),
                     sent: link.sent.clone(),

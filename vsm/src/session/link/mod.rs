@@ -129,6 +129,11 @@ impl VehicleLink {
         self.link.stats()
     }
 
+    /// Systems whose frames came and are not the vehicle's, with how many of each.
+    pub(crate) fn other_systems(&self) -> impl Iterator<Item = (u8, u32)> + '_ {
+        self.link.other_systems()
+    }
+
     pub(crate) fn key(&self) -> Option<&KeyState> {
         self.key.as_ref()
     }

@@ -30,7 +30,9 @@ use crate::session::Status;
 pub struct Server {
     shared: Rc<Shared>,
     dli: DliSockets,
+    /// One a link.
     readers: Vec<VehicleReader>,
+    /// One a vehicle.
     writers: Vec<VehicleWriter>,
     status: UnixListener,
     page: Option<(TcpListener, Vec<String>)>,
@@ -48,9 +50,9 @@ impl Server {
     /// Where the vehicle with this index reaches it; `None` for a serial line.
     #[must_use]
     pub fn vehicle_address(&self, index: usize) -> Option<SocketAddr> {
-        match self.readers.get(index)? {
-            VehicleReader::Udp(socket) => socket.local_addr().ok(),
-            VehicleReader::Serial(_) => None,
+        match self.writers.get(index)? {
+            VehicleWriter::Udp(socket) => socket.local_addr().ok(),
+            VehicleWriter::Serial(_) => None,
         }
     }
 
@@ -95,10 +97,10 @@ impl Server {
             let shared = shared.clone();
             tasks.spawn(&local, name, |beat| receive_dli(shared, beat, socket));
         }
-        for (index, reader) in readers.into_iter().enumerate() {
+        for (port, reader) in readers.into_iter().enumerate() {
             let shared = shared.clone();
             tasks.spawn(&local, "vehicle receiver", |beat| {
-                receive_vehicle(shared, beat, index, reader)
+                receive_vehicle(shared, beat, port, reader)
             });
         }
         let of_all = shared.clone();

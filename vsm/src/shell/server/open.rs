@@ -17,7 +17,7 @@ use super::shared::{Core, Shared};
 use super::{Server, StartError};
 use crate::config::{Config, ExchangeMode, Record, Signing, Vehicle};
 use crate::key_exchange::{KeyExchange, Surroundings};
-use crate::session::{AuditKey, Bridge, BridgeError, LinkEnd};
+use crate::session::{AuditKey, Bridge, BridgeError, LinkEnd, Peer};
 use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
@@ -26,7 +26,7 @@ use crate::shell::key_store::KeyStore;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::{Quota, Recording};
-use crate::shell::sockets::{self, DliSockets};
+use crate::shell::sockets::{self, DliSockets, VehicleWriter};
 use crate::shell::{key_file, status_socket};
 use mavlink_link::clock::Ceiling;
 use mavlink_link::store::Store as _;
@@ -51,6 +51,8 @@ impl Server {
         let dli = DliSockets::open(&config.dli)?;
         let (mut readers, mut writers, mut ends, mut recordings) = (vec![], vec![], vec![], vec![]);
         let (mut key_stores, mut key_ids) = (vec![], vec![]);
+        let mut ports: Vec<(VehicleWriter, Option<Peer>)> = vec![];
+        let links = config.links();
         for vehicle in config.vehicles() {
             let (key, keys) = match &vehicle.signing {
                 Signing::KeyFile(path, exchange) => {
@@ -61,10 +63,18 @@ impl Server {
             };
             check_own(vehicle.id, keys.as_ref(), &mut key_ids)?;
             key_stores.push(keys);
-            let record = format!("port-{:08x}", vehicle.id.0);
-            let (reader, writer, peer) =
-                sockets::open_link("vehicle.link", &vehicle.link, &record, &mut store)?;
-            readers.push(reader);
+            let port = links.iter().position(|link| **link == vehicle.link);
+            let (writer, peer) = match port.and_then(|port| ports.get(port)) {
+                Some(open) => open.clone(),
+                None => {
+                    let record = format!("port-{:08x}", vehicle.id.0);
+                    let (reader, writer, peer) =
+                        sockets::open_link("vehicle.link", &vehicle.link, &record, &mut store)?;
+                    readers.push(reader);
+                    ports.push((writer.clone(), peer));
+                    (writer, peer)
+                }
+            };
             writers.push(writer);
             ends.push(LinkEnd { key, peer });
             recordings.push(record_vehicle(config, vehicle, now)?);

@@ -53,7 +53,7 @@ pub(super) async fn receive_dli(shared: Rc<Shared>, beat: Rc<Beat>, socket: Rc<U
 pub(super) async fn receive_vehicle(
     shared: Rc<Shared>,
     beat: Rc<Beat>,
-    index: usize,
+    port: usize,
     mut reader: VehicleReader,
 ) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
@@ -68,9 +68,8 @@ pub(super) async fn receive_vehicle(
                  },
                  now| {
                     let bytes = bytes.get(..length).unwrap_or_default();
-                    let recording = recordings.get_mut(index).and_then(Option::as_mut);
-                    let mut tap = recorder(recording, now.wall);
-                    bridge.handle_vehicle(now, index, from, bytes, store, &mut tap);
+                    let mut tap = recorder(recordings, now.wall);
+                    bridge.handle_vehicle(now, port, from, bytes, store, &mut tap);
                 },
             ),
             Err(cause) => pause_after("a vehicle's link", &cause).await,
@@ -78,9 +77,12 @@ pub(super) async fn receive_vehicle(
     }
 }
 
-fn recorder(mut recording: Option<&mut Recording>, wall: Duration) -> impl FnMut(&FrameView<'_>) {
-    move |frame| {
-        if let Some(recording) = &mut recording {
+fn recorder(
+    recordings: &mut [Option<Recording>],
+    wall: Duration,
+) -> impl FnMut(usize, &FrameView<'_>) {
+    move |index, frame| {
+        if let Some(Some(recording)) = recordings.get_mut(index) {
             recording.write(wall, frame);
         }
     }
@@ -91,7 +93,7 @@ pub(super) async fn send(
     beat: Rc<Beat>,
     unicast: Rc<UdpSocket>,
     group: Option<(Rc<UdpSocket>, SocketAddr)>,
-    mut writers: Vec<VehicleWriter>,
+    writers: Vec<VehicleWriter>,
 ) {
     loop {
         beat.during(shared.outgoing.notified()).await;
@@ -100,7 +102,7 @@ pub(super) async fn send(
         loop {
             let frame = shared.core.borrow_mut().bridge.poll_vehicle();
             if let Some((index, frame)) = frame {
-                if let Some(writer) = writers.get_mut(index)
+                if let Some(writer) = writers.get(index)
                     && !send_frame(&shared, index, &frame, writer).await
                 {
                     return;
@@ -132,7 +134,7 @@ async fn send_frame(
     shared: &Shared,
     index: usize,
     frame: &OutFrame,
-    writer: &mut VehicleWriter,
+    writer: &VehicleWriter,
 ) -> bool {
     {
         let mut core = shared.core.borrow_mut();
