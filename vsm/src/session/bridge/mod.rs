@@ -1,16 +1,17 @@
 //! The whole bridge as one machine: datagrams of both sides and the time go in, datagrams and log lines come out.
 //!
 //! `arrival`: whom a datagram of the DLI is from, and whether it may speak; `dispatch`: whom its message is for. Each
-//! vehicle is an [`Aircraft`]; `ports`: the links, and which vehicle a frame of one is for. `reach`: which address is a
-//! station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link; `status`:
-//! what the bridge is doing.
+//! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: to which of them a frame of it goes. `reach`: which address is
+//! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
+//! `status`: what the bridge is doing.
 
 mod arrival;
 mod dispatch;
 mod keys;
-mod ports;
+mod port;
 mod reach;
 pub(crate) mod status;
+mod vehicles;
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -24,7 +25,7 @@ use mavlink_link::signing::Stamp;
 use mavlink_link::store::{Changes, Disk, Store as _, StoreError};
 use stanag_msgs::{Id, Profile};
 
-use self::ports::Port;
+use self::port::Port;
 use super::aircraft::Aircraft;
 use super::alerts::Alerts;
 use super::authority::record::KnownStation;

@@ -1,0 +1,92 @@
+//! The vehicles on their links: to which of them a frame goes, and who else sends there.
+
+use mavlink_link::Now;
+use mavlink_link::store::Disk;
+
+use super::port::Piece;
+use super::{Bridge, Tap};
+use crate::session::aircraft::Aircraft;
+use crate::session::link::frame::Peer;
+use crate::session::log::LogLevel;
+
+impl Bridge {
+    /// Takes a datagram, or serial bytes, of the link with this index: links are numbered in the order in which the
+    /// configuration first names them. `tap` is shown every frame that is believed, with the index of its vehicle.
+    pub fn handle_vehicle(
+        &mut self,
+        now: Now,
+        port: usize,
+        from: Peer,
+        bytes: &[u8],
+        disk: &mut dyn Disk,
+        tap: Tap<'_>,
+    ) {
+        let here = |one: &&Aircraft| one.port == port;
+        let shared = self.aircraft.iter().filter(here).count() > 1;
+        let mut rest = bytes;
+        loop {
+            let (mut system, mut length) = (None, rest.len());
+            if shared && let Some(port) = self.ports.get_mut(port) {
+                Piece { system, length } = port.next_piece(from, rest);
+            }
+            let piece;
+            (piece, rest) = rest.split_at(length);
+            // A system that nobody here has: each counts its frames, and names it.
+            let mut known = self.aircraft.iter().filter(here).map(Aircraft::system);
+            system = system.filter(|system| known.any(|known| known == *system));
+            let (mut dli, aircraft) = self.effects(now, disk);
+            for (index, one) in aircraft.iter_mut().enumerate() {
+                if one.port == port && system.is_none_or(|system| system == one.system()) {
+                    one.handle_datagram(&mut dli, from, piece, &mut |frame| tap(index, frame));
+                }
+            }
+            if rest.is_empty() {
+                return;
+            }
+        }
+    }
+
+    /// Systems that send on a vehicle's link and are no vehicle of it, with how many frames of each.
+    pub(super) fn others_on_link<'a>(
+        &'a self,
+        of: &'a Aircraft,
+    ) -> impl Iterator<Item = (u8, u32)> + 'a {
+        let ours = |system| {
+            let mut here = self.aircraft.iter().filter(|one| one.port == of.port);
+            here.any(|one| one.system() == system)
+        };
+        let others = of.link.other_systems();
+        others.filter(move |(system, _)| !ours(*system))
+    }
+
+    /// Logs each system that sends on a link and is configured nowhere there, once.
+    pub(super) fn name_others(&mut self, now: Now, disk: &mut dyn Disk) {
+        for index in 0..self.aircraft.len() {
+            let one = &self.aircraft[index];
+            let port = one.port;
+            let named = &self.ports[port].named;
+            // Anybody can send with any system id: the log has room for some of them.
+            if named.len() >= MAX_NAMED {
+                continue;
+            }
+            let new = |(system, _): &(u8, u32)| !named.contains(system);
+            let found = self.others_on_link(one).find(new);
+            let Some((system, _)) = found else {
+                continue;
+            };
+            let configured = self.aircraft.iter().filter(|other| other.port == port);
+            let configured: Vec<_> = configured.map(|one| one.system().to_string()).collect();
+            let text = format!(
+                "MAVLink system {system} sends on {}, where the configuration has system {}: its frames are ignored",
+                self.ports[port].link,
+                configured.join(" and ")
+            );
+            self.ports[port].named.push(system);
+            let vsm = self.vsm;
+            self.effects(now, disk).0.note(LogLevel::Info, vsm, text);
+        }
+    }
+}
+
+/// Systems of one link that are named in the log, at the most.
+const MAX_NAMED: usize = 8;
