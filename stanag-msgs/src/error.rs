@@ -11,8 +11,8 @@ pub enum DecodeError {
     /// The table has no such message.
     #[error("unknown message type {message_type}")]
     UnknownMessage {
-        /// The Message Type of the wrapper.
-        message_type: u16,
+        /// The Message Type of the wrapper, which has four bytes in Edition 2.5.
+        message_type: u32,
     },
     /// The data ends within the presence vector.
     #[error("message {message_type}: {found} bytes, expected a presence vector of {expected}")]

@@ -145,7 +145,8 @@ impl fmt::Display for Wire {
 /// How far a fact can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Confidence {
-    /// An Edition 4 definition whose author claims to have checked it against the text.
+    /// The text of the edition itself (Edition 2.5), or an Edition 4 definition whose author claims to have checked it
+    /// against the text.
     A,
     /// One secondary source for Edition 4, or the text of Edition 3.
     B,
@@ -254,25 +255,40 @@ pub struct FieldInfo {
     pub confidence: Option<Confidence>,
     /// Whether the width is inferred and not found.
     pub width_inferred: bool,
+    /// The field of Edition 4 that holds the same, in a row of Edition 2.5: message and number, from 1.
+    pub ed4: Option<(u16, u8)>,
     /// What else sources give.
     pub note: Option<&'static str>,
 }
 
 impl FieldInfo {
+    /// A field of this Rust type, which gives wire type, scale, unit and enumeration.
     pub(crate) const fn new<T: Field>(bit: u8, name: &'static str, rust: &'static str) -> Self {
+        Self {
+            scale: T::SCALE,
+            unit: T::UNIT,
+            enumeration: T::ENUMERATION,
+            identification: T::IDENTIFICATION,
+            ..Self::of(T::WIRE, bit, name, rust)
+        }
+    }
+
+    /// A field of this wire type, of which nothing else is known.
+    pub(crate) const fn of(wire: Wire, bit: u8, name: &'static str, rust: &'static str) -> Self {
         Self {
             bit,
             name,
             rust,
-            wire: T::WIRE,
-            scale: T::SCALE,
-            unit: T::UNIT,
+            wire,
+            scale: None,
+            unit: None,
             range: None,
-            enumeration: T::ENUMERATION,
-            identification: T::IDENTIFICATION,
+            enumeration: None,
+            identification: false,
             uid: None,
             confidence: None,
             width_inferred: false,
+            ed4: None,
             note: None,
         }
     }
@@ -280,6 +296,10 @@ impl FieldInfo {
     facts! {
         uid(uid: &'static str) => uid = Some(uid);
         unit(unit: &'static str) => unit = Some(unit);
+        scale(scale: f64) => scale = Some(scale);
+        values(info: &'static EnumInfo) => enumeration = Some(info);
+        identification() => identification = true;
+        ed4(message: u16, number: u8) => ed4 = Some((message, number));
         range(low: f64, high: f64) => range = Some((low, high));
         conf(confidence: Confidence) => confidence = Some(confidence);
         width_inferred() => width_inferred = true;

@@ -11,6 +11,7 @@
 //! | [`error`] | why message data cannot be read or written |
 //! | [`wrapper`] | header and checksum; splitting a datagram |
 //! | [`table`], [`messages`] | one row a message, and the structs made of them |
+//! | [`ed25`] | the wrapper and the table of Edition 2.5 |
 //! | [`packer`] | several messages in one datagram |
 //! | [`disputed`], [`profile`] | what sources disagree about, and a peer's reading of it |
 //! | [`json`], [`pcapng`] | messages as JSON; datagrams as a capture file |
@@ -21,6 +22,7 @@
 
 pub mod bytes;
 pub mod disputed;
+pub mod ed25;
 pub mod enums;
 pub mod error;
 pub mod field;

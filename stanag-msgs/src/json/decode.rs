@@ -4,10 +4,11 @@ use serde_json::{Map, Value, json};
 
 use super::number::{f32_value, f64_value};
 
+use crate::ed25;
 use crate::error::DecodeError;
 use crate::field::{EnumInfo, EnumKind, FieldInfo, Wire};
 use crate::table::{self, MessageInfo};
-use crate::wrapper::{Frame, HEADER_BYTES, frames};
+use crate::wrapper::{Frame, Frames, HEADER_BYTES, WrapperError, frames};
 
 /// The messages of a datagram in hexadecimal, one object each; for a bad one, an object with `error`
 /// and `offset`. The offset counts bytes of the datagram, or characters of the line where that is not
@@ -21,18 +22,41 @@ pub fn decode_line(hex: &str, raw: bool) -> Vec<Value> {
         Ok(bytes) => bytes,
         Err((text, offset)) => return vec![error(text, offset)],
     };
+    if ed25::is_ed25(&datagram) {
+        return objects(
+            ed25::frames(&datagram),
+            ed25::Frames::offset,
+            ed25::HEADER_BYTES,
+            |message| (message.header.message_type, frame_ed25(message, raw)),
+        );
+    }
+    objects(frames(&datagram), Frames::offset, HEADER_BYTES, |message| {
+        (message.header.message_type.into(), frame(message, raw))
+    })
+}
+
+/// An object for each message of a datagram and for each part of it that is none. `object` returns the Message Type too, by
+/// which the object of an error is found.
+fn objects<F, I: Iterator<Item = Result<F, WrapperError>>>(
+    mut messages: I,
+    offset: impl Fn(&I) -> usize,
+    header_bytes: usize,
+    object: impl Fn(&F) -> (u32, Result<Value, DecodeError>),
+) -> Vec<Value> {
     let mut values = Vec::new();
-    let mut messages = frames(&datagram);
     loop {
-        let start = messages.offset();
+        let start = offset(&messages);
         values.push(match messages.next() {
             None => return values,
             Some(Err(fault)) => error(fault, fault.offset()),
-            Some(Ok(message)) => frame(&message, raw).unwrap_or_else(|fault| {
-                let mut value = error(fault, start + HEADER_BYTES + fault.offset());
-                value["id"] = message.header.message_type.into();
-                value
-            }),
+            Some(Ok(message)) => {
+                let (message_type, value) = object(&message);
+                value.unwrap_or_else(|fault| {
+                    let mut value = error(fault, start + header_bytes + fault.offset());
+                    value["id"] = message_type.into();
+                    value
+                })
+            }
         });
     }
 }
@@ -43,17 +67,35 @@ pub fn decode_line(hex: &str, raw: bool) -> Vec<Value> {
 /// The data is not that of the header's message.
 pub fn frame(frame: &Frame<'_>, raw: bool) -> Result<Value, DecodeError> {
     let header = &frame.header;
-    let message_type = header.message_type;
-    let message =
-        table::message(message_type).ok_or(DecodeError::UnknownMessage { message_type })?;
+    let message = table::message(header.message_type).ok_or(DecodeError::UnknownMessage {
+        message_type: header.message_type.into(),
+    })?;
     Ok(json!({
-        "id": message_type,
+        "id": header.message_type,
         "name": message.name,
         "source": header.source.0,
         "destination": header.destination.0,
         "ack": header.ack_requested,
         "idd": header.idd,
         "checksum": header.checksum.code(),
+        "fields": fields(message, frame.data, raw)?,
+    }))
+}
+
+/// A message of Edition 2.5 and its wrapper as an object.
+///
+/// # Errors
+/// The data is not that of the header's message.
+pub fn frame_ed25(frame: &ed25::Frame<'_>, raw: bool) -> Result<Value, DecodeError> {
+    let header = &frame.header;
+    let message_type = header.message_type;
+    let message = ed25::message(message_type, header.version)
+        .ok_or(DecodeError::UnknownMessage { message_type })?;
+    Ok(json!({
+        "id": message_type,
+        "name": message.name,
+        "idd": header.version.text(),
+        "instance": header.instance,
         "fields": fields(message, frame.data, raw)?,
     }))
 }

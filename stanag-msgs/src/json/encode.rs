@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::number::{f32_of, f64_of, integer_of};
+use crate::ed25;
 use crate::error::EncodeError;
 use crate::field::{EnumInfo, EnumKind, FieldInfo, Wire};
 use crate::id::Id;
@@ -15,7 +16,7 @@ const IDD: (i64, i64) = (Header::IDD_ED3 as i64, Header::IDD_ED4 as i64);
 ///
 /// `id`, `source`, `destination` and `fields` are required; by default `ack` is false, `idd` 32 and
 /// `checksum` 0. `source` and `destination` may also be texts as `1b:00:00:01`. `name` and unknown
-/// keys are ignored.
+/// keys are ignored. With a text as `idd` it is a message of Edition 2.5, which needs `id` and `fields` only.
 ///
 /// # Errors
 /// The line is not JSON, or not a message of the table with fields and values that it allows.
@@ -28,6 +29,23 @@ pub fn encode_line(json: &str, raw: bool) -> Result<String, JsonError> {
     let object = value
         .as_object()
         .ok_or_else(|| JsonError::value("the line", &value, "an object"))?;
+    let mut out = [0; MAX_DATAGRAM];
+    let length = match object.get("idd").and_then(Value::as_str) {
+        Some(idd) => encode_ed25(object, idd, raw, &mut out)?,
+        None => encode_later(object, raw, &mut out)?,
+    };
+    Ok(out[..length]
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect())
+}
+
+/// A message of Edition 3 or 4; returns how many bytes.
+fn encode_later(
+    object: &Map<String, Value>,
+    raw: bool,
+    out: &mut [u8],
+) -> Result<usize, JsonError> {
     let id = integer(object, "id", (0, 0xFFFF))? as u16;
     let message = table::message(id).ok_or(JsonError::UnknownMessage { id })?;
     let envelope = Envelope {
@@ -42,14 +60,8 @@ pub fn encode_line(json: &str, raw: bool) -> Result<String, JsonError> {
         idd: integer_or(object, "idd", IDD, Header::IDD_ED4.into())? as u8,
         checksum: ChecksumStyle::from_code(integer_or(object, "checksum", (0, 3), 0)? as u8),
     };
-    let fields = required(object, "fields")?;
-    let fields = fields
-        .as_object()
-        .ok_or_else(|| JsonError::value("fields", fields, "an object"))?;
-    let data = data(message, fields, raw)?;
-
-    let mut out = [0; MAX_DATAGRAM];
-    let length = wrapper::encode(id, &envelope, &mut out, |out| {
+    let data = data(message, fields(object)?, raw)?;
+    Ok(wrapper::encode(id, &envelope, out, |out| {
         let expected = out.len().min(wrapper::MAX_DATA);
         let too_long = EncodeError::TooLong {
             message_type: id,
@@ -60,11 +72,41 @@ pub fn encode_line(json: &str, raw: bool) -> Result<String, JsonError> {
             .ok_or(too_long)?
             .copy_from_slice(&data);
         Ok(data.len())
+    })?)
+}
+
+/// A message of Edition 2.5; returns how many bytes.
+fn encode_ed25(
+    object: &Map<String, Value>,
+    idd: &str,
+    raw: bool,
+    out: &mut [u8],
+) -> Result<usize, JsonError> {
+    let version = ed25::Version::from_text(idd).ok_or_else(|| {
+        JsonError::value(
+            "idd",
+            &object["idd"],
+            "30 to 32, or \"2.5\", \"7\", \"8\" or \"9\"",
+        )
     })?;
-    Ok(out[..length]
+    let id = integer(object, "id", (0, 0xFFFF))? as u16;
+    let header = ed25::Header {
+        version,
+        instance: integer_or(object, "instance", (0, u32::MAX.into()), 0)? as u32,
+        message_type: id.into(),
+    };
+    let message =
+        ed25::message(header.message_type, version).ok_or(JsonError::UnknownMessage { id })?;
+    let fields = fields(object)?;
+    let missing = message
+        .fields
         .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect())
+        .find(|field| !fields.contains_key(field.name));
+    // Raw is what the wire has; a person who leaves a field out did not mean zero.
+    if let (Some(field), false) = (missing, raw) {
+        return Err(JsonError::Missing { key: field.name });
+    }
+    Ok(ed25::encode(&header, &data(message, fields, raw)?, out)?)
 }
 
 /// Why a line is not a message.
@@ -159,6 +201,14 @@ impl JsonError {
     }
 }
 
+/// The object of the key `fields`.
+fn fields(object: &Map<String, Value>) -> Result<&Map<String, Value>, JsonError> {
+    let fields = required(object, "fields")?;
+    fields
+        .as_object()
+        .ok_or_else(|| JsonError::value("fields", fields, "an object"))
+}
+
 fn required<'a>(object: &'a Map<String, Value>, key: &'static str) -> Result<&'a Value, JsonError> {
     object.get(key).ok_or(JsonError::Missing { key })
 }
@@ -205,7 +255,7 @@ fn station(object: &Map<String, Value>, key: &'static str) -> Result<Id, JsonErr
     }
 }
 
-/// Presence vector and fields.
+/// Presence vector and fields; without a vector every field is written, one left out as zeros.
 fn data(
     message: &MessageInfo,
     values: &Map<String, Value>,
@@ -221,6 +271,9 @@ fn data(
     let mut bytes = vec![0; message.presence_bytes.into()];
     for field in message.fields {
         let Some(value) = values.get(field.name) else {
+            if message.presence_bytes == 0 {
+                bytes.resize(bytes.len() + field.wire.bytes().unwrap_or_default(), 0);
+            }
             continue;
         };
         presence |= 1 << field.bit;

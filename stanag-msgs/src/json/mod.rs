@@ -14,6 +14,10 @@
 //! A message is `{"id", "name", "source", "destination", "ack", "idd", "checksum", "fields"}`; the
 //! fields are named as in the table, and only those present are listed.
 //!
+//! A message of Edition 2.5 is `{"id", "name", "idd", "instance", "fields"}`: `idd` is the text of its wrapper (`"2.5"`), and
+//! sender and receiver are among the fields. All fields must be given, but for a raw one: there a field left out is sent as
+//! zero.
+//!
 //! | wire | raw | otherwise |
 //! |---|---|---|
 //! | integers, BAM | the integer on the wire | times the step, in the unit of the table |
@@ -32,5 +36,5 @@ mod decode;
 mod encode;
 mod number;
 
-pub use decode::{decode_line, fields, frame};
+pub use decode::{decode_line, fields, frame, frame_ed25};
 pub use encode::{JsonError, encode_line};

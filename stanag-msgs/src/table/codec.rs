@@ -37,11 +37,15 @@ impl<'a> DataReader<'a> {
                 expected,
             });
         };
-        let presence = vector
-            .iter()
-            .fold(0, |bits, &byte| bits << 8 | u64::from(byte));
-        // A bit beyond the fields means that the sender uses another layout.
         let known = (1 << message.fields.len()) - 1;
+        // Edition 2.5 has no vector: it sends every field.
+        let presence = match expected {
+            0 => known,
+            _ => vector
+                .iter()
+                .fold(0, |bits, &byte| bits << 8 | u64::from(byte)),
+        };
+        // A bit beyond the fields means that the sender uses another layout.
         if presence & !known != 0 {
             return Err(DecodeError::UnknownPresence {
                 message_type,

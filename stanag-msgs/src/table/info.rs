@@ -53,6 +53,8 @@ pub enum Layout {
     Ed4,
     /// The order of Edition 2.5 with the id fields dropped and the types guessed.
     Ed2Derived,
+    /// The text of Edition 2.5.
+    Ed25,
 }
 
 impl Layout {
@@ -61,6 +63,7 @@ impl Layout {
         match self {
             Layout::Ed4 => "ed4",
             Layout::Ed2Derived => "ed2-derived",
+            Layout::Ed25 => "ed2.5",
         }
     }
 
@@ -69,6 +72,7 @@ impl Layout {
         match self {
             Layout::Ed4 => "none",
             Layout::Ed2Derived => "not applicable",
+            Layout::Ed25 => "Edition 2 Amendment 1",
         }
     }
 }
@@ -82,7 +86,7 @@ pub struct MessageInfo {
     pub name: &'static str,
     /// The name of its struct.
     pub rust: &'static str,
-    /// Bytes of its presence vector.
+    /// Bytes of its presence vector; 0 in Edition 2.5, where every field is always present.
     pub presence_bytes: u8,
     /// Its fields in order.
     pub fields: &'static [FieldInfo],
@@ -96,7 +100,7 @@ pub struct MessageInfo {
     pub confidence: Confidence,
     /// Where the layout comes from.
     pub layout: Layout,
-    /// The sources, by the tags of the fact table.
+    /// The sources, by the tags of the fact table; the clause of the text in a row of Edition 2.5.
     pub source: &'static str,
     /// Which independent source confirms it.
     pub corroboration: &'static str,
@@ -104,6 +108,10 @@ pub struct MessageInfo {
     pub table: Option<&'static str>,
     /// The message of Edition 2 that it comes from.
     pub ed2_message: Option<&'static str>,
+    /// The messages of Edition 4 that hold the same, in a row of Edition 2.5.
+    pub ed4_messages: &'static [u16],
+    /// The levels of interoperability that must support it, where the text gives them; 4 stands for 4 and 5.
+    pub loi: &'static [u8],
     /// What else sources give.
     pub note: Option<&'static str>,
 }
@@ -131,6 +139,8 @@ impl MessageInfo {
             corroboration: "none",
             table: None,
             ed2_message: None,
+            ed4_messages: &[],
+            loi: &[],
             note: None,
         }
     }
@@ -146,6 +156,11 @@ impl MessageInfo {
         corroboration(corroboration: &'static str) => corroboration = corroboration;
         table(table: &'static str) => table = Some(table);
         ed2_message(ed2_message: &'static str) => ed2_message = Some(ed2_message);
+        text(clause: &'static str, table: &'static str) =>
+            source = clause, table = Some(table), layout = Layout::Ed25, confidence = Confidence::A,
+            corroboration = Layout::Ed25.corroboration();
+        ed4(messages: &'static [u16]) => ed4_messages = messages;
+        loi(levels: &'static [u8]) => loi = levels;
         note(note: &'static str) => note = Some(note);
     }
 

@@ -67,7 +67,7 @@ macro_rules! gather {
             pub fn decode(message_type: u16, data: &[u8]) -> Result<Self, DecodeError> {
                 match message_type {
                     $($($Name::ID => Ok(Self::$Name($Name::decode(data)?)),)*)*
-                    _ => Err(DecodeError::UnknownMessage { message_type }),
+                    _ => Err(DecodeError::UnknownMessage { message_type: message_type.into() }),
                 }
             }
 

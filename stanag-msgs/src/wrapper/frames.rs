@@ -74,6 +74,14 @@ pub enum WrapperError {
         /// The maximum known.
         expected: u8,
     },
+    /// A version of Edition 2.x whose layouts are not known.
+    #[error("offset {offset}: IDD version {:?}, expected 2.5, 7, 8 or 9", found.escape_ascii().to_string().trim_end_matches("\\x00"))]
+    Version {
+        /// Where the version is.
+        offset: usize,
+        /// The version, padded with NUL.
+        found: [u8; 10],
+    },
     /// A checksum style that the edition does not have.
     #[error(
         "offset {offset}: checksum style {value} in IDD version {}, expected 0 to {expected}",
@@ -108,6 +116,7 @@ impl WrapperError {
             | Self::Length { offset, .. }
             | Self::Truncated { offset, .. }
             | Self::Idd { offset, .. }
+            | Self::Version { offset, .. }
             | Self::ChecksumStyle { offset, .. }
             | Self::Checksum { offset, .. } => offset,
         }
@@ -119,7 +128,7 @@ impl WrapperError {
             Self::Oversized { .. } => "oversized",
             Self::NoHeader { .. } | Self::Truncated { .. } => "truncated",
             Self::Length { .. } => "length",
-            Self::Idd { .. } => "idd",
+            Self::Idd { .. } | Self::Version { .. } => "idd",
             Self::ChecksumStyle { .. } => "checksum_style",
             Self::Checksum { .. } => "checksum",
         }

@@ -10,8 +10,9 @@ local proto = Proto("stanag4586", "STANAG 4586 DLI")
 local CHECKSUMS = { [0] = "none", "sum, 2 bytes", "sum, 4 bytes", "CRC-32" }
 local CHECKSUM_BYTES = { [0] = 0, 2, 4, 4 }
 
-local MESSAGE_NAMES = {}
+local MESSAGE_NAMES, MESSAGE_NAMES_25 = {}, {}
 for id, message in pairs(MESSAGES) do MESSAGE_NAMES[id] = message.name end
+for id, message in pairs(MESSAGES_25) do MESSAGE_NAMES_25[id] = message.name end
 
 local header = {
   reserved = ProtoField.uint16("stanag4586.reserved", "Reserved", base.HEX),
@@ -27,6 +28,13 @@ local header = {
   data = ProtoField.bytes("stanag4586.data", "Message Data"),
   checksum = ProtoField.uint32("stanag4586.checksum", "Checksum", base.HEX),
   trailing = ProtoField.bytes("stanag4586.trailing", "Trailing bytes"),
+  -- Edition 2.5
+  version = ProtoField.string("stanag4586.version", "IDD Version"),
+  instance = ProtoField.uint32("stanag4586.instance", "Message Instance ID", base.DEC),
+  type_25 = ProtoField.uint32("stanag4586.ed25.type", "Message Type", base.DEC, MESSAGE_NAMES_25),
+  length_25 = ProtoField.uint32("stanag4586.ed25.length", "Message Length", base.DEC),
+  stream = ProtoField.uint32("stanag4586.stream", "Stream ID", base.DEC),
+  sequence = ProtoField.uint32("stanag4586.sequence", "Packet Sequence Number", base.HEX),
 }
 
 local expert = {
@@ -36,7 +44,7 @@ local expert = {
     expert.group.PROTOCOL, expert.severity.ERROR),
   length = ProtoExpert.new("stanag4586.bad_length", "Message Length out of range",
     expert.group.PROTOCOL, expert.severity.ERROR),
-  idd = ProtoExpert.new("stanag4586.unknown_idd", "IDD version outside 30 to 32",
+  idd = ProtoExpert.new("stanag4586.unknown_idd", "IDD version that is not known",
     expert.group.PROTOCOL, expert.severity.ERROR),
   style = ProtoExpert.new("stanag4586.bad_checksum_style", "Checksum style that Edition 3 does not have",
     expert.group.PROTOCOL, expert.severity.ERROR),
@@ -75,11 +83,12 @@ end
 
 for _, field in pairs(header) do register(field) end
 
-for _, message in pairs(MESSAGES) do
+local function register_message(message, prefix, enums)
   for _, field in ipairs(message.fields) do
-    local abbreviation = "stanag4586." .. message.short .. "." .. field.short
+    local abbreviation = prefix .. message.short .. "." .. field.short
     local wire = WIRES[field.wire]
-    local enum = field.enum and ENUMS[field.enum]
+    local enum = field.enum and enums[field.enum]
+    field.values = enum
     if field.chars then
       field.proto = register(ProtoField.string(abbreviation, field.name))
     elseif not wire then
@@ -105,6 +114,9 @@ for _, message in pairs(MESSAGES) do
     end
   end
 end
+
+for _, message in pairs(MESSAGES) do register_message(message, "stanag4586.", ENUMS) end
+for _, message in pairs(MESSAGES_25) do register_message(message, "stanag4586.ed25.", ENUMS_25) end
 
 proto.fields = all
 local experts = {}
@@ -218,7 +230,12 @@ local function add_field(tree, field, range)
   if field.wire == "f32" or field.wire == "f64" then
     local value = range:float()
     local item = tree:add(field.proto, range, value)
-    if field.unit then item:append_text(" " .. field.unit) end
+    local time = field.unit == "s since 1970" and utc_text((value - EPOCH_UNIX_S) * 1000)
+    if time then
+      item:append_text(" (" .. time .. ")")
+    elseif field.unit then
+      item:append_text(" " .. field.unit)
+    end
     check_range(item, field, value)
     return
   end
@@ -250,7 +267,7 @@ local function add_field(tree, field, range)
     for _, bit in ipairs(field.bits) do item:add(bit, range) end
   else
     local item = tree:add(field.proto, range, value)
-    local enum = field.enum and ENUMS[field.enum]
+    local enum = field.values
     if enum and not enum.values[value] then
       item:append_text(" (" .. (range_text(enum, value) or "not named by any source") .. ")")
     end
@@ -259,8 +276,8 @@ local function add_field(tree, field, range)
   end
 end
 
--- Presence vector and fields. Stops at the first fault: what follows cannot be located.
-local function dissect_data(message, data, tree)
+-- The presence vector as a table of booleans, or nil where it is faulty.
+local function presence_vector(message, data, tree)
   local size = message.presence
   if data:len() < size then
     tree:add_proto_expert_info(expert.presence, string.format(
@@ -279,9 +296,18 @@ local function dissect_data(message, data, tree)
       return
     end
   end
+  return present
+end
+
+-- Presence vector and fields. Stops at the first fault: what follows cannot be located. Edition 2.5 has no vector: each
+-- field is present.
+local function dissect_data(message, data, tree)
+  local size = message.presence
+  local present = size > 0 and presence_vector(message, data, tree)
+  if size > 0 and not present then return end
   local offset = size
   for index, field in ipairs(message.fields) do
-    if present[index - 1] then
+    if not present or present[index - 1] then
       local bytes = field.chars or (WIRES[field.wire] or {})[1]
       if not bytes then
         if offset < data:len() then tree:add(field.proto, data:range(offset)) end
@@ -324,6 +350,17 @@ local function read_header(tvb, offset)
   if found.length < 1 or found.length > MAX_DATA then return found, "length" end
   if found.total > left then return found, "short" end
   return found
+end
+
+local function add_checksum(tree, place, expected)
+  local item = tree:add(header.checksum, place, place:uint())
+  if place:uint() == expected then
+    item:append_text(" (correct)")
+  else
+    item:append_text(" (incorrect)")
+    item:add_proto_expert_info(expert.checksum,
+      string.format("0x%x, expected 0x%x", place:uint(), math.floor(expected)))
+  end
 end
 
 -- One message. Returns the offset after it, or nil where the next one cannot be located.
@@ -371,16 +408,91 @@ local function dissect_message(tvb, offset, tree, labels)
   end
   if found.sum_bytes > 0 then
     local place = tvb:range(offset + HEADER + found.length, found.sum_bytes)
-    local expected = checksum_of(found.style, tvb:range(offset, HEADER + found.length):raw())
-    local item = subtree:add(header.checksum, place, place:uint())
-    if place:uint() == expected then
-      item:append_text(" (correct)")
-    else
-      item:append_text(" (incorrect)")
-      item:add_proto_expert_info(expert.checksum,
-        string.format("0x%x, expected 0x%x", place:uint(), math.floor(expected)))
-    end
+    add_checksum(subtree, place,
+      checksum_of(found.style, tvb:range(offset, HEADER + found.length):raw()))
   end
+  return offset + found.total
+end
+
+-- Edition 2.5: a datagram begins with a digit, where later editions have zeros or ones.
+local HEADER_25, MAX_DATA_25, TRAILER_25 = 30, 514, 4
+local VERSIONS_25 = { ["2.5"] = true, ["7"] = true, ["8"] = true, ["9"] = true }
+
+-- Amendment 1 calls itself 9 and has no field 5 in message 1501.
+local IDENT_OF_AMENDMENT_1 = { name = MESSAGES_25[1501].name, presence = 0, fields = {} }
+for index = 1, 4 do IDENT_OF_AMENDMENT_1.fields[index] = MESSAGES_25[1501].fields[index] end
+
+local function message_25(found)
+  if found.version == "9" and found.type == 1501 then return IDENT_OF_AMENDMENT_1 end
+  return MESSAGES_25[found.type]
+end
+
+local function is_25(tvb)
+  local first = tvb:range(0, 1):uint()
+  return first >= 0x31 and first <= 0x39
+end
+
+local function read_header_25(tvb, offset)
+  local left = tvb:len() - offset
+  if left < HEADER_25 then return nil, "short" end
+  local version = tvb:range(offset, 10):raw()
+  local stop = version:find("\0", 1, true)
+  local found = {
+    version = stop and version:sub(1, stop - 1) or version,
+    instance = tvb:range(offset + 10, 4):uint(),
+    type = tvb:range(offset + 14, 4):uint(),
+    length = tvb:range(offset + 18, 4):uint(),
+  }
+  found.total = HEADER_25 + found.length + TRAILER_25
+  if found.length < 1 or found.length > MAX_DATA_25 then return found, "length" end
+  if found.total > left then return found, "short" end
+  return found
+end
+
+local function checksum_25(tvb, offset, found)
+  local place = tvb:range(offset + HEADER_25 + found.length, TRAILER_25)
+  return place, sum(tvb:range(offset, HEADER_25 + found.length):raw(), 0x100000000)
+end
+
+-- One message of Edition 2.5. Returns the offset after it, or nil where the next one cannot be located.
+local function dissect_message_25(tvb, offset, tree, labels)
+  local found, fault = read_header_25(tvb, offset)
+  if not found then
+    local item = tree:add(header.trailing, tvb:range(offset))
+    item:add_proto_expert_info(expert.short, string.format(
+      "%d bytes, expected a header of %d", tvb:len() - offset, HEADER_25))
+    return
+  end
+  local size = fault and tvb:len() - offset or found.total
+  local message = message_25(found)
+  local label = found.type .. " " .. (message and message.name or "unknown")
+  labels[#labels + 1] = label
+  local subtree = tree:add(proto, tvb:range(offset, size), "STANAG 4586 DLI, Edition 2.5, " .. label)
+  -- What is not printable would make the output of tshark no text.
+  local printable = found.version:gsub("[^\32-\126]", "?")
+  local version = subtree:add(header.version, tvb:range(offset, 10), printable)
+  if not VERSIONS_25[found.version] then version:add_proto_expert_info(expert.idd) end
+  subtree:add(header.instance, tvb:range(offset + 10, 4))
+  subtree:add(header.type_25, tvb:range(offset + 14, 4))
+  local length = subtree:add(header.length_25, tvb:range(offset + 18, 4))
+  subtree:add(header.stream, tvb:range(offset + 22, 4))
+  subtree:add(header.sequence, tvb:range(offset + 26, 4))
+  if fault == "length" then
+    length:add_proto_expert_info(expert.length, string.format(
+      "%d, expected 1 to %d", found.length, MAX_DATA_25))
+    return
+  elseif fault then
+    length:add_proto_expert_info(expert.short, string.format(
+      "%d bytes, expected a message of %d", tvb:len() - offset, found.total))
+    return
+  end
+  local data = tvb:range(offset + HEADER_25, found.length)
+  if message then
+    dissect_data(message, data, subtree)
+  else
+    subtree:add(header.data, data):add_proto_expert_info(expert.unknown)
+  end
+  add_checksum(subtree, checksum_25(tvb, offset, found))
   return offset + found.total
 end
 
@@ -394,9 +506,10 @@ function proto.dissector(buffer, pinfo, tree)
     item:add_proto_expert_info(expert.oversized, string.format(
       "%d bytes, expected at most %d", tvb:len(), MAX_DATAGRAM))
   end
+  local dissect = is_25(tvb) and dissect_message_25 or dissect_message
   local offset = 0
   while offset and offset < tvb:len() do
-    offset = dissect_message(tvb, offset, tree, labels)
+    offset = dissect(tvb, offset, tree, labels)
   end
   pinfo.cols.info = table.concat(labels, ", ")
   return tvb:len()
@@ -404,8 +517,21 @@ end
 
 -- The heuristic: a datagram on another port is ours only if every message in it is valid to the last byte. Every
 -- UDP datagram without a dissector of its own passes here, and a weaker test would claim those of other protocols.
+local function valid_25(tvb)
+  local offset = 0
+  repeat
+    local found, fault = read_header_25(tvb, offset)
+    if fault or not VERSIONS_25[found.version] or not message_25(found) then return false end
+    local place, expected = checksum_25(tvb, offset, found)
+    if place:uint() ~= expected then return false end
+    offset = offset + found.total
+  until offset == tvb:len()
+  return true
+end
+
 local function valid(tvb)
-  if tvb:len() > MAX_DATAGRAM then return false end
+  if tvb:len() == 0 or tvb:len() > MAX_DATAGRAM then return false end
+  if is_25(tvb) then return valid_25(tvb) end
   local offset = 0
   repeat
     local found, fault = read_header(tvb, offset)

@@ -5,6 +5,7 @@ use std::fmt::Write;
 
 use mapping::support;
 use stanag_msgs::disputed::{Choices, DISPUTED};
+use stanag_msgs::ed25;
 use stanag_msgs::enums::{EnumInfo, EnumKind};
 use stanag_msgs::table::{FieldInfo, MESSAGES, MessageInfo};
 
@@ -73,7 +74,15 @@ pub(super) fn place(message: &MessageInfo) -> String {
 pub(super) fn pages() -> Vec<(String, String)> {
     let mut pages = vec![
         ("README.md".to_owned(), index()),
-        ("enumerations.md".to_owned(), enumerations_page()),
+        (
+            "enumerations.md".to_owned(),
+            enumerations_page(Edition::Later),
+        ),
+        ("edition-2.5.md".to_owned(), ed25_page()),
+        (
+            "edition-2.5-values.md".to_owned(),
+            enumerations_page(Edition::Ed25),
+        ),
         ("disputed.md".to_owned(), disputed()),
     ];
     pages.extend(
@@ -89,7 +98,7 @@ fn index() -> String {
         "# The DLI messages\n\n{GENERATED}\n\n\
          Layouts of STANAG 4586 Edition 4 (AEP-84 Vol II) as far as public secondary sources give them, and the private\n\
          messages of this project. [What this VSM does with them](../support.md), [the values](enumerations.md),\n\
-         [what sources leave open](disputed.md).\n\n| types | group | messages |\n|---|---|---|\n"
+         [what sources leave open](disputed.md). [Edition 2.5](edition-2.5.md) is apart, from its public text.\n\n| types | group | messages |\n|---|---|---|\n"
     );
     for group in GROUPS {
         let names: Vec<String> = messages(group)
@@ -170,13 +179,94 @@ fn message(message: &MessageInfo) -> String {
                 .map_or_else(String::new, |note| format!(" ({})", escaped(note))),
             wire(field),
             scale(field),
-            values(field),
+            values(field, "enumerations.md"),
             confidence(message, field),
             received(does.received),
             if does.sent.is_some() { "yes" } else { "" },
         );
     }
     text
+}
+
+fn ed25_page() -> String {
+    let mut page = format!(
+        "# Edition 2.5\n\n{GENERATED}\n\n\
+         All messages of Edition 2.5 (February 2007), from its public text: clause and table are those of its Appendix B1.\n\
+         Every field is always sent, in the order of its number. `vsm decode` and `vsm encode` read and write them\n\
+         (`\"idd\": \"2.5\"`), the Wireshark dissector shows them; the bridge does not serve a CUCS of this edition yet.\n\
+         The last column has the field of Edition 4 that holds the same, where one is known.\n\n\
+         | type | message | from | LOI | bytes | Edition 4 |\n|---|---|---|---|---|---|\n"
+    );
+    for message in ed25::messages() {
+        let heading = heading(message);
+        let _ = writeln!(
+            page,
+            "| {} | [{}](#{}) | {} | {} | {} | {} |",
+            message.id,
+            message.name,
+            anchor(&heading),
+            message.direction.text(),
+            list(message.loi),
+            message.full_bytes(),
+            list(message.ed4_messages),
+        );
+    }
+    for message in ed25::messages() {
+        page.push_str(&ed25_message(message));
+    }
+    page
+}
+
+fn ed25_message(message: &MessageInfo) -> String {
+    let mut text = format!(
+        "\n## {}\n\n{}, {}; clause {}, table {}; {} bytes.",
+        heading(message),
+        message.direction.text(),
+        message.traffic.text(),
+        message.source,
+        message.table.unwrap_or("-"),
+        message.full_bytes(),
+    );
+    if let Some(latency_ms) = message.latency_ms {
+        let _ = write!(text, " Latency at most {latency_ms} ms.");
+    }
+    if let Some(note) = message.note {
+        let _ = write!(text, " Note: {}.", escaped(note));
+    }
+    text.push_str("\n\n| field | id | name | type | step, unit | values | Edition 4 |\n|---|---|---|---|---|---|---|\n");
+    for field in message.fields {
+        let notes = [
+            field.note,
+            field.confidence.map(|_| "not clear in the text"),
+        ];
+        let notes: Vec<_> = notes.into_iter().flatten().map(escaped).collect();
+        let _ = writeln!(
+            text,
+            "| {} | {} | {}{} | {} | {} | {} | {} |",
+            field.bit + 1,
+            field.uid.unwrap_or(""),
+            escaped(field.name),
+            if notes.is_empty() {
+                String::new()
+            } else {
+                format!(" ({})", notes.join("; "))
+            },
+            wire(field),
+            scale(field),
+            values(field, "edition-2.5-values.md"),
+            field
+                .ed4
+                .map_or_else(String::new, |(message, number)| format!(
+                    "{message}.{number:02}"
+                )),
+        );
+    }
+    text
+}
+
+fn list<T: ToString>(items: &[T]) -> String {
+    let items: Vec<_> = items.iter().map(T::to_string).collect();
+    items.join(", ")
 }
 
 fn heading(message: &MessageInfo) -> String {
@@ -214,10 +304,10 @@ fn scale(field: &FieldInfo) -> String {
     }
 }
 
-fn values(field: &FieldInfo) -> String {
-    let mut cell = field.enumeration.map_or_else(String::new, |info| {
-        format!("[{0}](enumerations.md#{0})", info.name)
-    });
+fn values(field: &FieldInfo, page: &str) -> String {
+    let mut cell = field
+        .enumeration
+        .map_or_else(String::new, |info| format!("[{0}]({page}#{0})", info.name));
     if let Some((low, high)) = field.range {
         if !cell.is_empty() {
             cell.push_str(", ");
@@ -227,19 +317,43 @@ fn values(field: &FieldInfo) -> String {
     cell
 }
 
+/// A table of messages: each has enumerations of its own.
+#[derive(Clone, Copy)]
+pub(super) enum Edition {
+    /// Editions 3 and 4.
+    Later,
+    /// Edition 2.5.
+    Ed25,
+}
+
+impl Edition {
+    /// The messages, in the order of their types.
+    pub(super) fn messages(self) -> Vec<&'static MessageInfo> {
+        match self {
+            Self::Later => MESSAGES.iter().collect(),
+            Self::Ed25 => ed25::messages().collect(),
+        }
+    }
+}
+
 /// The enumerations and bitmaps that fields of the table have, by name.
-pub(super) fn enumerations() -> BTreeMap<&'static str, &'static EnumInfo> {
-    MESSAGES
-        .iter()
+pub(super) fn enumerations(edition: Edition) -> BTreeMap<&'static str, &'static EnumInfo> {
+    edition
+        .messages()
+        .into_iter()
         .flat_map(|message| message.fields)
         .filter_map(|field| field.enumeration)
         .map(|info| (info.name, info))
         .collect()
 }
 
-fn enumerations_page() -> String {
-    let mut page = format!("# The values of fields\n\n{GENERATED}\n");
-    for info in enumerations().values() {
+fn enumerations_page(edition: Edition) -> String {
+    let title = match edition {
+        Edition::Later => "The values of fields",
+        Edition::Ed25 => "The values of fields in Edition 2.5",
+    };
+    let mut page = format!("# {title}\n\n{GENERATED}\n");
+    for info in enumerations(edition).values() {
         let _ = write!(page, "\n## {}\n\n", info.name);
         if !info.description.is_empty() {
             let _ = write!(page, "{}. ", escaped(info.description));

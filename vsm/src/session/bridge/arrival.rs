@@ -268,7 +268,7 @@ fn drop_name(fault: &WrapperError) -> &'static str {
         WrapperError::Oversized { .. } => "oversized",
         WrapperError::NoHeader { .. } | WrapperError::Truncated { .. } => "truncated",
         WrapperError::Length { .. } => "bad length",
-        WrapperError::Idd { .. } => "unknown IDD version",
+        WrapperError::Idd { .. } | WrapperError::Version { .. } => "unknown IDD version",
         WrapperError::ChecksumStyle { .. } => "unknown checksum style",
         WrapperError::Checksum { .. } => "wrong checksum",
     }

@@ -11,7 +11,7 @@ use kit::{Random, tools};
 use serde_json::{Map, Value, json};
 use stanag_msgs::json::{decode_line, encode_line};
 use stanag_msgs::table::{FieldInfo, MESSAGES, MessageInfo, Wire};
-use stanag_msgs::{Bam32, ChecksumStyle, Envelope, Id, Message, TimeStamp, messages};
+use stanag_msgs::{Bam32, ChecksumStyle, Envelope, Id, Message, TimeStamp, ed25, messages};
 
 #[test]
 fn every_field_of_every_message_is_shown_as_the_codec_reads_it() {
@@ -62,6 +62,87 @@ fn every_field_of_every_message_is_shown_as_the_codec_reads_it() {
     }
     let fields: usize = MESSAGES.iter().map(|message| message.fields.len()).sum();
     assert!(compared > fields, "{compared} values of {fields} fields");
+}
+
+#[test]
+fn every_field_of_edition_2_5_is_shown_as_the_codec_reads_it() {
+    let Some(tshark) = Tshark::find() else { return };
+    let mut random = Random::with_seed(0x25);
+    let mut lines = Vec::new();
+    for (message, idd) in ed25::messages().zip(["2.5", "7", "8", "9"].into_iter().cycle()) {
+        let version = ed25::Version::from_text(idd).unwrap();
+        let message = ed25::message(message.id.into(), version).unwrap();
+        let line = json!({
+            "id": message.id,
+            "idd": idd,
+            "instance": random.u32(..),
+            "fields": random_fields(message, true, &mut random),
+        });
+        lines.push((message, encode_line(&line.to_string(), true).unwrap()));
+    }
+    let datagrams: Vec<Vec<u8>> = lines.iter().map(|(_, line)| bytes(line)).collect();
+    // On another port: found by what they carry.
+    for port in [PORT, 40_001] {
+        let shown = tshark.dissect("ed25", port, &datagrams, &[]);
+        assert_eq!(shown.len(), lines.len());
+        for ((message, line), shown) in lines.iter().zip(&shown) {
+            let raw = only(decode_line(line, true));
+            let scaled = only(decode_line(line, false));
+            assert_eq!(raw["idd"].as_str(), shown.text("stanag4586.version"));
+            for (ours, theirs) in [("id", "ed25.type"), ("instance", "instance")] {
+                let theirs = shown.number(&format!("stanag4586.{theirs}"));
+                assert_eq!(raw[ours].as_f64(), Some(theirs), "{ours} of {line}");
+            }
+            for field in message.fields {
+                let key = format!("stanag4586.ed25.{}.{}", snake(message.rust), field.rust);
+                compare(
+                    field,
+                    &key,
+                    &raw["fields"][field.name],
+                    &scaled["fields"][field.name],
+                    shown,
+                );
+            }
+            let complaints = shown.complaints();
+            assert!(
+                complaints
+                    .iter()
+                    .all(|complaint| complaint == "out_of_range"),
+                "{complaints:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn faults_of_edition_2_5_are_expert_warnings_too() {
+    let Some(tshark) = Tshark::find() else { return };
+    let line = json!({"id": 42, "idd": "2.5", "fields": {"Vehicle ID": 1}}).to_string();
+    let good = bytes(&encode_line(&line, true).unwrap());
+    let edited = |at: usize, value: u8| {
+        let mut bytes = good.clone();
+        bytes[at] = value;
+        bytes
+    };
+    let cases = [
+        ("bad_checksum", edited(40, 0xEE)),
+        ("bad_length", edited(20, 0xFF)),
+        ("short", edited(21, 200)),
+        ("short", good[..20].to_vec()),
+        ("unknown_idd", edited(2, b'6')),
+        ("unknown_type", edited(16, 9)),
+        ("short_field", edited(17, 1)),
+        ("oversized", [good.clone(), vec![0; 600]].concat()),
+    ];
+    let datagrams: Vec<Vec<u8>> = cases.iter().map(|(_, bytes)| bytes.clone()).collect();
+    let shown = tshark.dissect("faults25", PORT, &datagrams, &[]);
+    for ((fault, _), shown) in cases.iter().zip(&shown) {
+        let complaints = shown.complaints();
+        assert!(
+            complaints.iter().any(|c| c == fault),
+            "{fault}: {complaints:?}"
+        );
+    }
 }
 
 #[test]
@@ -187,13 +268,8 @@ fn close(key: &str, ours: f64, theirs: f64) {
     );
 }
 
-/// A message in hexadecimal: all fields of known length, or a random choice of them.
-fn random_message(
-    message: &'static MessageInfo,
-    full: bool,
-    checksum: u8,
-    random: &mut Random,
-) -> String {
+/// Raw values of all fields of known length, or of a random choice of them.
+fn random_fields(message: &MessageInfo, full: bool, random: &mut Random) -> Map<String, Value> {
     let mut fields = Map::new();
     for field in message.fields {
         if field.wire.bytes().is_none() || !(full || random.bool()) {
@@ -215,6 +291,11 @@ fn random_message(
         };
         fields.insert(field.name.to_owned(), value);
     }
+    fields
+}
+
+/// A message in hexadecimal.
+fn random_message(message: &MessageInfo, full: bool, checksum: u8, random: &mut Random) -> String {
     let line = json!({
         "id": message.id,
         "source": random.u32(..),
@@ -222,7 +303,7 @@ fn random_message(
         "ack": random.bool(),
         "idd": if checksum == 3 { 32 } else { 30 + random.u64(..3) },
         "checksum": checksum,
-        "fields": fields,
+        "fields": random_fields(message, full, random),
     });
     encode_line(&line.to_string(), true).unwrap()
 }
