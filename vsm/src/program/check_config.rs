@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::config::airside::AirsideConfig;
 use crate::config::{Config, ExchangeMode, Signing};
-use crate::shell::key_file;
+use crate::shell::key_file::{self, KeyFileError};
 use crate::shell::server::StartError;
 use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
@@ -58,15 +58,14 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
                 "signed, no key yet: begin with `vsm pair`".to_owned()
             }
             Signing::KeyFile(file, _) => {
-                let key = key_file::read(file).map_err(bad)?;
-                let key = key.id();
+                let (key, place) = read_key(file, path).map_err(bad)?;
                 if let Some((one, _)) = keys.iter().find(|(_, known)| *known == key) {
                     let (one, other) = (*one, vehicle.id);
                     let fault = StartError::SameKey { one, other, key };
                     return Err(bad(fault));
                 }
                 keys.push((vehicle.id, key));
-                format!("signed, key id {key}")
+                format!("signed, key id {key}{place}")
             }
             Signing::Off => "NOT SIGNED: anyone in range can command it".to_owned(),
         };
@@ -77,6 +76,25 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     }
     print(&text)
 }
+
+/// The id of a vehicle's key. The packaged unit copies the key that lies beside the configuration to its place at its first
+/// start: until then that one is checked, or missing, since a second key made in that place would not be the vehicle's.
+fn read_key(file: &Path, config: &Path) -> Result<(KeyId, String), KeyFileError> {
+    match key_file::read(file) {
+        Ok(key) => Ok((key.id(), String::new())),
+        Err(KeyFileError::Absent { .. }) if file.starts_with(SERVICE_STATE) => {
+            let beside = config.with_file_name(file.file_name().unwrap_or_default());
+            let key = key_file::read(&beside)?;
+            let (from, to) = (beside.display(), file.display());
+            let place = format!(", in {from}: vsm.service copies it to {to} at its first start");
+            Ok((key.id(), place))
+        }
+        Err(fault) => Err(fault),
+    }
+}
+
+/// `StateDirectory` of the packaged unit.
+const SERVICE_STATE: &str = "/var/lib/vsm";
 
 fn check_airside(path: &Path) -> Result<(), Failure> {
     let config = AirsideConfig::load(path).map_err(bad)?;

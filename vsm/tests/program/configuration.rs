@@ -278,6 +278,39 @@ fn the_reference_names_every_key() {
     }
 }
 
+/// The unit copies the key from beside the configuration: advice to make one in its place would make a second.
+#[test]
+fn the_packaged_configuration_has_one_key_before_its_first_start() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (config, key) = (
+        folder.path().join("vsm.toml"),
+        folder.path().join("uav1.key"),
+    );
+    let packaged = include_str!("../../../packaging/vsm.toml");
+    // Where a bridge is installed here, its key is none of this test's.
+    let packaged = packaged.replace("/var/lib/vsm/", "/var/lib/vsm/no-such-folder/");
+    std::fs::write(&config, packaged).expect("the configuration");
+    let vsm = |words: &[&str]| {
+        let mut command = std::process::Command::new(kit::process::program("vsm"));
+        let output = command
+            .args(words)
+            .arg(if words[0] == "keygen" { &key } else { &config });
+        let output = output.output().expect("vsm");
+        let text = [output.stdout, output.stderr].concat();
+        (
+            output.status.success(),
+            String::from_utf8_lossy(&text).into_owned(),
+        )
+    };
+    let (good, printed) = vsm(&["check-config"]);
+    let advice = format!("`vsm keygen {}`", key.display());
+    assert!(!good && printed.contains(&advice), "{printed}");
+    assert!(vsm(&["keygen"]).0);
+    let (good, printed) = vsm(&["check-config"]);
+    let place = format!("in {}: vsm.service copies it", key.display());
+    assert!(good && printed.contains(&place), "{printed}");
+}
+
 const AGENT: &str = r#"
 [agent]
 vehicle_id = "1b:00:01:01"
