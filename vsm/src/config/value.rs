@@ -4,6 +4,7 @@ use std::fmt;
 use std::net::SocketAddr;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
@@ -70,6 +71,15 @@ impl LinkAddress {
             },
             _ => None,
         }
+    }
+}
+
+impl FromStr for LinkAddress {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        LinkAddress::parse(text)
+            .ok_or_else(|| format!("{text:?} is no link: expected {}", LinkAddress::EXPECTED))
     }
 }
 

@@ -482,7 +482,7 @@ pub(super) fn open(which: &Which) -> Result<(Config, Vehicle, PathBuf, Exchange)
     Ok((config.clone(), vehicle.clone(), path.clone(), *exchange))
 }
 
-fn wall_stamp() -> anyhow::Result<Stamp> {
+pub(super) fn wall_stamp() -> anyhow::Result<Stamp> {
     let wall = SystemTime::now()
         .duration_since(UNIX_EPOCH)
         .context("this computer's clock is before 1970")?;

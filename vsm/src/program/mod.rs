@@ -7,6 +7,7 @@ mod config_arg;
 #[cfg(feature = "demo")]
 mod demo;
 mod dli_lines;
+mod init;
 mod key;
 mod pair;
 mod process;
@@ -35,6 +36,8 @@ pub(crate) struct Arguments {
 enum Command {
     #[cfg(feature = "demo")]
     Demo(demo::Arguments),
+    /// Write a configuration and its signing key: ask for what the options leave out
+    Init(init::Init),
     /// Run the bridge for the vehicles of a configuration, until SIGTERM or SIGINT
     Run {
         #[command(flatten)]
@@ -114,6 +117,7 @@ pub fn main() -> ExitCode {
     let done = match arguments.command {
         #[cfg(feature = "demo")]
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Init(arguments) => init::run(&arguments),
         Command::Run { config } => run::run(config.path()),
         Command::Airside(arguments) => airside::run(arguments),
         Command::CheckConfig { config } => check_config::check(config.path()),

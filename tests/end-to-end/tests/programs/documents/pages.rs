@@ -109,8 +109,14 @@ impl Scratch {
 
     fn arguments(&self, name: &str, rest: &[&str]) -> Vec<String> {
         let mut arguments: Vec<String> = rest.iter().map(|word| self.here(word)).collect();
-        if name == "cucs" {
-            arguments.extend(["--vsm".to_owned(), self.dli.clone()]);
+        match (name, rest.first()) {
+            ("cucs", _) => arguments.extend(["--vsm".to_owned(), self.dli.clone()]),
+            ("vsm", Some(&"init")) => {
+                let link = format!("udpin:{}", self.mavlink);
+                arguments.extend(["--listen".to_owned(), self.dli.clone()]);
+                arguments.extend(["--link".to_owned(), link]);
+            }
+            _ => {}
         }
         arguments
     }
