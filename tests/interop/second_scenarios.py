@@ -268,7 +268,7 @@ def altitude(subject):
 def no_fix(subject):
     a, _ = placed(subject)
     subject.order("fix off")
-    a.pump(0.3)
+    a.pump(0.5)
     return "Latitude" in a.wait(lambda m: m.id == 4000, 2).fields
 
 

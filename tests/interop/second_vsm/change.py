@@ -9,15 +9,16 @@ class Change:
     id: str
     title: str
     build: object
+    caught_by: tuple = ()
 
 
 def table():
     """A table of changes, and the decorator that adds a function to it."""
     changes = {}
 
-    def entry(id, title):
+    def entry(id, title, caught_by=""):
         def add(build):
-            changes[id] = Change(id, title, build)
+            changes[id] = Change(id, title, build, tuple(caught_by.split()))
             return build
         return add
     return changes, entry

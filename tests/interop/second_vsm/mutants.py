@@ -1,7 +1,8 @@
 """The 60 faults of a VSM that the conformance suite has to find, each in one place.
 
 A fault replaces one or a few methods of a VSM that is otherwise lawful; the ids are those of the suite's
-table of faults. `old` is always the lawful method.
+table of faults, and each names the rules that have to fail, the first one in any case. `old` is always the
+lawful method.
 """
 import math
 import struct
@@ -12,7 +13,7 @@ from . import units
 from .authority import CONTROL, LOI_4
 from .change import each, replace, table
 from .steering import LOITER, NO_MODE, RETURN, Outcome
-from .wire import HEADER, TRAILER_BYTES, reference
+from .wire import BROADCAST, HEADER, TRAILER_BYTES, reference
 
 MUTANTS, mutant = table()
 
@@ -39,7 +40,7 @@ def change_sent(vsm, alter):
     replace(vsm.codec, "encode", lambda old: lambda id, source, destination, fields, ack=False: old(id, source, destination, alter(id, fields), ack))
 
 
-@mutant("V01", "header words written least significant byte first")
+@mutant("V01", "header words written least significant byte first", "SCALAR-001 WRAP-001")
 def _(vsm):
     def alter(wire):
         header, data, style = parts_of(wire)
@@ -47,7 +48,7 @@ def _(vsm):
     change_wire(vsm, alter)
 
 
-@mutant("V02", "Vehicle Type in #2 and #3 with its bytes exchanged")
+@mutant("V02", "Vehicle Type in #2 and #3 with its bytes exchanged", "SCALAR-001 DISC-006")
 def _(vsm):
     def alter(id, fields):
         if id not in (2, 3):
@@ -56,7 +57,7 @@ def _(vsm):
     change_sent(vsm, alter)
 
 
-@mutant("V03", "Length counts header and checksum as well")
+@mutant("V03", "Length counts header and checksum as well", "WRAP-003")
 def _(vsm):
     def alter(wire):
         header, data, style = parts_of(wire)
@@ -69,12 +70,12 @@ def _(vsm):
         old(datagram, at) - HEADER.size - TRAILER_BYTES[datagram[at + 15] >> 6] if old(datagram, at) == len(datagram) - at else old(datagram, at)))
 
 
-@mutant("V04", "checksum is never verified")
+@mutant("V04", "checksum is never verified", "WRAP-009")
 def _(vsm):
     replace(vsm.codec, "checksum_matches", lambda old: lambda style, covered, trailer: True)
 
 
-@mutant("V05", "checksum is summed over the data only")
+@mutant("V05", "checksum is summed over the data only", "WRAP-007 WRAP-006")
 def _(vsm):
     def alter(wire):
         header, data, style = parts_of(wire)
@@ -82,7 +83,7 @@ def _(vsm):
     change_wire(vsm, alter)
 
 
-@mutant("V06", "byte sum kept in 16 bits though style 2 promises 32")
+@mutant("V06", "byte sum kept in 16 bits though style 2 promises 32", "WRAP-007")
 def _(vsm):
     def alter(wire):
         header, data, style = parts_of(wire)
@@ -92,7 +93,7 @@ def _(vsm):
         trailer == (sum(covered) & 0xFFFF).to_bytes(4, "big") if style == 2 else old(style, covered, trailer)))
 
 
-@mutant("V07", "checksum style in the properties is always 0, though a trailer follows")
+@mutant("V07", "checksum style in the properties is always 0, though a trailer follows", "WRAP-007")
 def _(vsm):
     def alter(wire):
         header, data, style = parts_of(wire)
@@ -102,17 +103,17 @@ def _(vsm):
     change_wire(vsm, alter)
 
 
-@mutant("V08", "only the first message of a datagram is taken")
+@mutant("V08", "only the first message of a datagram is taken", "WRAP-005 ROBUST-003")
 def _(vsm):
     replace(vsm.codec, "split", lambda old: lambda datagram: list(old(datagram))[:1])
 
 
-@mutant("V09", "everything after an unknown message in a datagram is lost")
+@mutant("V09", "everything after an unknown message in a datagram is lost", "ROBUST-003")
 def _(vsm):
     replace(vsm.codec, "continues_after_unknown", lambda old: lambda: False)
 
 
-@mutant("V10", "answers longer than 548 bytes")
+@mutant("V10", "answers longer than 548 bytes", "WRAP-004")
 def _(vsm):
     replace(vsm.codec, "pack", lambda old: lambda wires: [b"".join(wires)])
     for vehicle in vsm.vehicles:
@@ -123,17 +124,17 @@ def _(vsm):
         vehicle.configuration.tick = tick
 
 
-@mutant("V11", "IDD version not looked at")
+@mutant("V11", "IDD version not looked at", "WRAP-013")
 def _(vsm):
     replace(vsm.codec, "serves", lambda old: lambda idd: True)
 
 
-@mutant("V12", "destination not looked at: obeys commands for any vehicle")
+@mutant("V12", "destination not looked at: obeys commands for any vehicle", "WRAP-017 MULTI-002")
 def _(vsm):
     replace(vsm, "addressed", lambda old: lambda message: old(message) or vsm.vehicles[:1])
 
 
-@mutant("V13", "source is the VSM id in status of all vehicles")
+@mutant("V13", "source is the VSM id in status of all vehicles", "WRAP-016 MULTI-002")
 def _(vsm):
     each(vsm, "", "source", lambda old: lambda: vsm.options.vsm_id)
 
@@ -146,23 +147,23 @@ def change_bams(vsm, alter):
     change_sent(vsm, lambda id, fields: {n: alter(v, kinds[id][n]) if n in kinds[id] else v for n, v in fields.items()})
 
 
-@mutant("V14", "binary angles as offset binary")
+@mutant("V14", "binary angles as offset binary", "SCALAR-003")
 def _(vsm):
     change_bams(vsm, lambda raw, bits: raw - 2 ** (bits - 1) if raw >= 0 else raw + 2 ** (bits - 1))
 
 
-@mutant("V15", "binary angle step pi/2^n: half of each angle")
+@mutant("V15", "binary angle step pi/2^n: half of each angle", "SCALAR-003 SCALAR-008")
 def _(vsm):
     change_bams(vsm, lambda raw, bits: raw // 2)
 
 
-@mutant("V16", "altitude step 0.025 m instead of 0.02 m")
+@mutant("V16", "altitude step 0.025 m instead of 0.02 m", "SCALAR-004 STAT-008")
 def _(vsm):
     each(vsm, "", "altitude_field", lambda old: lambda altitude: round(altitude / 0.025))
     each(vsm, "", "above_sea", lambda old: lambda altitude, kind: old(altitude / units.ALTITUDE_STEP_M * 0.025, kind))
 
 
-@mutant("V17", "altitudes come back one step off: rounded through a float")
+@mutant("V17", "altitudes come back one step off: rounded through a float", "ROUTE-008 SCALAR-004")
 def _(vsm):
     def rounded(fields):
         if "Waypoint to Altitude" not in fields:
@@ -172,7 +173,7 @@ def _(vsm):
     each(vsm, "mission", "download_of", lambda old: lambda plan: [(id, rounded(fields)) for id, fields in old(plan)])
 
 
-@mutant("V18", "presence vector bit 0 stands for field 2")
+@mutant("V18", "presence vector bit 0 stands for field 2", "PV-002 PV-003")
 def _(vsm):
     def alter(wire):
         header, data, style = parts_of(wire)
@@ -182,7 +183,7 @@ def _(vsm):
     change_wire(vsm, alter)
 
 
-@mutant("V19", "presence vector ignored: all fields expected in every command")
+@mutant("V19", "presence vector ignored: all fields expected in every command", "PV-004 PV-007 MODE-015")
 def _(vsm):
     def make(old):
         def fields(layout, data):
@@ -193,7 +194,7 @@ def _(vsm):
     replace(vsm.codec, "fields", make)
 
 
-@mutant("V20", "absent fields read as 0")
+@mutant("V20", "absent fields read as 0", "PV-004 MODE-015")
 def _(vsm):
     each(vsm, "steering", "setting", lambda old: lambda fields, name: fields.get(name, 0))
     each(vsm, "steering", "problem_of_loiter", lambda old: lambda settings: None)
@@ -201,7 +202,7 @@ def _(vsm):
     each(vsm, "steering", "altitude", lambda old: lambda fields: old({"Commanded Altitude": 0, "Altitude Type": 2, **fields}))
 
 
-@mutant("V21", "text fields filled to the last byte without NUL")
+@mutant("V21", "text fields filled to the last byte without NUL", "SCALAR-005")
 def _(vsm):
     def alter(id, source, destination, fields, ack=False):
         layout = reference.MESSAGES[id]["fields"]
@@ -222,23 +223,23 @@ def _(vsm):
     vsm.codec.encode = alter
 
 
-@mutant("V22", "reserved flight path mode 13 sent while the vehicle is in an unknown mode")
+@mutant("V22", "reserved flight path mode 13 sent while the vehicle is in an unknown mode", "SCALAR-006")
 def _(vsm):
     each(vsm, "steering", "reported_mode", lambda old: lambda: 13 if old() in (NO_MODE, RETURN) else old())
 
 
-@mutant("V23", "heading is magnetic")
+@mutant("V23", "heading is magnetic", "SCALAR-008")
 def _(vsm):
     for vehicle in vsm.vehicles:
         replace(vehicle, "reported_heading", lambda old, v=vehicle: lambda heading: heading - v.aircraft.variation)
 
 
-@mutant("V24", "vertical speed with up positive in W_Speed")
+@mutant("V24", "vertical speed with up positive in W_Speed", "STAT-007")
 def _(vsm):
     each(vsm, "", "down_speed", lambda old: lambda up: units.fine(up))
 
 
-@mutant("V25", "altitude above the sea reported as type 3")
+@mutant("V25", "altitude above the sea reported as type 3", "STAT-008")
 def _(vsm):
     for vehicle in vsm.vehicles:
         replace(vehicle, "reported_altitude", lambda old, v=vehicle: lambda above_sea: v.altitude_field(above_sea))
@@ -252,17 +253,17 @@ def change_discovery(vsm, make):
         replace(vehicle, "authorise", lambda old, v=vehicle: make(old, v))
 
 
-@mutant("V26", "broadcast discovery unanswered, directed request answered")
+@mutant("V26", "broadcast discovery unanswered, directed request answered", "DISC-001")
 def _(vsm):
-    change_discovery(vsm, lambda old, v: lambda message, discovery: Outcome() if message.destination not in (v.id, v.real_id) else old(message, discovery))
+    replace(vsm, "addressed", lambda old: lambda message: [] if message.id == 1 and message.destination == BROADCAST else old(message))
 
 
-@mutant("V27", "one response for two vehicles")
+@mutant("V27", "one response for two vehicles", "DISC-002")
 def _(vsm):
     replace(vsm, "addressed", lambda old: lambda message: old(message)[:1])
 
 
-@mutant("V28", "LOI Granted in the discovery answer repeats LOI Authorised")
+@mutant("V28", "LOI Granted in the discovery answer repeats LOI Authorised", "DISC-003 AUTH-016")
 def _(vsm):
     def make(old, v):
         def authorise(message, discovery):
@@ -272,7 +273,7 @@ def _(vsm):
     change_discovery(vsm, make)
 
 
-@mutant("V29", "CUCS ids that are not listed may discover and connect")
+@mutant("V29", "CUCS ids that are not listed may discover and connect", "DISC-004")
 def _(vsm):
     access = next(iter(vsm.access.values()))
 
@@ -282,7 +283,7 @@ def _(vsm):
     vsm.known_source = known
 
 
-@mutant("V30", "discovery of the controller is taken as a release")
+@mutant("V30", "discovery of the controller is taken as a release", "DISC-007")
 def _(vsm):
     def make(old, v):
         def authorise(message, discovery):
@@ -293,7 +294,7 @@ def _(vsm):
     change_discovery(vsm, make)
 
 
-@mutant("V31", "LOI bits 2, 4, 8, 16")
+@mutant("V31", "LOI bits 2, 4, 8, 16", "AUTH-012")
 def _(vsm):
     change_sent(vsm, lambda id, fields: {n: v << 1 if n in ("LOI Authorized", "LOI Granted") else v for n, v in fields.items()})
 
@@ -306,18 +307,18 @@ def _(vsm):
     replace(vsm, "take", make)
 
 
-@mutant("V32", "LOI 4 granted to two CUCSs")
+@mutant("V32", "LOI 4 granted to two CUCSs", "AUTH-002 HAND-002 MULTI-004")
 def _(vsm):
     for vehicle in vsm.vehicles:
         vehicle.authority._take_control = lambda cucs, loi, access, now, a=vehicle.authority: a.give(cucs, loi)
 
 
-@mutant("V33", "override granted to anyone")
+@mutant("V33", "override granted to anyone", "AUTH-003 AUTH-011")
 def _(vsm):
     each(vsm, "authority", "may_override", lambda old: lambda cucs: True)
 
 
-@mutant("V34", "override leaves the former holder's commands valid for some seconds")
+@mutant("V34", "override leaves the former holder's commands valid for some seconds", "AUTH-003 HAND-002")
 def _(vsm):
     for vehicle in vsm.vehicles:
         former = {}
@@ -330,7 +331,7 @@ def _(vsm):
             None if former.get(message.source, 0) > v.now() else old(message)))
 
 
-@mutant("V35", "control given up after 30 s without a command")
+@mutant("V35", "control given up after 30 s without a command", "AUTH-004")
 def _(vsm):
     commanded = {}
     for vehicle in vsm.vehicles:
@@ -348,7 +349,7 @@ def _(vsm):
         vehicle.handle, vehicle.watch_station = handle, watch
 
 
-@mutant("V36", "release by any CUCS frees the vehicle")
+@mutant("V36", "release by any CUCS frees the vehicle", "AUTH-017")
 def _(vsm):
     for vehicle in vsm.vehicles:
         def release(cucs, loi, stations, now, a=vehicle.authority, lawful=vehicle.authority.release):
@@ -361,18 +362,18 @@ def without_loi(vsm, *ids):
     each(vsm, "", "permits", lambda old: lambda message: None if message.id in ids else old(message))
 
 
-@mutant("V37", "2016 and 2017 accepted without LOI 4")
+@mutant("V37", "2016 and 2017 accepted without LOI 4", "AUTH-006")
 def _(vsm):
     without_loi(vsm, 2016, 2017)
 
 
-@mutant("V38", "payload commands accepted from the holder of LOI 4 alone")
+@mutant("V38", "payload commands accepted from the holder of LOI 4 alone", "AUTH-009 PAYL-002")
 def _(vsm):
     for vehicle in vsm.vehicles:
         replace(vehicle.payloads, "may_command", lambda old, v=vehicle: lambda cucs, mask: old(cucs, mask) or v.authority.has(cucs, LOI_4))
 
 
-@mutant("V39", "station mask ignored: LOI 3 is for all stations")
+@mutant("V39", "station mask ignored: LOI 3 is for all stations", "AUTH-008 PAYL-003")
 def _(vsm):
     for vehicle in vsm.vehicles:
         everywhere = vehicle.payloads.mask
@@ -381,12 +382,12 @@ def _(vsm):
         vehicle.payloads.may_command = lambda cucs, mask, a=vehicle.authority: bool(a.stations_of(cucs))
 
 
-@mutant("V40", "mode 21 (launch) accepted with LOI 4")
+@mutant("V40", "mode 21 (launch) accepted with LOI 4", "AUTH-013")
 def _(vsm):
     each(vsm, "steering", "loi_needed", lambda old: lambda fields: 4)
 
 
-@mutant("V41", "control forgotten when the CUCS comes back from another port, or the VSM restarts")
+@mutant("V41", "control forgotten when the CUCS comes back from another port, or the VSM restarts", "AUTH-019 AUTH-018")
 def _(vsm):
     def make(old):
         def peer(source, address):
@@ -402,7 +403,7 @@ def _(vsm):
 
 # Missions
 
-@mutant("V42", "waypoints flown as they arrive, before the load command")
+@mutant("V42", "waypoints flown as they arrive, before the load command", "ROUTE-002")
 def _(vsm):
     for vehicle in vsm.vehicles:
         def store(id, fields, m=vehicle.mission, lawful=vehicle.mission.store):
@@ -415,21 +416,21 @@ def _(vsm):
         vehicle.mission.store = store
 
 
-@mutant("V43", "waypoints flown in order of number")
+@mutant("V43", "waypoints flown in order of number", "ROUTE-004 MODE-004")
 def _(vsm):
     for vehicle in vsm.vehicles:
         replace(vehicle.mission, "flown_order", lambda old, m=vehicle.mission: lambda start: sorted(n for n in m.aboard.waypoints if n >= min(old(start))))
         replace(vehicle.mission, "first_waypoint", lambda old, m=vehicle.mission: lambda kinds: min(m.aboard.waypoints) if old(kinds) else None)
 
 
-@mutant("V44", "route with a gap accepted")
+@mutant("V44", "route with a gap accepted", "ROUTE-006 ROUTE-019")
 def _(vsm):
     for vehicle in vsm.vehicles:
         replace(vehicle.mission, "problem_of_leg", lambda old, m=vehicle.mission: lambda plan, number, fields: (
             old(plan, number, fields) if fields.get("Next Waypoint", 0) in plan.waypoints else None))
 
 
-@mutant("V45", "half an upload kept after a refusal, the old plan gone")
+@mutant("V45", "half an upload kept after a refusal, the old plan gone", "ROUTE-007 HAND-007")
 def _(vsm):
     for vehicle in vsm.vehicles:
         def problem_of_plan(plan, m=vehicle.mission, lawful=vehicle.mission.problem_of_plan):
@@ -440,7 +441,7 @@ def _(vsm):
         vehicle.mission.problem_of_plan = problem_of_plan
 
 
-@mutant("V46", "download returns the autopilot's item numbers and rounded values")
+@mutant("V46", "download returns the autopilot's item numbers and rounded values", "ROUTE-008 STAT-010")
 def _(vsm):
     def download_of(plan):
         items = {number: k for k, number in enumerate(plan.waypoints, 1)}
@@ -450,17 +451,17 @@ def _(vsm):
     each(vsm, "mission", "download_of", lambda old: download_of)
 
 
-@mutant("V47", "loiter duration read as minutes")
+@mutant("V47", "loiter duration read as minutes", "ROUTE-015")
 def _(vsm):
     each(vsm, "mission", "loiter_seconds", lambda old: lambda fields: 60 * old(fields))
 
 
-@mutant("V48", "altitude type ignored: everything is above the sea")
+@mutant("V48", "altitude type ignored: everything is above the sea", "ROUTE-016")
 def _(vsm):
     each(vsm, "", "above_sea", lambda old: lambda altitude, kind: altitude)
 
 
-@mutant("V49", "14000 'complete' sent before the vehicle has taken the plan")
+@mutant("V49", "14000 'complete' sent before the vehicle has taken the plan", "ROUTE-001 ROUTE-007")
 def _(vsm):
     for vehicle in vsm.vehicles:
         def load(cucs, mission, now, m=vehicle.mission, lawful=vehicle.mission.load):
@@ -483,7 +484,7 @@ def _(vsm):
 
 # Modes
 
-@mutant("V50", "mode report shows the mode asked for, though the vehicle refused it")
+@mutant("V50", "mode report shows the mode asked for, though the vehicle refused it", "MODE-002 ACK-007")
 def _(vsm):
     for vehicle in vsm.vehicles:
         asked = []
@@ -501,27 +502,27 @@ def _(vsm):
         vehicle.steering.command_mode, vehicle.steering.reported_mode = command_mode, reported_mode
 
 
-@mutant("V51", "unsupported modes mapped to 'hold'")
+@mutant("V51", "unsupported modes mapped to 'hold'", "MODE-003 CONF-004")
 def _(vsm):
     for vehicle in vsm.vehicles:
         replace(vehicle.steering, "commanded_mode", lambda old, s=vehicle.steering: lambda fields: (
             LOITER if s.problem_of_mode(old(fields)) else old(fields)))
 
 
-@mutant("V52", "flight termination executes without being armed")
+@mutant("V52", "flight termination executes without being armed", "MODE-009")
 def _(vsm):
     each(vsm, "steering", "may_execute", lambda old: lambda: True)
 
 
 # Status
 
-@mutant("V53", "status at 1 Hz whatever 17001 asks for")
+@mutant("V53", "status at 1 Hz whatever 17001 asks for", "STAT-002 STAT-003")
 def _(vsm):
     vsm.push_hz = 1.0
     replace(vsm, "period", lambda old: lambda frequency: 1.0)
 
 
-@mutant("V54", "cancel by one CUCS stops the stream of all")
+@mutant("V54", "cancel by one CUCS stops the stream of all", "MULTI-003")
 def _(vsm):
     def make(old):
         def schedule(cucs, vehicle, id, frequency):
@@ -533,7 +534,7 @@ def _(vsm):
     replace(vsm, "schedule", make)
 
 
-@mutant("V55", "last position repeated with new stamps after the vehicle fell silent")
+@mutant("V55", "last position repeated with new stamps after the vehicle fell silent", "STAT-015 LINK-004 TIME-003")
 def _(vsm):
     for vehicle in vsm.vehicles:
         vehicle.status_is_fresh = lambda: True
@@ -543,30 +544,30 @@ def _(vsm):
         vehicle.aircraft.advance = lambda seconds, v=vehicle, advance=lawful: advance(seconds) if v.link_up else None
 
 
-@mutant("V56", "no fix reported as latitude 0, longitude 0")
+@mutant("V56", "no fix reported as latitude 0, longitude 0", "STAT-014")
 def _(vsm):
     each(vsm, "", "unknown_position", lambda old: lambda: {"Latitude": 0, "Longitude": 0})
 
 
-@mutant("V57", "Configuration Complete sent first")
+@mutant("V57", "Configuration Complete sent first", "CONF-001")
 def _(vsm):
     each(vsm, "configuration", "phase", lambda old: lambda kind, stations: old(kind, stations)[-1:] + old(kind, stations)[:-1])
 
 
 # Acknowledgement and hostile input
 
-@mutant("V58", "acknowledges before doing: type 2 at once for every command")
+@mutant("V58", "acknowledges before doing: type 2 at once for every command", "ACK-007")
 def _(vsm):
     replace(vsm, "settle", lambda old: lambda message, vehicle, outcome: old(message, vehicle, Outcome()))
 
 
-@mutant("V59", "duplicates carried out again")
+@mutant("V59", "duplicates carried out again", "ACK-006 ROBUST-010")
 def _(vsm):
     replace(vsm, "is_duplicate", lambda old: lambda peer, key: False)
     replace(vsm, "untimely", lambda old: lambda message, vehicle, peer: None)
 
 
-@mutant("V60", "endless loop on a message of length 0")
+@mutant("V60", "endless loop on a message of length 0", "ROBUST-002")
 def _(vsm):
     def make(old):
         def split(datagram):

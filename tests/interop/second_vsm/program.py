@@ -39,6 +39,7 @@ class Options:
     variation: float = 15.0
     wind: tuple = (0.0, 0.0)
     link: bool = True
+    fix: bool = True
     on_loss: str = "continue"
     store: str | None = None
 
@@ -88,6 +89,7 @@ def parser():
     p.add_argument("--variation", type=float, default=15.0, metavar="DEGREES", help="magnetic variation, east positive")
     p.add_argument("--wind", type=numbers, default=(0.0, 0.0), metavar="NORTH,EAST", help="where the air moves to, in m/s")
     p.add_argument("--no-link", dest="link", action="store_false", help="start without a vehicle behind the VSM")
+    p.add_argument("--no-fix", dest="fix", action="store_false", help="start without a position fix")
     p.add_argument("--on-loss", choices=["continue", "hold", "contingency", "rtl"], default="continue", help="when the controlling CUCS is lost")
     p.add_argument("--store", metavar="DIR", help="keep the rights of the stations here across restarts")
     p.add_argument("--mutant", action="append", default=[], metavar="ID", choices=sorted(MUTANTS), help="build in a fault (repeat)")

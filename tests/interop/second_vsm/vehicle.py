@@ -40,6 +40,7 @@ class Vehicle:
         home = units.moved(self.options.home[:2], 0.0, 200.0 * number)
         self.aircraft = Aircraft(home, self.options.home[2], self.options.geoid, math.radians(self.options.variation), self.options.wind,
                                  vsm.dice.uniform(-math.pi, math.pi))
+        self.aircraft.fix = self.options.fix
         self.payloads = Payloads(self, self.options.stations)
         self.authority = Authority(vsm.access, self.payloads.mask)
         self.alerts = Alerts(self.announce, vsm.dice.randrange(1, 10_000))

@@ -1,0 +1,239 @@
+#!/usr/bin/env python3
+"""The conformance suite's own proof: judges the lawful VSM, its lawful departures, its faults, a dead port and a bad network.
+
+    prove_conformance.py --dli-check target/debug/dli-check [--only V32 --only lawful] [--all-rules] [--out TABLE.md]
+
+Every run has a second VSM of its own and a limit of time. A fault has to make the first rule fail that it
+names; nothing may fail on what is lawful, on a dead port or with 5 % of the datagrams lost. By default a
+fault is judged by the rules that it names and by a few that it must not touch; `--all-rules` judges all.
+Ends with 0 where all of this holds, 1 where there is a gap, which the table names.
+"""
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lossy_relay import Relay
+from second_scenarios import PROGRAM, free_port
+from second_vsm.mutants import MUTANTS
+from second_vsm.variants import VARIANTS
+
+LIMIT_S = 1200
+LOSS = 0.05
+# Rules that hold on most faulty VSMs: where they fail as well, the reason is looked for.
+UNTOUCHED = ("DISC-001", "AUTH-001", "ACK-001")
+TWO_VEHICLES = {"V13", "V27", "V12", "two-vehicles"}
+# What a fault needs to show.
+CIRCUMSTANCES = {"V56": ["--no-fix"]}
+STATIONS = (("1b:00:00:a0", "2345", True), ("1b:00:00:a1", "2345", True), ("1b:00:00:a2", "2345", False), ("1b:00:00:a3", "24", False),
+            ("1b:00:00:a4", "2", False))
+
+
+@dataclass
+class Run:
+    """One judgement: what was judged, and what came out."""
+
+    id: str
+    title: str
+    options: list = field(default_factory=list)
+    caught_by: tuple = ()
+    rules: tuple = ()
+    loss: float = 0.0
+    dead: bool = False
+    seconds: float = 0.0
+    verdicts: dict = field(default_factory=dict)
+    reasons: dict = field(default_factory=dict)
+    error: str = ""
+
+    @property
+    def failed(self):
+        return sorted(rule for rule, verdict in self.verdicts.items() if verdict in ("fail", "flaky"))
+
+    @property
+    def faulty(self):
+        return bool(self.caught_by)
+
+    def gap(self):
+        """What is wrong with this run, or nothing."""
+        if self.error:
+            return self.error
+        if not self.faulty:
+            return "failed on what is lawful: " + ", ".join(self.failed) if self.failed else ""
+        first = self.caught_by[0]
+        if first in self.failed:
+            return ""
+        verdict = self.verdicts.get(first, "not judged")
+        others = [rule for rule in self.caught_by[1:] if rule in self.failed]
+        return f"{first}: {verdict}" + (f", caught by {', '.join(others)}" if others else ", NOT CAUGHT" if not self.failed else "")
+
+
+def runs(all_rules):
+    """Everything that is to be judged."""
+    yield Run("lawful", "the second VSM as it is")
+    yield Run("two-vehicles", "the second VSM with two vehicles")
+    yield Run("no-fix", "the second VSM without a position fix", ["--no-fix"], rules=("STAT-014", "DISC-001", "STAT-001"))
+    for id, variant in VARIANTS.items():
+        yield Run(id, variant.title, ["--variant", id])
+    for id, mutant in MUTANTS.items():
+        rules = () if all_rules else tuple(dict.fromkeys((*mutant.caught_by, *UNTOUCHED)))
+        yield Run(id, mutant.title, ["--mutant", id, *CIRCUMSTANCES.get(id, ())], mutant.caught_by, rules)
+    yield Run("dead-port", "nobody listens", dead=True)
+    yield Run("loss", f"{LOSS:.0%} of all datagrams lost each way", loss=LOSS)
+
+
+class Bench:
+    """One subject on ports of its own, with the profile that describes it."""
+
+    def __init__(self, run, speed):
+        self.run, self.directory = run, tempfile.TemporaryDirectory()
+        self.path = Path(self.directory.name)
+        self.port, self.control = free_port(), free_port()
+        self.options = ["--port", str(self.port), "--control", str(self.control), "--speed", str(speed), "--store", str(self.path / "store"), *run.options]
+        if run.id in TWO_VEHICLES:
+            self.options += ["--vehicles", "2"]
+        self.speed, self.relay = speed, None
+
+    def __enter__(self):
+        self.front = self.port
+        if not self.run.dead:
+            start(self.path, self.options)
+        if self.run.loss:
+            self.front = free_port()
+            self.relay = Relay(("127.0.0.1", self.front), ("127.0.0.1", self.port), self.run.loss)
+            threading.Thread(target=self.relay.run, daemon=True).start()
+        (self.path / "profile.toml").write_text(self.profile())
+        return self
+
+    def __exit__(self, *_):
+        if self.relay:
+            self.relay.stop()
+        stop(self.path)
+        self.directory.cleanup()
+
+    def profile(self):
+        python, here = sys.executable, Path(__file__).resolve()
+        lines = ["[subject]", f'name = "second VSM, {self.run.id}"', f'address = "127.0.0.1:{self.front}"', 'edition = "4"', 'vsm_id = "%s:00:00:01"' % self.owner()]
+        for id, _, override in STATIONS:
+            lines += ["[[cucs]]", f'id = "{id}"', f"override = {str(override).lower()}"]
+        for number in range(2 if self.run.id in TWO_VEHICLES else 1):
+            lines += ["[[vehicle]]", f'id = "{self.owner()}:00:01:0{number + 1}"', "simulated = true"]
+            if number == 0:
+                lines += ["position = [47.3977434, 8.5455939]", "amsl_m = 488.0", "geoid_m = 47.0", 'tail_number = "SECOND-01"']
+        order = f"{python} {PROGRAM} --order {self.control}"
+        lines += ["[means]", f'restart = "{python} {here} --restart {self.path}"', f'cut_vehicle_link = "{order} link down"',
+                  f'restore_vehicle_link = "{order} link up"', "[figures]", f"speed_factor = {float(self.speed)}"]
+        return "\n".join(lines) + "\n"
+
+    def owner(self):
+        return "21" if self.run.id == "L09" else "1b"
+
+
+def start(path, options=None):
+    """Starts a subject; its options and its process id are kept in `path`, for a restart."""
+    kept = path / "options.json"
+    if options is None:
+        options = json.loads(kept.read_text())
+    kept.write_text(json.dumps(options))
+    with open(path / "subject.log", "a") as log:
+        process = subprocess.Popen([sys.executable, str(PROGRAM), *options], stderr=log, start_new_session=True)
+    (path / "pid").write_text(str(process.pid))
+    for _ in range(100):
+        if "ready" in (path / "subject.log").read_text().split("\n")[-2:][0]:
+            return
+        time.sleep(0.05)
+
+
+def stop(path):
+    try:
+        pid = int((path / "pid").read_text())
+        os.kill(pid, signal.SIGKILL)
+        os.waitpid(pid, 0)
+    except (OSError, ChildProcessError):
+        pass
+
+
+def restart(path):
+    (path / "subject.log").write_text("")
+    stop(path)
+    start(path)
+
+
+def judge(run, args):
+    """Runs the suite against one subject."""
+    began = time.monotonic()
+    with Bench(run, args.speed) as bench:
+        report = bench.path / "report.json"
+        command = [args.dli_check, "vsm", "--profile", str(bench.path / "profile.toml"), "--simulated", "--quiet", "--json", str(report)]
+        for rule in run.rules:
+            command += ["--rule", rule]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=args.limit)
+            if done.returncode == 2:
+                run.error = f"dli-check: {done.stderr.strip()[:200]}"
+        except subprocess.TimeoutExpired:
+            run.error = f"no end within {args.limit:.0f} s"
+        if report.exists():
+            for rule in json.loads(report.read_text())["rules"]:
+                run.verdicts[rule["id"]] = rule["verdict"]
+                run.reasons[rule["id"]] = rule.get("reason") or ""
+    run.seconds = time.monotonic() - began
+    print(f"{run.id:12} {run.seconds:6.0f} s  {run.gap() or 'as expected'}", flush=True)
+    return run
+
+
+def table(done):
+    """The proof as Markdown."""
+    lines = ["## What is lawful", "", "| subject | | pass | warning | inconclusive | fail |", "|---|---|---|---|---|---|"]
+    for run in done:
+        if not run.faulty:
+            count = [sum(v == verdict for v in run.verdicts.values()) for verdict in ("pass", "warning", "inconclusive")]
+            lines.append(f"| {run.id} | {run.title} | {count[0]} | {count[1]} | {count[2]} | {', '.join(run.failed) or 'none'} |")
+    lines += ["", "## Faults", "", "| fault | | must fail | failed | gap |", "|---|---|---|---|---|"]
+    for run in done:
+        if run.faulty:
+            lines.append(f"| {run.id} | {run.title} | {', '.join(run.caught_by)} | {', '.join(run.failed) or 'none'} | {run.gap()} |")
+    caught = [run for run in done if run.faulty and run.failed]
+    faulty = [run for run in done if run.faulty]
+    never = sorted({rule for run in done for rule, v in run.verdicts.items() if v == "pass"} - {rule for run in faulty for rule in run.failed})
+    lines += ["", f"{len(caught)} of {len(faulty)} faults are caught, {sum(not run.gap() for run in faulty)} of them by the rule that is named first.", "",
+              "Rules that passed and that no fault made fail: " + (", ".join(never) or "none") + "."]
+    return "\n".join(lines) + "\n"
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Prove the conformance suite on a second VSM and its faults.")
+    parser.add_argument("--dli-check", default="target/debug/dli-check", metavar="PROGRAM")
+    parser.add_argument("--only", action="append", metavar="ID", help="judge just this subject: lawful, V01, L01, dead-port, loss (repeat)")
+    parser.add_argument("--all-rules", action="store_true", help="judge the faulty by all rules")
+    parser.add_argument("--speed", type=float, default=10.0, metavar="FACTOR", help="of the simulated aircraft")
+    parser.add_argument("--at-once", type=int, default=8, help="number of runs side by side")
+    parser.add_argument("--limit", type=float, default=LIMIT_S, metavar="S", help="time for one run")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the table here as well")
+    parser.add_argument("--details", type=Path, metavar="FILE", help="write every verdict with its reason here, as JSON")
+    parser.add_argument("--restart", type=Path, metavar="DIR", help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.restart:
+        restart(args.restart)
+        return
+    chosen = [run for run in runs(args.all_rules) if not args.only or run.id in args.only]
+    with ThreadPoolExecutor(args.at_once) as pool:
+        done = list(pool.map(lambda run: judge(run, args), chosen))
+    text = table(done)
+    print(text)
+    if args.out:
+        args.out.write_text(text)
+    if args.details:
+        args.details.write_text(json.dumps([{"id": r.id, "verdicts": r.verdicts, "reasons": r.reasons} for r in done], indent=1))
+    sys.exit(1 if any(run.gap() for run in done) else 0)
+
+
+if __name__ == "__main__":
+    main()
