@@ -43,12 +43,31 @@ impl Level {
         }
     }
 
+    /// What a MAVLink item with a place is flown at; `None` for a frame in which nothing of ours is.
+    #[must_use]
+    pub fn of_frame(frame: u8, z: f64) -> Option<Level> {
+        match frame {
+            FRAME_AMSL | 0 => Some(Level::Amsl(z)),
+            FRAME_ABOVE_HOME | 3 => Some(Level::AboveHome(z)),
+            _ => None,
+        }
+    }
+
     /// Metres above mean sea level, given home's.
     #[must_use]
     pub fn amsl(self, home_amsl_m: f64) -> f64 {
         match self {
             Level::Amsl(m) => m,
             Level::AboveHome(m) => home_amsl_m + m,
+        }
+    }
+
+    /// Metres above home, given home's altitude.
+    #[must_use]
+    pub fn above_home(self, home_amsl_m: f64) -> f64 {
+        match self {
+            Level::Amsl(m) => m - home_amsl_m,
+            Level::AboveHome(m) => m,
         }
     }
 }

@@ -1,10 +1,11 @@
-//! How fast a vehicle can be commanded to fly, and what it flies by where nothing is commanded: by its own parameters,
-//! and PX4's defaults where it has not reported them.
+//! How high, how far and how fast a vehicle can be commanded to fly: by the configuration, by its own parameters, and by
+//! PX4's defaults where it has not reported them.
 //!
 //! The same bounds are reported in the configuration phase (41003), and refuse a 2016, a 13002 and a 13003 beyond them.
 
 use geo::{Distance, Haversine, Point};
 
+use crate::altitude::Level;
 use crate::parameter::Parameters;
 
 /// What a route must stay within.
@@ -14,8 +15,10 @@ pub struct Limits {
     pub first_m: f64,
     /// Longest leg, m.
     pub leg_m: f64,
-    /// Lowest waypoint, m above home.
+    /// Lowest waypoint, m above home; where it is negative, only with `below_home`.
     pub lowest_m: f64,
+    /// Whether anything may be flown below home.
+    pub below_home: bool,
     /// Highest waypoint, m above home.
     pub highest_m: f64,
     /// Fastest commanded speed, m/s; the vehicle's own counts where it is lower
@@ -31,11 +34,77 @@ impl Default for Limits {
             first_m: 5_000.0,
             leg_m: 50_000.0,
             lowest_m: -500.0,
+            below_home: false,
             highest_m: 5_000.0,
             speed_m_s: 100.0,
             items: 500,
         }
     }
+}
+
+impl Limits {
+    /// The lowest that may be flown, m above home.
+    #[must_use]
+    pub fn floor_m(&self) -> f64 {
+        if self.below_home {
+            self.lowest_m
+        } else {
+            self.lowest_m.max(0.0)
+        }
+    }
+
+    /// Whether a level may be flown at. Every altitude that is sent to the vehicle is compared here, of whatever type it
+    /// was commanded.
+    ///
+    /// # Errors
+    /// It is below home and that is not allowed, or it is lower or higher than the limits.
+    pub fn check_height(&self, level: Level, home_amsl_m: f64) -> Result<(), HeightError> {
+        let height_m = level.above_home(home_amsl_m);
+        // Home is where the vehicle stood: its altitude is the ground's. What is no number is refused here too.
+        let clear = height_m > 0.0 || self.below_home;
+        if !clear {
+            return Err(HeightError::BelowHome {
+                height_m,
+                home_amsl_m,
+            });
+        }
+        if (self.floor_m()..=self.highest_m).contains(&height_m) {
+            return Ok(());
+        }
+        Err(HeightError::Beyond {
+            height_m,
+            lowest_m: self.floor_m(),
+            highest_m: self.highest_m,
+        })
+    }
+}
+
+/// An altitude that may not be flown at.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum HeightError {
+    /// At home's altitude or below it, and `vehicle.limits.below_home` does not allow that.
+    #[error(
+        "{:.1} m AMSL is {:.1} m below home ({home_amsl_m:.1} m AMSL): raise it above home, or allow it by \
+         vehicle.limits.below_home = true",
+        home_amsl_m + height_m,
+        0.0 - height_m
+    )]
+    BelowHome {
+        /// Metres above home, 0 or less.
+        height_m: f64,
+        /// Home's altitude, m above mean sea level.
+        home_amsl_m: f64,
+    },
+    /// Too low or too high.
+    #[error("{height_m:.0} m above home, expected {lowest_m:.0} to {highest_m:.0} (vehicle.limits)")]
+    Beyond {
+        /// Metres above home.
+        height_m: f64,
+        /// Lowest allowed.
+        lowest_m: f64,
+        /// Highest allowed.
+        highest_m: f64,
+    },
 }
 
 /// What it can, and what it does by itself.
@@ -201,6 +270,41 @@ mod tests {
         );
         let wing = Performance::of(false, &Parameters::default(), &Limits::default());
         assert_eq!(wing.cruise_m_s, 15.0);
+    }
+
+    #[test]
+    fn nothing_is_flown_below_home_unless_that_is_allowed() {
+        const HOME_M: f64 = 488.0;
+        let forbidden = Limits::default();
+        let allowed = Limits {
+            below_home: true,
+            ..forbidden
+        };
+        let of = |limits: Limits, level| limits.check_height(level, HOME_M);
+        for level in [
+            Level::Amsl(487.9),
+            Level::Amsl(0.0),
+            Level::AboveHome(-0.1),
+            // At home's altitude it is on the ground, however that is written.
+            Level::Amsl(HOME_M),
+            Level::AboveHome(0.0),
+        ] {
+            let found = of(forbidden, level);
+            assert!(
+                matches!(found, Err(HeightError::BelowHome { .. })),
+                "{level:?} {found:?}"
+            );
+            let deep = level.amsl(HOME_M) < -12.0;
+            assert_eq!(of(allowed, level).is_err(), deep, "{level:?}");
+        }
+        assert_eq!(of(forbidden, Level::Amsl(488.1)), Ok(()));
+        assert!(of(forbidden, Level::Amsl(f64::NAN)).is_err());
+        assert!(of(allowed, Level::AboveHome(f64::NAN)).is_err());
+        assert!(of(allowed, Level::AboveHome(-500.1)).is_err());
+        let text = of(forbidden, Level::Amsl(480.5)).map_err(|fault| fault.to_string());
+        let expected = "480.5 m AMSL is 7.5 m below home (488.0 m AMSL): raise it above home, or allow it by \
+                        vehicle.limits.below_home = true";
+        assert_eq!(text, Err(expected.to_owned()));
     }
 
     #[test]

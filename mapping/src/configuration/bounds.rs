@@ -163,7 +163,11 @@ fn altitude(subject: &Subject<'_>) -> Bounds {
         .unwrap_or(0.0)
         .clamp(LOWEST_M.min(high), high);
     if altitude_type(subject) == AltitudeType::Agl {
-        let low = limits.lowest_m.max(LOWEST_M);
+        let low = if limits.below_home {
+            limits.floor_m()
+        } else {
+            limits.floor_m().max(LOWEST_M)
+        };
         return Bounds::between(
             low,
             high,
@@ -174,7 +178,7 @@ fn altitude(subject: &Subject<'_>) -> Bounds {
     let Some(home) = subject.home else {
         return Bounds::between(None, None, "m above mean sea level; home is not known yet");
     };
-    let low = limits.lowest_m + home.amsl_m;
+    let low = limits.floor_m() + home.amsl_m;
     Bounds::between(
         low,
         high + home.amsl_m,

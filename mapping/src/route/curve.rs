@@ -13,7 +13,7 @@ use super::brake::CURVE_SWING_S;
 use super::error::{CurveError, Reason, RouteError};
 use super::item::{self, DO_CHANGE_SPEED, NAV_WAYPOINT, change_speed};
 use super::mission::{CompiledMission, Curved, Leg};
-use super::site::{Site, height};
+use super::site::Site;
 use crate::altitude::{self, Level};
 use crate::limits::Performance;
 use crate::plan::{Curve, Plan};
@@ -47,17 +47,23 @@ pub(super) fn fly(
         return Ok(None);
     };
     let speed_m_s = p4.speed_m_s.unwrap_or_else(|| compiled.speed_m_s(site));
-    let chords = chords(p1, p4, curve, speed_m_s, site).map_err(|fault| RouteError {
+    let refused = |fault| RouteError {
         waypoint: p1.number,
         reason: Reason::Curve {
             to: p4.number,
             fault,
         },
-    })?;
+    };
+    let chords = chords(p1, p4, curve, speed_m_s, site).map_err(refused)?;
+    // A straight leg is nowhere lower than the lower of its ends; a curve between two high waypoints can dip.
     for chord in &chords.vertices {
-        height(chord.level, &site.home, &site.limits).map_err(|reason| RouteError {
-            waypoint: p1.number,
-            reason,
+        let checked = site.limits.check_height(chord.level, site.home.amsl_m);
+        checked.map_err(|fault| {
+            refused(CurveError::Height {
+                latitude: chord.latitude,
+                longitude: chord.longitude,
+                fault,
+            })
         })?;
     }
     let tolerance_m = site.curving.tolerance_m;

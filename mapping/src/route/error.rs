@@ -1,7 +1,7 @@
 //! Why a route is refused: at which waypoint, which value, and what was expected of it.
 
 use crate::altitude::AltitudeError;
-use crate::limits::{SpeedError, WIDEST_CIRCLE_M};
+use crate::limits::{HeightError, SpeedError, WIDEST_CIRCLE_M};
 
 /// Why a route cannot be flown, and at which waypoint.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -43,19 +43,9 @@ pub enum Reason {
     /// The altitude has no usable reference.
     #[error(transparent)]
     Altitude(#[from] AltitudeError),
-    /// Too low or too high.
-    #[error("{height_m:.0} m above home, expected {lowest_m:.0} to {highest_m:.0}")]
-    Height {
-        /// Metres above home.
-        height_m: f64,
-        /// Lowest allowed.
-        lowest_m: f64,
-        /// Highest allowed.
-        highest_m: f64,
-    },
-    /// AGL at or below the ground.
-    #[error("{0:.1} m above ground, expected more than 0")]
-    InTheGround(f64),
+    /// Below home, too low or too high.
+    #[error(transparent)]
+    Height(#[from] HeightError),
     /// The first waypoint is too far from home.
     #[error("{distance_m:.0} m from home, at most {max_m:.0}")]
     FarFromHome {
@@ -154,6 +144,16 @@ pub enum CurveError {
     /// Its altitude has no usable reference.
     #[error(transparent)]
     Altitude(#[from] AltitudeError),
+    /// Somewhere along it, it is below home, too low or too high.
+    #[error("at {latitude:.6}, {longitude:.6} {fault}")]
+    Height {
+        /// Degrees north.
+        latitude: f64,
+        /// Degrees east.
+        longitude: f64,
+        /// Why.
+        fault: HeightError,
+    },
     /// Too fast to be at the altitude of its points in time.
     #[error(
         "it climbs or descends, at {speed_m_s} m/s: its shortest chord of {chord_m:.1} m allows {fastest_m_s:.1} m/s"

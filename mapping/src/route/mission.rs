@@ -3,10 +3,11 @@
 use mavlink_link::service::mission::Item;
 
 use super::brake;
+use super::error::{Reason, RouteError};
 use super::item::{self, DO_CHANGE_SPEED, DO_JUMP, NAV_LAND, degrees_e7};
 use super::site::Site;
 use crate::altitude::Level;
-use crate::limits::Performance;
+use crate::limits::{Limits, Performance};
 
 /// A route as it goes to PX4, and whose waypoint each item is.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -162,6 +163,46 @@ impl CompiledMission {
     pub fn leg_of_item(&self, seq: u16) -> Option<usize> {
         let number = self.waypoint_of.get(usize::from(seq))?;
         self.order.iter().position(|leg| leg.number == *number)
+    }
+
+    /// Whether it can be flown from the present home. It was compiled for home as it was then: PX4 sets another where it
+    /// arms, and an altitude above sea level does not move with it.
+    ///
+    /// # Errors
+    /// The first waypoint that is below home now, or beyond the limits.
+    pub fn check_heights(&self, home_amsl_m: f64, limits: &Limits) -> Result<(), RouteError> {
+        for (level, waypoint) in self.levels() {
+            let checked = limits.check_height(level, home_amsl_m);
+            checked.map_err(|fault| RouteError {
+                waypoint,
+                reason: Reason::Height(fault),
+            })?;
+        }
+        Ok(())
+    }
+
+    /// What it is flown at, m above mean sea level, at its lowest; a landing is no part of that.
+    #[must_use]
+    pub fn lowest_amsl_m(&self, home_amsl_m: f64) -> Option<f64> {
+        let levels = self.levels().map(|(level, _)| level.amsl(home_amsl_m));
+        levels.min_by(f64::total_cmp)
+    }
+
+    /// Whether this item lands the vehicle.
+    #[must_use]
+    pub fn lands(&self, seq: u16) -> bool {
+        let item = self.items.get(usize::from(seq));
+        item.is_some_and(|item| item.command == NAV_LAND)
+    }
+
+    /// What each item with a place is flown at, and the waypoint that it belongs to.
+    fn levels(&self) -> impl Iterator<Item = (Level, u16)> + '_ {
+        let items = self.items.iter().zip(&self.waypoint_of);
+        items
+            .filter(|(item, _)| item.is_global() && item.command != NAV_LAND)
+            .filter_map(|(item, waypoint)| {
+                Some((Level::of_frame(item.frame, item.z.into())?, *waypoint))
+            })
     }
 
     /// Ends the route by landing at its last waypoint: an approach.

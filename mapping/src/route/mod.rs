@@ -28,4 +28,4 @@ pub use compile::compile;
 pub use error::{CurveError, Reason, RouteError};
 pub(crate) use item::degrees_e7;
 pub use mission::{CompiledMission, Curved, Leg};
-pub use site::{Curving, FixedWing, Multicopter, Policy, Site, Vertices, height};
+pub use site::{Curving, FixedWing, Multicopter, Policy, Site, Vertices};

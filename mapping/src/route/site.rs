@@ -3,8 +3,7 @@
 pub use curve_paths::Vertices;
 pub use curve_paths::flight::{FixedWing, Multicopter, Policy};
 
-use super::error::Reason;
-use crate::altitude::{Agl, Altimeter, Level};
+use crate::altitude::{Agl, Altimeter};
 use crate::limits::{Limits, Performance};
 use crate::parameter::Parameters;
 use crate::telemetry::Place;
@@ -71,30 +70,4 @@ impl Curving {
             *known = parameters.above_zero(name).unwrap_or(*known);
         }
     }
-}
-
-/// Whether a level lies within the limits.
-///
-/// # Errors
-/// Too low, too high, or in the ground.
-pub fn height(level: Level, home: &Place, limits: &Limits) -> Result<(), Reason> {
-    if let Level::AboveHome(m) = level
-        && m <= 0.0
-    {
-        return Err(Reason::InTheGround(m));
-    }
-    let Limits {
-        lowest_m,
-        highest_m,
-        ..
-    } = *limits;
-    let height_m = level.amsl(home.amsl_m) - home.amsl_m;
-    if (lowest_m..=highest_m).contains(&height_m) {
-        return Ok(());
-    }
-    Err(Reason::Height {
-        height_m,
-        lowest_m,
-        highest_m,
-    })
 }

@@ -8,7 +8,7 @@ use super::error::Reason;
 use super::item::{DO_JUMP, NAV_WAYPOINT, change_speed, placed};
 use super::loiter;
 use super::mission::{CompiledMission, Leg};
-use super::site::{Site, height};
+use super::site::Site;
 use crate::altitude;
 use crate::limits::Performance;
 
@@ -43,7 +43,7 @@ pub(super) fn leg(number: u16, waypoint: &UaPositionWaypoint, site: &Site) -> Re
         site.agl,
         site.altimeter,
     )?;
-    height(level, &site.home, &site.limits)?;
+    site.limits.check_height(level, site.home.amsl_m)?;
     Ok(Leg {
         number,
         latitude,

@@ -121,8 +121,11 @@ table! {
         pub first_m: f64 => Value("5000.0"),
         /// Longest leg, m
         pub leg_m: f64 => Value("50000.0"),
-        /// Lowest waypoint, m above home
+        /// Lowest waypoint, m above home; a negative one has an effect only with `below_home = true`
         pub lowest_m: f64 => Value("-500.0"),
+        /// Whether any part of a route, or a commanded altitude, may be below home, which is then bounded by `lowest_m`: for
+        /// a flight into a valley ([mapping.md](../guide/mapping.md))
+        pub below_home: bool => Value("false"),
         /// Highest waypoint, m above home
         pub highest_m: f64 => Value("5000.0"),
         /// Fastest commanded speed, m/s; the vehicle's own limit (MPC_XY_VEL_MAX, FW_AIRSPD_MAX) applies where it is lower
@@ -136,6 +139,7 @@ impl Default for Limits {
             first_m,
             leg_m,
             lowest_m,
+            below_home,
             highest_m,
             speed_m_s,
             ..
@@ -144,6 +148,7 @@ impl Default for Limits {
             first_m,
             leg_m,
             lowest_m,
+            below_home,
             highest_m,
             speed_m_s,
         }

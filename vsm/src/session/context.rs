@@ -227,6 +227,7 @@ impl Bounds {
             first_m,
             leg_m,
             lowest_m,
+            below_home,
             highest_m,
             speed_m_s,
         } = config.limits;
@@ -239,6 +240,7 @@ impl Bounds {
                 first_m,
                 leg_m,
                 lowest_m,
+                below_home,
                 highest_m,
                 speed_m_s,
                 items: usize::from(config.curve.max_items),

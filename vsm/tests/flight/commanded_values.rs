@@ -3,7 +3,8 @@
 
 use kit::bridge::{Rig, orders, vehicle_id};
 use stanag_msgs::enums::{
-    AckType, FlightPathControlMode as Mode, LoiterDirection, LoiterType, SpeedType,
+    AckType, AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, LoiterDirection,
+    LoiterType, SpeedType,
 };
 use stanag_msgs::messages::{
     LoiterConfiguration, UaPositionWaypoint, VehicleOperatingModeCommand, VehicleOperatingStates,
@@ -157,4 +158,28 @@ fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
         rig.station()
             .has_alert("speed 8.0 m/s on a circle of 30 m, at most 7.7")
     );
+}
+
+#[test]
+fn nothing_in_flight_commands_an_altitude_below_home() {
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    let home_m = px4_sim::Config::default().home.altitude_m;
+    for (mode, altitude_m, kind) in [
+        (Mode::Loiter, home_m - 3.0, AltitudeType::Barometric),
+        (Mode::Loiter, -3.0, AltitudeType::Agl),
+        (Mode::Autopilot, home_m - 3.0, AltitudeType::Barometric),
+        (Mode::Autopilot, -3.0, AltitudeType::Agl),
+    ] {
+        let end = rig.carry_out(VehicleOperatingModeCommand {
+            altitude_command_type: Some(AltitudeCommandType::Altitude),
+            commanded_altitude: Some(Scaled::saturating_from_si(altitude_m)),
+            altitude_type: Some(kind),
+            ..orders::mode(mode)
+        });
+        let alerts = rig.station().alerts();
+        assert_eq!(end, Some(AckType::Refused), "{mode:?} {kind:?} {alerts:?}");
+        let why = alerts.last().expect("a reason");
+        assert!(why.contains("m below home (48"), "{mode:?} {kind:?} {why}");
+    }
 }

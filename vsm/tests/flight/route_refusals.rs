@@ -284,3 +284,60 @@ fn turns_are_refused_on_a_multicopter_and_times_are_not() {
     rig.send_plan(plan(LoiterDurationUnits::Seconds));
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
 }
+
+/// Two waypoints, of which the second is at this altitude.
+fn second_at(altitude_m: f64, kind: AltitudeType) -> Vec<Message> {
+    let mut second = orders::waypoint(8, 0, 50.0, 50.0, 20.0);
+    second.waypoint_to_altitude = Some(Scaled::saturating_from_si(altitude_m));
+    second.waypoint_altitude_type = Some(kind);
+    vec![
+        orders::route(7).into(),
+        orders::waypoint(7, 8, 50.0, 0.0, 20.0).into(),
+        second.into(),
+    ]
+}
+
+#[test]
+fn a_route_below_home_is_refused_whatever_its_altitudes_are_above_unless_it_is_allowed() {
+    let home_m = Config::default().home.altitude_m;
+    let geoid_m = Config::default().geoid_separation_m;
+    let low = [
+        (home_m - 8.0, AltitudeType::Barometric),
+        (home_m - 8.0, AltitudeType::Pressure),
+        (-8.0, AltitudeType::Agl),
+        (home_m + geoid_m - 8.0, AltitudeType::Wgs84),
+    ];
+    let mut rig = Rig::ready();
+    for (altitude_m, kind) in low {
+        let (named, text) = refused(&mut rig, second_at(altitude_m, kind));
+        assert_eq!(named, Some(8), "{kind:?} {text}");
+        for part in [
+            "waypoint 8: 4",
+            "m AMSL is ",
+            "m below home (48",
+            "vehicle.limits.below_home",
+        ] {
+            assert!(text.contains(part), "{kind:?}: {part}: {text}");
+        }
+    }
+    // What an importer that takes an absent altitude for 0 would send.
+    let (named, _) = refused(&mut rig, second_at(0.0, AltitudeType::Barometric));
+    assert_eq!(named, Some(8));
+    let mut rig = Rig::ready_with(Setup {
+        vehicle_keys: "limits = { below_home = true }",
+        ..Setup::default()
+    });
+    for (altitude_m, kind) in low {
+        rig.send_plan(second_at(altitude_m, kind));
+        let end = rig.carry_out(orders::load());
+        assert_eq!(
+            end,
+            Some(AckType::CarriedOut),
+            "{kind:?} {:?}",
+            rig.station().alerts()
+        );
+    }
+    let (named, text) = refused(&mut rig, second_at(-600.0, AltitudeType::Agl));
+    assert_eq!(named, Some(8));
+    assert!(text.contains("expected -500 to 5000"), "{text}");
+}

@@ -3,7 +3,7 @@
 //! [`task`] comes first, then the modes: routes (11, 19, 23, 24), launch (21), loiter (12), steering (15).
 
 use mapping::altitude::Level;
-use mapping::limits::metres;
+use mapping::limits::{HeightError, metres};
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::telemetry::Telemetry;
@@ -166,6 +166,7 @@ fn fly(
             };
         }
     };
+    check_heights(uploaded, at)?;
     let mut steps = Vec::new();
     let enters = at.telemetry.mode != Some(Px4Mode::MISSION);
     let start = match number {
@@ -211,6 +212,13 @@ fn fly(
         commanded.speed_type = Some(flown_as(at.telemetry));
     }
     Ok(Task::Steps(steps, commanded))
+}
+
+/// Whether a route aboard is still above home: it was compiled for home as it was at its load.
+fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> Result<(), String> {
+    let home = at.telemetry.home.ok_or("home is not known yet")?;
+    let checked = uploaded.compiled.check_heights(home.amsl_m, &at.limits);
+    checked.map_err(|fault| format!("the route aboard, from the present home: {fault}"))
 }
 
 /// Whether the vehicle comes to the place that a flight from this item leads to first without a climb or a descent on the
@@ -304,6 +312,7 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
                     && holds(at.telemetry, uploaded)
                     && is_current(uploaded, RouteType::Launch, at) =>
             {
+                check_heights(uploaded, at)?;
                 steps.push(Step::SetCurrent(0..=uploaded.compiled.place_from(0)));
                 steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
             }
@@ -411,7 +420,14 @@ fn go(
         .position
         .ok_or("the vehicle has not reported a position yet")?;
     let home = at.telemetry.home.ok_or("home is not known yet")?;
-    let amsl_m = level.map_or(present.amsl_m, |level| level.amsl(home.amsl_m));
+    // Without an altitude the vehicle is sent there at its present one, which a flight by hand may have left below home.
+    let level = level.unwrap_or(Level::Amsl(present.amsl_m));
+    if let Err(fault @ HeightError::BelowHome { .. }) =
+        at.limits.check_height(level, home.amsl_m)
+    {
+        return Err(format!("mode 12 without an altitude: the present {fault}"));
+    }
+    let amsl_m = level.amsl(home.amsl_m);
     let hovers = at.telemetry.hovers();
     match (place, circle(at.loiter, hovers)?) {
         (Some(place), Some(radius_m)) => {
@@ -565,11 +581,13 @@ const LOWEST_LAUNCH_M: f64 = 1.5;
 
 #[cfg(test)]
 mod tests {
-    use mapping::altitude::{Agl, Altimeter};
+    use mapping::altitude::{Agl, Altimeter, FRAME_AMSL};
     use mapping::limits::{Limits, Performance};
     use mapping::plan::Plan;
+    use mapping::route::CompiledMission;
     use mapping::telemetry::{Place, Telemetry};
     use mavlink_link::dialect::MavLandedState;
+    use mavlink_link::service::mission::Item;
     use stanag_msgs::Scaled;
     use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
     use stanag_msgs::messages::LoiterConfiguration;
@@ -615,5 +633,64 @@ mod tests {
         assert_eq!(judged(Some(stands)), Ok(true));
         // A VSM that was started anew while the vehicle flies.
         assert!(judged(None).is_err_and(|why| why.contains("not reported yet")));
+    }
+
+    #[test]
+    fn a_route_aboard_is_flown_only_above_the_present_home() {
+        let item = Item {
+            frame: FRAME_AMSL,
+            command: 16,
+            z: 500.0,
+            ..Item::default()
+        };
+        let uploaded = UploadedMission {
+            compiled: CompiledMission {
+                items: vec![item],
+                waypoint_of: vec![7],
+                ..CompiledMission::default()
+            },
+            mission_id: 0,
+            route_type: RouteType::Flight,
+            mission_name: String::new(),
+            plan: Plan::default(),
+        };
+        let command = VehicleOperatingModeCommand {
+            select_flight_path_control_mode: Some(Mode::Waypoint),
+            ..VehicleOperatingModeCommand::default()
+        };
+        let judged = |amsl_m, below_home| {
+            let telemetry = Telemetry {
+                home: Some(Place {
+                    latitude: 47.0,
+                    longitude: 8.0,
+                    amsl_m,
+                }),
+                ..Telemetry::default()
+            };
+            let at = Situation {
+                telemetry: &telemetry,
+                uploaded: Some(&uploaded),
+                loaded: None,
+                plan: &Plan::default(),
+                just_loaded: false,
+                entering: false,
+                loiter: &LoiterConfiguration::default(),
+                commanded: Commanded::default(),
+                agl: Agl::AboveHome,
+                altimeter: Altimeter::STANDARD,
+                limits: Limits {
+                    below_home,
+                    ..Limits::default()
+                },
+                performance: Performance::default(),
+            };
+            task(&command, &at).map(drop)
+        };
+        assert_eq!(judged(488.0, false), Ok(()));
+        // The vehicle was carried up a hill after the load.
+        let why = judged(520.0, false).expect_err("it is 20 m below home");
+        let expected = "the route aboard, from the present home: waypoint 7: 500.0 m AMSL is 20.0 m below home (520.0 m";
+        assert!(why.starts_with(expected), "{why}");
+        assert_eq!(judged(520.0, true), Ok(()));
     }
 }

@@ -8,7 +8,6 @@ use mapping::limits::{Limits, Performance};
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
-use mapping::route;
 use mapping::telemetry::Telemetry;
 use stanag_msgs::enums::{
     AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType, RouteType, SpeedType,
@@ -161,7 +160,8 @@ pub(super) fn level(
     let level = altitude::level(metres, command.altitude_type, geoid_m, agl, altimeter)
         .map_err(|fault| fault.to_string())?;
     let home = at.telemetry.home.ok_or("home is not known yet")?;
-    route::height(level, &home, &at.limits).map_err(|fault| fault.to_string())?;
+    let checked = at.limits.check_height(level, home.amsl_m);
+    checked.map_err(|fault| fault.to_string())?;
     Ok(level)
 }
 

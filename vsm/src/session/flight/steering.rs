@@ -260,7 +260,7 @@ fn climb(vertical: Vertical, vehicle: &Telemetry, limits: &Limits) -> f64 {
         return 0.0;
     };
     let (low, high) = (
-        home.amsl_m + limits.lowest_m,
+        home.amsl_m + limits.floor_m(),
         home.amsl_m + limits.highest_m,
     );
     let towards = |amsl_m: f64| (amsl_m - place.amsl_m) * APPROACH_PER_S;
@@ -300,3 +300,35 @@ pub(super) const CLIMB_M_S: f64 = 1.5;
 const APPROACH_PER_S: f64 = 0.7;
 /// Slower, a track says nothing.
 const SLOWEST_M_S: f64 = 0.5;
+
+#[cfg(test)]
+mod tests {
+    use mapping::telemetry::Place;
+
+    use super::*;
+
+    #[test]
+    fn a_vertical_speed_ends_at_homes_height_unless_below_is_allowed() {
+        let at = |amsl_m| Place {
+            latitude: 47.0,
+            longitude: 8.0,
+            amsl_m,
+        };
+        let sinks_m_s = |height_m: f64, below_home| {
+            let vehicle = Telemetry {
+                home: Some(at(488.0)),
+                position: Some(at(488.0 + height_m)),
+                ..Telemetry::default()
+            };
+            let limits = Limits {
+                below_home,
+                ..Limits::default()
+            };
+            -climb(Vertical::Rate(-3.0), &vehicle, &limits)
+        };
+        assert_eq!(sinks_m_s(20.0, false), 3.0);
+        assert!((0.0..1.0).contains(&sinks_m_s(1.0, false)));
+        assert_eq!(sinks_m_s(-2.0, false), 0.0);
+        assert_eq!(sinks_m_s(-2.0, true), 3.0);
+    }
+}
