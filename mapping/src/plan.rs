@@ -223,6 +223,20 @@ impl Plan {
         }
     }
 
+    /// Forgets the loiter and the curves at a waypoint that `sent` does not have there.
+    pub fn drop_unsent(&mut self, number: u16, sent: &Plan) {
+        if !sent.loiters.contains_key(&number) {
+            self.loiters.remove(&number);
+        }
+        self.curves
+            .retain(|ends, _| ends.0 != number || sent.curves.contains_key(ends));
+    }
+
+    /// The numbers of the waypoints.
+    pub fn numbers(&self) -> impl Iterator<Item = u16> + '_ {
+        self.waypoints.keys().copied()
+    }
+
     /// Whether nothing is stored.
     #[must_use]
     pub fn is_empty(&self) -> bool {

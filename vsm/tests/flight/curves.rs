@@ -486,7 +486,9 @@ fn a_curve_that_cannot_be_flown_is_refused_by_14000_and_16000_with_its_waypoint(
     // A second curve from one P1.
     let mut fork = segment(&two_bends()[0], 0);
     fork.p4_waypoint_no = Some(686);
-    rig.send_plan(vec![segment(&two_bends()[1], 1).into(), fork.into()]);
+    let mut forked = plan(&two_bends(), 5.0);
+    forked.push(fork.into());
+    rig.send_plan(forked);
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
     assert!(
         rig.station()

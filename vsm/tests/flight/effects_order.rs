@@ -681,6 +681,9 @@ fn a_plan_that_cannot_be_stored_is_refused_and_unknown() {
         &[
             "disk save chosen-1b000101.json Power",
             "disk save aboard-1b000101.json Power FAILS",
+            // The upload stays for another 13000, and gives way to another upload.
+            "disk save plan-1b000101.json Process",
+            "disk remove plan-1b000101.log Power",
             "disk append commands-1b0000a0.log Process",
             // That AGL is flown above home, once.
             "A 16000 Nominal VsmStatus 9 new",
@@ -955,7 +958,9 @@ fn one_timeout_that_ends_a_load_and_completes_a_handover() {
     assert_trace(
         &trace,
         &[
-            // 3: the answer to the load.
+            // 3: how the upload ended, and the answer to the load.
+            "disk save plan-1b000101.json Process",
+            "disk remove plan-1b000101.log Power",
             "disk append commands-1b0000a0.log Process",
             // 14: the handover, and the answers to both parties.
             "disk append audit-1b000101.log Power",

@@ -1,23 +1,27 @@
 //! The mission of one vehicle: the plan that CUCSs send, its way to the vehicle and back, and the geofence.
 //!
 //! A plan is stored as it comes (13001 to 13003, curves). 13000 compiles a route of it whole, uploads it, reads it back
-//! and compares it, and waits until the vehicle itself names it as its mission: only then it counts as loaded. Parts, in
+//! and compares it, and waits until the vehicle itself names it as its mission: only then it counts as loaded. What it
+//! refuses leaves nothing behind. Parts, in
 //! the order of a route's life:
 //!
 //! - [`input`]: what the machine reads, and what happens to it
-//! - [`store`]: the plan, what is loaded and what the vehicle carries, in memory and, as [`record`] writes it, on disk
+//! - [`received`]: the plan as it is sent, upload by upload
+//! - [`store`]: it, what is loaded and what the vehicle carries, in memory and on disk ([`plan_files`], [`record`])
 //! - [`transfer`]: 13000, the load or clearing that it begins, and how that ends, reported by 14000 ([`status`]);
 //!   [`download`]: the way back to a station
 //! - [`route_upload`]: a route is compiled, and the vehicle held if it must be; [`upload`]: items on their way to the
 //!   vehicle, for routes and for the fence
-//! - [`progress`]: where along its route the vehicle is; [`watchdog`]: whether it gets any nearer; [`resync`]: whether it
-//!   still carries what was loaded
+//! - [`progress`]: where along its route the vehicle is; [`watchdog`]: whether it gets any nearer; [`descent`]: whether it
+//!   sinks below it; [`resync`]: whether it still carries what was loaded
 //! - [`fence`]: areas of the configuration and of a CUCS
 
 mod download;
 mod fence;
 mod input;
+mod plan_files;
 pub(crate) mod progress;
+mod received;
 pub(crate) mod record;
 mod resync;
 mod route_upload;
@@ -169,7 +173,8 @@ impl Mission {
                 if let Some(uploaded) = uploaded {
                     progress.look(&uploaded.compiled, telemetry);
                 }
-                watchdog.watch(context, uploaded, transfers.is_running(), effects);
+                let transferring = transfers.is_running();
+                watchdog.watch(context, uploaded, transferring, effects);
             }
             Input::CompareWithVehicle => {
                 let uploaded = store.uploaded.as_ref();
@@ -210,7 +215,11 @@ impl Mission {
                 let Some(station) = context.stations.get(origin.station) else {
                     return;
                 };
-                match store.store(message, station.id(), effects) {
+                let cucs = station.id();
+                let stored = store
+                    .refuse_late(context.mono(), cucs, origin.stamp)
+                    .and_then(|()| store.store(message, cucs, effects));
+                match stored {
                     Ok(()) => effects.acknowledge(&origin, AckType::CarriedOut),
                     Err(why) => effects.refuse(Some(origin), why),
                 }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::RouteType;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, frames};
 
+use super::received::ReceivedPlan;
 use crate::session::store::{from_json, to_json};
 
 /// The route that the vehicle carries, as it was read back from it.
@@ -41,20 +42,47 @@ pub(crate) struct RecordError(String);
 struct PlanRecord {
     /// One message a line, as DLI bytes in hex.
     messages: Vec<String>,
+    /// Where an upload has not ended.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    upload: Option<UploadRecord>,
+}
+
+/// The upload that has changed the plan: `messages` of the plan hold it already.
+#[derive(Serialize, Deserialize)]
+struct UploadRecord {
+    /// The plan before it.
+    base: Vec<String>,
+    /// What was sent of it.
+    sent: Vec<String>,
+    failed: bool,
 }
 
 /// The bytes of a plan's record.
-pub(super) fn encode_plan(plan: &Plan, cucs: Id, vehicle: Id) -> Vec<u8> {
-    let messages = encode_messages(plan.messages(), cucs, vehicle);
-    to_json(&PlanRecord { messages })
+pub(super) fn encode_plan(received: &ReceivedPlan, cucs: Id, vehicle: Id) -> Vec<u8> {
+    let lines = |plan: &Plan| encode_messages(plan.messages(), cucs, vehicle);
+    let upload = received.is_open().then(|| UploadRecord {
+        base: lines(&received.base),
+        sent: lines(&received.sent),
+        failed: received.failed,
+    });
+    let messages = lines(&received.plan);
+    to_json(&PlanRecord { messages, upload })
 }
 
 /// The plan of a record, and of how many messages it is made.
-pub(super) fn decode_plan(bytes: &[u8], vehicle: Id) -> Result<(Plan, usize), RecordError> {
+pub(super) fn decode_plan(bytes: &[u8], vehicle: Id) -> Result<(ReceivedPlan, usize), RecordError> {
     let record: PlanRecord = from_json(bytes).map_err(RecordError)?;
-    let mut plan = Plan::default();
-    store_all(&mut plan, &record.messages, vehicle)?;
-    Ok((plan, record.messages.len()))
+    let plan = |lines: &[String]| {
+        let mut plan = Plan::default();
+        store_all(&mut plan, lines, vehicle).map(|()| plan)
+    };
+    let mut received = ReceivedPlan::settled(plan(&record.messages)?);
+    if let Some(upload) = record.upload {
+        received.base = plan(&upload.base)?;
+        received.sent = plan(&upload.sent)?;
+        received.failed = upload.failed;
+    }
+    Ok((received, record.messages.len()))
 }
 
 /// Messages of a record, one a line.
@@ -80,7 +108,7 @@ pub(super) fn encode_message(
     Ok(hex(bytes.get(..length).unwrap_or_default()))
 }
 
-/// The messages of a record, each with its source.
+/// The messages of a record, each with the CUCS that sent it.
 pub(super) fn decode_messages(
     lines: impl IntoIterator<Item = impl AsRef<str>>,
 ) -> Result<Vec<(Id, Message)>, RecordError> {
@@ -91,25 +119,37 @@ pub(super) fn decode_messages(
         for frame in frames(&bytes) {
             let frame = frame.map_err(fault)?;
             let message = Message::decode(frame.header.message_type, frame.data).map_err(fault)?;
-            messages.push((frame.header.source, message));
+            // 50001 names the CUCS that sent it; the record may have been written for another since.
+            let cucs = match &message {
+                Message::CurveSegmentPaper(curve) => curve.cucs_id,
+                _ => None,
+            };
+            messages.push((cucs.unwrap_or(frame.header.source), message));
         }
     }
     Ok(messages)
 }
 
 /// Stores the messages of a record in a plan, in their order.
-pub(super) fn store_all(
+fn store_all(
     plan: &mut Plan,
     lines: impl IntoIterator<Item = impl AsRef<str>>,
     vehicle: Id,
 ) -> Result<(), RecordError> {
-    for (source, message) in decode_messages(lines)? {
-        // 50001 names the CUCS that sent it; the record may have been written for another since.
-        let cucs = match &message {
-            Message::CurveSegmentPaper(curve) => curve.cucs_id.unwrap_or(source),
-            _ => source,
-        };
+    for (cucs, message) in decode_messages(lines)? {
         plan.store(&message, cucs, vehicle).map_err(fault)?;
+    }
+    Ok(())
+}
+
+/// Stores the messages of a log: they continue the upload of the record.
+pub(super) fn store_log<'l>(
+    received: &mut ReceivedPlan,
+    lines: impl Iterator<Item = &'l str>,
+    vehicle: Id,
+) -> Result<(), RecordError> {
+    for (cucs, message) in decode_messages(lines)? {
+        received.store(&message, cucs, vehicle).map_err(fault)?;
     }
     Ok(())
 }

@@ -33,6 +33,9 @@ pub(super) struct RouteUpload {
     pub(super) held: bool,
     /// What is compiled; `None` for one that was compiled before.
     route: Option<UaRoute>,
+    /// For a mode: judged by itself. What a CUCS has sent beside it, perhaps half of another upload, must not keep the
+    /// vehicle from its contingency route.
+    alone: bool,
 }
 
 #[derive(Debug)]
@@ -68,17 +71,24 @@ pub(super) enum Outcome {
         compiled: CompiledMission,
         mission_id: u32,
     },
-    /// `touched`: the vehicle may carry something else than before.
+    /// `touched`: the vehicle may carry something else than before. `flaw`: it is what was sent that cannot be flown; for
+    /// another reason the same may be loaded later.
     Refused {
         waypoint: Option<u16>,
         why: String,
         touched: bool,
+        flaw: bool,
     },
 }
 
 impl RouteUpload {
     /// Of a route of the stored plan.
-    pub(super) fn new(now: Duration, route: &UaRoute, route_type: RouteType) -> RouteUpload {
+    pub(super) fn new(
+        now: Duration,
+        route: &UaRoute,
+        route_type: RouteType,
+        alone: bool,
+    ) -> RouteUpload {
         RouteUpload {
             phase: Phase::Site {
                 deadline: now + SITE_WITHIN,
@@ -87,6 +97,7 @@ impl RouteUpload {
             plan: Plan::default(),
             held: false,
             route: Some(route.clone()),
+            alone,
         }
     }
 
@@ -101,6 +112,7 @@ impl RouteUpload {
             held: false,
             // Not compiled again: the vehicle gets the items of the last load, byte for byte.
             route: None,
+            alone: false,
         }
     }
 
@@ -130,7 +142,12 @@ impl RouteUpload {
                     self.phase = Phase::Site { deadline };
                     Outcome::Going
                 }
-                Err((waypoint, why)) => refused(waypoint, why, false),
+                Err(fault) => Outcome::Refused {
+                    flaw: fault.is_some(),
+                    waypoint: fault.as_ref().map(|fault| fault.waypoint),
+                    why: fault.map_or_else(|| NO_HOME.to_owned(), |fault| fault.to_string()),
+                    touched: false,
+                },
             },
             Phase::Again { compiled } => self.begin(now, compiled, state, vehicle),
             Phase::Hold {
@@ -231,14 +248,19 @@ impl RouteUpload {
     }
 
     /// The route as mission items; `None` where that must `wait` for what the vehicle reports.
+    ///
+    /// # Errors
+    /// It cannot be flown; `None` where home is not known.
     fn compile(
         &mut self,
         wait: bool,
         plan: &Plan,
         site: Option<&Site>,
-    ) -> Result<Option<CompiledMission>, (Option<u16>, String)> {
+    ) -> Result<Option<CompiledMission>, Option<RouteError>> {
         let route = self.route.as_ref();
         let initial = route.and_then(|route| route.initial_waypoint_number);
+        let own = route.filter(|_| self.alone).map(|route| plan.part(route));
+        let plan = own.as_ref().unwrap_or(plan);
         let compiled = site.map(|site| route::compile(plan, initial.unwrap_or(0), site));
         let mut compiled = match compiled {
             Some(Ok(compiled)) => compiled,
@@ -252,13 +274,8 @@ impl RouteUpload {
             {
                 return Ok(None);
             }
-            Some(Err(fault)) => {
-                return Err((Some(fault.waypoint), fault.to_string()));
-            }
-            None => {
-                let why = "the vehicle has not reported its home position".to_owned();
-                return Err((None, why));
-            }
+            Some(Err(fault)) => return Err(Some(fault)),
+            None => return Err(None),
         };
         // What is loaded stays as it is now, whatever a CUCS sends of the route during the upload.
         if let Some(route) = route {
@@ -338,7 +355,12 @@ impl RouteUpload {
                 // Only of an upload does the seq name an item that the vehicle refuses.
                 let item = fault.item().filter(|_| is_of_upload(&fault));
                 let waypoint = item.and_then(|item| compiled.waypoint_of.get(item).copied());
-                refused(waypoint, explain(&fault, now, state), upload.touched())
+                Outcome::Refused {
+                    waypoint,
+                    why: explain(&fault, now, state),
+                    touched: upload.touched(),
+                    flaw: fault.is_flaw(),
+                }
             }
         }
     }
@@ -383,9 +405,11 @@ fn refused(waypoint: Option<u16>, why: String, touched: bool) -> Outcome {
         waypoint,
         why,
         touched,
+        flaw: false,
     }
 }
 
+const NO_HOME: &str = "the vehicle has not reported its home position";
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
 /// PX4 reports its home some seconds after its start, every 2 s.
 const SITE_WITHIN: Duration = Duration::from_secs(10);

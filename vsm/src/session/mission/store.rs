@@ -1,24 +1,16 @@
 //! The plan that CUCSs have sent, what 13000 has loaded of it, and what the vehicle carries; in memory and on disk.
 //!
-//! `plan-VVVVVVVV.json` holds the plan whole. A plan comes message by message, and rewriting the record for each would
-//! write gigabytes for a long route; so a message is appended to `plan-VVVVVVVV.log`:
-//!
-//! ```text
-//! record 3f0c…            the SHA-256 of the record that the log continues
-//! 00000032ea…             13001 as DLI bytes in hex
-//! 00000032eb…             13002
-//! ```
-//!
-//! A log is folded into its record once it has grown well beyond it, and when a route is loaded or cleared. It names its
-//! record because a process can end between the two files: a log that continues another record is an old one, whose
-//! messages are in the new record (or were cleared), and is ignored. Its last line counts only with its line feed:
-//! without, it is of a message that was never answered.
+//! What is sent becomes an upload, which its 13000 ends ([`super::received`]); each message is on disk before it is in
+//! memory ([`super::plan_files`]).
+
+use std::time::Duration;
 
 use mapping::plan::Plan;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
-use sha2::{Digest, Sha256};
-use stanag_msgs::{Id, Message};
+use stanag_msgs::{Id, Message, TimeStamp};
 
+use super::plan_files::{PlanFiles, log_name};
+use super::received::ReceivedPlan;
 use super::record::{self, UploadedMission};
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
@@ -27,7 +19,7 @@ use crate::session::store::{record_fault, record_name};
 /// What is stored.
 #[derive(Debug, Default)]
 pub(super) struct MissionStore {
-    plan: Plan,
+    received: ReceivedPlan,
     files: PlanFiles,
     /// What the vehicle carries, as it was read back from it.
     pub(super) uploaded: Option<UploadedMission>,
@@ -38,7 +30,27 @@ pub(super) struct MissionStore {
 impl MissionStore {
     /// What CUCSs have sent.
     pub(super) fn plan(&self) -> &Plan {
-        &self.plan
+        &self.received.plan
+    }
+
+    /// What 13000 loads: what had been sent when it began.
+    pub(super) fn to_load(&self) -> &Plan {
+        self.received.to_load()
+    }
+
+    /// Why a message is not stored that was sent before the 13000 which ended its upload.
+    pub(super) fn refuse_late(
+        &self,
+        now: Duration,
+        cucs: Id,
+        stamp: Option<TimeStamp>,
+    ) -> Result<(), String> {
+        if self.received.is_late(now, cucs, stamp) {
+            return Err(
+                "sent before the 13000 that was refused: its upload was dropped".to_owned(),
+            );
+        }
+        Ok(())
     }
 
     /// 13001, 13002, 13003, 50001, 50002: stored at once, flown after 13000.
@@ -52,14 +64,80 @@ impl MissionStore {
         effects: &mut Effects<'_>,
     ) -> Result<(), String> {
         let vehicle = effects.id;
+        if self.received.failed {
+            self.drop_failed(message, cucs, effects)?;
+        }
         // Checked before it is written: a message in the log that the plan refuses would fail the next start.
-        let checked = self.plan.check(message, cucs, vehicle);
+        let checked = self.received.plan.check(message, cucs, vehicle);
         checked.map_err(|fault| fault.to_string())?;
         // Disk before memory: a message that is only in memory would be acknowledged, and lost by a restart.
         self.write_message(message, cucs, vehicle, effects.disk())
-            .map_err(|fault| format!("it cannot be stored: {fault}"))?;
-        let stored = self.plan.store(message, cucs, vehicle);
+            .map_err(not_stored)?;
+        let stored = self.received.store(message, cucs, vehicle);
         stored.map_err(|fault| fault.to_string())
+    }
+
+    /// The upload that could not be loaded gives way to the one that begins with this message.
+    fn drop_failed(
+        &mut self,
+        message: &Message,
+        cucs: Id,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), String> {
+        let vehicle = effects.id;
+        let mut before = self.received.clone();
+        before.drop_upload();
+        let checked = before.plan.check(message, cucs, vehicle);
+        checked.map_err(|fault| fault.to_string())?;
+        self.files
+            .fold(&before, cucs, vehicle, effects.disk())
+            .map_err(not_stored)?;
+        self.received = before;
+        Ok(())
+    }
+
+    /// 13000 begins to load what was sent.
+    pub(super) fn begin_load(&mut self) {
+        self.received.begin_load();
+    }
+
+    /// 13000 has not loaded what was sent, and can be repeated. `begun`: it was this one that was carried out.
+    pub(super) fn load_failed(&mut self, begun: bool, cucs: Id, effects: &mut Effects<'_>) {
+        if begun {
+            self.received.load_failed();
+        } else {
+            self.received.load_not_begun();
+        }
+        if self.received.failed {
+            self.save_upload(cucs, effects);
+        }
+    }
+
+    /// 13000 was refused for what was sent: nothing of it stays.
+    pub(super) fn refuse_upload(
+        &mut self,
+        now: Duration,
+        (cucs, stamp): (Id, Option<TimeStamp>),
+        effects: &mut Effects<'_>,
+    ) {
+        self.received.refuse(now, stamp.map(|stamp| (cucs, stamp)));
+        self.save_upload(cucs, effects);
+    }
+
+    /// Writes how an upload ended. What cannot be written is tried again with the next message; a restart before it finds
+    /// the upload as it was sent.
+    fn save_upload(&mut self, cucs: Id, effects: &mut Effects<'_>) {
+        if let Err(fault) = self.fold_log(cucs, effects) {
+            effects.warn(Cause::Store, format!("the plan cannot be stored: {fault}"));
+        }
+    }
+
+    /// 13000 has loaded what was sent.
+    pub(super) fn upload_loaded(&mut self, cucs: Id, effects: &mut Effects<'_>) {
+        self.received.loaded();
+        // The log holds the plan as well: a record that cannot be written costs nothing but that a later refusal returns
+        // to the plan of before this load, after a restart.
+        self.fold_log(cucs, effects).ok();
     }
 
     fn write_message(
@@ -72,7 +150,7 @@ impl MissionStore {
         let line = record::encode_message(message, cucs, vehicle)
             .map_err(|cause| StoreError::new(log_name(vehicle), cause))?;
         if self.files.must_fold(line.len()) {
-            self.files.fold(&self.plan, cucs, vehicle, disk)?;
+            self.files.fold(&self.received, cucs, vehicle, disk)?;
         }
         self.files.append(&line, vehicle, disk)
     }
@@ -87,10 +165,10 @@ impl MissionStore {
         cucs: Id,
         effects: &mut Effects<'_>,
     ) -> Result<(), StoreError> {
-        let before = (self.plan.clone(), self.loaded.clone());
+        let before = (self.received.clone(), self.loaded.clone());
         self.clear(Some(id));
         self.save(cucs, effects).inspect_err(|_| {
-            (self.plan, self.loaded) = before;
+            (self.received, self.loaded) = before;
             // The record may have been written without the route already.
             self.files.rewrite = true;
         })
@@ -112,16 +190,9 @@ impl MissionStore {
     }
 
     fn clear(&mut self, route_id: Option<&str>) {
-        match route_id {
-            Some(id) => {
-                self.plan.clear_route(id);
-                self.loaded.take_if(|loaded| loaded.is_of(id));
-            }
-            None => {
-                self.plan.clear();
-                self.loaded = None;
-            }
-        }
+        self.received.clear(route_id);
+        let gone = |loaded: &mut UploadedMission| route_id.is_none_or(|id| loaded.is_of(id));
+        self.loaded.take_if(gone);
     }
 
     fn save(&mut self, cucs: Id, effects: &mut Effects<'_>) -> Result<(), StoreError> {
@@ -134,13 +205,10 @@ impl MissionStore {
     ///
     /// # Errors
     /// It is not written. Record and log still hold what they held.
-    pub(super) fn fold_log(
-        &mut self,
-        cucs: Id,
-        effects: &mut Effects<'_>,
-    ) -> Result<(), StoreError> {
+    fn fold_log(&mut self, cucs: Id, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
-        self.files.fold(&self.plan, cucs, vehicle, effects.disk())
+        self.files
+            .fold(&self.received, cucs, vehicle, effects.disk())
     }
 
     /// Writes what is loaded, and what the vehicle carries.
@@ -174,7 +242,7 @@ impl MissionStore {
     /// A record is there and cannot be read: starting without it would lose what was promised.
     pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let (vehicle, disk) = (effects.id, effects.disk());
-        (self.plan, self.files) = PlanFiles::read(vehicle, disk)?;
+        (self.received, self.files) = PlanFiles::read(vehicle, disk)?;
         for (kind, route) in [(UPLOADED, &mut self.uploaded), (LOADED, &mut self.loaded)] {
             let bytes = disk.read(&record_name(kind, vehicle), MAX_RECORD_BYTES)?;
             if let Some(bytes) = bytes.filter(|bytes| !bytes.is_empty()) {
@@ -187,150 +255,13 @@ impl MissionStore {
     }
 }
 
-/// The record of the plan and its log, as they are on disk.
-#[derive(Debug)]
-struct PlanFiles {
-    /// What the first line of a log of the record is.
-    heading: String,
-    /// The first line of the log that is on disk: the log continues the record only where that is `heading`.
-    log_heading: Option<String>,
-    lines: usize,
-    bytes: usize,
-    /// Messages in the record.
-    recorded: usize,
-    /// The record must be written before the next message: the log may end in a part of a line, behind which another
-    /// could not be read, or a change of the plan was undone that is on disk.
-    rewrite: bool,
-}
-
-impl Default for PlanFiles {
-    /// Of a vehicle that has none.
-    fn default() -> PlanFiles {
-        PlanFiles {
-            heading: heading(&[]),
-            log_heading: None,
-            lines: 0,
-            bytes: 0,
-            recorded: 0,
-            rewrite: false,
-        }
-    }
-}
-
-impl PlanFiles {
-    /// Reads both.
-    fn read(vehicle: Id, disk: &dyn Disk) -> Result<(Plan, PlanFiles), StoreError> {
-        let record = disk.read(&record_name(PLAN, vehicle), MAX_RECORD_BYTES)?;
-        let record = record.as_deref().map_or(&[] as &[u8], Vec::as_slice);
-        let (mut plan, recorded) = match record {
-            [] => (Plan::default(), 0),
-            bytes => record::decode_plan(bytes, vehicle)
-                .map_err(|cause| record_fault(PLAN, vehicle, cause))?,
-        };
-        let mut files = PlanFiles {
-            heading: heading(record),
-            recorded,
-            ..PlanFiles::default()
-        };
-        let name = log_name(vehicle);
-        let Some(log) = disk.read(&name, MAX_RECORD_BYTES)? else {
-            return Ok((plan, files));
-        };
-        let whole = log.iter().rposition(|byte| *byte == b'\n');
-        let text = log.get(..whole.unwrap_or(0)).unwrap_or_default();
-        let text = std::str::from_utf8(text).map_err(|cause| StoreError::new(&name, cause))?;
-        let (log_heading, lines) = text.split_once('\n').unwrap_or((text, ""));
-        files.log_heading = Some(log_heading.to_owned());
-        if files.continues() {
-            record::store_all(&mut plan, lines.lines(), vehicle)
-                .map_err(|cause| StoreError::new(&name, cause))?;
-            files.lines = lines.lines().count();
-            files.bytes = log.len();
-            files.rewrite = log.last() != Some(&b'\n');
-        }
-        Ok((plan, files))
-    }
-
-    /// Whether the log on disk continues the record.
-    fn continues(&self) -> bool {
-        self.log_heading.as_ref() == Some(&self.heading)
-    }
-
-    /// Whether a line must not be appended before the log is folded.
-    fn must_fold(&self, line: usize) -> bool {
-        // Amortised: a fold writes no more than was appended since the last, but for a constant.
-        let long = self.lines >= FOLD_LINES + 2 * self.recorded;
-        self.rewrite || self.continues() && (long || self.bytes + line >= FOLD_BYTES)
-    }
-
-    /// Adds a message; the first of a log with the log's heading.
-    fn append(&mut self, line: &str, vehicle: Id, disk: &mut dyn Disk) -> Result<(), StoreError> {
-        // Where anything fails, the next message begins with a fold.
-        self.rewrite = true;
-        let name = log_name(vehicle);
-        if self.continues() {
-            let line = format!("{line}\n");
-            disk.append(&name, line.as_bytes(), Durability::Process)?;
-            self.bytes += line.len();
-            self.lines += 1;
-        } else {
-            let begun = format!("{}\n{line}\n", self.heading);
-            disk.replace(&name, begun.as_bytes(), Durability::Process)?;
-            self.log_heading = Some(self.heading.clone());
-            self.bytes = begun.len();
-            self.lines = 1;
-        }
-        self.rewrite = false;
-        Ok(())
-    }
-
-    /// Writes the record from the whole plan; a new log begins with the next message.
-    fn fold(
-        &mut self,
-        plan: &Plan,
-        cucs: Id,
-        vehicle: Id,
-        disk: &mut dyn Disk,
-    ) -> Result<(), StoreError> {
-        self.rewrite = true;
-        let bytes = record::encode_plan(plan, cucs, vehicle);
-        // Record before log: what a process leaves that ends in between is a log of another record, and ignored.
-        disk.replace(&record_name(PLAN, vehicle), &bytes, Durability::Process)?;
-        self.heading = heading(&bytes);
-        if self.log_heading.is_some() {
-            match disk.remove(&log_name(vehicle)) {
-                Ok(()) => self.log_heading = None,
-                // The plan has become again what the log once continued.
-                Err(fault) if self.continues() => return Err(fault),
-                // A log that continues another record is ignored.
-                Err(_) => {}
-            }
-        }
-        self.recorded = plan.messages().count();
-        (self.lines, self.bytes) = (0, 0);
-        self.rewrite = false;
-        Ok(())
-    }
-}
-
-fn heading(record: &[u8]) -> String {
-    let digest = Sha256::digest(record);
-    let hex: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("record {hex}")
-}
-
-fn log_name(vehicle: Id) -> String {
-    format!("{PLAN}-{:08x}.log", vehicle.0)
+fn not_stored(fault: StoreError) -> String {
+    format!("it cannot be stored: {fault}")
 }
 
 // The names of records by kind; of files that are on disks, so they stay.
-const PLAN: &str = "plan";
 const LOADED: &str = "chosen";
 const UPLOADED: &str = "aboard";
-/// A log of no more lines than this is not worth a fold.
-const FOLD_LINES: usize = 1_000;
-/// Half of what is read of a file at the start.
-const FOLD_BYTES: usize = 8 << 20;
 
 #[cfg(test)]
 mod tests {
@@ -345,6 +276,7 @@ mod tests {
     use stanag_msgs::{Text, TimeStamp};
     use zeroize::Zeroizing;
 
+    use super::super::plan_files::FOLD_LINES;
     use super::*;
     use crate::session::testing::{CUCS, VEHICLE, World};
 
@@ -616,7 +548,7 @@ mod tests {
         // An earlier version knows the record alone.
         let mut old = Plan::default();
         old.store(&waypoint(7, 0), CUCS, VEHICLE).expect("it fits");
-        let record = record::encode_plan(&old, CUCS, VEHICLE);
+        let record = record::encode_plan(&ReceivedPlan::settled(old.clone()), CUCS, VEHICLE);
         let mut disk = disk;
         disk.replace("plan-1b000101.json", &record, Durability::Process)
             .expect("written");

@@ -115,7 +115,7 @@ impl Transfers {
         context: &Context<'_>,
         (origin, name): (Origin, String),
         route_id: Option<&str>,
-        store: &MissionStore,
+        store: &mut MissionStore,
         free: Free,
         effects: &mut Effects<'_>,
     ) {
@@ -124,7 +124,10 @@ impl Transfers {
             .and_then(|()| route_to_load(store, route_id));
         let (route, route_type) = match found {
             Ok(found) => found,
-            Err(why) => return status::reject(effects, origin, &name, Mode::Load, None, why),
+            Err(why) => {
+                store.load_failed(false, cucs_of(context, &origin), effects);
+                return status::reject(effects, origin, &name, Mode::Load, None, why);
+            }
         };
         let flights = store.plan().routes().iter();
         let flights = flights.filter(|route| mapping::plan::route_type(route) == RouteType::Flight);
@@ -135,10 +138,12 @@ impl Transfers {
             ));
         }
         status::report(effects, origin.station, &name, 0);
+        let upload = RouteUpload::new(context.mono(), route, route_type, false);
         self.load = Some(Load {
             origin: Some(origin),
-            ..Load::of(RouteUpload::new(context.mono(), route, route_type), name)
+            ..Load::of(upload, name)
         });
+        store.begin_load();
     }
 
     /// Everything, or one route: of one that it does not carry the vehicle knows nothing.
@@ -204,6 +209,9 @@ impl Transfers {
                     if upload.cancel(context.mono(), context.vehicle, effects.vehicle) {
                         store.forget_uploaded(effects);
                     }
+                    if load.origin.is_some() {
+                        store.load_failed(true, cucs_of(context, &origin), effects);
+                    }
                 }
                 Work::Clear { upload, .. } => upload.cancel(effects.vehicle),
             }
@@ -230,7 +238,7 @@ impl Transfers {
             Some(route_type) => store
                 .plan()
                 .route_of_type(route_type)
-                .map(|route| RouteUpload::new(context.mono(), route, route_type)),
+                .map(|route| RouteUpload::new(context.mono(), route, route_type, true)),
             None => loaded.map(RouteUpload::again),
         };
         let Some(upload) = upload else {
@@ -278,6 +286,7 @@ impl Transfers {
     ) {
         let Some(Load {
             work: Work::Load(upload),
+            origin,
             blocked,
             ..
         }) = &mut self.load
@@ -298,7 +307,12 @@ impl Transfers {
         let held = upload.held;
         let site = site(context);
         let (state, vehicle) = (context.vehicle, &mut *effects.vehicle);
-        let outcome = upload.advance(now, store.plan(), site.as_ref(), state, vehicle);
+        let plan = if origin.is_some() {
+            store.to_load()
+        } else {
+            store.plan()
+        };
+        let outcome = upload.advance(now, plan, site.as_ref(), state, vehicle);
         if upload.held && !held {
             effects.advise(
                 "the vehicle flies its mission: it is put on hold (mode 12) while another plan is uploaded",
@@ -421,10 +435,20 @@ impl Transfers {
             }
             Outcome::Refused {
                 waypoint,
-                why,
+                mut why,
                 touched,
+                flaw,
             } => {
                 let Some(load) = self.load.take() else { return };
+                if let Some(origin) = &load.origin {
+                    let cucs = cucs_of(context, origin);
+                    if flaw {
+                        store.refuse_upload(context.mono(), (cucs, origin.stamp), effects);
+                        why += DROPPED;
+                    } else {
+                        store.load_failed(true, cucs, effects);
+                    }
+                }
                 if touched {
                     // 13000 was to replace what was loaded. A load for a mode leaves that: it can be uploaded again.
                     if load.origin.is_some() {
@@ -471,12 +495,14 @@ impl Transfers {
         store.uploaded = Some(uploaded);
         // What is answered as loaded must still be known after a crash.
         if let Err(fault) = store.save_uploaded(effects) {
+            if let Some(origin) = &load.origin {
+                store.load_failed(true, cucs_of(context, origin), effects);
+            }
             let why = format!("the route is uploaded, but cannot be stored: {fault}");
             return load.end(None, why, effects);
         }
         if let Some(origin) = &load.origin {
-            // The plan is whole now. Its log holds it as well: a record that cannot be written costs nothing.
-            store.fold_log(cucs_of(context, origin), effects).ok();
+            store.upload_loaded(cucs_of(context, origin), effects);
         }
         load.done(effects);
     }
@@ -664,3 +690,6 @@ fn cucs_of(context: &Context<'_>, origin: &Origin) -> Id {
     let asker = context.asker(origin.station);
     asker.map_or(Id::NULL, |asker| asker.id)
 }
+
+/// What becomes of an upload that is refused for what is in it.
+const DROPPED: &str = "; nothing of this upload is kept: correct it, and send it whole";

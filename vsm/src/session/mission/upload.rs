@@ -260,6 +260,26 @@ impl Fault {
         }
     }
 
+    /// Whether the vehicle finds fault with the items themselves: sent again, they would be refused again.
+    pub(super) fn is_flaw(&self) -> bool {
+        use MavMissionResult as R;
+        // PX4 answers with these to a transfer that crosses another.
+        let passing = [
+            R::MAV_MISSION_ERROR,
+            R::MAV_MISSION_OPERATION_CANCELLED,
+            R::MAV_MISSION_INVALID_SEQUENCE,
+            R::MAV_MISSION_DENIED,
+        ];
+        match self {
+            Fault::Unusable => true,
+            Fault::Service {
+                operation: Operation::Upload,
+                reason: Failure::Refused { result, .. },
+            } => !passing.contains(result),
+            _ => false,
+        }
+    }
+
     /// The item at which the vehicle refused.
     pub(super) fn item(&self) -> Option<usize> {
         match self {

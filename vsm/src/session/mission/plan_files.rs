@@ -1,0 +1,175 @@
+//! The plan on disk: a record, and a log of the messages since.
+//!
+//! `plan-VVVVVVVV.json` holds the plan whole. A plan comes message by message, and rewriting the record for each would
+//! write gigabytes for a long route; so a message is appended to `plan-VVVVVVVV.log`:
+//!
+//! ```text
+//! record 3f0c…            the SHA-256 of the record that the log continues
+//! 00000032ea…             13001 as DLI bytes in hex
+//! 00000032eb…             13002
+//! ```
+//!
+//! A log is folded into its record once it has grown well beyond it, and when an upload ends or a route is cleared. The
+//! record of an upload that has not ended holds the plan of before it too. The log names its record because a process can
+//! end between the two files: a log that continues another record is an old one, whose messages are in the new record (or
+//! were cleared), and is ignored. Its last line counts only with its line feed: without, it is of a message that was never
+//! answered.
+
+use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
+use sha2::{Digest, Sha256};
+use stanag_msgs::Id;
+
+use super::received::ReceivedPlan;
+use super::record;
+use crate::session::store::{record_fault, record_name};
+
+/// The record of the plan and its log, as they are on disk.
+#[derive(Debug)]
+pub(super) struct PlanFiles {
+    /// What the first line of a log of the record is.
+    heading: String,
+    /// The first line of the log that is on disk: the log continues the record only where that is `heading`.
+    log_heading: Option<String>,
+    lines: usize,
+    bytes: usize,
+    /// Messages in the record.
+    recorded: usize,
+    /// The record must be written before the next message: the log may end in a part of a line, behind which another
+    /// could not be read, or a change of the plan was undone that is on disk.
+    pub(super) rewrite: bool,
+}
+
+impl Default for PlanFiles {
+    /// Of a vehicle that has none.
+    fn default() -> PlanFiles {
+        PlanFiles {
+            heading: heading(&[]),
+            log_heading: None,
+            lines: 0,
+            bytes: 0,
+            recorded: 0,
+            rewrite: false,
+        }
+    }
+}
+
+impl PlanFiles {
+    /// Reads both.
+    pub(super) fn read(
+        vehicle: Id,
+        disk: &dyn Disk,
+    ) -> Result<(ReceivedPlan, PlanFiles), StoreError> {
+        let record = disk.read(&record_name(PLAN, vehicle), MAX_RECORD_BYTES)?;
+        let record = record.as_deref().map_or(&[] as &[u8], Vec::as_slice);
+        let (mut plan, recorded) = match record {
+            [] => (ReceivedPlan::default(), 0),
+            bytes => record::decode_plan(bytes, vehicle)
+                .map_err(|cause| record_fault(PLAN, vehicle, cause))?,
+        };
+        let mut files = PlanFiles {
+            heading: heading(record),
+            recorded,
+            ..PlanFiles::default()
+        };
+        let name = log_name(vehicle);
+        let Some(log) = disk.read(&name, MAX_RECORD_BYTES)? else {
+            return Ok((plan, files));
+        };
+        let whole = log.iter().rposition(|byte| *byte == b'\n');
+        let text = log.get(..whole.unwrap_or(0)).unwrap_or_default();
+        let text = std::str::from_utf8(text).map_err(|cause| StoreError::new(&name, cause))?;
+        let (log_heading, lines) = text.split_once('\n').unwrap_or((text, ""));
+        files.log_heading = Some(log_heading.to_owned());
+        if files.continues() {
+            record::store_log(&mut plan, lines.lines(), vehicle)
+                .map_err(|cause| StoreError::new(&name, cause))?;
+            files.lines = lines.lines().count();
+            files.bytes = log.len();
+            files.rewrite = log.last() != Some(&b'\n');
+        }
+        Ok((plan, files))
+    }
+
+    /// Whether the log on disk continues the record.
+    fn continues(&self) -> bool {
+        self.log_heading.as_ref() == Some(&self.heading)
+    }
+
+    /// Whether a line must not be appended before the log is folded.
+    pub(super) fn must_fold(&self, line: usize) -> bool {
+        // Amortised: a fold writes no more than was appended since the last, but for a constant.
+        let long = self.lines >= FOLD_LINES + 2 * self.recorded;
+        self.rewrite || self.continues() && (long || self.bytes + line >= FOLD_BYTES)
+    }
+
+    /// Adds a message; the first of a log with the log's heading.
+    pub(super) fn append(
+        &mut self,
+        line: &str,
+        vehicle: Id,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        // Where anything fails, the next message begins with a fold.
+        self.rewrite = true;
+        let name = log_name(vehicle);
+        if self.continues() {
+            let line = format!("{line}\n");
+            disk.append(&name, line.as_bytes(), Durability::Process)?;
+            self.bytes += line.len();
+            self.lines += 1;
+        } else {
+            let begun = format!("{}\n{line}\n", self.heading);
+            disk.replace(&name, begun.as_bytes(), Durability::Process)?;
+            self.log_heading = Some(self.heading.clone());
+            self.bytes = begun.len();
+            self.lines = 1;
+        }
+        self.rewrite = false;
+        Ok(())
+    }
+
+    /// Writes the record from the whole plan; a new log begins with the next message.
+    pub(super) fn fold(
+        &mut self,
+        received: &ReceivedPlan,
+        cucs: Id,
+        vehicle: Id,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        self.rewrite = true;
+        let bytes = record::encode_plan(received, cucs, vehicle);
+        // Record before log: what a process leaves that ends in between is a log of another record, and ignored.
+        disk.replace(&record_name(PLAN, vehicle), &bytes, Durability::Process)?;
+        self.heading = heading(&bytes);
+        if self.log_heading.is_some() {
+            match disk.remove(&log_name(vehicle)) {
+                Ok(()) => self.log_heading = None,
+                // The plan has become again what the log once continued.
+                Err(fault) if self.continues() => return Err(fault),
+                // A log that continues another record is ignored.
+                Err(_) => {}
+            }
+        }
+        self.recorded = received.plan.messages().count();
+        (self.lines, self.bytes) = (0, 0);
+        self.rewrite = false;
+        Ok(())
+    }
+}
+
+fn heading(record: &[u8]) -> String {
+    let digest = Sha256::digest(record);
+    let hex: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("record {hex}")
+}
+
+pub(super) fn log_name(vehicle: Id) -> String {
+    format!("{PLAN}-{:08x}.log", vehicle.0)
+}
+
+// The name of the record by its kind; of files that are on disks, so it stays.
+const PLAN: &str = "plan";
+/// A log of no more lines than this is not worth a fold.
+pub(super) const FOLD_LINES: usize = 1_000;
+/// Half of what is read of a file at the start.
+const FOLD_BYTES: usize = 8 << 20;
