@@ -96,7 +96,9 @@ pub enum HeightError {
         home_amsl_m: f64,
     },
     /// Too low or too high.
-    #[error("{height_m:.0} m above home, expected {lowest_m:.0} to {highest_m:.0} (vehicle.limits)")]
+    #[error(
+        "{height_m:.0} m above home, expected {lowest_m:.0} to {highest_m:.0} (vehicle.limits)"
+    )]
     Beyond {
         /// Metres above home.
         height_m: f64,

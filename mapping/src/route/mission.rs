@@ -188,6 +188,12 @@ impl CompiledMission {
         levels.min_by(f64::total_cmp)
     }
 
+    /// Whether it ends in a landing.
+    #[must_use]
+    pub fn has_landing(&self) -> bool {
+        self.items.iter().any(|item| item.command == NAV_LAND)
+    }
+
     /// Whether this item lands the vehicle.
     #[must_use]
     pub fn lands(&self, seq: u16) -> bool {

@@ -28,6 +28,8 @@ pub(crate) enum Cause {
     OperatorControl,
     /// Its mission does not get on, and it was told to hold.
     Stalled,
+    /// It sank below its mission, and was commanded to hold.
+    Sinking,
     /// The audit log does not follow from itself.
     Audit,
     /// A key that waits, or an exchange that cannot be.

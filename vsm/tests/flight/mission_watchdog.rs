@@ -1,7 +1,8 @@
-//! A mission that gets no nearer to its waypoint ends in a hold that is reported; honest flight never does.
+//! A mission that gets no nearer to its waypoint, or sinks below its altitudes, ends in a hold that is reported; honest
+//! flight never does.
 
 use kit::bridge::{Faults, Rig, Setup, orders};
-use px4_sim::{Airframe, Config, Mode as Px4, Param};
+use px4_sim::{Airframe, Config, HealthFaults, Mode as Px4, Param};
 use stanag_msgs::enums::{
     AckType, FlightPathControlMode as Mode, LimitType, LoiterDurationUnits, LoiterType, TurnType,
     WaypointType,
@@ -246,4 +247,79 @@ fn honest_flight_on_wings_is_never_held() {
         );
         assert!(end, "seed {seed}: {:?}", rig.truth());
     }
+}
+
+/// From now on it flies this much too low in its mission.
+fn fly_low(rig: &mut Rig, low_m: u16) {
+    rig.vehicles[0]
+        .vehicle_mut()
+        .set_health_faults(HealthFaults {
+            low_m,
+            ..HealthFaults::default()
+        });
+}
+
+#[test]
+fn a_vehicle_that_sinks_in_its_mission_is_held_above_the_ground() {
+    // Also where no watch of the progress is configured.
+    let setup = Setup {
+        vehicle_keys: "stall_s = 0",
+        ..quad(5, &[])
+    };
+    let mut rig = under_way(setup, orders::square());
+    rig.run(2.0);
+    fly_low(&mut rig, 40);
+    let ended = rig.until(60.0, |rig| rig.truth().mode == Px4::Loiter);
+    let alerts = rig.station().alerts();
+    assert!(ended, "{:?} {alerts:?}", rig.truth());
+    assert!(
+        alerts
+            .iter()
+            .any(|text| text.contains("sinks in its mission: 1") && text.contains(HELD)),
+        "{alerts:?}"
+    );
+    rig.run(10.0);
+    let truth = rig.truth();
+    assert_eq!(truth.mode, Px4::Loiter);
+    assert!(-truth.position.d > 8.0, "{truth:?}");
+    // The operator flies on, and the alert is cleared.
+    fly_low(&mut rig, 0);
+    let end = rig.carry_out(orders::mode(Mode::Waypoint));
+    assert_eq!(end, Some(AckType::CarriedOut));
+    assert!(rig.until(30.0, |rig| {
+        rig.station().has_alert("heights of its mission again")
+    }));
+}
+
+#[test]
+fn wings_that_dive_in_their_mission_are_held_above_the_ground() {
+    let plane = Config {
+        airframe: Airframe::Plane,
+        ..Config::default()
+    };
+    let mut rig = Rig::ready_with(Setup {
+        vehicles: vec![plane],
+        ..Setup::default()
+    });
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 600.0, 0.0, 80.0).into(),
+        orders::waypoint(2, 0, 1_500.0, 0.0, 80.0).into(),
+    ]);
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.take_off(80.0);
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Waypoint)),
+        Some(AckType::CarriedOut)
+    );
+    rig.run(3.0);
+    fly_low(&mut rig, 200);
+    let held = rig.until(90.0, |rig| rig.truth().mode == Px4::Loiter);
+    assert!(held, "{:?}", rig.truth());
+    assert!(
+        rig.station().has_alert("sinks in its mission"),
+        "{:?}",
+        rig.station().alerts()
+    );
+    assert!(-rig.truth().position.d > 30.0, "{:?}", rig.truth());
 }

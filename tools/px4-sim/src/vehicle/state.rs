@@ -79,7 +79,7 @@ pub struct Truth {
     pub mission_seq: u16,
 }
 
-/// Faults that a vehicle reports, for tests of health alerts. Its flight is not affected.
+/// Faults of a vehicle, for tests of alerts. All but `instead` and `low_m` are only reported, and do not affect its flight.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct HealthFaults {
     /// Bits of MAV_SYS_STATUS_SENSOR that SYS_STATUS reports as enabled and unhealthy.
@@ -91,6 +91,8 @@ pub struct HealthFaults {
     /// The mode entered, once, in place of the next one that DO_SET_MODE names and that is accepted: a take-off that ends
     /// in that moment puts PX4 into AUTO.LOITER.
     pub instead: Option<Mode>,
+    /// In AUTO.MISSION it flies so much lower than its items, m, as a wing whose altitude reference is wrong.
+    pub low_m: u16,
 }
 
 /// What the vehicle has done with the commands and plans it received.

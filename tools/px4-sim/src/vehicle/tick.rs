@@ -69,11 +69,16 @@ impl Vehicle {
             self.course = (step.guidance, step.heading);
         }
         let spooling = now - self.commander.armed_at() < self.params.get(Param::COM_SPOOLUP_TIME);
-        let (guidance, heading) = if !armed || spooling && self.landed {
+        let (mut guidance, heading) = if !armed || spooling && self.landed {
             (Guidance::Ground, Heading::Hold)
         } else {
             self.steer(mode).unwrap_or(self.course)
         };
+        if mode == Mode::Mission
+            && let Guidance::Leg(leg) | Guidance::Climb(leg) = &mut guidance
+        {
+            leg.target.d += f64::from(self.health_faults.low_m);
+        }
         self.target = match &guidance {
             Guidance::Leg(leg) | Guidance::Climb(leg) | Guidance::Land(leg) => leg.target,
             Guidance::Circle(circle) => circle.centre,

@@ -422,9 +422,7 @@ fn go(
     let home = at.telemetry.home.ok_or("home is not known yet")?;
     // Without an altitude the vehicle is sent there at its present one, which a flight by hand may have left below home.
     let level = level.unwrap_or(Level::Amsl(present.amsl_m));
-    if let Err(fault @ HeightError::BelowHome { .. }) =
-        at.limits.check_height(level, home.amsl_m)
-    {
+    if let Err(fault @ HeightError::BelowHome { .. }) = at.limits.check_height(level, home.amsl_m) {
         return Err(format!("mode 12 without an altitude: the present {fault}"));
     }
     let amsl_m = level.amsl(home.amsl_m);

@@ -16,6 +16,7 @@
 //!   sinks below it; [`resync`]: whether it still carries what was loaded
 //! - [`fence`]: areas of the configuration and of a CUCS
 
+mod descent;
 mod download;
 mod fence;
 mod input;
@@ -41,6 +42,7 @@ use mavlink_link::store::StoreError;
 use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
 
+use self::descent::DescentWatch;
 use self::fence::Fence;
 use self::progress::RouteProgress;
 use self::record::UploadedMission;
@@ -60,6 +62,7 @@ pub(crate) struct Mission {
     transfers: Transfers,
     progress: RouteProgress,
     watchdog: MissionWatchdog,
+    descent: DescentWatch,
     resync: Resync,
     fence: Fence,
 }
@@ -72,6 +75,7 @@ impl Mission {
             transfers: Transfers::default(),
             progress: RouteProgress::default(),
             watchdog: MissionWatchdog::default(),
+            descent: DescentWatch::default(),
             resync: Resync::default(),
             fence: Fence::new(areas),
         }
@@ -131,6 +135,7 @@ impl Mission {
             transfers,
             progress,
             watchdog,
+            descent,
             resync,
             fence,
         } = self;
@@ -175,6 +180,7 @@ impl Mission {
                 }
                 let transferring = transfers.is_running();
                 watchdog.watch(context, uploaded, transferring, effects);
+                descent.watch(context, uploaded, transferring, effects);
             }
             Input::CompareWithVehicle => {
                 let uploaded = store.uploaded.as_ref();

@@ -13,8 +13,10 @@
 //! simulation faster or slower than time is judged as the flight that it is. Nothing is judged but by a MISSION_CURRENT
 //! that shows the item is still the same: a lost one must not make a passed waypoint a missed one.
 
+use mapping::altitude::Level;
 use mapping::limits::metres;
 use mapping::mode::Px4Mode;
+use mapping::telemetry::MissionProgress;
 use mavlink_link::dialect::{MavType, MissionState};
 
 use super::input::Context;
@@ -238,31 +240,36 @@ fn stuck(still_s: f64, patience_s: f64) -> Finding {
     }
 }
 
-/// `None` where no mission of ours is flown.
-fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<Sample> {
+/// The progress along the uploaded mission, where that is flown, and not another station's.
+pub(super) fn flown(context: &Context<'_>, uploaded: &UploadedMission) -> Option<MissionProgress> {
     let telemetry = &context.vehicle.telemetry;
-    let (uploaded, mission) = (uploaded?, telemetry.mission?);
+    let mission = telemetry.mission?;
     let flown = telemetry.mode == Some(Px4Mode::MISSION) && telemetry.airborne();
     let over = mission.state == MissionState::MISSION_STATE_COMPLETE;
     // The items of another station's plan are unknown here; an id of 0 names no plan.
     let foreign = uploaded.mission_id != 0
         && mission.mission_id != 0
         && uploaded.mission_id != mission.mission_id;
-    if !flown || over || foreign {
-        return None;
-    }
+    (flown && !over && !foreign).then_some(mission)
+}
+
+/// `None` where no mission of ours is flown.
+fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<Sample> {
+    let telemetry = &context.vehicle.telemetry;
+    let uploaded = uploaded?;
+    let mission = flown(context, uploaded)?;
     let items = &uploaded.compiled.items;
     let item = items.get(usize::from(mission.seq))?;
     let here = telemetry.position?;
-    let above_home_m = if ABOVE_HOME.contains(&item.frame) {
-        telemetry.home?.amsl_m
-    } else {
-        0.0
+    let amsl_m = match Level::of_frame(item.frame, item.z.into()) {
+        Some(Level::AboveHome(m)) => telemetry.home?.amsl_m + m,
+        Some(Level::Amsl(m)) => m,
+        None => f64::from(item.z),
     };
     let (latitude, longitude) = (f64::from(item.x) / 1e7, f64::from(item.y) / 1e7);
     let away = item.is_global().then(|| Away {
         ground_m: metres((here.latitude, here.longitude), (latitude, longitude)),
-        height_m: (f64::from(item.z) + above_home_m - here.amsl_m).abs(),
+        height_m: (amsl_m - here.amsl_m).abs(),
     });
     let banks = banks(telemetry.vehicle_type);
     let radius_m = f64::from(item.params[2]).abs();
@@ -296,7 +303,7 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
 }
 
 /// All but the types that only hover: a convertiplane banks half of the time.
-fn banks(kind: Option<MavType>) -> bool {
+pub(super) fn banks(kind: Option<MavType>) -> bool {
     use MavType as T;
     !matches!(
         kind,
@@ -312,7 +319,7 @@ fn banks(kind: Option<MavType>) -> bool {
     )
 }
 
-fn seconds(ms: u32) -> f64 {
+pub(super) fn seconds(ms: u32) -> f64 {
     f64::from(ms) / 1e3
 }
 
@@ -339,8 +346,6 @@ const UNCOMMANDED_M_S: f64 = 1.0;
 const SLOWEST_M_S: f64 = 0.01;
 /// MISSION_CURRENT comes each second and on change, s.
 const FRESH_S: f64 = 3.0;
-/// Frames of heights above home.
-const ABOVE_HOME: [u8; 2] = [3, 6];
 const NAV_LOITER_UNLIM: u16 = 17;
 const NAV_LOITER_TIME: u16 = 19;
 const DO_CHANGE_SPEED: u16 = 178;
