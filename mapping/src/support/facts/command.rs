@@ -91,7 +91,7 @@ facts! {
         "Time Stamp": RECEIVED_STAMP;
         "Select Flight Path Control Mode": "2 POSCTL once MANUAL_CONTROL runs; 11 MISSION_SET_CURRENT where a waypoint is commanded, AUTO.MISSION; 12 AUTO.LOITER, or DO_REPOSITION, DO_ORBIT, refused on the ground; 15 SET_POSITION_TARGET_LOCAL_NED, 20 a second, then OFFBOARD; 19 AUTO.LAND; 20 while it lands; 21 AUTO.LOITER, COMPONENT_ARM_DISARM, NAV_TAKEOFF; 23, 24 the upload of such a route where one is stored, AUTO.MISSION, else AUTO.RTL, AUTO.LAND; others are refused; absent or 0: the present mode";
         "Altitude Command Type": "1 altitude, 0 none: the altitude is not flown; 2 and 3 in 15, elsewhere refused";
-        "Commanded Altitude": "12, 15: flown to; 21: taken off to; refused in 11 and below ground";
+        "Commanded Altitude": "12, 15: flown to; 21: taken off to; refused in 11, and below home unless vehicle.limits.below_home is true";
         "Commanded Vertical Speed": "15: flown, or the limit of the way to an altitude; elsewhere 16000 reports that it is ignored";
         "Heading Command Type": "15: 1 heading, 2 course, 3 both, 5 turn rate; 4 is refused; elsewhere 0 alone";
         "Heading Reference": "15: 0 true; magnetic is refused";

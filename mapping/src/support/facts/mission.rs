@@ -28,7 +28,7 @@ facts! {
         "Waypoint to Latitude or Relative Y": "where it lies";
         "Waypoint to Longitude or Relative X": "where it lies";
         "Location Type": "0 absolute; others are refused";
-        "Waypoint to Altitude": "how high";
+        "Waypoint to Altitude": "how high; refused below home unless vehicle.limits.below_home is true";
         "Waypoint Altitude Type": "datum of the altitude: 0 and 1 by the altimeter setting, 2 above home, 3 ellipsoid";
         "Waypoint to Speed": "DO_CHANGE_SPEED before it";
         "Waypoint Speed Type": "0, 1 and 2 alike; arrival time is refused";
