@@ -35,7 +35,7 @@ pub fn decode(datagram: &[u8], raw: bool) -> Vec<Value> {
             |message| (message.header.message_type, frame_ed25(message, raw)),
         );
     }
-    objects(frames(&datagram), Frames::offset, HEADER_BYTES, |message| {
+    objects(frames(datagram), Frames::offset, HEADER_BYTES, |message| {
         (message.header.message_type.into(), frame(message, raw))
     })
 }
