@@ -1,8 +1,9 @@
-//! Fence files (TOML): areas that the vehicle stays inside or outside, as messages 50016.
+//! Geofences: areas that the vehicle stays inside or outside, their file (TOML), and their messages 50016.
 
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use stanag_msgs::enums::AreaType;
 use stanag_msgs::messages::AreaVertex;
 use stanag_msgs::{Bam32, Message};
@@ -10,14 +11,6 @@ use stanag_msgs::{Bam32, Message};
 /// Why a fence file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum FenceFileError {
-    /// It cannot be read.
-    #[error("{}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        source: std::io::Error,
-    },
     /// It is not TOML of this form.
     #[error("{}:{line}: {message}", path.display())]
     Form {
@@ -50,11 +43,70 @@ pub enum FenceFileError {
     },
 }
 
+/// An area of a geofence.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Area {
+    /// On which side of its border the vehicle stays.
+    pub keep: Keep,
+    /// Its border.
+    pub shape: Shape,
+}
+
+/// On which side of a border the vehicle stays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Keep {
+    /// Inside.
+    In,
+    /// Outside.
+    Out,
+}
+
+impl Keep {
+    /// Inside, or outside.
+    #[must_use]
+    pub const fn inside(is: bool) -> Self {
+        if is { Self::In } else { Self::Out }
+    }
+
+    /// The word of a fence file.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::In => "in",
+            Self::Out => "out",
+        }
+    }
+}
+
+/// The border of an area. Places are degrees north and east.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// Its vertices.
+    Polygon(Vec<[f64; 2]>),
+    /// A circle.
+    Circle {
+        /// Its centre.
+        centre: [f64; 2],
+        /// Its radius, m.
+        radius_m: f64,
+    },
+}
+
+/// A fence file; a route file may hold a fence too, and its other keys are not looked at here.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[allow(dead_code)]
 struct File {
     #[serde(default)]
     area: Vec<FileArea>,
+    mission_id: Option<IgnoredAny>,
+    id: Option<IgnoredAny>,
+    r#type: Option<IgnoredAny>,
+    initial: Option<IgnoredAny>,
+    defaults: Option<IgnoredAny>,
+    waypoint: Option<IgnoredAny>,
+    curve: Option<IgnoredAny>,
 }
 
 #[derive(Deserialize)]
@@ -67,26 +119,11 @@ struct FileArea {
     radius: Option<f64>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Keep {
-    In,
-    Out,
-}
-
-/// Reads a fence file into its messages. Whether they make a fence is for the VSM to judge.
+/// Reads the areas of the text of a fence file; `path` is only for messages.
 ///
 /// # Errors
-/// It cannot be read, or is not of this form.
-pub fn load(path: &Path) -> Result<Vec<Message>, FenceFileError> {
-    let text = std::fs::read_to_string(path).map_err(|source| FenceFileError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
-    parse(path, &text)
-}
-
-fn parse(path: &Path, text: &str) -> Result<Vec<Message>, FenceFileError> {
+/// It is not of this form.
+pub fn parse(path: &Path, text: &str) -> Result<Vec<Area>, FenceFileError> {
     let file: File = toml::from_str(text).map_err(|fault| FenceFileError::Form {
         path: path.to_owned(),
         line: fault.span().map_or(1, |span| {
@@ -94,6 +131,30 @@ fn parse(path: &Path, text: &str) -> Result<Vec<Message>, FenceFileError> {
         }),
         message: fault.message().to_owned(),
     })?;
+    let areas = (1..).zip(file.area).map(|(number, area)| {
+        let shape = match (area.vertices.len(), area.centre, area.radius) {
+            (0, Some(centre), Some(radius_m)) => Shape::Circle { centre, radius_m },
+            (1.., None, None) => Shape::Polygon(area.vertices),
+            _ => {
+                return Err(FenceFileError::Shape {
+                    path: path.to_owned(),
+                    area: number,
+                });
+            }
+        };
+        Ok(Area {
+            keep: area.keep,
+            shape,
+        })
+    });
+    areas.collect()
+}
+
+/// The messages 50016 of a fence read from `path`. Whether they make a fence is for the VSM to judge.
+///
+/// # Errors
+/// More areas or vertices than the message can count.
+pub fn messages(path: &Path, areas: &[Area]) -> Result<Vec<Message>, FenceFileError> {
     let many = |count: usize, what, most: usize| {
         if count > most {
             let path = path.to_owned();
@@ -106,24 +167,20 @@ fn parse(path: &Path, text: &str) -> Result<Vec<Message>, FenceFileError> {
         }
         Ok(())
     };
-    many(file.area.len(), "areas", u16::MAX.into())?;
+    many(areas.len(), "areas", u16::MAX.into())?;
     let mut messages = Vec::new();
-    for (id, area) in (1_u16..).zip(file.area) {
-        let (places, kind) = match (area.vertices.len(), area.centre, area.radius) {
-            (0, Some(centre), Some(_)) => (
-                vec![centre],
+    for (id, area) in (1_u16..).zip(areas) {
+        let (places, radius_m, kind) = match &area.shape {
+            Shape::Circle { centre, radius_m } => (
+                std::slice::from_ref(centre),
+                Some(*radius_m),
                 [AreaType::KeepInCircle, AreaType::KeepOutCircle],
             ),
-            (1.., None, None) => (
-                area.vertices,
+            Shape::Polygon(vertices) => (
+                vertices.as_slice(),
+                None,
                 [AreaType::KeepInPolygon, AreaType::KeepOutPolygon],
             ),
-            _ => {
-                return Err(FenceFileError::Shape {
-                    path: path.to_owned(),
-                    area: id.into(),
-                });
-            }
         };
         many(places.len(), "vertices of an area", u8::MAX.into())?;
         let count = places.len() as u8;
@@ -133,9 +190,9 @@ fn parse(path: &Path, text: &str) -> Result<Vec<Message>, FenceFileError> {
                 area_type: Some(kind[usize::from(area.keep == Keep::Out)]),
                 vertex_count: Some(count),
                 vertex_number: Some(number),
-                latitude: Some(Bam32::from_degrees(north)),
-                longitude: Some(Bam32::from_degrees(east)),
-                radius: area.radius.map(|metres| metres as f32),
+                latitude: Some(Bam32::from_degrees(*north)),
+                longitude: Some(Bam32::from_degrees(*east)),
+                radius: radius_m.map(|metres| metres as f32),
                 ..AreaVertex::default()
             })
         }));
@@ -143,38 +200,61 @@ fn parse(path: &Path, text: &str) -> Result<Vec<Message>, FenceFileError> {
     Ok(messages)
 }
 
-/// The text of a fence file of these messages; vertices without a position are left out.
+/// The areas of these messages; vertices without a position are left out.
 #[must_use]
-pub fn to_toml<'a>(vertices: impl IntoIterator<Item = &'a AreaVertex>) -> String {
-    use std::fmt::Write as _;
-    let mut out = String::new();
+pub fn areas<'a>(vertices: impl IntoIterator<Item = &'a AreaVertex>) -> Vec<Area> {
+    let mut out: Vec<Area> = Vec::new();
     let mut open = None;
     for vertex in vertices {
         let (Some(north), Some(east)) = (vertex.latitude, vertex.longitude) else {
             continue;
         };
-        let place = format!("[{:.8}, {:.8}]", north.degrees(), east.degrees());
-        if open != vertex.area_id {
-            if open.is_some() {
-                out.push_str("]\n");
+        let place = [north.degrees(), east.degrees()];
+        let outside = matches!(
+            vertex.area_type,
+            Some(AreaType::KeepOutPolygon | AreaType::KeepOutCircle)
+        );
+        let shape = match vertex.radius {
+            Some(radius) => Shape::Circle {
+                centre: place,
+                radius_m: radius.into(),
+            },
+            None => Shape::Polygon(vec![place]),
+        };
+        match (
+            &mut out.last_mut().map(|area| &mut area.shape),
+            vertex.radius,
+        ) {
+            (Some(Shape::Polygon(border)), None) if open == Some(vertex.area_id) => {
+                border.push(place);
             }
-            let keep = match vertex.area_type {
-                Some(AreaType::KeepOutPolygon | AreaType::KeepOutCircle) => "out",
-                _ => "in",
-            };
-            let _ = write!(out, "[[area]]\nkeep = \"{keep}\"\n");
-            if let Some(radius) = vertex.radius {
-                let _ = write!(out, "centre = {place}\nradius = {radius}\n");
-                open = None;
-                continue;
-            }
-            out.push_str("vertices = [");
-            open = vertex.area_id;
+            _ => out.push(Area {
+                keep: Keep::inside(!outside),
+                shape,
+            }),
         }
-        let _ = write!(out, "{place}, ");
+        open = vertex.radius.is_none().then_some(vertex.area_id);
     }
-    if open.is_some() {
-        out.push_str("]\n");
+    out
+}
+
+/// The text of a fence file of these areas.
+#[must_use]
+pub fn to_toml(areas: &[Area]) -> String {
+    use std::fmt::Write as _;
+    let mut out = String::new();
+    let place = |[north, east]: &[f64; 2]| format!("[{north:.8}, {east:.8}]");
+    for area in areas {
+        let _ = write!(out, "[[area]]\nkeep = \"{}\"\n", area.keep.word());
+        let _ = match &area.shape {
+            Shape::Circle { centre, radius_m } => {
+                writeln!(out, "centre = {}\nradius = {radius_m:?}", place(centre))
+            }
+            Shape::Polygon(vertices) => {
+                let places: Vec<String> = vertices.iter().map(place).collect();
+                writeln!(out, "vertices = [{}]", places.join(", "))
+            }
+        };
     }
     out
 }
@@ -188,7 +268,7 @@ mod tests {
 
     #[test]
     fn a_file_becomes_messages_and_they_a_file_that_reads_the_same() {
-        let messages = parse(Path::new("f"), TEXT).unwrap();
+        let messages = messages(Path::new("f"), &parse(Path::new("f"), TEXT).unwrap()).unwrap();
         assert_eq!(messages.len(), 4);
         let vertices: Vec<AreaVertex> = messages
             .iter()
@@ -198,8 +278,13 @@ mod tests {
             })
             .collect();
         assert_eq!(vertices[3].area_type, Some(AreaType::KeepOutCircle));
-        let text = to_toml(&vertices);
-        assert_eq!(parse(Path::new("f"), &text).unwrap(), messages, "{text}");
+        let text = to_toml(&areas(&vertices));
+        let again = parse(Path::new("f"), &text).unwrap();
+        assert_eq!(
+            super::messages(Path::new("f"), &again).unwrap(),
+            messages,
+            "{text}"
+        );
     }
 
     #[test]

@@ -5,12 +5,14 @@
 //! [`Station`] puts it on a UDP socket and offers what an operator does as methods: discover, take control, send a
 //! route, launch, fly, land, release. [`Operator`] is the same in words, for the program `cucs` and for scripts.
 //!
-//! The folders, each built on those before it: `session` and `route` (without I/O), `station` (UDP), `operator`
-//! (subcommands and scripts). Nothing here knows MAVLink: whatever a CUCS may need must be in the DLI.
+//! The folders, each built on those before it: `session` and `route` (without I/O), `formats` (files of routes),
+//! `station` (UDP), `operator` (subcommands and scripts). Nothing here speaks MAVLink: whatever a CUCS may need must be
+//! in the DLI.
 //!
 //! Nothing received can make any of them panic, block or grow without bound.
 
 pub mod fence;
+pub mod formats;
 mod operator;
 pub mod program;
 mod route;

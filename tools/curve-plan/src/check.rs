@@ -69,6 +69,7 @@ pub(crate) struct Command {
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let loaded = Loaded::read(&self.file, &self.how)?;
+        loaded.report_losses(&self.how)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
         let airframe = match self.airframe {
             Kind::Plane => Airframe::FixedWing(FixedWing {
@@ -95,7 +96,8 @@ impl Command {
             .map(|file| measured(file, &loaded, &densified))
             .transpose()?;
         if self.json {
-            let report = self.report(&plan, densified.bound_m, &misread, flown.as_ref());
+            let mut report = self.report(&plan, densified.bound_m, &misread, flown.as_ref());
+            report["losses"] = loaded.route.losses.to_json();
             return print(&format!("{report}\n"));
         }
         let mut text = self.text(&plan, densified.vertices.len(), densified.bound_m, &misread);

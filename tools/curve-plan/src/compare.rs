@@ -7,12 +7,12 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
+use cucs::formats::{self, Selection};
 use curve_paths::fit::{Continuity, FitOptions, Start, Track, fit, straighten};
 use curve_paths::{Leg, Options, Position, densify};
 use serde::Serialize;
 
 use crate::failure::Failure;
-use crate::formats::{self, Selection};
 use crate::output::{print, progress};
 use crate::route::ground_points;
 
@@ -52,8 +52,11 @@ struct Row {
 
 impl Compare {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let route = formats::read_track(&self.file, self.selection)?;
-        let fixes: Vec<Position> = route.waypoints.iter().map(|w| w.position).collect();
+        let route = formats::read_track(&self.file, &self.selection)?;
+        route
+            .losses
+            .report(&self.file.display().to_string(), false)?;
+        let fixes: Vec<Position> = route.points.iter().map(|w| w.position).collect();
         let track = Track::new(&fixes, self.closed).map_err(|e| Failure::file(&self.file, e))?;
         let rows = self
             .tolerances

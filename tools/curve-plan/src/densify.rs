@@ -6,9 +6,10 @@ use clap::Args;
 use serde_json::json;
 
 use crate::failure::Failure;
-use crate::formats::{self, Addresses};
 use crate::load::{Densify, Loaded};
-use crate::output::{Output, print};
+use crate::messages::Addresses;
+use crate::output::{Output, print, write};
+use crate::route::flown;
 
 /// Arguments of `densify`.
 #[derive(Debug, Args)]
@@ -30,9 +31,14 @@ impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let loaded = Loaded::read(&self.file, &self.how)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
-        if let Some(output) = self.output.path() {
-            formats::write(output, &loaded.route.flown(&densified), &self.addresses)?;
-        }
+        let flown = flown(&loaded.route, &densified);
+        let losses = match self.output.path() {
+            Some(output) => write(output, &flown, &self.addresses, self.how.import.strict)?,
+            None => {
+                loaded.report_losses(&self.how)?;
+                flown.losses
+            }
+        };
         let items = densified.vertices.len();
         // The crate's name for "no chord between vertices" is infinity, which JSON has no number for.
         let shortest = Some(densified.shortest_chord_m).filter(|s| s.is_finite());
@@ -45,6 +51,7 @@ impl Command {
             let report = json!({
                 "legs": loaded.legs.len(), "items": items, "tolerance_m": tolerance_m,
                 "bound_m": densified.bound_m, "shortest_chord_m": shortest, "vertices": vertices,
+                "losses": losses.to_json(),
             });
             return print(&format!("{report}\n"));
         }

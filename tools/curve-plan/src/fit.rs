@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use cucs::formats::{self, Level, Selection};
 use curve_paths::fit::{Continuity, FitOptions, Track, fit};
 use serde_json::json;
 
 use crate::failure::Failure;
-use crate::formats::{self, Addresses, Selection};
-use crate::output::{Output, print, progress};
-use crate::route::{Level, Route, ground_points};
+use crate::messages::Addresses;
+use crate::output::{Output, print, progress, write};
+use crate::route::{ground_points, of_fit};
 
 /// Arguments of `fit`.
 #[derive(Debug, Args)]
@@ -49,11 +50,13 @@ pub(crate) struct Command {
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let mut read = formats::read_track(&self.file, self.selection)?;
+        let mut read = formats::read_track(&self.file, &self.selection)?;
+        read.losses
+            .report(&self.file.display().to_string(), false)?;
         let closed = self.closed || read.closed;
         let last = self.to.unwrap_or(usize::MAX);
-        let fixes = std::mem::take(&mut read.waypoints).into_iter().enumerate();
-        read.waypoints = fixes
+        let fixes = std::mem::take(&mut read.points).into_iter().enumerate();
+        read.points = fixes
             .filter(|(k, _)| (self.from..=last).contains(k))
             .map(|(_, w)| w)
             .collect();
@@ -76,8 +79,8 @@ impl Command {
         let fitted =
             fit(&track, &options, &mut progress()).map_err(|e| Failure::answer(&self.file, e))?;
         if let Some(output) = self.output.path() {
-            let route = Route::of_fit(&read.name, &fitted, closed, read.datum);
-            formats::write(output, &route, &self.addresses)?;
+            let route = of_fit(&read.name, &fitted, closed, read.datum);
+            write(output, &route, &self.addresses, false)?;
         }
         let (legs, deviation_m) = (fitted.legs.len(), fitted.deviation_m);
         if self.json {

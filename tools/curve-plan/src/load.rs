@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use cucs::formats::{self, Draft, Import};
 use curve_paths::{Densified, Leg, Options, Vertices, densify, densify_to_budget};
 
 use crate::failure::Failure;
-use crate::formats;
-use crate::route::{Level, Route};
+use crate::route::legs;
 
 /// How to densify, on the command line.
 #[derive(Clone, Debug, Args)]
@@ -24,33 +24,33 @@ pub(crate) struct Densify {
     /// Keep chords between vertices of a curved leg at least this long, m.
     #[arg(long, value_name = "M", default_value_t = 4.0)]
     pub(crate) min_chord: f64,
-    /// Turn heights above home into altitudes by this altitude of home, m above mean sea level.
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    pub(crate) home_alt: Option<f64>,
     #[command(flatten)]
-    pub(crate) level: Level,
+    pub(crate) import: Import,
 }
 
 /// A route that was read, with its legs.
 pub(crate) struct Loaded {
     pub(crate) file: PathBuf,
-    pub(crate) route: Route,
+    pub(crate) route: Draft,
     pub(crate) legs: Vec<Leg>,
 }
 
 impl Loaded {
     /// Reads a route and checks its legs.
     pub(crate) fn read(file: &Path, how: &Densify) -> Result<Self, Failure> {
-        let mut route = formats::read(file, how.level)?;
-        if let Some(home_m) = how.home_alt {
-            route.lift(home_m);
-        }
-        let legs = route.legs(file)?;
+        let route = formats::read(file, &how.import)?;
+        let legs = legs(&route, file)?;
         Ok(Self {
             file: file.to_owned(),
             route,
             legs,
         })
+    }
+
+    /// Reports what of the file is not in the route.
+    pub(crate) fn report_losses(&self, how: &Densify) -> Result<(), Failure> {
+        let file = self.file.display().to_string();
+        Ok(self.route.losses.report(&file, how.import.strict)?)
     }
 
     /// Densifies it; the vertices and the tolerance that they were made with.

@@ -1,10 +1,14 @@
-//! What the program writes: a file that the command line names, answers on standard output, the progress of a fit on a
+//! What the program writes: files that the command line names, answers on standard output, the progress of a fit on a
 //! terminal.
 
-use crate::failure::Failure;
-use clap::Args;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
+
+use clap::Args;
+use cucs::formats::{self, Draft, Format, Losses};
+
+use crate::failure::Failure;
+use crate::messages::Addresses;
 
 /// The file to write, named alike by every command: `convert IN OUT` or `convert IN -o OUT`.
 #[derive(Clone, Debug, Args)]
@@ -66,4 +70,33 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
         }
         _ => Ok(()),
     }
+}
+
+/// Writes a route to a file, in its format or as messages, and reports what is lost; nothing is written where nothing may
+/// be lost.
+pub(crate) fn write(
+    file: &Path,
+    route: &Draft,
+    addresses: &Addresses,
+    strict: bool,
+) -> Result<Losses, Failure> {
+    let format = Format::of(file)?;
+    let (bytes, losses) = if matches!(format, Format::Hex | Format::Pcapng) {
+        let (plan, losses) = route.to_send(file)?;
+        let bytes = match format {
+            Format::Hex => addresses.hex(&plan)?.into_bytes(),
+            _ => addresses.pcapng(&plan)?,
+        };
+        (bytes, losses)
+    } else {
+        formats::write(file, route)?
+    };
+    losses.report(&file.display().to_string(), strict)?;
+    save(file, &bytes)?;
+    Ok(losses)
+}
+
+/// Writes a file.
+pub(crate) fn save(file: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    std::fs::write(file, bytes).map_err(|e| Failure::file(file, e))
 }

@@ -4,13 +4,13 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use cucs::formats::{self, Import, Losses};
 use cucs::{LoiList, Operator, OperatorError, Station, Style, Vehicle, Verb};
 use stanag_msgs::Id;
 use stanag_msgs::enums::LoiBitmap;
 
 use crate::failure::Failure;
-use crate::formats;
-use crate::route::Level;
+use crate::route::legs;
 
 /// Arguments of `send`.
 #[derive(Debug, Args)]
@@ -29,11 +29,8 @@ pub(crate) struct Command {
     /// Send to this vehicle; without it, to the only one that is there.
     #[arg(long, value_name = "ID")]
     vehicle: Option<Id>,
-    /// Turn heights above home into altitudes by this altitude of home, m above mean sea level.
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    home_alt: Option<f64>,
     #[command(flatten)]
-    level: Level,
+    import: Import,
     /// Take the rights (LOI 4) also where another station holds them.
     #[arg(long = "override")]
     depose: bool,
@@ -47,22 +44,20 @@ pub(crate) struct Command {
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let mut route = formats::read(&self.file, self.level)?;
-        if let Some(home_m) = self.home_alt {
-            route.lift(home_m);
-        }
+        let draft = formats::read(&self.file, &self.import)?;
         // A file that is no route is refused before anything is sent.
-        route.legs(&self.file)?;
-        let plan = route.to_plan()?;
+        legs(&draft, &self.file)?;
+        let (plan, losses) = draft.to_send(&self.file)?;
+        losses.report(&self.file.display().to_string(), self.import.strict)?;
         tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()
             .map_err(|e| Failure::Answer(e.to_string()))?
-            .block_on(self.upload(&plan))?;
+            .block_on(self.upload(&plan, &losses))?;
         Ok(())
     }
 
-    async fn upload(&self, plan: &cucs::Route) -> Result<(), OperatorError> {
+    async fn upload(&self, plan: &cucs::Route, losses: &Losses) -> Result<(), OperatorError> {
         let station = Station::reach(self.id, self.listen, &self.vsm).await?;
         let style = if self.json {
             Style::Json
@@ -84,7 +79,7 @@ impl Command {
             operator.run(&take, nowhere).await?;
         }
         let name = self.file.display().to_string();
-        let sent = operator.load(&name, plan).await;
+        let sent = operator.load(&name, plan, losses).await;
         if held.is_empty() && !self.keep {
             let released = operator.run(&Verb::Release, nowhere).await;
             // Of two failures the first is closer to the cause.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use stanag_msgs::Id;
 
 use crate::fence::FenceFileError;
-use crate::route::read::RouteFileError;
+use crate::formats::FormatError;
 use crate::station::outcome::{Refused, StationError};
 
 /// Why something was not done.
@@ -14,9 +14,9 @@ pub enum OperatorError {
     /// The station reports the reason.
     #[error(transparent)]
     Station(#[from] StationError),
-    /// A route file.
+    /// The file of a route or a fence, or what would be lost of it.
     #[error(transparent)]
-    RouteFile(#[from] RouteFileError),
+    File(#[from] FormatError),
     /// A fence file.
     #[error(transparent)]
     FenceFile(#[from] FenceFileError),
@@ -64,7 +64,8 @@ impl OperatorError {
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::RouteFile(_) | Self::FenceFile(_) | Self::Ambiguous(_) | Self::Seconds(_) => 2,
+            Self::File(fault) => fault.exit_status(),
+            Self::FenceFile(_) | Self::Ambiguous(_) | Self::Seconds(_) => 2,
             Self::Station(fault) => fault.exit_status(),
             _ => 1,
         }

@@ -11,16 +11,33 @@ use stanag_msgs::{Id, Message};
 use super::console::{Done, Operator, Style};
 use super::error::OperatorError;
 use crate::fence;
+use crate::formats::{self, Import, Losses};
 use crate::route::model::Route;
 
 impl<W: Write> Operator<W> {
-    pub(super) async fn send_route(&mut self, name: &str, route: &Route) -> Done {
+    /// Reads a route in any format, reports what of the file is lost, and sends the rest.
+    pub(super) async fn send_file(
+        &mut self,
+        file: &Path,
+        name: &str,
+        import: &Import,
+        mission_id: Option<&str>,
+    ) -> Done {
+        let (mut route, losses) = formats::read_to_send(file, import)?;
+        if mission_id.is_some() {
+            route.mission_id = mission_id.map(str::to_owned);
+        }
+        losses.report(name, import.strict)?;
+        self.send_route(name, &route, &losses).await
+    }
+
+    pub(super) async fn send_route(&mut self, name: &str, route: &Route, losses: &Losses) -> Done {
         let vehicle = self.find_vehicle().await?;
         let waypoints = route.waypoints.len();
         self.station.send_route(vehicle, route).await?.accepted()?;
         self.print(
             &format!("{vehicle}: {name} with {waypoints} waypoints is aboard"),
-            json!({"loaded": name, "waypoints": waypoints}),
+            json!({"loaded": name, "waypoints": waypoints, "losses": losses.to_json()}),
         )
     }
 
@@ -43,7 +60,7 @@ impl<W: Write> Operator<W> {
 
     /// 50016 and 50017: a file of areas goes aboard.
     pub(super) async fn send_fence(&mut self, file: &Path) -> Done {
-        let vertices = fence::load(file)?;
+        let vertices = fence::messages(file, &formats::read_fence(file)?)?;
         let vehicle = self.find_vehicle().await?;
         self.station.store(vehicle, &vertices).await?.accepted()?;
         self.transfer_areas(vehicle, AreaPlanMode::Load).await?;
@@ -78,7 +95,13 @@ impl<W: Write> Operator<W> {
                 _ => None,
             })
             .collect();
-        self.hand_out(vehicle, "areas", "fence", &fence::to_toml(vertices), path)
+        self.hand_out(
+            vehicle,
+            "areas",
+            "fence",
+            &fence::to_toml(&fence::areas(vertices)),
+            path,
+        )
     }
 
     /// Writes the text of a plan to its file, or prints it.

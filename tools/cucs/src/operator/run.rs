@@ -11,6 +11,7 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 use super::console::{Done, Operator, Style};
 use super::error::OperatorError;
 use super::verb::{Condition, ModeArguments, Verb};
+use crate::formats::Losses;
 use crate::route::model::Route;
 use crate::session::vehicle::Vehicle;
 use crate::station::command::{LoiterAt, set_altitude, set_speed};
@@ -28,12 +29,12 @@ impl<W: Write> Operator<W> {
         self.conclude(done)
     }
 
-    /// Sends a route of this name, loads it aboard, and prints the result.
+    /// Sends a route of this name, loads it aboard, and prints the result, with what was lost of its file.
     ///
     /// # Errors
     /// It was refused, or there is no answer.
-    pub async fn load(&mut self, name: &str, route: &Route) -> Done {
-        let done = self.send_route(name, route).await;
+    pub async fn load(&mut self, name: &str, route: &Route, losses: &Losses) -> Done {
+        let done = self.send_route(name, route, losses).await;
         self.conclude(done)
     }
 
@@ -59,12 +60,14 @@ impl<W: Write> Operator<W> {
             } => self.take(*loi, *override_holder).await,
             Verb::Handover(verb) => self.hand_over(verb).await,
             Verb::Release => self.release().await,
-            Verb::Send { file, mission_id } => {
-                let mut route = Route::load(&folder.join(file))?;
-                if mission_id.is_some() {
-                    route.mission_id.clone_from(mission_id);
-                }
-                self.send_route(&file.display().to_string(), &route).await
+            Verb::Send {
+                file,
+                import,
+                mission_id,
+            } => {
+                let name = file.display().to_string();
+                self.send_file(&folder.join(file), &name, import, mission_id.as_deref())
+                    .await
             }
             Verb::Clear => {
                 let vehicle = self.find_vehicle().await?;

@@ -7,6 +7,7 @@ use clap::{Args, Subcommand};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiBitmap};
 
+use crate::formats::Import;
 use crate::route::form::altitude_type_named;
 
 /// One thing to do.
@@ -30,8 +31,11 @@ pub enum Verb {
     Handover(HandoverVerb),
     /// Upload a route and load it aboard.
     Send {
-        /// The route file (TOML).
+        /// The route: a route file (.toml), or .plan, .waypoints, .txt, .kml, .kmz, .gpx, .geojson, .csv.
         file: PathBuf,
+        /// How to take the file.
+        #[command(flatten)]
+        import: Import,
         /// Mission ID to use instead of the one in the file (at most 19 characters).
         #[arg(long)]
         mission_id: Option<String>,
@@ -156,7 +160,7 @@ pub enum Verb {
     },
     /// Upload a geofence, download it, or delete it (50016, 50017).
     Fence {
-        /// Fence file to upload (TOML); without one, the areas are downloaded.
+        /// Fence file to upload (TOML), or a .plan, .kml, .kmz or .geojson with a geofence; without one, the areas are downloaded.
         #[arg(conflicts_with_all = ["clear", "output"])]
         file: Option<PathBuf>,
         /// Delete all areas, in the VSM and aboard.

@@ -1,6 +1,7 @@
 //! The form of a route file: its keys, each value with its place in the text, and its words for enumerations.
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use stanag_msgs::enums::{
     AltitudeType, LimitType, LoiterDirection, LoiterType, RouteType, TurnType, WaypointSpeedType,
 };
@@ -19,6 +20,9 @@ pub(crate) struct File {
     pub(crate) waypoint: Vec<FileWaypoint>,
     #[serde(default)]
     pub(crate) curve: Vec<FileCurve>,
+    /// A geofence, which `fence::parse` reads.
+    #[serde(rename = "area")]
+    pub(crate) _area: Option<IgnoredAny>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -94,6 +94,25 @@ fn each_subcommand_may_be_a_process_of_its_own() {
             "/../../examples/square.route.toml"
         );
         assert!(done(&["send", route, "--mission-id", "M2"]).contains("4 waypoints is aboard"));
+        let plan = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../curve-plan/tests/data/qgroundcontrol.plan"
+        );
+        let (status, _, error) = result(&cucs(vsm, &["send", plan, "--strict"]));
+        assert_eq!(status, Some(1));
+        assert!(error.contains("nothing was written or sent"), "{error}");
+        let (status, out, error) = result(&cucs(vsm, &["--json", "send", plan]));
+        assert_eq!(status, Some(0), "{error}");
+        assert!(
+            error.contains("4 of 7 items taken; lost: camera at item 5"),
+            "{error}"
+        );
+        assert!(
+            out.contains("\"waypoints\":4,\"losses\":{\"items\":7,\"taken\":4,"),
+            "{out}"
+        );
+        assert!(done(&["download"]).contains("speed = 6.0\n"));
+        assert!(done(&["send", route, "--mission-id", "M2"]).contains("4 waypoints is aboard"));
         assert!(done(&["--json", "launch", "30"]).contains("{\"done\":\"launched\"}"));
         assert!(done(&["download"]).contains("[[waypoint]]\nnumber = 10\n"));
         done(&["mode", "12", "--altitude", "40", "--position=-33.9,18.4"]);

@@ -1,6 +1,6 @@
 //! The picture in a page of its own, to be moved and zoomed: one file, nothing fetched.
 
-use crate::formats::xml::escaped;
+use cucs::formats::escaped;
 
 /// A page around an SVG.
 pub(crate) fn page(title: &str, svg: &str) -> String {

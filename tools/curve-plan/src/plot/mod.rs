@@ -8,11 +8,12 @@ mod svg;
 use std::path::PathBuf;
 
 use clap::Args;
+use cucs::formats::ending;
 
 use crate::failure::Failure;
 use crate::load::{Densify, Loaded};
-use crate::output::RequiredOutput;
-use crate::{formats, tlog};
+use crate::output::{RequiredOutput, save};
+use crate::tlog;
 use scene::Scene;
 
 /// Arguments of `plot`.
@@ -35,13 +36,14 @@ pub(crate) struct Command {
 
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let ending = formats::ending(self.output.path());
+        let ending = ending(self.output.path());
         if !["svg", "png", "html"].contains(&ending.as_str()) {
             return Err(Failure::Usage(format!(
                 "the output ends in {ending:?}, expected .svg, .png or .html"
             )));
         }
         let loaded = Loaded::read(&self.file, &self.how)?;
+        loaded.report_losses(&self.how)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
         let flown = match &self.flown {
             Some(file) => tlog::read(file)?,
@@ -61,6 +63,6 @@ impl Command {
                 .map_err(|e| Failure::answer(self.output.path(), e))?,
             _ => drawn.into_bytes(),
         };
-        formats::save(self.output.path(), &bytes)
+        save(self.output.path(), &bytes)
     }
 }

@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
+use cucs::formats::escaped;
+
 use super::scene::{Point, Scene};
-use crate::formats::xml::escaped;
 
 const WIDTH: f64 = 1000.0;
 const MAP_HEIGHTS: (f64, f64) = (300.0, 760.0);

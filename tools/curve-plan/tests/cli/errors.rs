@@ -80,11 +80,16 @@ fn errors_name_the_file_the_line_and_the_field() {
     );
     refuses_with(
         "k.plan",
-        "{\"fileType\":\"Plan\",\"mission\":{\"items\":[\n{\n\"type\":\"ComplexItem\"}]}}",
-        "k.plan:3: mission.items[0].type: \"ComplexItem\", expected",
+        "{\"fileType\":\"Plan\",\"mission\":{\"items\":[\n{\n\"type\":\"Item\"}]}}",
+        "k.plan:3: mission.items[0].type: \"Item\", expected",
     );
     refuses_with("l.plan", "{\"fileType\":\n\"Plan\",", "l.plan:2");
-    refuses_with("m.txt", "", "unknown ending");
+    refuses_with("m.doc", "", "unknown ending");
+    refuses_with(
+        "q.txt",
+        "a poem",
+        "q.txt:1: \"a poem\", expected \"QGC WPL 110\"",
+    );
     let (status, printed) = files.refused(&["densify", "missing.toml"]);
     assert!(status == 2 && printed.contains("missing.toml"), "{printed}");
 }

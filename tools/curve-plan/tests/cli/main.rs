@@ -2,6 +2,7 @@
 
 mod checking;
 mod errors;
+mod exchange;
 mod formats;
 mod pictures;
 mod planning;

@@ -9,7 +9,6 @@ use clap::Args;
 use stanag_msgs::{Id, pcapng};
 
 use crate::failure::Failure;
-use crate::route::Route;
 
 /// Who sends to whom.
 #[derive(Clone, Copy, Debug, Args)]
@@ -27,7 +26,7 @@ pub(crate) struct Addresses {
 
 impl Addresses {
     /// A datagram a line.
-    pub(crate) fn hex(&self, route: &Route) -> Result<String, Failure> {
+    pub(crate) fn hex(&self, route: &cucs::Route) -> Result<String, Failure> {
         let mut out = String::new();
         for datagram in self.datagrams(route)? {
             for byte in datagram {
@@ -39,7 +38,7 @@ impl Addresses {
     }
 
     /// The datagrams as a capture, a millisecond apart.
-    pub(crate) fn pcapng(&self, route: &Route) -> Result<Vec<u8>, Failure> {
+    pub(crate) fn pcapng(&self, route: &cucs::Route) -> Result<Vec<u8>, Failure> {
         let from: IpAddr = match self.vsm {
             SocketAddr::V4(_) => Ipv4Addr::LOCALHOST.into(),
             SocketAddr::V6(_) => std::net::Ipv6Addr::LOCALHOST.into(),
@@ -54,10 +53,9 @@ impl Addresses {
         Ok(out)
     }
 
-    fn datagrams(&self, route: &Route) -> Result<Vec<Vec<u8>>, Failure> {
+    fn datagrams(&self, route: &cucs::Route) -> Result<Vec<Vec<u8>>, Failure> {
         let unix_ms = u64::try_from(now().as_millis()).unwrap_or(u64::MAX);
         Ok(route
-            .to_plan()?
             .datagrams(self.vehicle, self.cucs, unix_ms)
             .map_err(cucs::StationError::from)?)
     }

@@ -7,21 +7,21 @@ use std::path::Path;
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use crate::failure::Failure;
+use super::fault::FormatError;
 
 /// The document in a file.
-pub(crate) fn document(file: &Path, text: &str) -> Result<Value, Failure> {
-    serde_json::from_str(text).map_err(|e| Failure::at(file, Some(e.line() as u64), "", e))
+pub(super) fn document(file: &Path, text: &str) -> Result<Value, FormatError> {
+    serde_json::from_str(text).map_err(|e| FormatError::at(file, Some(e.line() as u64), "", e))
 }
 
 /// What is wrong with the value at a path, and on which line.
-pub(crate) fn fault(file: &Path, text: &str, path: &str, problem: impl ToString) -> Failure {
-    Failure::at(file, line_of(text, path), path, problem)
+pub(super) fn fault(file: &Path, text: &str, path: &str, problem: impl ToString) -> FormatError {
+    FormatError::at(file, line_of(text, path), path, problem)
 }
 
 /// The line, from 1, of the value at a path such as `mission.items[3].frame`; of the innermost value around it that is
 /// there, where it is missing itself. `None` for what is no JSON.
-pub(crate) fn line_of(text: &str, path: &str) -> Option<u64> {
+pub(super) fn line_of(text: &str, path: &str) -> Option<u64> {
     let mut value: &RawValue = serde_json::from_str(text).ok()?;
     let steps = path.split(['.', '[', ']']).filter(|step| !step.is_empty());
     for step in steps {

@@ -1,0 +1,324 @@
+//! A route as a file has it: points with what is done there, curves between them, what the altitudes are above, and
+//! what else the file holds. Altitudes may be absent.
+
+use std::path::Path;
+
+use clap::Args;
+use curve_paths::{Control, Position};
+use stanag_msgs::enums::{AltitudeType, LimitType, TurnType, WaypointSpeedType};
+
+use super::fault::FormatError;
+use super::losses::Losses;
+use crate::fence::Area;
+use crate::route::model::{Loiter, Route};
+
+/// A route or a track.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Draft {
+    /// Its name; that of the file where it has none.
+    pub name: String,
+    /// Whether the last point's leg leads back to the first.
+    pub closed: bool,
+    /// The path.
+    pub points: Vec<Point>,
+    /// What the altitudes are above.
+    pub datum: Datum,
+    /// Where the file expects the vehicle to start.
+    pub home: Option<Position>,
+    /// The geofence.
+    pub areas: Vec<Area>,
+    /// Places to return to instead of home.
+    pub rally: Vec<Position>,
+    /// Mission items that are no part of the path: only mission files hold them.
+    pub extras: Vec<Extra>,
+    /// What of the file is not in here.
+    pub losses: Losses,
+    /// The ground station's route that it was read from, with its own numbers.
+    pub plan: Option<Route>,
+}
+
+/// A point of the path and, where the leg to the next one is curved, its control points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Where.
+    pub position: Position,
+    /// The line of the file that it stood on, where there is one to name.
+    pub line: Option<u64>,
+    /// P2 and P3 of the leg that starts here.
+    pub curve: Option<[Control; 2]>,
+    /// Why `position.alt_m` means nothing.
+    pub no_altitude: Option<NoAltitude>,
+    /// How the file calls it: its number among the items.
+    pub item: usize,
+    /// What is done there.
+    pub conduct: Conduct,
+}
+
+/// How a point is flown to, and what is done there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Conduct {
+    /// Speed of the leg to it, m/s; absent: as before.
+    pub speed_m_s: Option<f64>,
+    /// What that speed is measured against; absent is the ground.
+    pub speed_type: Option<WaypointSpeedType>,
+    /// Short turn or fly over.
+    pub turn: Option<TurnType>,
+    /// What is done there.
+    pub loiter: Option<Loiter>,
+    /// From here back to an earlier point.
+    pub repeat: Option<Repeat>,
+    /// It is where a take-off ends.
+    pub take_off: Option<TakeOff>,
+}
+
+/// The end of a loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Repeat {
+    /// The point that it leads back to, an index.
+    pub to: usize,
+    /// What the limit counts.
+    pub limit_type: LimitType,
+    /// The limit: rounds or seconds.
+    pub limit: u16,
+}
+
+/// A take-off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TakeOff {
+    /// MAV_CMD_NAV_TAKEOFF.
+    Plain,
+    /// MAV_CMD_NAV_VTOL_TAKEOFF, with the transition after it.
+    Vtol,
+}
+
+/// A mission item that is no part of the path, as it stands in its file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extra {
+    /// The number of points before it.
+    pub after: usize,
+    /// How the file calls it: its number among the items.
+    pub item: usize,
+    /// MAV_CMD.
+    pub command: u16,
+    /// MAV_FRAME.
+    pub frame: u8,
+    /// The seven parameters; NaN is none.
+    pub params: [f64; 7],
+}
+
+/// Why a point has no altitude to fly at.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
+pub enum NoAltitude {
+    /// The file gives none there.
+    #[error("no altitude")]
+    Missing,
+    /// The file's is that of the ground, or is drawn on the ground.
+    #[error("its altitude is the ground's, which is none to fly at")]
+    Ground,
+}
+
+impl Point {
+    /// A point that is flown to on a straight leg.
+    #[must_use]
+    pub fn straight(position: Position, line: Option<u64>) -> Self {
+        Self {
+            position,
+            line,
+            curve: None,
+            no_altitude: None,
+            item: 0,
+            conduct: Conduct::default(),
+        }
+    }
+
+    /// A point of a file in which the altitude may be absent: the number beside it is never used then.
+    #[must_use]
+    pub fn found(
+        lat_deg: f64,
+        lon_deg: f64,
+        alt_m: Result<f64, NoAltitude>,
+        line: Option<u64>,
+    ) -> Self {
+        Self {
+            no_altitude: alt_m.err(),
+            ..Self::straight(
+                Position::new(lat_deg, lon_deg, alt_m.unwrap_or_default()),
+                line,
+            )
+        }
+    }
+}
+
+/// The altitude of all points, where a file does not give it.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct Level {
+    /// Put a route without altitudes at this altitude, m above mean sea level.
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    altitude: Option<f64>,
+    /// Put a route without altitudes at this height above home, m.
+    #[arg(long, value_name = "M", conflicts_with = "altitude")]
+    height: Option<f64>,
+}
+
+impl Level {
+    /// Whether the command line gives one.
+    pub(super) const fn is_given(&self) -> bool {
+        self.altitude.is_some() || self.height.is_some()
+    }
+}
+
+/// What altitudes are above.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub enum Datum {
+    /// Mean sea level.
+    #[default]
+    SeaLevel,
+    /// Home, which is what the DLI's AGL is flown as.
+    Home,
+    /// The WGS-84 ellipsoid.
+    Ellipsoid,
+    /// Not stated.
+    Unstated,
+}
+
+impl Datum {
+    /// That of an altitude type of the DLI.
+    #[must_use]
+    pub fn of(kind: Option<AltitudeType>) -> Self {
+        match kind {
+            Some(AltitudeType::Barometric | AltitudeType::Pressure) => Self::SeaLevel,
+            Some(AltitudeType::Agl) => Self::Home,
+            Some(AltitudeType::Wgs84) => Self::Ellipsoid,
+            _ => Self::Unstated,
+        }
+    }
+
+    /// Of heights above home, or of altitudes.
+    #[must_use]
+    pub const fn above_home(is: bool) -> Self {
+        if is { Self::Home } else { Self::SeaLevel }
+    }
+
+    pub(super) const fn altitude_type(self) -> Option<AltitudeType> {
+        match self {
+            Self::SeaLevel => Some(AltitudeType::Barometric),
+            Self::Home => Some(AltitudeType::Agl),
+            Self::Ellipsoid => Some(AltitudeType::Wgs84),
+            Self::Unstated => None,
+        }
+    }
+}
+
+impl Draft {
+    /// Its points, one after the other as the file has them, named by their numbers from 1.
+    pub(super) fn numbered(mut self) -> Self {
+        for (k, point) in self.points.iter_mut().enumerate() {
+            point.item = k + 1;
+        }
+        self.losses.items = self.points.len();
+        self
+    }
+
+    /// How a point is called: by the number of its waypoint, or else by that of its item.
+    #[must_use]
+    pub fn number(&self, k: usize) -> usize {
+        let numbered = self.plan.as_ref().and_then(|plan| plan.waypoints.get(k));
+        numbered.map_or(k + 1, |w| usize::from(w.number))
+    }
+
+    /// The positions of its points.
+    #[must_use]
+    pub fn positions(&self) -> Vec<Position> {
+        self.points.iter().map(|point| point.position).collect()
+    }
+
+    /// Whether any leg is curved.
+    #[must_use]
+    pub fn is_curved(&self) -> bool {
+        self.points.iter().any(|point| point.curve.is_some())
+    }
+
+    /// Puts all points at the altitude of the command line, where there is one; else each must have its own.
+    ///
+    /// An absent altitude is never a number: an aircraft would descend to it.
+    ///
+    /// # Errors
+    /// A point has no altitude and the command line gives none, or both do.
+    pub fn level(&mut self, level: Level, file: &Path) -> Result<(), FormatError> {
+        let Some(alt_m) = level.altitude.or(level.height) else {
+            let mut points = self.points.iter().enumerate();
+            let absent = points.find_map(|(k, w)| Some((k, w.line, w.no_altitude?)));
+            return absent.map_or(Ok(()), |(k, line, why)| {
+                let problem = format!(
+                    "{why}; expected one for each, or one for all by --altitude or --height"
+                );
+                Err(FormatError::at(
+                    file,
+                    line,
+                    format!("point {}", k + 1),
+                    problem,
+                ))
+            });
+        };
+        if self.plan.is_some() {
+            let problem = "the route file has altitudes: --altitude and --height are for files that have none";
+            return Err(FormatError::Option(problem.into()));
+        }
+        for w in &mut self.points {
+            w.position.alt_m = alt_m;
+            w.no_altitude = None;
+        }
+        self.datum = Datum::above_home(level.height.is_some());
+        Ok(())
+    }
+
+    /// Turns heights above home into altitudes, home being so high.
+    pub fn lift(&mut self, home_m: f64) {
+        if self.datum != Datum::Home {
+            return;
+        }
+        self.datum = Datum::SeaLevel;
+        for w in &mut self.points {
+            w.position.alt_m += home_m;
+            for control in w.curve.iter_mut().flatten() {
+                control.alt_m = control.alt_m.map(|m| m + home_m);
+            }
+        }
+        if let Some(plan) = &mut self.plan {
+            for w in &mut plan.waypoints {
+                w.altitude_m += home_m;
+                w.altitude_type = self.datum.altitude_type();
+            }
+            for curve in &mut plan.curves {
+                for place in [&mut curve.p2, &mut curve.p3] {
+                    place.altitude_m = place.altitude_m.map(|m| m + home_m);
+                }
+                curve.altitude_type = curve.altitude_type.and(self.datum.altitude_type());
+            }
+        }
+    }
+
+    /// The points as a format writes them that knows no closed path: the first once more at the end of a closed one. A
+    /// loop leads back by itself.
+    pub(super) fn written(&self) -> Vec<Point> {
+        let mut points = self.points.clone();
+        let place = |point: &Point| (point.position.lat_deg, point.position.lon_deg);
+        if let [.., end, copy] = points.as_slice()
+            && let Some(repeat) = end.conduct.repeat
+            && points.get(repeat.to).map(place) == Some(place(copy))
+        {
+            points.pop();
+        } else if let (true, Some(first)) = (self.closed, points.first().copied())
+            && points
+                .last()
+                .is_some_and(|last| last.conduct.repeat.is_none())
+        {
+            points.push(Point {
+                curve: None,
+                conduct: Conduct::default(),
+                ..first
+            });
+        }
+        points
+    }
+}

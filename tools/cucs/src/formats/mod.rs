@@ -1,0 +1,484 @@
+//! The files that routes and tracks are kept in, distinguished by their ending: what a ground station uploads, and what
+//! `curve-plan` reads and writes. One reader for both.
+//!
+//! | part | holds |
+//! |---|---|
+//! | [`draft`](Draft) | a route as a file has it |
+//! | [`losses`](Losses) | what of a file was not taken |
+//! | `items` | mission items, which `qgc_plan` and `waypoints` share |
+//! | `attributes` | what is done at a point as pairs of key and text, for `kml`, `gpx`, `geojson`, `table` (CSV) |
+//! | `route_file` | the ground station's route file, and a draft as its route |
+//! | `xml`, `json_line`, `fault` | elements and values with their lines; errors |
+//!
+//! Curves are kept by the route file; the others hold points.
+
+mod attributes;
+mod draft;
+mod fault;
+mod geojson;
+mod gpx;
+mod items;
+mod json_line;
+mod kml;
+mod losses;
+mod qgc_plan;
+mod route_file;
+mod table;
+#[cfg(test)]
+mod tests;
+mod waypoints;
+mod xml;
+
+use std::path::Path;
+
+use clap::Args;
+use curve_paths::Position;
+
+use crate::fence::{self, Area};
+use crate::route::form::ROUTE_TYPES;
+use crate::route::model::Route;
+
+pub use draft::{Conduct, Datum, Draft, Extra, Level, NoAltitude, Point, Repeat, TakeOff};
+pub use fault::FormatError;
+pub use losses::{Loss, Losses};
+pub use xml::escaped;
+
+/// Which part of a file to read.
+#[derive(Clone, Debug, Args)]
+pub struct Selection {
+    /// Use only the rows of this lap (a table with a column lap).
+    #[arg(long)]
+    pub lap: Option<i64>,
+    /// Keep every n-th fix.
+    // The first is kept; without the option, and by default, all are.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub every: u32,
+    #[command(flatten)]
+    line: Line,
+}
+
+impl Default for Selection {
+    fn default() -> Self {
+        Self {
+            lap: None,
+            every: 1,
+            line: Line::default(),
+        }
+    }
+}
+
+/// Which line of a file that has several.
+#[derive(Clone, Debug, Default, Args)]
+struct Line {
+    /// Use this line of a file with several, by its name or its number from 1 (KML, KMZ, GPX, GeoJSON).
+    #[arg(long, value_name = "NAME|N")]
+    line: Option<String>,
+}
+
+/// How to take a file as a route.
+#[derive(Clone, Debug, Default, Args)]
+pub struct Import {
+    #[command(flatten)]
+    level: Level,
+    /// Turn heights above home into altitudes by this altitude of home, m above mean sea level.
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    home_alt: Option<f64>,
+    #[command(flatten)]
+    line: Line,
+    /// Fail where anything of the file would be lost; nothing is written or sent then.
+    #[arg(long)]
+    pub strict: bool,
+}
+
+/// A kind of file.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Format {
+    /// The ground station's route file.
+    RouteFile,
+    /// QGroundControl.
+    Plan,
+    /// Mission Planner, MAVProxy.
+    Waypoints,
+    /// GeoJSON.
+    GeoJson,
+    /// Google Earth.
+    Kml,
+    /// Google Earth, zipped.
+    Kmz,
+    /// GPX.
+    Gpx,
+    /// A table.
+    Csv,
+    /// Messages, a line each; not read.
+    Hex,
+    /// Messages, as a capture; not read.
+    Pcapng,
+}
+
+impl Format {
+    /// The kind that belongs to a file's ending.
+    ///
+    /// # Errors
+    /// No kind has this ending.
+    pub fn of(file: &Path) -> Result<Self, FormatError> {
+        let ending = ending(file);
+        Ok(match ending.as_str() {
+            "toml" => Self::RouteFile,
+            "plan" => Self::Plan,
+            "waypoints" | "txt" => Self::Waypoints,
+            "geojson" | "json" => Self::GeoJson,
+            "kml" => Self::Kml,
+            "kmz" => Self::Kmz,
+            "gpx" => Self::Gpx,
+            "csv" => Self::Csv,
+            "hex" => Self::Hex,
+            "pcapng" => Self::Pcapng,
+            _ => {
+                let known = ".toml, .plan, .waypoints, .txt, .geojson, .kml, .kmz, .gpx, .csv, .hex, .pcapng";
+                return Err(FormatError::file(
+                    file,
+                    format!("unknown ending {ending:?}, expected one of {known}"),
+                ));
+            }
+        })
+    }
+
+    /// Whether it can hold a curve.
+    #[must_use]
+    pub const fn keeps_curves(self) -> bool {
+        matches!(self, Self::RouteFile | Self::Hex | Self::Pcapng)
+    }
+}
+
+/// The ending of a file's name, in small letters.
+#[must_use]
+pub fn ending(file: &Path) -> String {
+    let ending = file.extension().and_then(|e| e.to_str()).unwrap_or("");
+    ending.to_ascii_lowercase()
+}
+
+/// The lines of a file, or else its points; and what belongs to all of them.
+#[derive(Default)]
+struct Lines {
+    lines: Vec<Draft>,
+    points: Draft,
+    areas: Vec<Area>,
+    rally: Vec<Position>,
+}
+
+impl Lines {
+    /// The requested line, or the first; the others, and the points beside it, are named as lost.
+    fn choose(self, file: &Path, line: &Line) -> Result<Draft, FormatError> {
+        let names = self.lines.iter().enumerate().map(|(k, draft)| {
+            let name = Some(&draft.name).filter(|name| !name.is_empty());
+            let named = name.map_or_else(String::new, |name| format!(" {name:?}"));
+            format!("line {}{named} ({})", k + 1, points(draft.points.len()))
+        });
+        let names: Vec<String> = names.collect();
+        let wanted = match &line.line {
+            None => 0,
+            Some(wanted) => {
+                let by_name = self.lines.iter().position(|draft| draft.name == *wanted);
+                let number = wanted.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
+                let by_number = number.filter(|k| *k < self.lines.len());
+                by_name.or(by_number).ok_or_else(|| {
+                    let known = names.join(", ");
+                    FormatError::Option(format!(
+                        "{}: --line {wanted}: no such line, expected one of {known}",
+                        file.display()
+                    ))
+                })?
+            }
+        };
+        let aside = self.points.points.len();
+        let mut lines = self.lines.into_iter();
+        let mut draft = match lines.nth(wanted) {
+            None => self.points,
+            Some(mut draft) => {
+                for (k, name) in names.into_iter().enumerate() {
+                    if k != wanted {
+                        draft.losses.add_whole(name);
+                    }
+                }
+                if aside > 0 {
+                    let what = format!("{} beside the line", points(aside));
+                    draft.losses.add_whole(what);
+                }
+                draft
+            }
+        };
+        draft.areas = self.areas;
+        draft.rally = self.rally;
+        Ok(draft.numbered())
+    }
+}
+
+/// Reads a route to be flown: each point has an altitude, of the file or of the command line.
+///
+/// # Errors
+/// It cannot be read, is not of its format, or a point has no altitude.
+pub fn read(file: &Path, import: &Import) -> Result<Draft, FormatError> {
+    let selection = Selection {
+        line: import.line.clone(),
+        ..Selection::default()
+    };
+    let mut draft = read_track(file, &selection)?;
+    draft.level(import.level, file)?;
+    if let Some(home_m) = import.home_alt {
+        draft.lift(home_m);
+    }
+    Ok(draft)
+}
+
+/// Reads a route to be sent; what of the file is not in it.
+///
+/// A route file is sent as it is, whether its waypoints hang together or not: that is the VSM's to judge.
+///
+/// # Errors
+/// As of [`read`].
+pub fn read_to_send(file: &Path, import: &Import) -> Result<(Route, Losses), FormatError> {
+    if ending(file) != "toml" {
+        return read(file, import)?.to_send(file);
+    }
+    let text = text(file, bytes(file)?)?;
+    let route = Route::parse(file, &text)?;
+    if import.level.is_given() || import.home_alt.is_some() {
+        // These look at the path, and so must it be one.
+        return read(file, import)?.to_send(file);
+    }
+    let mut losses = Losses::of("waypoint");
+    losses.items = route.waypoints.len();
+    lose_sent_fence(&route_file::areas(file, &text)?, file, &mut losses);
+    Ok((route, losses))
+}
+
+/// Reads a route or track for what is done on the ground: altitudes may be absent.
+///
+/// # Errors
+/// It cannot be read, or is not of its format.
+pub fn read_track(file: &Path, selection: &Selection) -> Result<Draft, FormatError> {
+    let mut draft = parse(file, selection)?;
+    if draft.points.is_empty() {
+        let problem = "no path, expected a line, a route, a track, waypoints or points";
+        return Err(FormatError::file(file, problem));
+    }
+    if selection.every > 1 {
+        if draft.is_curved() {
+            return Err(FormatError::Option(
+                "--every thins out a track; this route has curves".into(),
+            ));
+        }
+        draft.points = draft
+            .points
+            .into_iter()
+            .step_by(selection.every as usize)
+            .collect();
+    }
+    if draft.name.is_empty() {
+        draft.name = file
+            .file_stem()
+            .and_then(|s| s.to_str())
+            .unwrap_or("route")
+            .to_owned();
+    }
+    Ok(draft)
+}
+
+/// Reads the geofence of a fence file, or of any file that holds one.
+///
+/// # Errors
+/// It cannot be read, is not of its format, or has no area.
+pub fn read_fence(file: &Path) -> Result<Vec<Area>, crate::OperatorError> {
+    let areas = if Format::of(file)? == Format::RouteFile {
+        fence::parse(file, &text(file, bytes(file)?)?)?
+    } else {
+        let areas = parse(file, &Selection::default())?.areas;
+        if areas.is_empty() {
+            return Err(FormatError::file(file, "no geofence, expected at least one area").into());
+        }
+        areas
+    };
+    Ok(areas)
+}
+
+fn parse(file: &Path, selection: &Selection) -> Result<Draft, FormatError> {
+    let format = Format::of(file)?;
+    if selection.lap.is_some() && format != Format::Csv {
+        let problem = "--lap needs a table with a column lap (.csv)";
+        return Err(FormatError::Option(problem.into()));
+    }
+    let lines = [Format::Kml, Format::Kmz, Format::Gpx, Format::GeoJson];
+    if selection.line.line.is_some() && !lines.contains(&format) {
+        let problem =
+            "--line needs a file that can have several lines (.kml, .kmz, .gpx, .geojson)";
+        return Err(FormatError::Option(problem.into()));
+    }
+    let mut content = bytes(file)?;
+    if format == Format::Kmz {
+        content = kml::unpack(file, &content)?;
+    }
+    let text = &text(file, content)?;
+    let choose = |lines: Lines| lines.choose(file, &selection.line);
+    match format {
+        Format::RouteFile => route_file::read(file, text),
+        Format::Plan => qgc_plan::read(file, text),
+        Format::Waypoints => waypoints::read(file, text),
+        Format::GeoJson => choose(geojson::read(file, text)?),
+        Format::Kml | Format::Kmz => choose(kml::read(file, text)?),
+        Format::Gpx => choose(gpx::read(file, text)?),
+        Format::Csv => Ok(table::read(file, text, selection.lap)?.numbered()),
+        Format::Hex | Format::Pcapng => {
+            let problem = "messages are written, not read: cucs download gives a .toml";
+            Err(FormatError::file(file, problem))
+        }
+    }
+}
+
+fn bytes(file: &Path) -> Result<Vec<u8>, FormatError> {
+    std::fs::read(file).map_err(|e| FormatError::file(file, e))
+}
+
+/// The text of a file, without the mark that spreadsheets and editors of Windows put before it.
+fn text(file: &Path, bytes: Vec<u8>) -> Result<String, FormatError> {
+    let text = String::from_utf8(bytes).map_err(|e| {
+        let before = e.as_bytes().iter().take(e.utf8_error().valid_up_to());
+        let line = 1 + before.filter(|b| **b == b'\n').count() as u64;
+        FormatError::at(file, Some(line), "", "not UTF-8, expected text in UTF-8")
+    })?;
+    Ok(text
+        .strip_prefix('\u{feff}')
+        .map(str::to_owned)
+        .unwrap_or(text))
+}
+
+/// A route in a file's format, and what of it and of the file that it was read from is not in there. Curves only where
+/// the format keeps them; messages are not written here.
+///
+/// # Errors
+/// The format cannot hold the kind of its altitudes, or the route is none that a ground station can send.
+pub fn write(file: &Path, draft: &Draft) -> Result<(Vec<u8>, Losses), FormatError> {
+    let format = Format::of(file)?;
+    if draft.is_curved() && !format.keeps_curves() {
+        return Err(FormatError::file(
+            file,
+            "its format has no curves, expected .toml",
+        ));
+    }
+    let refuse = |heights: &str, instead: &str| {
+        Err(FormatError::file(
+            file,
+            format!("the route has {heights}, which its format cannot hold: {instead}"),
+        ))
+    };
+    match (format, draft.datum) {
+        (Format::RouteFile | Format::Hex | Format::Pcapng, _) => {}
+        (_, Datum::Unstated) => return refuse("no altitude_type", "expected agl or amsl"),
+        (_, Datum::Ellipsoid) => {
+            return refuse(
+                "heights above the ellipsoid",
+                "give them above mean sea level",
+            );
+        }
+        (Format::Gpx, Datum::Home) => return refuse("heights above home", "give --home-alt"),
+        _ => {}
+    }
+    let mut losses = draft.losses.clone();
+    if format != Format::RouteFile {
+        lose_route(draft, &mut losses);
+    }
+    let text = match format {
+        Format::RouteFile => {
+            let route = draft.to_route(&mut losses)?;
+            lose_rally(draft, &mut losses);
+            let fence = fence::to_toml(&draft.areas);
+            let gap = if fence.is_empty() { "" } else { "\n" };
+            route.to_toml() + gap + &fence
+        }
+        Format::Plan => qgc_plan::write(draft, &mut losses),
+        Format::Waypoints => waypoints::write(draft, &mut losses),
+        Format::GeoJson => geojson::write(draft, &mut losses),
+        Format::Kml => kml::write(draft, &mut losses),
+        Format::Kmz => {
+            let kml = kml::write(draft, &mut losses);
+            return Ok((kml::pack(file, &kml)?, losses));
+        }
+        Format::Gpx => gpx::write(draft, &mut losses),
+        Format::Csv => table::write(draft, &mut losses),
+        Format::Hex | Format::Pcapng => {
+            let problem = "messages are written by curve-plan convert";
+            return Err(FormatError::file(file, problem));
+        }
+    };
+    Ok((text.into_bytes(), losses))
+}
+
+impl Draft {
+    /// The route that is sent for it, and what of the file is not in it.
+    ///
+    /// # Errors
+    /// More waypoints than there are numbers.
+    pub fn to_send(&self, file: &Path) -> Result<(Route, Losses), FormatError> {
+        let mut losses = self.losses.clone();
+        let route = self.to_route(&mut losses)?;
+        lose_sent_fence(&self.areas, file, &mut losses);
+        lose_rally(self, &mut losses);
+        Ok((route, losses))
+    }
+}
+
+/// A geofence has messages of its own.
+fn lose_sent_fence(areas: &[Area], file: &Path, losses: &mut Losses) {
+    if !areas.is_empty() {
+        let file = file.display();
+        losses.add_whole(format!("geofence (send it with \"cucs fence {file}\")"));
+    }
+}
+
+/// What only a route file holds.
+fn lose_route(draft: &Draft, losses: &mut Losses) {
+    let Some(plan) = &draft.plan else { return };
+    if let Some(kind) = plan.route_type.and_then(|kind| ROUTE_TYPES.word(kind)) {
+        losses.add_whole(format!("route type {kind}"));
+    }
+    for waypoint in &plan.waypoints {
+        let number = usize::from(waypoint.number);
+        if draft.points.iter().all(|point| point.item != number) {
+            losses.add(number, "waypoint that the route does not reach");
+        }
+    }
+}
+
+/// Items that only mission files hold.
+fn lose_extras(draft: &Draft, losses: &mut Losses) {
+    for extra in &draft.extras {
+        losses.add(extra.item, items::describe(extra));
+    }
+}
+
+fn lose_fence(draft: &Draft, losses: &mut Losses) {
+    lose_some(
+        draft.areas.len(),
+        "area of the geofence",
+        "areas of the geofence",
+        losses,
+    );
+}
+
+fn lose_rally(draft: &Draft, losses: &mut Losses) {
+    lose_some(draft.rally.len(), "rally point", "rally points", losses);
+}
+
+fn lose_some(count: usize, one: &str, many: &str, losses: &mut Losses) {
+    if count > 0 {
+        losses.add_whole(counted(count, one, many));
+    }
+}
+
+fn counted(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
+/// How many points.
+fn points(count: usize) -> String {
+    counted(count, "point", "points")
+}

@@ -1,0 +1,146 @@
+//! CSV with a header: a point a row, columns found by their names. `alt_m` is above mean sea level, `height_m` above home;
+//! `elevation_m` is the ground's, and no altitude to fly at. Columns of this program's keys carry what is done there.
+//!
+//! Columns are separated as the header is: by commas, semicolons or tabs. Where not by commas, a number may have a comma
+//! for its point, as spreadsheets of half the world write it.
+
+use std::path::Path;
+
+use super::attributes;
+use super::draft::{Datum, Draft, NoAltitude, Point};
+use super::fault::FormatError;
+use super::losses::Losses;
+
+/// Reads the rows of one lap, or of all.
+pub(super) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Draft, FormatError> {
+    let head = text.lines().next().unwrap_or_default();
+    let delimiter = [b';', b'\t']
+        .into_iter()
+        .find(|&d| head.contains(d as char));
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .delimiter(delimiter.unwrap_or(b','))
+        .from_reader(text.as_bytes());
+    let header = reader
+        .headers()
+        .map_err(|e| FormatError::at(file, Some(1), "", e))?
+        .clone();
+    let find = |names: &[&str]| {
+        header
+            .iter()
+            .position(|h| names.contains(&h.to_ascii_lowercase().as_str()))
+    };
+    let need = |names: &[&str]| {
+        find(names).ok_or_else(|| {
+            let problem = format!("no such column, expected one of {}", names.join(", "));
+            FormatError::at(file, Some(1), names[0], problem)
+        })
+    };
+    let (lat, lon) = (need(LATITUDE)?, need(LONGITUDE)?);
+    let height = find(HEIGHT);
+    let alt = height.or_else(|| find(ALTITUDE));
+    let ground = find(GROUND);
+    let lap_column = match lap {
+        Some(wanted) => Some((need(&["lap"])?, wanted)),
+        None => None,
+    };
+    let mut draft = Draft {
+        datum: Datum::above_home(height.is_some()),
+        ..Draft::default()
+    };
+    let keys: Vec<String> = header.iter().map(str::to_ascii_lowercase).collect();
+    let known = [
+        Some(lat),
+        Some(lon),
+        alt,
+        ground,
+        lap_column.map(|(c, _)| c),
+    ];
+    for (column, name) in header.iter().enumerate() {
+        let own = attributes::KEYS.contains(&keys[column].as_str());
+        if !own && !known.contains(&Some(column)) && !LABELS.contains(&keys[column].as_str()) {
+            draft.losses.add_whole(format!("column {name}"));
+        }
+    }
+    for row in reader.records() {
+        let row =
+            row.map_err(|e| FormatError::at(file, e.position().map(csv::Position::line), "", &e))?;
+        let line = row.position().map(csv::Position::line);
+        let at =
+            |column: usize, problem: String| FormatError::at(file, line, &header[column], problem);
+        let number = |column: usize| {
+            let text = row.get(column).unwrap_or("");
+            attributes::number(text).map_err(|problem| at(column, problem))
+        };
+        if let Some((column, wanted)) = lap_column {
+            let text = row.get(column).unwrap_or("");
+            let here: i64 = text
+                .parse()
+                .map_err(|_| at(column, format!("{text:?}, expected a whole number")))?;
+            if here != wanted {
+                continue;
+            }
+        }
+        let alt_m = match alt.filter(|&c| !row.get(c).unwrap_or("").is_empty()) {
+            Some(column) => Ok(number(column)?),
+            None if ground.is_some() => Err(NoAltitude::Ground),
+            None => Err(NoAltitude::Missing),
+        };
+        let mut point = Point::found(number(lat)?, number(lon)?, alt_m, line);
+        for (column, text) in row.iter().enumerate() {
+            let key = keys.get(column).map_or("", String::as_str);
+            attributes::set(&mut point.conduct, key, text)
+                .map_err(|problem| at(column, problem))?;
+        }
+        draft.points.push(point);
+    }
+    if draft.points.is_empty() {
+        let which = lap.map_or_else(String::new, |l| format!(" of lap {l}"));
+        return Err(FormatError::file(
+            file,
+            format!("no fixes{which}, expected some"),
+        ));
+    }
+    Ok(draft)
+}
+
+const LATITUDE: &[&str] = &["lat_deg", "lat", "latitude"];
+const LONGITUDE: &[&str] = &["lon_deg", "lon", "lng", "longitude"];
+const HEIGHT: &[&str] = &["height_m"];
+const ALTITUDE: &[&str] = &["alt_m", "alt", "altitude", "ele"];
+/// The ground's own altitude, which is none to fly at.
+const GROUND: &[&str] = &["elevation_m", "elevation"];
+/// Columns that are only for people.
+const LABELS: &[&str] = &["name", "number", "point", "waypoint", "comment", "lap"];
+
+/// Writes the points, and a column for each thing that is done at any of them.
+pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
+    let above = if draft.datum == Datum::Home {
+        HEIGHT
+    } else {
+        ALTITUDE
+    };
+    let points = draft.written();
+    let done: Vec<_> = points.iter().map(|p| attributes::of(&p.conduct)).collect();
+    let is_used = |key: &&str| done.iter().flatten().any(|(used, _)| used == key);
+    let keys: Vec<&str> = attributes::KEYS.into_iter().filter(is_used).collect();
+    let mut out = format!("lat_deg,lon_deg,{}", above[0]);
+    for key in &keys {
+        out += &format!(",{key}");
+    }
+    out.push('\n');
+    for (point, done) in points.iter().zip(&done) {
+        let p = point.position;
+        out += &format!("{:.8},{:.8},{:.3}", p.lat_deg, p.lon_deg, p.alt_m);
+        for key in &keys {
+            let text = done.iter().find(|(own, _)| own == key);
+            // No word or number of these needs quotes.
+            out += &format!(",{}", text.map_or("", |(_, text)| text));
+        }
+        out.push('\n');
+    }
+    super::lose_extras(draft, losses);
+    super::lose_fence(draft, losses);
+    super::lose_rally(draft, losses);
+    out
+}

@@ -1,0 +1,331 @@
+//! Whatever a format can hold is read again as it was written.
+
+use proptest::prelude::*;
+use stanag_msgs::enums::{LimitType, LoiterDirection, LoiterType, TurnType, WaypointSpeedType};
+
+use super::*;
+use crate::fence::{Keep, Shape};
+use crate::route::model::{Loiter, LoiterSpan};
+
+/// A multiple of a step: what the decimals of a file hold.
+fn steps(low: i64, high: i64, step: f64) -> impl Strategy<Value = f64> {
+    (low..=high).prop_map(move |n| n as f64 * step)
+}
+
+fn place() -> impl Strategy<Value = [f64; 2]> {
+    // Not 0, 0, which mission items take for no place.
+    let lat = (1_i64..=899_999_999).prop_map(|n| n as f64 / 1e7);
+    let lon = (-1_799_999_999_i64..=-1).prop_map(|n| n as f64 / 1e7);
+    (lat, lon).prop_map(|(lat, lon)| [lat, lon])
+}
+
+fn position() -> impl Strategy<Value = Position> {
+    let alt = (-400_000_i64..=5_000_000).prop_map(|n| n as f64 / 1e3);
+    (place(), alt).prop_map(|([lat, lon], alt)| Position::new(lat, lon, alt))
+}
+
+fn area() -> impl Strategy<Value = Area> {
+    let polygon = prop::collection::vec(place(), 3..6).prop_map(Shape::Polygon);
+    let circle = (place(), steps(1, 4_000, 0.5))
+        .prop_map(|(centre, radius_m)| Shape::Circle { centre, radius_m });
+    (any::<bool>(), prop_oneof![polygon, circle]).prop_map(|(inside, shape)| Area {
+        keep: Keep::inside(inside),
+        shape,
+    })
+}
+
+fn span() -> impl Strategy<Value = Option<LoiterSpan>> {
+    prop_oneof![
+        Just(None),
+        (1_u16..9_999).prop_map(|s| Some(LoiterSpan::Seconds(s))),
+        (1_u16..99).prop_map(|n| Some(LoiterSpan::Turns(n))),
+    ]
+}
+
+/// A loiter that a mission item says, as it says it.
+fn plain_loiter() -> impl Strategy<Value = Loiter> {
+    let circle = (steps(1, 999, 1.5), any::<bool>(), span()).prop_map(|(radius_m, cw, span)| {
+        let direction = if cw {
+            LoiterDirection::Clockwise
+        } else {
+            LoiterDirection::CounterClockwise
+        };
+        Loiter {
+            pattern: Some(LoiterType::Circular),
+            radius_m: Some(radius_m),
+            direction: Some(direction),
+            span,
+            ..Loiter::default()
+        }
+    });
+    let own = span().prop_map(|span| Loiter {
+        span,
+        ..Loiter::default()
+    });
+    let hover = (1_u16..9_999).prop_map(|s| Loiter {
+        pattern: Some(LoiterType::Hover),
+        span: Some(LoiterSpan::Seconds(s)),
+        ..Loiter::default()
+    });
+    prop_oneof![circle, own, hover]
+}
+
+/// Any loiter that a route file has words for.
+fn loiter() -> impl Strategy<Value = Loiter> {
+    let pattern = prop::option::of(prop::sample::select(vec![
+        LoiterType::Circular,
+        LoiterType::Racetrack,
+        LoiterType::Figure8,
+        LoiterType::Hover,
+    ]));
+    let direction = prop::option::of(prop::sample::select(vec![
+        LoiterDirection::Clockwise,
+        LoiterDirection::IntoWind,
+        LoiterDirection::VehicleDependent,
+    ]));
+    let metres = || prop::option::of(steps(1, 999, 1.5));
+    let bearing = prop::option::of(steps(0, 359, 1.0));
+    let speed = prop::option::of(steps(1, 99, 0.5));
+    (
+        pattern,
+        direction,
+        metres(),
+        metres(),
+        bearing,
+        speed,
+        span(),
+    )
+        .prop_map(
+            |(pattern, direction, radius_m, length_m, bearing_deg, speed_m_s, span)| Loiter {
+                pattern,
+                radius_m,
+                length_m,
+                bearing_deg,
+                direction,
+                speed_m_s,
+                span,
+            },
+        )
+}
+
+/// What is done at a point. `plain`: as mission items say it.
+fn conduct(plain: bool) -> impl Strategy<Value = Conduct> {
+    let speed = prop::option::of((steps(1, 99, 0.5), any::<bool>()));
+    let there = if plain {
+        plain_loiter().boxed()
+    } else {
+        loiter().boxed()
+    };
+    (speed, any::<bool>(), prop::option::of(there)).prop_map(move |(speed, over, loiter)| {
+        let kind = |ground| {
+            if ground {
+                WaypointSpeedType::Ground
+            } else {
+                WaypointSpeedType::Indicated
+            }
+        };
+        Conduct {
+            speed_m_s: speed.map(|(speed, _)| speed),
+            speed_type: speed.map(|(_, ground)| kind(ground)),
+            turn: (over && !(plain && loiter.is_some())).then_some(TurnType::FlyOver),
+            loiter,
+            ..Conduct::default()
+        }
+    })
+}
+
+prop_compose! {
+    fn draft(plain: bool)(
+        mut points in prop::collection::vec((position(), conduct(plain)), 2..7),
+        above_home in any::<bool>(),
+        areas in prop::collection::vec(area(), 0..3),
+        rally in prop::collection::vec(position(), 0..3),
+        take_off in any::<bool>(),
+        repeat in prop::option::of((any::<prop::sample::Index>(), 2_u16..9)),
+        home in position(),
+    ) -> Draft {
+        let last = points.len() - 1;
+        points[last].1.repeat = repeat.map(|(to, limit)| Repeat {
+            to: to.index(last),
+            limit_type: if limit == 8 { LimitType::None } else { LimitType::Count },
+            limit: if limit == 8 { 0 } else { limit },
+        });
+        if take_off {
+            let conduct = &mut points[0].1;
+            *conduct = Conduct { take_off: Some(TakeOff::Plain), speed_m_s: conduct.speed_m_s,
+                                 speed_type: conduct.speed_type, ..Conduct::default() };
+        }
+        let mut speed = (None, None);
+        for (_, conduct) in &mut points {
+            // A mission goes on with the speed that was set last.
+            if plain && conduct.speed_m_s.is_none() {
+                (conduct.speed_m_s, conduct.speed_type) = speed;
+            }
+            speed = (conduct.speed_m_s, conduct.speed_type);
+        }
+        Draft {
+            name: "there & back".into(),
+            points: points
+                .into_iter()
+                .map(|(position, conduct)| Point { conduct, ..Point::straight(position, None) })
+                .collect(),
+            datum: Datum::above_home(above_home),
+            areas,
+            rally,
+            home: Some(home),
+            ..Draft::default()
+        }
+        .numbered()
+    }
+}
+
+/// Writes a draft and reads it again.
+fn again(draft: &Draft, ending: &str) -> Result<(Draft, Losses), FormatError> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join(format!("route.{ending}"));
+    let (bytes, losses) = write(&file, draft)?;
+    std::fs::write(&file, bytes).expect("written");
+    Ok((read_track(&file, &Selection::default())?, losses))
+}
+
+fn near(a: f64, b: f64) -> bool {
+    (a - b).abs() < 1e-7
+}
+
+fn same_areas(a: &[Area], b: &[Area]) -> bool {
+    let close = |[a, b]: &[f64; 2], [c, d]: &[f64; 2]| near(*a, *c) && near(*b, *d);
+    let same = |(a, b): (&Area, &Area)| {
+        a.keep == b.keep
+            && match (&a.shape, &b.shape) {
+                (Shape::Polygon(a), Shape::Polygon(b)) => {
+                    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| close(a, b))
+                }
+                (
+                    Shape::Circle { centre, radius_m },
+                    Shape::Circle {
+                        centre: other,
+                        radius_m: radius,
+                    },
+                ) => close(centre, other) && near(*radius_m, *radius),
+                _ => false,
+            }
+    };
+    a.len() == b.len() && a.iter().zip(b).all(same)
+}
+
+fn compare(
+    ending: &str,
+    read: &Draft,
+    wanted: &Draft,
+    altitude_m: f64,
+) -> Result<(), TestCaseError> {
+    prop_assert_eq!(read.points.len(), wanted.points.len(), "{}", ending);
+    prop_assert_eq!(read.datum, wanted.datum, "{}", ending);
+    for (a, b) in read.points.iter().zip(&wanted.points) {
+        let (p, q) = (a.position, b.position);
+        prop_assert!(
+            near(p.lat_deg, q.lat_deg) && near(p.lon_deg, q.lon_deg),
+            "{}",
+            ending
+        );
+        prop_assert!(
+            (p.alt_m - q.alt_m).abs() <= altitude_m,
+            "{} {:?} {:?}",
+            ending,
+            p,
+            q
+        );
+        prop_assert_eq!(a.conduct, b.conduct, "{}", ending);
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn a_mission_is_read_as_it_was_written(draft in draft(true)) {
+        let mut draft = draft;
+        draft.extras.push(Extra { after: 1, item: 9, command: 206, frame: 2, params: [25.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0] });
+        draft.extras.push(Extra { after: draft.points.len(), item: 10, command: 20, frame: 2, params: [0.0; 7] });
+        // Polygons and circles are two lists of a .plan.
+        draft.areas.sort_by_key(|area| matches!(area.shape, Shape::Circle { .. }));
+        for ending in ["plan", "waypoints", "txt"] {
+            let (read, losses) = again(&draft, ending)?;
+            compare(ending, &read, &draft, 6e-4)?;
+            let kept = |draft: &Draft| -> Vec<_> {
+                draft.extras.iter().map(|e| (e.after, e.command, e.frame, e.params)).collect()
+            };
+            prop_assert_eq!(kept(&read), kept(&draft));
+            let (a, b) = (read.home.unwrap(), draft.home.unwrap());
+            prop_assert!(near(a.lat_deg, b.lat_deg) && near(a.alt_m, b.alt_m));
+            if ending == "plan" {
+                prop_assert_eq!(losses.lost, []);
+                prop_assert_eq!(&read.areas, &draft.areas);
+                prop_assert_eq!(&read.rally, &draft.rally);
+            } else {
+                let whole = usize::from(!draft.areas.is_empty()) + usize::from(!draft.rally.is_empty());
+                prop_assert_eq!(losses.lost.len(), whole);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_done_at_a_point_is_carried_by_each_format(draft in draft(false)) {
+        for ending in ["kml", "kmz", "geojson", "csv", "gpx"] {
+            let mut draft = draft.clone();
+            if ending == "gpx" {
+                draft.datum = Datum::SeaLevel;
+            }
+            let (read, losses) = again(&draft, ending)?;
+            compare(ending, &read, &draft, 6e-4)?;
+            if ["csv", "gpx"].contains(&ending) {
+                let whole = usize::from(!draft.areas.is_empty()) + usize::from(!draft.rally.is_empty());
+                prop_assert_eq!(losses.lost.len(), whole);
+            } else {
+                prop_assert_eq!(losses.lost, []);
+                prop_assert!(same_areas(&read.areas, &draft.areas), "{}", ending);
+                prop_assert_eq!(read.rally.len(), draft.rally.len());
+            }
+        }
+    }
+
+    #[test]
+    fn a_route_file_carries_all_but_take_off_and_rally_points(draft in draft(false)) {
+        let mut draft = draft;
+        let (read, losses) = again(&draft, "toml")?;
+        let take_offs = draft.points.iter().filter(|p| p.conduct.take_off.is_some()).count();
+        prop_assert_eq!(losses.lost.len(), take_offs + usize::from(!draft.rally.is_empty()));
+        for point in &mut draft.points {
+            point.conduct.take_off = None;
+        }
+        prop_assert!(same_areas(&read.areas, &draft.areas));
+        // The leg of its loop back is drawn, too.
+        let looped = draft.points.last().and_then(|p| p.conduct.repeat).filter(|r| r.to != 0);
+        let mut read = read;
+        read.points.truncate(read.points.len() - usize::from(looped.is_some()));
+        compare("toml", &read, &draft, 6e-3)?;
+    }
+
+    /// Damage to a file of each kind is an error or a route, never a panic.
+    #[test]
+    fn damaged_files_are_survived(draft in draft(true), at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<bool>()) {
+        let folder = tempfile::tempdir().unwrap();
+        for ending in ["plan", "waypoints", "kml", "kmz", "geojson", "csv", "gpx", "toml"] {
+            let file = folder.path().join(format!("route.{ending}"));
+            let mut draft = draft.clone();
+            draft.datum = Datum::SeaLevel;
+            let (mut bytes, _) = write(&file, &draft)?;
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+            if cut {
+                bytes.truncate(at);
+            }
+            std::fs::write(&file, bytes).unwrap();
+            if let Ok(read) = read_track(&file, &Selection::default()) {
+                let _ = read.to_send(&file);
+                let _ = write(&file, &read);
+            }
+        }
+    }
+}
