@@ -18,19 +18,24 @@ pub fn decode_line(hex: &str, raw: bool) -> Vec<Value> {
     if line.is_empty() {
         return Vec::new();
     }
-    let datagram = match bytes(line) {
-        Ok(bytes) => bytes,
-        Err((text, offset)) => return vec![error(text, offset)],
-    };
-    if ed25::is_ed25(&datagram) {
+    match bytes(line) {
+        Ok(datagram) => decode(&datagram, raw),
+        Err((text, offset)) => vec![error(text, offset)],
+    }
+}
+
+/// The messages of a datagram of any edition, one object each; for a bad one, an object with `error` and `offset`, which
+/// counts bytes.
+pub fn decode(datagram: &[u8], raw: bool) -> Vec<Value> {
+    if ed25::is_ed25(datagram) {
         return objects(
-            ed25::frames(&datagram),
+            ed25::frames(datagram),
             ed25::Frames::offset,
             ed25::HEADER_BYTES,
             |message| (message.header.message_type, frame_ed25(message, raw)),
         );
     }
-    objects(frames(&datagram), Frames::offset, HEADER_BYTES, |message| {
+    objects(frames(datagram), Frames::offset, HEADER_BYTES, |message| {
         (message.header.message_type.into(), frame(message, raw))
     })
 }

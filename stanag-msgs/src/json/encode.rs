@@ -26,18 +26,24 @@ pub fn encode_line(json: &str, raw: bool) -> Result<String, JsonError> {
         offset: error.column().saturating_sub(1),
         cause: error.to_string(),
     })?;
+    let datagram = encode(&value, raw)?;
+    Ok(datagram.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// The message of a JSON object in bytes; see [`encode_line`].
+///
+/// # Errors
+/// It is not a message of the table with fields and values that it allows.
+pub fn encode(value: &Value, raw: bool) -> Result<Vec<u8>, JsonError> {
     let object = value
         .as_object()
-        .ok_or_else(|| JsonError::value("the line", &value, "an object"))?;
+        .ok_or_else(|| JsonError::value("the message", value, "an object"))?;
     let mut out = [0; MAX_DATAGRAM];
     let length = match object.get("idd").and_then(Value::as_str) {
         Some(idd) => encode_ed25(object, idd, raw, &mut out)?,
         None => encode_later(object, raw, &mut out)?,
     };
-    Ok(out[..length]
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect())
+    Ok(out[..length].to_vec())
 }
 
 /// A message of Edition 3 or 4; returns how many bytes.

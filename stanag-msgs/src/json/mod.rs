@@ -36,5 +36,5 @@ mod decode;
 mod encode;
 mod number;
 
-pub use decode::{decode_line, fields, frame, frame_ed25};
-pub use encode::{JsonError, encode_line};
+pub use decode::{decode, decode_line, fields, frame, frame_ed25};
+pub use encode::{JsonError, encode, encode_line};

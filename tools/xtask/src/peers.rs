@@ -1,15 +1,49 @@
 //! Other people's programs that tests talk to: Python packages, pinned, in an environment of their own.
 
+use std::ffi::OsString;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
 
 use crate::steps::{Steps, is_there, root};
 
-/// Makes `tests/interop/.venv` with the pinned packages, unless it is there already.
+/// Makes `tests/interop/.venv` with the pinned packages, unless it is there already, and installs the project's own package
+/// as it is now.
 pub(crate) fn install(steps: &mut Steps) -> Result<PathBuf> {
+    let python = environment(steps)?;
+    let mut own = Command::new(&python);
+    // Without isolation: what builds it is among the pinned packages, so that no index is needed but for those.
+    own.args([
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+    ])
+    .args(["--no-build-isolation", "--no-deps", "bindings/python"])
+    // pip looks for the build's tools by name.
+    .env("PATH", path_with(&python)?)
+    // The crates are small; nothing is gained by the optimisations of the programs, which take minutes.
+    .env("CARGO_PROFILE_RELEASE_LTO", "off")
+    .env("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "16");
+    steps
+        .run(&mut own)
+        .context("the Python package of bindings/python could not be built")?;
+    Ok(python)
+}
+
+/// The search path with the environment's programs first.
+fn path_with(python: &Path) -> Result<OsString> {
+    let programs = python.parent().map(Path::to_owned).into_iter();
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    Ok(std::env::join_paths(
+        programs.chain(std::env::split_paths(&path)),
+    )?)
+}
+
+fn environment(steps: &mut Steps) -> Result<PathBuf> {
     let interop = root().join("tests/interop");
     let environment = interop.join(".venv");
     let python = environment.join("bin/python");

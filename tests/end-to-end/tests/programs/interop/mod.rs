@@ -1,5 +1,5 @@
 //! Our programs and other people's: a ground station in Python that shares no code with the bridge (`cucs`), the
-//! reference codec of the DLI (`dli`), pymavlink (`signing`, `pitfalls`), MAVSDK, MAVProxy, and Wireshark (`dissector`,
+//! reference codec of the DLI (`dli`), the Python package of the codec (`python`), pymavlink (`signing`, `pitfalls`), MAVSDK, MAVProxy, and Wireshark (`dissector`,
 //! `wireshark`).
 
 mod cucs;
@@ -9,5 +9,6 @@ mod mavproxy;
 mod mavsdk;
 mod pitfalls;
 mod pymavlink;
+mod python;
 mod signing;
 mod wireshark;
