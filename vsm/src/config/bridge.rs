@@ -304,7 +304,7 @@ impl Config {
     }
 
     /// The first key, in the order of the file's tables, that does not fit.
-    fn check(&self) -> Result<(), Fault> {
+    pub(super) fn check(&self) -> Result<(), Fault> {
         let mut ids = vec![self.dli.vsm_id];
         for station in &self.cucs {
             let id = station.get_ref().id;

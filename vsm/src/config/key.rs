@@ -48,6 +48,19 @@ macro_rules! table {
         }
 
         impl $name {
+            /// The keys whose values differ.
+            #[allow(dead_code, reason = "not every table is compared by itself")]
+            pub(super) fn differing(&self, other: &Self) -> Vec<&'static str> {
+                let mut keys = Vec::new();
+                $(
+                    // By what they show: not every value can be compared, and none here hides anything.
+                    if format!("{:?}", self.$field) != format!("{:?}", other.$field) {
+                        keys.push($crate::config::key::table!(@name $field $($key)?));
+                    }
+                )*
+                keys
+            }
+
             pub(super) const KEYS: &'static [$crate::config::key::Key] = &[$(
                 $crate::config::key::Key {
                     name: $crate::config::key::table!(@name $field $($key)?),

@@ -5,7 +5,7 @@
 //!
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
 //! number; `disputed`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
-//! ranges and of relations between keys; [`airside`] is `airside.toml`; [`reference`](mod@reference) writes
+//! ranges and of relations between keys; `changes` is what a file that is read again changes; [`airside`] is `airside.toml`; [`reference`](mod@reference) writes
 //! `docs/reference/configuration.md`.
 //!
 //! ```
@@ -25,6 +25,7 @@
 
 pub mod airside;
 mod bridge;
+mod changes;
 mod disputed;
 mod error;
 mod key;
@@ -33,6 +34,7 @@ mod value;
 mod vehicle;
 
 pub use bridge::{Authority, Config, Cucs, Dli, Http, Mavlink, Provisional, Record, Store};
+pub use changes::{Changes, Report};
 pub use disputed::Readings;
 pub use error::ConfigError;
 pub use value::{Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Signing};

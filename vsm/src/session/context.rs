@@ -144,7 +144,8 @@ impl Context<'_> {
 
     /// Every CUCS of the configuration.
     pub(crate) fn roster(&self) -> Vec<Asker> {
-        self.stations.iter().map(GroundStation::asker).collect()
+        let listed = self.stations.iter().filter(|one| !one.removed);
+        listed.map(GroundStation::asker).collect()
     }
 
     /// The index of a station.
@@ -217,6 +218,18 @@ impl MissionView<'_> {
     pub(crate) fn carries(&self, route_type: RouteType) -> bool {
         self.uploaded
             .is_some_and(|uploaded| uploaded.route_type == route_type)
+    }
+}
+
+impl Settings {
+    /// What a configuration says.
+    pub(crate) fn of(config: &config::Config) -> Settings {
+        let page = |http: &config::Http| format!("http://{}/", http.listen);
+        Settings {
+            authority: *config.authority.get_ref(),
+            provisional: config.dli.provisional,
+            web_page: config.http.as_ref().map(page),
+        }
     }
 }
 

@@ -28,6 +28,7 @@ use stanag_msgs::TimeStamp;
 use stanag_msgs::messages::{MessageAcknowledgement, VsmAuthorisationResponse};
 
 use super::outbox::Datagram;
+use crate::config::Dli;
 
 /// The paths of all stations, by their index.
 #[derive(Debug, Default)]
@@ -47,6 +48,17 @@ pub(crate) struct Limits {
     pub(crate) bytes_s: u32,
     /// Messages a second to one station.
     pub(crate) messages_s: u32,
+}
+
+impl Limits {
+    /// What a configuration says.
+    pub(crate) fn of(dli: &Dli) -> Limits {
+        Limits {
+            lease: Duration::from_secs_f64(dli.lease_s),
+            bytes_s: dli.max_bytes_s,
+            messages_s: dli.max_messages_s,
+        }
+    }
 }
 
 impl Default for Limits {
@@ -160,6 +172,21 @@ impl Paths {
             secret: [0; 32],
             limits,
             stations: trusted.map(Station::new).collect(),
+        }
+    }
+
+    /// What the configuration allows has changed.
+    pub(crate) fn set_limits(&mut self, limits: Limits) {
+        self.limits = limits;
+    }
+
+    /// The address that the configuration vouches for, of a station or of the one after the last.
+    pub(crate) fn set_trusted(&mut self, index: usize, trusted: Option<IpAddr>) {
+        match self.stations.get_mut(index) {
+            // From any other address it must prove itself again.
+            Some(station) if station.trusted != trusted => *station = Station::new(trusted),
+            Some(_) => {}
+            None => self.stations.push(Station::new(trusted)),
         }
     }
 

@@ -13,6 +13,8 @@ use crate::config::Cucs;
 #[derive(Debug)]
 pub(crate) struct GroundStation {
     pub(crate) config: Cucs,
+    /// The configuration has it no more. It keeps its place: other machines know it by its index.
+    pub(crate) removed: bool,
     /// Where it is (`paths`): where answers and status go.
     pub(crate) peer: Option<SocketAddr>,
     /// It has proved to be there, or the configuration vouches for the address.
@@ -29,6 +31,7 @@ impl GroundStation {
     pub(crate) fn new(config: Cucs) -> GroundStation {
         GroundStation {
             config,
+            removed: false,
             peer: None,
             proven: false,
             received: None,

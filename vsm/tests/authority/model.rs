@@ -256,6 +256,8 @@ impl AuthorityModel {
             Reason::Released => {
                 matches!(input, Input::Request(by, Access::Release, _) if Some(by) == from)
             }
+            // The configuration stays as it is in these histories.
+            Reason::Withdrawn => false,
             Reason::Lost => matches!(input, Input::Silence(of, Silence::Lost) if Some(of) == from),
             Reason::OfferedInSilence => from.is_some_and(|from| {
                 silence(from) >= Silence::Offered

@@ -8,7 +8,7 @@
 //!   `mission_watchdog`, `fence`
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
-//! - the order of effects: `effects_order`
+//! - the order of effects: `effects_order`; another configuration while it runs: `reload`
 //! - who may command: `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
 //! - reports: `status`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
 //!   `vehicle_services`
@@ -40,7 +40,7 @@ mod operator_control;
 mod overtaken_commands;
 mod refusals_have_reasons;
 mod refused_uploads;
-
+mod reload;
 mod replayed_commands;
 mod reports_in_time;
 mod restarts;

@@ -10,7 +10,7 @@ use mavlink_link::frame::MAX_FRAME;
 use px4_sim::{Autopilot, Signing, Truth};
 use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
-use vsm::config::Config;
+use vsm::config::{Changes, Config, Report};
 use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, Peer};
 
 use super::orders;
@@ -99,6 +99,8 @@ pub struct Rig {
     back_at: Option<Duration>,
     one_link: bool,
     config: Config,
+    /// That configuration as a file.
+    pub text: String,
 }
 
 /// What is restarted.
@@ -113,7 +115,8 @@ pub enum Restart {
 impl Rig {
     /// Everything has just been switched on.
     pub fn new(setup: Setup) -> Rig {
-        let config = Config::parse(&toml(&setup), Path::new("/nowhere"))
+        let text = toml(&setup);
+        let config = Config::parse(&text, Path::new("/nowhere"))
             .expect("the configuration of the test is good");
         let vehicles = setup.vehicles.iter().enumerate().map(|(index, vehicle)| {
             let vehicle = px4_sim::Config {
@@ -152,6 +155,7 @@ impl Rig {
             back_at: None,
             one_link: setup.one_link,
             config,
+            text,
         };
         rig.start_bridge();
         rig
@@ -202,6 +206,28 @@ impl Rig {
         let now = self.now();
         let bridge = Bridge::new(&self.config, ends, now, START, &mut self.store);
         self.bridge = Some(bridge.expect("the bridge starts from its store"));
+    }
+
+    /// Lets the running bridge read another configuration.
+    ///
+    /// # Errors
+    /// It is refused: why.
+    pub fn reload(&mut self, text: &str) -> Result<Report, String> {
+        let new = Config::parse(text, Path::new("/nowhere")).map_err(|fault| fault.to_string())?;
+        let Changes { config, report } = self.config.changes(&new)?;
+        let added = config
+            .vehicles()
+            .filter(|one| self.config.vehicles().all(|old| old.id != one.id));
+        let ends = added.map(|vehicle| LinkEnd {
+            key: Some(key(usize::from(vehicle.system_id) - 1)),
+            peer: None,
+        });
+        let (ends, now) = (ends.collect(), self.now());
+        let bridge = self.bridge.as_mut().expect("it runs");
+        let reloaded = bridge.reload(&config, ends, now, START, &mut self.store);
+        reloaded.map_err(|fault| fault.to_string())?;
+        (self.config, self.text) = (config, text.to_owned());
+        Ok(report)
     }
 
     /// Lets seconds pass.

@@ -5,7 +5,8 @@ use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::VsmAuthorisationResponse;
 
 use super::{Aircraft, Effects};
-use crate::session::context::Origin;
+use crate::config;
+use crate::session::context::{Bounds, Origin, Settings};
 use crate::session::effects::DliEffects;
 use crate::session::{authority, flight, mission, reports};
 
@@ -81,6 +82,24 @@ impl Aircraft {
             _ => self.mission(dli, mission::Input::Command { origin, message }),
         }
         self.run_until_idle(dli);
+    }
+
+    /// Continues with another configuration, whose authority is asked apart.
+    pub(crate) fn reconfigure(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+        config: &config::Vehicle,
+        settings: &Settings,
+    ) {
+        let areas = config.area != self.config.area;
+        self.config.clone_from(config);
+        self.settings.clone_from(settings);
+        self.bounds = Bounds::of(config);
+        if areas {
+            let areas = config.area.iter().map(config::Area::area).collect();
+            self.mission.set_areas(areas, dli.now.mono);
+            self.run_until_idle(dli);
+        }
     }
 
     /// What this vehicle's machines may do, for what concerns no machine.

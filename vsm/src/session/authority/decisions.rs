@@ -10,13 +10,11 @@ use std::time::Duration;
 use mapping::mode::Px4Mode;
 use mavlink_link::store::{Changes, Disk, Durability, Progress};
 use stanag_msgs::Id;
-use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::enums::{AlertPriority, LoiBitmap, SubsystemId};
 
 use super::authorisation::respond;
 use super::record::durability;
-use super::rules::{
-    Answer, Authority, Change, Circumstances, Decision, Reason, Refusal, Rights, Silence,
-};
+use super::rules::{Answer, Authority, Change, Circumstances, Decision, Reason, Refusal, Rights};
 use super::{AuthorityMachine, Context, Of, Unstored, welcome};
 use crate::session::alerts::Cause;
 use crate::session::allowance::Rate;
@@ -69,9 +67,9 @@ impl AuthorityMachine {
             if let Err(fault) = stored {
                 let text = format!("authority cannot be stored, nothing changes: {fault}");
                 effects.warn(Cause::Store, text);
-                // What a silent controller loses is no promise to anybody, and a restart finds it silent again: a disk
-                // that fails keeps no aircraft from what is flown then.
-                if !matches!(of, Of::Silence(_, Silence::Lost)) {
+                // What a silent controller loses, or the configuration withdraws, is no promise to anybody, and a restart
+                // finds it so again: a disk that fails keeps no aircraft from what is flown then.
+                if !of.cannot_wait() {
                     // A right that would not survive a restart is not granted.
                     self.decided = before;
                     return Answer::Refused {
@@ -148,6 +146,12 @@ impl AuthorityMachine {
                 }
             }
         }
+        for change in &decision.changes {
+            if let (Some(id), Reason::Withdrawn) = (change.from, change.why) {
+                let text = withdrawn_text(id, change, &before, &self.rights);
+                effects.notify(AlertPriority::Warning, SubsystemId::Comms, text);
+            }
+        }
         let lost =
             |change: &Change| change.from == before.controller() && change.why == Reason::Lost;
         let lost = decision.changes.iter().any(lost);
@@ -220,6 +224,20 @@ impl AuthorityMachine {
             self.decide(context, Of::Waiting, effects, Authority::look_again);
         }
     }
+}
+
+/// What operators are sent of rights that the configuration has withdrawn.
+fn withdrawn_text(id: Id, change: &Change, before: &Authority, after: &Authority) -> String {
+    let freed = before.controller() == Some(id) && after.controller().is_none();
+    let follows = if freed {
+        ": nobody controls the vehicle; take control"
+    } else {
+        ""
+    };
+    format!(
+        "{} of CUCS {id} withdrawn by the configuration{follows}",
+        change.lost
+    )
 }
 
 fn next(unstored: &mut VecDeque<Unstored>, disk: &dyn Disk) -> Option<Unstored> {

@@ -36,7 +36,7 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Id, Message};
 
 use self::record::{AuthorityRecord, KnownStation};
-use self::rules::{Authority, Decision, Silence};
+use self::rules::{Authority, Circumstances, Decision, Silence};
 use super::alerts::Raised;
 use super::allowance::Allowance;
 use super::context::{self, MissionView, Origin, WATCH_SLACK};
@@ -81,8 +81,17 @@ enum Of {
     Handover(Id),
     /// The silence of a holder, or its end.
     Silence(Id, Silence),
+    /// A configuration that was read again.
+    Configuration,
     /// Time has passed, or the vehicle flies otherwise.
     Waiting,
+}
+
+impl Of {
+    /// Whether it takes rights away however the disk does: a restart would find them taken away too.
+    fn cannot_wait(self) -> bool {
+        matches!(self, Of::Silence(_, Silence::Lost) | Of::Configuration)
+    }
 }
 
 /// What it reads.
@@ -130,6 +139,10 @@ pub(crate) enum Input<'a> {
     },
     /// The station is somewhere else, or may have missed something: it is sent what a new listener is.
     Returned { station: usize },
+    /// The configuration is another, as the context shows it.
+    Reconfigured,
+    /// The configuration has this vehicle no more: nobody holds anything of it.
+    Removed,
     /// Time has passed: how long is each holder silent?
     WatchSilence,
     /// A load may have ended, or the vehicle flies otherwise: what waited for that is decided.
@@ -275,6 +288,17 @@ impl AuthorityMachine {
             Input::Returned { station } => {
                 if effects.listeners.contains(&station) {
                     welcome(context, station, effects);
+                }
+            }
+            Input::Reconfigured | Input::Removed => {
+                let removed = matches!(input, Input::Removed);
+                self.decide(context, Of::Configuration, effects, |authority, at| {
+                    let roster = if removed { &[] } else { at.roster };
+                    authority.reconfigured(&Circumstances { roster, ..*at })
+                });
+                // At once, and what was decided before it too: who has lost a right commands nothing more by it.
+                while let Some(one) = self.unstored.pop_front() {
+                    self.take_effect(context, one, effects);
                 }
             }
             Input::WatchSilence => self.watch_silence(context, effects),

@@ -41,7 +41,7 @@ impl AuthorityMachine {
         // Nor does a disk that takes its time, or never ends.
         let overdue = |one: &Unstored| {
             let waited = context.mono().saturating_sub(one.since);
-            waited > DISK_WITHIN && matches!(one.of, Of::Silence(_, Silence::Lost))
+            waited > DISK_WITHIN && one.of.cannot_wait()
         };
         while self.unstored.iter().any(overdue)
             && let Some(one) = self.unstored.pop_front()

@@ -135,7 +135,7 @@ impl Bridge {
         }
         let mut stations = self.stations.iter().enumerate();
         let (index, station) = stations
-            .find(|(_, station)| station.id() == header.source)
+            .find(|(_, station)| station.id() == header.source && !station.removed)
             .ok_or("unauthorised source")?;
         // The port is not compared: a CUCS that returns on another port keeps its rights.
         if station

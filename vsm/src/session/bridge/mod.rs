@@ -3,13 +3,14 @@
 //! `arrival`: whom a datagram of the DLI is from, and whether it may speak; `dispatch`: whom its message is for. Each
 //! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: to which of them a frame of it goes. `reach`: which address is
 //! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
-//! `status`: what the bridge is doing.
+//! `status`: what the bridge is doing; `reload`: another configuration while it runs.
 
 mod arrival;
 mod dispatch;
 mod keys;
 mod port;
 mod reach;
+mod reload;
 pub(crate) mod status;
 mod vehicles;
 
@@ -18,11 +19,8 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::frame::FrameView;
-use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
-use mavlink_link::receiver::KeyState;
 use mavlink_link::service::Node;
-use mavlink_link::signing::Stamp;
-use mavlink_link::store::{Changes, Disk, Store as _, StoreError};
+use mavlink_link::store::{Changes, Disk, StoreError};
 use stanag_msgs::{Id, Profile};
 
 use self::port::Port;
@@ -34,8 +32,6 @@ use super::counters::{ByType, Counters};
 use super::duplicates::Remembered;
 use super::effects::DliEffects;
 use super::link::frame::{OutFrame, Peer};
-use super::link::services::Services;
-use super::link::{LinkId, VehicleLink};
 use super::log::{LogEntry, LogLevel};
 use super::outbox::{Datagram, Outbox};
 use super::paths::{Limits, Paths};
@@ -46,6 +42,9 @@ use crate::config::Config;
 #[derive(Debug)]
 pub struct Bridge {
     vsm: Id,
+    /// Who we are on MAVLink.
+    own: Node,
+    settings: Settings,
     profile: Profile,
     multicast: bool,
     stations: Vec<GroundStation>,
@@ -58,6 +57,8 @@ pub struct Bridge {
     paths: Paths,
     /// Of the VSM itself, not of a vehicle.
     alerts: Alerts,
+    /// Of the next vehicle.
+    next_number: i32,
     counters: Counters,
     received: ByType,
     log: VecDeque<LogEntry>,
@@ -108,34 +109,27 @@ impl Bridge {
         not_before: Duration,
         disk: &mut dyn Disk,
     ) -> Result<Bridge, BridgeError> {
-        let own = Node::new(config.mavlink.system_id, config.mavlink.component_id);
-        let settings = Settings {
-            authority: *config.authority.get_ref(),
-            provisional: config.dli.provisional,
-            web_page: config
-                .http
-                .as_ref()
-                .map(|http| format!("http://{}/", http.listen)),
-        };
         let stations: Vec<GroundStation> =
             config.stations().cloned().map(GroundStation::new).collect();
-        let limits = Limits {
-            lease: Duration::from_secs_f64(config.dli.lease_s),
-            bytes_s: config.dli.max_bytes_s,
-            messages_s: config.dli.max_messages_s,
-        };
         let mut bridge = Bridge {
-            paths: Paths::new(limits, config.stations().map(|cucs| cucs.address)),
+            own: Node::new(config.mavlink.system_id, config.mavlink.component_id),
+            settings: Settings::of(config),
+            paths: Paths::new(
+                Limits::of(&config.dli),
+                config.stations().map(|cucs| cucs.address),
+            ),
             vsm: config.dli.vsm_id,
             profile: config.dli.disputed.profile.clone(),
             multicast: config.dli.multicast.is_some(),
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
             stations,
             aircraft: Vec::new(),
-            ports: config.links().into_iter().cloned().map(Port::new).collect(),
+            ports: Vec::new(),
             outbox: Outbox::new(config.dli.disputed.profile.clone()),
-            // The alert ids of the VSM itself follow those of its vehicles, which are numbered from 0.
+            // The alert ids of the VSM itself follow those of its vehicles, which are numbered from 0; vehicles that are
+            // added later follow the VSM.
             alerts: Alerts::new(i32::try_from(config.vehicles().count()).unwrap_or(i32::MAX / 2)),
+            next_number: 0,
             counters: Counters::default(),
             received: ByType::default(),
             log: VecDeque::new(),
@@ -143,29 +137,10 @@ impl Bridge {
             warnings: config.warnings(),
             started: now.mono,
         };
-        for ((vehicle, end), number) in config.vehicles().zip(ends).zip(0..) {
-            let link = link_config(vehicle, own, &end, disk)?;
-            let origin = mavlink_link::clock::Origin::KeyFile;
-            let not_before = Stamp::from_unix(not_before);
-            let key = end
-                .key
-                .map(|key| KeyState::start(key, origin, not_before, now, disk));
-            let key = key.transpose().map_err(|cause| BridgeError::Clock {
-                vehicle: vehicle.id,
-                cause,
-            })?;
-            let link = VehicleLink::new(Link::new(link), key);
-            let services = Services::new(own, link.autopilot());
-            let settings = settings.clone();
-            let mut aircraft = Aircraft::new(vehicle.clone(), settings, link, services, number);
-            let mut ports = bridge.ports.iter();
-            aircraft.port = ports
-                .position(|port| port.link == vehicle.link)
-                .unwrap_or(0);
-            let known = aircraft.restore(&mut bridge.effects(now, disk).0)?;
-            bridge.remember_stations(now.mono, &known);
-            bridge.aircraft.push(aircraft);
+        for (vehicle, end) in config.vehicles().zip(ends) {
+            bridge.add_vehicle(vehicle, end, now, not_before, disk)?;
         }
+        bridge.next_number += 1;
         bridge.restore_commands(now, disk)?;
         Ok(bridge)
     }
@@ -302,28 +277,6 @@ impl Bridge {
         };
         (effects, &mut self.aircraft)
     }
-}
-
-/// How the link of a vehicle is configured, with what was learned of it in an earlier run.
-fn link_config(
-    vehicle: &crate::config::Vehicle,
-    own: Node,
-    end: &LinkEnd,
-    disk: &dyn Disk,
-) -> Result<LinkConfig<Peer>, StoreError> {
-    let security = if end.key.is_some() {
-        Security::Signed
-    } else {
-        Security::Off
-    };
-    let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
-    let mut link = LinkConfig::new(vehicle.system_id, security, endpoint);
-    link.own_system = own.system;
-    link.own_component = own.component;
-    link.link_id = vehicle.link_id;
-    link.vehicle_link_id = vehicle.vehicle_link_id;
-    link.known_link_id = disk.load::<LinkId>(&vehicle.id)?.and_then(|LinkId(id)| id);
-    Ok(link)
 }
 
 /// Answers come from whom the question was sent to; a question to everybody is answered by the VSM.

@@ -101,7 +101,8 @@ impl Bridge {
                 }
             }
             self.note_path(index);
-            if let Some(address) = self.paths.due_to_ask(now.mono, index) {
+            let listed = !self.stations[index].removed;
+            if let Some(address) = self.paths.due_to_ask(now.mono, index).filter(|_| listed) {
                 self.ask(now, index, address, false);
             }
             self.send_waiting(now, index);

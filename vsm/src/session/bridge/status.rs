@@ -168,7 +168,8 @@ impl Bridge {
     /// A picture of now.
     #[must_use]
     pub fn status(&self, vsm: String, now: Duration) -> Status {
-        let stations = self.stations.iter().map(|station| StationStatus {
+        let listed = self.stations.iter().filter(|station| !station.removed);
+        let stations = listed.map(|station| StationStatus {
             id: station.id().to_string(),
             address: station.peer.map(|peer| peer.to_string()),
             proof: match (station.proven, station.config.address) {

@@ -1,15 +1,67 @@
-//! The vehicles on their links: to which of them a frame goes, and who else sends there.
+//! The vehicles on their links: how one begins to be served, to which of them a frame goes, and who else sends there.
+
+use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::store::Disk;
+use mavlink_link::clock::Origin;
+use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
+use mavlink_link::receiver::KeyState;
+use mavlink_link::service::Node;
+use mavlink_link::signing::Stamp;
+use mavlink_link::store::{Disk, Store as _, StoreError};
 
-use super::port::Piece;
-use super::{Bridge, Tap};
+use super::port::{Piece, Port};
+use super::{Bridge, BridgeError, LinkEnd, Tap};
+use crate::config::{self, LinkAddress};
 use crate::session::aircraft::Aircraft;
 use crate::session::link::frame::Peer;
+use crate::session::link::services::Services;
+use crate::session::link::{LinkId, VehicleLink};
 use crate::session::log::LogLevel;
 
 impl Bridge {
+    /// Begins to serve a vehicle, with what was stored of it.
+    ///
+    /// # Errors
+    /// A record of the store cannot be read.
+    pub(super) fn add_vehicle(
+        &mut self,
+        vehicle: &config::Vehicle,
+        end: LinkEnd,
+        now: Now,
+        not_before: Duration,
+        disk: &mut dyn Disk,
+    ) -> Result<(), BridgeError> {
+        let link = link_config(vehicle, self.own, &end, disk)?;
+        let not_before = Stamp::from_unix(not_before);
+        let key = end
+            .key
+            .map(|key| KeyState::start(key, Origin::KeyFile, not_before, now, disk));
+        let key = key.transpose().map_err(|cause| BridgeError::Clock {
+            vehicle: vehicle.id,
+            cause,
+        })?;
+        let link = VehicleLink::new(Link::new(link), key);
+        let services = Services::new(self.own, link.autopilot());
+        let (settings, number) = (self.settings.clone(), self.next_number);
+        let mut aircraft = Aircraft::new(vehicle.clone(), settings, link, services, number);
+        let known = aircraft.restore(&mut self.effects(now, disk).0)?;
+        self.next_number += 1;
+        aircraft.port = self.port_of(&vehicle.link);
+        self.remember_stations(now.mono, &known);
+        self.aircraft.push(aircraft);
+        Ok(())
+    }
+
+    /// The index of a link, which is given one where it has none.
+    fn port_of(&mut self, link: &LinkAddress) -> usize {
+        let known = self.ports.iter().position(|port| port.link == *link);
+        known.unwrap_or_else(|| {
+            self.ports.push(Port::new(link.clone()));
+            self.ports.len() - 1
+        })
+    }
+
     /// Takes a datagram, or serial bytes, of the link with this index: links are numbered in the order in which the
     /// configuration first names them. `tap` is shown every frame that is believed, with the index of its vehicle.
     pub fn handle_vehicle(
@@ -86,6 +138,28 @@ impl Bridge {
             self.effects(now, disk).0.note(LogLevel::Info, vsm, text);
         }
     }
+}
+
+/// How the link of a vehicle is configured, with what was learned of it in an earlier run.
+fn link_config(
+    vehicle: &config::Vehicle,
+    own: Node,
+    end: &LinkEnd,
+    disk: &dyn Disk,
+) -> Result<LinkConfig<Peer>, StoreError> {
+    let security = if end.key.is_some() {
+        Security::Signed
+    } else {
+        Security::Off
+    };
+    let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
+    let mut link = LinkConfig::new(vehicle.system_id, security, endpoint);
+    link.own_system = own.system;
+    link.own_component = own.component;
+    link.link_id = vehicle.link_id;
+    link.vehicle_link_id = vehicle.vehicle_link_id;
+    link.known_link_id = disk.load::<LinkId>(&vehicle.id)?.and_then(|LinkId(id)| id);
+    Ok(link)
 }
 
 /// Systems of one link that are named in the log, at the most.

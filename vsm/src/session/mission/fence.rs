@@ -65,6 +65,13 @@ struct Record {
 vehicle_record!(Record, "areas", Process);
 
 impl Fence {
+    /// The areas of the configuration are others: the vehicle is given them as soon as it can be.
+    pub(super) fn set_configured(&mut self, configured: Vec<Area>, now: Duration) {
+        self.configured = configured;
+        self.wanted = true;
+        self.look_at = Some(now);
+    }
+
     /// With the areas of the configuration.
     pub(super) fn new(configured: Vec<Area>) -> Fence {
         Fence {

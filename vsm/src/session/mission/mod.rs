@@ -68,6 +68,11 @@ pub(crate) struct Mission {
 }
 
 impl Mission {
+    /// The fence areas of the configuration are others.
+    pub(crate) fn set_areas(&mut self, areas: Vec<Area>, now: Duration) {
+        self.fence.set_configured(areas, now);
+    }
+
     /// With the fence areas of the configuration.
     pub(crate) fn new(areas: Vec<Area>) -> Mission {
         Mission {

@@ -114,6 +114,8 @@ pub enum Reason {
     Lost,
     /// A station, explicitly asked for by the controller.
     Controller,
+    /// The configuration no longer allows it.
+    Withdrawn,
 }
 
 impl fmt::Display for Reason {
@@ -126,6 +128,7 @@ impl fmt::Display for Reason {
             Reason::OfferedInSilence => "offered in silence",
             Reason::Lost => "holder lost",
             Reason::Controller => "asked for by the controller",
+            Reason::Withdrawn => "withdrawn by the configuration",
         })
     }
 }

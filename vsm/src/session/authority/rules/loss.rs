@@ -1,4 +1,4 @@
-//! The silence of holders, and the passing of time.
+//! The silence of holders, rights that the configuration withdraws, and the passing of time.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use stanag_msgs::Id;
 
 use super::decision::{Decision, Outcome, Reason, Stage};
 use super::rights::Rights;
-use super::{Authority, Circumstances, Silence};
+use super::{Asker, Authority, Circumstances, Silence};
 
 impl Authority {
     /// The silence of a CUCS has gone so far. At [`Silence::Lost`] it loses control and its payload stations, and
@@ -26,6 +26,22 @@ impl Authority {
         } else {
             self.silent.insert(id, silence);
         }
+        self.settle(at, &mut decision);
+        decision
+    }
+
+    /// The configuration is another: what it no longer allows is taken away, and handovers of it end.
+    pub fn reconfigured(&mut self, at: &Circumstances<'_>) -> Decision {
+        let mut decision = Decision::default();
+        let allowed = |id| at.asker(id).map_or(Rights::NONE, Asker::may_hold);
+        let holders: Vec<_> = self.holders().collect();
+        for (id, held) in holders {
+            let kept = held.both(allowed(id));
+            self.take(id, held.without(kept), Reason::Withdrawn, &mut decision);
+        }
+        self.end_where(Outcome::Overtaken, &mut decision, |handover| {
+            handover.rights.both(allowed(handover.to)) != handover.rights
+        });
         self.settle(at, &mut decision);
         decision
     }

@@ -1,0 +1,161 @@
+//! What a configuration that is read again changes of a running bridge, and what waits for a restart.
+//!
+//! A bridge keeps its addresses, its store and who it is as long as it runs, and a vehicle its link and its key. Whatever
+//! else a new file says is applied. The file is taken as a whole or not at all: where what can be applied does not fit what
+//! the bridge keeps, it is refused.
+
+use serde::Serialize;
+use stanag_msgs::Id;
+
+use super::bridge::{Config, Cucs};
+use super::error::Fault;
+use super::vehicle::Vehicle;
+
+/// From one configuration to the next.
+#[derive(Debug, Clone)]
+pub struct Changes {
+    /// What the bridge continues with: the new configuration, with what it keeps until a restart.
+    pub config: Config,
+    /// What is said of it.
+    pub report: Report,
+}
+
+/// What became of a configuration that was read again.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Report {
+    /// Why nothing of it was applied.
+    pub refused: Option<String>,
+    /// What has changed.
+    pub applied: Vec<String>,
+    /// Keys that are other than those which the bridge runs with, and wait for a restart.
+    pub restart: Vec<String>,
+}
+
+/// Keys of `[dli]` that change while the bridge runs.
+const DLI: [&str; 4] = ["provisional", "lease_s", "max_bytes_s", "max_messages_s"];
+/// Keys of `[[vehicle]]` that do not: its link and what is signed on it.
+const VEHICLE: [&str; 5] = ["link", "system_id", "signing", "link_id", "vehicle_link_id"];
+
+impl Config {
+    /// What `new` changes of a bridge that runs with this configuration.
+    ///
+    /// # Errors
+    /// What can be applied of it does not fit what the bridge keeps: why.
+    pub fn changes(&self, new: &Config) -> Result<Changes, String> {
+        let mut report = Report::default();
+        let mut config = self.clone();
+        for table in self.differing(new) {
+            match table {
+                "dli" => self.change_dli(new, &mut config, &mut report),
+                // They have their places in the file, and are compared below.
+                "cucs" | "vehicle" | "authority" => {}
+                other => report.restart.push(other.to_owned()),
+            }
+        }
+        let (before, after) = (self.authority.get_ref(), new.authority.get_ref());
+        for key in before.differing(after) {
+            report.applied.push(format!("authority.{key}"));
+        }
+        config.authority = new.authority.clone();
+        self.compare_stations(new, &mut report);
+        config.cucs.clone_from(&new.cucs);
+        self.change_vehicles(new, &mut config, &mut report);
+        config.check().map_err(|fault| conflict(&fault))?;
+        Ok(Changes { config, report })
+    }
+
+    fn change_dli(&self, new: &Config, config: &mut Config, report: &mut Report) {
+        for key in self.dli.differing(&new.dli) {
+            let list = if DLI.contains(&key) {
+                &mut report.applied
+            } else {
+                &mut report.restart
+            };
+            list.push(format!("dli.{key}"));
+        }
+        config.dli.provisional = new.dli.provisional;
+        config.dli.lease_s = new.dli.lease_s;
+        config.dli.max_bytes_s = new.dli.max_bytes_s;
+        config.dli.max_messages_s = new.dli.max_messages_s;
+    }
+
+    fn compare_stations(&self, new: &Config, report: &mut Report) {
+        let find = |config: &Config, id: Id| config.stations().find(|one| one.id == id).cloned();
+        for station in new.stations() {
+            match find(self, station.id) {
+                None => report.applied.push(format!("cucs {} added", station.id)),
+                Some(before) => {
+                    let keys = Cucs::differing(&before, station);
+                    report.changed("cucs", station.id, &keys);
+                }
+            }
+        }
+        for station in self.stations() {
+            if find(new, station.id).is_none() {
+                report.applied.push(format!("cucs {} removed", station.id));
+            }
+        }
+    }
+
+    fn change_vehicles(&self, new: &Config, config: &mut Config, report: &mut Report) {
+        config.vehicle.clone_from(&new.vehicle);
+        for vehicle in &mut config.vehicle {
+            let vehicle = vehicle.get_mut();
+            let Some(before) = self.vehicles().find(|one| one.id == vehicle.id) else {
+                report.applied.push(format!("vehicle {} added", vehicle.id));
+                continue;
+            };
+            let keys = Vehicle::differing(before, vehicle);
+            let (kept, changed): (Vec<_>, Vec<_>) =
+                keys.into_iter().partition(|key| VEHICLE.contains(key));
+            report.changed("vehicle", vehicle.id, &changed);
+            let kept = kept
+                .iter()
+                .map(|key| format!("vehicle {}: {key}", before.id));
+            report.restart.extend(kept);
+            vehicle.link.clone_from(&before.link);
+            vehicle.system_id = before.system_id;
+            vehicle.signing.clone_from(&before.signing);
+            vehicle.link_id = before.link_id;
+            vehicle.vehicle_link_id = before.vehicle_link_id;
+        }
+        for before in self.vehicles() {
+            if new.vehicles().all(|one| one.id != before.id) {
+                report
+                    .applied
+                    .push(format!("vehicle {} removed", before.id));
+            }
+        }
+    }
+}
+
+impl Report {
+    /// That nothing is applied.
+    #[must_use]
+    pub fn refused(why: impl Into<String>) -> Report {
+        Report {
+            refused: Some(why.into()),
+            ..Report::default()
+        }
+    }
+
+    fn changed(&mut self, what: &str, id: Id, keys: &[&str]) {
+        if !keys.is_empty() {
+            self.applied
+                .push(format!("{what} {id}: {}", keys.join(", ")));
+        }
+    }
+}
+
+fn conflict(fault: &Fault) -> String {
+    let Fault {
+        key,
+        found,
+        expected,
+        ..
+    } = fault;
+    format!(
+        "{key} is {found}, expected {expected}; it does not fit what the running bridge keeps until a restart: restart it \
+         instead"
+    )
+}

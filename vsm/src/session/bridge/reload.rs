@@ -1,0 +1,123 @@
+//! Another configuration while the bridge runs: applied as a whole, or not at all.
+//!
+//! What has not changed keeps its rights, its link and its state. A station keeps its place also once it is removed,
+//! because machines know it by its index; who comes back finds what it has sent remembered, so that nothing is carried out
+//! a second time. What may change is decided in [`Config::changes`](crate::config::Config::changes).
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::store::{Disk, StoreError};
+use stanag_msgs::Id;
+
+use super::{Bridge, BridgeError, LinkEnd};
+use crate::config::{Config, Cucs};
+use crate::session::authority::Input;
+use crate::session::context::Settings;
+use crate::session::duplicates::Remembered;
+use crate::session::paths::Limits;
+use crate::session::station::GroundStation;
+
+impl Bridge {
+    /// The vehicles that are armed and received: none of them may be removed.
+    #[must_use]
+    pub fn is_flying(&self, vehicle: Id) -> bool {
+        let mut aircraft = self.aircraft.iter();
+        aircraft.any(|one| {
+            let armed = one.vehicle.telemetry.armed == Some(true);
+            one.id() == vehicle && one.vehicle.live() && armed
+        })
+    }
+
+    /// Continues with another configuration. Vehicles of it that are not served yet have their [`LinkEnd`] in `ends`, in
+    /// its order; they follow those that are.
+    ///
+    /// # Errors
+    /// A record of what is added cannot be read; nothing has changed then.
+    pub fn reload(
+        &mut self,
+        config: &Config,
+        ends: Vec<LinkEnd>,
+        now: Now,
+        not_before: Duration,
+        disk: &mut dyn Disk,
+    ) -> Result<(), BridgeError> {
+        let listed = self.stations.iter().filter(|one| !one.removed);
+        let before: Vec<Cucs> = listed.map(|one| one.config.clone()).collect();
+        let served = self.aircraft.len();
+        let added = self.set_stations(&config.stations().collect::<Vec<_>>(), now, disk);
+        let added = added.map_err(BridgeError::from).and_then(|()| {
+            let is_new = |id: Id| self.aircraft.iter().all(|one| one.id() != id);
+            let new: Vec<_> = config.vehicles().filter(|one| is_new(one.id)).collect();
+            let mut each = new.into_iter().zip(ends);
+            each.try_for_each(|(vehicle, end)| {
+                self.add_vehicle(vehicle, end, now, not_before, disk)
+            })
+        });
+        if let Err(fault) = added {
+            self.aircraft.truncate(served);
+            // Those that were added have no right yet, and become removed ones.
+            self.set_stations(&before.iter().collect::<Vec<_>>(), now, disk)?;
+            return Err(fault);
+        }
+        self.settings = Settings::of(config);
+        self.paths.set_limits(Limits::of(&config.dli));
+        self.warnings = config.warnings();
+        self.remove_vehicles(config, now, disk);
+        let settings = self.settings.clone();
+        let (mut dli, aircraft) = self.effects(now, disk);
+        for one in aircraft.iter_mut() {
+            if let Some(vehicle) = config.vehicles().find(|vehicle| vehicle.id == one.id()) {
+                one.reconfigure(&mut dli, vehicle, &settings);
+            }
+            one.ask_authority(&mut dli, Input::Reconfigured);
+        }
+        self.forget_heartbeats();
+        Ok(())
+    }
+
+    /// Lists these stations and no others.
+    fn set_stations(
+        &mut self,
+        listed: &[&Cucs],
+        now: Now,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        // What is read comes first: it can fail.
+        let mut new = Vec::new();
+        for cucs in listed {
+            if self.stations.iter().all(|one| one.id() != cucs.id) {
+                let mut remembered = Remembered::default();
+                // What an earlier run left open is answered by nobody any more: it leads to the same when it comes again.
+                for seen in remembered.restore(cucs.id, now.mono, disk)? {
+                    remembered.forget(seen.digest);
+                }
+                new.push((cucs, remembered));
+            }
+        }
+        for (index, station) in self.stations.iter_mut().enumerate() {
+            let cucs = listed.iter().find(|cucs| cucs.id == station.id());
+            station.removed = cucs.is_none();
+            if let Some(cucs) = cucs {
+                station.config = (*cucs).clone();
+                self.paths.set_trusted(index, cucs.address);
+            }
+        }
+        for (cucs, remembered) in new {
+            self.paths.set_trusted(self.stations.len(), cucs.address);
+            self.stations.push(GroundStation::new((*cucs).clone()));
+            self.remembered.push(remembered);
+        }
+        Ok(())
+    }
+
+    /// Ends vehicles that the configuration has no more. Their holders are informed that they hold nothing.
+    fn remove_vehicles(&mut self, config: &Config, now: Now, disk: &mut dyn Disk) {
+        let is_listed = |id: Id| config.vehicles().any(|vehicle| vehicle.id == id);
+        let (mut dli, aircraft) = self.effects(now, disk);
+        for one in aircraft.iter_mut().filter(|one| !is_listed(one.id())) {
+            one.ask_authority(&mut dli, Input::Removed);
+        }
+        aircraft.retain(|one| is_listed(one.id()));
+    }
+}
