@@ -4,7 +4,7 @@
 //! else a new file says is applied. The file is taken as a whole or not at all: where what can be applied does not fit what
 //! the bridge keeps, it is refused.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 
 use super::bridge::{Config, Cucs};
@@ -21,7 +21,7 @@ pub struct Changes {
 }
 
 /// What became of a configuration that was read again.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Report {
     /// Why nothing of it was applied.
     pub refused: Option<String>,

@@ -81,6 +81,11 @@ impl Surroundings<'_> {
 }
 
 impl KeyExchange {
+    /// The vehicle of this index has another one: one before it was removed.
+    pub fn set_index(&mut self, index: usize) {
+        self.index = index;
+    }
+
     /// The exchange of a vehicle, where its configuration wants one.
     ///
     /// # Errors

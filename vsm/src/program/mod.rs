@@ -11,6 +11,7 @@ mod init;
 mod key;
 mod pair;
 mod process;
+mod reload;
 mod run;
 mod status;
 
@@ -58,6 +59,14 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Let a running bridge read its configuration again, and show what of it is applied
+    Reload {
+        #[command(flatten)]
+        config: ConfigArg,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
     /// Write a new random signing key (32 bytes in hex, mode 0600) to a file that must not exist
     Keygen {
         /// The key file to write
@@ -94,7 +103,10 @@ impl Command {
     fn reads_keys(&self) -> bool {
         !matches!(
             self,
-            Command::Status { .. } | Command::Decode { .. } | Command::Encode { .. }
+            Command::Status { .. }
+                | Command::Reload { .. }
+                | Command::Decode { .. }
+                | Command::Encode { .. }
         )
     }
 }
@@ -122,6 +134,7 @@ pub fn main() -> ExitCode {
         Command::Airside(arguments) => airside::run(arguments),
         Command::CheckConfig { config } => check_config::check(config.path()),
         Command::Status { config, json } => status::show(config.path(), json),
+        Command::Reload { config, json } => reload::reload(config.path(), json),
         Command::Keygen { file } => key::generate(&file),
         Command::Key { action } => key::run(action),
         Command::Audit { action } => audit::run(action),

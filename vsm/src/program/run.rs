@@ -14,10 +14,11 @@ pub(crate) fn run(path: &Path) -> Result<(), Failure> {
     let _log = log();
     let runtime = runtime()?;
     runtime.block_on(async {
-        let server = Server::open(&config).map_err(|fault| match fault {
+        let mut server = Server::open(&config).map_err(|fault| match fault {
             StartError::Key(_) | StartError::Keys(_) | StartError::SameKey { .. } => bad(fault),
             other => failed(other),
         })?;
+        server.reload_from(path).map_err(failed)?;
         let stop = stop_signal()?;
         for warning in config.warnings() {
             tracing::warn!("{warning}");

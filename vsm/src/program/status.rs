@@ -22,7 +22,7 @@ pub(super) fn report(
     json: bool,
     readable: fn(&Value) -> String,
 ) -> Result<(), Failure> {
-    let text = status_socket::ask(store)
+    let text = status_socket::ask(store, status_socket::STATUS, ANSWER_WITHIN)
         .with_context(|| no_answer(who, store))
         .map_err(failed)?;
     if json {
@@ -33,6 +33,8 @@ pub(super) fn report(
         .map_err(failed)?;
     print(&readable(&status))
 }
+
+const ANSWER_WITHIN: Duration = Duration::from_secs(3);
 
 pub(super) fn no_answer(who: &str, store: &Path) -> String {
     let store = store.display();

@@ -132,7 +132,8 @@ impl AirsideServer {
             sockets::open_link("radio.link", &radio.link, "port-radio", &mut store)?;
         let (px4_reader, px4_writer, autopilot) =
             sockets::open_link("px4.link", &px4.link, "port-px4", &mut store)?;
-        let status = status_socket::listen(&config.store.dir).map_err(AirsideError::Status)?;
+        let status = status_socket::listen(&config.store.dir, status_socket::STATUS)
+            .map_err(AirsideError::Status)?;
         let pairing = pairing_socket::listen(&config.store.dir).map_err(AirsideError::Status)?;
         // A serial line or udpout names its peer; a listening link learns it from the frames received.
         let endpoint = |peer: Option<Peer>| peer.map_or(Endpoint::Listen, Endpoint::Fixed);

@@ -43,6 +43,11 @@ impl DliRecording {
         })
     }
 
+    /// The ground stations are these from now on.
+    pub fn set_stations(&mut self, stations: Vec<Id>) {
+        self.stations = stations;
+    }
+
     /// A datagram that arrived here.
     pub fn received(&mut self, wall: Duration, from: SocketAddr, here: SocketAddr, bytes: &[u8]) {
         let known = frames(bytes)

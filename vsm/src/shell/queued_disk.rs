@@ -164,6 +164,12 @@ impl QueuedDisk {
         })
     }
 
+    /// The files below: what writes there writes at once.
+    #[must_use]
+    pub fn files(&self) -> &FileDisk {
+        &self.disk
+    }
+
     /// Takes what the threads have done; true where something has come of it since the call before.
     pub fn poll(&mut self) -> bool {
         for lane in 0..self.lanes.len() {

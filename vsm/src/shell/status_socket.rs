@@ -1,4 +1,5 @@
-//! `vsm status`: a Unix socket in the store folder that gives the status as JSON to whoever may enter the folder.
+//! `vsm status` and `vsm reload`: Unix sockets in the store folder, of which one gives the status as JSON to whoever may
+//! enter the folder, and the other what came of a configuration that is read again.
 
 use std::io::{self, Read};
 use std::os::unix::fs::PermissionsExt;
@@ -10,18 +11,23 @@ use serde::Serialize;
 use tokio::io::AsyncWriteExt;
 use tokio::net::UnixListener;
 
-/// Where the socket of a store folder is.
+/// Gives the status.
+pub const STATUS: &str = "status.sock";
+/// Lets the configuration be read again.
+pub const RELOAD: &str = "reload.sock";
+
+/// Where a socket of a store folder is.
 #[must_use]
-pub fn path(store: &Path) -> PathBuf {
-    store.join("status.sock")
+pub fn path(store: &Path, name: &str) -> PathBuf {
+    store.join(name)
 }
 
 /// Opens the socket. The store's lock is held: one that is there is left over.
 ///
 /// # Errors
 /// The system's; paths of over 107 bytes too.
-pub fn listen(store: &Path) -> io::Result<UnixListener> {
-    let path = path(store);
+pub fn listen(store: &Path, name: &str) -> io::Result<UnixListener> {
+    let path = path(store, name);
     match std::fs::remove_file(&path) {
         Err(cause) if cause.kind() != io::ErrorKind::NotFound => return Err(cause),
         _ => {}
@@ -43,9 +49,9 @@ pub async fn answer(mut stream: tokio::net::UnixStream, status: &impl Serialize,
 ///
 /// # Errors
 /// None is running on this store, or it does not answer.
-pub fn ask(store: &Path) -> io::Result<String> {
-    let mut stream = UnixStream::connect(path(store))?;
-    stream.set_read_timeout(Some(Duration::from_secs(3)))?;
+pub fn ask(store: &Path, name: &str, within: Duration) -> io::Result<String> {
+    let mut stream = UnixStream::connect(path(store, name))?;
+    stream.set_read_timeout(Some(within))?;
     let mut text = String::new();
     stream.read_to_string(&mut text)?;
     Ok(text)

@@ -3,7 +3,8 @@
 //! Half a program is worse than none. A bridge whose receiver of commands has died, but whose heartbeats still leave,
 //! keeps PX4 from starting its failsafe, and a service manager that still gets its pings never starts it again. So:
 //!
-//! - [`Tasks::run`] returns at the first task that ends, whether it returned or panicked, and names it;
+//! - [`Tasks::run`] returns at the first task that ends, whether it returned or panicked, and names it; only one that has
+//!   said that nobody needs it any more ([`Beat::finish`]) may return;
 //! - a round goes through every task by its [`Beat`], once a second or faster. Only a round that all have answered
 //!   feeds the service manager's watchdog; a task that does not answer for [`STUCK_AFTER`] ends the program, also where
 //!   no service manager waits.
@@ -14,12 +15,14 @@
 //! Everything here is on one thread: a beat costs a task two cells for each poll, and no lock.
 
 use std::cell::{Cell, RefCell};
+use std::fmt;
 use std::future::{Future, poll_fn};
-use std::pin::pin;
+use std::pin::{Pin, pin};
 use std::rc::Rc;
 use std::task::{Context, Waker};
 use std::time::Duration;
 
+use tokio::sync::Notify;
 use tokio::task::{Id, JoinError, JoinSet, LocalSet};
 use tokio::time::MissedTickBehavior;
 
@@ -56,6 +59,8 @@ pub enum TaskFault {
 /// By which one task shows that it works.
 #[derive(Debug, Default)]
 pub struct Beat {
+    /// It returns because it is not needed any more.
+    done: Cell<bool>,
     asked: Cell<u64>,
     answered: Cell<u64>,
     waker: RefCell<Option<Waker>>,
@@ -73,6 +78,11 @@ impl Beat {
             work.as_mut().poll(context)
         })
         .await
+    }
+
+    /// The task is about to return, and nobody needs it any more.
+    pub fn finish(&self) {
+        self.done.set(true);
     }
 
     fn answer(&self, context: &Context<'_>) {
@@ -103,6 +113,39 @@ impl Beat {
 pub struct Tasks {
     set: JoinSet<()>,
     members: Vec<Member>,
+    later: Later,
+}
+
+/// Adds tasks to those that run.
+#[derive(Clone, Default)]
+pub struct Later(Rc<Waiting>);
+
+#[derive(Default)]
+struct Waiting {
+    tasks: RefCell<Vec<(&'static str, Begin)>>,
+    added: Notify,
+}
+
+type Begin = Box<dyn FnOnce(Rc<Beat>) -> Pin<Box<dyn Future<Output = ()>>>>;
+
+impl Later {
+    /// As [`Tasks::spawn`], for tasks that run already.
+    pub fn spawn<F>(&self, name: &'static str, task: impl FnOnce(Rc<Beat>) -> F + 'static)
+    where
+        F: Future<Output = ()> + 'static,
+    {
+        let begin: Begin = Box::new(|beat| Box::pin(task(beat)));
+        self.0.tasks.borrow_mut().push((name, begin));
+        self.0.added.notify_one();
+    }
+}
+
+impl fmt::Debug for Later {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = self.0.tasks.borrow();
+        let names = names.iter().map(|(name, _)| name);
+        f.debug_list().entries(names).finish()
+    }
 }
 
 #[derive(Debug)]
@@ -128,6 +171,20 @@ impl Tasks {
         self.members.push(Member { id, name, beat });
     }
 
+    /// By which tasks are added while these run.
+    #[must_use]
+    pub fn later(&self) -> Later {
+        self.later.clone()
+    }
+
+    fn begin_added(&mut self) {
+        for (name, begin) in self.later.0.tasks.take() {
+            let beat = Rc::new(Beat::default());
+            let id = self.set.spawn_local(begin(beat.clone())).id();
+            self.members.push(Member { id, name, beat });
+        }
+    }
+
     /// Runs until `stop` is done, and feeds the service manager's watchdog meanwhile. To be awaited within the
     /// [`LocalSet`] of the tasks.
     ///
@@ -140,11 +197,16 @@ impl Tasks {
         let mut ticks = tokio::time::interval(pause);
         // A process that was suspended is not to find that many rounds went unanswered at once.
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let later = self.later.clone();
         let (mut round, mut unanswered) = (0_u64, Duration::ZERO);
         loop {
             tokio::select! {
                 () = &mut stop => return Ok(()),
-                Some(ended) = self.set.join_next_with_id() => return Err(self.fault(ended)),
+                Some(ended) = self.set.join_next_with_id() => match ended {
+                    Ok((id, ())) if self.is_done(id) => self.members.retain(|member| member.id != id),
+                    ended => return Err(self.fault(ended)),
+                },
+                () = later.0.added.notified() => self.begin_added(),
                 _ = ticks.tick() => {
                     if let Some(silent) = self.members.iter().find(|member| !member.beat.has_answered()) {
                         unanswered += pause;
@@ -162,6 +224,11 @@ impl Tasks {
                 }
             }
         }
+    }
+
+    fn is_done(&self, id: Id) -> bool {
+        let mut members = self.members.iter();
+        members.any(|member| member.id == id && member.beat.done.get())
     }
 
     fn fault(&self, ended: Result<(Id, ()), JoinError>) -> TaskFault {
@@ -247,6 +314,34 @@ mod tests {
         .await;
         assert!(matches!(ended, Err(TaskFault::Panicked { task: "other" })));
         assert!(after < Duration::from_secs(1));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_task_that_is_added_later_is_one_of_them_until_it_is_not_needed() {
+        for finishes in [true, false] {
+            let local = LocalSet::new();
+            let mut tasks = Tasks::default();
+            let later = tasks.later();
+            tasks.spawn(&local, "first", |beat| async move {
+                later.spawn("second", move |beat| async move {
+                    beat.during(tokio::time::sleep(Duration::from_secs(20)))
+                        .await;
+                    if finishes {
+                        beat.finish();
+                    }
+                });
+                beat.during(std::future::pending::<()>()).await;
+            });
+            let stop = tokio::time::sleep(Duration::from_secs(60));
+            let ended = local.run_until(tasks.run(stop)).await;
+            match ended {
+                Ok(()) => assert!(finishes),
+                Err(fault) => {
+                    assert!(matches!(fault, TaskFault::Ended { task: "second" }));
+                    assert!(!finishes);
+                }
+            }
+        }
     }
 
     #[tokio::test(start_paused = true)]

@@ -1,5 +1,5 @@
-//! The program `vsm` itself: its configuration, how it is begun, its demos, and whole flights between real sockets, over a serial
-//! line and from a disk that is full or read-only.
+//! The program `vsm` itself: its configuration, how it is begun, its demos, its reload, and whole flights between real
+//! sockets, over a serial line and from a disk that is full or read-only.
 
 mod audit_command;
 mod bad_sockets;
@@ -8,6 +8,7 @@ mod configuration;
 mod demo_attack;
 mod demo_curves;
 mod init;
+mod reload;
 mod serial_line;
 mod small_disk;
 mod under_attack;

@@ -12,6 +12,7 @@ use stanag_msgs::Id;
 
 use super::{Bridge, BridgeError, LinkEnd};
 use crate::config::{Config, Cucs};
+use crate::session::aircraft::Aircraft;
 use crate::session::authority::Input;
 use crate::session::context::Settings;
 use crate::session::duplicates::Remembered;
@@ -19,7 +20,12 @@ use crate::session::paths::Limits;
 use crate::session::station::GroundStation;
 
 impl Bridge {
-    /// The vehicles that are armed and received: none of them may be removed.
+    /// The vehicles, by their index.
+    pub fn vehicles(&self) -> impl Iterator<Item = Id> + '_ {
+        self.aircraft.iter().map(Aircraft::id)
+    }
+
+    /// Whether a vehicle is armed and received: it may not be removed.
     #[must_use]
     pub fn is_flying(&self, vehicle: Id) -> bool {
         let mut aircraft = self.aircraft.iter();

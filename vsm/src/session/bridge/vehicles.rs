@@ -53,10 +53,15 @@ impl Bridge {
         Ok(())
     }
 
+    /// The index of a link.
+    #[must_use]
+    pub fn link_index(&self, link: &LinkAddress) -> Option<usize> {
+        self.ports.iter().position(|port| port.link == *link)
+    }
+
     /// The index of a link, which is given one where it has none.
     fn port_of(&mut self, link: &LinkAddress) -> usize {
-        let known = self.ports.iter().position(|port| port.link == *link);
-        known.unwrap_or_else(|| {
+        self.link_index(link).unwrap_or_else(|| {
             self.ports.push(Port::new(link.clone()));
             self.ports.len() - 1
         })

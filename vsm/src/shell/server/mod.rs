@@ -3,6 +3,7 @@
 
 mod error;
 mod open;
+mod reload;
 mod shared;
 mod tasks;
 
@@ -11,17 +12,19 @@ pub use error::StartError;
 use std::future::Future;
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use tokio::net::{TcpListener, UnixListener};
+use tokio::sync::Notify;
 use tokio::task::LocalSet;
 
 use self::shared::Shared;
 use self::tasks::{keep_time, receive_dli, receive_vehicle, send, take_stored, tell_status};
 use super::http;
 use super::sockets::{DliSockets, VehicleReader, VehicleWriter};
+use super::status_socket;
 use super::tasks::{TaskFault, Tasks};
 use crate::session::Status;
 
@@ -30,12 +33,12 @@ use crate::session::Status;
 pub struct Server {
     shared: Rc<Shared>,
     dli: DliSockets,
-    /// One a link.
-    readers: Vec<VehicleReader>,
-    /// One a vehicle.
-    writers: Vec<VehicleWriter>,
+    /// One a link: its index, and what ends it.
+    readers: Vec<(usize, VehicleReader, Rc<Notify>)>,
     status: UnixListener,
     page: Option<(TcpListener, Vec<String>)>,
+    /// The configuration that is read again, and where that is requested.
+    reload: Option<(PathBuf, UnixListener)>,
 }
 
 impl Server {
@@ -50,10 +53,24 @@ impl Server {
     /// Where the vehicle with this index reaches it; `None` for a serial line.
     #[must_use]
     pub fn vehicle_address(&self, index: usize) -> Option<SocketAddr> {
-        match self.writers.get(index)? {
+        match self.shared.core.borrow().writers.get(index)? {
             VehicleWriter::Udp(socket) => socket.local_addr().ok(),
             VehicleWriter::Serial(_) => None,
         }
+    }
+
+    /// Lets the file of the configuration be read again while it serves: by SIGHUP, and by `vsm reload`.
+    ///
+    /// # Errors
+    /// The socket for `vsm reload` cannot be had.
+    pub fn reload_from(&mut self, path: &Path) -> Result<(), StartError> {
+        let listener = {
+            let core = self.shared.core.borrow();
+            status_socket::listen(&core.config.store.dir, status_socket::RELOAD)
+                .map_err(StartError::Status)?
+        };
+        self.reload = Some((path.to_owned(), listener));
+        Ok(())
     }
 
     /// The recording of the vehicle with this index.
@@ -75,9 +92,9 @@ impl Server {
             shared,
             dli,
             readers,
-            writers,
             status,
             page,
+            reload,
         } = self;
         let local = LocalSet::new();
         let mut tasks = Tasks::default();
@@ -97,16 +114,14 @@ impl Server {
             let shared = shared.clone();
             tasks.spawn(&local, name, |beat| receive_dli(shared, beat, socket));
         }
-        for (port, reader) in readers.into_iter().enumerate() {
+        for (port, reader, close) in readers {
             let shared = shared.clone();
             tasks.spawn(&local, "vehicle receiver", |beat| {
-                receive_vehicle(shared, beat, port, reader)
+                receive_vehicle(shared, beat, port, reader, close)
             });
         }
         let of_all = shared.clone();
-        tasks.spawn(&local, "sender", |beat| {
-            send(of_all, beat, unicast, group, writers)
-        });
+        tasks.spawn(&local, "sender", |beat| send(of_all, beat, unicast, group));
         let of_all = shared.clone();
         tasks.spawn(&local, "clock", |beat| keep_time(of_all, beat));
         let of_all = shared.clone();
@@ -119,6 +134,12 @@ impl Server {
             let of_all = shared.clone();
             tasks.spawn(&local, "status page", |beat| {
                 http::serve(listener, hosts, beat, move || of_all.status())
+            });
+        }
+        if let Some((path, listener)) = reload {
+            let (of_all, later) = (shared.clone(), tasks.later());
+            tasks.spawn(&local, "reload", |beat| {
+                reload::serve(of_all, beat, later, path, listener)
             });
         }
         let served = local.run_until(tasks.run(stop)).await;

@@ -13,11 +13,11 @@ use stanag_msgs::Id;
 use tokio::net::TcpListener;
 use tokio::sync::Notify;
 
-use super::shared::{Core, Shared};
+use super::shared::{Core, OpenPort, Shared};
 use super::{Server, StartError};
-use crate::config::{Config, ExchangeMode, Record, Signing, Vehicle};
+use crate::config::{Config, ExchangeMode, LinkAddress, Record, Signing, Vehicle};
 use crate::key_exchange::{KeyExchange, Surroundings};
-use crate::session::{AuditKey, Bridge, BridgeError, LinkEnd, Peer};
+use crate::session::{AuditKey, Bridge, BridgeError, LinkEnd};
 use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
@@ -26,10 +26,10 @@ use crate::shell::key_store::KeyStore;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::{Quota, Recording};
-use crate::shell::sockets::{self, DliSockets, VehicleWriter};
+use crate::shell::sockets::{self, DliSockets, VehicleReader};
 use crate::shell::{key_file, status_socket};
 use mavlink_link::clock::Ceiling;
-use mavlink_link::store::Store as _;
+use mavlink_link::store::{Disk, Store as _};
 
 impl Server {
     /// Opens store, keys, sockets and recordings. Must be called within a tokio runtime.
@@ -51,32 +51,20 @@ impl Server {
         let dli = DliSockets::open(&config.dli)?;
         let (mut readers, mut writers, mut ends, mut recordings) = (vec![], vec![], vec![], vec![]);
         let (mut key_stores, mut key_ids) = (vec![], vec![]);
-        let mut ports: Vec<(VehicleWriter, Option<Peer>)> = vec![];
-        let links = config.links();
+        let mut ports: Vec<Option<OpenPort>> = vec![];
         for vehicle in config.vehicles() {
-            let (key, keys) = match &vehicle.signing {
-                Signing::KeyFile(path, exchange) => {
-                    let (key, keys) = vehicle_keys(path, exchange.mode, &mut store)?;
-                    (Some(key), Some(keys))
-                }
-                Signing::Off => (None, None),
-            };
-            check_own(vehicle.id, keys.as_ref(), &mut key_ids)?;
+            let (key, keys) = open_keys(vehicle, &mut key_ids, &mut store)?;
             key_stores.push(keys);
-            let port = links.iter().position(|link| **link == vehicle.link);
-            let (writer, peer) = match port.and_then(|port| ports.get(port)) {
-                Some(open) => open.clone(),
-                None => {
-                    let record = format!("port-{:08x}", vehicle.id.0);
-                    let (reader, writer, peer) =
-                        sockets::open_link("vehicle.link", &vehicle.link, &record, &mut store)?;
-                    readers.push(reader);
-                    ports.push((writer.clone(), peer));
-                    (writer, peer)
-                }
-            };
-            writers.push(writer);
-            ends.push(LinkEnd { key, peer });
+            if find_port(&ports, &vehicle.link).is_none() {
+                let (reader, port) = open_port(vehicle, &mut store)?;
+                readers.push((ports.len(), reader, port.close.clone()));
+                ports.push(Some(port));
+            }
+            if let Some(port) = find_port(&ports, &vehicle.link) {
+                writers.push(port.writer.clone());
+                let peer = port.peer;
+                ends.push(LinkEnd { key, peer });
+            }
             recordings.push(record_vehicle(config, vehicle, now)?);
         }
         let dli_recording = record_dli(config, now)?;
@@ -86,13 +74,21 @@ impl Server {
         let mut secret = [0; 32];
         system_random(&mut secret).map_err(|fault| StartError::Random(io::Error::other(fault)))?;
         bridge.set_secret(secret);
-        let exchanges = open_exchanges(config, &key_stores, now, &mut bridge, &mut store)?;
+        let mut exchanges = vec![];
+        for (at, keys) in config.vehicles().enumerate().zip(&key_stores) {
+            if let Some(keys) = keys {
+                let machine = (&mut bridge, &mut store as &mut dyn Disk);
+                let exchange = open_exchange(config, at, keys, None, now, machine)?;
+                exchanges.extend(exchange.map(|exchange| (at.0, exchange)));
+            }
+        }
         let page = config
             .http
             .as_ref()
             .map(|http| Ok::<_, StartError>((listen(http.listen)?, http.hosts.clone())))
             .transpose()?;
-        let status = status_socket::listen(&config.store.dir).map_err(StartError::Status)?;
+        let status = status_socket::listen(&config.store.dir, status_socket::STATUS)
+            .map_err(StartError::Status)?;
         let stored = Arc::new(Notify::new());
         // From here on nothing waits for the disk.
         let key_stores = key_stores.into_iter().map(|keys| {
@@ -108,6 +104,9 @@ impl Server {
             vsm: config.dli.vsm_id.to_string(),
             core: RefCell::new(Core {
                 bridge,
+                config: config.clone(),
+                ports,
+                writers,
                 store,
                 recordings,
                 dli_recording,
@@ -122,9 +121,9 @@ impl Server {
             shared: Rc::new(shared),
             dli,
             readers,
-            writers,
             status,
             page,
+            reload: None,
         })
     }
 }
@@ -148,7 +147,7 @@ fn check_own(
     Ok(())
 }
 
-fn record_vehicle(
+pub(super) fn record_vehicle(
     config: &Config,
     vehicle: &Vehicle,
     now: Now,
@@ -181,44 +180,83 @@ fn record_dli(config: &Config, now: Now) -> Result<Option<DliRecording>, StartEr
     })
 }
 
-/// The exchanges of the vehicles that agree about keys over the air. Of the others, a handover that an earlier process
-/// has begun goes on.
-fn open_exchanges(
+/// The exchange of a vehicle that agrees about keys over the air. Of another, a handover that an earlier process has begun
+/// continues.
+pub(super) fn open_exchange(
     config: &Config,
-    key_stores: &[Option<KeyStore>],
+    (index, vehicle): (usize, &Vehicle),
+    keys: &KeyStore,
+    records: Option<&mut dyn Disk>,
     now: Now,
-    bridge: &mut Bridge,
-    store: &mut FileDisk,
-) -> Result<Vec<(usize, KeyExchange)>, StartError> {
-    let mut exchanges = vec![];
-    for ((index, keys), vehicle) in key_stores.iter().enumerate().zip(config.vehicles()) {
-        if let (Signing::KeyFile(_, settings), Some(keys)) = (&vehicle.signing, keys)
-            && settings.mode != ExchangeMode::Off
-        {
-            let mut with = Surroundings {
-                bridge: &mut *bridge,
-                store: &mut *store,
-                records: None,
-                keys,
-                random: &mut system_random,
-                not_before: NOT_BEFORE,
-            };
-            let mut exchange =
-                KeyExchange::open(config, vehicle, index, *settings, now, &mut with)?;
-            // The agent hands it over: in flight the vehicle goes on under its current key.
-            exchange.take_up_next(now, &mut with);
-            exchanges.push((index, exchange));
-            continue;
-        }
-        if let Some(next) = keys.as_ref().map(KeyStore::next).transpose()?.flatten() {
-            tracing::warn!(
-                "a handover of key {} is not finished: finding out which key the vehicle has",
-                next.id()
-            );
-            bridge.settle_key(index, next, now, NOT_BEFORE, store)?;
-        }
+    (bridge, store): (&mut Bridge, &mut dyn Disk),
+) -> Result<Option<KeyExchange>, StartError> {
+    if let Signing::KeyFile(_, settings) = &vehicle.signing
+        && settings.mode != ExchangeMode::Off
+    {
+        let mut with = Surroundings {
+            bridge,
+            store,
+            records: match records {
+                Some(records) => Some(&mut *records),
+                None => None,
+            },
+            keys,
+            random: &mut system_random,
+            not_before: NOT_BEFORE,
+        };
+        let mut exchange = KeyExchange::open(config, vehicle, index, *settings, now, &mut with)?;
+        // The agent hands it over: in flight the vehicle continues under its current key.
+        exchange.take_up_next(now, &mut with);
+        return Ok(Some(exchange));
     }
-    Ok(exchanges)
+    if let Some(next) = keys.next()? {
+        tracing::warn!(
+            "a handover of key {} is not finished: finding out which key the vehicle has",
+            next.id()
+        );
+        bridge.settle_key(index, next, now, NOT_BEFORE, store)?;
+    }
+    Ok(None)
+}
+
+/// The keys of a vehicle, none of which another vehicle of `known` has.
+pub(super) fn open_keys(
+    vehicle: &Vehicle,
+    known: &mut Vec<(Id, KeyId)>,
+    store: &mut dyn Disk,
+) -> Result<(Option<SigningKey>, Option<KeyStore>), StartError> {
+    let Signing::KeyFile(path, exchange) = &vehicle.signing else {
+        return Ok((None, None));
+    };
+    let (key, keys) = vehicle_keys(path, exchange.mode, store)?;
+    check_own(vehicle.id, Some(&keys), known)?;
+    Ok((Some(key), Some(keys)))
+}
+
+/// The open link with this address.
+pub(super) fn find_port<'a>(
+    ports: &'a [Option<OpenPort>],
+    link: &LinkAddress,
+) -> Option<&'a OpenPort> {
+    ports.iter().flatten().find(|port| port.link == *link)
+}
+
+/// Opens the link of a vehicle.
+pub(super) fn open_port(
+    vehicle: &Vehicle,
+    store: &mut dyn Disk,
+) -> Result<(VehicleReader, OpenPort), StartError> {
+    let record = format!("port-{:08x}", vehicle.id.0);
+    let (reader, writer, peer) = sockets::open_link("vehicle.link", &vehicle.link, &record, store)?;
+    let link = vehicle.link.clone();
+    let close = Rc::new(Notify::new());
+    let port = OpenPort {
+        link,
+        writer,
+        peer,
+        close,
+    };
+    Ok((reader, port))
 }
 
 fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
@@ -233,7 +271,7 @@ fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
 fn vehicle_keys(
     path: &Path,
     mode: ExchangeMode,
-    store: &mut FileDisk,
+    store: &mut dyn Disk,
 ) -> Result<(SigningKey, KeyStore), StartError> {
     let keys = KeyStore::open(path)?;
     if let Err(fault) = keys.bury(store) {

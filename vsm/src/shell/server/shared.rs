@@ -1,20 +1,23 @@
 //! What all tasks of a server share: the machine with its store, recordings and keys, and what wakes the others.
 
 use std::cell::RefCell;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
 use mavlink_link::Now;
 use tokio::sync::Notify;
 
+use crate::config::{Config, LinkAddress};
 use crate::key_exchange::{KeyExchange, Surroundings};
-use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Status};
+use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Peer, Status};
 use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::Recording;
+use crate::shell::sockets::VehicleWriter;
 
 /// Writes what a machine has to report.
 fn write_log(entry: &LogEntry) {
@@ -41,10 +44,27 @@ pub(super) struct Shared {
     pub(super) stored: Arc<Notify>,
 }
 
+/// A link that is open; a task reads it.
+#[derive(Debug)]
+pub(super) struct OpenPort {
+    pub(super) link: LinkAddress,
+    pub(super) writer: VehicleWriter,
+    /// The fixed peer of a udpout or serial link.
+    pub(super) peer: Option<Peer>,
+    /// Ends the task that reads it.
+    pub(super) close: Rc<Notify>,
+}
+
 /// The machine, and what it works with.
 #[derive(Debug)]
 pub(super) struct Core {
     pub(super) bridge: Bridge,
+    /// What it runs with.
+    pub(super) config: Config,
+    /// The links, as the bridge numbers them; `None` where one is not needed any more.
+    pub(super) ports: Vec<Option<OpenPort>>,
+    /// One a vehicle.
+    pub(super) writers: Vec<VehicleWriter>,
     pub(super) store: QueuedDisk,
     /// One a vehicle, where recordings are made.
     pub(super) recordings: Vec<Option<Recording>>,

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use mavlink_link::frame::FrameView;
 use tokio::net::{UdpSocket, UnixListener};
+use tokio::sync::Notify;
 
 use super::shared::{Core, Shared};
 use crate::session::{Destination, OutFrame};
@@ -55,10 +56,21 @@ pub(super) async fn receive_vehicle(
     beat: Rc<Beat>,
     port: usize,
     mut reader: VehicleReader,
+    close: Rc<Notify>,
 ) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
     loop {
-        match beat.during(reader.receive(&mut bytes)).await {
+        let received = async {
+            tokio::select! {
+                received = reader.receive(&mut bytes) => Some(received),
+                () = close.notified() => None,
+            }
+        };
+        let Some(received) = beat.during(received).await else {
+            // No vehicle is on this link any more; its socket closes with this task.
+            return beat.finish();
+        };
+        match received {
             Ok((length, from)) => shared.with(
                 |Core {
                      bridge,
@@ -93,7 +105,6 @@ pub(super) async fn send(
     beat: Rc<Beat>,
     unicast: Rc<UdpSocket>,
     group: Option<(Rc<UdpSocket>, SocketAddr)>,
-    writers: Vec<VehicleWriter>,
 ) {
     loop {
         beat.during(shared.outgoing.notified()).await;
@@ -102,8 +113,10 @@ pub(super) async fn send(
         loop {
             let frame = shared.core.borrow_mut().bridge.poll_vehicle();
             if let Some((index, frame)) = frame {
-                if let Some(writer) = writers.get(index)
-                    && !send_frame(&shared, index, &frame, writer).await
+                // A socket or a queue is shared, not copied; the borrow of the core ends before the await.
+                let writer = shared.core.borrow().writers.get(index).cloned();
+                if let Some(writer) = writer
+                    && !send_frame(&shared, index, &frame, &writer).await
                 {
                     return;
                 }

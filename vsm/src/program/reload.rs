@@ -1,0 +1,67 @@
+//! `vsm reload`.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context as _, anyhow};
+
+use crate::config::{Config, ConfigError, Report};
+use crate::shell::status_socket;
+
+use super::process::{Failure, bad, failed, print};
+use super::status::no_answer;
+
+pub(crate) fn reload(path: &Path, json: bool) -> Result<(), Failure> {
+    let store = store_of(path).map_err(bad)?;
+    let text = status_socket::ask(&store, status_socket::RELOAD, ANSWER_WITHIN)
+        .with_context(|| no_answer("vsm", &store))
+        .map_err(failed)?;
+    let report: Report = serde_json::from_str(&text)
+        .context("the running vsm answers with something else")
+        .map_err(failed)?;
+    if json {
+        print(&(text + "\n"))?;
+    } else {
+        print(&readable(path, &report))?;
+    }
+    match report.refused {
+        None => Ok(()),
+        Some(why) => Err(bad(anyhow!(
+            "the running bridge refuses {}, and nothing has changed: {why}",
+            path.display()
+        ))),
+    }
+}
+
+fn readable(path: &Path, report: &Report) -> String {
+    if report.refused.is_some() {
+        return String::new();
+    }
+    let mut text = format!("{}: read again by the running bridge\n", path.display());
+    if report.applied.is_empty() {
+        text += "  nothing to apply\n";
+    }
+    for change in &report.applied {
+        text += &format!("  applied: {change}\n");
+    }
+    for key in &report.restart {
+        text += &format!("  waits for a restart: {key}\n");
+    }
+    text
+}
+
+/// Where the bridge of a configuration is found, also where the rest of the file is wrong: the bridge says so itself.
+fn store_of(path: &Path) -> Result<PathBuf, ConfigError> {
+    let fault = match Config::load(path) {
+        Ok(config) => return Ok(config.store.dir),
+        Err(fault) => fault,
+    };
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    let table: Option<toml::Table> = toml::from_str(&text).ok();
+    let store = table.and_then(|table| Some(table.get("store")?.get("dir")?.as_str()?.to_owned()));
+    let folder = path.parent().unwrap_or(Path::new(""));
+    store.map(|dir| folder.join(dir)).ok_or(fault)
+}
+
+/// It opens links and keys, and writes what rights have changed.
+const ANSWER_WITHIN: Duration = Duration::from_secs(20);

@@ -1,0 +1,309 @@
+//! The configuration is read again while the bridge serves: at SIGHUP, and for `vsm reload`.
+//!
+//! It is checked as a whole first, and everything that a new vehicle needs is opened. What then fails leaves the bridge as
+//! it was; what it keeps until a restart is named ([`Config::changes`]). Links of vehicles that stay are not touched.
+
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::signing::KeyId;
+use stanag_msgs::Id;
+use tokio::net::UnixListener;
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::Notify;
+
+use super::StartError;
+use super::open::{find_port, open_exchange, open_keys, open_port, record_vehicle};
+use super::shared::{Core, OpenPort, Shared};
+use super::tasks::receive_vehicle;
+use crate::config::{Changes, Config, Report, Signing, Vehicle};
+use crate::key_exchange::KeyExchange;
+use crate::session::LinkEnd;
+use crate::shell::clock::NOT_BEFORE;
+use crate::shell::ordered_files::OrderedKeys;
+use crate::shell::recording::Recording;
+use crate::shell::sockets::{VehicleReader, VehicleWriter};
+use crate::shell::status_socket;
+use crate::shell::tasks::{Beat, Later};
+
+/// Waits for requests and carries them out, one by one.
+pub(super) async fn serve(
+    shared: Rc<Shared>,
+    beat: Rc<Beat>,
+    later: Later,
+    path: PathBuf,
+    listener: UnixListener,
+) {
+    let mut hangup = match signal(SignalKind::hangup()) {
+        Ok(hangup) => Some(hangup),
+        Err(cause) => {
+            tracing::warn!("SIGHUP cannot be received ({cause}): use `vsm reload`");
+            None
+        }
+    };
+    loop {
+        let request = async {
+            let signalled = async {
+                match &mut hangup {
+                    Some(hangup) => hangup.recv().await,
+                    None => std::future::pending().await,
+                }
+            };
+            tokio::select! {
+                _ = signalled => None,
+                accepted = listener.accept() => Some(accepted),
+            }
+        };
+        let stream = match beat.during(request).await {
+            None => None,
+            Some(Ok((stream, _))) => Some(stream),
+            Some(Err(cause)) => {
+                tracing::warn!("the socket for reloading: {cause}");
+                beat.during(tokio::time::sleep(PAUSE)).await;
+                continue;
+            }
+        };
+        let report = reload(&shared, &later, &path);
+        log(&path, &report);
+        if let Some(stream) = stream {
+            status_socket::answer(stream, &report, ANSWER_WITHIN).await;
+        }
+    }
+}
+
+fn log(path: &Path, report: &Report) {
+    let path = path.display();
+    if let Some(why) = &report.refused {
+        return tracing::error!("{path} is refused, nothing has changed: {why}");
+    }
+    match report.applied.join("; ") {
+        none if none.is_empty() => tracing::info!("{path} is read again: nothing to apply"),
+        applied => tracing::info!("{path} is read again: {applied}"),
+    }
+    if !report.restart.is_empty() {
+        let keys = report.restart.join("; ");
+        tracing::warn!("{path}: these wait for a restart: {keys}");
+    }
+}
+
+/// What a vehicle that is added comes with.
+struct Added {
+    vehicle: Vehicle,
+    end: LinkEnd,
+    keys: Option<OrderedKeys>,
+    writer: VehicleWriter,
+    recording: Option<Recording>,
+}
+
+/// Links that were opened for them.
+type Opened = Vec<(VehicleReader, OpenPort)>;
+
+fn reload(shared: &Rc<Shared>, later: &Later, path: &Path) -> Report {
+    let new = match Config::load(path) {
+        Ok(new) => new,
+        Err(fault) => return Report::refused(fault.to_string()),
+    };
+    let stored = shared.stored.clone();
+    let applied = shared.with(|core, now| {
+        let Changes { config, report } = core.config.changes(&new)?;
+        check_removed(core, &config)?;
+        let opened = open_added(core, &config, &stored, now).map_err(|fault| fault.to_string())?;
+        let receivers = apply(core, config, opened, now).map_err(|fault| fault.to_string())?;
+        Ok::<_, String>((report, receivers))
+    });
+    match applied {
+        Err(why) => Report::refused(why),
+        Ok((report, receivers)) => {
+            for (port, reader, close) in receivers {
+                let shared = shared.clone();
+                later.spawn("vehicle receiver", move |beat| {
+                    receive_vehicle(shared, beat, port, reader, close)
+                });
+            }
+            for warning in shared.core.borrow().config.warnings() {
+                tracing::warn!("{warning}");
+            }
+            report
+        }
+    }
+}
+
+/// A vehicle in flight is not left to itself, and its key not to another while it is locked.
+fn check_removed(core: &Core, config: &Config) -> Result<(), String> {
+    let is_listed = |id: Id| config.vehicles().any(|one| one.id == id);
+    for vehicle in core.config.vehicles().filter(|one| !is_listed(one.id)) {
+        let id = vehicle.id;
+        if core.bridge.is_flying(id) {
+            return Err(format!(
+                "vehicle {id} is armed and cannot be removed: reload again once it is disarmed, or keep its [[vehicle]]"
+            ));
+        }
+        let Signing::KeyFile(file, _) = &vehicle.signing else {
+            continue;
+        };
+        let same =
+            |one: &&Vehicle| matches!(&one.signing, Signing::KeyFile(other, _) if other == file);
+        if let Some(heir) = config.vehicles().find(same) {
+            return Err(format!(
+                "vehicle {} has the key file {} of vehicle {id}, which is removed: remove it first, reload, then add the other",
+                heir.id,
+                file.display()
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Keys, links and recordings of the vehicles that are added.
+fn open_added(
+    core: &mut Core,
+    config: &Config,
+    stored: &std::sync::Arc<Notify>,
+    now: Now,
+) -> Result<(Vec<Added>, Opened), StartError> {
+    let mut known: Vec<(Id, KeyId)> = vec![];
+    for (id, keys) in core.bridge.vehicles().zip(&core.key_stores) {
+        let held = keys.as_ref().map(|keys| keys.keys.ids()).transpose()?;
+        known.extend(held.into_iter().flatten().map(|key| (id, key)));
+    }
+    let (mut added, mut opened) = (vec![], Opened::new());
+    for vehicle in config.vehicles() {
+        if core.config.vehicles().any(|one| one.id == vehicle.id) {
+            continue;
+        }
+        let (key, keys) = open_keys(vehicle, &mut known, &mut core.store)?;
+        let start = |keys| OrderedKeys::start(keys, core.store.files(), stored.clone());
+        let keys = keys.map(start).transpose().map_err(StartError::Writer)?;
+        let is_new = |(_, port): &&(VehicleReader, OpenPort)| port.link == vehicle.link;
+        if find_port(&core.ports, &vehicle.link).is_none() && !opened.iter().any(|one| is_new(&one))
+        {
+            opened.push(open_port(vehicle, &mut core.store)?);
+        }
+        let new = opened.iter().find(is_new).map(|(_, port)| port);
+        let Some(port) = find_port(&core.ports, &vehicle.link).or(new) else {
+            continue;
+        };
+        let peer = port.peer;
+        added.push(Added {
+            vehicle: vehicle.clone(),
+            end: LinkEnd { key, peer },
+            keys,
+            writer: port.writer.clone(),
+            recording: record_vehicle(config, vehicle, now)?,
+        });
+    }
+    Ok((added, opened))
+}
+
+/// Lets the bridge continue with `config`. Returns what has to be received.
+fn apply(
+    core: &mut Core,
+    config: Config,
+    (added, opened): (Vec<Added>, Opened),
+    now: Now,
+) -> Result<Vec<(usize, VehicleReader, Rc<Notify>)>, StartError> {
+    let served = core.writers.len();
+    let mut ends = vec![];
+    let mut kept = vec![];
+    for Added {
+        vehicle,
+        end,
+        keys,
+        writer,
+        recording,
+    } in added
+    {
+        ends.push(end);
+        kept.push((vehicle, keys, writer, recording));
+    }
+    // In two steps, so that what fails with a new vehicle can be undone: taking rights away cannot.
+    let mut both = core.config.clone();
+    let is_new = |id: Id| kept.iter().any(|(vehicle, ..)| vehicle.id == id);
+    let new = config.vehicle.iter().filter(|one| is_new(one.get_ref().id));
+    both.vehicle.extend(new.cloned());
+    core.bridge
+        .reload(&both, ends, now, NOT_BEFORE, &mut core.store)?;
+    let mut exchanges = vec![];
+    let mut begin = || -> Result<(), StartError> {
+        for (index, (vehicle, keys, ..)) in (served..).zip(&mut kept) {
+            if let Some(OrderedKeys { keys, records, .. }) = keys {
+                let machine = (&mut core.bridge, &mut core.store as _);
+                let exchange =
+                    open_exchange(&both, (index, vehicle), keys, Some(records), now, machine)?;
+                exchanges.extend(exchange.map(|exchange| (index, exchange)));
+            }
+        }
+        core.bridge
+            .reload(&config, vec![], now, NOT_BEFORE, &mut core.store)?;
+        Ok(())
+    };
+    if let Err(fault) = begin() {
+        core.bridge
+            .reload(&core.config, vec![], now, NOT_BEFORE, &mut core.store)?;
+        return Err(fault);
+    }
+    for (_, keys, writer, recording) in kept {
+        core.writers.push(writer);
+        core.key_stores.push(keys);
+        core.recordings.push(recording);
+    }
+    core.exchanges.append(&mut exchanges);
+    let before: Vec<Id> = both.vehicles().map(|one| one.id).collect();
+    remove_ends(core, &before);
+    if let Some(recording) = &mut core.dli_recording {
+        recording.set_stations(config.stations().map(|one| one.id).collect());
+    }
+    core.config = config;
+    Ok(change_ports(core, opened))
+}
+
+/// Closes what belonged to vehicles that are gone, of those that there were.
+fn remove_ends(core: &mut Core, before: &[Id]) {
+    let left: Vec<Id> = core.bridge.vehicles().collect();
+    for index in (0..before.len())
+        .rev()
+        .filter(|index| !left.contains(&before[*index]))
+    {
+        core.writers.remove(index);
+        core.key_stores.remove(index);
+        if let Some(mut recording) = core.recordings.remove(index) {
+            recording.flush();
+        }
+        core.exchanges.retain(|(at, _)| *at != index);
+        let later = core.exchanges.iter_mut().filter(|(at, _)| *at > index);
+        later.for_each(|(at, exchange): &mut (usize, KeyExchange)| {
+            *at -= 1;
+            exchange.set_index(*at);
+        });
+    }
+}
+
+/// Puts links that were opened where the bridge has them, and closes those that no vehicle is on.
+fn change_ports(core: &mut Core, opened: Opened) -> Vec<(usize, VehicleReader, Rc<Notify>)> {
+    let Core {
+        ports,
+        bridge,
+        config,
+        ..
+    } = core;
+    let mut receivers = vec![];
+    for (reader, port) in opened {
+        if let Some(index) = bridge.link_index(&port.link) {
+            receivers.push((index, reader, port.close.clone()));
+            ports.resize_with(ports.len().max(index + 1), || None);
+            ports[index] = Some(port);
+        }
+    }
+    for place in ports.iter_mut() {
+        let is_used = |port: &OpenPort| config.vehicles().any(|one| one.link == port.link);
+        if let Some(port) = place.take_if(|port| !is_used(port)) {
+            port.close.notify_one();
+        }
+    }
+    receivers
+}
+
+const PAUSE: Duration = Duration::from_millis(500);
+const ANSWER_WITHIN: Duration = Duration::from_secs(1);

@@ -1,0 +1,208 @@
+//! `vsm reload` and SIGHUP to a running `vsm run`: links open and close while the others go on, a bad file changes nothing,
+//! and the command says what the bridge answered.
+
+use std::fs;
+use std::net::UdpSocket;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use kit::process::{Running, free_udp_port, program, write_key};
+use serde_json::Value;
+use tempfile::TempDir;
+
+struct World {
+    folder: TempDir,
+    ports: [u16; 3],
+    bridge: Running,
+    simulators: Vec<Running>,
+}
+
+impl World {
+    /// A bridge that serves the first of two vehicles; both fly.
+    fn new() -> World {
+        let folder = TempDir::new().expect("a folder");
+        let ports = [0; 3].map(|_| free_udp_port());
+        for index in [1_u8, 2] {
+            write_key(&folder.path().join(format!("uav{index}.key")), &[index; 32]);
+        }
+        fs::write(folder.path().join("vsm.toml"), text(ports, 1)).expect("written");
+        let config = folder.path().join("vsm.toml");
+        let arguments = ["run".as_ref(), "--config".as_ref(), config.as_os_str()];
+        let mut bridge = Running::start(&program("vsm"), arguments);
+        bridge.wait_for("ready", Duration::from_secs(20));
+        let simulators = [1_u8, 2].map(|index| {
+            let key = folder.path().join(format!("uav{index}.key"));
+            let link = format!("udpout:127.0.0.1:{}", ports[usize::from(index)]);
+            let (key, index) = (key.display().to_string(), index.to_string());
+            let options = ["--link", &link, "--key-file", &key, "--system-id", &index];
+            Running::start(&program("px4-sim"), options)
+        });
+        World {
+            folder,
+            ports,
+            bridge,
+            simulators: simulators.into(),
+        }
+    }
+
+    fn config(&self) -> PathBuf {
+        self.folder.path().join("vsm.toml")
+    }
+
+    fn write(&self, text: &str) {
+        fs::write(self.config(), text).expect("written");
+    }
+
+    fn vsm(&self, command: &str) -> Output {
+        let mut vsm = Command::new(program("vsm"));
+        vsm.arg(command).arg("--config").arg(self.config());
+        vsm.arg("--json").output().expect("it runs")
+    }
+
+    fn status(&self) -> Value {
+        serde_json::from_slice(&self.vsm("status").stdout).expect("JSON")
+    }
+
+    /// The report of `vsm reload`, and its status.
+    fn reload(&self) -> (Value, Option<i32>) {
+        let output = self.vsm("reload");
+        let report = serde_json::from_slice(&output.stdout).expect("JSON");
+        (report, output.status.code())
+    }
+
+    fn until(&self, what: &str, so: impl Fn(&Value) -> bool) {
+        let end = Instant::now() + Duration::from_secs(20);
+        while !so(&self.status()) {
+            assert!(
+                Instant::now() < end,
+                "{what}: {}\n{}",
+                self.status(),
+                self.bridge.output()
+            );
+            sleep(Duration::from_millis(200));
+        }
+    }
+}
+
+fn text(ports: [u16; 3], vehicles: u8) -> String {
+    let mut text = format!(
+        "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:{}\"\n\
+         [[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2, 3, 4, 5]\n[store]\ndir = \"state\"\n",
+        ports[0]
+    );
+    for index in 1..=vehicles {
+        text += &format!(
+            "[[vehicle]]\nid = \"1b:00:01:0{index}\"\nlink = \"udpin:127.0.0.1:{}\"\nsystem_id = {index}\n\
+             signing = {{ key_file = \"uav{index}.key\" }}\n",
+            ports[usize::from(index)]
+        );
+    }
+    text
+}
+
+fn is_live(status: &Value, vehicle: usize) -> bool {
+    status["vehicles"][vehicle]["link"]["state"] == "live"
+}
+
+#[test]
+fn vehicles_come_and_go_while_the_others_fly_on() {
+    let world = World::new();
+    world.until("the first is live", |status| is_live(status, 0));
+    let live = world.status()["vehicles"][0]["link"]["live_s"].as_f64();
+
+    world.write(&text(world.ports, 2));
+    let (report, code) = world.reload();
+    assert_eq!(
+        (report["applied"][0].as_str(), code),
+        (Some("vehicle 1b:00:01:02 added"), Some(0))
+    );
+    world.until("both are live", |status| {
+        is_live(status, 0) && is_live(status, 1)
+    });
+    // The signing clock, and the key's lock, of the new one are in the store.
+    sleep(Duration::from_secs(1));
+    let now = world.status()["vehicles"][0]["link"]["live_s"].as_f64();
+    assert!(now > live, "the first has lost its link: {live:?}, {now:?}");
+
+    world.write(&text(world.ports, 1));
+    let (report, code) = world.reload();
+    assert_eq!(
+        (report["applied"][0].as_str(), code),
+        (Some("vehicle 1b:00:01:02 removed"), Some(0))
+    );
+    assert_eq!(world.status()["vehicles"].as_array().map(Vec::len), Some(1));
+    let end = Instant::now() + Duration::from_secs(5);
+    while UdpSocket::bind(("127.0.0.1", world.ports[2])).is_err() {
+        assert!(
+            Instant::now() < end,
+            "the link of the removed vehicle is still open"
+        );
+        sleep(Duration::from_millis(50));
+    }
+    assert!(is_live(&world.status(), 0));
+    // And again, with the key and the port that were given back.
+    world.write(&text(world.ports, 2));
+    assert_eq!(world.reload().1, Some(0));
+    world.until("both are live again", |status| {
+        is_live(status, 0) && is_live(status, 1)
+    });
+    assert_eq!(world.simulators.len(), 2);
+}
+
+#[test]
+fn a_bad_file_changes_nothing_and_is_named_by_the_command_and_in_the_log() {
+    let mut world = World::new();
+    world.until("the first is live", |status| is_live(status, 0));
+    let good = text(world.ports, 1);
+
+    world.write(&good.replace("loi = [2, 3, 4, 5]", "loi = [9]"));
+    let (report, code) = world.reload();
+    let why = report["refused"].as_str().expect("refused");
+    assert!(
+        why.contains("line 6") && why.contains("levels of interoperability from 2 to 5"),
+        "{why}"
+    );
+    assert_eq!(code, Some(2));
+    // A vehicle whose key is missing: nothing of the file counts, though the rest is good.
+    let missing = text(world.ports, 2).replace("uav2.key", "uav9.key");
+    world.write(&missing.replace("loi = [2, 3, 4, 5]", "loi = [2]"));
+    let (report, _) = world.reload();
+    let why = report["refused"].as_str().expect("refused");
+    assert!(why.contains("uav9.key"), "{why}");
+    assert_eq!(world.status()["vehicles"].as_array().map(Vec::len), Some(1));
+    // Another program has the port.
+    let taken = UdpSocket::bind(("127.0.0.1", world.ports[2])).expect("free");
+    world.write(&text(world.ports, 2));
+    let (report, _) = world.reload();
+    let why = report["refused"].as_str().expect("refused");
+    assert!(why.contains("cannot listen on vehicle.link"), "{why}");
+    drop(taken);
+
+    let id = world.bridge.id().to_string();
+    let hang_up = |world: &World, text: &str| {
+        world.write(text);
+        let sent = Command::new("kill").args(["-HUP", &id]).status();
+        assert!(sent.is_ok_and(|status| status.success()));
+    };
+    hang_up(&world, "[dli]\nvsm_id = 7\n");
+    world.bridge.wait_for(
+        "vsm.toml is refused, nothing has changed",
+        Duration::from_secs(10),
+    );
+    let other = good.replace(
+        &format!("127.0.0.1:{}\"\n[[cucs]]", world.ports[0]),
+        "127.0.0.1:9\"\n[[cucs]]",
+    );
+    assert_ne!(other, good);
+    hang_up(&world, &(other + "[authority]\nwarn_s = 4.0\n"));
+    world
+        .bridge
+        .wait_for("read again: authority.warn_s", Duration::from_secs(10));
+    world.bridge.wait_for(
+        "these wait for a restart: dli.listen",
+        Duration::from_secs(10),
+    );
+    assert!(is_live(&world.status(), 0));
+}
