@@ -1,0 +1,268 @@
+//! Sockets, the clock of the run, and the recording of every datagram.
+//!
+//! Each socket has a thread that receives and records; a scene waits on the recording. What a scene has not asked for is
+//! recorded as well: the judges of passive rules look at everything.
+
+use std::io;
+use std::net::{IpAddr, SocketAddr, UdpSocket};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use crate::wire::{self, Direction, Seen};
+
+/// Seconds from 1970 to 2000.
+const EPOCH_2000_S: u64 = 946_684_800;
+/// What is recorded at most: a subject that floods must not fill the memory.
+const MAX_RECORDED_BYTES: usize = 256 << 20;
+
+/// A datagram of the run.
+#[derive(Clone, Debug)]
+pub struct Datagram {
+    /// Time since the run began.
+    pub at: Duration,
+    /// Time since 1970.
+    pub wall: Duration,
+    /// Sent or received.
+    pub direction: Direction,
+    /// The suite's end.
+    pub local: SocketAddr,
+    /// The other end.
+    pub remote: SocketAddr,
+    /// The payload.
+    pub bytes: Vec<u8>,
+    /// Its messages.
+    pub messages: Vec<Arc<Seen>>,
+    /// Why the rest of it is no message.
+    pub fault: Option<String>,
+}
+
+/// Everything sent and received so far.
+#[derive(Debug, Default)]
+pub struct Recording {
+    /// In the order of time.
+    pub datagrams: Vec<Datagram>,
+    bytes: usize,
+    /// Datagrams that found no room.
+    pub dropped: usize,
+}
+
+/// The network of a run.
+#[derive(Debug)]
+pub struct Net {
+    start: Instant,
+    recording: Mutex<Recording>,
+    arrived: Condvar,
+    interrupted: AtomicBool,
+    last_stamp: AtomicU64,
+    sockets: AtomicU64,
+}
+
+impl Net {
+    /// A network without sockets.
+    #[must_use]
+    pub fn new() -> Arc<Self> {
+        Arc::new(Self {
+            start: Instant::now(),
+            recording: Mutex::default(),
+            arrived: Condvar::new(),
+            interrupted: AtomicBool::new(false),
+            last_stamp: AtomicU64::new(0),
+            sockets: AtomicU64::new(0),
+        })
+    }
+
+    /// Time since the run began.
+    #[must_use]
+    pub fn now(&self) -> Duration {
+        self.start.elapsed()
+    }
+
+    /// Milliseconds since 2000 by the clock of this computer.
+    #[must_use]
+    pub fn wall_ms(&self) -> u64 {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        (now.as_millis() as u64).saturating_sub(EPOCH_2000_S * 1000)
+    }
+
+    /// A time stamp for a message: the time, but later than every one before.
+    pub fn stamp(&self) -> i64 {
+        let now = self.wall_ms();
+        let next = |last: u64| Some(now.max(last + 1));
+        let last = self.last_stamp.fetch_update(Ordering::SeqCst, Ordering::SeqCst, next);
+        now.max(last.unwrap_or_default() + 1) as i64
+    }
+
+    /// Ends every wait: the operator stops the run.
+    pub fn interrupt(&self) {
+        self.interrupted.store(true, Ordering::SeqCst);
+        self.arrived.notify_all();
+    }
+
+    /// Whether the operator stopped the run.
+    #[must_use]
+    pub fn interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::SeqCst)
+    }
+
+    /// The recording, locked.
+    pub fn recording(&self) -> MutexGuard<'_, Recording> {
+        self.recording.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How many datagrams there are: a mark to search from.
+    #[must_use]
+    pub fn mark(&self) -> usize {
+        self.recording().datagrams.len()
+    }
+
+    fn record(&self, direction: Direction, socket: usize, local: SocketAddr, remote: SocketAddr, bytes: &[u8]) -> Vec<Arc<Seen>> {
+        let at = self.now();
+        let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let wall_ms = (wall.as_millis() as u64).saturating_sub(EPOCH_2000_S * 1000);
+        let (pieces, fault) = wire::split(bytes);
+        let messages: Vec<Arc<Seen>> = pieces
+            .into_iter()
+            .map(|piece| Arc::new(Seen::new(at, wall_ms, direction, socket, piece)))
+            .collect();
+        let parsed = messages.clone();
+        let mut recording = self.recording();
+        if recording.bytes > MAX_RECORDED_BYTES {
+            recording.dropped += 1;
+            return parsed;
+        }
+        // The parsed form takes a few times the bytes.
+        recording.bytes += 500 + 4 * bytes.len();
+        recording.datagrams.push(Datagram {
+            at,
+            wall,
+            direction,
+            local,
+            remote,
+            bytes: bytes.to_vec(),
+            messages,
+            fault,
+        });
+        drop(recording);
+        if direction == Direction::Received {
+            self.arrived.notify_all();
+        }
+        parsed
+    }
+
+    /// The first message from `mark` on that `wanted` accepts, waited for until `deadline` (time of the run).
+    pub fn wait(
+        &self,
+        mark: usize,
+        deadline: Duration,
+        mut wanted: impl FnMut(&Datagram, &Arc<Seen>) -> bool,
+    ) -> Option<Arc<Seen>> {
+        let mut next = mark;
+        let mut recording = self.recording();
+        loop {
+            while let Some(datagram) = recording.datagrams.get(next) {
+                if let Some(seen) = datagram.messages.iter().find(|seen| wanted(datagram, seen)) {
+                    return Some(seen.clone());
+                }
+                next += 1;
+            }
+            let left = deadline.saturating_sub(self.now());
+            if left.is_zero() || self.interrupted() {
+                return None;
+            }
+            recording = self
+                .arrived
+                .wait_timeout(recording, left)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
+        }
+    }
+
+    /// Waits this long, or until the operator stops the run.
+    pub fn pause(&self, time: Duration) {
+        let deadline = self.now() + time;
+        while !self.interrupted() && self.now() < deadline {
+            std::thread::sleep((deadline - self.now().min(deadline)).min(Duration::from_millis(20)));
+        }
+    }
+}
+
+/// A socket of the suite with its receiving thread; closed when dropped.
+#[derive(Debug)]
+pub struct Socket {
+    net: Arc<Net>,
+    socket: Arc<UdpSocket>,
+    /// Its number in the recording.
+    pub number: usize,
+    /// Its address.
+    pub local: SocketAddr,
+    remote: SocketAddr,
+    closing: Arc<AtomicBool>,
+    receiver: Option<JoinHandle<()>>,
+}
+
+impl Socket {
+    /// Opens a socket on a fresh port, from which `remote` is reached. `acknowledge` makes the answer to a message that
+    /// requests an acknowledgement: a CUCS that never acknowledges has not proved its address.
+    ///
+    /// # Errors
+    /// The system has no socket, or no way to the address.
+    pub fn open(net: &Arc<Net>, remote: SocketAddr, acknowledge: impl Fn(&Seen) -> Option<Vec<u8>> + Send + 'static) -> io::Result<Self> {
+        let any: IpAddr = if remote.is_ipv4() { [0, 0, 0, 0].into() } else { [0_u16; 8].into() };
+        // Which of our addresses goes there: a recording with 0.0.0.0 in it would not open as one conversation.
+        let probe = UdpSocket::bind((any, 0))?;
+        probe.connect(remote)?;
+        let ip = probe.local_addr()?.ip();
+        let socket = Arc::new(UdpSocket::bind((ip, 0))?);
+        let local = socket.local_addr()?;
+        socket.set_read_timeout(Some(Duration::from_millis(100)))?;
+        let number = net.sockets.fetch_add(1, Ordering::SeqCst) as usize;
+        let closing = Arc::new(AtomicBool::new(false));
+        let receiver = {
+            let (net, socket, closing) = (net.clone(), socket.clone(), closing.clone());
+            std::thread::spawn(move || {
+                let mut buffer = vec![0; 65_536];
+                while !closing.load(Ordering::SeqCst) {
+                    // A refused datagram (ICMP) is an error of the next call: the subject may come back.
+                    if let Ok((length, from)) = socket.recv_from(&mut buffer) {
+                        for seen in net.record(Direction::Received, number, local, from, &buffer[..length]) {
+                            if let Some(answer) = acknowledge(&seen) {
+                                net.record(Direction::Sent, number, local, from, &answer);
+                                let _ = socket.send_to(&answer, from);
+                            }
+                        }
+                    }
+                }
+            })
+        };
+        Ok(Self {
+            net: net.clone(),
+            socket,
+            number,
+            local,
+            remote,
+            closing,
+            receiver: Some(receiver),
+        })
+    }
+
+    /// Sends a datagram. That the network refuses it (no listener, too long) is for the missing answer to show.
+    pub fn send(&self, bytes: &[u8]) {
+        self.net.record(Direction::Sent, self.number, self.local, self.remote, bytes);
+        let _ = self.socket.send_to(bytes, self.remote);
+    }
+
+    /// Sends a datagram that is not recorded: floods.
+    pub fn send_unrecorded(&self, bytes: &[u8]) {
+        let _ = self.socket.send_to(bytes, self.remote);
+    }
+}
+
+impl Drop for Socket {
+    fn drop(&mut self) {
+        self.closing.store(true, Ordering::SeqCst);
+        // Not joined: the thread ends within its read timeout, and nothing waits for it.
+        drop(self.receiver.take());
+    }
+}

@@ -1,0 +1,399 @@
+//! What the scene of a rule is given: stations with the rights that it begins with, and what it wants to have remarked.
+//!
+//! A scene begins with nobody in control, plays, and returns; [`Trial::clean_up`] then releases what its stations hold and
+//! cancels what they scheduled. Sockets are opened anew for each scene.
+
+use std::cell::{Cell, RefCell};
+use std::net::SocketAddr;
+use std::rc::Rc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+use stanag_msgs::Id;
+
+use super::flight::Fix;
+use super::net::Net;
+use super::station::{Access, Station, loi};
+use super::survey::{CucsFound, Survey};
+use crate::catalogue::Catalogue;
+use crate::profile::Profile;
+use crate::verdict::{Judged, Precondition, Stop};
+use crate::wire::{Direction, Draft, Seen};
+
+/// The suite's times, scaled.
+#[derive(Clone, Copy, Debug)]
+pub struct Timers {
+    /// An answer to a request.
+    pub answer: Duration,
+    /// An acknowledgement.
+    pub ack: Duration,
+    /// How long nothing may come.
+    pub quiet: Duration,
+    /// Window over which rates are measured.
+    pub status: Duration,
+    /// The vehicle begins to obey.
+    pub begin: Duration,
+    /// The vehicle arrives.
+    pub flight: Duration,
+    /// A mission transfer.
+    pub load: Duration,
+    /// A full configuration.
+    pub config: Duration,
+}
+
+impl Timers {
+    /// Those of the catalogue, changed by the profile, times its factor; flight times also by the speed of the simulation.
+    #[must_use]
+    pub fn new(catalogue: &Catalogue, profile: &Profile) -> Self {
+        let factor = profile.timers.get("factor").copied().unwrap_or(1.0);
+        let of = |name: &str| {
+            let seconds = profile.timers.get(name).or(catalogue.timers.get(name)).copied().unwrap_or(2.0);
+            Duration::from_secs_f64(seconds * factor)
+        };
+        let speed = profile.figures.speed_factor.max(0.1);
+        Self {
+            answer: of("answer"),
+            ack: of("ack"),
+            quiet: of("quiet"),
+            status: of("status"),
+            begin: of("move").max(of("answer")),
+            flight: of("flight").div_f64(speed).max(of("answer") * 5),
+            load: of("load"),
+            config: of("config"),
+        }
+    }
+}
+
+/// Everything that outlives a scene.
+#[derive(Debug)]
+pub struct Bench {
+    /// Sockets, clock, recording.
+    pub net: Arc<Net>,
+    /// What the subject claims.
+    pub profile: Profile,
+    /// Where it listens.
+    pub address: SocketAddr,
+    /// The suite's times.
+    pub timers: Timers,
+    /// What the discovery showed.
+    pub survey: OnceLock<Survey>,
+    /// Where the vehicle stood when it was first seen.
+    pub home: OnceLock<Fix>,
+    radius: AtomicU32,
+}
+
+impl Bench {
+    /// A bench for a subject at this address.
+    #[must_use]
+    pub fn new(catalogue: &Catalogue, profile: Profile, address: SocketAddr) -> Arc<Self> {
+        Arc::new(Self {
+            net: Net::new(),
+            timers: Timers::new(catalogue, &profile),
+            profile,
+            address,
+            survey: OnceLock::new(),
+            home: OnceLock::new(),
+            radius: AtomicU32::new(0),
+        })
+    }
+
+    /// A loiter radius that was not used shortly before: 90 to 240 m, a multiple of the wire's step.
+    pub fn fresh_radius(&self) -> f64 {
+        let number = self.radius.fetch_add(1, Ordering::SeqCst);
+        90.0 + 1.5 * f64::from(number * 7 % 100)
+    }
+
+    /// Whether a discovery is answered.
+    #[must_use]
+    pub fn alive(self: &Arc<Self>) -> bool {
+        let Some(survey) = self.survey.get() else { return false };
+        let Some(cucs) = survey.cucs.first() else { return false };
+        let vehicle = survey.vehicle().map_or(Id::BROADCAST, |vehicle| vehicle.id);
+        let Ok(station) = Station::new(self, cucs.id, vehicle) else { return false };
+        if survey.broadcast && station.discover().is_ok_and(|found| !found.is_empty()) {
+            return true;
+        }
+        // A subject that does not answer broadcasts is not dead.
+        station.request(0, Access::Release).is_ok()
+    }
+}
+
+/// A station that scenes share.
+pub type Player = Rc<Station>;
+
+/// The trial of a subject by one rule.
+#[derive(Debug)]
+pub struct Trial {
+    /// What outlives it.
+    pub bench: Arc<Bench>,
+    /// Datagrams before it.
+    pub mark: usize,
+    warnings: RefCell<Vec<String>>,
+    notes: RefCell<Vec<String>>,
+    cited: RefCell<Vec<Arc<Seen>>>,
+    players: RefCell<Vec<Player>>,
+    /// Whether a plan was loaded, so that the end of the run clears it.
+    pub loaded: Cell<bool>,
+}
+
+impl Trial {
+    /// A trial on this bench.
+    #[must_use]
+    pub fn new(bench: &Arc<Bench>) -> Self {
+        Self {
+            bench: bench.clone(),
+            mark: bench.net.mark(),
+            warnings: RefCell::default(),
+            notes: RefCell::default(),
+            cited: RefCell::default(),
+            players: RefCell::default(),
+            loaded: Cell::new(false),
+        }
+    }
+
+    /// Times.
+    #[must_use]
+    pub fn timers(&self) -> &Timers {
+        &self.bench.timers
+    }
+
+    /// A broken "should", a late answer, an odd value: remarked, and the scene continues.
+    pub fn warn(&self, reason: impl Into<String>) {
+        self.warnings.borrow_mut().push(reason.into());
+    }
+
+    /// Something to report that is not judged.
+    pub fn note(&self, text: impl Into<String>) {
+        self.notes.borrow_mut().push(text.into());
+    }
+
+    /// Puts a message into the evidence.
+    pub fn cite(&self, seen: &Arc<Seen>) {
+        self.cited.borrow_mut().push(seen.clone());
+    }
+
+    /// Fails unless `holds`.
+    ///
+    /// # Errors
+    /// The fail, with the reason.
+    pub fn expect(&self, holds: bool, reason: impl FnOnce() -> String) -> Judged {
+        if holds { Ok(()) } else { Err(Stop::Fail(reason())) }
+    }
+
+    /// Fails with this message as evidence unless `holds`.
+    ///
+    /// # Errors
+    /// The fail, with the reason.
+    pub fn expect_of(&self, seen: &Arc<Seen>, holds: bool, reason: impl FnOnce() -> String) -> Judged {
+        self.cite(seen);
+        self.expect(holds, reason)
+    }
+
+    /// Waits.
+    ///
+    /// # Errors
+    /// The operator stopped the run.
+    pub fn pause(&self, time: Duration) -> Judged {
+        self.bench.net.pause(time);
+        if self.bench.net.interrupted() { Err(Stop::Interrupted) } else { Ok(()) }
+    }
+
+    /// What was remarked.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        self.warnings.borrow().clone()
+    }
+
+    /// What is reported without being judged.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        self.notes.borrow().clone()
+    }
+
+    /// Messages that were cited.
+    #[must_use]
+    pub fn cited(&self) -> Vec<Arc<Seen>> {
+        self.cited.borrow().clone()
+    }
+
+    /// The vehicle that is judged.
+    ///
+    /// # Errors
+    /// None was offered.
+    pub fn vehicle(&self) -> Judged<Id> {
+        let survey = self.bench.surveyed()?;
+        survey
+            .vehicle()
+            .map(|vehicle| vehicle.id)
+            .ok_or_else(|| Stop::not_applicable("no vehicle was offered, and the profile names none"))
+    }
+
+    /// A station with this id, from a port of its own.
+    ///
+    /// # Errors
+    /// There is no vehicle, or no socket.
+    pub fn station(&self, id: Id) -> Judged<Player> {
+        let station = Rc::new(Station::new(&self.bench, id, self.vehicle()?)?);
+        self.players.borrow_mut().push(station.clone());
+        Ok(station)
+    }
+
+    fn nth(&self, index: usize, levels: i64, what: &str) -> Judged<Player> {
+        let found = self.bench.surveyed()?.with(levels);
+        match found.get(index) {
+            Some(cucs) => self.station(cucs.id),
+            None => Err(Stop::not_applicable(format!(
+                "needs {what}; the subject knows {} such ids of the profile",
+                found.len()
+            ))),
+        }
+    }
+
+    /// CUCS A: may have LOI 4, holds nothing.
+    ///
+    /// # Errors
+    /// No id may.
+    pub fn a(&self) -> Judged<Player> {
+        self.nth(0, loi::LOI4, "a CUCS id that may have LOI 4")
+    }
+
+    /// CUCS B: another that may have LOI 4, holds nothing.
+    ///
+    /// # Errors
+    /// No second id may.
+    pub fn b(&self) -> Judged<Player> {
+        self.nth(1, loi::LOI4, "a second CUCS id that may have LOI 4")
+    }
+
+    /// CUCS C: any third id that is known.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn c(&self) -> Judged<Player> {
+        let survey = self.bench.surveyed()?;
+        let taken: Vec<Id> = survey.with(loi::LOI4).iter().take(2).map(|cucs| cucs.id).collect();
+        let third = survey.cucs.iter().find(|cucs| !taken.contains(&cucs.id));
+        third.map_or_else(|| Err(Stop::not_applicable("needs a third CUCS id")), |cucs| self.station(cucs.id))
+    }
+
+    /// Any known CUCS, for rules that need no right.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn any(&self) -> Judged<Player> {
+        let found = self.bench.surveyed()?.with(loi::LOI4);
+        match found.first().map(|cucs| cucs.id).or(self.bench.surveyed()?.cucs.first().map(|cucs| cucs.id)) {
+            Some(id) => self.station(id),
+            None => Err(Stop::inconclusive("the subject offers LOI 0 to every CUCS id that was tried; name an id that it knows in the profile")),
+        }
+    }
+
+    /// The first id that `wanted` accepts.
+    ///
+    /// # Errors
+    /// There is none: `what` is named.
+    pub fn find(&self, what: &str, wanted: impl Fn(&CucsFound) -> bool) -> Judged<Player> {
+        let found = self.bench.surveyed()?.cucs.iter().find(|cucs| wanted(cucs)).map(|cucs| cucs.id);
+        found.map_or_else(|| Err(Stop::not_applicable(format!("needs {what}"))), |id| self.station(id))
+    }
+
+    /// A CUCS id that the subject cannot know.
+    ///
+    /// # Errors
+    /// There is no socket.
+    pub fn stranger(&self) -> Judged<Player> {
+        let known: Vec<Id> = self.bench.surveyed()?.cucs.iter().map(|cucs| cucs.id).collect();
+        let id = (0x1b00_7701..).map(Id).find(|id| !known.contains(id)).unwrap_or(Id(0x1b00_7701));
+        self.station(id)
+    }
+
+    /// CUCS A with LOI 2 and 4.
+    ///
+    /// # Errors
+    /// Inconclusive where it is not granted.
+    pub fn controller(&self) -> Judged<Player> {
+        let a = self.a()?;
+        self.grant(&a, loi::LOI2 | loi::LOI4)?;
+        Ok(a)
+    }
+
+    /// CUCS A with LOI 2, 4 and 5.
+    ///
+    /// # Errors
+    /// Inconclusive where it is not granted, not applicable where no id may have LOI 5.
+    pub fn launcher(&self) -> Judged<Player> {
+        let a = self.nth(0, loi::LOI4 | loi::LOI5, "a CUCS id that may have LOI 5")?;
+        self.grant(&a, loi::LOI2 | loi::LOI4 | loi::LOI5)?;
+        Ok(a)
+    }
+
+    /// A CUCS with LOI 2 only.
+    ///
+    /// # Errors
+    /// Inconclusive where it is not granted.
+    pub fn monitor(&self) -> Judged<Player> {
+        let station = self.any()?;
+        self.grant(&station, loi::LOI2)?;
+        Ok(station)
+    }
+
+    /// Gives a station these levels, as a precondition.
+    ///
+    /// # Errors
+    /// Inconclusive where they are not granted.
+    pub fn grant(&self, station: &Station, levels: i64) -> Judged {
+        station.take(levels).precondition("control is granted").map(|_| ())
+    }
+
+    /// Everything received in this trial that `wanted` accepts, by any station.
+    #[must_use]
+    pub fn all_received(&self, mut wanted: impl FnMut(&Seen) -> bool) -> Vec<Arc<Seen>> {
+        let recording = self.bench.net.recording();
+        recording.datagrams[self.mark..]
+            .iter()
+            .filter(|datagram| datagram.direction == Direction::Received)
+            .flat_map(|datagram| &datagram.messages)
+            .filter(|seen| wanted(seen))
+            .cloned()
+            .collect()
+    }
+
+    /// Releases what the stations hold, and cancels what they scheduled.
+    ///
+    /// # Errors
+    /// A release is not confirmed.
+    pub fn clean_up(&self) -> Judged {
+        let sent: Vec<(usize, i64)> = {
+            let recording = self.bench.net.recording();
+            let messages = recording.datagrams[self.mark..].iter().flat_map(|datagram| &datagram.messages);
+            messages
+                .filter(|seen| seen.direction == Direction::Sent && seen.kind() == 17001)
+                .filter(|seen| seen.raw("Frequency").is_some_and(|hertz| hertz > 0))
+                .map(|seen| (seen.socket, seen.raw("Requested Message Type").unwrap_or_default()))
+                .collect()
+        };
+        let known: Vec<Id> = self.bench.surveyed()?.cucs.iter().map(|cucs| cucs.id).collect();
+        let mut released = Vec::new();
+        // The latest socket of an id is where its rights are.
+        for player in self.players.borrow().iter().rev() {
+            for (_, kind) in sent.iter().filter(|(socket, _)| *socket == player.socket()) {
+                player.send(Draft::new(17001).raw("Requested Message Type", *kind).raw("Frequency", 0));
+            }
+            if released.contains(&player.id) || !known.contains(&player.id) {
+                continue;
+            }
+            released.push(player.id);
+            let answer = player.release()?;
+            if answer.raw("LOI Granted").unwrap_or_default() & 0x0F != 0 {
+                // Some subjects confirm before they release.
+                let answer = player.release()?;
+                let granted = answer.raw("LOI Granted").unwrap_or_default();
+                if granted & 0x0F != 0 {
+                    return Err(Stop::fail(format!("{} still holds LOI 0x{granted:02x} after its release", player.id)));
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,179 @@
+//! The catalogue of rules: `rules.toml`, embedded in the program and versioned.
+//!
+//! A rule's id never changes; what a rule says is in its text, how it is judged in `rules/` (by a scene that the suite
+//! plays) and `passive/` (by looking at traffic). A rule of the catalogue without code is listed as such, with the
+//! reason, and never passes.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+const TEXT: &str = include_str!("../rules.toml");
+
+/// The catalogue.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Catalogue {
+    /// Version and date.
+    pub catalogue: Release,
+    /// Seconds for each timer, by name.
+    pub timers: BTreeMap<String, f64>,
+    /// The rules, in the order of their groups.
+    pub rule: Vec<Rule>,
+}
+
+/// Which catalogue this is.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Release {
+    /// Semantic version: a new rule is minor, a changed judgement major.
+    pub version: String,
+    /// Number of rules.
+    pub rules: usize,
+    /// When it was changed last.
+    pub date: String,
+}
+
+/// One rule.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Rule {
+    /// Stable id, `AUTH-002`.
+    pub id: String,
+    /// What it is about, in a few words.
+    pub title: String,
+    /// Who is judged.
+    pub subject: Subject,
+    /// Editions that it is judged for.
+    pub editions: Vec<String>,
+    /// Whether breaking it is a fail.
+    pub level: Level,
+    /// What has to be there.
+    pub needs: Vec<String>,
+    /// The rule itself.
+    pub rule: String,
+    /// Clause.
+    pub source: String,
+    /// What kind of source: text, text-inferred, second-hand, contract.
+    pub basis: String,
+    /// Editions for which the clause itself was read.
+    #[serde(default)]
+    pub firm: Vec<String>,
+    /// A, B or C.
+    pub confidence: String,
+    /// What is sent, and what has to be seen.
+    pub observable: String,
+    /// What goes wrong in the field.
+    pub breaks: String,
+    /// active, passive, operator.
+    pub how: Vec<String>,
+    /// The set by which it runs.
+    pub profile: String,
+    /// The worst that a faulty subject could do.
+    pub hazard: Hazard,
+    /// Message types in Editions 3 and 4.
+    #[serde(default)]
+    pub messages: Vec<u16>,
+    /// The disputed reading that changes what is expected.
+    #[serde(default)]
+    pub disputed: Option<String>,
+}
+
+/// Who is judged by a rule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Subject {
+    /// The vehicle's side.
+    Vsm,
+    /// The ground station's side.
+    Cucs,
+    /// Either.
+    Both,
+}
+
+/// What breaking a rule means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// A fail.
+    Must,
+    /// A warning; a fail with `--strict`.
+    Should,
+    /// Reported, never judged.
+    May,
+}
+
+/// The worst that a faulty subject could do while a rule is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Hazard {
+    /// Nothing moves.
+    None,
+    /// Things may move on the ground.
+    Ground,
+    /// The aircraft flies, or is commanded in flight.
+    Flight,
+    /// Simulation only.
+    Destructive,
+}
+
+impl Catalogue {
+    /// The catalogue that this program was built with.
+    ///
+    /// # Panics
+    /// Never in a program whose tests passed: a test parses the embedded text.
+    #[must_use]
+    pub fn embedded() -> Self {
+        toml::from_str(TEXT).expect("the embedded catalogue is tested")
+    }
+
+    /// The rule of this id.
+    #[must_use]
+    pub fn find(&self, id: &str) -> Option<&Rule> {
+        self.rule.iter().find(|rule| rule.id == id)
+    }
+
+    /// The bytes of the catalogue, for its hash in a statement.
+    #[must_use]
+    pub fn text() -> &'static str {
+        TEXT
+    }
+}
+
+impl Rule {
+    /// The group, `AUTH`.
+    #[must_use]
+    pub fn group(&self) -> &str {
+        self.id.split('-').next().unwrap_or_default()
+    }
+
+    /// Whether a clause was read in another edition than the one judged.
+    #[must_use]
+    pub fn carried_over(&self, edition: &str) -> bool {
+        !self.firm.iter().any(|firm| firm == edition)
+    }
+}
+
+impl std::fmt::Display for Hazard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::None => "none",
+            Self::Ground => "ground",
+            Self::Flight => "flight",
+            Self::Destructive => "destructive",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_embedded_catalogue_is_whole() {
+        let catalogue = Catalogue::embedded();
+        assert_eq!(catalogue.rule.len(), catalogue.catalogue.rules);
+        let mut ids: Vec<_> = catalogue.rule.iter().map(|rule| &rule.id).collect();
+        ids.sort();
+        ids.dedup();
+        assert_eq!(ids.len(), catalogue.rule.len());
+        assert!(catalogue.find("AUTH-002").is_some());
+    }
+}

@@ -1,0 +1,18 @@
+#![doc = include_str!("../README.md")]
+
+#![forbid(unsafe_code)]
+
+pub mod bench;
+pub mod catalogue;
+pub mod expected;
+pub mod passive;
+pub mod profile;
+mod program;
+pub mod report;
+pub mod rules;
+pub mod means;
+pub mod runner;
+pub mod verdict;
+pub mod wire;
+
+pub use program::run;

@@ -1,0 +1,190 @@
+//! The program `dli-check`: its command line.
+
+mod capture;
+mod compare;
+mod init;
+mod vsm;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use serde_json::json;
+
+use crate::catalogue::Catalogue;
+use crate::profile::Profile;
+use crate::rules;
+
+/// Judge a VSM or CUCS by the interoperability rules of the STANAG 4586 Data Link Interface.
+#[derive(Debug, Parser)]
+#[command(name = "dli-check", version, after_help = "Exit status: 0 as expected, 1 unexpected fail, 2 bad profile or usage, 3 nothing could be judged.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Judge a VSM: play a CUCS against it
+    Vsm(vsm::VsmArguments),
+    /// Judge the recorded traffic of a VSM, without sending anything
+    Capture(capture::CaptureArguments),
+    /// Discover a VSM and write the profile of what it claims
+    Init(init::InitArguments),
+    /// Play one rule again and again, to see whether its verdict holds
+    Repeat {
+        /// Rule id, AUTH-002
+        rule: String,
+        /// How many times
+        #[arg(long, default_value_t = 20)]
+        times: u32,
+        #[command(flatten)]
+        arguments: vsm::VsmArguments,
+    },
+    /// Compare the report.json files of several runs or systems
+    Compare {
+        /// Report files
+        #[arg(required = true)]
+        reports: Vec<PathBuf>,
+    },
+    /// List the rules of the catalogue
+    List {
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Show everything about a rule
+    Explain {
+        /// Rule id, AUTH-002
+        rule: String,
+    },
+}
+
+/// Runs the program; its exit status.
+#[must_use]
+pub fn run() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
+        }
+    };
+    let status = match cli.command {
+        Command::Vsm(arguments) => vsm::judge(&arguments),
+        Command::Capture(arguments) => capture::judge(&arguments),
+        Command::Init(arguments) => init::write(&arguments),
+        Command::Repeat { rule, times, arguments } => vsm::repeat(&rule, times, &arguments),
+        Command::Compare { reports } => compare::compare(&reports),
+        Command::List { json } => {
+            list(json);
+            Ok(0)
+        }
+        Command::Explain { rule } => explain(&rule),
+    };
+    match status {
+        Ok(status) => ExitCode::from(status),
+        Err(error) => {
+            eprint(&format!("dli-check: {error}"));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// How a rule is judged by this program: by a scene, by traffic, or not at all.
+fn judged_by(id: &str) -> Vec<&'static str> {
+    let scene = rules::scenes().iter().any(|scene| scene.rule == id);
+    let judge = crate::passive::judges().iter().any(|judge| judge.rule == id);
+    [("active", scene), ("passive", judge)].into_iter().filter(|(_, is)| *is).map(|(name, _)| name).collect()
+}
+
+fn list(as_json: bool) {
+    let catalogue = Catalogue::embedded();
+    if as_json {
+        let rules: Vec<_> = catalogue
+            .rule
+            .iter()
+            .map(|rule| {
+                let mut value = serde_json::to_value(rule).unwrap_or_default();
+                value["judged"] = json!(judged_by(&rule.id));
+                value
+            })
+            .collect();
+        print(&serde_json::to_string_pretty(&json!({ "catalogue": catalogue.catalogue, "rules": rules })).unwrap_or_default());
+        return;
+    }
+    for rule in &catalogue.rule {
+        print(&format!(
+            "{:<11} {:<6} {:<5} {:<9} {:<15} {}",
+            rule.id,
+            format!("{:?}", rule.level).to_lowercase(),
+            format!("{:?}", rule.subject).to_lowercase(),
+            rule.profile,
+            judged_by(&rule.id).join("+"),
+            rule.title
+        ));
+    }
+}
+
+fn explain(id: &str) -> Result<u8, String> {
+    let catalogue = Catalogue::embedded();
+    let rule = catalogue.find(&id.to_uppercase()).ok_or_else(|| format!("no rule {id:?}; `dli-check list` shows all"))?;
+    let judged = judged_by(&rule.id);
+    let without = rules::WITHOUT_CODE.iter().find(|(without, _)| *without == rule.id);
+    let judged = match (judged.is_empty(), without) {
+        (false, _) => judged.join(" and "),
+        (true, Some((_, reason))) => format!("not judged: {reason}"),
+        (true, None) => "not judged yet".into(),
+    };
+    print(&format!(
+        "{} {}\n\n{}\n\nJudges     {:?}, editions {}, {:?}, set {}, hazard {}\nNeeds      {}\nObserved   {}\nBreaks     {}\nSource     {} ({}, confidence {})\nJudged by  {judged}\nDisputed   {}",
+        rule.id,
+        rule.title,
+        rule.rule,
+        rule.subject,
+        rule.editions.join(", "),
+        rule.level,
+        rule.profile,
+        rule.hazard,
+        rule.needs.join(", "),
+        rule.observable,
+        rule.breaks,
+        rule.source,
+        rule.basis,
+        rule.confidence,
+        rule.disputed.as_deref().unwrap_or("no"),
+    ));
+    Ok(0)
+}
+
+/// The profile of a file, or the default.
+fn profile(file: Option<&std::path::Path>) -> Result<Profile, String> {
+    match file {
+        Some(file) => Profile::read(file).map_err(|error| error.to_string()),
+        None => Ok(Profile::default()),
+    }
+}
+
+#[allow(clippy::print_stdout, reason = "the program's output")]
+fn print(line: &str) {
+    use std::io::Write;
+    // A closed pipe (`| head`) is no reason to panic.
+    let _ = writeln!(std::io::stdout(), "{line}");
+}
+
+#[allow(clippy::print_stderr, reason = "the program's errors")]
+fn eprint(line: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+}

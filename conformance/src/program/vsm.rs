@@ -1,0 +1,362 @@
+//! `dli-check vsm`: judge a VSM.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use clap::{Args, ValueEnum};
+use sha2::{Digest, Sha256};
+
+use super::{eprint, print, profile};
+use crate::bench::trial::Bench;
+use crate::catalogue::{Catalogue, Hazard};
+use crate::expected;
+use crate::profile::Profile;
+use crate::report::{Report, RuleReport, SCHEMA, Subject};
+use crate::runner::{Options, Run};
+use crate::verdict::Verdict;
+use crate::{report, rules};
+
+/// Arguments of `dli-check vsm`.
+#[derive(Clone, Debug, Args)]
+pub(super) struct VsmArguments {
+    /// Where the VSM listens, 192.0.2.7:4586; the profile's where it is left out
+    pub(super) address: Option<String>,
+    /// Profile of what the VSM claims (TOML), as `dli-check init` writes it
+    #[arg(long, value_name = "FILE")]
+    pub(super) profile: Option<PathBuf>,
+    /// Edition of the interface: 3 or 4
+    #[arg(long, value_name = "E")]
+    pub(super) edition: Option<String>,
+    /// A broken "should" is a fail
+    #[arg(long)]
+    strict: bool,
+    /// Departures that are expected, each with its reason (TOML)
+    #[arg(long, value_name = "FILE")]
+    expected: Option<PathBuf>,
+    /// Write the fails of this run as expected departures
+    #[arg(long, value_name = "FILE")]
+    write_expected: Option<PathBuf>,
+    /// Write a JUnit file
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// Write report.json, report.html, junit.xml, run.pcapng and statement.md into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write report.json to this file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Judge just this rule (repeatable)
+    #[arg(long, value_name = "ID")]
+    rule: Vec<String>,
+    /// Show what would be sent with which hazard, and send nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// State that the vehicle is simulated: releases the hazards ground, flight and destructive
+    #[arg(long)]
+    pub(super) simulated: bool,
+    /// Judge with a real vehicle of this tail number, as message 3 reports it; needs --allow and a typed confirmation
+    #[arg(long, value_name = "TAIL-NUMBER", conflicts_with = "simulated")]
+    real_vehicle: Option<String>,
+    /// Hazards to release on a real vehicle, and "override"
+    #[arg(long, value_delimiter = ',', value_name = "HAZARD")]
+    allow: Vec<Allow>,
+    /// Multiply all times of the suite by this
+    #[arg(long, value_name = "F")]
+    factor: Option<f64>,
+    /// How much faster than real time the simulated vehicle is
+    #[arg(long, value_name = "F")]
+    pub(super) speed: Option<f64>,
+    /// Do not repeat a rule that fails
+    #[arg(long)]
+    no_repeat: bool,
+    /// Print only the summary
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Allow {
+    Ground,
+    Flight,
+    Override,
+}
+
+/// The address and the profile with what the command line adds.
+pub(super) fn subject(arguments: &VsmArguments) -> Result<(SocketAddr, Profile), String> {
+    let mut profile = profile(arguments.profile.as_deref())?;
+    if let Some(edition) = &arguments.edition {
+        profile.subject.edition.clone_from(edition);
+    }
+    if let Some(factor) = arguments.factor {
+        profile.timers.insert("factor".into(), factor);
+    }
+    if let Some(speed) = arguments.speed {
+        profile.figures.speed_factor = speed;
+    }
+    let text = arguments.address.clone().or(profile.subject.address.clone());
+    let text = text.ok_or("no address: give it as an argument, or as subject.address in the profile")?;
+    profile.subject.address = Some(text.clone());
+    profile.check().map_err(|error| error.to_string())?;
+    let mut addresses = text.to_socket_addrs().map_err(|error| format!("address {text:?}: {error}; expected HOST:PORT"))?;
+    let address = addresses.next().ok_or_else(|| format!("address {text:?} names no host"))?;
+    Ok((address, profile))
+}
+
+fn hazards(arguments: &VsmArguments, profile: &Profile) -> BTreeSet<Hazard> {
+    if arguments.simulated || profile.simulated() {
+        return [Hazard::None, Hazard::Ground, Hazard::Flight, Hazard::Destructive].into();
+    }
+    let mut released = BTreeSet::from([Hazard::None]);
+    if arguments.real_vehicle.is_some() {
+        released.extend(arguments.allow.iter().filter_map(|allow| match allow {
+            Allow::Ground => Some(Hazard::Ground),
+            Allow::Flight => Some(Hazard::Flight),
+            Allow::Override => None,
+        }));
+    }
+    released
+}
+
+/// A real vehicle is released by its tail number, as it reports it itself, typed once more.
+fn confirm(arguments: &VsmArguments, bench: &Arc<Bench>) -> Result<(), String> {
+    let Some(tail) = &arguments.real_vehicle else { return Ok(()) };
+    let survey = crate::bench::survey::Survey::make(bench).map_err(|stop| stop.judgement().reason)?;
+    let vehicle = survey.vehicle().ok_or("no vehicle was offered")?.id;
+    let cucs = survey.cucs.first().ok_or("the subject offers nothing to the CUCS ids of the profile")?.id;
+    let station = crate::bench::station::Station::new(bench, cucs, vehicle).map_err(|stop| stop.judgement().reason)?;
+    let reported = station.query(3).map_err(|stop| stop.judgement().reason)?.text("Tail Number").unwrap_or_default();
+    if reported != *tail {
+        return Err(format!("--real-vehicle is {tail:?}, message 3 reports the tail number {reported:?}: nothing was begun"));
+    }
+    eprint(&format!("This commands the real vehicle {tail}. Type its tail number to begin:"));
+    let mut typed = String::new();
+    std::io::stdin().read_line(&mut typed).map_err(|error| error.to_string())?;
+    if typed.trim() == tail { Ok(()) } else { Err("the tail number was not typed: nothing was begun".into()) }
+}
+
+fn options(arguments: &VsmArguments, profile: &Profile, catalogue: &Catalogue) -> Result<Options, String> {
+    let rules: Vec<String> = arguments.rule.iter().map(|id| id.to_uppercase()).collect();
+    if let Some(unknown) = rules.iter().find(|id| catalogue.find(id).is_none()) {
+        return Err(format!("no rule {unknown:?}; `dli-check list` shows all"));
+    }
+    Ok(Options {
+        rules,
+        strict: arguments.strict,
+        hazards: hazards(arguments, profile),
+        overrides: arguments.allow.contains(&Allow::Override),
+        repeat: !arguments.no_repeat,
+    })
+}
+
+/// Ends every wait on Ctrl-C; a second one ends the program.
+fn watch_for_interrupt(bench: &Arc<Bench>) {
+    let net = bench.net.clone();
+    std::thread::spawn(move || {
+        let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else { return };
+        runtime.block_on(async {
+            if tokio::signal::ctrl_c().await.is_ok() {
+                net.interrupt();
+                eprint("interrupted: releasing control; a second Ctrl-C ends at once");
+            }
+            if tokio::signal::ctrl_c().await.is_ok() {
+                std::process::exit(130);
+            }
+        });
+    });
+}
+
+/// Runs and reports; the exit status.
+pub(super) fn judge(arguments: &VsmArguments) -> Result<u8, String> {
+    let catalogue = Catalogue::embedded();
+    let (address, profile) = subject(arguments)?;
+    let options = options(arguments, &profile, &catalogue)?;
+    let expected = match &arguments.expected {
+        Some(file) => expected::read(file, &today())?,
+        None => Vec::new(),
+    };
+    if arguments.dry_run {
+        dry_run(&catalogue, &options);
+        return Ok(0);
+    }
+    let bench = Bench::new(&catalogue, profile, address);
+    watch_for_interrupt(&bench);
+    confirm(arguments, &bench)?;
+    let mut report = run(&catalogue, &options, &bench, arguments.quiet);
+    report.expected = expected;
+    let unused = expected::compare(&mut report);
+    write(arguments, &bench, &report)?;
+    summary(&report);
+    for line in &unused {
+        eprint(line);
+    }
+    Ok(if !report.judged() {
+        3
+    } else if !report.unexpected().is_empty() || !unused.is_empty() {
+        1
+    } else {
+        0
+    })
+}
+
+/// One rule many times.
+pub(super) fn repeat(rule: &str, times: u32, arguments: &VsmArguments) -> Result<u8, String> {
+    let catalogue = Catalogue::embedded();
+    let (address, profile) = subject(arguments)?;
+    let mut arguments = arguments.clone();
+    arguments.rule = vec![rule.to_owned()];
+    let mut options = options(&arguments, &profile, &catalogue)?;
+    options.repeat = false;
+    let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+    for round in 1..=times {
+        let bench = Bench::new(&catalogue, profile.clone(), address);
+        watch_for_interrupt(&bench);
+        let report = run(&catalogue, &options, &bench, true);
+        let Some(found) = report.rules.first() else { continue };
+        *counts.entry(found.verdict.name()).or_default() += 1;
+        print(&format!("{round}: {} {}", found.verdict.name(), found.reason));
+        if bench.net.interrupted() {
+            break;
+        }
+    }
+    print(&format!("{rule}: {counts:?}"));
+    let failed = counts.contains_key("fail");
+    Ok(if counts.is_empty() { 3 } else { u8::from(failed) })
+}
+
+fn dry_run(catalogue: &Catalogue, options: &Options) {
+    for scene in rules::scenes() {
+        let Some(rule) = catalogue.find(scene.rule) else { continue };
+        if !options.rules.is_empty() && !options.rules.contains(&rule.id) {
+            continue;
+        }
+        let released = options.hazards.contains(&rule.hazard);
+        print(&format!(
+            "{:<11} hazard {:<11} {} sends {:?}: {}",
+            rule.id,
+            rule.hazard.to_string(),
+            if released { "runs   " } else { "skipped" },
+            rule.messages,
+            rule.observable
+        ));
+    }
+}
+
+fn run(catalogue: &Catalogue, options: &Options, bench: &Arc<Bench>, quiet: bool) -> Report {
+    let started = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+    let mut show = |rule: &RuleReport| {
+        if !quiet {
+            print(&format!("{:<14} {:<11} {:5.1} s  {}{}", rule.verdict.name(), rule.id, rule.duration_s, rule.title, reason(rule)));
+        }
+    };
+    let mut run = Run {
+        bench: bench.clone(),
+        catalogue,
+        options,
+        show: &mut show,
+        remarks: Vec::new(),
+    };
+    let rules = run.rules();
+    let remarks = run.remarks;
+    let survey = bench.survey.get();
+    let profile = &bench.profile;
+    let text = profile.to_toml();
+    let mut report = Report {
+        schema: SCHEMA.into(),
+        program: format!("dli-check {}", env!("CARGO_PKG_VERSION")),
+        catalogue: catalogue.catalogue.clone(),
+        subject: Subject {
+            role: "vsm".into(),
+            name: profile.subject.name.clone(),
+            version: profile.subject.version.clone(),
+            address: bench.address.to_string(),
+            edition: profile.subject.edition.clone(),
+            vehicles: survey.map(|survey| survey.vehicles.iter().map(|vehicle| vehicle.id.to_string()).collect()).unwrap_or_default(),
+            cucs: survey
+                .map(|survey| survey.cucs.iter().map(|cucs| format!("{} (LOI 0x{:02x})", cucs.id, cucs.authorised)).collect())
+                .unwrap_or_default(),
+        },
+        started,
+        duration_s: bench.net.now().as_secs_f64(),
+        strict: options.strict,
+        hashes: BTreeMap::from([
+            ("profile".to_owned(), sha256(text.as_bytes())),
+            ("catalogue".to_owned(), sha256(Catalogue::text().as_bytes())),
+        ]),
+        profile: text,
+        remarks,
+        counts: BTreeMap::new(),
+        expected: Vec::new(),
+        rules,
+    };
+    if bench.net.interrupted() {
+        report.remarks.push("interrupted by the operator".into());
+    }
+    report.count();
+    report
+}
+
+fn reason(rule: &RuleReport) -> String {
+    if rule.reason.is_empty() { String::new() } else { format!(": {}", rule.reason) }
+}
+
+fn write(arguments: &VsmArguments, bench: &Arc<Bench>, report: &Report) -> Result<(), String> {
+    let file = |path: &std::path::Path, bytes: &[u8]| std::fs::write(path, bytes).map_err(|error| format!("{}: {error}", path.display()));
+    if let Some(path) = &arguments.json {
+        file(path, report.to_json().as_bytes())?;
+    }
+    if let Some(path) = &arguments.junit {
+        file(path, report::junit::junit(report).as_bytes())?;
+    }
+    if let Some(path) = &arguments.write_expected {
+        file(path, expected::from_run(report).as_bytes())?;
+    }
+    let Some(folder) = &arguments.out else { return Ok(()) };
+    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let capture = report::capture::pcapng(report, &bench.net.recording().datagrams);
+    let mut report = report.clone();
+    report.hashes.insert("run.pcapng".into(), sha256(&capture));
+    file(&folder.join("run.pcapng"), &capture)?;
+    file(&folder.join("report.json"), report.to_json().as_bytes())?;
+    file(&folder.join("report.html"), report::html::html(&report).as_bytes())?;
+    file(&folder.join("junit.xml"), report::junit::junit(&report).as_bytes())?;
+    file(&folder.join("statement.md"), report::statement::statement(&report).as_bytes())
+}
+
+/// What was judged, in a few lines.
+pub(super) fn summary(report: &Report) {
+    for rule in report.rules.iter().filter(|rule| rule.verdict.is_fail()) {
+        print(&format!("{} {} {}: {}", rule.verdict.name().to_uppercase(), rule.id, rule.title, rule.reason));
+    }
+    for remark in &report.remarks {
+        print(&format!("remark: {remark}"));
+    }
+    let counts: Vec<String> = Verdict::ALL
+        .iter()
+        .filter_map(|verdict| Some(format!("{} {}", report.counts.get(verdict.name())?, verdict.name())))
+        .collect();
+    print(&format!("{} rules in {:.0} s: {}", report.rules.len(), report.duration_s, counts.join(", ")));
+}
+
+/// SHA-256 in hexadecimal.
+pub(super) fn sha256(bytes: &[u8]) -> String {
+    crate::wire::hex(&Sha256::digest(bytes))
+}
+
+/// The date, `2026-11-22`.
+fn today() -> String {
+    let days = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs() / 86_400;
+    // Howard Hinnant's days to civil.
+    let shifted = days as i64 + 719_468;
+    let era = shifted.div_euclid(146_097);
+    let day_of_era = shifted.rem_euclid(146_097);
+    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted_month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
+    let month = if shifted_month < 10 { shifted_month + 3 } else { shifted_month - 9 };
+    let year = year_of_era + era * 400 + i64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02}")
+}

@@ -1,0 +1,5 @@
+//! Rules of alerts.
+
+use super::Scene;
+
+pub(super) const SCENES: &[Scene] = &[];

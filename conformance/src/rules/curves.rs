@@ -1,0 +1,5 @@
+//! Rules of curves.
+
+use super::Scene;
+
+pub(super) const SCENES: &[Scene] = &[];

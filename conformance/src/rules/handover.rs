@@ -1,0 +1,5 @@
+//! Rules of handover.
+
+use super::Scene;
+
+pub(super) const SCENES: &[Scene] = &[];

@@ -1,0 +1,5 @@
+//! Rules of link.
+
+use super::Scene;
+
+pub(super) const SCENES: &[Scene] = &[];

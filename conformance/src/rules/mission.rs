@@ -1,0 +1,5 @@
+//! Rules of mission.
+
+use super::Scene;
+
+pub(super) const SCENES: &[Scene] = &[];

@@ -1,0 +1,94 @@
+//! Active rules: each a scene that the suite plays with the subject.
+//!
+//! A scene reads like its rule's text. It is given a [`Trial`], plays, and returns: `Ok` is a pass, a [`Stop`](crate::verdict::Stop)
+//! carried out by `?` is anything else. To add one: write the function in the file of its group, name it in that file's
+//! `SCENES`, and show with a mutant that it can fail.
+
+mod acknowledgement;
+mod alerts;
+mod authority;
+mod configuration;
+mod curves;
+mod discovery;
+mod flight;
+mod handover;
+mod link;
+mod load;
+mod mission;
+mod mode;
+mod payload;
+mod presence;
+mod robust;
+mod scalar;
+mod status;
+mod transfer;
+mod wrapper;
+
+use crate::bench::trial::Trial;
+use crate::verdict::Judged;
+
+/// A rule's scene.
+pub struct Scene {
+    /// Id of the rule.
+    pub rule: &'static str,
+    /// The scene.
+    pub play: fn(&Trial) -> Judged,
+}
+
+/// All scenes.
+#[must_use]
+pub fn scenes() -> Vec<&'static Scene> {
+    [
+        wrapper::SCENES,
+        discovery::SCENES,
+        authority::SCENES,
+        presence::SCENES,
+        scalar::SCENES,
+        acknowledgement::SCENES,
+        mission::SCENES,
+        transfer::SCENES,
+        mode::SCENES,
+        flight::SCENES,
+        status::SCENES,
+        configuration::SCENES,
+        alerts::SCENES,
+        handover::SCENES,
+        payload::SCENES,
+        link::SCENES,
+        curves::SCENES,
+        load::SCENES,
+        robust::SCENES,
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// Rules of the catalogue that have neither scene nor judge, with the reason.
+pub const WITHOUT_CODE: &[(&str, &str)] = &[
+    ("HAND-004", "needs a data link that the DLI controls, and a vehicle that waits for its transition"),
+    ("DISC-005", "needs a command that connects and disconnects the vehicle under another id"),
+    ("PAYL-007", "needs a camera with a known terrain below it"),
+    ("AUTH-012", "judged through the profile's claims of each CUCS"),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalogue::Catalogue;
+
+    #[test]
+    fn every_scene_and_judge_has_its_rule() {
+        let catalogue = Catalogue::embedded();
+        let judges = crate::passive::judges();
+        let ids = scenes().into_iter().map(|scene| scene.rule).chain(judges.into_iter().map(|judge| judge.rule));
+        for id in ids {
+            assert!(catalogue.find(id).is_some(), "{id} is not in the catalogue");
+        }
+        let mut once: Vec<_> = scenes().into_iter().map(|scene| scene.rule).collect();
+        let all = once.len();
+        once.sort_unstable();
+        once.dedup();
+        assert_eq!(once.len(), all, "a rule has two scenes");
+    }
+}

@@ -1,0 +1,5 @@
+//! Rules of mode.
+
+use super::Scene;
+
+pub(super) const SCENES: &[Scene] = &[];

@@ -1,0 +1,5 @@
+//! Rules of payload.
+
+use super::Scene;
+
+pub(super) const SCENES: &[Scene] = &[];

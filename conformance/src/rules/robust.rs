@@ -1,0 +1,5 @@
+//! Rules of robust.
+
+use super::Scene;
+
+pub(super) const SCENES: &[Scene] = &[];

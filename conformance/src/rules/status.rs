@@ -1,0 +1,5 @@
+//! Rules of status.
+
+use super::Scene;
+
+pub(super) const SCENES: &[Scene] = &[];

@@ -1,0 +1,5 @@
+//! Rules of transfer.
+
+use super::Scene;
+
+pub(super) const SCENES: &[Scene] = &[];

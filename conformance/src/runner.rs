@@ -1,0 +1,497 @@
+//! The run: order, hazards, repetition, liveness, clean-up, and the judges of passive rules at the end.
+//!
+//! A run begins with a discovery. It stops where another CUCS is in control. Then a tour makes traffic for the passive
+//! rules, and the scenes follow, from harmless to hostile. A fail is repeated twice: unequal results are flaky. After a fail
+//! the subject has to answer a discovery, or all that follows is inconclusive.
+
+use std::collections::BTreeSet;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::bench::flight;
+use crate::bench::station::{Access, loi};
+use crate::bench::survey::Survey;
+use crate::bench::trial::{Bench, Trial};
+use crate::catalogue::{Catalogue, Hazard, Rule, Subject};
+use crate::passive::{self, View};
+use crate::report::RuleReport;
+use crate::rules;
+use crate::verdict::{Judged, Judgement, Stop, Verdict};
+use crate::wire::{Direction, Draft, Seen};
+
+/// What is run.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Only these rules; all where empty.
+    pub rules: Vec<String>,
+    /// Whether a broken "should" is a fail.
+    pub strict: bool,
+    /// Hazards that are released.
+    pub hazards: BTreeSet<Hazard>,
+    /// Whether rules may take control from a station of the suite by override.
+    pub overrides: bool,
+    /// Whether a fail is repeated.
+    pub repeat: bool,
+}
+
+/// Share of lost round trips up to which a network is called whole.
+const WHOLE: f64 = 0.0;
+/// Share above which it is the subject that does not answer.
+const SILENT: f64 = 0.5;
+/// Messages of evidence.
+const MAX_EVIDENCE: usize = 40;
+
+/// A run in progress: who watches it is shown each rule.
+pub struct Run<'a> {
+    /// The bench.
+    pub bench: Arc<Bench>,
+    /// The catalogue.
+    pub catalogue: &'a Catalogue,
+    /// What is run.
+    pub options: &'a Options,
+    /// Is shown each judged rule.
+    pub show: &'a mut dyn FnMut(&RuleReport),
+    /// What the run as a whole has to say.
+    pub remarks: Vec<String>,
+}
+
+impl Run<'_> {
+    /// Runs all rules that are asked for, in the order of their risk; returns them in the order of the catalogue.
+    #[must_use]
+    pub fn rules(&mut self) -> Vec<RuleReport> {
+        let judged = self.play();
+        let edition = self.bench.profile.subject.edition.clone();
+        let mut reports: Vec<RuleReport> = Vec::new();
+        for rule in &self.catalogue.rule {
+            if !self.wanted(rule) {
+                continue;
+            }
+            let report = judged.iter().find(|report| report.id == rule.id).cloned();
+            reports.push(report.unwrap_or_else(|| self.unjudged(rule, &edition)));
+        }
+        reports
+    }
+
+    fn wanted(&self, rule: &Rule) -> bool {
+        self.options.rules.is_empty() || self.options.rules.contains(&rule.id)
+    }
+
+    /// Rules that cannot be judged here, with the reason.
+    fn unjudged(&self, rule: &Rule, edition: &str) -> RuleReport {
+        let mut report = RuleReport::new(rule, edition);
+        let profile = &self.bench.profile;
+        let without = rules::WITHOUT_CODE.iter().find(|(id, _)| *id == rule.id);
+        (report.verdict, report.reason) = if rule.subject == Subject::Cucs {
+            (Verdict::NotApplicable, "judges a CUCS; the subject is a VSM".into())
+        } else if !rule.editions.iter().any(|listed| listed == edition) {
+            (Verdict::NotApplicable, format!("is not judged in Edition {edition}"))
+        } else if !claimed(rule, profile) {
+            (Verdict::NotApplicable, format!("the profile does not claim the set {:?}", rule.profile))
+        } else if let Some((_, reason)) = without {
+            (Verdict::Skipped, (*reason).to_owned())
+        } else {
+            (Verdict::Skipped, "has no scene yet".into())
+        };
+        report
+    }
+
+    fn play(&mut self) -> Vec<RuleReport> {
+        let mut reports = Vec::new();
+        match Survey::make(&self.bench) {
+            Ok(survey) => {
+                if survey.loss > WHOLE {
+                    self.remarks.push(format!("{:.0} % of round trips were lost on the network", survey.loss * 100.0));
+                }
+                if let Some(occupied) = &survey.occupied {
+                    self.remarks.push(format!("not begun: {occupied}. Release it there, then run again"));
+                    return self.all(Verdict::Inconclusive, "not begun: another CUCS is in control");
+                }
+                let _ = self.bench.survey.set(survey);
+            }
+            Err(stop) => {
+                let reason = stop.judgement().reason;
+                self.remarks.push(reason.clone());
+                return self.all(Verdict::Inconclusive, &reason);
+            }
+        }
+        if !self.bench.survey.get().is_some_and(|survey| survey.answered) {
+            let anything = self.bench.net.recording().datagrams.iter().any(|datagram| datagram.direction == Direction::Received);
+            if !anything {
+                let reason = format!("nothing answered a discovery at {}", self.bench.address);
+                self.remarks.push(reason.clone());
+                return self.all(Verdict::Inconclusive, &reason);
+            }
+            // What came is no answer that can be read: the judges of passive rules say why.
+            self.remarks.push("datagrams came, but none was an answer to a discovery".into());
+            reports.extend(self.all(Verdict::Inconclusive, "no answer to a discovery that can be read as message 2"));
+        } else {
+            self.tour();
+            reports.extend(self.scenes());
+            self.finish();
+        }
+        self.judge_passive(&mut reports);
+        reports
+    }
+
+    /// All rules with one verdict.
+    fn all(&self, verdict: Verdict, reason: &str) -> Vec<RuleReport> {
+        let edition = &self.bench.profile.subject.edition;
+        let judged: BTreeSet<&str> = rules::scenes()
+            .into_iter()
+            .map(|scene| scene.rule)
+            .chain(passive::judges().into_iter().map(|judge| judge.rule))
+            .collect();
+        self.catalogue
+            .rule
+            .iter()
+            .filter(|rule| self.wanted(rule) && judged.contains(rule.id.as_str()))
+            .filter(|rule| rule.subject != Subject::Cucs && rule.editions.contains(edition))
+            .map(|rule| RuleReport {
+                verdict,
+                reason: reason.to_owned(),
+                ..RuleReport::new(rule, edition)
+            })
+            .collect()
+    }
+
+    /// Traffic for the judges of passive rules: a bit of everything that a CUCS does.
+    fn tour(&mut self) {
+        let trial = Trial::new(&self.bench);
+        let result = catch_unwind(AssertUnwindSafe(|| tour(&trial)));
+        if let Ok(Err(Stop::Fail(reason) | Stop::Inconclusive(reason))) = result {
+            self.remarks.push(format!("the tour at the beginning ended early: {reason}"));
+        }
+        let _ = trial.clean_up();
+    }
+
+    fn scenes(&mut self) -> Vec<RuleReport> {
+        let mut order: Vec<(&Rule, &rules::Scene)> = rules::scenes()
+            .into_iter()
+            .filter_map(|scene| Some((self.catalogue.find(scene.rule)?, scene)))
+            .filter(|(rule, _)| self.wanted(rule))
+            .collect();
+        order.sort_by_key(|(rule, _)| rank(rule));
+        let mut dead: Option<String> = None;
+        let mut reports = Vec::new();
+        let mut flying = false;
+        for (rule, scene) in order {
+            let mut report = RuleReport::new(rule, &self.bench.profile.subject.edition);
+            if let Some(judgement) = self.barred(rule) {
+                (report.verdict, report.reason) = (judgement.verdict, judgement.reason);
+            } else if self.bench.net.interrupted() {
+                (report.verdict, report.reason) = (Verdict::Inconclusive, "interrupted".into());
+            } else if let Some(cause) = &dead {
+                (report.verdict, report.reason) = (Verdict::Inconclusive, cause.clone());
+            } else {
+                let airborne = rule.needs.iter().any(|need| need == "airborne");
+                if flying && !airborne {
+                    flying = false;
+                    self.land();
+                }
+                flying |= airborne;
+                self.judge(rule, scene, &mut report);
+                if report.verdict.is_fail() || report.verdict == Verdict::Inconclusive {
+                    if !self.bench.net.interrupted() && !self.bench.alive() && !self.revived() {
+                        dead = Some(format!("the subject has answered no discovery since {}", rule.id));
+                        report.notes.push("the subject does not answer a discovery after it".into());
+                    }
+                }
+            }
+            (self.show)(&report);
+            reports.push(report);
+        }
+        if flying {
+            self.land();
+        }
+        reports
+    }
+
+    /// Whether the profile's command brought the subject back.
+    fn revived(&self) -> bool {
+        let Some(command) = &self.bench.profile.means.restart else { return false };
+        crate::means::shell(command).is_ok() && self.bench.alive()
+    }
+
+    fn judge(&self, rule: &Rule, scene: &rules::Scene, report: &mut RuleReport) {
+        let began = self.bench.net.now();
+        let mark = self.bench.net.mark();
+        let mut judgement = self.attempt(rule, scene, report);
+        report.attempts.push(judgement.verdict);
+        if judgement.verdict == Verdict::Fail && self.options.repeat {
+            for _ in 0..2 {
+                if self.bench.net.interrupted() || !self.bench.alive() {
+                    break;
+                }
+                let again = self.attempt(rule, scene, report);
+                report.attempts.push(again.verdict);
+                if matches!(again.verdict, Verdict::Pass | Verdict::Warning) {
+                    judgement = Judgement::new(Verdict::Flaky, format!("fails at times: {}", judgement.reason));
+                    break;
+                }
+            }
+        }
+        if judgement.verdict.is_fail() {
+            judgement = self.excused(judgement);
+        }
+        let judgement = judgement.at_level(rule.level, self.options.strict);
+        (report.verdict, report.reason) = (judgement.verdict, judgement.reason);
+        report.duration_s = (self.bench.net.now() - began).as_secs_f64();
+        report.datagrams = Some((mark, self.bench.net.mark()));
+    }
+
+    /// A fail on a network that loses datagrams says nothing.
+    fn excused(&self, judgement: Judgement) -> Judgement {
+        let loss = self.bench.survey.get().map_or(0.0, |survey| survey.loss);
+        if loss > WHOLE && loss < SILENT {
+            return Judgement::new(
+                Verdict::Inconclusive,
+                format!("the network loses {:.0} % of round trips, which may be the cause of: {}", loss * 100.0, judgement.reason),
+            );
+        }
+        judgement
+    }
+
+    fn attempt(&self, rule: &Rule, scene: &rules::Scene, report: &mut RuleReport) -> Judgement {
+        let trial = Trial::new(&self.bench);
+        let result = catch_unwind(AssertUnwindSafe(|| (scene.play)(&trial)));
+        let judgement = match result {
+            Ok(Ok(())) => match trial.warnings().first() {
+                Some(warning) => Judgement::new(Verdict::Warning, warning.clone()),
+                None => Judgement::pass(),
+            },
+            Ok(Err(stop)) => stop.judgement(),
+            Err(panic) => {
+                let text = panic.downcast_ref::<String>().cloned().or(panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
+                Judgement::new(Verdict::Inconclusive, format!("a defect of the suite, not of the subject: {}", text.unwrap_or_default()))
+            }
+        };
+        let end = self.bench.net.mark();
+        if let Err(stop) = trial.clean_up() {
+            report.notes.push(format!("clean-up: {}", stop.judgement().reason));
+        }
+        report.notes.extend(trial.notes());
+        report.evidence = self.evidence(&trial, end, judgement.verdict == Verdict::Pass);
+        let _ = rule;
+        judgement
+    }
+
+    /// What the scene cited, and the last messages of it that are no periodic status.
+    fn evidence(&self, trial: &Trial, end: usize, passed: bool) -> Vec<serde_json::Value> {
+        let recording = self.bench.net.recording();
+        let end = end.min(recording.datagrams.len());
+        let wanted = if passed { MAX_EVIDENCE / 4 } else { MAX_EVIDENCE };
+        let messages: Vec<Arc<Seen>> = recording.datagrams[trial.mark.min(end)..end]
+            .iter()
+            .flat_map(|datagram| &datagram.messages)
+            .filter(|seen| !(seen.direction == Direction::Received && matches!(seen.kind(), 3001 | 3002 | 4000 | 4001)))
+            .cloned()
+            .collect();
+        drop(recording);
+        let skip = messages.len().saturating_sub(wanted);
+        let mut chosen: Vec<Arc<Seen>> = trial.cited().into_iter().take(wanted).chain(messages.into_iter().skip(skip)).collect();
+        chosen.sort_by_key(|seen| seen.at);
+        chosen.dedup_by(|a, b| Arc::ptr_eq(a, b));
+        chosen.iter().map(|seen| seen.evidence()).collect()
+    }
+
+    /// Why a rule is not played.
+    fn barred(&self, rule: &Rule) -> Option<Judgement> {
+        let profile = &self.bench.profile;
+        let not_applicable = |reason: String| Some(Judgement::new(Verdict::NotApplicable, reason));
+        if rule.subject == Subject::Cucs {
+            return not_applicable("judges a CUCS; the subject is a VSM".into());
+        }
+        if !rule.editions.contains(&profile.subject.edition) {
+            return not_applicable(format!("is not judged in Edition {}", profile.subject.edition));
+        }
+        if !claimed(rule, profile) {
+            return not_applicable(format!("the profile does not claim the set {:?}", rule.profile));
+        }
+        let survey = self.bench.survey.get()?;
+        for need in &rule.needs {
+            let missing = match need.as_str() {
+                "loi4" | "loi5" | "loi3" | "loi2" => {
+                    let level = loi_bit(need);
+                    let claimed_level = survey.cucs.iter().any(|cucs| cucs.claimed.unwrap_or_default() & level != 0);
+                    (survey.with(level).is_empty() && !claimed_level).then(|| format!("needs a CUCS id that may have {}", need.to_uppercase()))
+                }
+                "twocucs" => (survey.cucs.len() < 2).then(|| "needs two CUCS ids known to the subject".into()),
+                "override" => (!survey.cucs.iter().any(|cucs| cucs.overrides)).then(|| "needs a CUCS id that may override, marked so in the profile".into()),
+                "multivehicle" => (survey.vehicles.len() < 2).then(|| "needs two vehicles behind the subject".into()),
+                "payload" => survey.stations().is_empty().then(|| "needs a payload station; none is offered, and the profile claims none".into()),
+                "datalink" => (!survey.data_links).then(|| "needs a data link that the DLI controls; none answered a broadcast 28000".into()),
+                "restart" => profile.means.restart.is_none().then(|| "needs means.restart in the profile".into()),
+                "vehicle" | "airborne" => survey.vehicles.is_empty().then(|| "needs a vehicle".into()),
+                _ => None,
+            };
+            if let Some(reason) = missing {
+                return not_applicable(reason);
+            }
+        }
+        if !self.options.hazards.contains(&rule.hazard) && rule.hazard != Hazard::None {
+            return Some(Judgement::new(
+                Verdict::Skipped,
+                format!(
+                    "a faulty subject could be a hazard ({}): state that the vehicle is simulated (--simulated, or simulated = true in the profile), \
+                     or release it with --real-vehicle and --allow",
+                    rule.hazard
+                ),
+            ));
+        }
+        None
+    }
+
+    fn land(&self) {
+        let trial = Trial::new(&self.bench);
+        let _ = catch_unwind(AssertUnwindSafe(|| flight::land(&trial)));
+        let _ = trial.clean_up();
+    }
+
+    /// Leaves the subject as it was found: no plan of the suite, nobody in control.
+    fn finish(&self) {
+        let trial = Trial::new(&self.bench);
+        let _ = catch_unwind(AssertUnwindSafe(|| -> Judged {
+            let survey = self.bench.surveyed()?;
+            if !self.bench.net.interrupted() && self.options.hazards.contains(&Hazard::Ground) && !survey.with(loi::LOI4).is_empty() {
+                let a = trial.a()?;
+                if a.take(loi::LOI4).is_ok() {
+                    a.send(flight::transfer(1, "CLEAR"));
+                }
+            }
+            Ok(())
+        }));
+        // An interrupted run waits for nothing, but it releases.
+        if let Some(survey) = self.bench.survey.get() {
+            for cucs in &survey.cucs {
+                if let Ok(station) = trial.station(cucs.id) {
+                    station.send(crate::bench::station::authorisation(0x0F, Access::Release));
+                }
+            }
+        }
+        self.bench.net.pause(Duration::from_millis(50));
+    }
+
+    fn judge_passive(&mut self, reports: &mut Vec<RuleReport>) {
+        let datagrams = self.bench.net.recording().datagrams.clone();
+        let view = View {
+            datagrams: &datagrams,
+            profile: &self.bench.profile,
+            survey: self.bench.survey.get().filter(|survey| survey.answered),
+            live: true,
+        };
+        let edition = self.bench.profile.subject.edition.clone();
+        for judge in passive::judges() {
+            let Some(rule) = self.catalogue.find(judge.rule).filter(|rule| self.wanted(rule)) else { continue };
+            if !rule.editions.contains(&edition) || !claimed(rule, &self.bench.profile) {
+                continue;
+            }
+            let (judgement, evidence) = judged_by(judge, &view);
+            let judgement = judgement.at_level(rule.level, self.options.strict);
+            let index = reports.iter().position(|report| report.id == rule.id).unwrap_or_else(|| {
+                reports.push(RuleReport {
+                    verdict: Verdict::Skipped,
+                    ..RuleReport::new(rule, &edition)
+                });
+                reports.len() - 1
+            });
+            let report = &mut reports[index];
+            let not_seen = judgement.verdict == Verdict::Inconclusive;
+            // Not seen in the traffic says nothing against what a scene has shown; two judges of one rule add up.
+            if not_seen && report.verdict != Verdict::Skipped {
+                continue;
+            }
+            let before = Judgement::new(report.verdict, report.reason.clone());
+            let unjudged = report.verdict == Verdict::Inconclusive && report.reason.starts_with("not seen") || report.verdict == Verdict::Skipped && report.reason.is_empty();
+            let after = if unjudged { judgement.clone() } else { before.clone().and(judgement.clone()) };
+            if after != before {
+                (report.verdict, report.reason) = (after.verdict, after.reason);
+                report.evidence = evidence.iter().map(|seen| seen.evidence()).collect();
+            }
+        }
+    }
+}
+
+/// A judge on a view; shared with captures.
+#[must_use]
+pub fn judged_by(judge: &passive::Judge, view: &View<'_>) -> (Judgement, Vec<Arc<Seen>>) {
+    let mut found = passive::Found::default();
+    (judge.judge)(view, &mut found);
+    found.judgement()
+}
+
+/// Whether the profile claims the set of a rule.
+fn claimed(rule: &Rule, profile: &crate::profile::Profile) -> bool {
+    if rule.profile == "project" || rule.basis == "contract" {
+        return profile.subject.project;
+    }
+    profile.subject.sets.is_empty() || profile.subject.sets.contains(&rule.profile)
+}
+
+fn loi_bit(need: &str) -> i64 {
+    match need {
+        "loi2" => loi::LOI2,
+        "loi3" => loi::LOI3,
+        "loi4" => loi::LOI4,
+        _ => loi::LOI5,
+    }
+}
+
+/// From harmless to hostile; rules in flight together.
+fn rank(rule: &Rule) -> (u8, String) {
+    let set = match rule.profile.as_str() {
+        "core" => 1,
+        "monitor" => 2,
+        "config" => 3,
+        "control" => 4,
+        "handover" => 5,
+        "payload" => 6,
+        "link" => 7,
+        "project" => 8,
+        "launch" => 9,
+        "load" => 11,
+        "robust" => 12,
+        _ => 10,
+    };
+    let airborne = rule.needs.iter().any(|need| need == "airborne");
+    let rank = match rule.hazard {
+        // What may kill a subject goes last.
+        _ if ["ROBUST-002", "ROBUST-004", "ROBUST-005", "LOAD-003"].contains(&rule.id.as_str()) => 20,
+        Hazard::Destructive => 21,
+        _ if ["AUTH-018", "STAT-015", "LINK-004", "ALERT-002"].contains(&rule.id.as_str()) => 19,
+        _ if airborne => 10,
+        _ => set,
+    };
+    (rank, rule.id.clone())
+}
+
+fn tour(t: &Trial) -> Judged {
+    let station = t.any()?;
+    station.discover()?;
+    let all = t.bench.surveyed()?.with(loi::LOI4);
+    let levels = if all.is_empty() { loi::LOI2 } else { loi::LOI2 | loi::LOI4 };
+    let granted = station.request(levels, Access::Request)?.raw("LOI Granted").unwrap_or_default();
+    let mark = t.bench.net.mark();
+    for kind in [3, 3000, 3001, 3002, 3004, 3005, 3006, 3007, 3009, 3010, 4000, 4001, 43000] {
+        station.send(crate::bench::station::information_request(kind));
+        t.pause(Duration::from_millis(20))?;
+    }
+    station.send(Draft::new(15000).raw("Subsystem ID", 0xFFF));
+    station.send(
+        Draft::new(40000)
+            .id("VSM ID", stanag_msgs::Id::BROADCAST)
+            .raw("Data Link ID", 0)
+            .raw("Request Type", if granted & loi::LOI4 != 0 { 3 } else { 1 }),
+    );
+    station.wait(mark, t.timers().config / 3, |seen| seen.kind() == 41005);
+    if granted & loi::LOI4 != 0 {
+        station.send(Draft::new(2017).set("Loiter Radius", t.bench.fresh_radius()).acked());
+        station.query(3004)?;
+        flight::download(t, &station, "TOUR")?;
+        if let Ok(home) = flight::fix(t, &station) {
+            let _ = t.bench.home.set(home);
+        }
+    }
+    t.pause(t.timers().status.min(Duration::from_secs(3)))?;
+    Ok(())
+}

@@ -1,0 +1,210 @@
+//! Verdicts, and which of two counts.
+//!
+//! A fail beats inconclusive beats warning beats pass, and the first reason is kept, as TTCN-3 has it. A rule's scene
+//! ends early by a [`Stop`], which `?` carries out of it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::catalogue::Level;
+
+/// What a rule's judgement comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// What had to be seen was seen.
+    Pass,
+    /// A "must" is broken.
+    Fail,
+    /// A "should" is broken, an answer was late, a value is odd but lawful.
+    Warning,
+    /// It could not be judged.
+    Inconclusive,
+    /// The profile does not claim it, or the edition lacks it.
+    NotApplicable,
+    /// Excluded, or its hazard was not released.
+    Skipped,
+    /// Fails, but not every time.
+    Flaky,
+}
+
+impl Verdict {
+    /// Its name in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Fail => "fail",
+            Self::Warning => "warning",
+            Self::Inconclusive => "inconclusive",
+            Self::NotApplicable => "not_applicable",
+            Self::Skipped => "skipped",
+            Self::Flaky => "flaky",
+        }
+    }
+
+    /// All verdicts, worst first: the order of reports.
+    pub const ALL: [Self; 7] = [
+        Self::Fail,
+        Self::Flaky,
+        Self::Warning,
+        Self::Inconclusive,
+        Self::Pass,
+        Self::NotApplicable,
+        Self::Skipped,
+    ];
+
+    /// Whether it makes the run red.
+    #[must_use]
+    pub fn is_fail(self) -> bool {
+        matches!(self, Self::Fail | Self::Flaky)
+    }
+
+    /// Larger beats smaller where two judgements of one rule meet.
+    fn weight(self) -> u8 {
+        match self {
+            Self::Skipped => 0,
+            Self::NotApplicable => 1,
+            Self::Pass => 2,
+            Self::Warning => 3,
+            Self::Inconclusive => 4,
+            Self::Flaky => 5,
+            Self::Fail => 6,
+        }
+    }
+}
+
+/// A verdict with its reason: one sentence with what was expected and what was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judgement {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Why; empty for a plain pass.
+    pub reason: String,
+}
+
+impl Judgement {
+    /// A judgement.
+    pub fn new(verdict: Verdict, reason: impl Into<String>) -> Self {
+        Self {
+            verdict,
+            reason: reason.into(),
+        }
+    }
+
+    /// A pass without remark.
+    #[must_use]
+    pub fn pass() -> Self {
+        Self::new(Verdict::Pass, "")
+    }
+
+    /// The one of the two that counts; where they weigh the same, the first.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        // What did not occur in the traffic says nothing against what the scene has shown, and the reverse.
+        if other.verdict.weight() > self.verdict.weight() {
+            other
+        } else {
+            self
+        }
+    }
+
+    /// A fail as the rule's level has it: a broken "should" is a warning unless `strict`, a "may" is never judged.
+    #[must_use]
+    pub fn at_level(self, level: Level, strict: bool) -> Self {
+        let verdict = match (self.verdict, level) {
+            (Verdict::Fail | Verdict::Flaky, Level::Should) if !strict => Verdict::Warning,
+            (Verdict::Fail | Verdict::Flaky | Verdict::Warning, Level::May) => Verdict::Pass,
+            (verdict, _) => verdict,
+        };
+        Self { verdict, ..self }
+    }
+}
+
+/// Why a scene ends before its end.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stop {
+    /// The rule is broken.
+    Fail(String),
+    /// It cannot be judged: a precondition is not met, or was lost.
+    Inconclusive(String),
+    /// The subject does not have what the rule is about.
+    NotApplicable(String),
+    /// The operator stopped the run.
+    Interrupted,
+}
+
+/// What a scene returns.
+pub type Judged<T = ()> = Result<T, Stop>;
+
+impl Stop {
+    /// The rule is broken.
+    pub fn fail(reason: impl Into<String>) -> Self {
+        Self::Fail(reason.into())
+    }
+
+    /// The rule cannot be judged.
+    pub fn inconclusive(reason: impl Into<String>) -> Self {
+        Self::Inconclusive(reason.into())
+    }
+
+    /// The subject does not have what the rule is about.
+    pub fn not_applicable(reason: impl Into<String>) -> Self {
+        Self::NotApplicable(reason.into())
+    }
+
+    /// The verdict that it means.
+    #[must_use]
+    pub fn judgement(self) -> Judgement {
+        match self {
+            Self::Fail(reason) => Judgement::new(Verdict::Fail, reason),
+            Self::Inconclusive(reason) => Judgement::new(Verdict::Inconclusive, reason),
+            Self::NotApplicable(reason) => Judgement::new(Verdict::NotApplicable, reason),
+            Self::Interrupted => Judgement::new(Verdict::Inconclusive, "interrupted"),
+        }
+    }
+}
+
+/// Makes an unmet precondition of what would be a fail elsewhere.
+pub trait Precondition<T> {
+    /// The same, but a fail becomes inconclusive with this introduction.
+    ///
+    /// # Errors
+    /// As before, with a fail made inconclusive.
+    fn precondition(self, what: &str) -> Judged<T>;
+}
+
+impl<T> Precondition<T> for Judged<T> {
+    fn precondition(self, what: &str) -> Judged<T> {
+        self.map_err(|stop| match stop {
+            Stop::Fail(reason) => {
+                Stop::Inconclusive(format!("precondition \"{what}\" is not met: {reason}"))
+            }
+            other => other,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fail_beats_all_and_the_first_reason_stays() {
+        let fail = |reason| Judgement::new(Verdict::Fail, reason);
+        let open = Judgement::new(Verdict::Inconclusive, "silence");
+        assert_eq!(Judgement::pass().and(open.clone()), open);
+        assert_eq!(open.clone().and(fail("one")), fail("one"));
+        assert_eq!(fail("one").and(fail("two")), fail("one"));
+        assert_eq!(fail("one").and(open), fail("one"));
+    }
+
+    #[test]
+    fn a_broken_should_is_a_warning_unless_strict() {
+        let fail = Judgement::new(Verdict::Fail, "late");
+        let verdict = |level, strict| fail.clone().at_level(level, strict).verdict;
+        assert_eq!(verdict(Level::Should, false), Verdict::Warning);
+        assert_eq!(verdict(Level::Should, true), Verdict::Fail);
+        assert_eq!(verdict(Level::Must, false), Verdict::Fail);
+        assert_eq!(verdict(Level::May, true), Verdict::Pass);
+    }
+}
