@@ -35,8 +35,10 @@ struct Entry {
 /// It cannot be read, is no such file, lacks a reason, or has an entry that is over; in a sentence.
 pub fn read(path: &Path, today: &str) -> Result<Vec<Departure>, String> {
     let name = path.display();
-    let text = std::fs::read_to_string(path).map_err(|error| format!("expected departures {name}: {error}"))?;
-    let file: File = toml::from_str(&text).map_err(|error| format!("expected departures {name}: {error}"))?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| format!("expected departures {name}: {error}"))?;
+    let file: File =
+        toml::from_str(&text).map_err(|error| format!("expected departures {name}: {error}"))?;
     file.expected
         .into_iter()
         .map(|entry| {
@@ -82,7 +84,9 @@ pub fn from_run(report: &Report) -> String {
 pub fn matches(pattern: &str, id: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == id,
-        Some((head, tail)) => id.starts_with(head) && id.len() >= head.len() + tail.len() && id.ends_with(tail),
+        Some((head, tail)) => {
+            id.starts_with(head) && id.len() >= head.len() + tail.len() && id.ends_with(tail)
+        }
     }
 }
 
@@ -90,14 +94,21 @@ pub fn matches(pattern: &str, id: &str) -> bool {
 /// fault.
 pub fn compare(report: &mut Report) -> Vec<String> {
     for departure in &mut report.expected {
-        departure.used = report
-            .rules
-            .iter()
-            .any(|rule| matches(&departure.rule, &rule.id) && (rule.verdict == departure.verdict || rule.verdict.is_fail() && departure.verdict.is_fail()));
+        departure.used = report.rules.iter().any(|rule| {
+            matches(&departure.rule, &rule.id)
+                && (rule.verdict == departure.verdict
+                    || rule.verdict.is_fail() && departure.verdict.is_fail())
+        });
     }
     let unused = report.expected.iter().filter(|departure| !departure.used);
     unused
-        .map(|departure| format!("expected {} of {}, which did not occur: remove the entry", departure.verdict.name(), departure.rule))
+        .map(|departure| {
+            format!(
+                "expected {} of {}, which did not occur: remove the entry",
+                departure.verdict.name(),
+                departure.rule
+            )
+        })
         .collect()
 }
 

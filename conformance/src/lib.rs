@@ -1,16 +1,15 @@
 #![doc = include_str!("../README.md")]
-
 #![forbid(unsafe_code)]
 
 pub mod bench;
 pub mod catalogue;
 pub mod expected;
+pub mod means;
 pub mod passive;
 pub mod profile;
 mod program;
 pub mod report;
 pub mod rules;
-pub mod means;
 pub mod runner;
 pub mod verdict;
 pub mod wire;

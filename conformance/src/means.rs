@@ -26,7 +26,10 @@ pub fn shell(command: &str) -> Result<(), String> {
             Ok(None) if began.elapsed() > PATIENCE => {
                 let _ = child.kill();
                 let _ = child.wait();
-                return Err(format!("{command:?} took longer than {} s", PATIENCE.as_secs()));
+                return Err(format!(
+                    "{command:?} took longer than {} s",
+                    PATIENCE.as_secs()
+                ));
             }
             Ok(None) => std::thread::sleep(Duration::from_millis(20)),
             Err(error) => return Err(format!("{command:?}: {error}")),

@@ -222,19 +222,32 @@ impl Profile {
             return Err(value("subject.edition", &self.subject.edition, expected));
         }
         if self.subject.checksum > 3 {
-            return Err(value("subject.checksum", &self.subject.checksum.to_string(), "0 to 3"));
+            return Err(value(
+                "subject.checksum",
+                &self.subject.checksum.to_string(),
+                "0 to 3",
+            ));
         }
         let ids = self.cucs.iter().map(|cucs| ("cucs.id", &cucs.id));
-        let vehicles = self.vehicle.iter().map(|vehicle| ("vehicle.id", &vehicle.id));
+        let vehicles = self
+            .vehicle
+            .iter()
+            .map(|vehicle| ("vehicle.id", &vehicle.id));
         for (key, id) in ids.chain(vehicles) {
             id.parse::<Id>()
                 .map_err(|error| value(key, id, &error.to_string()))?;
         }
-        let names = ["answer", "ack", "quiet", "status", "move", "flight", "load", "config", "factor"];
+        let names = [
+            "answer", "ack", "quiet", "status", "move", "flight", "load", "config", "factor",
+        ];
         for (name, &seconds) in &self.timers {
             if !names.contains(&name.as_str()) || !seconds.is_finite() || seconds <= 0.0 {
                 let expected = format!("one of {} with a positive number", names.join(", "));
-                return Err(value(&format!("timers.{name}"), &seconds.to_string(), &expected));
+                return Err(value(
+                    &format!("timers.{name}"),
+                    &seconds.to_string(),
+                    &expected,
+                ));
             }
         }
         for (name, reading) in &self.readings {
@@ -292,7 +305,13 @@ mod tests {
     fn unknown_keys_and_values_are_refused() {
         assert!(toml::from_str::<Profile>("[subject]\nspeed = 3").is_err());
         let profile: Profile = toml::from_str("[timers]\nanswr = 3.0").unwrap();
-        assert!(profile.check().unwrap_err().to_string().contains("timers.answr"));
+        assert!(
+            profile
+                .check()
+                .unwrap_err()
+                .to_string()
+                .contains("timers.answr")
+        );
         let profile: Profile = toml::from_str("[subject]\nedition = \"2.5\"").unwrap();
         assert!(profile.check().unwrap_err().to_string().contains("edition"));
     }

@@ -83,11 +83,20 @@ impl Run<'_> {
         let profile = &self.bench.profile;
         let without = rules::WITHOUT_CODE.iter().find(|(id, _)| *id == rule.id);
         (report.verdict, report.reason) = if rule.subject == Subject::Cucs {
-            (Verdict::NotApplicable, "judges a CUCS; the subject is a VSM".into())
+            (
+                Verdict::NotApplicable,
+                "judges a CUCS; the subject is a VSM".into(),
+            )
         } else if !rule.editions.iter().any(|listed| listed == edition) {
-            (Verdict::NotApplicable, format!("is not judged in Edition {edition}"))
+            (
+                Verdict::NotApplicable,
+                format!("is not judged in Edition {edition}"),
+            )
         } else if !claimed(rule, profile) {
-            (Verdict::NotApplicable, format!("the profile does not claim the set {:?}", rule.profile))
+            (
+                Verdict::NotApplicable,
+                format!("the profile does not claim the set {:?}", rule.profile),
+            )
         } else if let Some((_, reason)) = without {
             (Verdict::Skipped, (*reason).to_owned())
         } else {
@@ -101,11 +110,19 @@ impl Run<'_> {
         match Survey::make(&self.bench) {
             Ok(survey) => {
                 if survey.loss > WHOLE {
-                    self.remarks.push(format!("{:.0} % of round trips were lost on the network", survey.loss * 100.0));
+                    self.remarks.push(format!(
+                        "{:.0} % of round trips were lost on the network",
+                        survey.loss * 100.0
+                    ));
                 }
                 if let Some(occupied) = &survey.occupied {
-                    self.remarks.push(format!("not begun: {occupied}. Release it there, then run again"));
-                    return self.all(Verdict::Inconclusive, "not begun: another CUCS is in control");
+                    self.remarks.push(format!(
+                        "not begun: {occupied}. Release it there, then run again"
+                    ));
+                    return self.all(
+                        Verdict::Inconclusive,
+                        "not begun: another CUCS is in control",
+                    );
                 }
                 let _ = self.bench.survey.set(survey);
             }
@@ -115,16 +132,31 @@ impl Run<'_> {
                 return self.all(Verdict::Inconclusive, &reason);
             }
         }
-        if !self.bench.survey.get().is_some_and(|survey| survey.answered) {
-            let anything = self.bench.net.recording().datagrams.iter().any(|datagram| datagram.direction == Direction::Received);
+        if !self
+            .bench
+            .survey
+            .get()
+            .is_some_and(|survey| survey.answered)
+        {
+            let anything = self
+                .bench
+                .net
+                .recording()
+                .datagrams
+                .iter()
+                .any(|datagram| datagram.direction == Direction::Received);
             if !anything {
                 let reason = format!("nothing answered a discovery at {}", self.bench.address);
                 self.remarks.push(reason.clone());
                 return self.all(Verdict::Inconclusive, &reason);
             }
             // What came is no answer that can be read: the judges of passive rules say why.
-            self.remarks.push("datagrams came, but none was an answer to a discovery".into());
-            reports.extend(self.all(Verdict::Inconclusive, "no answer to a discovery that can be read as message 2"));
+            self.remarks
+                .push("datagrams came, but none was an answer to a discovery".into());
+            reports.extend(self.all(
+                Verdict::Inconclusive,
+                "no answer to a discovery that can be read as message 2",
+            ));
         } else {
             self.tour();
             reports.extend(self.scenes());
@@ -160,7 +192,8 @@ impl Run<'_> {
         let trial = Trial::new(&self.bench);
         let result = catch_unwind(AssertUnwindSafe(|| tour(&trial)));
         if let Ok(Err(Stop::Fail(reason) | Stop::Inconclusive(reason))) = result {
-            self.remarks.push(format!("the tour at the beginning ended early: {reason}"));
+            self.remarks
+                .push(format!("the tour at the beginning ended early: {reason}"));
         }
         let _ = trial.clean_up();
     }
@@ -193,8 +226,13 @@ impl Run<'_> {
                 self.judge(rule, scene, &mut report);
                 if report.verdict.is_fail() || report.verdict == Verdict::Inconclusive {
                     if !self.bench.net.interrupted() && !self.bench.alive() && !self.revived() {
-                        dead = Some(format!("the subject has answered no discovery since {}", rule.id));
-                        report.notes.push("the subject does not answer a discovery after it".into());
+                        dead = Some(format!(
+                            "the subject has answered no discovery since {}",
+                            rule.id
+                        ));
+                        report
+                            .notes
+                            .push("the subject does not answer a discovery after it".into());
                     }
                 }
             }
@@ -209,7 +247,9 @@ impl Run<'_> {
 
     /// Whether the profile's command brought the subject back.
     fn revived(&self) -> bool {
-        let Some(command) = &self.bench.profile.means.restart else { return false };
+        let Some(command) = &self.bench.profile.means.restart else {
+            return false;
+        };
         crate::means::shell(command).is_ok() && self.bench.alive()
     }
 
@@ -226,7 +266,10 @@ impl Run<'_> {
                 let again = self.attempt(rule, scene, report);
                 report.attempts.push(again.verdict);
                 if matches!(again.verdict, Verdict::Pass | Verdict::Warning) {
-                    judgement = Judgement::new(Verdict::Flaky, format!("fails at times: {}", judgement.reason));
+                    judgement = Judgement::new(
+                        Verdict::Flaky,
+                        format!("fails at times: {}", judgement.reason),
+                    );
                     break;
                 }
             }
@@ -246,7 +289,11 @@ impl Run<'_> {
         if loss > WHOLE && loss < SILENT {
             return Judgement::new(
                 Verdict::Inconclusive,
-                format!("the network loses {:.0} % of round trips, which may be the cause of: {}", loss * 100.0, judgement.reason),
+                format!(
+                    "the network loses {:.0} % of round trips, which may be the cause of: {}",
+                    loss * 100.0,
+                    judgement.reason
+                ),
             );
         }
         judgement
@@ -262,13 +309,24 @@ impl Run<'_> {
             },
             Ok(Err(stop)) => stop.judgement(),
             Err(panic) => {
-                let text = panic.downcast_ref::<String>().cloned().or(panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
-                Judgement::new(Verdict::Inconclusive, format!("a defect of the suite, not of the subject: {}", text.unwrap_or_default()))
+                let text = panic
+                    .downcast_ref::<String>()
+                    .cloned()
+                    .or(panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
+                Judgement::new(
+                    Verdict::Inconclusive,
+                    format!(
+                        "a defect of the suite, not of the subject: {}",
+                        text.unwrap_or_default()
+                    ),
+                )
             }
         };
         let end = self.bench.net.mark();
         if let Err(stop) = trial.clean_up() {
-            report.notes.push(format!("clean-up: {}", stop.judgement().reason));
+            report
+                .notes
+                .push(format!("clean-up: {}", stop.judgement().reason));
         }
         report.notes.extend(trial.notes());
         report.evidence = self.evidence(&trial, end, judgement.verdict == Verdict::Pass);
@@ -280,16 +338,28 @@ impl Run<'_> {
     fn evidence(&self, trial: &Trial, end: usize, passed: bool) -> Vec<serde_json::Value> {
         let recording = self.bench.net.recording();
         let end = end.min(recording.datagrams.len());
-        let wanted = if passed { MAX_EVIDENCE / 4 } else { MAX_EVIDENCE };
+        let wanted = if passed {
+            MAX_EVIDENCE / 4
+        } else {
+            MAX_EVIDENCE
+        };
         let messages: Vec<Arc<Seen>> = recording.datagrams[trial.mark.min(end)..end]
             .iter()
             .flat_map(|datagram| &datagram.messages)
-            .filter(|seen| !(seen.direction == Direction::Received && matches!(seen.kind(), 3001 | 3002 | 4000 | 4001)))
+            .filter(|seen| {
+                !(seen.direction == Direction::Received
+                    && matches!(seen.kind(), 3001 | 3002 | 4000 | 4001))
+            })
             .cloned()
             .collect();
         drop(recording);
         let skip = messages.len().saturating_sub(wanted);
-        let mut chosen: Vec<Arc<Seen>> = trial.cited().into_iter().take(wanted).chain(messages.into_iter().skip(skip)).collect();
+        let mut chosen: Vec<Arc<Seen>> = trial
+            .cited()
+            .into_iter()
+            .take(wanted)
+            .chain(messages.into_iter().skip(skip))
+            .collect();
         chosen.sort_by_key(|seen| seen.at);
         chosen.dedup_by(|a, b| Arc::ptr_eq(a, b));
         chosen.iter().map(|seen| seen.evidence()).collect()
@@ -303,26 +373,50 @@ impl Run<'_> {
             return not_applicable("judges a CUCS; the subject is a VSM".into());
         }
         if !rule.editions.contains(&profile.subject.edition) {
-            return not_applicable(format!("is not judged in Edition {}", profile.subject.edition));
+            return not_applicable(format!(
+                "is not judged in Edition {}",
+                profile.subject.edition
+            ));
         }
         if !claimed(rule, profile) {
-            return not_applicable(format!("the profile does not claim the set {:?}", rule.profile));
+            return not_applicable(format!(
+                "the profile does not claim the set {:?}",
+                rule.profile
+            ));
         }
         let survey = self.bench.survey.get()?;
         for need in &rule.needs {
             let missing = match need.as_str() {
                 "loi4" | "loi5" | "loi3" | "loi2" => {
                     let level = loi_bit(need);
-                    let claimed_level = survey.cucs.iter().any(|cucs| cucs.claimed.unwrap_or_default() & level != 0);
-                    (survey.with(level).is_empty() && !claimed_level).then(|| format!("needs a CUCS id that may have {}", need.to_uppercase()))
+                    let claimed_level = survey
+                        .cucs
+                        .iter()
+                        .any(|cucs| cucs.claimed.unwrap_or_default() & level != 0);
+                    (survey.with(level).is_empty() && !claimed_level)
+                        .then(|| format!("needs a CUCS id that may have {}", need.to_uppercase()))
                 }
-                "twocucs" => (survey.cucs.len() < 2).then(|| "needs two CUCS ids known to the subject".into()),
-                "override" => (!survey.cucs.iter().any(|cucs| cucs.overrides)).then(|| "needs a CUCS id that may override, marked so in the profile".into()),
-                "multivehicle" => (survey.vehicles.len() < 2).then(|| "needs two vehicles behind the subject".into()),
-                "payload" => survey.stations().is_empty().then(|| "needs a payload station; none is offered, and the profile claims none".into()),
-                "datalink" => (!survey.data_links).then(|| "needs a data link that the DLI controls; none answered a broadcast 28000".into()),
-                "restart" => profile.means.restart.is_none().then(|| "needs means.restart in the profile".into()),
-                "vehicle" | "airborne" => survey.vehicles.is_empty().then(|| "needs a vehicle".into()),
+                "twocucs" => (survey.cucs.len() < 2)
+                    .then(|| "needs two CUCS ids known to the subject".into()),
+                "override" => (!survey.cucs.iter().any(|cucs| cucs.overrides))
+                    .then(|| "needs a CUCS id that may override, marked so in the profile".into()),
+                "multivehicle" => (survey.vehicles.len() < 2)
+                    .then(|| "needs two vehicles behind the subject".into()),
+                "payload" => survey.stations().is_empty().then(|| {
+                    "needs a payload station; none is offered, and the profile claims none".into()
+                }),
+                "datalink" => (!survey.data_links).then(|| {
+                    "needs a data link that the DLI controls; none answered a broadcast 28000"
+                        .into()
+                }),
+                "restart" => profile
+                    .means
+                    .restart
+                    .is_none()
+                    .then(|| "needs means.restart in the profile".into()),
+                "vehicle" | "airborne" => {
+                    survey.vehicles.is_empty().then(|| "needs a vehicle".into())
+                }
                 _ => None,
             };
             if let Some(reason) = missing {
@@ -353,7 +447,10 @@ impl Run<'_> {
         let trial = Trial::new(&self.bench);
         let _ = catch_unwind(AssertUnwindSafe(|| -> Judged {
             let survey = self.bench.surveyed()?;
-            if !self.bench.net.interrupted() && self.options.hazards.contains(&Hazard::Ground) && !survey.with(loi::LOI4).is_empty() {
+            if !self.bench.net.interrupted()
+                && self.options.hazards.contains(&Hazard::Ground)
+                && !survey.with(loi::LOI4).is_empty()
+            {
                 let a = trial.a()?;
                 if a.take(loi::LOI4).is_ok() {
                     a.send(flight::transfer(1, "CLEAR"));
@@ -382,19 +479,28 @@ impl Run<'_> {
         };
         let edition = self.bench.profile.subject.edition.clone();
         for judge in passive::judges() {
-            let Some(rule) = self.catalogue.find(judge.rule).filter(|rule| self.wanted(rule)) else { continue };
+            let Some(rule) = self
+                .catalogue
+                .find(judge.rule)
+                .filter(|rule| self.wanted(rule))
+            else {
+                continue;
+            };
             if !rule.editions.contains(&edition) || !claimed(rule, &self.bench.profile) {
                 continue;
             }
             let (judgement, evidence) = judged_by(judge, &view);
             let judgement = judgement.at_level(rule.level, self.options.strict);
-            let index = reports.iter().position(|report| report.id == rule.id).unwrap_or_else(|| {
-                reports.push(RuleReport {
-                    verdict: Verdict::Skipped,
-                    ..RuleReport::new(rule, &edition)
+            let index = reports
+                .iter()
+                .position(|report| report.id == rule.id)
+                .unwrap_or_else(|| {
+                    reports.push(RuleReport {
+                        verdict: Verdict::Skipped,
+                        ..RuleReport::new(rule, &edition)
+                    });
+                    reports.len() - 1
                 });
-                reports.len() - 1
-            });
             let report = &mut reports[index];
             let not_seen = judgement.verdict == Verdict::Inconclusive;
             // Not seen in the traffic says nothing against what a scene has shown; two judges of one rule add up.
@@ -402,8 +508,14 @@ impl Run<'_> {
                 continue;
             }
             let before = Judgement::new(report.verdict, report.reason.clone());
-            let unjudged = report.verdict == Verdict::Inconclusive && report.reason.starts_with("not seen") || report.verdict == Verdict::Skipped && report.reason.is_empty();
-            let after = if unjudged { judgement.clone() } else { before.clone().and(judgement.clone()) };
+            let unjudged = report.verdict == Verdict::Inconclusive
+                && report.reason.starts_with("not seen")
+                || report.verdict == Verdict::Skipped && report.reason.is_empty();
+            let after = if unjudged {
+                judgement.clone()
+            } else {
+                before.clone().and(judgement.clone())
+            };
             if after != before {
                 (report.verdict, report.reason) = (after.verdict, after.reason);
                 report.evidence = evidence.iter().map(|seen| seen.evidence()).collect();
@@ -456,7 +568,9 @@ fn rank(rule: &Rule) -> (u8, String) {
     let airborne = rule.needs.iter().any(|need| need == "airborne");
     let rank = match rule.hazard {
         // What may kill a subject goes last.
-        _ if ["ROBUST-002", "ROBUST-004", "ROBUST-005", "LOAD-003"].contains(&rule.id.as_str()) => 20,
+        _ if ["ROBUST-002", "ROBUST-004", "ROBUST-005", "LOAD-003"].contains(&rule.id.as_str()) => {
+            20
+        }
         Hazard::Destructive => 21,
         _ if ["AUTH-018", "STAT-015", "LINK-004", "ALERT-002"].contains(&rule.id.as_str()) => 19,
         _ if airborne => 10,
@@ -469,10 +583,19 @@ fn tour(t: &Trial) -> Judged {
     let station = t.any()?;
     station.discover()?;
     let all = t.bench.surveyed()?.with(loi::LOI4);
-    let levels = if all.is_empty() { loi::LOI2 } else { loi::LOI2 | loi::LOI4 };
-    let granted = station.request(levels, Access::Request)?.raw("LOI Granted").unwrap_or_default();
+    let levels = if all.is_empty() {
+        loi::LOI2
+    } else {
+        loi::LOI2 | loi::LOI4
+    };
+    let granted = station
+        .request(levels, Access::Request)?
+        .raw("LOI Granted")
+        .unwrap_or_default();
     let mark = t.bench.net.mark();
-    for kind in [3, 3000, 3001, 3002, 3004, 3005, 3006, 3007, 3009, 3010, 4000, 4001, 43000] {
+    for kind in [
+        3, 3000, 3001, 3002, 3004, 3005, 3006, 3007, 3009, 3010, 4000, 4001, 43000,
+    ] {
         station.send(crate::bench::station::information_request(kind));
         t.pause(Duration::from_millis(20))?;
     }
@@ -485,7 +608,11 @@ fn tour(t: &Trial) -> Judged {
     );
     station.wait(mark, t.timers().config / 3, |seen| seen.kind() == 41005);
     if granted & loi::LOI4 != 0 {
-        station.send(Draft::new(2017).set("Loiter Radius", t.bench.fresh_radius()).acked());
+        station.send(
+            Draft::new(2017)
+                .set("Loiter Radius", t.bench.fresh_radius())
+                .acked(),
+        );
         station.query(3004)?;
         flight::download(t, &station, "TOUR")?;
         if let Ok(home) = flight::fix(t, &station) {

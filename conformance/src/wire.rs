@@ -57,7 +57,9 @@ impl Piece {
     /// The checksum that the message carries, and the one that it should.
     #[must_use]
     pub fn checksums(&self) -> (u64, u64) {
-        let (summed, sum) = self.bytes.split_at(self.bytes.len() - trailer(self.style()));
+        let (summed, sum) = self
+            .bytes
+            .split_at(self.bytes.len() - trailer(self.style()));
         (number(sum), number(&checksum(self.style(), summed)))
     }
 }
@@ -71,7 +73,9 @@ pub fn trailer(style: u8) -> usize {
 /// The checksum of this code over these bytes, as it goes on the wire.
 #[must_use]
 pub fn checksum(style: u8, bytes: &[u8]) -> Vec<u8> {
-    let sum = bytes.iter().fold(0_u32, |sum, &byte| sum.wrapping_add(byte.into()));
+    let sum = bytes
+        .iter()
+        .fold(0_u32, |sum, &byte| sum.wrapping_add(byte.into()));
     match style & 3 {
         0 => Vec::new(),
         1 => (sum as u16).to_be_bytes().to_vec(),
@@ -90,7 +94,9 @@ fn crc32(bytes: &[u8]) -> u32 {
 }
 
 fn number(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0, |value, &byte| value << 8 | u64::from(byte))
+    bytes
+        .iter()
+        .fold(0, |value, &byte| value << 8 | u64::from(byte))
 }
 
 /// The messages of a datagram, and why the rest of it is none.
@@ -101,7 +107,10 @@ pub fn split(datagram: &[u8]) -> (Vec<Piece>, Option<String>) {
     while !rest.is_empty() {
         let offset = datagram.len() - rest.len();
         if rest.len() < HEADER {
-            let fault = format!("{} bytes at offset {offset}, expected a header of {HEADER} bytes", rest.len());
+            let fault = format!(
+                "{} bytes at offset {offset}, expected a header of {HEADER} bytes",
+                rest.len()
+            );
             return (pieces, Some(fault));
         }
         let word = |at: usize| number(&rest[at..at + 2]) as u16;
@@ -163,14 +172,20 @@ pub struct Seen {
 impl Seen {
     /// A message with its fields.
     #[must_use]
-    pub fn new(at: Duration, wall_ms: u64, direction: Direction, socket: usize, piece: Piece) -> Self {
+    pub fn new(
+        at: Duration,
+        wall_ms: u64,
+        direction: Direction,
+        socket: usize,
+        piece: Piece,
+    ) -> Self {
         let info = table::message(piece.message_type);
         let fields = match info {
             Some(info) => table::walk(info, &piece.data)
                 .map(|step| step.map(|(field, bytes)| (field.name, bytes.to_vec())))
                 .collect(),
             None => Err(DecodeError::UnknownMessage {
-                message_type: piece.message_type,
+                message_type: piece.message_type.into(),
             }),
         };
         Self {
@@ -202,8 +217,14 @@ impl Seen {
         let info = field_of(self.info?, field);
         let bytes = self.fields.as_ref().ok()?.get(field)?;
         let (low, high) = info.wire.integers()?;
-        let value = bytes.iter().fold(0_i64, |value, &byte| value << 8 | i64::from(byte));
-        Some(if low < 0 && value > high { value - 2 * (high + 1) } else { value })
+        let value = bytes
+            .iter()
+            .fold(0_i64, |value, &byte| value << 8 | i64::from(byte));
+        Some(if low < 0 && value > high {
+            value - 2 * (high + 1)
+        } else {
+            value
+        })
     }
 
     /// The value of a field in the unit of the table.
@@ -266,8 +287,12 @@ pub fn hex(bytes: &[u8]) -> String {
 }
 
 fn field_of(info: &'static MessageInfo, name: &str) -> &'static FieldInfo {
-    info.field(name)
-        .unwrap_or_else(|| panic!("message {} has no field {name:?}: the rule is wrong", info.id))
+    info.field(name).unwrap_or_else(|| {
+        panic!(
+            "message {} has no field {name:?}: the rule is wrong",
+            info.id
+        )
+    })
 }
 
 /// A message being made. Fields are set by name, in SI units or raw; the header can be made wrong on purpose.
@@ -317,8 +342,12 @@ impl Draft {
     }
 
     fn info(&self) -> &'static MessageInfo {
-        table::message(self.message_type)
-            .unwrap_or_else(|| panic!("the table has no message {}: the rule is wrong", self.message_type))
+        table::message(self.message_type).unwrap_or_else(|| {
+            panic!(
+                "the table has no message {}: the rule is wrong",
+                self.message_type
+            )
+        })
     }
 
     /// Sets a field to a value in the unit of the table.
@@ -410,7 +439,8 @@ impl Draft {
         let reserved = self.reserved.unwrap_or(if idd == 30 { 0xFFFF } else { 0 });
         let length = self.length.unwrap_or(data.len() as u16);
         let ack = if self.ack { 0x8000 } else { 0 };
-        let properties = ack | u16::from(idd & 0x7F) << 8 | u16::from(style) << 6 | self.property_bits;
+        let properties =
+            ack | u16::from(idd & 0x7F) << 8 | u16::from(style) << 6 | self.property_bits;
         let mut out = Vec::with_capacity(HEADER + data.len() + 4);
         out.extend(reserved.to_be_bytes());
         out.extend(length.to_be_bytes());
@@ -453,7 +483,9 @@ mod tests {
     fn the_strict_codec_reads_the_same_bytes() {
         for style in 0..4 {
             let draft = Draft::new(3001).raw("Select Flight Path Control Mode", 12);
-            let bytes = draft.acked().encode(Id(0x1b00_0101), Id::BROADCAST, 32, style);
+            let bytes = draft
+                .acked()
+                .encode(Id(0x1b00_0101), Id::BROADCAST, 32, style);
             let frame = stanag_msgs::frames(&bytes).next().unwrap().unwrap();
             assert_eq!(frame.header.message_type, 3001);
             assert!(frame.header.ack_requested);

@@ -107,7 +107,11 @@ pub fn wrapped(angle: f64) -> f64 {
 /// A fail where no 4000 with a position comes, neither by itself nor on request.
 pub fn fix(t: &Trial, station: &Station) -> Judged<Fix> {
     let mark = t.bench.net.mark();
-    let next = |time| station.wait(mark, time, |seen| seen.kind() == 4000 && Fix::of(seen).is_some());
+    let next = |time| {
+        station.wait(mark, time, |seen| {
+            seen.kind() == 4000 && Fix::of(seen).is_some()
+        })
+    };
     let seen = match next(t.timers().answer) {
         Some(seen) => Some(seen),
         None => {
@@ -116,7 +120,9 @@ pub fn fix(t: &Trial, station: &Station) -> Judged<Fix> {
         }
     };
     let fix = seen.as_deref().and_then(Fix::of);
-    fix.ok_or_else(|| Stop::fail("expected 4000 with latitude, longitude and altitude; they are absent"))
+    fix.ok_or_else(|| {
+        Stop::fail("expected 4000 with latitude, longitude and altitude; they are absent")
+    })
 }
 
 /// Where the vehicle was first seen.
@@ -216,7 +222,14 @@ pub fn route_head(route: &str, first: i64, kind: i64) -> Draft {
 
 /// 13002 at this place, so many metres above home.
 #[must_use]
-pub fn waypoint(home: &Fix, number: i64, next: i64, latitude: f64, longitude: f64, up: f64) -> Draft {
+pub fn waypoint(
+    home: &Fix,
+    number: i64,
+    next: i64,
+    latitude: f64,
+    longitude: f64,
+    up: f64,
+) -> Draft {
     Draft::new(13002)
         .raw("Waypoint Number", number)
         .set("Waypoint to Latitude or Relative Y", latitude)
@@ -240,7 +253,11 @@ pub fn transfer(mode: i64, mission: &str) -> Draft {
 /// Sends a message so that it arrives on a network that loses some: with the acknowledgement bit, repeated as it is until
 /// something acknowledges it, at most three times.
 pub fn deliver(station: &Station, draft: Draft) {
-    let lossless = station.bench().survey.get().is_some_and(|survey| survey.loss == 0.0);
+    let lossless = station
+        .bench()
+        .survey
+        .get()
+        .is_some_and(|survey| survey.loss == 0.0);
     if lossless {
         station.send(draft);
         station.bench().net.pause(Duration::from_millis(2));
@@ -248,8 +265,13 @@ pub fn deliver(station: &Station, draft: Draft) {
     }
     let sent = station.send(draft.acked());
     for _ in 0..3 {
-        let acknowledged = |seen: &Seen| seen.kind() == 17000 && seen.raw("Original Message Time Stamp") == Some(sent.stamp);
-        if station.wait(sent.mark, Duration::from_millis(200), acknowledged).is_some() {
+        let acknowledged = |seen: &Seen| {
+            seen.kind() == 17000 && seen.raw("Original Message Time Stamp") == Some(sent.stamp)
+        };
+        if station
+            .wait(sent.mark, Duration::from_millis(200), acknowledged)
+            .is_some()
+        {
             return;
         }
         station.send_bytes(&sent.bytes);
@@ -271,8 +293,14 @@ pub struct Transfer {
 ///
 /// # Errors
 /// The operator stopped the run.
-pub fn run_transfer(t: &Trial, station: &Station, command: Draft, time: Duration) -> Judged<Transfer> {
-    let ended = |seen: &Seen| seen.kind() == 14000 && seen.raw("Status").is_some_and(|status| status != 0);
+pub fn run_transfer(
+    t: &Trial,
+    station: &Station,
+    command: Draft,
+    time: Duration,
+) -> Judged<Transfer> {
+    let ended =
+        |seen: &Seen| seen.kind() == 14000 && seen.raw("Status").is_some_and(|status| status != 0);
     let sent = station.send(command);
     let deadline = t.bench.net.now() + time;
     let mut end = None;
@@ -280,7 +308,11 @@ pub fn run_transfer(t: &Trial, station: &Station, command: Draft, time: Duration
     let mut repeated = 0;
     while end.is_none() && t.bench.net.now() < deadline {
         end = station.wait(sent.mark, t.timers().answer, ended);
-        begun |= !station.received(sent.mark, |seen| matches!(seen.kind(), 14000 | 13001 | 13002)).is_empty();
+        begun |= !station
+            .received(sent.mark, |seen| {
+                matches!(seen.kind(), 14000 | 13001 | 13002)
+            })
+            .is_empty();
         // Nothing at all within the answer time: the command may have been lost.
         if end.is_none() && !begun && repeated < 2 {
             repeated += 1;
@@ -302,7 +334,9 @@ pub fn run_transfer(t: &Trial, station: &Station, command: Draft, time: Duration
     Ok(Transfer {
         status: end.and_then(|seen| seen.raw("Status")),
         reports,
-        messages: station.received(sent.mark, |seen| matches!(seen.kind(), 13001..=13006 | 50001 | 50002)),
+        messages: station.received(sent.mark, |seen| {
+            matches!(seen.kind(), 13001..=13006 | 50001 | 50002)
+        }),
     })
 }
 
@@ -344,12 +378,19 @@ pub fn download(t: &Trial, station: &Station, mission: &str) -> Judged<Transfer>
 pub fn difference(plan: &Plan, found: &Transfer, bench: &super::trial::Bench) -> Option<String> {
     for sent in &plan.points {
         let number = field(sent, "Waypoint Number");
-        let same = |seen: &&Arc<Seen>| seen.kind() == sent.message_type && seen.raw("Waypoint Number") == number;
+        let same = |seen: &&Arc<Seen>| {
+            seen.kind() == sent.message_type && seen.raw("Waypoint Number") == number
+        };
         let Some(seen) = found.messages.iter().find(same) else {
-            return Some(format!("{} of waypoint {} is missing", sent.message_type, number.unwrap_or_default()));
+            return Some(format!(
+                "{} of waypoint {} is missing",
+                sent.message_type,
+                number.unwrap_or_default()
+            ));
         };
         for info in seen.info.map_or(&[][..], |info| info.fields) {
-            if ["Time Stamp", "Activity ID"].contains(&info.name) || info.wire.integers().is_none() {
+            if ["Time Stamp", "Activity ID"].contains(&info.name) || info.wire.integers().is_none()
+            {
                 continue;
             }
             let (expected, found) = (field(sent, info.name), seen.raw(info.name));
@@ -365,12 +406,26 @@ pub fn difference(plan: &Plan, found: &Transfer, bench: &super::trial::Bench) ->
             }
         }
     }
-    let expected = plan.points.iter().filter(|point| point.message_type == 13002).count();
-    let mut numbers: Vec<_> = found.messages.iter().filter(|seen| seen.kind() == 13002).filter_map(|seen| seen.raw("Waypoint Number")).collect();
+    let expected = plan
+        .points
+        .iter()
+        .filter(|point| point.message_type == 13002)
+        .count();
+    let mut numbers: Vec<_> = found
+        .messages
+        .iter()
+        .filter(|seen| seen.kind() == 13002)
+        .filter_map(|seen| seen.raw("Waypoint Number"))
+        .collect();
     numbers.sort_unstable();
     numbers.dedup();
     let _ = bench;
-    (numbers.len() != expected).then(|| format!("{} waypoints came back ({numbers:?}), expected {expected}", numbers.len()))
+    (numbers.len() != expected).then(|| {
+        format!(
+            "{} waypoints came back ({numbers:?}), expected {expected}",
+            numbers.len()
+        )
+    })
 }
 
 /// A field of a draft as on the wire.
@@ -387,7 +442,12 @@ pub fn field(draft: &Draft, name: &str) -> Option<i64> {
 ///
 /// # Errors
 /// A fail where no position comes; none where none is accepted in time.
-pub fn fly_until(t: &Trial, station: &Station, time: Duration, mut wanted: impl FnMut(&Fix) -> bool) -> Judged<Option<Fix>> {
+pub fn fly_until(
+    t: &Trial,
+    station: &Station,
+    time: Duration,
+    mut wanted: impl FnMut(&Fix) -> bool,
+) -> Judged<Option<Fix>> {
     let deadline = t.bench.net.now() + time;
     while t.bench.net.now() < deadline {
         let now = fix(t, station)?;
@@ -414,14 +474,21 @@ pub fn airborne(t: &Trial) -> Judged<Player> {
                 .raw("Altitude Type", home.altitude_type)
                 .acked(),
         );
-        let up = fly_until(t, &a, t.timers().flight, |fix| fix.altitude > home.altitude + 40.0).precondition("the launch")?;
+        let up = fly_until(t, &a, t.timers().flight, |fix| {
+            fix.altitude > home.altitude + 40.0
+        })
+        .precondition("the launch")?;
         if up.is_none() {
-            return Err(Stop::inconclusive("precondition \"in flight\" is not met: the vehicle did not climb after 2016 mode 21"));
+            return Err(Stop::inconclusive(
+                "precondition \"in flight\" is not met: the vehicle did not climb after 2016 mode 21",
+            ));
         }
     }
     let reached = hold(t, &a)?;
     if !reached {
-        return Err(Stop::inconclusive("precondition \"in flight, mode 12\" is not met: 3001 does not show mode 12"));
+        return Err(Stop::inconclusive(
+            "precondition \"in flight, mode 12\" is not met: 3001 does not show mode 12",
+        ));
     }
     Ok(a)
 }
@@ -454,8 +521,13 @@ pub fn land(t: &Trial) -> Judged<bool> {
         return Ok(true);
     }
     a.send(mode_command(mode::LAND));
-    let down = fly_until(t, &a, t.timers().flight, |fix| fix.altitude < home.altitude + 2.0)?;
+    let down = fly_until(t, &a, t.timers().flight, |fix| {
+        fix.altitude < home.altitude + 2.0
+    })?;
     // Disarming takes a moment after the touch.
-    t.pause(Duration::from_secs_f64(3.0 / t.bench.profile.figures.speed_factor.max(1.0)).max(Duration::from_millis(500)))?;
+    t.pause(
+        Duration::from_secs_f64(3.0 / t.bench.profile.figures.speed_factor.max(1.0))
+            .max(Duration::from_millis(500)),
+    )?;
     Ok(down.is_some())
 }

@@ -82,7 +82,9 @@ impl Net {
     /// Milliseconds since 2000 by the clock of this computer.
     #[must_use]
     pub fn wall_ms(&self) -> u64 {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let now = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or_default();
         (now.as_millis() as u64).saturating_sub(EPOCH_2000_S * 1000)
     }
 
@@ -90,7 +92,9 @@ impl Net {
     pub fn stamp(&self) -> i64 {
         let now = self.wall_ms();
         let next = |last: u64| Some(now.max(last + 1));
-        let last = self.last_stamp.fetch_update(Ordering::SeqCst, Ordering::SeqCst, next);
+        let last = self
+            .last_stamp
+            .fetch_update(Ordering::SeqCst, Ordering::SeqCst, next);
         now.max(last.unwrap_or_default() + 1) as i64
     }
 
@@ -108,7 +112,9 @@ impl Net {
 
     /// The recording, locked.
     pub fn recording(&self) -> MutexGuard<'_, Recording> {
-        self.recording.lock().unwrap_or_else(PoisonError::into_inner)
+        self.recording
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// How many datagrams there are: a mark to search from.
@@ -117,9 +123,18 @@ impl Net {
         self.recording().datagrams.len()
     }
 
-    fn record(&self, direction: Direction, socket: usize, local: SocketAddr, remote: SocketAddr, bytes: &[u8]) -> Vec<Arc<Seen>> {
+    fn record(
+        &self,
+        direction: Direction,
+        socket: usize,
+        local: SocketAddr,
+        remote: SocketAddr,
+        bytes: &[u8],
+    ) -> Vec<Arc<Seen>> {
         let at = self.now();
-        let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let wall = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or_default();
         let wall_ms = (wall.as_millis() as u64).saturating_sub(EPOCH_2000_S * 1000);
         let (pieces, fault) = wire::split(bytes);
         let messages: Vec<Arc<Seen>> = pieces
@@ -183,7 +198,9 @@ impl Net {
     pub fn pause(&self, time: Duration) {
         let deadline = self.now() + time;
         while !self.interrupted() && self.now() < deadline {
-            std::thread::sleep((deadline - self.now().min(deadline)).min(Duration::from_millis(20)));
+            std::thread::sleep(
+                (deadline - self.now().min(deadline)).min(Duration::from_millis(20)),
+            );
         }
     }
 }
@@ -208,8 +225,16 @@ impl Socket {
     ///
     /// # Errors
     /// The system has no socket, or no way to the address.
-    pub fn open(net: &Arc<Net>, remote: SocketAddr, acknowledge: impl Fn(&Seen) -> Option<Vec<u8>> + Send + 'static) -> io::Result<Self> {
-        let any: IpAddr = if remote.is_ipv4() { [0, 0, 0, 0].into() } else { [0_u16; 8].into() };
+    pub fn open(
+        net: &Arc<Net>,
+        remote: SocketAddr,
+        acknowledge: impl Fn(&Seen) -> Option<Vec<u8>> + Send + 'static,
+    ) -> io::Result<Self> {
+        let any: IpAddr = if remote.is_ipv4() {
+            [0, 0, 0, 0].into()
+        } else {
+            [0_u16; 8].into()
+        };
         // Which of our addresses goes there: a recording with 0.0.0.0 in it would not open as one conversation.
         let probe = UdpSocket::bind((any, 0))?;
         probe.connect(remote)?;
@@ -226,7 +251,9 @@ impl Socket {
                 while !closing.load(Ordering::SeqCst) {
                     // A refused datagram (ICMP) is an error of the next call: the subject may come back.
                     if let Ok((length, from)) = socket.recv_from(&mut buffer) {
-                        for seen in net.record(Direction::Received, number, local, from, &buffer[..length]) {
+                        for seen in
+                            net.record(Direction::Received, number, local, from, &buffer[..length])
+                        {
                             if let Some(answer) = acknowledge(&seen) {
                                 net.record(Direction::Sent, number, local, from, &answer);
                                 let _ = socket.send_to(&answer, from);
@@ -249,7 +276,8 @@ impl Socket {
 
     /// Sends a datagram. That the network refuses it (no listener, too long) is for the missing answer to show.
     pub fn send(&self, bytes: &[u8]) {
-        self.net.record(Direction::Sent, self.number, self.local, self.remote, bytes);
+        self.net
+            .record(Direction::Sent, self.number, self.local, self.remote, bytes);
         let _ = self.socket.send_to(bytes, self.remote);
     }
 

@@ -69,20 +69,28 @@ impl Station {
     /// # Errors
     /// The system has no socket for it.
     pub fn new(bench: &Arc<Bench>, id: Id, vehicle: Id) -> Judged<Self> {
-        let (net, idd, style) = (bench.net.clone(), bench.profile.idd(), bench.profile.subject.checksum);
+        let (net, idd, style) = (
+            bench.net.clone(),
+            bench.profile.idd(),
+            bench.profile.subject.checksum,
+        );
         let acknowledge = move |seen: &Seen| {
             let asked = seen.piece.ack() && seen.piece.destination == id && seen.kind() != 17000;
             asked.then(|| {
                 let draft = Draft::new(17000)
                     .raw("Time Stamp", net.stamp())
-                    .raw("Original Message Time Stamp", seen.stamp().unwrap_or_default())
+                    .raw(
+                        "Original Message Time Stamp",
+                        seen.stamp().unwrap_or_default(),
+                    )
                     .raw("Original Message Type", seen.kind().into())
                     .raw("Acknowledgement Type", 1);
                 draft.encode(id, seen.piece.source, idd, style)
             })
         };
-        let socket = Socket::open(&bench.net, bench.address, acknowledge)
-            .map_err(|error| Stop::inconclusive(format!("no socket to {}: {error}", bench.address)))?;
+        let socket = Socket::open(&bench.net, bench.address, acknowledge).map_err(|error| {
+            Stop::inconclusive(format!("no socket to {}: {error}", bench.address))
+        })?;
         Ok(Self {
             bench: bench.clone(),
             id,
@@ -107,7 +115,12 @@ impl Station {
     #[must_use]
     pub fn encode(&self, draft: &Draft) -> Vec<u8> {
         let profile = &self.bench.profile;
-        draft.encode(self.id, self.vehicle, profile.idd(), profile.subject.checksum)
+        draft.encode(
+            self.id,
+            self.vehicle,
+            profile.idd(),
+            profile.subject.checksum,
+        )
     }
 
     /// Sends bytes as they are.
@@ -143,7 +156,8 @@ impl Station {
     pub fn stamped(&self, draft: Draft) -> Draft {
         let known = stanag_msgs::table::message(draft.message_type)
             .is_some_and(|info| info.field("Time Stamp").is_some());
-        if !known || draft.data.is_some() || draft.has("Time Stamp") || draft.message_type == 50001 {
+        if !known || draft.data.is_some() || draft.has("Time Stamp") || draft.message_type == 50001
+        {
             return draft;
         }
         let stamp = self.bench.net.stamp();
@@ -157,7 +171,11 @@ impl Station {
                 0,
                 Direction::Sent,
                 0,
-                crate::wire::split(&bytes).0.into_iter().next().unwrap_or_else(|| empty_piece(draft)),
+                crate::wire::split(&bytes)
+                    .0
+                    .into_iter()
+                    .next()
+                    .unwrap_or_else(|| empty_piece(draft)),
             )
             .stamp()
             .unwrap_or_default(),
@@ -182,11 +200,16 @@ impl Station {
     }
 
     /// The first message to this station after `mark` that `wanted` accepts, within `time`.
-    pub fn wait(&self, mark: usize, time: Duration, mut wanted: impl FnMut(&Seen) -> bool) -> Option<Arc<Seen>> {
+    pub fn wait(
+        &self,
+        mark: usize,
+        time: Duration,
+        mut wanted: impl FnMut(&Seen) -> bool,
+    ) -> Option<Arc<Seen>> {
         let deadline = self.bench.net.now() + time;
-        self.bench
-            .net
-            .wait(mark, deadline, |datagram, seen| self.mine(datagram, seen) && wanted(seen))
+        self.bench.net.wait(mark, deadline, |datagram, seen| {
+            self.mine(datagram, seen) && wanted(seen)
+        })
     }
 
     /// All messages to this station since `mark` that `wanted` accepts.
@@ -204,7 +227,11 @@ impl Station {
     ///
     /// # Errors
     /// The operator stopped the run.
-    pub fn collect(&self, time: Duration, wanted: impl FnMut(&Seen) -> bool) -> Judged<Vec<Arc<Seen>>> {
+    pub fn collect(
+        &self,
+        time: Duration,
+        wanted: impl FnMut(&Seen) -> bool,
+    ) -> Judged<Vec<Arc<Seen>>> {
         let mark = self.bench.net.mark();
         self.pause(time)?;
         Ok(self.received(mark, wanted))
@@ -216,14 +243,24 @@ impl Station {
     /// The operator stopped the run.
     pub fn pause(&self, time: Duration) -> Judged {
         self.bench.net.pause(time);
-        if self.bench.net.interrupted() { Err(Stop::Interrupted) } else { Ok(()) }
+        if self.bench.net.interrupted() {
+            Err(Stop::Interrupted)
+        } else {
+            Ok(())
+        }
     }
 
     /// Sends a message up to three times, the same bytes, until an answer comes.
     ///
     /// # Errors
     /// A fail where none comes: `expected` names the answer.
-    pub fn ask(&self, draft: Draft, time: Duration, expected: &str, mut wanted: impl FnMut(&Seen) -> bool) -> Judged<Arc<Seen>> {
+    pub fn ask(
+        &self,
+        draft: Draft,
+        time: Duration,
+        expected: &str,
+        mut wanted: impl FnMut(&Seen) -> bool,
+    ) -> Judged<Arc<Seen>> {
         let sent = self.send(draft);
         for attempt in 0..3 {
             if attempt > 0 {
@@ -255,7 +292,10 @@ impl Station {
             if attempt > 0 {
                 self.send_bytes(&sent.bytes);
             }
-            if self.wait(sent.mark, answer, |seen| seen.kind() == 2).is_some() {
+            if self
+                .wait(sent.mark, answer, |seen| seen.kind() == 2)
+                .is_some()
+            {
                 // Other vehicles answer at about the same time.
                 self.pause(Duration::from_millis(300).min(answer))?;
                 return Ok(self.received(sent.mark, |seen| seen.kind() == 2));
@@ -284,7 +324,11 @@ impl Station {
             authorisation(levels, access).raw("Controlled Station 1-16", station),
             self.bench.timers.answer,
             "an authorisation response (2)",
-            |seen| seen.kind() == 2 && seen.piece.source == self.vehicle && seen.piece.destination == self.id,
+            |seen| {
+                seen.kind() == 2
+                    && seen.piece.source == self.vehicle
+                    && seen.piece.destination == self.id
+            },
         )
     }
 
@@ -299,9 +343,13 @@ impl Station {
             return Ok(answer);
         }
         // A release that is being carried out, or a busy disk, may be answered by the state before.
-        let late = self.wait(self.bench.net.mark(), self.bench.timers.answer / 2, |seen| {
-            seen.kind() == 2 && seen.raw("LOI Granted").unwrap_or_default() & levels == levels
-        });
+        let late = self.wait(
+            self.bench.net.mark(),
+            self.bench.timers.answer / 2,
+            |seen| {
+                seen.kind() == 2 && seen.raw("LOI Granted").unwrap_or_default() & levels == levels
+            },
+        );
         late.ok_or_else(|| {
             Stop::fail(format!(
                 "expected message 2 with LOI Granted 0x{levels:02x} for {}; got 0x{granted:02x} (authorised 0x{:02x})",
@@ -324,10 +372,17 @@ impl Station {
     /// # Errors
     /// A fail where it does not come.
     pub fn query(&self, kind: u16) -> Judged<Arc<Seen>> {
-        let time = if kind == 3000 { self.bench.timers.config.min(5 * self.bench.timers.answer) } else { self.bench.timers.answer };
-        self.ask(information_request(kind), time, &format!("message {kind}"), |seen| {
-            seen.kind() == kind && seen.piece.source == self.vehicle
-        })
+        let time = if kind == 3000 {
+            self.bench.timers.config.min(5 * self.bench.timers.answer)
+        } else {
+            self.bench.timers.answer
+        };
+        self.ask(
+            information_request(kind),
+            time,
+            &format!("message {kind}"),
+            |seen| seen.kind() == kind && seen.piece.source == self.vehicle,
+        )
     }
 
     /// Sets the loiter radius: a setting without effect on a vehicle that does not loiter, by which the suite sees whose
@@ -351,7 +406,10 @@ impl Station {
     pub fn radius_becomes(&self, radius_m: f64) -> Judged<bool> {
         let deadline = self.bench.net.now() + self.bench.timers.answer;
         loop {
-            if self.radius()?.is_some_and(|found| (found - radius_m).abs() < 0.8) {
+            if self
+                .radius()?
+                .is_some_and(|found| (found - radius_m).abs() < 0.8)
+            {
                 return Ok(true);
             }
             if self.bench.net.now() >= deadline {

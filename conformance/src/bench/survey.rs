@@ -64,7 +64,13 @@ pub struct CucsFound {
 /// LOI numbers as bits.
 #[must_use]
 pub fn bits(levels: &[u8]) -> i64 {
-    levels.iter().fold(0, |bits, &level| bits | if (2..=5).contains(&level) { 1 << (level - 2) } else { 0 })
+    levels.iter().fold(0, |bits, &level| {
+        bits | if (2..=5).contains(&level) {
+            1 << (level - 2)
+        } else {
+            0
+        }
+    })
 }
 
 impl Survey {
@@ -96,7 +102,9 @@ impl Survey {
         }
         for claim in &bench.profile.vehicle {
             if let Ok(id) = claim.id.parse() {
-                let stations = claim.stations.iter().flatten().fold(0, |bits, &station| bits | 1_i64 << (station.clamp(1, 16) - 1));
+                let stations = claim.stations.iter().flatten().fold(0, |bits, &station| {
+                    bits | 1_i64 << (station.clamp(1, 16) - 1)
+                });
                 survey.vehicles.push(VehicleFound {
                     id,
                     kind: 0,
@@ -157,7 +165,13 @@ impl Survey {
     }
 
     fn look_at_vehicles(&mut self, bench: &Arc<Bench>) -> Judged {
-        let (Some(vehicle), Some(first)) = (self.vehicles.first_mut(), self.cucs.iter().find(|cucs| cucs.authorised & loi::LOI4 != 0).or(self.cucs.first())) else {
+        let (Some(vehicle), Some(first)) = (
+            self.vehicles.first_mut(),
+            self.cucs
+                .iter()
+                .find(|cucs| cucs.authorised & loi::LOI4 != 0)
+                .or(self.cucs.first()),
+        ) else {
             return Ok(());
         };
         let station = Station::new(bench, first.id, vehicle.id)?;
@@ -187,10 +201,16 @@ impl Survey {
                 .id("Data Link ID", Id::BROADCAST)
                 .raw("Control Assignment Request", 0),
         );
-        if let Some(found) = station.wait(mark, bench.timers.answer / 2, |seen| seen.kind() == 21000) {
-            vehicle.stations |= found.raw("Payload Stations Available 1-16").unwrap_or_default();
+        if let Some(found) =
+            station.wait(mark, bench.timers.answer / 2, |seen| seen.kind() == 21000)
+        {
+            vehicle.stations |= found
+                .raw("Payload Stations Available 1-16")
+                .unwrap_or_default();
         }
-        self.data_links = !station.received(mark, |seen| seen.kind() == 28001).is_empty();
+        self.data_links = !station
+            .received(mark, |seen| seen.kind() == 28001)
+            .is_empty();
         let _ = station.request(0x0F, Access::Release);
         Ok(())
     }
@@ -204,7 +224,11 @@ impl Survey {
     /// Ids that may have these levels, those without override first.
     #[must_use]
     pub fn with(&self, levels: i64) -> Vec<&CucsFound> {
-        let mut found: Vec<_> = self.cucs.iter().filter(|cucs| (cucs.authorised | cucs.claimed.unwrap_or_default()) & levels == levels).collect();
+        let mut found: Vec<_> = self
+            .cucs
+            .iter()
+            .filter(|cucs| (cucs.authorised | cucs.claimed.unwrap_or_default()) & levels == levels)
+            .collect();
         found.sort_by_key(|cucs| cucs.overrides);
         found
     }
@@ -213,7 +237,9 @@ impl Survey {
     #[must_use]
     pub fn stations(&self) -> BTreeSet<u8> {
         let bits = self.vehicle().map_or(0, |vehicle| vehicle.stations);
-        (1..=16).filter(|station| bits >> (station - 1) & 1 == 1).collect()
+        (1..=16)
+            .filter(|station| bits >> (station - 1) & 1 == 1)
+            .collect()
     }
 }
 
@@ -229,7 +255,12 @@ fn round_trip_loss(station: &Station) -> Judged<f64> {
     }
     station.pause(std::time::Duration::from_millis(300))?;
     let vehicle = station.vehicle;
-    let answered = station.received(mark, |seen| seen.kind() == 2 && seen.piece.source == vehicle).len().min(TRIPS);
+    let answered = station
+        .received(mark, |seen| {
+            seen.kind() == 2 && seen.piece.source == vehicle
+        })
+        .len()
+        .min(TRIPS);
     Ok((TRIPS - answered) as f64 / TRIPS as f64)
 }
 
@@ -239,6 +270,8 @@ impl Bench {
     /// # Errors
     /// None was made: nothing answered.
     pub fn surveyed(&self) -> Judged<&Survey> {
-        self.survey.get().ok_or_else(|| Stop::inconclusive("the subject answered no discovery"))
+        self.survey
+            .get()
+            .ok_or_else(|| Stop::inconclusive("the subject answered no discovery"))
     }
 }

@@ -48,7 +48,12 @@ impl Timers {
     pub fn new(catalogue: &Catalogue, profile: &Profile) -> Self {
         let factor = profile.timers.get("factor").copied().unwrap_or(1.0);
         let of = |name: &str| {
-            let seconds = profile.timers.get(name).or(catalogue.timers.get(name)).copied().unwrap_or(2.0);
+            let seconds = profile
+                .timers
+                .get(name)
+                .or(catalogue.timers.get(name))
+                .copied()
+                .unwrap_or(2.0);
             Duration::from_secs_f64(seconds * factor)
         };
         let speed = profile.figures.speed_factor.max(0.1);
@@ -107,10 +112,16 @@ impl Bench {
     /// Whether a discovery is answered.
     #[must_use]
     pub fn alive(self: &Arc<Self>) -> bool {
-        let Some(survey) = self.survey.get() else { return false };
-        let Some(cucs) = survey.cucs.first() else { return false };
+        let Some(survey) = self.survey.get() else {
+            return false;
+        };
+        let Some(cucs) = survey.cucs.first() else {
+            return false;
+        };
         let vehicle = survey.vehicle().map_or(Id::BROADCAST, |vehicle| vehicle.id);
-        let Ok(station) = Station::new(self, cucs.id, vehicle) else { return false };
+        let Ok(station) = Station::new(self, cucs.id, vehicle) else {
+            return false;
+        };
         if survey.broadcast && station.discover().is_ok_and(|found| !found.is_empty()) {
             return true;
         }
@@ -178,14 +189,23 @@ impl Trial {
     /// # Errors
     /// The fail, with the reason.
     pub fn expect(&self, holds: bool, reason: impl FnOnce() -> String) -> Judged {
-        if holds { Ok(()) } else { Err(Stop::Fail(reason())) }
+        if holds {
+            Ok(())
+        } else {
+            Err(Stop::Fail(reason()))
+        }
     }
 
     /// Fails with this message as evidence unless `holds`.
     ///
     /// # Errors
     /// The fail, with the reason.
-    pub fn expect_of(&self, seen: &Arc<Seen>, holds: bool, reason: impl FnOnce() -> String) -> Judged {
+    pub fn expect_of(
+        &self,
+        seen: &Arc<Seen>,
+        holds: bool,
+        reason: impl FnOnce() -> String,
+    ) -> Judged {
         self.cite(seen);
         self.expect(holds, reason)
     }
@@ -196,7 +216,11 @@ impl Trial {
     /// The operator stopped the run.
     pub fn pause(&self, time: Duration) -> Judged {
         self.bench.net.pause(time);
-        if self.bench.net.interrupted() { Err(Stop::Interrupted) } else { Ok(()) }
+        if self.bench.net.interrupted() {
+            Err(Stop::Interrupted)
+        } else {
+            Ok(())
+        }
     }
 
     /// What was remarked.
@@ -223,10 +247,9 @@ impl Trial {
     /// None was offered.
     pub fn vehicle(&self) -> Judged<Id> {
         let survey = self.bench.surveyed()?;
-        survey
-            .vehicle()
-            .map(|vehicle| vehicle.id)
-            .ok_or_else(|| Stop::not_applicable("no vehicle was offered, and the profile names none"))
+        survey.vehicle().map(|vehicle| vehicle.id).ok_or_else(|| {
+            Stop::not_applicable("no vehicle was offered, and the profile names none")
+        })
     }
 
     /// A station with this id, from a port of its own.
@@ -272,9 +295,17 @@ impl Trial {
     /// There is none.
     pub fn c(&self) -> Judged<Player> {
         let survey = self.bench.surveyed()?;
-        let taken: Vec<Id> = survey.with(loi::LOI4).iter().take(2).map(|cucs| cucs.id).collect();
+        let taken: Vec<Id> = survey
+            .with(loi::LOI4)
+            .iter()
+            .take(2)
+            .map(|cucs| cucs.id)
+            .collect();
         let third = survey.cucs.iter().find(|cucs| !taken.contains(&cucs.id));
-        third.map_or_else(|| Err(Stop::not_applicable("needs a third CUCS id")), |cucs| self.station(cucs.id))
+        third.map_or_else(
+            || Err(Stop::not_applicable("needs a third CUCS id")),
+            |cucs| self.station(cucs.id),
+        )
     }
 
     /// Any known CUCS, for rules that need no right.
@@ -283,9 +314,17 @@ impl Trial {
     /// There is none.
     pub fn any(&self) -> Judged<Player> {
         let found = self.bench.surveyed()?.with(loi::LOI4);
-        match found.first().map(|cucs| cucs.id).or(self.bench.surveyed()?.cucs.first().map(|cucs| cucs.id)) {
+        match found.first().map(|cucs| cucs.id).or(self
+            .bench
+            .surveyed()?
+            .cucs
+            .first()
+            .map(|cucs| cucs.id))
+        {
             Some(id) => self.station(id),
-            None => Err(Stop::inconclusive("the subject offers LOI 0 to every CUCS id that was tried; name an id that it knows in the profile")),
+            None => Err(Stop::inconclusive(
+                "the subject offers LOI 0 to every CUCS id that was tried; name an id that it knows in the profile",
+            )),
         }
     }
 
@@ -294,8 +333,17 @@ impl Trial {
     /// # Errors
     /// There is none: `what` is named.
     pub fn find(&self, what: &str, wanted: impl Fn(&CucsFound) -> bool) -> Judged<Player> {
-        let found = self.bench.surveyed()?.cucs.iter().find(|cucs| wanted(cucs)).map(|cucs| cucs.id);
-        found.map_or_else(|| Err(Stop::not_applicable(format!("needs {what}"))), |id| self.station(id))
+        let found = self
+            .bench
+            .surveyed()?
+            .cucs
+            .iter()
+            .find(|cucs| wanted(cucs))
+            .map(|cucs| cucs.id);
+        found.map_or_else(
+            || Err(Stop::not_applicable(format!("needs {what}"))),
+            |id| self.station(id),
+        )
     }
 
     /// A CUCS id that the subject cannot know.
@@ -303,8 +351,17 @@ impl Trial {
     /// # Errors
     /// There is no socket.
     pub fn stranger(&self) -> Judged<Player> {
-        let known: Vec<Id> = self.bench.surveyed()?.cucs.iter().map(|cucs| cucs.id).collect();
-        let id = (0x1b00_7701..).map(Id).find(|id| !known.contains(id)).unwrap_or(Id(0x1b00_7701));
+        let known: Vec<Id> = self
+            .bench
+            .surveyed()?
+            .cucs
+            .iter()
+            .map(|cucs| cucs.id)
+            .collect();
+        let id = (0x1b00_7701..)
+            .map(Id)
+            .find(|id| !known.contains(id))
+            .unwrap_or(Id(0x1b00_7701));
         self.station(id)
     }
 
@@ -343,7 +400,10 @@ impl Trial {
     /// # Errors
     /// Inconclusive where they are not granted.
     pub fn grant(&self, station: &Station, levels: i64) -> Judged {
-        station.take(levels).precondition("control is granted").map(|_| ())
+        station
+            .take(levels)
+            .precondition("control is granted")
+            .map(|_| ())
     }
 
     /// Everything received in this trial that `wanted` accepts, by any station.
@@ -366,19 +426,36 @@ impl Trial {
     pub fn clean_up(&self) -> Judged {
         let sent: Vec<(usize, i64)> = {
             let recording = self.bench.net.recording();
-            let messages = recording.datagrams[self.mark..].iter().flat_map(|datagram| &datagram.messages);
+            let messages = recording.datagrams[self.mark..]
+                .iter()
+                .flat_map(|datagram| &datagram.messages);
             messages
                 .filter(|seen| seen.direction == Direction::Sent && seen.kind() == 17001)
                 .filter(|seen| seen.raw("Frequency").is_some_and(|hertz| hertz > 0))
-                .map(|seen| (seen.socket, seen.raw("Requested Message Type").unwrap_or_default()))
+                .map(|seen| {
+                    (
+                        seen.socket,
+                        seen.raw("Requested Message Type").unwrap_or_default(),
+                    )
+                })
                 .collect()
         };
-        let known: Vec<Id> = self.bench.surveyed()?.cucs.iter().map(|cucs| cucs.id).collect();
+        let known: Vec<Id> = self
+            .bench
+            .surveyed()?
+            .cucs
+            .iter()
+            .map(|cucs| cucs.id)
+            .collect();
         let mut released = Vec::new();
         // The latest socket of an id is where its rights are.
         for player in self.players.borrow().iter().rev() {
             for (_, kind) in sent.iter().filter(|(socket, _)| *socket == player.socket()) {
-                player.send(Draft::new(17001).raw("Requested Message Type", *kind).raw("Frequency", 0));
+                player.send(
+                    Draft::new(17001)
+                        .raw("Requested Message Type", *kind)
+                        .raw("Frequency", 0),
+                );
             }
             if released.contains(&player.id) || !known.contains(&player.id) {
                 continue;
@@ -390,7 +467,10 @@ impl Trial {
                 let answer = player.release()?;
                 let granted = answer.raw("LOI Granted").unwrap_or_default();
                 if granted & 0x0F != 0 {
-                    return Err(Stop::fail(format!("{} still holds LOI 0x{granted:02x} after its release", player.id)));
+                    return Err(Stop::fail(format!(
+                        "{} still holds LOI 0x{granted:02x} after its release",
+                        player.id
+                    )));
                 }
             }
         }

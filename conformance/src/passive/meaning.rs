@@ -7,17 +7,50 @@ use stanag_msgs::Id;
 use super::{Found, Judge, View};
 
 pub(super) const JUDGES: &[Judge] = &[
-    Judge { rule: "DISC-010", judge: form_of_ids },
-    Judge { rule: "AUTH-011", judge: never_more_than_authorised },
-    Judge { rule: "HB-001", judge: heartbeat_at_1_hz },
-    Judge { rule: "ALERT-001", judge: first_alert_negative_update_positive },
-    Judge { rule: "ALERT-003", judge: values_and_text_of_an_alert },
-    Judge { rule: "ALERT-005", judge: no_storms },
-    Judge { rule: "ACK-002", judge: no_acknowledgement_unasked },
-    Judge { rule: "ACK-003", judge: acknowledgements_are_not_acknowledged },
-    Judge { rule: "ROUTE-012", judge: progress_is_between_0_and_100 },
-    Judge { rule: "CONF-007", judge: limits_make_sense },
-    Judge { rule: "CONF-003", judge: generic_lists_are_not_altered },
+    Judge {
+        rule: "DISC-010",
+        judge: form_of_ids,
+    },
+    Judge {
+        rule: "AUTH-011",
+        judge: never_more_than_authorised,
+    },
+    Judge {
+        rule: "HB-001",
+        judge: heartbeat_at_1_hz,
+    },
+    Judge {
+        rule: "ALERT-001",
+        judge: first_alert_negative_update_positive,
+    },
+    Judge {
+        rule: "ALERT-003",
+        judge: values_and_text_of_an_alert,
+    },
+    Judge {
+        rule: "ALERT-005",
+        judge: no_storms,
+    },
+    Judge {
+        rule: "ACK-002",
+        judge: no_acknowledgement_unasked,
+    },
+    Judge {
+        rule: "ACK-003",
+        judge: acknowledgements_are_not_acknowledged,
+    },
+    Judge {
+        rule: "ROUTE-012",
+        judge: progress_is_between_0_and_100,
+    },
+    Judge {
+        rule: "CONF-007",
+        judge: limits_make_sense,
+    },
+    Judge {
+        rule: "CONF-003",
+        judge: generic_lists_are_not_altered,
+    },
 ];
 
 fn form_of_ids(view: &View<'_>, found: &mut Found) {
@@ -29,10 +62,18 @@ fn form_of_ids(view: &View<'_>, found: &mut Found) {
         for (place, id) in ids {
             let owner = id.owner();
             let broadcast_source = place == "source" && owner == 0xFF;
-            found.check(seen, !broadcast_source, || format!("expected an id of its own as source of message {}, got {id}", seen.kind()));
+            found.check(seen, !broadcast_source, || {
+                format!(
+                    "expected an id of its own as source of message {}, got {id}",
+                    seen.kind()
+                )
+            });
             let listed = matches!(owner, 0..=27 | 100..=119) || id == Id::NULL;
             if !listed && !broadcast_source {
-                found.warn(seen, format!("{place} {id} begins with owner code {owner}, which the table lacks"));
+                found.warn(
+                    seen,
+                    format!("{place} {id} begins with owner code {owner}, which the table lacks"),
+                );
             }
         }
     }
@@ -40,8 +81,16 @@ fn form_of_ids(view: &View<'_>, found: &mut Found) {
 
 fn never_more_than_authorised(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.kind() == 2) {
-        let (Some(granted), Some(authorised)) = (seen.raw("LOI Granted"), seen.raw("LOI Authorized")) else { continue };
-        found.check(seen, granted & !authorised == 0, || format!("expected LOI Granted within LOI Authorised 0x{authorised:02x}, got 0x{granted:02x}"));
+        let (Some(granted), Some(authorised)) =
+            (seen.raw("LOI Granted"), seen.raw("LOI Authorized"))
+        else {
+            continue;
+        };
+        found.check(seen, granted & !authorised == 0, || {
+            format!(
+                "expected LOI Granted within LOI Authorised 0x{authorised:02x}, got 0x{granted:02x}"
+            )
+        });
     }
 }
 
@@ -53,7 +102,9 @@ fn heartbeat_at_1_hz(view: &View<'_>, found: &mut Found) {
             let gap = (seen.at.saturating_sub(before)).as_secs_f64();
             // Several groups and a reconnection make gaps that are no rate.
             if gap < 3.0 {
-                found.check(seen, (0.8..=1.2).contains(&gap), || format!("expected heartbeats 0.8 to 1.2 s apart, got {gap:.2} s"));
+                found.check(seen, (0.8..=1.2).contains(&gap), || {
+                    format!("expected heartbeats 0.8 to 1.2 s apart, got {gap:.2} s")
+                });
             }
         }
     }
@@ -64,15 +115,21 @@ fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
     let mut open: BTreeMap<(u32, usize), BTreeSet<i64>> = BTreeMap::new();
     let mut first: BTreeMap<(u32, usize, i64), Vec<u8>> = BTreeMap::new();
     for seen in view.messages().filter(|seen| seen.kind() == 16000) {
-        let Some(id) = seen.raw("Alert (Warning) ID") else { continue };
+        let Some(id) = seen.raw("Alert (Warning) ID") else {
+            continue;
+        };
         let receiver = (seen.piece.destination.0, seen.socket);
         let known = open.entry(receiver).or_default();
         if id < 0 {
             let again = !known.insert(-id);
             // The same bytes again are a repetition of the network or of the sender, not a new alert.
-            let same = first.get(&(receiver.0, receiver.1, id)).is_some_and(|bytes| *bytes == seen.piece.bytes);
+            let same = first
+                .get(&(receiver.0, receiver.1, id))
+                .is_some_and(|bytes| *bytes == seen.piece.bytes);
             first.insert((receiver.0, receiver.1, id), seen.piece.bytes.clone());
-            found.check(seen, !again || same, || format!("expected a new negative id for a new alert; {id} was used before"));
+            found.check(seen, !again || same, || {
+                format!("expected a new negative id for a new alert; {id} was used before")
+            });
         } else {
             // A receiver that joined later, or that lost the first one, sees an update only.
             let elsewhere = open.values().any(|ids| ids.contains(&id));
@@ -85,16 +142,33 @@ fn values_and_text_of_an_alert(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.kind() == 16000) {
         for (field, high) in [("Priority", 5), ("Type", 3)] {
             if let Some(value) = seen.raw(field) {
-                found.check(seen, (0..=high).contains(&value), || format!("expected {field} 0 to {high}, got {value}"));
+                found.check(seen, (0..=high).contains(&value), || {
+                    format!("expected {field} 0 to {high}, got {value}")
+                });
             }
         }
         if let Some(subsystem) = seen.raw("Subsystem ID") {
-            found.check(seen, matches!(subsystem, 0..=11 | 20..=31), || format!("expected a defined subsystem, got {subsystem}"));
+            found.check(seen, matches!(subsystem, 0..=11 | 20..=31), || {
+                format!("expected a defined subsystem, got {subsystem}")
+            });
         }
-        let ended = seen.fields.as_ref().ok().and_then(|fields| fields.get("Text")).is_none_or(|text| text.contains(&0));
-        found.check(seen, ended, || "expected the text to end in NUL within its 80 bytes".into());
-        if seen.raw("Subsystem State Report Reference").is_some_and(|reference| reference < -1) {
-            found.fail(seen, "expected -1 as report reference where nothing more can be asked, got less");
+        let ended = seen
+            .fields
+            .as_ref()
+            .ok()
+            .and_then(|fields| fields.get("Text"))
+            .is_none_or(|text| text.contains(&0));
+        found.check(seen, ended, || {
+            "expected the text to end in NUL within its 80 bytes".into()
+        });
+        if seen
+            .raw("Subsystem State Report Reference")
+            .is_some_and(|reference| reference < -1)
+        {
+            found.fail(
+                seen,
+                "expected -1 as report reference where nothing more can be asked, got less",
+            );
         }
     }
 }
@@ -102,11 +176,20 @@ fn values_and_text_of_an_alert(view: &View<'_>, found: &mut Found) {
 fn no_storms(view: &View<'_>, found: &mut Found) {
     let mut times: BTreeMap<(u32, usize, String), Vec<f64>> = BTreeMap::new();
     for seen in view.messages().filter(|seen| seen.kind() == 16000) {
-        let key = (seen.piece.destination.0, seen.socket, seen.text("Text").unwrap_or_default());
+        let key = (
+            seen.piece.destination.0,
+            seen.socket,
+            seen.text("Text").unwrap_or_default(),
+        );
         let times = times.entry(key).or_default();
         times.push(seen.at.as_secs_f64());
-        let window = times.iter().filter(|&&time| seen.at.as_secs_f64() - time < 10.0).count();
-        found.check(seen, window <= 20, || format!("expected the same alert at most about once a second; {window} in 10 s"));
+        let window = times
+            .iter()
+            .filter(|&&time| seen.at.as_secs_f64() - time < 10.0)
+            .count();
+        found.check(seen, window <= 20, || {
+            format!("expected the same alert at most about once a second; {window} in 10 s")
+        });
     }
 }
 
@@ -116,9 +199,18 @@ fn no_acknowledgement_unasked(view: &View<'_>, found: &mut Found) {
         .filter(|seen| seen.piece.ack())
         .filter_map(|seen| Some((seen.kind(), seen.stamp().or_else(|| head_stamp(seen))?)))
         .collect();
-    let bit_types: BTreeSet<u16> = view.requests().filter(|seen| seen.piece.ack()).map(|seen| seen.kind()).collect();
+    let bit_types: BTreeSet<u16> = view
+        .requests()
+        .filter(|seen| seen.piece.ack())
+        .map(|seen| seen.kind())
+        .collect();
     for seen in view.messages().filter(|seen| seen.kind() == 17000) {
-        let (Some(kind), Some(stamp)) = (seen.raw("Original Message Type"), seen.raw("Original Message Time Stamp")) else { continue };
+        let (Some(kind), Some(stamp)) = (
+            seen.raw("Original Message Type"),
+            seen.raw("Original Message Time Stamp"),
+        ) else {
+            continue;
+        };
         let kind = kind as u16;
         // Malformed requests of the suite have stamps that cannot be read here.
         let known = asked.contains(&(kind, stamp)) || (stamp == 0 && bit_types.contains(&kind));
@@ -135,36 +227,64 @@ fn head_stamp(seen: &crate::wire::Seen) -> Option<i64> {
     let width = usize::from(info.presence_bytes);
     let vector = seen.piece.data.get(..width)?;
     let bytes = seen.piece.data.get(width..width + 5)?;
-    (vector.last()? & 1 == 1).then(|| bytes.iter().fold(0, |value, &byte| value << 8 | i64::from(byte)))
+    (vector.last()? & 1 == 1).then(|| {
+        bytes
+            .iter()
+            .fold(0, |value, &byte| value << 8 | i64::from(byte))
+    })
 }
 
 fn acknowledgements_are_not_acknowledged(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.kind() == 17000) {
-        found.check(seen, !seen.piece.ack(), || "expected 17000 without the acknowledgement bit".into());
-        found.check(seen, seen.raw("Original Message Type") != Some(17000), || "expected no 17000 about a 17000".into());
+        found.check(seen, !seen.piece.ack(), || {
+            "expected 17000 without the acknowledgement bit".into()
+        });
+        found.check(
+            seen,
+            seen.raw("Original Message Type") != Some(17000),
+            || "expected no 17000 about a 17000".into(),
+        );
     }
 }
 
 fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
     let mut last: BTreeMap<(u32, usize), i64> = BTreeMap::new();
-    let mut commands: Vec<(f64, usize)> = view.requests().filter(|seen| seen.kind() == 13000).map(|seen| (seen.at.as_secs_f64(), seen.socket)).collect();
+    let mut commands: Vec<(f64, usize)> = view
+        .requests()
+        .filter(|seen| seen.kind() == 13000)
+        .map(|seen| (seen.at.as_secs_f64(), seen.socket))
+        .collect();
     commands.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut previous = 0.0;
     for seen in view.messages().filter(|seen| seen.kind() == 14000) {
         let at = seen.at.as_secs_f64();
         // A new transfer begins at 0 again.
-        if commands.iter().any(|&(time, _)| time > previous && time <= at) {
+        if commands
+            .iter()
+            .any(|&(time, _)| time > previous && time <= at)
+        {
             last.clear();
         }
         previous = at;
         let key = (seen.piece.destination.0, seen.socket);
-        let Some(percent) = seen.raw("Percent Complete") else { continue };
-        found.check(seen, percent <= 100, || format!("expected Percent Complete 0 to 100, got {percent}"));
+        let Some(percent) = seen.raw("Percent Complete") else {
+            continue;
+        };
+        found.check(seen, percent <= 100, || {
+            format!("expected Percent Complete 0 to 100, got {percent}")
+        });
         let before = last.insert(key, percent);
         let ended = seen.raw("Status").is_some_and(|status| status == 2);
-        found.check(seen, ended || before.is_none_or(|before| before <= percent), || {
-            format!("expected Percent Complete not to fall within a transfer; {percent} follows {}", before.unwrap_or_default())
-        });
+        found.check(
+            seen,
+            ended || before.is_none_or(|before| before <= percent),
+            || {
+                format!(
+                    "expected Percent Complete not to fall within a transfer; {percent} follows {}",
+                    before.unwrap_or_default()
+                )
+            },
+        );
         if seen.raw("Status").is_some_and(|status| status != 0) {
             last.remove(&key);
         }
@@ -172,27 +292,52 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
 }
 
 fn limits_make_sense(view: &View<'_>, found: &mut Found) {
-    for seen in view.messages().filter(|seen| matches!(seen.kind(), 41000 | 41001 | 41003)) {
+    for seen in view
+        .messages()
+        .filter(|seen| matches!(seen.kind(), 41000 | 41001 | 41003))
+    {
         if seen.raw("Field Supported") == Some(0) {
             continue;
         }
         let chains: [&[&str]; 3] = [
             &["Min Value", "Default Value", "Max Value"],
-            &["Min Value", "Min Display Value", "Max Display Value", "Max Value"],
-            &["Low Warning Limit", "Low Caution Limit", "High Caution Limit", "High Warning Limit"],
+            &[
+                "Min Value",
+                "Min Display Value",
+                "Max Display Value",
+                "Max Value",
+            ],
+            &[
+                "Low Warning Limit",
+                "Low Caution Limit",
+                "High Caution Limit",
+                "High Warning Limit",
+            ],
         ];
         for chain in chains {
-            let values: Vec<(&str, f64)> = chain.iter().filter_map(|name| Some((*name, seen.value(name)?))).collect();
+            let values: Vec<(&str, f64)> = chain
+                .iter()
+                .filter_map(|name| Some((*name, seen.value(name)?)))
+                .collect();
             for pair in values.windows(2) {
-                let [(low, a), (high, b)] = pair else { continue };
+                let [(low, a), (high, b)] = pair else {
+                    continue;
+                };
                 // Limits of 0 on both sides are how some subjects leave them out.
-                found.check(seen, a <= b || a.is_nan() || b.is_nan() || (chain[0] == "Low Warning Limit" && (*a == 0.0 || *b == 0.0)), || {
-                    format!(
-                        "expected {low} <= {high} for field {} of message {}; got {a} and {b}",
-                        seen.raw("Requested Field").unwrap_or_default(),
-                        seen.raw("Requested Message").unwrap_or_default()
-                    )
-                });
+                found.check(
+                    seen,
+                    a <= b
+                        || a.is_nan()
+                        || b.is_nan()
+                        || (chain[0] == "Low Warning Limit" && (*a == 0.0 || *b == 0.0)),
+                    || {
+                        format!(
+                            "expected {low} <= {high} for field {} of message {}; got {a} and {b}",
+                            seen.raw("Requested Field").unwrap_or_default(),
+                            seen.raw("Requested Message").unwrap_or_default()
+                        )
+                    },
+                );
             }
         }
     }
@@ -200,17 +345,29 @@ fn limits_make_sense(view: &View<'_>, found: &mut Found) {
 
 fn generic_lists_are_not_altered(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.kind() == 41002) {
-        let (Some(message), Some(field)) = (seen.raw("Requested Message"), seen.raw("Requested Field")) else { continue };
+        let (Some(message), Some(field)) =
+            (seen.raw("Requested Message"), seen.raw("Requested Field"))
+        else {
+            continue;
+        };
         if seen.raw("Field Supported") == Some(0) {
             found.saw();
             continue;
         }
-        let Some(index) = seen.raw("Vehicle Specific Enumeration Index") else { continue };
-        let info = u16::try_from(message).ok().and_then(stanag_msgs::table::message);
+        let Some(index) = seen.raw("Vehicle Specific Enumeration Index") else {
+            continue;
+        };
+        let info = u16::try_from(message)
+            .ok()
+            .and_then(stanag_msgs::table::message);
         // Fields are counted from 1, the time stamp being the first.
-        let values = info.and_then(|info| info.fields.get(usize::try_from(field - 1).ok()?)).and_then(|field| field.enumeration);
+        let values = info
+            .and_then(|info| info.fields.get(usize::try_from(field - 1).ok()?))
+            .and_then(|field| field.enumeration);
         let generic = values.and_then(|values| values.text(index));
-        let text = seen.text("Vehicle Specific Enumeration Text").unwrap_or_default();
+        let text = seen
+            .text("Vehicle Specific Enumeration Text")
+            .unwrap_or_default();
         let counted = seen.raw("Vehicle Specific Enumeration Count").unwrap_or(1) > 0;
         found.check(seen, generic.is_none() || text.is_empty() || !counted, || {
             format!("expected 41002 to describe vehicle-specific values only; index {index} of field {field} of message {message} is generic ({}) and described as {text:?}", generic.unwrap_or_default())

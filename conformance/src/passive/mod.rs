@@ -29,7 +29,10 @@ pub struct Judge {
 /// All judges.
 #[must_use]
 pub fn judges() -> Vec<&'static Judge> {
-    [wrapper::JUDGES, values::JUDGES, meaning::JUDGES].into_iter().flatten().collect()
+    [wrapper::JUDGES, values::JUDGES, meaning::JUDGES]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// The traffic that is judged.
@@ -48,7 +51,9 @@ pub struct View<'a> {
 impl<'a> View<'a> {
     /// Datagrams of the subject.
     pub fn of_subject(&self) -> impl Iterator<Item = &'a Datagram> {
-        self.datagrams.iter().filter(|datagram| datagram.direction == Direction::Received)
+        self.datagrams
+            .iter()
+            .filter(|datagram| datagram.direction == Direction::Received)
     }
 
     /// Messages of the subject.
@@ -70,7 +75,11 @@ impl<'a> View<'a> {
         match self.survey {
             Some(survey) => survey.vehicles.iter().map(|vehicle| vehicle.id).collect(),
             None => {
-                let mut ids: Vec<Id> = self.messages().filter(|seen| seen.kind() == 2).map(|seen| seen.piece.source).collect();
+                let mut ids: Vec<Id> = self
+                    .messages()
+                    .filter(|seen| seen.kind() == 2)
+                    .map(|seen| seen.piece.source)
+                    .collect();
                 ids.sort();
                 ids.dedup();
                 ids
@@ -87,7 +96,13 @@ impl<'a> View<'a> {
             .filter_map(|seen| seen.raw("VSM ID"))
             .map(|raw| Id(raw as u32))
             .collect();
-        ids.extend(self.profile.subject.vsm_id.iter().filter_map(|id| id.parse::<Id>().ok()));
+        ids.extend(
+            self.profile
+                .subject
+                .vsm_id
+                .iter()
+                .filter_map(|id| id.parse::<Id>().ok()),
+        );
         ids.sort();
         ids.dedup();
         ids
@@ -115,8 +130,13 @@ impl Found {
 
     /// The rule is broken by what is no message.
     pub fn fail_at(&mut self, datagram: &Datagram, reason: impl Into<String>) {
-        let reason = format!("{} (datagram {})", reason.into(), crate::wire::hex(&datagram.bytes[..datagram.bytes.len().min(64)]));
-        self.fails.push((reason, datagram.messages.first().cloned()));
+        let reason = format!(
+            "{} (datagram {})",
+            reason.into(),
+            crate::wire::hex(&datagram.bytes[..datagram.bytes.len().min(64)])
+        );
+        self.fails
+            .push((reason, datagram.messages.first().cloned()));
     }
 
     /// An odd but lawful value.
@@ -142,11 +162,25 @@ impl Found {
         } else if self.seen > 0 {
             return (Judgement::pass(), Vec::new());
         } else {
-            return (Judgement::new(Verdict::Inconclusive, "not seen: nothing that this rule is about occurred in the traffic"), Vec::new());
+            return (
+                Judgement::new(
+                    Verdict::Inconclusive,
+                    "not seen: nothing that this rule is about occurred in the traffic",
+                ),
+                Vec::new(),
+            );
         };
-        let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
+        let more = if found.len() > 1 {
+            format!(" (and {} more)", found.len() - 1)
+        } else {
+            String::new()
+        };
         let reason = format!("{}{more}", found[0].0);
-        let evidence = found.into_iter().filter_map(|(_, seen)| seen).take(5).collect();
+        let evidence = found
+            .into_iter()
+            .filter_map(|(_, seen)| seen)
+            .take(5)
+            .collect();
         (Judgement::new(verdict, reason), evidence)
     }
 }

@@ -11,24 +11,65 @@ use super::{Found, Judge, View};
 use crate::bench::flight::Fix;
 
 pub(super) const JUDGES: &[Judge] = &[
-    Judge { rule: "SCALAR-001", judge: vehicle_type_byte_order },
-    Judge { rule: "SCALAR-003", judge: positions_are_on_the_globe },
-    Judge { rule: "SCALAR-005", judge: texts_end_in_nul },
-    Judge { rule: "SCALAR-006", judge: reserved_values_are_not_sent },
-    Judge { rule: "PV-001", judge: width_of_the_vector },
-    Judge { rule: "PV-002", judge: first_bit_is_the_time_stamp },
-    Judge { rule: "PV-003", judge: only_present_fields },
-    Judge { rule: "PV-006", judge: bits_beyond_the_fields },
-    Judge { rule: "TIME-002", judge: milliseconds_since_2000 },
-    Judge { rule: "TIME-003", judge: stamps_are_not_in_the_future },
-    Judge { rule: "TIME-004", judge: stamps_rise },
-    Judge { rule: "STAT-014", judge: no_position_at_0_0 },
+    Judge {
+        rule: "SCALAR-001",
+        judge: vehicle_type_byte_order,
+    },
+    Judge {
+        rule: "SCALAR-003",
+        judge: positions_are_on_the_globe,
+    },
+    Judge {
+        rule: "SCALAR-005",
+        judge: texts_end_in_nul,
+    },
+    Judge {
+        rule: "SCALAR-006",
+        judge: reserved_values_are_not_sent,
+    },
+    Judge {
+        rule: "PV-001",
+        judge: width_of_the_vector,
+    },
+    Judge {
+        rule: "PV-002",
+        judge: first_bit_is_the_time_stamp,
+    },
+    Judge {
+        rule: "PV-003",
+        judge: only_present_fields,
+    },
+    Judge {
+        rule: "PV-006",
+        judge: bits_beyond_the_fields,
+    },
+    Judge {
+        rule: "TIME-002",
+        judge: milliseconds_since_2000,
+    },
+    Judge {
+        rule: "TIME-003",
+        judge: stamps_are_not_in_the_future,
+    },
+    Judge {
+        rule: "TIME-004",
+        judge: stamps_rise,
+    },
+    Judge {
+        rule: "STAT-014",
+        judge: no_position_at_0_0,
+    },
 ];
 
 fn vehicle_type_byte_order(view: &View<'_>, found: &mut Found) {
-    let complete = view.messages().filter(|seen| seen.kind() == 41005).find_map(|seen| seen.raw("Vehicle Type"));
+    let complete = view
+        .messages()
+        .filter(|seen| seen.kind() == 41005)
+        .find_map(|seen| seen.raw("Vehicle Type"));
     for seen in view.messages().filter(|seen| matches!(seen.kind(), 2 | 3)) {
-        let Some(value) = seen.raw("Vehicle Type").filter(|&value| value != 0) else { continue };
+        let Some(value) = seen.raw("Vehicle Type").filter(|&value| value != 0) else {
+            continue;
+        };
         let swapped = i64::from((value as u16).swap_bytes());
         found.check(seen, complete.is_none_or(|other| other != swapped || other == value), || {
             format!("expected Vehicle Type with its most significant byte first; {} has 0x{value:04x}, 41005 has 0x{swapped:04x}", seen.kind())
@@ -41,17 +82,26 @@ fn vehicle_type_byte_order(view: &View<'_>, found: &mut Found) {
 }
 
 fn positions_are_on_the_globe(view: &View<'_>, found: &mut Found) {
-    let claim = view.profile.vehicle.first().and_then(|vehicle| vehicle.position);
+    let claim = view
+        .profile
+        .vehicle
+        .first()
+        .and_then(|vehicle| vehicle.position);
     let mut first = true;
     for seen in view.messages().filter(|seen| seen.kind() == 4000) {
-        let (Some(latitude), Some(longitude)) = (seen.value("Latitude"), seen.value("Longitude")) else { continue };
+        let (Some(latitude), Some(longitude)) = (seen.value("Latitude"), seen.value("Longitude"))
+        else {
+            continue;
+        };
         found.check(seen, latitude.abs() <= FRAC_PI_2 + 1e-6, || {
             format!("expected a latitude of -90 to 90 degrees, got {:.4}; offset binary in place of two's complement gives such values", latitude.to_degrees())
         });
         // The claim is where the vehicle stands when the run begins.
         if let (Some([north, east]), true) = (claim, first) {
             let fix = Fix::of(seen);
-            let away = fix.map_or(0.0, |fix| fix.distance(north.to_radians(), east.to_radians()));
+            let away = fix.map_or(0.0, |fix| {
+                fix.distance(north.to_radians(), east.to_radians())
+            });
             found.check(seen, away < 20_000.0, || {
                 format!(
                     "expected a position near {north:.4}, {east:.4} as the profile says; got {:.4}, {:.4}",
@@ -66,15 +116,43 @@ fn positions_are_on_the_globe(view: &View<'_>, found: &mut Found) {
 
 fn texts_end_in_nul(view: &View<'_>, found: &mut Found) {
     for seen in view.messages() {
-        let (Some(info), Ok(fields)) = (seen.info, &seen.fields) else { continue };
-        for field in info.fields.iter().filter(|field| matches!(field.wire, Wire::Char(_))) {
-            let Some(bytes) = fields.get(field.name) else { continue };
+        let (Some(info), Ok(fields)) = (seen.info, &seen.fields) else {
+            continue;
+        };
+        for field in info
+            .fields
+            .iter()
+            .filter(|field| matches!(field.wire, Wire::Char(_)))
+        {
+            let Some(bytes) = fields.get(field.name) else {
+                continue;
+            };
             let end = bytes.iter().position(|&byte| byte == 0);
-            found.check(seen, end.is_some(), || format!("expected {} of message {} to end in NUL within its {} bytes; it has none", field.name, seen.kind(), bytes.len()));
+            found.check(seen, end.is_some(), || {
+                format!(
+                    "expected {} of message {} to end in NUL within its {} bytes; it has none",
+                    field.name,
+                    seen.kind(),
+                    bytes.len()
+                )
+            });
             let end = end.unwrap_or(bytes.len());
-            found.check(seen, bytes[..end].is_ascii(), || format!("expected 7-bit characters in {} of message {}", field.name, seen.kind()));
+            found.check(seen, bytes[..end].is_ascii(), || {
+                format!(
+                    "expected 7-bit characters in {} of message {}",
+                    field.name,
+                    seen.kind()
+                )
+            });
             if bytes[end..].iter().any(|&byte| byte != 0) {
-                found.warn(seen, format!("{} of message {} is not filled up with NUL", field.name, seen.kind()));
+                found.warn(
+                    seen,
+                    format!(
+                        "{} of message {} is not filled up with NUL",
+                        field.name,
+                        seen.kind()
+                    ),
+                );
             }
         }
     }
@@ -82,7 +160,9 @@ fn texts_end_in_nul(view: &View<'_>, found: &mut Found) {
 
 /// Whether a range of the table, `3-10` or `18`, holds this value.
 fn within(range: &str, value: i64) -> bool {
-    let mut bounds = range.split('-').filter_map(|bound| bound.trim().parse::<i64>().ok());
+    let mut bounds = range
+        .split('-')
+        .filter_map(|bound| bound.trim().parse::<i64>().ok());
     let low = bounds.next();
     let high = bounds.next().or(low);
     low.is_some_and(|low| low <= value) && high.is_some_and(|high| value <= high)
@@ -95,14 +175,25 @@ fn reserved_values_are_not_sent(view: &View<'_>, found: &mut Found) {
         .filter(|seen| seen.kind() == 41002)
         .filter_map(|seen| {
             let field = |name: &str| seen.raw(name);
-            Some((field("Requested Message")?, field("Requested Field")?, field("Vehicle Specific Enumeration Index")?))
+            Some((
+                field("Requested Message")?,
+                field("Requested Field")?,
+                field("Vehicle Specific Enumeration Index")?,
+            ))
         })
         .collect();
     for seen in view.messages() {
         let Some(info) = seen.info else { continue };
         for field in info.fields {
-            let Some(values) = field.enumeration.filter(|values| values.kind == EnumKind::Enumeration) else { continue };
-            let Some(value) = seen.raw(field.name) else { continue };
+            let Some(values) = field
+                .enumeration
+                .filter(|values| values.kind == EnumKind::Enumeration)
+            else {
+                continue;
+            };
+            let Some(value) = seen.raw(field.name) else {
+                continue;
+            };
             // 23 to 25 are inferred, and this project's own private values are nobody's business.
             let known = values.text(value).filter(|text| *text != "reserved");
             let range = values.ranges.iter().find(|(range, _)| within(range, value));
@@ -110,8 +201,18 @@ fn reserved_values_are_not_sent(view: &View<'_>, found: &mut Found) {
                 (Some(_), _) => found.saw(),
                 (None, Some((_, what))) if !what.starts_with("reserved") => {
                     found.saw();
-                    if !described.is_empty() && field.name.contains("Mode") && !described.iter().any(|&(_, _, index)| index == value) {
-                        found.warn(seen, format!("{} of message {} is {value}, which no 41002 of this run describes", field.name, seen.kind()));
+                    if !described.is_empty()
+                        && field.name.contains("Mode")
+                        && !described.iter().any(|&(_, _, index)| index == value)
+                    {
+                        found.warn(
+                            seen,
+                            format!(
+                                "{} of message {} is {value}, which no 41002 of this run describes",
+                                field.name,
+                                seen.kind()
+                            ),
+                        );
                     }
                 }
                 // Enumerations that the sources have only in part are not judged by what they lack.
@@ -129,13 +230,20 @@ fn width_of_the_vector(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.info.is_some()) {
         match &seen.fields {
             Ok(_) => found.saw(),
-            Err(DecodeError::NoPresence { expected, found: got, .. }) => {
+            Err(DecodeError::NoPresence {
+                expected,
+                found: got,
+                ..
+            }) => {
                 found.fail(seen, format!("expected a presence vector of {expected} bytes in message {}, which has {got} bytes of data", seen.kind()));
             }
             Err(error) => {
                 // Another width that would fit tells what the sender did.
                 let data = &seen.piece.data;
-                let fits = (1..=8).find(|&width| Some(width) != seen.info.map(|info| usize::from(info.presence_bytes)) && fits_with(seen, data, width));
+                let fits = (1..=8).find(|&width| {
+                    Some(width) != seen.info.map(|info| usize::from(info.presence_bytes))
+                        && fits_with(seen, data, width)
+                });
                 if let Some(width) = fits {
                     found.fail(seen, format!("message {} decodes with a presence vector of {width} bytes only, not with the table's: {error}", seen.kind()));
                 }
@@ -146,32 +254,64 @@ fn width_of_the_vector(view: &View<'_>, found: &mut Found) {
 
 fn fits_with(seen: &crate::wire::Seen, data: &[u8], width: usize) -> bool {
     let Some(info) = seen.info else { return false };
-    let Some(vector) = data.get(..width) else { return false };
-    let bits = vector.iter().fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte));
+    let Some(vector) = data.get(..width) else {
+        return false;
+    };
+    let bits = vector
+        .iter()
+        .fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte));
     if info.fields.len() < 64 && bits >> info.fields.len() != 0 {
         return false;
     }
-    let present = info.fields.iter().filter(|field| bits >> field.bit & 1 == 1);
-    width + present.map(|field| field.wire.bytes().unwrap_or_default()).sum::<usize>() == data.len()
+    let present = info
+        .fields
+        .iter()
+        .filter(|field| bits >> field.bit & 1 == 1);
+    width
+        + present
+            .map(|field| field.wire.bytes().unwrap_or_default())
+            .sum::<usize>()
+        == data.len()
 }
 
 fn first_bit_is_the_time_stamp(view: &View<'_>, found: &mut Found) {
     // 50001 has a layout of its own.
-    for seen in view.messages().filter(|seen| seen.info.is_some() && seen.kind() < 50_000) {
+    for seen in view
+        .messages()
+        .filter(|seen| seen.info.is_some() && seen.kind() < 50_000)
+    {
         let Ok(fields) = &seen.fields else {
             // The same vector one bit on: a time stamp that is thought always present.
             let info = seen.info.map_or(0, |info| usize::from(info.presence_bytes));
-            let bits = seen.piece.data.iter().take(info).fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte));
+            let bits = seen
+                .piece
+                .data
+                .iter()
+                .take(info)
+                .fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte));
             let shifted = seen.info.is_some_and(|info| {
-                let widths = info.fields.iter().filter(|field| field.bit == 0 || bits >> (field.bit - 1) & 1 == 1);
-                usize::from(info.presence_bytes) + widths.map(|field| field.wire.bytes().unwrap_or_default()).sum::<usize>() == seen.piece.data.len()
+                let widths = info
+                    .fields
+                    .iter()
+                    .filter(|field| field.bit == 0 || bits >> (field.bit - 1) & 1 == 1);
+                usize::from(info.presence_bytes)
+                    + widths
+                        .map(|field| field.wire.bytes().unwrap_or_default())
+                        .sum::<usize>()
+                    == seen.piece.data.len()
             });
             if shifted {
                 found.fail(seen, format!("expected bit 0 of the vector to stand for the time stamp; message {} decodes only with bit 0 for field 2", seen.kind()));
             }
             continue;
         };
-        found.check(seen, fields.contains_key("Time Stamp"), || format!("expected the bit of the time stamp in message {}, vector is {}", seen.kind(), crate::wire::hex(&seen.piece.data[..seen.piece.data.len().min(4)])));
+        found.check(seen, fields.contains_key("Time Stamp"), || {
+            format!(
+                "expected the bit of the time stamp in message {}, vector is {}",
+                seen.kind(),
+                crate::wire::hex(&seen.piece.data[..seen.piece.data.len().min(4)])
+            )
+        });
     }
 }
 
@@ -179,7 +319,10 @@ fn only_present_fields(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.info.is_some()) {
         match &seen.fields {
             Err(error @ (DecodeError::Truncated { .. } | DecodeError::Trailing { .. })) => {
-                found.fail(seen, format!("expected vector, set fields and length to agree; {error}"));
+                found.fail(
+                    seen,
+                    format!("expected vector, set fields and length to agree; {error}"),
+                );
             }
             _ => found.saw(),
         }
@@ -189,7 +332,10 @@ fn only_present_fields(view: &View<'_>, found: &mut Found) {
 fn bits_beyond_the_fields(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.info.is_some()) {
         match &seen.fields {
-            Err(error @ DecodeError::UnknownPresence { .. }) => found.fail(seen, format!("expected bits beyond the last field to be 0; {error}")),
+            Err(error @ DecodeError::UnknownPresence { .. }) => found.fail(
+                seen,
+                format!("expected bits beyond the last field to be 0; {error}"),
+            ),
             _ => found.saw(),
         }
     }
@@ -207,7 +353,10 @@ fn milliseconds_since_2000(view: &View<'_>, found: &mut Found) {
         let hours = offset / 3600.0;
         let named = if (offset.abs() - YEARS_30_S).abs() < 86_400.0 {
             "30 years: the epoch is 1970"
-        } else if hours.abs() < 25.0 && hours.abs() > 0.4 && (hours * 4.0 - (hours * 4.0).round()).abs() < 0.01 {
+        } else if hours.abs() < 25.0
+            && hours.abs() > 0.4
+            && (hours * 4.0 - (hours * 4.0).round()).abs() < 0.01
+        {
             "a time zone"
         } else if (12.0..=40.0).contains(&offset.abs()) {
             "leap or GPS seconds"
@@ -236,18 +385,32 @@ fn stamps_are_not_in_the_future(view: &View<'_>, found: &mut Found) {
             // Another epoch is TIME-002's.
             continue;
         }
-        found.check(seen, ahead <= 1_000, || format!("expected the stamp of 4000 not later than its receipt; it is {ahead} ms ahead"));
+        found.check(seen, ahead <= 1_000, || {
+            format!("expected the stamp of 4000 not later than its receipt; it is {ahead} ms ahead")
+        });
     }
 }
 
 fn stamps_rise(view: &View<'_>, found: &mut Found) {
     let mut last: BTreeMap<(u16, u32, u32, usize), i64> = BTreeMap::new();
-    for seen in view.messages().filter(|seen| matches!(seen.kind(), 4000 | 17000 | 3001 | 3002)) {
+    for seen in view
+        .messages()
+        .filter(|seen| matches!(seen.kind(), 4000 | 17000 | 3001 | 3002))
+    {
         let Some(stamp) = seen.stamp() else { continue };
-        let key = (seen.kind(), seen.piece.source.0, seen.piece.destination.0, seen.socket);
+        let key = (
+            seen.kind(),
+            seen.piece.source.0,
+            seen.piece.destination.0,
+            seen.socket,
+        );
         let before = last.insert(key, stamp);
         found.check(seen, before.is_none_or(|before| before <= stamp), || {
-            format!("expected stamps of message {} that do not fall; {stamp} follows {}", seen.kind(), before.unwrap_or_default())
+            format!(
+                "expected stamps of message {} that do not fall; {stamp} follows {}",
+                seen.kind(),
+                before.unwrap_or_default()
+            )
         });
     }
 }

@@ -5,15 +5,42 @@ use crate::wire::{HEADER, checksum, trailer};
 use stanag_msgs::Id;
 
 pub(super) const JUDGES: &[Judge] = &[
-    Judge { rule: "WRAP-001", judge: header_of_16_bytes },
-    Judge { rule: "WRAP-003", judge: length_counts_data_only },
-    Judge { rule: "WRAP-004", judge: no_datagram_over_548_bytes },
-    Judge { rule: "WRAP-007", judge: checksum_style_is_named },
-    Judge { rule: "WRAP-008", judge: crc_32 },
-    Judge { rule: "WRAP-012", judge: version_number },
-    Judge { rule: "WRAP-014", judge: reserved_parts },
-    Judge { rule: "WRAP-016", judge: who_speaks_and_to_whom },
-    Judge { rule: "SCALAR-001", judge: header_byte_order },
+    Judge {
+        rule: "WRAP-001",
+        judge: header_of_16_bytes,
+    },
+    Judge {
+        rule: "WRAP-003",
+        judge: length_counts_data_only,
+    },
+    Judge {
+        rule: "WRAP-004",
+        judge: no_datagram_over_548_bytes,
+    },
+    Judge {
+        rule: "WRAP-007",
+        judge: checksum_style_is_named,
+    },
+    Judge {
+        rule: "WRAP-008",
+        judge: crc_32,
+    },
+    Judge {
+        rule: "WRAP-012",
+        judge: version_number,
+    },
+    Judge {
+        rule: "WRAP-014",
+        judge: reserved_parts,
+    },
+    Judge {
+        rule: "WRAP-016",
+        judge: who_speaks_and_to_whom,
+    },
+    Judge {
+        rule: "SCALAR-001",
+        judge: header_byte_order,
+    },
 ];
 
 /// Bytes after the last message that are its checksum, though its properties name none.
@@ -22,24 +49,39 @@ fn unnamed_checksum(bytes: &[u8]) -> Option<u8> {
     let style = bytes.get(15)? >> 6;
     let end = HEADER + length;
     let left = bytes.len().checked_sub(end)?;
-    (1..=3).find(|&other| other != style && left == trailer(other) && checksum(other, &bytes[..end]) == bytes[end..])
+    (1..=3).find(|&other| {
+        other != style && left == trailer(other) && checksum(other, &bytes[..end]) == bytes[end..]
+    })
 }
 
 fn header_of_16_bytes(view: &View<'_>, found: &mut Found) {
-    for datagram in view.of_subject().filter(|datagram| !datagram.bytes.is_empty()) {
+    for datagram in view
+        .of_subject()
+        .filter(|datagram| !datagram.bytes.is_empty())
+    {
         found.saw();
         if unnamed_checksum(&datagram.bytes).is_some() {
             continue;
         }
         if let Some(fault) = &datagram.fault {
-            let length = datagram.bytes.get(2..4).map_or(0, |word| usize::from(u16::from_be_bytes([word[0], word[1]])));
+            let length = datagram.bytes.get(2..4).map_or(0, |word| {
+                usize::from(u16::from_be_bytes([word[0], word[1]]))
+            });
             // Reading T: four bytes more of header.
-            let reading = if datagram.bytes.len() >= 20 && length + 20 <= datagram.bytes.len() && datagram.bytes.len() - length - 20 <= 4 {
+            let reading = if datagram.bytes.len() >= 20
+                && length + 20 <= datagram.bytes.len()
+                && datagram.bytes.len() - length - 20 <= 4
+            {
                 "; a header of 20 bytes (reading T) would fit"
             } else {
                 ""
             };
-            found.fail_at(datagram, format!("expected datagrams that split into header, data and checksum; {fault}{reading}"));
+            found.fail_at(
+                datagram,
+                format!(
+                    "expected datagrams that split into header, data and checksum; {fault}{reading}"
+                ),
+            );
         }
     }
 }
@@ -53,7 +95,9 @@ fn length_counts_data_only(view: &View<'_>, found: &mut Found) {
             }
             continue;
         }
-        let Some(word) = bytes.get(2..4) else { continue };
+        let Some(word) = bytes.get(2..4) else {
+            continue;
+        };
         let length = usize::from(u16::from_be_bytes([word[0], word[1]]));
         if length >= HEADER && length <= bytes.len() && HEADER + length > bytes.len() {
             found.fail_at(
@@ -68,14 +112,22 @@ fn no_datagram_over_548_bytes(view: &View<'_>, found: &mut Found) {
     for datagram in view.of_subject() {
         found.saw();
         if datagram.bytes.len() > 548 {
-            found.fail_at(datagram, format!("expected at most 548 bytes of UDP payload, got {}", datagram.bytes.len()));
+            found.fail_at(
+                datagram,
+                format!(
+                    "expected at most 548 bytes of UDP payload, got {}",
+                    datagram.bytes.len()
+                ),
+            );
         }
     }
 }
 
 fn checksum_style_is_named(view: &View<'_>, found: &mut Found) {
     for datagram in view.of_subject() {
-        if let Some(style) = unnamed_checksum(&datagram.bytes).filter(|_| datagram.fault.is_some() || datagram.messages.is_empty()) {
+        if let Some(style) = unnamed_checksum(&datagram.bytes)
+            .filter(|_| datagram.fault.is_some() || datagram.messages.is_empty())
+        {
             found.fail_at(
                 datagram,
                 format!("expected the properties to name the checksum that follows; they do not, and the {} bytes behind the data are a checksum of style {style}", trailer(style)),
@@ -105,7 +157,9 @@ fn checksum_style_is_named(view: &View<'_>, found: &mut Found) {
 fn crc_32(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.piece.style() == 3) {
         let (value, expected) = seen.piece.checksums();
-        found.check(seen, value == expected, || format!("expected CRC-32 0x{expected:08x} over header and data, got 0x{value:08x}"));
+        found.check(seen, value == expected, || {
+            format!("expected CRC-32 0x{expected:08x} over header and data, got 0x{value:08x}")
+        });
     }
 }
 
@@ -113,7 +167,12 @@ fn version_number(view: &View<'_>, found: &mut Found) {
     let expected = view.profile.idd();
     for seen in view.messages() {
         found.check(seen, seen.piece.idd() == expected, || {
-            format!("expected IDD version {expected} (Edition {}), got {} in message {}", view.profile.subject.edition, seen.piece.idd(), seen.kind())
+            format!(
+                "expected IDD version {expected} (Edition {}), got {} in message {}",
+                view.profile.subject.edition,
+                seen.piece.idd(),
+                seen.kind()
+            )
         });
     }
 }
@@ -136,14 +195,22 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
     for seen in view.messages() {
         let (source, destination) = (seen.piece.source, seen.piece.destination);
         let place = format!("message {} from {source} to {destination}", seen.kind());
-        found.check(seen, ![Id::NULL, Id::BROADCAST, Id(0)].contains(&source), || format!("expected the vehicle or VSM as source; got {place}"));
+        found.check(
+            seen,
+            ![Id::NULL, Id::BROADCAST, Id(0)].contains(&source),
+            || format!("expected the vehicle or VSM as source; got {place}"),
+        );
         if destination != Id::BROADCAST && !cucs.is_empty() {
-            found.check(seen, cucs.contains(&destination), || format!("expected a CUCS or the broadcast id as destination; got {place}"));
+            found.check(seen, cucs.contains(&destination), || {
+                format!("expected a CUCS or the broadcast id as destination; got {place}")
+            });
         }
         // Reports about a vehicle, by which a CUCS draws it.
         if matches!(seen.kind(), 3000..=4001 | 13001..=14000) && !vehicles.is_empty() {
             let only_vsm = vsm_ids.contains(&source) && !vsm_ids.contains(&Id::NULL);
-            found.check(seen, vehicles.contains(&source) && !only_vsm, || format!("expected the vehicle that a report is about as its source; got {place}"));
+            found.check(seen, vehicles.contains(&source) && !only_vsm, || {
+                format!("expected the vehicle that a report is about as its source; got {place}")
+            });
         }
     }
 }
@@ -151,7 +218,9 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
 fn header_byte_order(view: &View<'_>, found: &mut Found) {
     for datagram in view.of_subject() {
         let bytes = &datagram.bytes;
-        let Some(head) = bytes.get(..HEADER) else { continue };
+        let Some(head) = bytes.get(..HEADER) else {
+            continue;
+        };
         let other = usize::from(u16::from_le_bytes([head[2], head[3]]));
         let left = bytes.len().checked_sub(HEADER + other);
         if datagram.fault.is_some() && left.is_some_and(|left| [0, 2, 4].contains(&left)) {

@@ -56,23 +56,38 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
         profile.subject.edition.clone_from(edition);
         profile.check().map_err(|error| error.to_string())?;
     }
-    let bytes = std::fs::read(&arguments.file).map_err(|error| format!("{}: {error}", arguments.file.display()))?;
-    let captured = read(&bytes).map_err(|error| format!("{}: {error}", arguments.file.display()))?;
+    let bytes = std::fs::read(&arguments.file)
+        .map_err(|error| format!("{}: {error}", arguments.file.display()))?;
+    let captured =
+        read(&bytes).map_err(|error| format!("{}: {error}", arguments.file.display()))?;
     let vsms = vsms(&captured);
-    let start = captured.first().map_or(Duration::ZERO, |datagram| datagram.wall);
+    let start = captured
+        .first()
+        .map_or(Duration::ZERO, |datagram| datagram.wall);
     let mut sockets: BTreeMap<SocketAddr, usize> = BTreeMap::new();
     let datagrams: Vec<Datagram> = captured
         .into_iter()
         .map(|datagram| {
             let received = vsms.contains(&datagram.from);
-            let direction = if received { Direction::Received } else { Direction::Sent };
-            let (local, remote) = if received { (datagram.to, datagram.from) } else { (datagram.from, datagram.to) };
+            let direction = if received {
+                Direction::Received
+            } else {
+                Direction::Sent
+            };
+            let (local, remote) = if received {
+                (datagram.to, datagram.from)
+            } else {
+                (datagram.from, datagram.to)
+            };
             let next = sockets.len();
             let socket = *sockets.entry(local).or_insert(next);
             let (pieces, fault) = split(&datagram.bytes);
             let at = datagram.wall.saturating_sub(start);
             let wall_ms = (datagram.wall.as_millis() as u64).saturating_sub(EPOCH_2000_MS);
-            let messages = pieces.into_iter().map(|piece| Arc::new(Seen::new(at, wall_ms, direction, socket, piece))).collect();
+            let messages = pieces
+                .into_iter()
+                .map(|piece| Arc::new(Seen::new(at, wall_ms, direction, socket, piece)))
+                .collect();
             Datagram {
                 at,
                 wall: datagram.wall,
@@ -93,7 +108,11 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
     };
     let mut rules: Vec<RuleReport> = Vec::new();
     for judge in judges() {
-        let Some(rule) = catalogue.find(judge.rule).filter(|rule| rule.subject != Role::Cucs && rule.editions.contains(&profile.subject.edition)) else { continue };
+        let Some(rule) = catalogue.find(judge.rule).filter(|rule| {
+            rule.subject != Role::Cucs && rule.editions.contains(&profile.subject.edition)
+        }) else {
+            continue;
+        };
         let (judgement, evidence) = crate::runner::judged_by(judge, &view);
         let judgement = judgement.at_level(rule.level, arguments.strict);
         if let Some(known) = rules.iter_mut().find(|known| known.id == rule.id) {
@@ -119,13 +138,19 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
             role: "capture".into(),
             name: profile.subject.name.clone(),
             version: profile.subject.version.clone(),
-            address: vsms.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+            address: vsms
+                .iter()
+                .map(ToString::to_string)
+                .collect::<Vec<_>>()
+                .join(", "),
             edition: profile.subject.edition.clone(),
             vehicles: view.vehicles().iter().map(ToString::to_string).collect(),
             cucs: Vec::new(),
         },
         started: start.as_secs(),
-        duration_s: datagrams.last().map_or(0.0, |datagram| datagram.at.as_secs_f64()),
+        duration_s: datagrams
+            .last()
+            .map_or(0.0, |datagram| datagram.at.as_secs_f64()),
         strict: arguments.strict,
         hashes: BTreeMap::from([("capture".to_owned(), super::vsm::sha256(&bytes))]),
         profile: text,
@@ -135,12 +160,19 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
         rules,
     };
     if vsms.is_empty() {
-        report.remarks.push("no datagram of a VSM was found in the file".into());
+        report
+            .remarks
+            .push("no datagram of a VSM was found in the file".into());
     }
     report.count();
     if let Some(path) = &arguments.json {
-        std::fs::write(path, report.to_json()).map_err(|error| format!("{}: {error}", path.display()))?;
+        std::fs::write(path, report.to_json())
+            .map_err(|error| format!("{}: {error}", path.display()))?;
     }
     super::vsm::summary(&report);
-    Ok(if !report.judged() { 3 } else { u8::from(!report.unexpected().is_empty()) })
+    Ok(if !report.judged() {
+        3
+    } else {
+        u8::from(!report.unexpected().is_empty())
+    })
 }

@@ -37,16 +37,27 @@ pub(super) fn write(arguments: &InitArguments) -> Result<u8, String> {
     let bench = Bench::new(&Catalogue::embedded(), profile.clone(), address);
     let survey = Survey::make(&bench).map_err(|stop| stop.judgement().reason)?;
     if !survey.answered {
-        eprint(&format!("nothing at {address} answered a discovery; name CUCS ids that the VSM knows with --cucs"));
+        eprint(&format!(
+            "nothing at {address} answered a discovery; name CUCS ids that the VSM knows with --cucs"
+        ));
         return Ok(3);
     }
-    let overrides: Vec<String> = profile.cucs.iter().filter(|claim| claim.overrides).map(|claim| claim.id.clone()).collect();
+    let overrides: Vec<String> = profile
+        .cucs
+        .iter()
+        .filter(|claim| claim.overrides)
+        .map(|claim| claim.id.clone())
+        .collect();
     profile.cucs = survey
         .cucs
         .iter()
         .map(|cucs| CucsClaims {
             id: cucs.id.to_string(),
-            loi: Some((2..=5).filter(|level| cucs.authorised >> (level - 2) & 1 == 1).collect()),
+            loi: Some(
+                (2..=5)
+                    .filter(|level| cucs.authorised >> (level - 2) & 1 == 1)
+                    .collect(),
+            ),
             overrides: overrides.contains(&cucs.id.to_string()),
         })
         .collect();
@@ -56,12 +67,18 @@ pub(super) fn write(arguments: &InitArguments) -> Result<u8, String> {
         .map(|vehicle| {
             let cucs = survey.cucs.first().map(|cucs| cucs.id);
             let station = cucs.and_then(|id| Station::new(&bench, id, vehicle.id).ok());
-            let tail_number = station.and_then(|station| station.query(3).ok()).and_then(|seen| seen.text("Tail Number"));
+            let tail_number = station
+                .and_then(|station| station.query(3).ok())
+                .and_then(|seen| seen.text("Tail Number"));
             VehicleClaims {
                 id: vehicle.id.to_string(),
                 simulated: arguments.subject.simulated,
                 tail_number,
-                stations: (vehicle.stations != 0).then(|| (1..=16).filter(|station| vehicle.stations >> (station - 1) & 1 == 1).collect()),
+                stations: (vehicle.stations != 0).then(|| {
+                    (1..=16)
+                        .filter(|station| vehicle.stations >> (station - 1) & 1 == 1)
+                        .collect()
+                }),
                 ..VehicleClaims::default()
             }
         })
@@ -74,7 +91,12 @@ pub(super) fn write(arguments: &InitArguments) -> Result<u8, String> {
     match &arguments.to {
         Some(file) => {
             std::fs::write(file, text).map_err(|error| format!("{}: {error}", file.display()))?;
-            print(&format!("wrote {}: {} vehicles, {} CUCS ids", file.display(), survey.vehicles.len(), survey.cucs.len()));
+            print(&format!(
+                "wrote {}: {} vehicles, {} CUCS ids",
+                file.display(),
+                survey.vehicles.len(),
+                survey.cucs.len()
+            ));
         }
         None => print(&text),
     }

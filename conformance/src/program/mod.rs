@@ -17,7 +17,11 @@ use crate::rules;
 
 /// Judge a VSM or CUCS by the interoperability rules of the STANAG 4586 Data Link Interface.
 #[derive(Debug, Parser)]
-#[command(name = "dli-check", version, after_help = "Exit status: 0 as expected, 1 unexpected fail, 2 bad profile or usage, 3 nothing could be judged.")]
+#[command(
+    name = "dli-check",
+    version,
+    after_help = "Exit status: 0 as expected, 1 unexpected fail, 2 bad profile or usage, 3 nothing could be judged."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -74,7 +78,11 @@ pub fn run() -> ExitCode {
         Command::Vsm(arguments) => vsm::judge(&arguments),
         Command::Capture(arguments) => capture::judge(&arguments),
         Command::Init(arguments) => init::write(&arguments),
-        Command::Repeat { rule, times, arguments } => vsm::repeat(&rule, times, &arguments),
+        Command::Repeat {
+            rule,
+            times,
+            arguments,
+        } => vsm::repeat(&rule, times, &arguments),
         Command::Compare { reports } => compare::compare(&reports),
         Command::List { json } => {
             list(json);
@@ -94,8 +102,14 @@ pub fn run() -> ExitCode {
 /// How a rule is judged by this program: by a scene, by traffic, or not at all.
 fn judged_by(id: &str) -> Vec<&'static str> {
     let scene = rules::scenes().iter().any(|scene| scene.rule == id);
-    let judge = crate::passive::judges().iter().any(|judge| judge.rule == id);
-    [("active", scene), ("passive", judge)].into_iter().filter(|(_, is)| *is).map(|(name, _)| name).collect()
+    let judge = crate::passive::judges()
+        .iter()
+        .any(|judge| judge.rule == id);
+    [("active", scene), ("passive", judge)]
+        .into_iter()
+        .filter(|(_, is)| *is)
+        .map(|(name, _)| name)
+        .collect()
 }
 
 fn list(as_json: bool) {
@@ -110,7 +124,12 @@ fn list(as_json: bool) {
                 value
             })
             .collect();
-        print(&serde_json::to_string_pretty(&json!({ "catalogue": catalogue.catalogue, "rules": rules })).unwrap_or_default());
+        print(
+            &serde_json::to_string_pretty(
+                &json!({ "catalogue": catalogue.catalogue, "rules": rules }),
+            )
+            .unwrap_or_default(),
+        );
         return;
     }
     for rule in &catalogue.rule {
@@ -128,9 +147,13 @@ fn list(as_json: bool) {
 
 fn explain(id: &str) -> Result<u8, String> {
     let catalogue = Catalogue::embedded();
-    let rule = catalogue.find(&id.to_uppercase()).ok_or_else(|| format!("no rule {id:?}; `dli-check list` shows all"))?;
+    let rule = catalogue
+        .find(&id.to_uppercase())
+        .ok_or_else(|| format!("no rule {id:?}; `dli-check list` shows all"))?;
     let judged = judged_by(&rule.id);
-    let without = rules::WITHOUT_CODE.iter().find(|(without, _)| *without == rule.id);
+    let without = rules::WITHOUT_CODE
+        .iter()
+        .find(|(without, _)| *without == rule.id);
     let judged = match (judged.is_empty(), without) {
         (false, _) => judged.join(" and "),
         (true, Some((_, reason))) => format!("not judged: {reason}"),

@@ -96,18 +96,32 @@ pub(super) fn subject(arguments: &VsmArguments) -> Result<(SocketAddr, Profile),
     if let Some(speed) = arguments.speed {
         profile.figures.speed_factor = speed;
     }
-    let text = arguments.address.clone().or(profile.subject.address.clone());
-    let text = text.ok_or("no address: give it as an argument, or as subject.address in the profile")?;
+    let text = arguments
+        .address
+        .clone()
+        .or(profile.subject.address.clone());
+    let text =
+        text.ok_or("no address: give it as an argument, or as subject.address in the profile")?;
     profile.subject.address = Some(text.clone());
     profile.check().map_err(|error| error.to_string())?;
-    let mut addresses = text.to_socket_addrs().map_err(|error| format!("address {text:?}: {error}; expected HOST:PORT"))?;
-    let address = addresses.next().ok_or_else(|| format!("address {text:?} names no host"))?;
+    let mut addresses = text
+        .to_socket_addrs()
+        .map_err(|error| format!("address {text:?}: {error}; expected HOST:PORT"))?;
+    let address = addresses
+        .next()
+        .ok_or_else(|| format!("address {text:?} names no host"))?;
     Ok((address, profile))
 }
 
 fn hazards(arguments: &VsmArguments, profile: &Profile) -> BTreeSet<Hazard> {
     if arguments.simulated || profile.simulated() {
-        return [Hazard::None, Hazard::Ground, Hazard::Flight, Hazard::Destructive].into();
+        return [
+            Hazard::None,
+            Hazard::Ground,
+            Hazard::Flight,
+            Hazard::Destructive,
+        ]
+        .into();
     }
     let mut released = BTreeSet::from([Hazard::None]);
     if arguments.real_vehicle.is_some() {
@@ -122,22 +136,48 @@ fn hazards(arguments: &VsmArguments, profile: &Profile) -> BTreeSet<Hazard> {
 
 /// A real vehicle is released by its tail number, as it reports it itself, typed once more.
 fn confirm(arguments: &VsmArguments, bench: &Arc<Bench>) -> Result<(), String> {
-    let Some(tail) = &arguments.real_vehicle else { return Ok(()) };
-    let survey = crate::bench::survey::Survey::make(bench).map_err(|stop| stop.judgement().reason)?;
+    let Some(tail) = &arguments.real_vehicle else {
+        return Ok(());
+    };
+    let survey =
+        crate::bench::survey::Survey::make(bench).map_err(|stop| stop.judgement().reason)?;
     let vehicle = survey.vehicle().ok_or("no vehicle was offered")?.id;
-    let cucs = survey.cucs.first().ok_or("the subject offers nothing to the CUCS ids of the profile")?.id;
-    let station = crate::bench::station::Station::new(bench, cucs, vehicle).map_err(|stop| stop.judgement().reason)?;
-    let reported = station.query(3).map_err(|stop| stop.judgement().reason)?.text("Tail Number").unwrap_or_default();
+    let cucs = survey
+        .cucs
+        .first()
+        .ok_or("the subject offers nothing to the CUCS ids of the profile")?
+        .id;
+    let station = crate::bench::station::Station::new(bench, cucs, vehicle)
+        .map_err(|stop| stop.judgement().reason)?;
+    let reported = station
+        .query(3)
+        .map_err(|stop| stop.judgement().reason)?
+        .text("Tail Number")
+        .unwrap_or_default();
     if reported != *tail {
-        return Err(format!("--real-vehicle is {tail:?}, message 3 reports the tail number {reported:?}: nothing was begun"));
+        return Err(format!(
+            "--real-vehicle is {tail:?}, message 3 reports the tail number {reported:?}: nothing was begun"
+        ));
     }
-    eprint(&format!("This commands the real vehicle {tail}. Type its tail number to begin:"));
+    eprint(&format!(
+        "This commands the real vehicle {tail}. Type its tail number to begin:"
+    ));
     let mut typed = String::new();
-    std::io::stdin().read_line(&mut typed).map_err(|error| error.to_string())?;
-    if typed.trim() == tail { Ok(()) } else { Err("the tail number was not typed: nothing was begun".into()) }
+    std::io::stdin()
+        .read_line(&mut typed)
+        .map_err(|error| error.to_string())?;
+    if typed.trim() == tail {
+        Ok(())
+    } else {
+        Err("the tail number was not typed: nothing was begun".into())
+    }
 }
 
-fn options(arguments: &VsmArguments, profile: &Profile, catalogue: &Catalogue) -> Result<Options, String> {
+fn options(
+    arguments: &VsmArguments,
+    profile: &Profile,
+    catalogue: &Catalogue,
+) -> Result<Options, String> {
     let rules: Vec<String> = arguments.rule.iter().map(|id| id.to_uppercase()).collect();
     if let Some(unknown) = rules.iter().find(|id| catalogue.find(id).is_none()) {
         return Err(format!("no rule {unknown:?}; `dli-check list` shows all"));
@@ -155,7 +195,12 @@ fn options(arguments: &VsmArguments, profile: &Profile, catalogue: &Catalogue) -
 fn watch_for_interrupt(bench: &Arc<Bench>) {
     let net = bench.net.clone();
     std::thread::spawn(move || {
-        let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else { return };
+        let Ok(runtime) = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+        else {
+            return;
+        };
         runtime.block_on(async {
             if tokio::signal::ctrl_c().await.is_ok() {
                 net.interrupt();
@@ -214,21 +259,33 @@ pub(super) fn repeat(rule: &str, times: u32, arguments: &VsmArguments) -> Result
         let bench = Bench::new(&catalogue, profile.clone(), address);
         watch_for_interrupt(&bench);
         let report = run(&catalogue, &options, &bench, true);
-        let Some(found) = report.rules.first() else { continue };
+        let Some(found) = report.rules.first() else {
+            continue;
+        };
         *counts.entry(found.verdict.name()).or_default() += 1;
-        print(&format!("{round}: {} {}", found.verdict.name(), found.reason));
+        print(&format!(
+            "{round}: {} {}",
+            found.verdict.name(),
+            found.reason
+        ));
         if bench.net.interrupted() {
             break;
         }
     }
     print(&format!("{rule}: {counts:?}"));
     let failed = counts.contains_key("fail");
-    Ok(if counts.is_empty() { 3 } else { u8::from(failed) })
+    Ok(if counts.is_empty() {
+        3
+    } else {
+        u8::from(failed)
+    })
 }
 
 fn dry_run(catalogue: &Catalogue, options: &Options) {
     for scene in rules::scenes() {
-        let Some(rule) = catalogue.find(scene.rule) else { continue };
+        let Some(rule) = catalogue.find(scene.rule) else {
+            continue;
+        };
         if !options.rules.is_empty() && !options.rules.contains(&rule.id) {
             continue;
         }
@@ -245,10 +302,20 @@ fn dry_run(catalogue: &Catalogue, options: &Options) {
 }
 
 fn run(catalogue: &Catalogue, options: &Options, bench: &Arc<Bench>, quiet: bool) -> Report {
-    let started = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+    let started = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default()
+        .as_secs();
     let mut show = |rule: &RuleReport| {
         if !quiet {
-            print(&format!("{:<14} {:<11} {:5.1} s  {}{}", rule.verdict.name(), rule.id, rule.duration_s, rule.title, reason(rule)));
+            print(&format!(
+                "{:<14} {:<11} {:5.1} s  {}{}",
+                rule.verdict.name(),
+                rule.id,
+                rule.duration_s,
+                rule.title,
+                reason(rule)
+            ));
         }
     };
     let mut run = Run {
@@ -273,9 +340,23 @@ fn run(catalogue: &Catalogue, options: &Options, bench: &Arc<Bench>, quiet: bool
             version: profile.subject.version.clone(),
             address: bench.address.to_string(),
             edition: profile.subject.edition.clone(),
-            vehicles: survey.map(|survey| survey.vehicles.iter().map(|vehicle| vehicle.id.to_string()).collect()).unwrap_or_default(),
+            vehicles: survey
+                .map(|survey| {
+                    survey
+                        .vehicles
+                        .iter()
+                        .map(|vehicle| vehicle.id.to_string())
+                        .collect()
+                })
+                .unwrap_or_default(),
             cucs: survey
-                .map(|survey| survey.cucs.iter().map(|cucs| format!("{} (LOI 0x{:02x})", cucs.id, cucs.authorised)).collect())
+                .map(|survey| {
+                    survey
+                        .cucs
+                        .iter()
+                        .map(|cucs| format!("{} (LOI 0x{:02x})", cucs.id, cucs.authorised))
+                        .collect()
+                })
                 .unwrap_or_default(),
         },
         started,
@@ -299,11 +380,17 @@ fn run(catalogue: &Catalogue, options: &Options, bench: &Arc<Bench>, quiet: bool
 }
 
 fn reason(rule: &RuleReport) -> String {
-    if rule.reason.is_empty() { String::new() } else { format!(": {}", rule.reason) }
+    if rule.reason.is_empty() {
+        String::new()
+    } else {
+        format!(": {}", rule.reason)
+    }
 }
 
 fn write(arguments: &VsmArguments, bench: &Arc<Bench>, report: &Report) -> Result<(), String> {
-    let file = |path: &std::path::Path, bytes: &[u8]| std::fs::write(path, bytes).map_err(|error| format!("{}: {error}", path.display()));
+    let file = |path: &std::path::Path, bytes: &[u8]| {
+        std::fs::write(path, bytes).map_err(|error| format!("{}: {error}", path.display()))
+    };
     if let Some(path) = &arguments.json {
         file(path, report.to_json().as_bytes())?;
     }
@@ -313,31 +400,59 @@ fn write(arguments: &VsmArguments, bench: &Arc<Bench>, report: &Report) -> Resul
     if let Some(path) = &arguments.write_expected {
         file(path, expected::from_run(report).as_bytes())?;
     }
-    let Some(folder) = &arguments.out else { return Ok(()) };
+    let Some(folder) = &arguments.out else {
+        return Ok(());
+    };
     std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let capture = report::capture::pcapng(report, &bench.net.recording().datagrams);
     let mut report = report.clone();
     report.hashes.insert("run.pcapng".into(), sha256(&capture));
     file(&folder.join("run.pcapng"), &capture)?;
     file(&folder.join("report.json"), report.to_json().as_bytes())?;
-    file(&folder.join("report.html"), report::html::html(&report).as_bytes())?;
-    file(&folder.join("junit.xml"), report::junit::junit(&report).as_bytes())?;
-    file(&folder.join("statement.md"), report::statement::statement(&report).as_bytes())
+    file(
+        &folder.join("report.html"),
+        report::html::html(&report).as_bytes(),
+    )?;
+    file(
+        &folder.join("junit.xml"),
+        report::junit::junit(&report).as_bytes(),
+    )?;
+    file(
+        &folder.join("statement.md"),
+        report::statement::statement(&report).as_bytes(),
+    )
 }
 
 /// What was judged, in a few lines.
 pub(super) fn summary(report: &Report) {
     for rule in report.rules.iter().filter(|rule| rule.verdict.is_fail()) {
-        print(&format!("{} {} {}: {}", rule.verdict.name().to_uppercase(), rule.id, rule.title, rule.reason));
+        print(&format!(
+            "{} {} {}: {}",
+            rule.verdict.name().to_uppercase(),
+            rule.id,
+            rule.title,
+            rule.reason
+        ));
     }
     for remark in &report.remarks {
         print(&format!("remark: {remark}"));
     }
     let counts: Vec<String> = Verdict::ALL
         .iter()
-        .filter_map(|verdict| Some(format!("{} {}", report.counts.get(verdict.name())?, verdict.name())))
+        .filter_map(|verdict| {
+            Some(format!(
+                "{} {}",
+                report.counts.get(verdict.name())?,
+                verdict.name()
+            ))
+        })
         .collect();
-    print(&format!("{} rules in {:.0} s: {}", report.rules.len(), report.duration_s, counts.join(", ")));
+    print(&format!(
+        "{} rules in {:.0} s: {}",
+        report.rules.len(),
+        report.duration_s,
+        counts.join(", ")
+    ));
 }
 
 /// SHA-256 in hexadecimal.
@@ -347,16 +462,25 @@ pub(super) fn sha256(bytes: &[u8]) -> String {
 
 /// The date, `2026-11-22`.
 fn today() -> String {
-    let days = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs() / 86_400;
+    let days = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default()
+        .as_secs()
+        / 86_400;
     // Howard Hinnant's days to civil.
     let shifted = days as i64 + 719_468;
     let era = shifted.div_euclid(146_097);
     let day_of_era = shifted.rem_euclid(146_097);
-    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let year_of_era =
+        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let shifted_month = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
-    let month = if shifted_month < 10 { shifted_month + 3 } else { shifted_month - 9 };
+    let month = if shifted_month < 10 {
+        shifted_month + 3
+    } else {
+        shifted_month - 9
+    };
     let year = year_of_era + era * 400 + i64::from(month <= 2);
     format!("{year:04}-{month:02}-{day:02}")
 }

@@ -17,10 +17,10 @@ pub fn pcapng(report: &Report, datagrams: &[Datagram]) -> Vec<u8> {
         };
         let mut block = Vec::new();
         stanag_msgs::pcapng::datagram(&mut block, datagram.wall, from, to, &datagram.bytes);
-        let rule = report
-            .rules
-            .iter()
-            .find(|rule| rule.datagrams.is_some_and(|(first, last)| (first..last).contains(&index)));
+        let rule = report.rules.iter().find(|rule| {
+            rule.datagrams
+                .is_some_and(|(first, last)| (first..last).contains(&index))
+        });
         if let Some(rule) = rule {
             comment(&mut block, &format!("{} {}", rule.id, rule.verdict.name()));
         }
@@ -31,7 +31,9 @@ pub fn pcapng(report: &Report, datagrams: &[Datagram]) -> Vec<u8> {
 
 /// Adds an opt_comment to an enhanced packet block: options lie between the padded packet and the closing length.
 fn comment(block: &mut Vec<u8>, text: &str) {
-    let Some(end) = block.len().checked_sub(4) else { return };
+    let Some(end) = block.len().checked_sub(4) else {
+        return;
+    };
     block.truncate(end);
     block.extend(1_u16.to_le_bytes());
     block.extend((text.len() as u16).to_le_bytes());
@@ -73,18 +75,27 @@ pub fn read(file: &[u8]) -> Result<Vec<Captured>, String> {
 
 fn number(bytes: &[u8], big: bool) -> u32 {
     let fold = |value: u32, &byte: &u8| value << 8 | u32::from(byte);
-    if big { bytes.iter().fold(0, fold) } else { bytes.iter().rev().fold(0, fold) }
+    if big {
+        bytes.iter().fold(0, fold)
+    } else {
+        bytes.iter().rev().fold(0, fold)
+    }
 }
 
 fn read_pcap(file: &[u8], big: bool, nanos: u32) -> Vec<Captured> {
     let mut found = Vec::new();
-    let link = file.get(20..24).map_or(1, |bytes| number(bytes, big) & 0xFFFF);
+    let link = file
+        .get(20..24)
+        .map_or(1, |bytes| number(bytes, big) & 0xFFFF);
     let mut rest = file.get(24..).unwrap_or_default();
     while let Some(head) = rest.get(..16) {
         let word = |at: usize| number(&head[at..at + 4], big);
         let length = word(8) as usize;
-        let Some(packet) = rest.get(16..16 + length) else { break };
-        let wall = Duration::from_secs(word(0).into()) + Duration::from_nanos(u64::from(word(4)) * u64::from(nanos));
+        let Some(packet) = rest.get(16..16 + length) else {
+            break;
+        };
+        let wall = Duration::from_secs(word(0).into())
+            + Duration::from_nanos(u64::from(word(4)) * u64::from(nanos));
         found.extend(udp(wall, link, packet));
         rest = &rest[16 + length..];
     }
@@ -104,7 +115,12 @@ fn read_pcapng(file: &[u8]) -> Vec<Captured> {
         }
         let kind = number(&rest[..4], big);
         let length = number(&rest[4..8], big) as usize;
-        let Some(body) = rest.get(8..length.saturating_sub(4)).filter(|_| length >= 12) else { break };
+        let Some(body) = rest
+            .get(8..length.saturating_sub(4))
+            .filter(|_| length >= 12)
+        else {
+            break;
+        };
         match kind {
             1 => {
                 let link = body.get(..2).map_or(1, |bytes| number(bytes, big));
@@ -112,7 +128,10 @@ fn read_pcapng(file: &[u8]) -> Vec<Captured> {
             }
             6 if body.len() >= 20 => {
                 let word = |at: usize| number(&body[at..at + 4], big);
-                let (link, units) = interfaces.get(word(0) as usize).copied().unwrap_or((1, 1e6));
+                let (link, units) = interfaces
+                    .get(word(0) as usize)
+                    .copied()
+                    .unwrap_or((1, 1e6));
                 let time = (u64::from(word(4)) << 32 | u64::from(word(8))) as f64 / units;
                 if let Some(packet) = body.get(20..20 + word(12) as usize) {
                     found.extend(udp(Duration::from_secs_f64(time.min(1e12)), link, packet));
@@ -128,16 +147,25 @@ fn read_pcapng(file: &[u8]) -> Vec<Captured> {
 /// if_tsresol of an interface: time stamps in a second.
 fn resolution(mut options: &[u8], big: bool) -> f64 {
     while options.len() >= 4 {
-        let (code, length) = (number(&options[..2], big), number(&options[2..4], big) as usize);
+        let (code, length) = (
+            number(&options[..2], big),
+            number(&options[2..4], big) as usize,
+        );
         if code == 0 {
             break;
         }
         if code == 9 {
             let value = options.get(4).copied().unwrap_or(6);
             let exponent = i32::from(value & 0x7F);
-            return if value & 0x80 == 0 { 10_f64.powi(exponent) } else { 2_f64.powi(exponent) };
+            return if value & 0x80 == 0 {
+                10_f64.powi(exponent)
+            } else {
+                2_f64.powi(exponent)
+            };
         }
-        options = options.get(4 + length.next_multiple_of(4)..).unwrap_or_default();
+        options = options
+            .get(4 + length.next_multiple_of(4)..)
+            .unwrap_or_default();
     }
     1e6
 }
@@ -196,11 +224,20 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_also_with_comments() {
-        let (from, to) = (SocketAddr::from(([10, 0, 0, 1], 4586)), SocketAddr::from(([10, 0, 0, 2], 40_000)));
+        let (from, to) = (
+            SocketAddr::from(([10, 0, 0, 1], 4586)),
+            SocketAddr::from(([10, 0, 0, 2], 40_000)),
+        );
         let mut file = stanag_msgs::pcapng::header();
         for payload in [&b"first"[..], &b"second datagram"[..]] {
             let mut block = Vec::new();
-            stanag_msgs::pcapng::datagram(&mut block, Duration::from_millis(1_700_000_000_250), from, to, payload);
+            stanag_msgs::pcapng::datagram(
+                &mut block,
+                Duration::from_millis(1_700_000_000_250),
+                from,
+                to,
+                payload,
+            );
             comment(&mut block, "AUTH-002 fail");
             file.extend(block);
         }

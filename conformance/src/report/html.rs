@@ -32,8 +32,14 @@ window.addEventListener('hashchange',function(){var d=document.getElementById(lo
 #[must_use]
 pub fn html(report: &Report) -> String {
     let subject = &report.subject;
-    let mut out = String::from("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">");
-    let _ = write!(out, "<title>DLI conformance: {}</title><style>{STYLE}</style></head><body>", escape(&subject.address));
+    let mut out = String::from(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">",
+    );
+    let _ = write!(
+        out,
+        "<title>DLI conformance: {}</title><style>{STYLE}</style></head><body>",
+        escape(&subject.address)
+    );
     let _ = write!(
         out,
         "<h1>DLI conformance: {} {}</h1><p>{} at {}, Edition {}. {}, catalogue {} of {}. {} rules in {:.0} s{}.</p>",
@@ -49,7 +55,12 @@ pub fn html(report: &Report) -> String {
         report.duration_s,
         if report.strict { ", strict" } else { "" }
     );
-    let _ = write!(out, "<p class=\"small\">Vehicles: {}. CUCS ids: {}.</p>", escape(&subject.vehicles.join(", ")), escape(&subject.cucs.join(", ")));
+    let _ = write!(
+        out,
+        "<p class=\"small\">Vehicles: {}. CUCS ids: {}.</p>",
+        escape(&subject.vehicles.join(", ")),
+        escape(&subject.cucs.join(", "))
+    );
     for remark in &report.remarks {
         let _ = write!(out, "<p><b>Remark:</b> {}</p>", escape(remark));
     }
@@ -71,7 +82,11 @@ pub fn html(report: &Report) -> String {
     out.push_str("<h2>Rules</h2><p class=\"filter\"><button data-verdict=\"\">all</button>");
     for verdict in Verdict::ALL {
         if let Some(count) = report.counts.get(verdict.name()) {
-            let _ = write!(out, "<button data-verdict=\"{0}\">{0} {count}</button>", verdict.name());
+            let _ = write!(
+                out,
+                "<button data-verdict=\"{0}\">{0} {count}</button>",
+                verdict.name()
+            );
         }
     }
     out.push_str("<input id=\"find\" placeholder=\"find\" aria-label=\"find\"></p>");
@@ -80,9 +95,18 @@ pub fn html(report: &Report) -> String {
             detail(&mut out, rule);
         }
     }
-    let _ = write!(out, "<h2>Profile</h2><pre>{}</pre>", escape(&report.profile));
+    let _ = write!(
+        out,
+        "<h2>Profile</h2><pre>{}</pre>",
+        escape(&report.profile)
+    );
     for (name, hash) in &report.hashes {
-        let _ = write!(out, "<p class=\"small\">SHA-256 of {}: {}</p>", escape(name), escape(hash));
+        let _ = write!(
+            out,
+            "<p class=\"small\">SHA-256 of {}: {}</p>",
+            escape(name),
+            escape(hash)
+        );
     }
     out.push_str("<p class=\"small\">Firm: the clause was read in the judged edition. Carried over: it was read in Edition 2.5, or is known from secondary sources only.</p>");
     let _ = write!(out, "<script>{SCRIPT}</script></body></html>");
@@ -96,7 +120,8 @@ fn matrix(out: &mut String, report: &Report) {
     }
     out.push_str("<h2>Matrix</h2><table class=\"matrix\"><tr><th>group</th><th>rules</th><th>fail</th><th>pass</th></tr>");
     for (group, rules) in groups {
-        let count = |wanted: fn(Verdict) -> bool| rules.iter().filter(|rule| wanted(rule.verdict)).count();
+        let count =
+            |wanted: fn(Verdict) -> bool| rules.iter().filter(|rule| wanted(rule.verdict)).count();
         let _ = write!(out, "<tr><td>{}</td><td>", escape(group));
         for rule in &rules {
             let _ = write!(
@@ -107,7 +132,13 @@ fn matrix(out: &mut String, report: &Report) {
                 rule.verdict.name()
             );
         }
-        let _ = write!(out, "</td><td>{}</td><td>{} of {}</td></tr>", count(Verdict::is_fail), count(|verdict| verdict == Verdict::Pass), rules.len());
+        let _ = write!(
+            out,
+            "</td><td>{}</td><td>{} of {}</td></tr>",
+            count(Verdict::is_fail),
+            count(|verdict| verdict == Verdict::Pass),
+            rules.len()
+        );
     }
     out.push_str("</table>");
 }
@@ -144,7 +175,11 @@ fn detail(out: &mut String, rule: &RuleReport) {
                 out,
                 "<tr><td>{:.3}</td><td>{}</td><td>{} {}<br><span class=\"small\">{} to {}</span></td><td><pre>{}\n{}</pre></td></tr>",
                 message["time"].as_f64().unwrap_or_default(),
-                if message["direction"] == "sent" { "&rarr;" } else { "&larr;" },
+                if message["direction"] == "sent" {
+                    "&rarr;"
+                } else {
+                    "&larr;"
+                },
                 message["id"],
                 escape(&text("name")),
                 escape(&text("source")),

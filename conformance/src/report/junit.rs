@@ -8,7 +8,13 @@ use crate::verdict::Verdict;
 /// The report as JUnit XML.
 #[must_use]
 pub fn junit(report: &Report) -> String {
-    let count = |wanted: fn(Verdict) -> bool| report.rules.iter().filter(|rule| wanted(rule.verdict)).count();
+    let count = |wanted: fn(Verdict) -> bool| {
+        report
+            .rules
+            .iter()
+            .filter(|rule| wanted(rule.verdict))
+            .count()
+    };
     let failures = count(Verdict::is_fail);
     let errors = count(|verdict| verdict == Verdict::Inconclusive);
     let skipped = count(|verdict| matches!(verdict, Verdict::NotApplicable | Verdict::Skipped));
@@ -32,15 +38,26 @@ pub fn junit(report: &Report) -> String {
         let reason = escape(&rule.reason);
         let _ = match rule.verdict {
             Verdict::Pass => writeln!(out, "/>"),
-            Verdict::Warning => writeln!(out, "><system-out>warning: {reason}</system-out></testcase>"),
+            Verdict::Warning => writeln!(
+                out,
+                "><system-out>warning: {reason}</system-out></testcase>"
+            ),
             Verdict::Fail | Verdict::Flaky => writeln!(
                 out,
                 "><failure message=\"{reason}\" type=\"{}\">{}</failure></testcase>",
                 rule.verdict.name(),
-                escape(&format!("{}\nBreaks in the field: {}\nClause: {}", rule.rule, rule.breaks, rule.source))
+                escape(&format!(
+                    "{}\nBreaks in the field: {}\nClause: {}",
+                    rule.rule, rule.breaks, rule.source
+                ))
             ),
-            Verdict::Inconclusive => writeln!(out, "><error message=\"{reason}\" type=\"inconclusive\"/></testcase>"),
-            Verdict::NotApplicable | Verdict::Skipped => writeln!(out, "><skipped message=\"{reason}\"/></testcase>"),
+            Verdict::Inconclusive => writeln!(
+                out,
+                "><error message=\"{reason}\" type=\"inconclusive\"/></testcase>"
+            ),
+            Verdict::NotApplicable | Verdict::Skipped => {
+                writeln!(out, "><skipped message=\"{reason}\"/></testcase>")
+            }
         };
     }
     out.push_str("</testsuite>\n");
@@ -50,16 +67,17 @@ pub fn junit(report: &Report) -> String {
 /// Text for XML and HTML. Control characters, which neither may hold, become spaces.
 #[must_use]
 pub fn escape(text: &str) -> String {
-    text.chars().fold(String::with_capacity(text.len()), |mut out, character| {
-        match character {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\n' => out.push('\n'),
-            control if control.is_control() => out.push(' '),
-            other => out.push(other),
-        }
-        out
-    })
+    text.chars()
+        .fold(String::with_capacity(text.len()), |mut out, character| {
+            match character {
+                '&' => out.push_str("&amp;"),
+                '<' => out.push_str("&lt;"),
+                '>' => out.push_str("&gt;"),
+                '"' => out.push_str("&quot;"),
+                '\n' => out.push('\n'),
+                control if control.is_control() => out.push(' '),
+                other => out.push(other),
+            }
+            out
+        })
 }

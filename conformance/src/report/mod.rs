@@ -155,27 +155,33 @@ impl Report {
     pub fn count(&mut self) {
         self.counts.clear();
         for rule in &self.rules {
-            *self.counts.entry(rule.verdict.name().to_owned()).or_default() += 1;
+            *self
+                .counts
+                .entry(rule.verdict.name().to_owned())
+                .or_default() += 1;
         }
     }
 
     /// Whether anything was judged at all.
     #[must_use]
     pub fn judged(&self) -> bool {
-        self.rules
-            .iter()
-            .any(|rule| rule.verdict.is_fail() || matches!(rule.verdict, Verdict::Pass | Verdict::Warning))
+        self.rules.iter().any(|rule| {
+            rule.verdict.is_fail() || matches!(rule.verdict, Verdict::Pass | Verdict::Warning)
+        })
     }
 
     /// Fails that no departure expects.
     #[must_use]
     pub fn unexpected(&self) -> Vec<&RuleReport> {
         let expected = |rule: &RuleReport| {
-            self.expected
-                .iter()
-                .any(|departure| crate::expected::matches(&departure.rule, &rule.id) && departure.verdict.is_fail())
+            self.expected.iter().any(|departure| {
+                crate::expected::matches(&departure.rule, &rule.id) && departure.verdict.is_fail()
+            })
         };
-        self.rules.iter().filter(|rule| rule.verdict.is_fail() && !expected(rule)).collect()
+        self.rules
+            .iter()
+            .filter(|rule| rule.verdict.is_fail() && !expected(rule))
+            .collect()
     }
 
     /// As JSON.

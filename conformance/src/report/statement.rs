@@ -11,13 +11,22 @@ pub fn statement(report: &Report) -> String {
     let mut out = String::from("# Statement of conformance test\n\n");
     let subject = &report.subject;
     let rows = [
-        ("Subject", format!("{} {} ({})", subject.name, subject.version, subject.role)),
+        (
+            "Subject",
+            format!("{} {} ({})", subject.name, subject.version, subject.role),
+        ),
         ("Address", subject.address.clone()),
         ("Edition judged", subject.edition.clone()),
         ("Vehicles", subject.vehicles.join(", ")),
         ("Program", report.program.clone()),
-        ("Catalogue", format!("{} of {}", report.catalogue.version, report.catalogue.date)),
-        ("Began", format!("{} s since 1970-01-01 00:00 UTC", report.started)),
+        (
+            "Catalogue",
+            format!("{} of {}", report.catalogue.version, report.catalogue.date),
+        ),
+        (
+            "Began",
+            format!("{} s since 1970-01-01 00:00 UTC", report.started),
+        ),
         ("Took", format!("{:.0} s", report.duration_s)),
     ];
     out.push_str("| | |\n|---|---|\n");
@@ -29,14 +38,27 @@ pub fn statement(report: &Report) -> String {
     }
     out.push_str("\n| verdict | rules |\n|---|---|\n");
     for verdict in Verdict::ALL {
-        let _ = writeln!(out, "| {} | {} |", verdict.name(), report.counts.get(verdict.name()).unwrap_or(&0));
+        let _ = writeln!(
+            out,
+            "| {} | {} |",
+            verdict.name(),
+            report.counts.get(verdict.name()).unwrap_or(&0)
+        );
     }
     out.push_str("\n## Rules that fail\n\n");
     let mut any = false;
     for rule in report.rules.iter().filter(|rule| rule.verdict.is_fail()) {
         any = true;
-        let firm = if rule.firm { "firm" } else { "carried over from another edition" };
-        let _ = writeln!(out, "- **{}** {} ({firm}): {}", rule.id, rule.title, rule.reason);
+        let firm = if rule.firm {
+            "firm"
+        } else {
+            "carried over from another edition"
+        };
+        let _ = writeln!(
+            out,
+            "- **{}** {} ({firm}): {}",
+            rule.id, rule.title, rule.reason
+        );
     }
     if !any {
         out.push_str("None.\n");

@@ -10,12 +10,30 @@ use crate::verdict::{Judged, Stop};
 use crate::wire::{Draft, Seen};
 
 pub(super) const SCENES: &[Scene] = &[
-    Scene { rule: "ACK-001", play: acknowledgement_when_asked_for },
-    Scene { rule: "ACK-002", play: no_acknowledgement_unasked },
-    Scene { rule: "ACK-003", play: acknowledgements_are_not_acknowledged },
-    Scene { rule: "ACK-005", play: a_report_is_its_own_acknowledgement },
-    Scene { rule: "ACK-006", play: a_repetition_is_not_carried_out_again },
-    Scene { rule: "ACK-007", play: received_then_done_or_refused },
+    Scene {
+        rule: "ACK-001",
+        play: acknowledgement_when_asked_for,
+    },
+    Scene {
+        rule: "ACK-002",
+        play: no_acknowledgement_unasked,
+    },
+    Scene {
+        rule: "ACK-003",
+        play: acknowledgements_are_not_acknowledged,
+    },
+    Scene {
+        rule: "ACK-005",
+        play: a_report_is_its_own_acknowledgement,
+    },
+    Scene {
+        rule: "ACK-006",
+        play: a_repetition_is_not_carried_out_again,
+    },
+    Scene {
+        rule: "ACK-007",
+        play: received_then_done_or_refused,
+    },
 ];
 
 /// Whether a 17000 is about this message.
@@ -29,12 +47,22 @@ fn acknowledgement_when_asked_for(t: &Trial) -> Judged {
     let a = t.controller()?;
     let mut sent = Vec::new();
     for _ in 0..3 {
-        sent.push(a.send(Draft::new(2017).set("Loiter Radius", t.bench.fresh_radius()).acked()));
+        sent.push(
+            a.send(
+                Draft::new(2017)
+                    .set("Loiter Radius", t.bench.fresh_radius())
+                    .acked(),
+            ),
+        );
     }
     for one in &sent {
-        let mut found = a.wait(one.mark, t.timers().ack, |seen| about(seen, one.kind, one.stamp));
+        let mut found = a.wait(one.mark, t.timers().ack, |seen| {
+            about(seen, one.kind, one.stamp)
+        });
         if found.is_none() {
-            let late = a.wait(one.mark, t.timers().ack * 2, |seen| about(seen, one.kind, one.stamp));
+            let late = a.wait(one.mark, t.timers().ack * 2, |seen| {
+                about(seen, one.kind, one.stamp)
+            });
             if late.is_some() {
                 t.warn("17000 came late");
             }
@@ -43,12 +71,23 @@ fn acknowledgement_when_asked_for(t: &Trial) -> Judged {
         if found.is_none() {
             // Lost on the way, perhaps: once more, the same bytes.
             a.send_bytes(&one.bytes);
-            found = a.wait(one.mark, t.timers().ack, |seen| about(seen, one.kind, one.stamp));
+            found = a.wait(one.mark, t.timers().ack, |seen| {
+                about(seen, one.kind, one.stamp)
+            });
         }
         let Some(found) = found else {
-            return Err(Stop::fail(format!("expected 17000 about 2017 with stamp {} within {:.1} s; none came", one.stamp, t.timers().ack.as_secs_f64())));
+            return Err(Stop::fail(format!(
+                "expected 17000 about 2017 with stamp {} within {:.1} s; none came",
+                one.stamp,
+                t.timers().ack.as_secs_f64()
+            )));
         };
-        t.expect_of(&found, found.piece.destination == a.id, || format!("expected 17000 to its sender {}, got {}", a.id, found.piece.destination))?;
+        t.expect_of(&found, found.piece.destination == a.id, || {
+            format!(
+                "expected 17000 to its sender {}, got {}",
+                a.id, found.piece.destination
+            )
+        })?;
     }
     Ok(())
 }
@@ -58,7 +97,9 @@ fn no_acknowledgement_unasked(t: &Trial) -> Judged {
     let sent = a.set_radius(t.bench.fresh_radius());
     let found = a.wait(sent.mark, t.timers().quiet, |seen| seen.kind() == 17000);
     if let Some(found) = found {
-        t.expect_of(&found, false, || "expected no 17000 to a 2017 without the acknowledgement bit; one came".into())?;
+        t.expect_of(&found, false, || {
+            "expected no 17000 to a 2017 without the acknowledgement bit; one came".into()
+        })?;
     }
     Ok(())
 }
@@ -72,9 +113,13 @@ fn acknowledgements_are_not_acknowledged(t: &Trial) -> Judged {
             .raw("Acknowledgement Type", 1)
             .acked(),
     );
-    let found = a.wait(sent.mark, t.timers().quiet, |seen| seen.kind() == 17000 && seen.raw("Original Message Type") == Some(17000));
+    let found = a.wait(sent.mark, t.timers().quiet, |seen| {
+        seen.kind() == 17000 && seen.raw("Original Message Type") == Some(17000)
+    });
     if let Some(found) = found {
-        t.expect_of(&found, false, || "expected no 17000 about a 17000, though it asked for one; one came".into())?;
+        t.expect_of(&found, false, || {
+            "expected no 17000 about a 17000, though it asked for one; one came".into()
+        })?;
     }
     Ok(())
 }
@@ -85,7 +130,10 @@ fn a_report_is_its_own_acknowledgement(t: &Trial) -> Judged {
     a.query(3)?;
     let found = a.wait(mark, t.timers().quiet, |seen| seen.kind() == 17000);
     if let Some(found) = found {
-        t.expect_of(&found, false, || "expected #3 and nothing else to 17002 without the acknowledgement bit; a 17000 came".into())?;
+        t.expect_of(&found, false, || {
+            "expected #3 and nothing else to 17002 without the acknowledgement bit; a 17000 came"
+                .into()
+        })?;
     }
     let reports = a.received(mark, |seen| seen.kind() == 3).len();
     let requests = 1;
@@ -121,7 +169,11 @@ fn shows_altitude(t: &Trial, a: &Station, raw: i64) -> Judged<bool> {
 fn a_repetition_is_not_carried_out_again(t: &Trial) -> Judged {
     // On a setting first: no flight is needed to see whether an old command acts again.
     let a = t.controller()?;
-    let (r1, r2, r3) = (t.bench.fresh_radius(), t.bench.fresh_radius(), t.bench.fresh_radius());
+    let (r1, r2, r3) = (
+        t.bench.fresh_radius(),
+        t.bench.fresh_radius(),
+        t.bench.fresh_radius(),
+    );
     let first = a.send(Draft::new(2017).set("Loiter Radius", r1).acked());
     if !a.radius_becomes(r1)? {
         return Err(Stop::inconclusive("2017 does not change 3004"));
@@ -131,17 +183,28 @@ fn a_repetition_is_not_carried_out_again(t: &Trial) -> Judged {
         return Err(Stop::inconclusive("2017 does not change 3004"));
     }
     let mark = a.send_bytes(&first.bytes);
-    let again = a.wait(mark, t.timers().ack * 2, |seen| about(seen, first.kind, first.stamp));
-    t.expect(again.is_some(), || "expected 17000 again for the same bytes".into())?;
+    let again = a.wait(mark, t.timers().ack * 2, |seen| {
+        about(seen, first.kind, first.stamp)
+    });
+    t.expect(again.is_some(), || {
+        "expected 17000 again for the same bytes".into()
+    })?;
     t.pause(Duration::from_millis(200))?;
     let shown = a.radius()?;
     t.expect(shown.is_some_and(|shown| (shown - r2).abs() < 0.8), || {
         format!("expected the radius to stay {r2} m after the bytes of an older 2017 came again; 3004 shows {shown:?}")
     })?;
     // The same stamp with other content is a new message.
-    a.send(Draft::new(2017).raw("Time Stamp", first.stamp).set("Loiter Radius", r3).acked());
+    a.send(
+        Draft::new(2017)
+            .raw("Time Stamp", first.stamp)
+            .set("Loiter Radius", r3)
+            .acked(),
+    );
     if !a.radius_becomes(r3)? {
-        t.warn(format!("a 2017 with the stamp of an older one and another radius ({r3} m) is not carried out"));
+        t.warn(format!(
+            "a 2017 with the stamp of an older one and another radius ({r3} m) is not carried out"
+        ));
     }
     a.release()?;
     let Ok(a) = airborne(t) else {
@@ -170,34 +233,55 @@ fn a_repetition_is_not_carried_out_again(t: &Trial) -> Judged {
 fn received_then_done_or_refused(t: &Trial) -> Judged {
     let a = airborne(t)?;
     // Out of mode 12 first, so that it has to be entered.
-    let other = a.send(mode_command(mode::AUTOPILOT).raw("Altitude Command Type", 0).acked());
+    let other = a.send(
+        mode_command(mode::AUTOPILOT)
+            .raw("Altitude Command Type", 0)
+            .acked(),
+    );
     let left = mode_becomes(&a, mode::AUTOPILOT, t.timers().begin)?;
     let _ = other;
     if left {
         let sent = a.send(mode_command(mode::LOITER).acked());
-        let done = a.wait(sent.mark, t.timers().begin, |seen| about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(2));
-        let entered = a.wait(sent.mark, t.timers().begin, |seen| seen.kind() == 3001 && seen.raw("Select Flight Path Control Mode") == Some(mode::LOITER));
+        let done = a.wait(sent.mark, t.timers().begin, |seen| {
+            about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(2)
+        });
+        let entered = a.wait(sent.mark, t.timers().begin, |seen| {
+            seen.kind() == 3001 && seen.raw("Select Flight Path Control Mode") == Some(mode::LOITER)
+        });
         if let (Some(done), Some(entered)) = (&done, &entered) {
             t.cite(entered);
             t.expect_of(done, done.at + Duration::from_millis(250) >= entered.at, || {
                 format!("expected 'carried out' only after 3001 shows mode 12; it came {:.2} s earlier", (entered.at - done.at).as_secs_f64())
             })?;
         }
-        let first = a.wait(sent.mark, t.timers().ack, |seen| about(seen, 2016, sent.stamp));
-        t.expect(first.is_some(), || "expected 17000 within the acknowledgement time of 2016 mode 12".into())?;
+        let first = a.wait(sent.mark, t.timers().ack, |seen| {
+            about(seen, 2016, sent.stamp)
+        });
+        t.expect(first.is_some(), || {
+            "expected 17000 within the acknowledgement time of 2016 mode 12".into()
+        })?;
     }
     // A mode that no vehicle has.
     for wanted in [mode::WAYPOINT + 6, 22] {
         let sent = a.send(mode_command(wanted).acked());
-        let done = a.wait(sent.mark, t.timers().begin.min(t.timers().answer * 3), |seen| {
-            about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type").is_some_and(|kind| kind != 1)
-        });
+        let done = a.wait(
+            sent.mark,
+            t.timers().begin.min(t.timers().answer * 3),
+            |seen| {
+                about(seen, 2016, sent.stamp)
+                    && seen
+                        .raw("Acknowledgement Type")
+                        .is_some_and(|kind| kind != 1)
+            },
+        );
         let shown = reported_mode(&a)?;
         if let Some(done) = done {
             let kind = done.raw("Acknowledgement Type");
             t.expect_of(&done, kind != Some(2) || shown == Some(wanted), || format!("expected no 'carried out' for mode {wanted}, while 3001 shows {shown:?}; 17000 type 2 came"))?;
         } else if shown != Some(wanted) {
-            return Err(Stop::fail(format!("expected 17000 type 3 to 2016 mode {wanted}, which was not entered; none came")));
+            return Err(Stop::fail(format!(
+                "expected 17000 type 3 to 2016 mode {wanted}, which was not entered; none came"
+            )));
         }
     }
     Ok(())

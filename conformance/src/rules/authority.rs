@@ -3,28 +3,75 @@
 use std::time::Duration;
 
 use super::Scene;
-use crate::bench::flight::{Plan, difference, download, home, loaded, mode, mode_command, reported_mode, transfer};
+use crate::bench::flight::{
+    Plan, difference, download, home, loaded, mode, mode_command, reported_mode, transfer,
+};
 use crate::bench::station::{Access, Station, authorisation, information_request, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::Draft;
 
 pub(super) const SCENES: &[Scene] = &[
-    Scene { rule: "AUTH-001", play: free_control_is_granted },
-    Scene { rule: "AUTH-002", play: held_control_is_denied },
-    Scene { rule: "AUTH-003", play: override_by_who_may },
-    Scene { rule: "AUTH-004", play: control_lasts },
-    Scene { rule: "AUTH-005", play: release_is_granted },
-    Scene { rule: "AUTH-006", play: commands_need_their_loi },
-    Scene { rule: "AUTH-010", play: any_number_may_monitor },
-    Scene { rule: "AUTH-011", play: never_more_than_authorised },
-    Scene { rule: "AUTH-012", play: loi_bits },
-    Scene { rule: "AUTH-013", play: launch_needs_loi_5 },
-    Scene { rule: "AUTH-016", play: every_request_gets_its_answer },
-    Scene { rule: "AUTH-017", play: only_the_holder_can_release },
-    Scene { rule: "AUTH-018", play: control_survives_a_restart },
-    Scene { rule: "AUTH-019", play: another_port_the_same_cucs },
-    Scene { rule: "AUTH-020", play: loi_2_messages_before_a_grant },
+    Scene {
+        rule: "AUTH-001",
+        play: free_control_is_granted,
+    },
+    Scene {
+        rule: "AUTH-002",
+        play: held_control_is_denied,
+    },
+    Scene {
+        rule: "AUTH-003",
+        play: override_by_who_may,
+    },
+    Scene {
+        rule: "AUTH-004",
+        play: control_lasts,
+    },
+    Scene {
+        rule: "AUTH-005",
+        play: release_is_granted,
+    },
+    Scene {
+        rule: "AUTH-006",
+        play: commands_need_their_loi,
+    },
+    Scene {
+        rule: "AUTH-010",
+        play: any_number_may_monitor,
+    },
+    Scene {
+        rule: "AUTH-011",
+        play: never_more_than_authorised,
+    },
+    Scene {
+        rule: "AUTH-012",
+        play: loi_bits,
+    },
+    Scene {
+        rule: "AUTH-013",
+        play: launch_needs_loi_5,
+    },
+    Scene {
+        rule: "AUTH-016",
+        play: every_request_gets_its_answer,
+    },
+    Scene {
+        rule: "AUTH-017",
+        play: only_the_holder_can_release,
+    },
+    Scene {
+        rule: "AUTH-018",
+        play: control_survives_a_restart,
+    },
+    Scene {
+        rule: "AUTH-019",
+        play: another_port_the_same_cucs,
+    },
+    Scene {
+        rule: "AUTH-020",
+        play: loi_2_messages_before_a_grant,
+    },
 ];
 
 fn granted(seen: &crate::wire::Seen) -> i64 {
@@ -35,7 +82,11 @@ fn granted(seen: &crate::wire::Seen) -> i64 {
 fn denied(t: &Trial, station: &Station) -> Judged {
     let answer = station.request(loi::LOI4, Access::Request)?;
     t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || {
-        format!("expected #2 to {} without LOI 4 while another holds it; got LOI Granted 0x{:02x}", station.id, granted(&answer))
+        format!(
+            "expected #2 to {} without LOI 4 while another holds it; got LOI Granted 0x{:02x}",
+            station.id,
+            granted(&answer)
+        )
     })
 }
 
@@ -44,23 +95,39 @@ fn powerless(t: &Trial, holder: &Station, other: &Station, why: &str) -> Judged 
     let before = holder.radius()?;
     let radius = t.bench.fresh_radius();
     let sent = other.send(Draft::new(2017).set("Loiter Radius", radius).acked());
-    let done = other.wait(sent.mark, t.timers().quiet / 2, |seen| seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2));
-    t.expect(done.is_none(), || format!("expected no 'carried out' for a 2017 of {} ({why}); 17000 type 2 came", other.id))?;
+    let done = other.wait(sent.mark, t.timers().quiet / 2, |seen| {
+        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
+    });
+    t.expect(done.is_none(), || {
+        format!(
+            "expected no 'carried out' for a 2017 of {} ({why}); 17000 type 2 came",
+            other.id
+        )
+    })?;
     let after = holder.radius()?;
     t.expect(after == before, || format!("expected a 2017 of {} ({why}) to change nothing; the loiter radius went from {before:?} to {after:?}", other.id))
 }
 
 fn obeyed(t: &Trial, station: &Station, why: &str) -> Judged {
     let works = station.commands_work()?;
-    t.expect(works, || format!("expected a 2017 of {} ({why}) to change 3004; it does not", station.id))
+    t.expect(works, || {
+        format!(
+            "expected a 2017 of {} ({why}) to change 3004; it does not",
+            station.id
+        )
+    })
 }
 
 fn free_control_is_granted(t: &Trial) -> Judged {
     let a = t.a()?;
     let answer = a.take(loi::LOI4)?;
     let access = answer.raw("Access Granted");
-    t.expect_of(&answer, access == Some(1), || format!("expected Access Granted 1 with the grant, got {access:?}"))?;
-    t.expect(answer.piece.destination == a.id, || format!("expected #2 to {}, got {}", a.id, answer.piece.destination))
+    t.expect_of(&answer, access == Some(1), || {
+        format!("expected Access Granted 1 with the grant, got {access:?}")
+    })?;
+    t.expect(answer.piece.destination == a.id, || {
+        format!("expected #2 to {}, got {}", a.id, answer.piece.destination)
+    })
 }
 
 fn held_control_is_denied(t: &Trial) -> Judged {
@@ -72,19 +139,36 @@ fn held_control_is_denied(t: &Trial) -> Judged {
 }
 
 fn override_by_who_may(t: &Trial) -> Judged {
-    let b = t.find("a CUCS id that may override", |cucs| cucs.overrides && cucs.authorised & loi::LOI4 != 0)?;
-    let a = t.find("another CUCS id that may have LOI 4", |cucs| cucs.id != b.id && cucs.authorised & loi::LOI4 != 0)?;
+    let b = t.find("a CUCS id that may override", |cucs| {
+        cucs.overrides && cucs.authorised & loi::LOI4 != 0
+    })?;
+    let a = t.find("another CUCS id that may have LOI 4", |cucs| {
+        cucs.id != b.id && cucs.authorised & loi::LOI4 != 0
+    })?;
     t.grant(&a, loi::LOI2 | loi::LOI4)?;
     obeyed(t, &a, "the holder").precondition("commands work")?;
     // Who may not, gets nothing.
-    let weak = t.find("one that may not override", |cucs| !cucs.overrides && cucs.id != a.id && cucs.id != b.id && cucs.authorised & loi::LOI4 != 0);
+    let weak = t.find("one that may not override", |cucs| {
+        !cucs.overrides && cucs.id != a.id && cucs.id != b.id && cucs.authorised & loi::LOI4 != 0
+    });
     if let Ok(weak) = weak {
         let answer = weak.request(loi::LOI4, Access::Override)?;
-        t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || format!("expected an override by {} to be denied, which the policy does not allow it", weak.id))?;
+        t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || {
+            format!(
+                "expected an override by {} to be denied, which the policy does not allow it",
+                weak.id
+            )
+        })?;
     }
     let mark = t.bench.net.mark();
     let answer = b.request(loi::LOI2 | loi::LOI4, Access::Override)?;
-    t.expect_of(&answer, granted(&answer) & loi::LOI4 != 0, || format!("expected an override by {} to be granted, got LOI Granted 0x{:02x}", b.id, granted(&answer)))?;
+    t.expect_of(&answer, granted(&answer) & loi::LOI4 != 0, || {
+        format!(
+            "expected an override by {} to be granted, got LOI Granted 0x{:02x}",
+            b.id,
+            granted(&answer)
+        )
+    })?;
     // At once: a former holder that is obeyed for some seconds more makes two captains.
     let radius = t.bench.fresh_radius();
     let before = b.radius()?;
@@ -99,13 +183,28 @@ fn override_by_who_may(t: &Trial) -> Judged {
         Some(told) => told,
         None => a.request(0, Access::Request)?,
     };
-    t.expect_of(&asked, granted(&asked) & loi::LOI4 == 0, || format!("expected #2 to {} without LOI 4 after the override, got 0x{:02x}", a.id, granted(&asked)))
+    t.expect_of(&asked, granted(&asked) & loi::LOI4 == 0, || {
+        format!(
+            "expected #2 to {} without LOI 4 after the override, got 0x{:02x}",
+            a.id,
+            granted(&asked)
+        )
+    })
 }
 
 fn control_lasts(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;
-    let end = t.bench.net.now() + Duration::from_secs(40).mul_f64(t.bench.profile.timers.get("factor").copied().unwrap_or(1.0).max(0.9));
+    let end = t.bench.net.now()
+        + Duration::from_secs(40).mul_f64(
+            t.bench
+                .profile
+                .timers
+                .get("factor")
+                .copied()
+                .unwrap_or(1.0)
+                .max(0.9),
+        );
     while t.bench.net.now() < end {
         t.pause(Duration::from_secs(5))?;
         a.send(information_request(3));
@@ -118,7 +217,16 @@ fn release_is_granted(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;
     let answer = a.release()?;
-    t.expect_of(&answer, granted(&answer) & (loi::LOI4 | loi::LOI5) == 0, || format!("expected #2 without LOI 4 after the release, got LOI Granted 0x{:02x}", granted(&answer)))?;
+    t.expect_of(
+        &answer,
+        granted(&answer) & (loi::LOI4 | loi::LOI5) == 0,
+        || {
+            format!(
+                "expected #2 without LOI 4 after the release, got LOI Granted 0x{:02x}",
+                granted(&answer)
+            )
+        },
+    )?;
     b.take(loi::LOI4)?;
     Ok(())
 }
@@ -135,17 +243,27 @@ fn commands_need_their_loi(t: &Trial) -> Judged {
     for (station, why) in [(&monitor, "LOI 2 only"), (&nothing, "no LOI")] {
         powerless(t, &a, station, why)?;
         let before = reported_mode(&a)?;
-        let wanted = if before == Some(mode::LOITER) { mode::WAYPOINT } else { mode::LOITER };
+        let wanted = if before == Some(mode::LOITER) {
+            mode::WAYPOINT
+        } else {
+            mode::LOITER
+        };
         let mark = t.bench.net.mark();
         station.send(mode_command(wanted).acked());
         for message in Plan::zigzag(&home, "FOREIGN", &[7, 8]).messages() {
             station.send(message);
         }
         station.send(transfer(2, "FOREIGN"));
-        station.send(Draft::new(2008).raw("Engine Number", 1).raw("Engine Command", 1).acked());
+        station.send(
+            Draft::new(2008)
+                .raw("Engine Number", 1)
+                .raw("Engine Command", 1)
+                .acked(),
+        );
         station.send(Draft::new(2007).raw("Set Lights", 1).acked());
         let done = station.wait(mark, t.timers().quiet, |seen| {
-            (seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)) || (seen.kind() == 14000 && seen.raw("Status") == Some(1))
+            (seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2))
+                || (seen.kind() == 14000 && seen.raw("Status") == Some(1))
         });
         if let Some(done) = done {
             t.expect_of(&done, false, || format!("expected commands of a CUCS with {why} to be refused or ignored; message {} says that one was carried out", done.kind()))?;
@@ -156,7 +274,9 @@ fn commands_need_their_loi(t: &Trial) -> Judged {
     let found = download(t, &a, "OWN")?;
     match difference(&plan, &found, &t.bench) {
         None => Ok(()),
-        Some(difference) => Err(Stop::fail(format!("expected the plan aboard unchanged by CUCSs without LOI 4; {difference}"))),
+        Some(difference) => Err(Stop::fail(format!(
+            "expected the plan aboard unchanged by CUCSs without LOI 4; {difference}"
+        ))),
     }
 }
 
@@ -167,15 +287,28 @@ fn any_number_may_monitor(t: &Trial) -> Judged {
     for station in &monitors {
         station.take(loi::LOI2)?;
         let mark = t.bench.net.mark();
-        let came = station.wait(mark, t.timers().answer * 2, |seen| seen.kind() == 4000).is_some() || station.query(4000).is_ok();
-        t.expect(came, || format!("expected 4000 at {} with LOI 2 while another has LOI 4", station.id))?;
+        let came = station
+            .wait(mark, t.timers().answer * 2, |seen| seen.kind() == 4000)
+            .is_some()
+            || station.query(4000).is_ok();
+        t.expect(came, || {
+            format!(
+                "expected 4000 at {} with LOI 2 while another has LOI 4",
+                station.id
+            )
+        })?;
     }
     Ok(())
 }
 
 fn never_more_than_authorised(t: &Trial) -> Judged {
     let survey = t.bench.surveyed()?;
-    let limited: Vec<_> = survey.cucs.iter().filter(|cucs| cucs.claimed.unwrap_or(cucs.authorised) & 0x0F != 0x0F).map(|cucs| (cucs.id, cucs.claimed)).collect();
+    let limited: Vec<_> = survey
+        .cucs
+        .iter()
+        .filter(|cucs| cucs.claimed.unwrap_or(cucs.authorised) & 0x0F != 0x0F)
+        .map(|cucs| (cucs.id, cucs.claimed))
+        .collect();
     let mut stations = vec![(t.any()?, None)];
     for (id, claimed) in limited {
         stations.push((t.station(id)?, claimed));
@@ -184,13 +317,22 @@ fn never_more_than_authorised(t: &Trial) -> Judged {
         let answer = station.request(0x0F, Access::Request)?;
         let authorised = claimed.or(answer.raw("LOI Authorized")).unwrap_or_default();
         t.expect_of(&answer, granted(&answer) & !authorised == 0, || {
-            format!("expected at most LOI 0x{authorised:02x} for {}, got LOI Granted 0x{:02x}", station.id, granted(&answer))
+            format!(
+                "expected at most LOI 0x{authorised:02x} for {}, got LOI Granted 0x{:02x}",
+                station.id,
+                granted(&answer)
+            )
         })?;
         station.release()?;
     }
     // Who may not override gets nothing by it.
     let a = t.controller()?;
-    let b = t.find("one that may not override", |cucs| !cucs.overrides && cucs.id != a.id && cucs.authorised & loi::LOI4 != 0 && cucs.claimed.is_some());
+    let b = t.find("one that may not override", |cucs| {
+        !cucs.overrides
+            && cucs.id != a.id
+            && cucs.authorised & loi::LOI4 != 0
+            && cucs.claimed.is_some()
+    });
     if let Ok(b) = b {
         let answer = b.request(loi::LOI4, Access::Override)?;
         t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || format!("expected the override of {} to be denied, which its policy in the profile does not allow", b.id))?;
@@ -204,12 +346,18 @@ fn loi_bits(t: &Trial) -> Judged {
     for cucs in &survey.cucs {
         let station = t.station(cucs.id)?;
         for answer in station.discover()? {
-            let Some(raw) = answer.raw("LOI Authorized") else { continue };
+            let Some(raw) = answer.raw("LOI Authorized") else {
+                continue;
+            };
             seen_any = true;
             if let Some(claimed) = cucs.claimed {
                 let payload = survey.stations().is_empty();
                 // LOI 3 means a payload station; without one a VSM need not offer it.
-                let expected = if payload { claimed & !loi::LOI3 } else { claimed };
+                let expected = if payload {
+                    claimed & !loi::LOI3
+                } else {
+                    claimed
+                };
                 let found = if payload { raw & !loi::LOI3 } else { raw };
                 let reading_m = raw >> 1 == claimed && raw & 1 == 0;
                 let stated = t.bench.profile.readings.contains_key("loi_bits");
@@ -231,7 +379,12 @@ fn loi_bits(t: &Trial) -> Judged {
     }
     let station = t.any()?;
     let answer = station.take(loi::LOI2)?;
-    t.expect_of(&answer, granted(&answer) & !loi::LOI2 == 0, || format!("expected LOI Granted 0x01 after a request of LOI 2, got 0x{:02x}", granted(&answer)))?;
+    t.expect_of(&answer, granted(&answer) & !loi::LOI2 == 0, || {
+        format!(
+            "expected LOI Granted 0x01 after a request of LOI 2, got 0x{:02x}",
+            granted(&answer)
+        )
+    })?;
     t.expect(seen_any, || "expected LOI Authorised in message 2".into())
 }
 
@@ -239,17 +392,34 @@ fn launch_needs_loi_5(t: &Trial) -> Judged {
     let a = t.controller()?;
     let before = reported_mode(&a)?;
     let answer = a.request(0, Access::Request)?;
-    t.expect(granted(&answer) & loi::LOI5 == 0, || "LOI 5 was granted without being asked for".into()).precondition("A has LOI 4 only")?;
-    let sent = a.send(mode_command(mode::LAUNCH).raw("Altitude Command Type", 1).acked());
-    let done = a.wait(sent.mark, t.timers().quiet, |seen| seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2));
+    t.expect(granted(&answer) & loi::LOI5 == 0, || {
+        "LOI 5 was granted without being asked for".into()
+    })
+    .precondition("A has LOI 4 only")?;
+    let sent = a.send(
+        mode_command(mode::LAUNCH)
+            .raw("Altitude Command Type", 1)
+            .acked(),
+    );
+    let done = a.wait(sent.mark, t.timers().quiet, |seen| {
+        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
+    });
     if let Some(done) = done {
-        t.expect_of(&done, false, || "expected launch with LOI 4 only to be refused; 17000 type 2 came".into())?;
+        t.expect_of(&done, false, || {
+            "expected launch with LOI 4 only to be refused; 17000 type 2 came".into()
+        })?;
     }
     let after = reported_mode(&a)?;
-    t.expect(after == before || after != Some(mode::LAUNCH), || format!("expected 3001 to stay at {before:?} after a launch with LOI 4 only, got {after:?}"))?;
+    t.expect(after == before || after != Some(mode::LAUNCH), || {
+        format!("expected 3001 to stay at {before:?} after a launch with LOI 4 only, got {after:?}")
+    })?;
     let engine = a.query(3007);
     if let Ok(engine) = engine {
-        t.expect_of(&engine, engine.raw("Engine Status").unwrap_or_default() == 0, || "expected engines stopped in 3007 after a launch with LOI 4 only".into())?;
+        t.expect_of(
+            &engine,
+            engine.raw("Engine Status").unwrap_or_default() == 0,
+            || "expected engines stopped in 3007 after a launch with LOI 4 only".into(),
+        )?;
     }
     Ok(())
 }
@@ -263,10 +433,25 @@ fn every_request_gets_its_answer(t: &Trial) -> Judged {
         let second = b.request(levels, Access::Request)?;
         t.cite(&first);
         t.expect_of(&second, granted(&first) == granted(&second), || {
-            format!("expected the same LOI Granted to the same request, got 0x{:02x} and 0x{:02x}", granted(&first), granted(&second))
+            format!(
+                "expected the same LOI Granted to the same request, got 0x{:02x} and 0x{:02x}",
+                granted(&first),
+                granted(&second)
+            )
         })?;
-        t.expect(granted(&first) & loi::LOI2 != 0, || format!("expected LOI Granted to be all that the CUCS holds, LOI 2 among it; got 0x{:02x}", granted(&first)))?;
-        t.expect(granted(&first) & loi::LOI4 == 0, || format!("expected LOI 4 denied while {} holds it; got 0x{:02x}", a.id, granted(&first)))?;
+        t.expect(granted(&first) & loi::LOI2 != 0, || {
+            format!(
+                "expected LOI Granted to be all that the CUCS holds, LOI 2 among it; got 0x{:02x}",
+                granted(&first)
+            )
+        })?;
+        t.expect(granted(&first) & loi::LOI4 == 0, || {
+            format!(
+                "expected LOI 4 denied while {} holds it; got 0x{:02x}",
+                a.id,
+                granted(&first)
+            )
+        })?;
     }
     powerless(t, &a, &b, "LOI Granted shows LOI 2 only")
 }
@@ -277,7 +462,14 @@ fn only_the_holder_can_release(t: &Trial) -> Judged {
     let _ = b.request(loi::LOI4, Access::Release);
     let _ = b.request(0x0F, Access::Release);
     let held = a.request(0, Access::Request)?;
-    t.expect_of(&held, granted(&held) & loi::LOI4 != 0, || format!("expected {} to hold LOI 4 after a release by {}, which holds nothing; got 0x{:02x}", a.id, b.id, granted(&held)))?;
+    t.expect_of(&held, granted(&held) & loi::LOI4 != 0, || {
+        format!(
+            "expected {} to hold LOI 4 after a release by {}, which holds nothing; got 0x{:02x}",
+            a.id,
+            b.id,
+            granted(&held)
+        )
+    })?;
     obeyed(t, &a, "the holder, after another's release")
 }
 
@@ -295,7 +487,8 @@ fn control_survives_a_restart(t: &Trial) -> Judged {
             break;
         }
     }
-    let answer = answer.ok_or_else(|| Stop::inconclusive("the subject does not answer after its restart"))?;
+    let answer = answer
+        .ok_or_else(|| Stop::inconclusive("the subject does not answer after its restart"))?;
     t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || "expected B's request to be denied after the restart, because A was in control; it was granted".into())?;
     obeyed(t, &a, "the holder before the restart")
 }
@@ -306,8 +499,14 @@ fn another_port_the_same_cucs(t: &Trial) -> Judged {
     let new = t.station(old.id)?;
     obeyed(t, &new, "the holder from another port")?;
     let mark = t.bench.net.mark();
-    let came = new.wait(mark, Duration::from_secs(2).max(t.timers().answer), |seen| seen.kind() == 4000);
-    t.expect(came.is_some(), || "expected 4000 at the new port within 2 s; none came".into())
+    let came = new.wait(
+        mark,
+        Duration::from_secs(2).max(t.timers().answer),
+        |seen| seen.kind() == 4000,
+    );
+    t.expect(came.is_some(), || {
+        "expected 4000 at the new port within 2 s; none came".into()
+    })
 }
 
 fn loi_2_messages_before_a_grant(t: &Trial) -> Judged {
@@ -316,8 +515,14 @@ fn loi_2_messages_before_a_grant(t: &Trial) -> Judged {
     station.send(super::configuration::request(1));
     station.send(information_request(3));
     t.pause(t.timers().answer)?;
-    let came = station.received(mark, |seen| matches!(seen.kind(), 3 | 41000..=41005 | 44003)).len();
-    t.note(format!("{came} messages came in answer to 40000 and 17002 before a grant"));
+    let came = station
+        .received(mark, |seen| {
+            matches!(seen.kind(), 3 | 41000..=41005 | 44003)
+        })
+        .len();
+    t.note(format!(
+        "{came} messages came in answer to 40000 and 17002 before a grant"
+    ));
     station.take(loi::LOI2)?;
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! Rules that are judged in flight.
 
 use super::Scene;
-use crate::bench::flight::{Fix, fix, home, mode_command, waypoint};
+
 use crate::bench::station::Station;
 use crate::bench::trial::Trial;
 use crate::verdict::Judged;

@@ -66,10 +66,19 @@ pub fn scenes() -> Vec<&'static Scene> {
 
 /// Rules of the catalogue that have neither scene nor judge, with the reason.
 pub const WITHOUT_CODE: &[(&str, &str)] = &[
-    ("HAND-004", "needs a data link that the DLI controls, and a vehicle that waits for its transition"),
-    ("DISC-005", "needs a command that connects and disconnects the vehicle under another id"),
+    (
+        "HAND-004",
+        "needs a data link that the DLI controls, and a vehicle that waits for its transition",
+    ),
+    (
+        "DISC-005",
+        "needs a command that connects and disconnects the vehicle under another id",
+    ),
     ("PAYL-007", "needs a camera with a known terrain below it"),
-    ("AUTH-012", "judged through the profile's claims of each CUCS"),
+    (
+        "AUTH-012",
+        "judged through the profile's claims of each CUCS",
+    ),
 ];
 
 #[cfg(test)]
@@ -81,7 +90,10 @@ mod tests {
     fn every_scene_and_judge_has_its_rule() {
         let catalogue = Catalogue::embedded();
         let judges = crate::passive::judges();
-        let ids = scenes().into_iter().map(|scene| scene.rule).chain(judges.into_iter().map(|judge| judge.rule));
+        let ids = scenes()
+            .into_iter()
+            .map(|scene| scene.rule)
+            .chain(judges.into_iter().map(|judge| judge.rule));
         for id in ids {
             assert!(catalogue.find(id).is_some(), "{id} is not in the catalogue");
         }

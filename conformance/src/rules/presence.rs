@@ -9,11 +9,26 @@ use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::Draft;
 
 pub(super) const SCENES: &[Scene] = &[
-    Scene { rule: "PV-001", play: width_of_the_vector },
-    Scene { rule: "PV-002", play: least_bit_is_the_time_stamp },
-    Scene { rule: "PV-004", play: absent_is_not_zero },
-    Scene { rule: "PV-005", play: full_vectors_until_partial_ones_are_allowed },
-    Scene { rule: "PV-007", play: vector_and_data_must_agree },
+    Scene {
+        rule: "PV-001",
+        play: width_of_the_vector,
+    },
+    Scene {
+        rule: "PV-002",
+        play: least_bit_is_the_time_stamp,
+    },
+    Scene {
+        rule: "PV-004",
+        play: absent_is_not_zero,
+    },
+    Scene {
+        rule: "PV-005",
+        play: full_vectors_until_partial_ones_are_allowed,
+    },
+    Scene {
+        rule: "PV-007",
+        play: vector_and_data_must_agree,
+    },
 ];
 
 fn width_of_the_vector(t: &Trial) -> Judged {
@@ -25,16 +40,30 @@ fn width_of_the_vector(t: &Trial) -> Judged {
         t.note("3007 is not sent; width judged on the other messages only");
         return Ok(());
     };
-    t.expect_of(&found, found.fields.is_ok(), || format!("expected 3007 to decode with a vector of 5 bytes; {:?}", found.fields.as_ref().err()))
+    t.expect_of(&found, found.fields.is_ok(), || {
+        format!(
+            "expected 3007 to decode with a vector of 5 bytes; {:?}",
+            found.fields.as_ref().err()
+        )
+    })
 }
 
 fn least_bit_is_the_time_stamp(t: &Trial) -> Judged {
     let station = t.any()?;
     // Three known fields, and nothing else.
-    let draft = Draft::new(1).raw("Requested/Handover LOI", loi::LOI2).raw("Requested/Handover Access", Access::Request as i64);
-    let answer = station.ask(draft, t.timers().answer, "message 2 to #1 with time stamp, LOI and access only", |seen| seen.kind() == 2)?;
+    let draft = Draft::new(1)
+        .raw("Requested/Handover LOI", loi::LOI2)
+        .raw("Requested/Handover Access", Access::Request as i64);
+    let answer = station.ask(
+        draft,
+        t.timers().answer,
+        "message 2 to #1 with time stamp, LOI and access only",
+        |seen| seen.kind() == 2,
+    )?;
     let granted = answer.raw("LOI Granted").unwrap_or_default();
-    t.expect_of(&answer, granted & loi::LOI2 != 0, || format!("expected LOI 2 granted to #1 with three fields, got LOI Granted 0x{granted:02x}"))?;
+    t.expect_of(&answer, granted & loi::LOI2 != 0, || {
+        format!("expected LOI 2 granted to #1 with three fields, got LOI Granted 0x{granted:02x}")
+    })?;
     station.query(3)?;
     Ok(())
 }
@@ -42,8 +71,15 @@ fn least_bit_is_the_time_stamp(t: &Trial) -> Judged {
 fn absent_is_not_zero(t: &Trial) -> Judged {
     let a = t.controller()?;
     a.set_radius(150.0);
-    t.expect(a.radius_becomes(150.0)?, || "expected 3004 to show the radius of 150 m that 2017 set".into()).precondition("commands work")?;
-    for (field, value) in [("Loiter Direction", 1), ("Loiter Type", 1), ("Loiter Bearing", 100)] {
+    t.expect(a.radius_becomes(150.0)?, || {
+        "expected 3004 to show the radius of 150 m that 2017 set".into()
+    })
+    .precondition("commands work")?;
+    for (field, value) in [
+        ("Loiter Direction", 1),
+        ("Loiter Type", 1),
+        ("Loiter Bearing", 100),
+    ] {
         a.send(Draft::new(2017).raw(field, value));
         t.pause(t.timers().answer / 4)?;
         let report = a.query(3004)?;
@@ -73,7 +109,10 @@ fn full_vectors_until_partial_ones_are_allowed(t: &Trial) -> Judged {
             continue;
         }
         let width = seen.info.map_or(1, |info| usize::from(info.presence_bytes));
-        vectors.entry(seen.kind()).or_default().insert(seen.piece.data[..width.min(seen.piece.data.len())].to_vec());
+        vectors
+            .entry(seen.kind())
+            .or_default()
+            .insert(seen.piece.data[..width.min(seen.piece.data.len())].to_vec());
     }
     if vectors.is_empty() {
         return Err(Stop::inconclusive("no status message came"));
@@ -81,16 +120,27 @@ fn full_vectors_until_partial_ones_are_allowed(t: &Trial) -> Judged {
     let several = vectors.iter().find(|(_, found)| found.len() > 1);
     match several {
         None => Ok(()),
-        Some((kind, found)) => Err(Stop::fail(format!("expected the same vector in each {kind}, since partial vectors were not allowed; got {found:02x?}"))),
+        Some((kind, found)) => Err(Stop::fail(format!(
+            "expected the same vector in each {kind}, since partial vectors were not allowed; got {found:02x?}"
+        ))),
     }
 }
 
 fn vector_and_data_must_agree(t: &Trial) -> Judged {
     let a = t.controller()?;
-    t.expect(a.commands_work()?, || "expected 2017 of the holder in 3004".into()).precondition("commands work")?;
+    t.expect(a.commands_work()?, || {
+        "expected 2017 of the holder in 3004".into()
+    })
+    .precondition("commands work")?;
     let before = a.radius()?;
     let radius = t.bench.fresh_radius();
-    let whole = a.stamped(Draft::new(2017).set("Loiter Radius", radius).raw("Loiter Direction", 1)).acked();
+    let whole = a
+        .stamped(
+            Draft::new(2017)
+                .set("Loiter Radius", radius)
+                .raw("Loiter Direction", 1),
+        )
+        .acked();
     let data = whole.data();
     let missing = data[..data.len() - 2].to_vec();
     let mut left_over = data.clone();
@@ -98,16 +148,26 @@ fn vector_and_data_must_agree(t: &Trial) -> Judged {
     // The vector names all fields, of which few are there.
     let mut all_named = data.clone();
     all_named[..2].copy_from_slice(&[0x07, 0xFF]);
-    for (what, data) in [("a field missing", missing), ("two bytes left over", left_over), ("a vector of all fields", all_named)] {
+    for (what, data) in [
+        ("a field missing", missing),
+        ("two bytes left over", left_over),
+        ("a vector of all fields", all_named),
+    ] {
         let mut draft = whole.clone();
         draft.data = Some(data);
         let sent = a.send(draft);
-        let done = a.wait(sent.mark, t.timers().quiet, |seen| seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2));
+        let done = a.wait(sent.mark, t.timers().quiet, |seen| {
+            seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
+        });
         if let Some(done) = done {
-            t.expect_of(&done, false, || format!("expected no 'carried out' for a 2017 with {what}; 17000 type 2 came"))?;
+            t.expect_of(&done, false, || {
+                format!("expected no 'carried out' for a 2017 with {what}; 17000 type 2 came")
+            })?;
         }
         let after = a.radius()?;
         t.expect(after == before, || format!("expected a 2017 with {what} to be dropped whole; the radius went from {before:?} to {after:?}"))?;
     }
-    t.expect(a.commands_work()?, || "expected the next good 2017 to work".into())
+    t.expect(a.commands_work()?, || {
+        "expected the next good 2017 to work".into()
+    })
 }

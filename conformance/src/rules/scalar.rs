@@ -1,17 +1,35 @@
 //! Numbers, texts, angles: SCALAR.
 
 use super::Scene;
-use crate::bench::flight::{Fix, Plan, difference, download, fix, home, load, mode, mode_becomes, mode_command, waypoint, wrapped};
+use crate::bench::flight::{
+    Fix, Plan, difference, download, fix, home, load, mode, mode_becomes, mode_command, waypoint,
+    wrapped,
+};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::Draft;
 
 pub(super) const SCENES: &[Scene] = &[
-    Scene { rule: "SCALAR-003", play: angles_are_twos_complement },
-    Scene { rule: "SCALAR-004", play: three_byte_integers_and_their_steps },
-    Scene { rule: "SCALAR-007", play: values_out_of_range_are_not_used },
-    Scene { rule: "SCALAR-008", play: bearings_from_true_north },
-    Scene { rule: "SCALAR-009", play: turn_rate_keeps_its_scale },
+    Scene {
+        rule: "SCALAR-003",
+        play: angles_are_twos_complement,
+    },
+    Scene {
+        rule: "SCALAR-004",
+        play: three_byte_integers_and_their_steps,
+    },
+    Scene {
+        rule: "SCALAR-007",
+        play: values_out_of_range_are_not_used,
+    },
+    Scene {
+        rule: "SCALAR-008",
+        play: bearings_from_true_north,
+    },
+    Scene {
+        rule: "SCALAR-009",
+        play: turn_rate_keeps_its_scale,
+    },
 ];
 
 /// A plan that came back from the subject as it went there, or was refused.
@@ -23,25 +41,45 @@ fn returns(t: &Trial, a: &crate::bench::station::Station, plan: &Plan, what: &st
     let found = download(t, a, &plan.mission)?;
     match difference(plan, &found, &t.bench) {
         None => Ok(true),
-        Some(difference) => Err(Stop::fail(format!("expected {what} to come back by download unchanged; {difference}"))),
+        Some(difference) => Err(Stop::fail(format!(
+            "expected {what} to come back by download unchanged; {difference}"
+        ))),
     }
 }
 
 fn angles_are_twos_complement(t: &Trial) -> Judged {
     let a = t.controller()?;
     let now = fix(t, &a)?;
-    t.expect(now.latitude.abs() <= std::f64::consts::FRAC_PI_2, || format!("expected a latitude of -90 to 90 degrees in 4000, got {:.3}", now.latitude.to_degrees()))?;
+    t.expect(now.latitude.abs() <= std::f64::consts::FRAC_PI_2, || {
+        format!(
+            "expected a latitude of -90 to 90 degrees in 4000, got {:.3}",
+            now.latitude.to_degrees()
+        )
+    })?;
     let home = home(t, &a)?;
     let mut plan = Plan::zigzag(&home, "ANGLES", &[1, 2]);
     returns(t, &a, &plan, "a plan near home")?;
     // West and south, refused by most vehicles as too far away: then 14000 says so.
     for (north, east) in [(-0.5, -1.2), (0.6, -2.0)] {
         plan.points = vec![
-            waypoint(&Fix { latitude: north, longitude: east, ..home }, 1, 2, north, east, 50.0),
+            waypoint(
+                &Fix {
+                    latitude: north,
+                    longitude: east,
+                    ..home
+                },
+                1,
+                2,
+                north,
+                east,
+                50.0,
+            ),
             waypoint(&home, 2, 0, north + 1e-5, east + 1e-5, 50.0),
         ];
         if !returns(t, &a, &plan, "a waypoint in the western hemisphere")? {
-            t.note("a route in the western hemisphere is refused, since it is far from the vehicle");
+            t.note(
+                "a route in the western hemisphere is refused, since it is far from the vehicle",
+            );
         }
     }
     Ok(())
@@ -51,20 +89,44 @@ fn three_byte_integers_and_their_steps(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
     let mut accepted = 0;
-    for up in [50.02, 51.98, -500.0 - home.altitude, 4_999.98 - home.altitude, 20_000.0 - home.altitude] {
+    for up in [
+        50.02,
+        51.98,
+        -500.0 - home.altitude,
+        4_999.98 - home.altitude,
+        20_000.0 - home.altitude,
+    ] {
         let mut plan = Plan::zigzag(&home, "STEPS", &[1, 2]);
-        plan.points[0] = plan.points[0].clone().set("Waypoint to Altitude", home.altitude + up);
-        accepted += usize::from(returns(t, &a, &plan, &format!("a waypoint at {:.2} m", home.altitude + up))?);
+        plan.points[0] = plan.points[0]
+            .clone()
+            .set("Waypoint to Altitude", home.altitude + up);
+        accepted += usize::from(returns(
+            t,
+            &a,
+            &plan,
+            &format!("a waypoint at {:.2} m", home.altitude + up),
+        )?);
     }
-    t.expect(accepted > 0, || "expected a waypoint 50 m above the vehicle to be accepted".into())?;
-    let claim = t.bench.profile.vehicle.first().and_then(|vehicle| Some((vehicle.amsl_m?, vehicle.geoid_m)));
+    t.expect(accepted > 0, || {
+        "expected a waypoint 50 m above the vehicle to be accepted".into()
+    })?;
+    let claim = t
+        .bench
+        .profile
+        .vehicle
+        .first()
+        .and_then(|vehicle| Some((vehicle.amsl_m?, vehicle.geoid_m)));
     if let Some((amsl, geoid)) = claim {
         let expected = match home.altitude_type {
             3 => amsl + geoid.unwrap_or_default(),
             2 => 0.0,
             _ => amsl,
         };
-        let tolerance = if geoid.is_none() && home.altitude_type == 3 { 110.0 } else { 10.0 };
+        let tolerance = if geoid.is_none() && home.altitude_type == 3 {
+            110.0
+        } else {
+            10.0
+        };
         t.expect((home.altitude - expected).abs() < tolerance, || format!("expected an altitude near {expected:.0} m (type {}), got {:.1} m; a step other than 0.02 m gives such values", home.altitude_type, home.altitude))?;
     }
     Ok(())
@@ -72,21 +134,47 @@ fn three_byte_integers_and_their_steps(t: &Trial) -> Judged {
 
 fn values_out_of_range_are_not_used(t: &Trial) -> Judged {
     let a = t.controller()?;
-    t.expect(a.commands_work()?, || "expected 2017 of the holder in 3004".into()).precondition("commands work")?;
+    t.expect(a.commands_work()?, || {
+        "expected 2017 of the holder in 3004".into()
+    })
+    .precondition("commands work")?;
     let cases = [
-        ("loiter type 200", Draft::new(2017).raw("Loiter Type", 200), 3004, "Loiter Type", 200),
-        ("loiter direction 9", Draft::new(2017).raw("Loiter Direction", 9), 3004, "Loiter Direction", 9),
-        ("loiter radius 0", Draft::new(2017).raw("Loiter Radius", 0), 3004, "Loiter Radius", 0),
+        (
+            "loiter type 200",
+            Draft::new(2017).raw("Loiter Type", 200),
+            3004,
+            "Loiter Type",
+            200,
+        ),
+        (
+            "loiter direction 9",
+            Draft::new(2017).raw("Loiter Direction", 9),
+            3004,
+            "Loiter Direction",
+            9,
+        ),
+        (
+            "loiter radius 0",
+            Draft::new(2017).raw("Loiter Radius", 0),
+            3004,
+            "Loiter Radius",
+            0,
+        ),
         (
             "altitude type 9",
-            Draft::new(2016).raw("Altitude Command Type", 1).set("Commanded Altitude", 77.0).raw("Altitude Type", 9),
+            Draft::new(2016)
+                .raw("Altitude Command Type", 1)
+                .set("Commanded Altitude", 77.0)
+                .raw("Altitude Type", 9),
             3002,
             "Altitude Type",
             9,
         ),
         (
             "a loiter latitude beyond 90 degrees",
-            mode_command(mode::LOITER).set("Loiter Position Latitude", 1.7).set("Loiter Position Longitude", 0.1),
+            mode_command(mode::LOITER)
+                .set("Loiter Position Latitude", 1.7)
+                .set("Loiter Position Longitude", 0.1),
             3002,
             "Commanded Loiter Position Latitude",
             (1.7 / (std::f64::consts::PI / 2_f64.powi(31))).round() as i64,
@@ -95,15 +183,23 @@ fn values_out_of_range_are_not_used(t: &Trial) -> Judged {
     for (what, draft, report, field, value) in cases {
         let sent = a.send(draft.acked());
         let done = a.wait(sent.mark, t.timers().quiet, |seen| {
-            seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2) && seen.raw("Original Message Time Stamp") == Some(sent.stamp)
+            seen.kind() == 17000
+                && seen.raw("Acknowledgement Type") == Some(2)
+                && seen.raw("Original Message Time Stamp") == Some(sent.stamp)
         });
         if let Some(done) = done {
-            t.expect_of(&done, false, || format!("expected {what} not to be carried out; 17000 type 2 came"))?;
+            t.expect_of(&done, false, || {
+                format!("expected {what} not to be carried out; 17000 type 2 came")
+            })?;
         }
         let shown = a.query(report)?;
-        t.expect_of(&shown, shown.raw(field) != Some(value), || format!("expected {what} not to be used; {report} shows it"))?;
+        t.expect_of(&shown, shown.raw(field) != Some(value), || {
+            format!("expected {what} not to be used; {report} shows it")
+        })?;
     }
-    t.expect(a.commands_work()?, || "expected the next good 2017 to work".into())
+    t.expect(a.commands_work()?, || {
+        "expected the next good 2017 to work".into()
+    })
 }
 
 fn bearings_from_true_north(t: &Trial) -> Judged {
@@ -115,17 +211,29 @@ fn bearings_from_true_north(t: &Trial) -> Judged {
             continue;
         }
         // A multicopter may fly sideways; then its course says nothing about its heading.
-        let Some(heading) = track.heading else { continue };
+        let Some(heading) = track.heading else {
+            continue;
+        };
         compared += 1;
         let off = wrapped(heading - track.course).to_degrees();
         let half = wrapped(heading - track.course / 2.0).to_degrees();
-        let hint = if half.abs() < 3.0 && off.abs() > 10.0 { "; half of it fits, so the step of the angle is wrong" } else { "" };
+        let hint = if half.abs() < 3.0 && off.abs() > 10.0 {
+            "; half of it fits, so the step of the angle is wrong"
+        } else {
+            ""
+        };
         t.expect(off.abs() <= 10.0, || {
-            format!("expected a heading within 10 degrees of the course {:.0}; 4000 shows {:.0}{hint}", track.course.to_degrees(), heading.to_degrees())
+            format!(
+                "expected a heading within 10 degrees of the course {:.0}; 4000 shows {:.0}{hint}",
+                track.course.to_degrees(),
+                heading.to_degrees()
+            )
         })?;
     }
     if compared == 0 {
-        return Err(Stop::inconclusive("no leg was long enough to compare heading and course"));
+        return Err(Stop::inconclusive(
+            "no leg was long enough to compare heading and course",
+        ));
     }
     Ok(())
 }
@@ -139,12 +247,18 @@ fn turn_rate_keeps_its_scale(t: &Trial) -> Judged {
             .raw("Altitude Command Type", 0)
             .acked(),
     );
-    let refused = a.wait(sent.mark, t.timers().answer, |seen| seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3));
+    let refused = a.wait(sent.mark, t.timers().answer, |seen| {
+        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3)
+    });
     if refused.is_some() {
-        return Err(Stop::not_applicable("the vehicle refuses a commanded turn rate"));
+        return Err(Stop::not_applicable(
+            "the vehicle refuses a commanded turn rate",
+        ));
     }
     mode_becomes(&a, mode::AUTOPILOT, t.timers().begin)?;
     let states = a.query(3002)?;
     let found = states.raw("Commanded Turn Rate");
-    t.expect_of(&states, found == Some(500), || format!("expected the raw turn rate 500 in 3002, got {found:?}"))
+    t.expect_of(&states, found == Some(500), || {
+        format!("expected the raw turn rate 500 in 3002, got {found:?}")
+    })
 }

@@ -10,21 +10,50 @@ use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::Draft;
 
 pub(super) const SCENES: &[Scene] = &[
-    Scene { rule: "WRAP-003", play: length_counts_data_only },
-    Scene { rule: "WRAP-004", play: no_datagram_over_548_bytes },
-    Scene { rule: "WRAP-005", play: several_messages_in_one_datagram },
-    Scene { rule: "WRAP-007", play: every_style_is_understood },
-    Scene { rule: "WRAP-008", play: crc_32_is_understood },
-    Scene { rule: "WRAP-009", play: damaged_message_is_dropped },
-    Scene { rule: "WRAP-013", play: foreign_version_is_not_guessed_at },
-    Scene { rule: "WRAP-014", play: reserved_parts_are_ignored },
-    Scene { rule: "WRAP-017", play: only_what_is_addressed_to_it },
+    Scene {
+        rule: "WRAP-003",
+        play: length_counts_data_only,
+    },
+    Scene {
+        rule: "WRAP-004",
+        play: no_datagram_over_548_bytes,
+    },
+    Scene {
+        rule: "WRAP-005",
+        play: several_messages_in_one_datagram,
+    },
+    Scene {
+        rule: "WRAP-007",
+        play: every_style_is_understood,
+    },
+    Scene {
+        rule: "WRAP-008",
+        play: crc_32_is_understood,
+    },
+    Scene {
+        rule: "WRAP-009",
+        play: damaged_message_is_dropped,
+    },
+    Scene {
+        rule: "WRAP-013",
+        play: foreign_version_is_not_guessed_at,
+    },
+    Scene {
+        rule: "WRAP-014",
+        play: reserved_parts_are_ignored,
+    },
+    Scene {
+        rule: "WRAP-017",
+        play: only_what_is_addressed_to_it,
+    },
 ];
 
 /// Whether any message 2 comes to the station within `quiet` of sending these bytes.
 fn answered(t: &Trial, station: &Player, bytes: &[u8]) -> bool {
     let mark = station.send_bytes(bytes);
-    station.wait(mark, t.timers().quiet, |seen| seen.kind() == 2).is_some()
+    station
+        .wait(mark, t.timers().quiet, |seen| seen.kind() == 2)
+        .is_some()
 }
 
 fn discovery_of(station: &Player) -> Draft {
@@ -52,13 +81,27 @@ fn no_datagram_over_548_bytes(t: &Trial) -> Judged {
     }
     station.send(super::configuration::request(1));
     let complete = station.wait(mark, t.timers().config / 2, |seen| seen.kind() == 41005);
-    t.note(format!("a full configuration was {}", if complete.is_some() { "received" } else { "not completed" }));
+    t.note(format!(
+        "a full configuration was {}",
+        if complete.is_some() {
+            "received"
+        } else {
+            "not completed"
+        }
+    ));
     let longest = {
         let recording = t.bench.net.recording();
-        let of_subject = recording.datagrams[mark..].iter().filter(|datagram| datagram.direction == crate::wire::Direction::Received);
-        of_subject.map(|datagram| datagram.bytes.len()).max().unwrap_or(0)
+        let of_subject = recording.datagrams[mark..]
+            .iter()
+            .filter(|datagram| datagram.direction == crate::wire::Direction::Received);
+        of_subject
+            .map(|datagram| datagram.bytes.len())
+            .max()
+            .unwrap_or(0)
     };
-    t.expect(longest <= 548, || format!("expected at most 548 bytes of UDP payload, got {longest}"))
+    t.expect(longest <= 548, || {
+        format!("expected at most 548 bytes of UDP payload, got {longest}")
+    })
 }
 
 fn several_messages_in_one_datagram(t: &Trial) -> Judged {
@@ -91,11 +134,19 @@ fn several_messages_in_one_datagram(t: &Trial) -> Judged {
 fn ask_in_style(t: &Trial, station: &Player, style: u8) -> Judged {
     let mut draft = authorisation(0, Access::Release);
     draft.style = Some(style);
-    let found = station.ask(draft, t.timers().answer, &format!("message 2 to #1 in checksum style {style}"), |seen| seen.kind() == 2)?;
+    let found = station.ask(
+        draft,
+        t.timers().answer,
+        &format!("message 2 to #1 in checksum style {style}"),
+        |seen| seen.kind() == 2,
+    )?;
     t.cite(&found);
     let (value, expected) = found.piece.checksums();
     t.expect(value == expected, || {
-        format!("expected checksum 0x{expected:x} of style {} over header and data, got 0x{value:x}", found.piece.style())
+        format!(
+            "expected checksum 0x{expected:x} of style {} over header and data, got 0x{value:x}",
+            found.piece.style()
+        )
     })
 }
 
@@ -125,10 +176,15 @@ fn crc_32_is_understood(t: &Trial) -> Judged {
 
 fn damaged_message_is_dropped(t: &Trial) -> Judged {
     let a = t.controller()?;
-    t.expect(a.commands_work()?, || "expected 2017 of the holder in 3004".into()).precondition("commands work")?;
+    t.expect(a.commands_work()?, || {
+        "expected 2017 of the holder in 3004".into()
+    })
+    .precondition("commands work")?;
     let before = a.radius()?;
     let radius = t.bench.fresh_radius();
-    let mut draft = a.stamped(Draft::new(2017).set("Loiter Radius", radius)).acked();
+    let mut draft = a
+        .stamped(Draft::new(2017).set("Loiter Radius", radius))
+        .acked();
     for style in [1, 2] {
         draft.style = Some(style);
         let bytes = a.encode(&draft);
@@ -144,7 +200,9 @@ fn damaged_message_is_dropped(t: &Trial) -> Judged {
         let answer = a.wait(mark, t.timers().quiet, |seen| seen.kind() == 17000);
         if let Some(answer) = answer {
             t.cite(&answer);
-            return Err(Stop::fail(format!("expected nothing to a 2017 with one bit flipped (checksum style {style}); 17000 came")));
+            return Err(Stop::fail(format!(
+                "expected nothing to a 2017 with one bit flipped (checksum style {style}); 17000 came"
+            )));
         }
         let after = a.radius()?;
         t.expect(after == before, || format!("expected the loiter radius to stay {before:?} after damaged 2017s; 3004 shows {after:?}"))?;
@@ -157,26 +215,41 @@ fn damaged_message_is_dropped(t: &Trial) -> Judged {
             *last ^= 0x55;
         }
         let style_is_summed = t.bench.profile.subject.checksum != 0;
-        t.expect(!style_is_summed || !answered(t, b, &bytes), || "expected nothing to #1 with a wrong checksum; message 2 came".into())?;
+        t.expect(!style_is_summed || !answered(t, b, &bytes), || {
+            "expected nothing to #1 with a wrong checksum; message 2 came".into()
+        })?;
     }
-    t.expect(a.commands_work()?, || "expected the undamaged 2017 to work".into())
+    t.expect(a.commands_work()?, || {
+        "expected the undamaged 2017 to work".into()
+    })
 }
 
 fn foreign_version_is_not_guessed_at(t: &Trial) -> Judged {
     let a = t.controller()?;
-    t.expect(a.commands_work()?, || "expected 2017 of the holder in 3004".into()).precondition("commands work")?;
+    t.expect(a.commands_work()?, || {
+        "expected 2017 of the holder in 3004".into()
+    })
+    .precondition("commands work")?;
     let before = a.radius()?;
     for version in [99, 1] {
         let radius = t.bench.fresh_radius();
         let mut draft = Draft::new(2017).set("Loiter Radius", radius).acked();
         draft.idd = Some(version);
         let sent = a.send(draft);
-        let done = a.wait(sent.mark, t.timers().quiet, |seen| seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2));
-        t.expect(done.is_none(), || format!("expected no 'carried out' for a 2017 of IDD version {version}; 17000 type 2 came"))?;
+        let done = a.wait(sent.mark, t.timers().quiet, |seen| {
+            seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
+        });
+        t.expect(done.is_none(), || {
+            format!(
+                "expected no 'carried out' for a 2017 of IDD version {version}; 17000 type 2 came"
+            )
+        })?;
         let after = a.radius()?;
         t.expect(after == before, || format!("expected a 2017 of IDD version {version} to change nothing; the radius went from {before:?} to {after:?}"))?;
     }
-    t.expect(a.commands_work()?, || "expected the same in the right version to work".into())
+    t.expect(a.commands_work()?, || {
+        "expected the same in the right version to work".into()
+    })
 }
 
 fn reserved_parts_are_ignored(t: &Trial) -> Judged {
@@ -185,19 +258,41 @@ fn reserved_parts_are_ignored(t: &Trial) -> Judged {
         let mut draft = authorisation(0, Access::Release);
         draft.reserved = Some(word);
         draft.property_bits = bits;
-        station.ask(draft, t.timers().answer, &format!("message 2 to #1 with first word 0x{word:04x} and property bits 0x{bits:02x}"), |seen| seen.kind() == 2)?;
+        station.ask(
+            draft,
+            t.timers().answer,
+            &format!("message 2 to #1 with first word 0x{word:04x} and property bits 0x{bits:02x}"),
+            |seen| seen.kind() == 2,
+        )?;
     }
     Ok(())
 }
 
 fn only_what_is_addressed_to_it(t: &Trial) -> Judged {
     let a = t.controller()?;
-    t.expect(a.commands_work()?, || "expected 2017 of the holder in 3004".into()).precondition("commands work")?;
+    t.expect(a.commands_work()?, || {
+        "expected 2017 of the holder in 3004".into()
+    })
+    .precondition("commands work")?;
     let (before, mode) = (a.radius()?, reported_mode(&a)?);
-    let known: Vec<Id> = t.bench.surveyed()?.vehicles.iter().map(|vehicle| vehicle.id).collect();
-    let foreign = (1..).map(|step| Id(a.vehicle.0.wrapping_add(0x0000_4200 + step))).find(|id| !known.contains(id)).unwrap_or(Id(0x1b00_7fff));
+    let known: Vec<Id> = t
+        .bench
+        .surveyed()?
+        .vehicles
+        .iter()
+        .map(|vehicle| vehicle.id)
+        .collect();
+    let foreign = (1..)
+        .map(|step| Id(a.vehicle.0.wrapping_add(0x0000_4200 + step)))
+        .find(|id| !known.contains(id))
+        .unwrap_or(Id(0x1b00_7fff));
     let radius = t.bench.fresh_radius();
-    let sent = a.send(Draft::new(2017).set("Loiter Radius", radius).acked().to(foreign));
+    let sent = a.send(
+        Draft::new(2017)
+            .set("Loiter Radius", radius)
+            .acked()
+            .to(foreign),
+    );
     a.send(mode_command(12).to(foreign).acked());
     let answer = a.wait(sent.mark, t.timers().quiet, |seen| seen.kind() == 17000);
     if let Some(answer) = answer {
