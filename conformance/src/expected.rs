@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::report::{Departure, Report};
+use crate::report::{Departure, Report, matches};
 use crate::verdict::Verdict;
 
 /// The file.
@@ -79,17 +79,6 @@ pub fn from_run(report: &Report) -> String {
     toml::to_string_pretty(&File { expected }).unwrap_or_default()
 }
 
-/// Whether a pattern, in which `*` stands for anything, names this rule.
-#[must_use]
-pub fn matches(pattern: &str, id: &str) -> bool {
-    match pattern.split_once('*') {
-        None => pattern == id,
-        Some((head, tail)) => {
-            id.starts_with(head) && id.len() >= head.len() + tail.len() && id.ends_with(tail)
-        }
-    }
-}
-
 /// Notes which departures occurred; those that did not are returned, because an entry that is not needed hides the next
 /// fault.
 pub fn compare(report: &mut Report) -> Vec<String> {
@@ -110,18 +99,4 @@ pub fn compare(report: &mut Report) -> Vec<String> {
             )
         })
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::matches;
-
-    #[test]
-    fn patterns_match() {
-        assert!(matches("AUTH-002", "AUTH-002"));
-        assert!(matches("AUTH-*", "AUTH-002"));
-        assert!(matches("*", "AUTH-002"));
-        assert!(!matches("AUTH-*", "HAND-002"));
-        assert!(!matches("AUTH-002", "AUTH-0021"));
-    }
 }

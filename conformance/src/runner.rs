@@ -9,10 +9,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::bench::context::Bench;
+use crate::bench::discovery::{alive, survey};
 use crate::bench::flight;
 use crate::bench::station::{Access, loi};
-use crate::bench::survey::Survey;
-use crate::bench::trial::{Bench, Trial};
+use crate::bench::trial::Trial;
 use crate::catalogue::{Catalogue, Hazard, Rule, Subject};
 use crate::passive::{self, View};
 use crate::report::RuleReport;
@@ -107,7 +108,7 @@ impl Run<'_> {
 
     fn play(&mut self) -> Vec<RuleReport> {
         let mut reports = Vec::new();
-        match Survey::make(&self.bench) {
+        match survey(&self.bench) {
             Ok(survey) => {
                 if survey.loss > WHOLE {
                     self.remarks.push(format!(
@@ -225,7 +226,7 @@ impl Run<'_> {
                 flying |= airborne;
                 self.judge(rule, scene, &mut report);
                 if report.verdict.is_fail() || report.verdict == Verdict::Inconclusive {
-                    if !self.bench.net.interrupted() && !self.bench.alive() && !self.revived() {
+                    if !self.bench.net.interrupted() && !alive(&self.bench) && !self.revived() {
                         dead = Some(format!(
                             "the subject has answered no discovery since {}",
                             rule.id
@@ -250,7 +251,7 @@ impl Run<'_> {
         let Some(command) = &self.bench.profile.means.restart else {
             return false;
         };
-        crate::means::shell(command).is_ok() && self.bench.alive()
+        crate::means::shell(command).is_ok() && alive(&self.bench)
     }
 
     fn judge(&self, rule: &Rule, scene: &rules::Scene, report: &mut RuleReport) {
@@ -260,7 +261,7 @@ impl Run<'_> {
         report.attempts.push(judgement.verdict);
         if judgement.verdict == Verdict::Fail && self.options.repeat {
             for _ in 0..2 {
-                if self.bench.net.interrupted() || !self.bench.alive() {
+                if self.bench.net.interrupted() || !alive(&self.bench) {
                     break;
                 }
                 let again = self.attempt(rule, scene, report);

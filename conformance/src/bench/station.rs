@@ -9,8 +9,9 @@ use std::time::Duration;
 
 use stanag_msgs::Id;
 
+use super::context::Bench;
 use super::net::{Datagram, Socket};
-use super::trial::Bench;
+
 use crate::verdict::{Judged, Stop};
 use crate::wire::{Direction, Draft, Seen};
 

@@ -4,131 +4,17 @@
 //! cancels what they scheduled. Sockets are opened anew for each scene.
 
 use std::cell::{Cell, RefCell};
-use std::net::SocketAddr;
 use std::rc::Rc;
-use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::Duration;
 
 use stanag_msgs::Id;
 
-use super::flight::Fix;
-use super::net::Net;
-use super::station::{Access, Station, loi};
-use super::survey::{CucsFound, Survey};
-use crate::catalogue::Catalogue;
-use crate::profile::Profile;
+use super::context::{Bench, Timers};
+use super::station::{Station, loi};
+use super::survey::CucsFound;
 use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::{Direction, Draft, Seen};
-
-/// The suite's times, scaled.
-#[derive(Clone, Copy, Debug)]
-pub struct Timers {
-    /// An answer to a request.
-    pub answer: Duration,
-    /// An acknowledgement.
-    pub ack: Duration,
-    /// How long nothing may come.
-    pub quiet: Duration,
-    /// Window over which rates are measured.
-    pub status: Duration,
-    /// The vehicle begins to obey.
-    pub begin: Duration,
-    /// The vehicle arrives.
-    pub flight: Duration,
-    /// A mission transfer.
-    pub load: Duration,
-    /// A full configuration.
-    pub config: Duration,
-}
-
-impl Timers {
-    /// Those of the catalogue, changed by the profile, times its factor; flight times also by the speed of the simulation.
-    #[must_use]
-    pub fn new(catalogue: &Catalogue, profile: &Profile) -> Self {
-        let factor = profile.timers.get("factor").copied().unwrap_or(1.0);
-        let of = |name: &str| {
-            let seconds = profile
-                .timers
-                .get(name)
-                .or(catalogue.timers.get(name))
-                .copied()
-                .unwrap_or(2.0);
-            Duration::from_secs_f64(seconds * factor)
-        };
-        let speed = profile.figures.speed_factor.max(0.1);
-        Self {
-            answer: of("answer"),
-            ack: of("ack"),
-            quiet: of("quiet"),
-            status: of("status"),
-            begin: of("move").max(of("answer")),
-            flight: of("flight").div_f64(speed).max(of("answer") * 5),
-            load: of("load"),
-            config: of("config"),
-        }
-    }
-}
-
-/// Everything that outlives a scene.
-#[derive(Debug)]
-pub struct Bench {
-    /// Sockets, clock, recording.
-    pub net: Arc<Net>,
-    /// What the subject claims.
-    pub profile: Profile,
-    /// Where it listens.
-    pub address: SocketAddr,
-    /// The suite's times.
-    pub timers: Timers,
-    /// What the discovery showed.
-    pub survey: OnceLock<Survey>,
-    /// Where the vehicle stood when it was first seen.
-    pub home: OnceLock<Fix>,
-    radius: AtomicU32,
-}
-
-impl Bench {
-    /// A bench for a subject at this address.
-    #[must_use]
-    pub fn new(catalogue: &Catalogue, profile: Profile, address: SocketAddr) -> Arc<Self> {
-        Arc::new(Self {
-            net: Net::new(),
-            timers: Timers::new(catalogue, &profile),
-            profile,
-            address,
-            survey: OnceLock::new(),
-            home: OnceLock::new(),
-            radius: AtomicU32::new(0),
-        })
-    }
-
-    /// A loiter radius that was not used shortly before: 90 to 240 m, a multiple of the wire's step.
-    pub fn fresh_radius(&self) -> f64 {
-        let number = self.radius.fetch_add(1, Ordering::SeqCst);
-        90.0 + 1.5 * f64::from(number * 7 % 100)
-    }
-
-    /// Whether a discovery is answered.
-    #[must_use]
-    pub fn alive(self: &Arc<Self>) -> bool {
-        let Some(survey) = self.survey.get() else {
-            return false;
-        };
-        let Some(cucs) = survey.cucs.first() else {
-            return false;
-        };
-        let vehicle = survey.vehicle().map_or(Id::BROADCAST, |vehicle| vehicle.id);
-        let Ok(station) = Station::new(self, cucs.id, vehicle) else {
-            return false;
-        };
-        if survey.broadcast && station.discover().is_ok_and(|found| !found.is_empty()) {
-            return true;
-        }
-        // A subject that does not answer broadcasts is not dead.
-        station.request(0, Access::Release).is_ok()
-    }
-}
 
 /// A station that scenes share.
 pub type Player = Rc<Station>;

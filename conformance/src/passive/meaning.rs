@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use stanag_msgs::Id;
 
-use super::{Found, Judge, View};
+use super::view::{Found, Judge, View};
 
 pub(super) const JUDGES: &[Judge] = &[
     Judge {

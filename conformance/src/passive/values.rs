@@ -7,7 +7,7 @@ use stanag_msgs::DecodeError;
 use stanag_msgs::field::EnumKind;
 use stanag_msgs::table::Wire;
 
-use super::{Found, Judge, View};
+use super::view::{Found, Judge, View};
 use crate::bench::flight::Fix;
 
 pub(super) const JUDGES: &[Judge] = &[

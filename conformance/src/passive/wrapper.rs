@@ -1,6 +1,6 @@
 //! Judges of wrapper and checksum: WRAP.
 
-use super::{Found, Judge, View};
+use super::view::{Found, Judge, View};
 use crate::wire::{HEADER, checksum, trailer};
 use stanag_msgs::Id;
 

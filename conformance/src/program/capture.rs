@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::profile;
+use super::output::profile;
 use crate::bench::net::Datagram;
 use crate::catalogue::{Catalogue, Subject as Role};
 use crate::passive::{View, judges};

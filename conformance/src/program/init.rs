@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{eprint, print};
+use super::output::{eprint, print};
+use crate::bench::context::Bench;
+use crate::bench::discovery::survey;
 use crate::bench::station::Station;
-use crate::bench::survey::Survey;
-use crate::bench::trial::Bench;
 use crate::catalogue::Catalogue;
 use crate::profile::{CucsClaims, VehicleClaims};
 
@@ -35,7 +35,7 @@ pub(super) fn write(arguments: &InitArguments) -> Result<u8, String> {
     }
     profile.check().map_err(|error| error.to_string())?;
     let bench = Bench::new(&Catalogue::embedded(), profile.clone(), address);
-    let survey = Survey::make(&bench).map_err(|stop| stop.judgement().reason)?;
+    let survey = survey(&bench).map_err(|stop| stop.judgement().reason)?;
     if !survey.answered {
         eprint(&format!(
             "nothing at {address} answered a discovery; name CUCS ids that the VSM knows with --cucs"

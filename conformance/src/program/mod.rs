@@ -3,6 +3,7 @@
 mod capture;
 mod compare;
 mod init;
+mod output;
 mod vsm;
 
 use std::path::PathBuf;
@@ -12,8 +13,8 @@ use clap::{Parser, Subcommand};
 use serde_json::json;
 
 use crate::catalogue::Catalogue;
-use crate::profile::Profile;
 use crate::rules;
+use output::{eprint, print};
 
 /// Judge a VSM or CUCS by the interoperability rules of the STANAG 4586 Data Link Interface.
 #[derive(Debug, Parser)]
@@ -38,6 +39,7 @@ enum Command {
     /// Play one rule again and again, to see whether its verdict holds
     Repeat {
         /// Rule id, AUTH-002
+        #[arg(id = "repeated", value_name = "RULE")]
         rule: String,
         /// How many times
         #[arg(long, default_value_t = 20)]
@@ -178,27 +180,6 @@ fn explain(id: &str) -> Result<u8, String> {
         rule.disputed.as_deref().unwrap_or("no"),
     ));
     Ok(0)
-}
-
-/// The profile of a file, or the default.
-fn profile(file: Option<&std::path::Path>) -> Result<Profile, String> {
-    match file {
-        Some(file) => Profile::read(file).map_err(|error| error.to_string()),
-        None => Ok(Profile::default()),
-    }
-}
-
-#[allow(clippy::print_stdout, reason = "the program's output")]
-fn print(line: &str) {
-    use std::io::Write;
-    // A closed pipe (`| head`) is no reason to panic.
-    let _ = writeln!(std::io::stdout(), "{line}");
-}
-
-#[allow(clippy::print_stderr, reason = "the program's errors")]
-fn eprint(line: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stderr(), "{line}");
 }
 
 #[cfg(test)]

@@ -9,8 +9,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use clap::{Args, ValueEnum};
 use sha2::{Digest, Sha256};
 
-use super::{eprint, print, profile};
-use crate::bench::trial::Bench;
+use super::output::{eprint, print, profile};
+use crate::bench::context::Bench;
 use crate::catalogue::{Catalogue, Hazard};
 use crate::expected;
 use crate::profile::Profile;
@@ -139,8 +139,7 @@ fn confirm(arguments: &VsmArguments, bench: &Arc<Bench>) -> Result<(), String> {
     let Some(tail) = &arguments.real_vehicle else {
         return Ok(());
     };
-    let survey =
-        crate::bench::survey::Survey::make(bench).map_err(|stop| stop.judgement().reason)?;
+    let survey = crate::bench::discovery::survey(bench).map_err(|stop| stop.judgement().reason)?;
     let vehicle = survey.vehicle().ok_or("no vehicle was offered")?.id;
     let cucs = survey
         .cucs

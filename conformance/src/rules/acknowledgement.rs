@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::Scene;
+use super::scene::Scene;
 use crate::bench::flight::{airborne, home, mode, mode_becomes, mode_command, reported_mode};
 use crate::bench::station::{Station, information_request};
 use crate::bench::trial::Trial;

@@ -1,5 +1,5 @@
 //! Rules of alerts.
 
-use super::Scene;
+use super::scene::Scene;
 
 pub(super) const SCENES: &[Scene] = &[];

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::Scene;
+use super::scene::Scene;
 use crate::bench::flight::{
     Plan, difference, download, home, loaded, mode, mode_command, reported_mode, transfer,
 };

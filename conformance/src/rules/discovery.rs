@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use stanag_msgs::Id;
 
-use super::Scene;
+use super::scene::Scene;
 use crate::bench::flight::{Plan, home, load};
 use crate::bench::station::{Access, authorisation, discovery, loi};
 use crate::bench::trial::Trial;

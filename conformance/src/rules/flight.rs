@@ -1,21 +1,625 @@
-//! Rules that are judged in flight.
+//! Rules that are judged in flight: motion, routes, loiters, steering.
+//!
+//! The first of them launches the vehicle by mode 21; all begin in mode 12 and leave the vehicle to the next.
 
-use super::Scene;
+use std::f64::consts::TAU;
+use std::time::Duration;
 
+use super::acknowledgement::about;
+use super::scene::Scene;
+use crate::bench::flight::{
+    EARTH_M, Fix, Plan, airborne, fix, fly_until, hold, home, loaded, mode, mode_becomes,
+    mode_command, reported_mode, wrapped,
+};
 use crate::bench::station::Station;
 use crate::bench::trial::Trial;
-use crate::verdict::Judged;
+use crate::verdict::{Judged, Stop};
+use crate::wire::Draft;
 
-pub(super) const SCENES: &[Scene] = &[];
+pub(super) const SCENES: &[Scene] = &[
+    Scene {
+        rule: "STAT-007",
+        play: velocity_axes,
+    },
+    Scene {
+        rule: "MODE-001",
+        play: mode_report_follows_the_command,
+    },
+    Scene {
+        rule: "MODE-004",
+        play: waypoint_mode_flies_the_plan,
+    },
+    Scene {
+        rule: "STAT-010",
+        play: the_uploaders_numbers,
+    },
+    Scene {
+        rule: "STAT-011",
+        play: arrival_times_are_times_of_day,
+    },
+    Scene {
+        rule: "ROUTE-015",
+        play: loiter_waypoints_are_flown,
+    },
+    Scene {
+        rule: "ROUTE-016",
+        play: altitude_type_is_honoured,
+    },
+    Scene {
+        rule: "MODE-005",
+        play: loiter_where_and_how_commanded,
+    },
+    Scene {
+        rule: "MODE-006",
+        play: steering_obeys_the_command_types,
+    },
+    Scene {
+        rule: "MODE-015",
+        play: a_part_commands_that_part,
+    },
+    Scene {
+        rule: "HAND-006",
+        play: the_flight_continues_through_a_handover,
+    },
+];
 
-/// A straight piece of flight.
+/// A straight piece of flight between two positions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Track {
+    /// Metres over the ground.
     pub(super) distance: f64,
+    /// Radians from true north.
     pub(super) course: f64,
+    /// What 4000 showed half way.
     pub(super) heading: Option<f64>,
+    /// Metres north, east and up by positions.
+    moved: [f64; 3],
+    /// The same by velocities.
+    integrated: [f64; 3],
 }
 
-pub(super) fn tracks(_t: &Trial, _a: &Station) -> Judged<Vec<Track>> {
-    Ok(Vec::new())
+/// Commands the vehicle to a place so many metres from where it is, by mode 12.
+fn go(t: &Trial, a: &Station, north: f64, east: f64, up: f64) -> Judged {
+    let now = fix(t, a)?;
+    let (latitude, longitude) = now.offset(north, east);
+    a.send(
+        mode_command(mode::LOITER)
+            .set("Loiter Position Latitude", latitude)
+            .set("Loiter Position Longitude", longitude)
+            .raw("Altitude Command Type", 1)
+            .set("Commanded Altitude", now.altitude + up)
+            .raw("Altitude Type", now.altitude_type)
+            .acked(),
+    );
+    Ok(())
+}
+
+/// Fixes of this much time from now, as they come.
+fn fixes(t: &Trial, a: &Station, time: Duration) -> Judged<Vec<Fix>> {
+    let mark = t.bench.net.mark();
+    t.pause(time)?;
+    Ok(a.received(mark, |seen| seen.kind() == 4000)
+        .iter()
+        .filter_map(|seen| Fix::of(seen))
+        .collect())
+}
+
+/// The track between the first and the last of these fixes, in the vehicle's time: stamps of a simulation run faster.
+fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
+    let (first, last) = (fixes.first()?, fixes.last()?);
+    let (north, east) = last.from(first.latitude, first.longitude);
+    let speed = t.bench.profile.figures.speed_factor.max(0.1);
+    let mut integrated = [0.0; 3];
+    for pair in fixes.windows(2) {
+        let time = (pair[1].at - pair[0].at).as_secs_f64() * speed;
+        let mean = |field: fn(&Fix) -> f64| (field(&pair[0]) + field(&pair[1])) / 2.0 * time;
+        integrated[0] += mean(|fix| fix.north);
+        integrated[1] += mean(|fix| fix.east);
+        integrated[2] -= mean(|fix| fix.down);
+    }
+    Some(Track {
+        distance: north.hypot(east),
+        course: east.atan2(north).rem_euclid(TAU),
+        heading: fixes[fixes.len() / 2].heading,
+        moved: [north, east, last.altitude - first.altitude],
+        integrated,
+    })
+}
+
+/// Flies a leg east, one south, and a climb; the tracks of steady flight.
+pub(super) fn tracks(t: &Trial, a: &Station) -> Judged<Vec<Track>> {
+    let mut found = Vec::new();
+    let speed = t.bench.profile.figures.speed_factor.max(1.0);
+    a.send(crate::bench::station::schedule(
+        4000,
+        t.bench.profile.figures.largest_rate_hz.min(10),
+    ));
+    for (north, east, up) in [(0.0, 250.0, 0.0), (-250.0, 0.0, 0.0), (0.0, 0.0, 40.0)] {
+        let began = fix(t, a)?;
+        go(t, a, north, east, up)?;
+        // Past the turn: a course is that of steady flight.
+        let away = fly_until(t, a, t.timers().flight.div_f64(4.0), |fix| {
+            let moved = fix.distance(began.latitude, began.longitude);
+            if up > 0.0 {
+                fix.altitude > began.altitude + 5.0
+            } else {
+                moved > 60.0
+            }
+        })?;
+        if away.is_none() {
+            continue;
+        }
+        let seen = fixes(t, a, Duration::from_secs_f64((9.0 / speed).clamp(1.2, 9.0)))?;
+        found.extend(track(t, &seen));
+    }
+    Ok(found)
+}
+
+fn velocity_axes(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let tracks = tracks(t, &a)?;
+    let mut judged = 0;
+    for track in &tracks {
+        for (axis, (&moved, &by_speed)) in track.moved.iter().zip(&track.integrated).enumerate() {
+            let name = ["U_Speed (north)", "V_Speed (east)", "-W_Speed (up)"][axis];
+            if moved.abs() < 8.0 && by_speed.abs() < 8.0 {
+                continue;
+            }
+            judged += 1;
+            let tolerance = 5.0 + 0.25 * moved.abs();
+            if (moved - by_speed).abs() > tolerance {
+                let ratio = moved / by_speed;
+                let hint = if (ratio + 1.0).abs() < 0.3 {
+                    ": the sign is the opposite"
+                } else if (ratio - 0.5).abs() < 0.12 {
+                    ": positions move half as far, as with an angle step of pi/2^n"
+                } else {
+                    ""
+                };
+                return Err(Stop::fail(format!(
+                    "expected {name} to agree with the change of position; the vehicle moved {moved:.0} m, its velocities make {by_speed:.0} m{hint}"
+                )));
+            }
+        }
+    }
+    if judged == 0 {
+        return Err(Stop::inconclusive(
+            "the vehicle did not move far enough to compare velocities and positions",
+        ));
+    }
+    Ok(())
+}
+
+fn mode_report_follows_the_command(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "MODES", &[1, 2, 3]);
+    stretch(&home, &mut plan, 150.0);
+    loaded(t, &a, &plan)?;
+    for wanted in [mode::WAYPOINT, mode::LOITER] {
+        let sent = a.send(mode_command(wanted).acked());
+        let shown = mode_becomes(&a, wanted, t.timers().begin)?;
+        let refused = a.received(sent.mark, |seen| {
+            about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+        });
+        t.expect(shown || !refused.is_empty(), || {
+            format!(
+                "expected 3001 to show mode {wanted} within {:.0} s of 2016",
+                t.timers().begin.as_secs_f64()
+            )
+        })?;
+        if !refused.is_empty() {
+            return Err(Stop::inconclusive(format!("mode {wanted} was refused")));
+        }
+    }
+    Ok(())
+}
+
+/// Puts the waypoints of a plan this far apart, in flight's altitude.
+fn stretch(home: &Fix, plan: &mut Plan, spacing: f64) {
+    let mut index = 0.0;
+    for point in plan
+        .points
+        .iter_mut()
+        .filter(|point| point.message_type == 13002)
+    {
+        index += 1.0;
+        let east = if index % 2.0 == 0.0 { 80.0 } else { -80.0 };
+        let (latitude, longitude) = home.offset(spacing * index, east);
+        *point = point
+            .clone()
+            .set("Waypoint to Latitude or Relative Y", latitude)
+            .set("Waypoint to Longitude or Relative X", longitude);
+    }
+}
+
+fn to_number(a: &Station) -> Judged<Option<i64>> {
+    Ok(a.query(4001)?.raw("To Waypoint Number"))
+}
+
+fn to_becomes(t: &Trial, a: &Station, number: i64, time: Duration) -> Judged<bool> {
+    let deadline = t.bench.net.now() + time;
+    while t.bench.net.now() < deadline {
+        if to_number(a)? == Some(number) {
+            return Ok(true);
+        }
+        t.pause(Duration::from_millis(100))?;
+    }
+    Ok(false)
+}
+
+fn waypoint_mode_flies_the_plan(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "FLY", &[10, 40, 20, 65_534]);
+    stretch(&home, &mut plan, 150.0);
+    loaded(t, &a, &plan)?;
+    let sent = a.send(
+        mode_command(mode::WAYPOINT)
+            .raw("Commanded Waypoint Number", 20)
+            .acked(),
+    );
+    let third = to_becomes(t, &a, 20, t.timers().begin)?;
+    let shown = to_number(&a)?;
+    if !third {
+        let refused = a.received(sent.mark, |seen| {
+            about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+        });
+        if !refused.is_empty() {
+            return Err(Stop::inconclusive("mode 11 from waypoint 20 was refused"));
+        }
+        return Err(Stop::fail(format!(
+            "expected 4001 To = 20 after mode 11 from waypoint 20, got {shown:?}"
+        )));
+    }
+    let before = fix(t, &a)?;
+    let (latitude, longitude) = place(&plan, 20);
+    let nearer = fly_until(t, &a, t.timers().begin, |fix| {
+        fix.distance(latitude, longitude) < before.distance(latitude, longitude) - 10.0
+    })?;
+    t.expect(
+        nearer.is_some() || before.distance(latitude, longitude) < 30.0,
+        || "expected the distance to waypoint 20 to fall in mode 11".into(),
+    )?;
+    // From the start, the route goes by Next Waypoint: 10, then 40.
+    t.expect(hold(t, &a)?, || "expected mode 12".into())?;
+    a.send(
+        mode_command(mode::WAYPOINT)
+            .raw("Commanded Waypoint Number", 10)
+            .acked(),
+    );
+    t.expect(to_becomes(t, &a, 10, t.timers().begin)?, || {
+        "expected 4001 To = 10 after mode 11 from waypoint 10".into()
+    })?;
+    let deadline = t.bench.net.now() + t.timers().flight;
+    let mut next = Some(10);
+    while next == Some(10) && t.bench.net.now() < deadline {
+        next = to_number(&a)?;
+        t.pause(Duration::from_millis(100))?;
+    }
+    t.expect(next == Some(40), || {
+        format!("expected waypoint 40 after 10, as Next Waypoint says; 4001 shows To = {next:?}")
+    })?;
+    // A number that is not aboard.
+    hold(t, &a)?;
+    a.send(
+        mode_command(mode::WAYPOINT)
+            .raw("Commanded Waypoint Number", 77)
+            .acked(),
+    );
+    t.pause(t.timers().quiet)?;
+    let shown = reported_mode(&a)?;
+    t.expect(shown != Some(mode::WAYPOINT), || {
+        "expected mode 11 from waypoint 77, which is not aboard, to be refused; 3001 shows 11"
+            .into()
+    })
+}
+
+fn place(plan: &Plan, number: i64) -> (f64, f64) {
+    let point = plan.points.iter().find(|point| {
+        point.message_type == 13002
+            && crate::bench::flight::field(point, "Waypoint Number") == Some(number)
+    });
+    let value = |name: &str| {
+        point
+            .and_then(|point| crate::bench::flight::field(point, name))
+            .unwrap_or_default() as f64
+            * std::f64::consts::PI
+            / 2_f64.powi(31)
+    };
+    (
+        value("Waypoint to Latitude or Relative Y"),
+        value("Waypoint to Longitude or Relative X"),
+    )
+}
+
+fn the_uploaders_numbers(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "NUMBERS", &[10, 40, 20]);
+    stretch(&home, &mut plan, 60.0);
+    loaded(t, &a, &plan)?;
+    a.send(
+        mode_command(mode::WAYPOINT)
+            .raw("Commanded Waypoint Number", 10)
+            .acked(),
+    );
+    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
+        return Err(Stop::inconclusive("mode 11 was not entered"));
+    }
+    let mark = t.bench.net.mark();
+    let deadline = t.bench.net.now() + t.timers().flight.div_f64(3.0).min(Duration::from_secs(40));
+    while t.bench.net.now() < deadline && reported_mode(&a)? == Some(mode::WAYPOINT) {
+        t.pause(Duration::from_millis(300))?;
+        let reached = a.received(mark, |seen| {
+            seen.kind() == 4001 && seen.raw("To Waypoint Number") == Some(20)
+        });
+        if !reached.is_empty() {
+            break;
+        }
+    }
+    let known = [10, 40, 20, 0, 65_535];
+    for seen in a.received(mark, |seen| seen.kind() == 4001) {
+        for (number, latitude) in [
+            ("From Waypoint Number", "From Waypoint - Latitude"),
+            ("To Waypoint Number", "To Waypoint - Latitude"),
+            ("Next Waypoint Number", "Next Waypoint - Latitude"),
+        ] {
+            let Some(value) = seen.raw(number) else {
+                continue;
+            };
+            t.expect_of(&seen, known.contains(&value), || format!("expected the uploader's numbers 10, 40, 20 (or 0, 65535) in 4001; {number} is {value}"))?;
+            if let (true, Some(shown)) = ([10, 40, 20].contains(&value), seen.value(latitude)) {
+                let off = (shown - place(&plan, value).0).abs() * EARTH_M;
+                t.expect_of(&seen, off < 3.0, || format!("expected waypoint {value} where it was uploaded; 4001 shows it {off:.0} m away"))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn arrival_times_are_times_of_day(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "TIMES", &[1, 2]);
+    stretch(&home, &mut plan, 400.0);
+    loaded(t, &a, &plan)?;
+    a.send(
+        mode_command(mode::WAYPOINT)
+            .raw("Commanded Waypoint Number", 1)
+            .acked(),
+    );
+    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
+        return Err(Stop::inconclusive("mode 11 was not entered"));
+    }
+    t.pause(Duration::from_secs(2))?;
+    let seen = a.query(4001)?;
+    let Some(time) = seen.raw("To Waypoint Time").filter(|&time| time != 0) else {
+        return Err(Stop::not_applicable("4001 carries no To Waypoint Time"));
+    };
+    let ahead = (time - seen.stamp().unwrap_or_default()) as f64 / 1000.0;
+    t.expect_of(&seen, (-5.0..36_000.0).contains(&ahead), || format!("expected To Waypoint Time as a time of day shortly after the stamp; it is {ahead:.0} s from it"))
+}
+
+fn loiter_waypoints_are_flown(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "LOITER", &[1, 2, 3]);
+    let seconds = 20;
+    plan.points.insert(
+        2,
+        Draft::new(13003)
+            .raw("Waypoint Number", 2)
+            .raw("Waypoint Loiter Type", 1)
+            .set("Loiter Radius", 60.0)
+            .raw("Loiter Direction", 1)
+            .raw("Loiter Duration", seconds)
+            .raw("Loiter Duration Units", 0),
+    );
+    loaded(t, &a, &plan)?;
+    a.send(
+        mode_command(mode::WAYPOINT)
+            .raw("Commanded Waypoint Number", 1)
+            .acked(),
+    );
+    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
+        return Err(Stop::inconclusive("mode 11 was not entered"));
+    }
+    let speed = t.bench.profile.figures.speed_factor.max(0.1);
+    let (latitude, longitude) = place(&plan, 2);
+    // How long the vehicle stays about the second waypoint, in its own time.
+    let near = fly_until(t, &a, t.timers().flight, |fix| {
+        fix.distance(latitude, longitude) < 75.0
+    })?;
+    if near.is_none() {
+        return Err(Stop::inconclusive(
+            "the vehicle did not reach the loiter waypoint",
+        ));
+    }
+    if !to_becomes(t, &a, 2, t.timers().begin)? {
+        return Err(Stop::inconclusive(
+            "4001 does not show the way to the loiter waypoint",
+        ));
+    }
+    let began = t.bench.net.now();
+    let deadline = began + Duration::from_secs_f64(180.0 / speed).max(t.timers().answer * 4);
+    let mut ended = false;
+    while t.bench.net.now() < deadline {
+        if to_number(&a)? != Some(2) {
+            ended = true;
+            break;
+        }
+        t.pause(Duration::from_millis(50))?;
+    }
+    let stayed = (t.bench.net.now() - began).as_secs_f64() * speed;
+    t.expect(ended, || format!("expected the leg to waypoint 3 after {seconds} s of loiter; the vehicle still loiters after {stayed:.0} s"))?;
+    t.expect(stayed >= seconds as f64 * 0.7, || {
+        format!("expected {seconds} s of loiter at waypoint 2, got {stayed:.0} s")
+    })?;
+    t.expect(stayed <= seconds as f64 + 60.0, || {
+        format!("expected {seconds} s of loiter at waypoint 2, got {stayed:.0} s")
+    })
+}
+
+fn altitude_type_is_honoured(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    // Above ground: 45 m is 45 m over home, whatever the datum of 4000.
+    let mut plan = Plan::zigzag(&home, "AGL", &[1, 2]);
+    for point in &mut plan.points {
+        *point = point
+            .clone()
+            .set("Waypoint to Altitude", 45.0)
+            .raw("Waypoint Altitude Type", 2);
+    }
+    let found = crate::bench::flight::load(t, &a, &plan)?;
+    if found.status != Some(1) {
+        t.note("altitude type 2 (above ground) is refused");
+        return Ok(());
+    }
+    a.send(
+        mode_command(mode::WAYPOINT)
+            .raw("Commanded Waypoint Number", 1)
+            .acked(),
+    );
+    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
+        return Err(Stop::inconclusive("mode 11 was not entered"));
+    }
+    let (latitude, longitude) = place(&plan, 2);
+    let there = fly_until(t, &a, t.timers().flight, |fix| {
+        fix.distance(latitude, longitude) < 15.0 || (fix.altitude - home.altitude) < 12.0
+    })?;
+    let reached = match there {
+        Some(there) => there,
+        None => fix(t, &a)?,
+    };
+    let above = reached.altitude - home.altitude;
+    let low = above < 15.0;
+    // Out of danger before the verdict.
+    hold(t, &a)?;
+    t.expect((above - 45.0).abs() <= 12.0, || {
+        format!("expected 45 m above home for a waypoint of 45 m with altitude type 2 (above ground), got {above:.0} m{}", if low { ": the type is ignored" } else { "" })
+    })
+}
+
+fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let began = fix(t, &a)?;
+    a.send(
+        Draft::new(2017)
+            .raw("Loiter Type", 1)
+            .set("Loiter Radius", 90.0)
+            .raw("Loiter Direction", 1),
+    );
+    t.pause(Duration::from_millis(200))?;
+    go(t, &a, 0.0, 300.0, 0.0)?;
+    let (latitude, longitude) = began.offset(0.0, 300.0);
+    let near = fly_until(t, &a, t.timers().flight, |fix| {
+        fix.distance(latitude, longitude) < 110.0
+    })?;
+    t.expect(near.is_some(), || {
+        "expected the vehicle near the commanded loiter place, 300 m east; it did not arrive".into()
+    })?;
+    let shown = a.query(3004)?;
+    t.expect_of(
+        &shown,
+        shown
+            .value("Loiter Radius")
+            .is_some_and(|radius| (radius - 90.0).abs() < 1.0),
+        || "expected 3004 to show the radius of 90 m".into(),
+    )
+}
+
+fn steering_obeys_the_command_types(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let began = fix(t, &a)?;
+    // Course east, with a misleading heading; altitude left alone, with a misleading altitude.
+    let east = TAU / 4.0;
+    let sent = a.send(
+        mode_command(mode::AUTOPILOT)
+            .raw("Heading Command Type", 2)
+            .set("Commanded Course", east)
+            .set("Commanded Heading", -east)
+            .raw("Altitude Command Type", 0)
+            .set("Commanded Altitude", began.altitude + 80.0)
+            .raw("Altitude Type", began.altitude_type)
+            .set("Commanded Speed", 8.0)
+            .raw("Speed Type", 2)
+            .acked(),
+    );
+    let refused = a.wait(sent.mark, t.timers().answer, |seen| {
+        about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+    });
+    if refused.is_some() || !mode_becomes(&a, mode::AUTOPILOT, t.timers().begin)? {
+        return Err(Stop::not_applicable(
+            "mode 15 with a commanded course is refused",
+        ));
+    }
+    let moved = fly_until(t, &a, t.timers().begin, |fix| {
+        fix.distance(began.latitude, began.longitude) > 40.0
+    })?;
+    let now = match moved {
+        Some(now) => now,
+        None => fix(t, &a)?,
+    };
+    let (north, east_m) = now.from(began.latitude, began.longitude);
+    let climbed = now.altitude - began.altitude;
+    hold(t, &a)?;
+    t.expect(moved.is_some(), || {
+        "expected the vehicle to move in mode 15 with a commanded course and speed; it did not"
+            .into()
+    })?;
+    let course = east_m.atan2(north);
+    t.expect(wrapped(course - east).abs() < 0.6, || {
+        format!(
+            "expected a course of 90 degrees, got {:.0}",
+            course.to_degrees()
+        )
+    })?;
+    t.expect(climbed < 25.0, || format!("expected altitude command type 0 to leave the altitude alone; the vehicle climbed {climbed:.0} m"))
+}
+
+fn a_part_commands_that_part(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let began = fix(t, &a)?;
+    a.send(
+        Draft::new(2016)
+            .raw("Altitude Command Type", 1)
+            .set("Commanded Altitude", began.altitude + 20.0)
+            .raw("Altitude Type", began.altitude_type)
+            .acked(),
+    );
+    let reached = fly_until(t, &a, t.timers().flight.div_f64(3.0), |fix| {
+        fix.altitude > began.altitude + 15.0 || fix.altitude < began.altitude - 15.0
+    })?;
+    let now = match reached {
+        Some(now) => now,
+        None => fix(t, &a)?,
+    };
+    let shown = reported_mode(&a)?;
+    t.expect(shown == Some(mode::LOITER), || {
+        format!("expected mode 12 to stay after a 2016 with an altitude only; 3001 shows {shown:?}")
+    })?;
+    t.expect(now.altitude > began.altitude + 15.0, || {
+        format!(
+            "expected a climb of 20 m after a 2016 with an altitude only, got {:.0} m",
+            now.altitude - began.altitude
+        )
+    })?;
+    t.expect(
+        now.distance(began.latitude, began.longitude) < 200.0,
+        || "expected the loiter place to stay after a 2016 with an altitude only".into(),
+    )
+}
+
+fn the_flight_continues_through_a_handover(t: &Trial) -> Judged {
+    use crate::bench::station::{Access, loi};
+    let a = airborne(t)?;
+    let before = (reported_mode(&a)?, a.query(3002)?.raw("Commanded Altitude"));
+    let b = t.b()?;
+    a.request(0x0F, Access::Release)?;
+    b.take(loi::LOI2 | loi::LOI4)?;
+    t.pause(t.timers().quiet)?;
+    let after = (reported_mode(&b)?, b.query(3002)?.raw("Commanded Altitude"));
+    t.expect(before == after, || format!("expected mode and commanded altitude to stay through a handover; {before:?} became {after:?}"))
 }

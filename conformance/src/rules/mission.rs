@@ -1,5 +1,389 @@
-//! Rules of mission.
+//! Missions: what is loaded, refused and returned: ROUTE on the ground.
 
-use super::Scene;
+use super::scene::Scene;
+use crate::bench::flight::{
+    Plan, deliver, difference, download, home, load, loaded, route_head, run_transfer, transfer,
+};
+use crate::bench::station::Station;
+use crate::bench::trial::{Player, Trial};
+use crate::verdict::{Judged, Stop};
+use crate::wire::Draft;
 
-pub(super) const SCENES: &[Scene] = &[];
+pub(super) const SCENES: &[Scene] = &[
+    Scene {
+        rule: "ROUTE-001",
+        play: a_good_route_is_loaded,
+    },
+    Scene {
+        rule: "ROUTE-002",
+        play: nothing_is_loaded_before_the_load_command,
+    },
+    Scene {
+        rule: "ROUTE-003",
+        play: order_of_arrival_does_not_matter,
+    },
+    Scene {
+        rule: "ROUTE-004",
+        play: numbers_need_not_be_contiguous,
+    },
+    Scene {
+        rule: "ROUTE-005",
+        play: waypoint_0_and_65535_are_none,
+    },
+    Scene {
+        rule: "ROUTE-006",
+        play: a_route_with_a_gap_is_refused,
+    },
+    Scene {
+        rule: "ROUTE-007",
+        play: a_refused_upload_leaves_the_old_plan,
+    },
+    Scene {
+        rule: "ROUTE-008",
+        play: download_returns_what_was_uploaded,
+    },
+    Scene {
+        rule: "ROUTE-013",
+        play: route_type_and_its_default,
+    },
+    Scene {
+        rule: "ROUTE-014",
+        play: deleting_a_route_keeps_its_waypoints,
+    },
+    Scene {
+        rule: "ROUTE-019",
+        play: unflyable_waypoints_are_refused,
+    },
+];
+
+/// The plan aboard has to be this one.
+pub(super) fn aboard(t: &Trial, a: &Station, plan: &Plan, when: &str) -> Judged {
+    let found = download(t, a, &plan.mission)?;
+    match difference(plan, &found, &t.bench) {
+        None => Ok(()),
+        Some(difference) => Err(Stop::fail(format!(
+            "expected plan {} {when}; {difference}",
+            plan.mission
+        ))),
+    }
+}
+
+/// A controller with a plan aboard, on the ground.
+pub(super) fn with_plan(t: &Trial, numbers: &[i64]) -> Judged<(Player, Plan)> {
+    let a = t.controller()?;
+    let home = home(t, &a)?;
+    let name = format!("P{}", t.bench.net.mark() % 100_000);
+    let plan = Plan::zigzag(&home, &name, numbers);
+    loaded(t, &a, &plan)?;
+    Ok((a, plan))
+}
+
+fn a_good_route_is_loaded(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let home = home(t, &a)?;
+    let plan = Plan::zigzag(&home, "GOOD", &[1, 2, 3, 4]);
+    let found = load(t, &a, &plan)?;
+    t.expect(found.status == Some(1), || {
+        format!(
+            "expected 14000 status 1 for a good route of four waypoints, got {:?}",
+            found.status
+        )
+    })?;
+    aboard(t, &a, &plan, "aboard once 14000 said complete")
+}
+
+fn nothing_is_loaded_before_the_load_command(t: &Trial) -> Judged {
+    let (a, plan) = with_plan(t, &[1, 2, 3])?;
+    let home = home(t, &a)?;
+    let mark = t.bench.net.mark();
+    for message in Plan::zigzag(&home, "OTHER", &[5, 6, 7]).messages() {
+        deliver(&a, message);
+    }
+    let early = a.wait(mark, t.timers().quiet, |seen| {
+        seen.kind() == 14000 && seen.raw("Status") == Some(1)
+    });
+    if let Some(early) = early {
+        t.expect_of(&early, false, || {
+            "expected no transfer before the load command; 14000 status 1 came".into()
+        })?;
+    }
+    a.send(transfer(5, "OTHER"));
+    t.pause(t.timers().answer / 4)?;
+    aboard(
+        t,
+        &a,
+        &plan,
+        "still aboard, since the other plan was never loaded",
+    )
+}
+
+fn order_of_arrival_does_not_matter(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let home = home(t, &a)?;
+    for (round, order) in [[4, 2, 0, 3, 1], [1, 3, 2, 4, 0], [0, 4, 3, 2, 1]]
+        .into_iter()
+        .enumerate()
+    {
+        let plan = Plan::zigzag(&home, &format!("ORDER{round}"), &[1, 2, 3, 4]);
+        let messages = plan.messages();
+        for index in order {
+            deliver(&a, messages[index].clone());
+        }
+        let found = run_transfer(t, &a, transfer(2, &plan.mission), t.timers().load)?;
+        t.expect(found.status == Some(1), || {
+            format!(
+                "expected 14000 status 1 for messages in the order {order:?}, got {:?}",
+                found.status
+            )
+        })?;
+        aboard(t, &a, &plan, "whatever the order of its messages")?;
+    }
+    Ok(())
+}
+
+fn numbers_need_not_be_contiguous(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let home = home(t, &a)?;
+    let plan = Plan::zigzag(&home, "GAPS", &[10, 40, 20, 65_534]);
+    let found = load(t, &a, &plan)?;
+    t.expect(found.status == Some(1), || {
+        format!(
+            "expected 14000 status 1 for waypoints 10, 40, 20, 65534; got {:?}",
+            found.status
+        )
+    })?;
+    aboard(t, &a, &plan, "with its own numbers")
+}
+
+/// A plan that has to be refused, and that leaves the one aboard as it was.
+fn refused(t: &Trial, a: &Station, aboard_before: &Plan, bad: &Plan, what: &str) -> Judged {
+    let mark = t.bench.net.mark();
+    let found = load(t, a, bad)?;
+    if found.status == Some(1) {
+        return Err(Stop::fail(format!(
+            "expected 14000 status 2 for a route with {what}; got 1"
+        )));
+    }
+    let acknowledged = a.received(mark, |seen| {
+        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3)
+    });
+    let asks = found
+        .reports
+        .iter()
+        .any(|seen| seen.raw("Waypoint Request").unwrap_or_default() != 0);
+    t.expect(
+        found.status == Some(2) || !acknowledged.is_empty() || asks,
+        || format!("expected 14000 status 2 for a route with {what}; no end of the transfer came"),
+    )?;
+    a.send(transfer(5, &bad.mission));
+    t.pause(t.timers().answer / 8)?;
+    aboard(
+        t,
+        a,
+        aboard_before,
+        &format!("unchanged after the refusal of a route with {what}"),
+    )
+}
+
+fn waypoint_0_and_65535_are_none(t: &Trial) -> Judged {
+    let (a, plan) = with_plan(t, &[1, 2, 3])?;
+    let home = home(t, &a)?;
+    for number in [0, 65_535] {
+        let mut bad = Plan::zigzag(&home, &format!("N{number}"), &[11, 12]);
+        bad.points[0] = bad.points[0].clone().raw("Next Waypoint", number);
+        bad.points[1] = bad.points[1].clone().raw("Waypoint Number", number);
+        // A Next Waypoint of 0 ends the route: its first waypoint alone would be good.
+        if number == 0 {
+            bad.head = Some(route_head(&bad.route, 0, 2));
+            bad.points.remove(0);
+        }
+        let found = load(t, &a, &bad)?;
+        let came = download(t, &a, &bad.mission)?.messages;
+        let kept = came
+            .iter()
+            .any(|seen| seen.kind() == 13002 && seen.raw("Waypoint Number") == Some(number));
+        t.expect(!kept, || {
+            format!(
+                "expected no waypoint {number} aboard; the download has one (14000 status {:?})",
+                found.status
+            )
+        })?;
+        t.expect(number == 0 || found.status != Some(1), || {
+            format!("expected a route through waypoint {number} to be refused; 14000 status 1 came")
+        })?;
+        loaded(t, &a, &plan)?;
+    }
+    Ok(())
+}
+
+fn a_route_with_a_gap_is_refused(t: &Trial) -> Judged {
+    let (a, plan) = with_plan(t, &[1, 2, 3])?;
+    let home = home(t, &a)?;
+    let mut bad = Plan::zigzag(&home, "GAP", &[21, 22, 23]);
+    bad.points.remove(1);
+    refused(t, &a, &plan, &bad, "a Next Waypoint that was never sent")
+}
+
+fn a_refused_upload_leaves_the_old_plan(t: &Trial) -> Judged {
+    let (a, plan) = with_plan(t, &[1, 2, 3])?;
+    let home = home(t, &a)?;
+    let mut gap = Plan::zigzag(&home, "BAD1", &[1, 2, 3]);
+    gap.points.remove(2);
+    refused(
+        t,
+        &a,
+        &plan,
+        &gap,
+        "a gap, under the numbers of the plan aboard",
+    )?;
+    let mut latitude = Plan::zigzag(&home, "BAD2", &[1, 2]);
+    latitude.points[1] = latitude.points[1]
+        .clone()
+        .set("Waypoint to Latitude or Relative Y", 1.7);
+    refused(t, &a, &plan, &latitude, "a latitude beyond 90 degrees")?;
+    let mut far = Plan::zigzag(&home, "BAD3", &[1, 2]);
+    let (north, east) = home.offset(-3_000_000.0, 2_000_000.0);
+    far.points[1] = far.points[1]
+        .clone()
+        .set("Waypoint to Latitude or Relative Y", north)
+        .set("Waypoint to Longitude or Relative X", east);
+    refused(t, &a, &plan, &far, "a waypoint 3,600 km away")
+}
+
+fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "VALUES", &[10, 40, 20, 65_534]);
+    for (index, point) in plan.points.iter_mut().enumerate() {
+        // Values that a float of 32 bits, degrees times 1e7 or whole metres do not keep.
+        *point = point
+            .clone()
+            .set(
+                "Waypoint to Altitude",
+                home.altitude + 47.14 + 3.34 * index as f64,
+            )
+            .set("Waypoint to Speed", 4.0 + 0.5 * index as f64)
+            .raw("Turn Type", (index % 2) as i64);
+    }
+    plan.points.insert(
+        2,
+        Draft::new(13003)
+            .raw("Waypoint Number", 40)
+            .raw("Waypoint Loiter Type", 1)
+            .set("Loiter Radius", 120.0)
+            .raw("Loiter Direction", 1)
+            .raw("Loiter Duration", 60)
+            .raw("Loiter Duration Units", 0),
+    );
+    let found = load(t, &a, &plan)?;
+    if found.status != Some(1) {
+        return Err(Stop::inconclusive(format!(
+            "the plan with a loiter waypoint was not loaded: 14000 status {:?}",
+            found.status
+        )));
+    }
+    let found = download(t, &a, "VALUES")?;
+    t.expect(found.status == Some(1), || {
+        format!(
+            "expected 14000 status 1 at the end of the download, got {:?}",
+            found.status
+        )
+    })?;
+    if let Some(difference) = difference(&plan, &found, &t.bench) {
+        return Err(Stop::fail(format!(
+            "expected the download to return the uploader's values; {difference}"
+        )));
+    }
+    t.expect(
+        found.messages.iter().any(|seen| seen.kind() == 13001),
+        || "expected 13001 in the download; none came".into(),
+    )
+}
+
+fn route_type_and_its_default(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "TYPES", &[1, 2]);
+    // The contingency route beside the flight route.
+    let contingency = Plan::zigzag(&home, "TYPES", &[101, 102]);
+    plan.points.push(route_head("R-CONT", 101, 3));
+    let extra = contingency.points.clone();
+    plan.points.extend(extra);
+    let found = load(t, &a, &plan)?;
+    if found.status != Some(1) {
+        return Err(Stop::inconclusive(format!(
+            "a flight route and a contingency route were not loaded together: 14000 status {:?}",
+            found.status
+        )));
+    }
+    let found = download(t, &a, "TYPES")?;
+    for (route, kind) in [(plan.route.as_str(), 2), ("R-CONT", 3)] {
+        let back = found
+            .messages
+            .iter()
+            .find(|seen| seen.kind() == 13001 && seen.text("Route ID").as_deref() == Some(route));
+        let back_kind = back.and_then(|seen| seen.raw("Route Type"));
+        t.expect(back_kind == Some(kind), || {
+            format!("expected route {route} back with type {kind}, got {back_kind:?}")
+        })?;
+    }
+    Ok(())
+}
+
+fn deleting_a_route_keeps_its_waypoints(t: &Trial) -> Judged {
+    let (a, plan) = with_plan(t, &[1, 2, 3])?;
+    deliver(&a, route_head(&plan.route, 0, 2));
+    let found = run_transfer(t, &a, transfer(2, &plan.mission), t.timers().load)?;
+    let back = download(t, &a, &plan.mission)?;
+    let kept = back.messages.iter().any(|seen| {
+        seen.kind() == 13001
+            && seen.text("Route ID").as_deref() == Some(plan.route.as_str())
+            && seen.raw("Initial Waypoint Number") != Some(0)
+    });
+    if found.status == Some(1) {
+        t.expect(!kept, || {
+            format!(
+                "expected no 13001 of {} after its deletion; it came back",
+                plan.route
+            )
+        })?;
+    } else {
+        t.note("a load without any route is refused");
+    }
+    let waypoints = back
+        .messages
+        .iter()
+        .filter(|seen| seen.kind() == 13002)
+        .count();
+    t.expect(waypoints >= 3, || format!("expected all three waypoints still there after the deletion of their route, got {waypoints}"))
+}
+
+fn unflyable_waypoints_are_refused(t: &Trial) -> Judged {
+    let (a, plan) = with_plan(t, &[1, 2, 3])?;
+    let home = home(t, &a)?;
+    let cases: [(&str, fn(Draft) -> Draft); 3] = [
+        ("an altitude of 150 km", |point| {
+            point.set("Waypoint to Altitude", 150_000.0)
+        }),
+        ("altitude type 9", |point| {
+            point.raw("Waypoint Altitude Type", 9)
+        }),
+        ("location type 7", |point| point.raw("Location Type", 7)),
+    ];
+    for (index, (what, change)) in cases.into_iter().enumerate() {
+        let mut bad = Plan::zigzag(&home, &format!("UNFLY{index}"), &[31, 32, 33]);
+        bad.points[1] = change(bad.points[1].clone());
+        let mark = t.bench.net.mark();
+        refused(t, &a, &plan, &bad, what)?;
+        let named = a.received(mark, |seen| {
+            seen.kind() == 16000 && seen.text("Text").is_some_and(|text| text.contains("32"))
+                || seen.kind() == 14000 && seen.raw("Waypoint Request") == Some(32)
+        });
+        if named.is_empty() {
+            t.warn(format!(
+                "neither 14000 nor a 16000 names waypoint 32, the one with {what}"
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,6 +1,6 @@
 //! Active rules: each a scene that the suite plays with the subject.
 //!
-//! A scene reads like its rule's text. It is given a [`Trial`], plays, and returns: `Ok` is a pass, a [`Stop`](crate::verdict::Stop)
+//! A scene reads like its rule's text. It is given a [`Trial`](crate::bench::trial::Trial), plays, and returns: `Ok` is a pass, a [`Stop`](crate::verdict::Stop)
 //! carried out by `?` is anything else. To add one: write the function in the file of its group, name it in that file's
 //! `SCENES`, and show with a mutant that it can fail.
 
@@ -20,20 +20,12 @@ mod payload;
 mod presence;
 mod robust;
 mod scalar;
+mod scene;
 mod status;
 mod transfer;
 mod wrapper;
 
-use crate::bench::trial::Trial;
-use crate::verdict::Judged;
-
-/// A rule's scene.
-pub struct Scene {
-    /// Id of the rule.
-    pub rule: &'static str,
-    /// The scene.
-    pub play: fn(&Trial) -> Judged,
-}
+pub use scene::Scene;
 
 /// All scenes.
 #[must_use]

@@ -1,5 +1,299 @@
-//! Rules of mode.
+//! Flight commands on the ground, termination, engines, lights: MODE.
 
-use super::Scene;
+use std::collections::BTreeSet;
+use std::time::Duration;
 
-pub(super) const SCENES: &[Scene] = &[];
+use super::acknowledgement::about;
+use super::configuration::{availability, full};
+use super::scene::Scene;
+use crate::bench::flight::{
+    airborne, fix, fly_until, home, land, mode, mode_becomes, mode_command, reported_mode,
+    run_transfer, transfer,
+};
+use crate::bench::station::loi;
+use crate::bench::trial::Trial;
+use crate::verdict::{Judged, Precondition, Stop};
+use crate::wire::Draft;
+
+pub(super) const SCENES: &[Scene] = &[
+    Scene {
+        rule: "MODE-002",
+        play: no_mode_is_reported_that_was_not_entered,
+    },
+    Scene {
+        rule: "MODE-003",
+        play: modes_it_lacks_are_refused,
+    },
+    Scene {
+        rule: "MODE-009",
+        play: termination_takes_two_steps,
+    },
+    Scene {
+        rule: "MODE-010",
+        play: termination_state_is_reported,
+    },
+    Scene {
+        rule: "MODE-011",
+        play: launch_landing_and_wave_off,
+    },
+    Scene {
+        rule: "MODE-013",
+        play: engine_command_and_report_agree,
+    },
+    Scene {
+        rule: "MODE-014",
+        play: lights_are_set_as_a_whole,
+    },
+];
+
+fn no_mode_is_reported_that_was_not_entered(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    // Without a plan aboard there is nothing to fly in mode 11; on the ground nothing to loiter about.
+    run_transfer(
+        t,
+        &a,
+        transfer(1, "NONE"),
+        t.timers().load.min(t.timers().answer * 5),
+    )?;
+    for wanted in [mode::WAYPOINT, 22, 20] {
+        let before = reported_mode(&a)?;
+        if before == Some(wanted) {
+            continue;
+        }
+        let sent = a.send(mode_command(wanted).acked());
+        let mut shown = Vec::new();
+        let deadline = t.bench.net.now() + t.timers().quiet;
+        while t.bench.net.now() < deadline {
+            shown.extend(reported_mode(&a)?);
+            t.pause(Duration::from_millis(100))?;
+        }
+        t.expect(!shown.contains(&wanted), || format!("expected 3001 to keep {before:?} after 2016 mode {wanted}, which the vehicle cannot enter here; it shows {wanted}"))?;
+        let done = a.received(sent.mark, |seen| {
+            about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(2)
+        });
+        t.expect(done.is_empty(), || format!("expected no 'carried out' for mode {wanted}, which 3001 does not show; 17000 type 2 came"))?;
+        let said = a.wait(sent.mark, t.timers().answer, |seen| {
+            about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+                || seen.kind() == 16000
+        });
+        if said.is_none() {
+            t.warn(format!(
+                "the refusal of mode {wanted} was said neither by 17000 type 3 nor by 16000"
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn modes_it_lacks_are_refused(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let configuration = full(t, &a, 3)?;
+    let missing = availability(&configuration, 2016, 2);
+    let lacking: BTreeSet<i64> = missing
+        .into_iter()
+        .filter(|index| (2..=22).contains(index))
+        .collect();
+    if lacking.is_empty() {
+        t.note("44003 marks no flight mode as unavailable");
+    }
+    for wanted in lacking {
+        let before = reported_mode(&a)?;
+        let sent = a.send(mode_command(wanted).acked());
+        let done = a.wait(sent.mark, t.timers().quiet / 3, |seen| {
+            about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(2)
+        });
+        if let Some(done) = done {
+            t.expect_of(&done, false, || format!("expected mode {wanted}, which 44003 marks as unavailable, to be refused; 17000 type 2 came"))?;
+        }
+        let after = reported_mode(&a)?;
+        t.expect(after == before, || format!("expected mode {wanted}, which 44003 marks as unavailable, to change nothing; 3001 went from {before:?} to {after:?}"))?;
+    }
+    Ok(())
+}
+
+fn termination_takes_two_steps(t: &Trial) -> Judged {
+    let a = t.launcher()?;
+    let command = |state: i64| {
+        Draft::new(2005)
+            .raw("Commanded Flight Termination State", state)
+            .acked()
+    };
+    let state = |kind: &str| -> Judged<Option<i64>> {
+        let report = a.query(3005).map_err(|_| {
+            Stop::not_applicable(format!(
+                "3005 does not come ({kind}): the subject has no flight termination"
+            ))
+        })?;
+        Ok(report.raw("Reported Flight Termination State"))
+    };
+    state("before")?;
+    for steps in [&[2][..], &[1, 0, 2][..]] {
+        a.send(command(0));
+        t.pause(Duration::from_millis(300))?;
+        let mut last = None;
+        for &step in steps {
+            last = Some(a.send(command(step)));
+            t.pause(Duration::from_millis(400))?;
+        }
+        if let Some(last) = last {
+            let done = a.wait(last.mark, t.timers().quiet, |seen| {
+                about(seen, 2005, last.stamp) && seen.raw("Acknowledgement Type") == Some(2)
+            });
+            if let Some(done) = done {
+                t.expect_of(&done, false, || {
+                    format!("expected 'execute' after {steps:?} to be refused; 17000 type 2 came")
+                })?;
+            }
+        }
+        let shown = state("after")?;
+        t.expect(shown != Some(2), || format!("expected termination not to execute after the commands {steps:?} (0 reset, 1 arm, 2 execute); 3005 shows 2"))?;
+    }
+    a.send(command(0));
+    Ok(())
+}
+
+fn termination_state_is_reported(t: &Trial) -> Judged {
+    let a = t.launcher()?;
+    for (step, name) in [(1, "arm"), (0, "reset")] {
+        let sent = a.send(
+            Draft::new(2005)
+                .raw("Commanded Flight Termination State", step)
+                .acked(),
+        );
+        let report = a.wait(sent.mark, t.timers().answer, |seen| {
+            seen.kind() == 3005 && seen.raw("Reported Flight Termination State") == Some(step)
+        });
+        if report.is_none() {
+            let refused = a.received(sent.mark, |seen| {
+                about(seen, 2005, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+            });
+            a.send(Draft::new(2005).raw("Commanded Flight Termination State", 0));
+            if !refused.is_empty() {
+                return Err(Stop::not_applicable("flight termination is refused"));
+            }
+            return Err(Stop::fail(format!(
+                "expected 3005 with state {step} after {name}; none came"
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn launch_landing_and_wave_off(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    let now = fix(t, &a)?;
+    t.expect(now.altitude > home.altitude + 10.0, || {
+        "expected the launch to reach its altitude".into()
+    })?;
+    a.send(mode_command(mode::LAND).acked());
+    let down = fly_until(t, &a, t.timers().flight.div_f64(3.0), |fix| {
+        fix.altitude < now.altitude - 5.0
+    })?;
+    t.expect(down.is_some(), || {
+        "expected the vehicle to descend in mode 19".into()
+    })?;
+    let low = fix(t, &a)?;
+    let sent = a.send(mode_command(mode::WAVE_OFF).acked());
+    let refused = a.wait(sent.mark, t.timers().answer, |seen| {
+        about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+    });
+    if refused.is_some() {
+        t.note("mode 20 is refused");
+    } else {
+        let climbs = fly_until(t, &a, t.timers().flight.div_f64(3.0), |fix| {
+            fix.altitude > low.altitude + 3.0
+        })?;
+        t.expect(climbs.is_some(), || "expected a climb after mode 20".into())?;
+        let shown = reported_mode(&a)?;
+        t.expect(shown != Some(mode::LAND), || {
+            "expected 3001 to leave mode 19 after mode 20".into()
+        })?;
+    }
+    drop(a);
+    t.expect(land(t)?, || {
+        "expected the vehicle on the ground after mode 19".into()
+    })
+}
+
+fn engine_command_and_report_agree(t: &Trial) -> Judged {
+    let a = t.launcher()?;
+    let before = a.query(3007)?;
+    let engine = before.raw("Engine Number").unwrap_or(1);
+    let sent = a.send(
+        Draft::new(2008)
+            .raw("Engine Number", engine)
+            .raw("Engine Command", 1)
+            .acked(),
+    );
+    let refused = a.wait(sent.mark, t.timers().answer, |seen| {
+        about(seen, 2008, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+    });
+    if refused.is_some() {
+        return Err(Stop::not_applicable("engine commands are refused"));
+    }
+    let deadline = t.bench.net.now() + t.timers().begin;
+    let mut started = false;
+    while !started && t.bench.net.now() < deadline {
+        let report = a.query(3007)?;
+        started = matches!(report.raw("Engine Status"), Some(1 | 2));
+        t.pause(Duration::from_millis(200))?;
+    }
+    a.send(
+        Draft::new(2008)
+            .raw("Engine Number", engine)
+            .raw("Engine Command", 0)
+            .acked(),
+    );
+    t.pause(t.timers().answer / 2)?;
+    t.expect(started, || {
+        format!("expected 3007 to show engine {engine} started after 2008; it does not")
+    })?;
+    let wrong = a.send(
+        Draft::new(2008)
+            .raw("Engine Number", 99)
+            .raw("Engine Command", 1)
+            .acked(),
+    );
+    let done = a.wait(wrong.mark, t.timers().quiet, |seen| {
+        about(seen, 2008, wrong.stamp) && seen.raw("Acknowledgement Type") == Some(2)
+    });
+    t.expect(done.is_none(), || {
+        "expected a start of engine 99, which does not exist, to be refused; 17000 type 2 came"
+            .into()
+    })
+}
+
+fn lights_are_set_as_a_whole(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let Ok(before) = a.query(3006) else {
+        return Err(Stop::not_applicable(
+            "3006 does not come: the vehicle has no lights",
+        ));
+    };
+    for wanted in [0x05, 0x04] {
+        let sent = a.send(Draft::new(2007).raw("Set Lights", wanted).acked());
+        let refused = a.wait(sent.mark, t.timers().ack, |seen| {
+            about(seen, 2007, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+        });
+        if refused.is_some() {
+            return Err(Stop::not_applicable("lights cannot be commanded"));
+        }
+        t.pause(t.timers().answer / 2)?;
+        let shown = a.query(3006)?;
+        let lights = shown.raw("Navigation Lights State").unwrap_or_default();
+        t.expect_of(&shown, lights & 0x20 == 0, || {
+            format!("expected no reserved bit in 3006, got 0x{lights:02x}")
+        })?;
+        t.expect_of(&shown, lights & !wanted & 0x05 == 0, || {
+            format!("expected lights 0x{wanted:02x} after 2007, 3006 shows 0x{lights:02x}")
+        })?;
+    }
+    let _ = a.send(Draft::new(2007).raw(
+        "Set Lights",
+        before.raw("Navigation Lights State").unwrap_or_default(),
+    ));
+    let _ = mode_becomes;
+    let _ = loi::LOI4;
+    Ok::<(), Stop>(()).precondition("lights")
+}

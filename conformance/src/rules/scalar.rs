@@ -1,6 +1,6 @@
 //! Numbers, texts, angles: SCALAR.
 
-use super::Scene;
+use super::scene::Scene;
 use crate::bench::flight::{
     Fix, Plan, difference, download, fix, home, load, mode, mode_becomes, mode_command, waypoint,
     wrapped,

@@ -1,5 +1,443 @@
-//! Rules of status.
+//! Status reports and rates: STAT.
 
-use super::Scene;
+use std::collections::BTreeSet;
+use std::time::Duration;
 
-pub(super) const SCENES: &[Scene] = &[];
+use super::scene::Scene;
+use crate::bench::flight::{fix, home, mode_command};
+use crate::bench::station::{Station, information_request, loi, schedule};
+use crate::bench::trial::Trial;
+use crate::verdict::{Judged, Precondition, Stop};
+use crate::wire::Draft;
+
+pub(super) const SCENES: &[Scene] = &[
+    Scene {
+        rule: "STAT-001",
+        play: position_comes_by_itself,
+    },
+    Scene {
+        rule: "STAT-002",
+        play: default_rate_2_hz,
+    },
+    Scene {
+        rule: "STAT-003",
+        play: scheduled_rate_is_kept,
+    },
+    Scene {
+        rule: "STAT-004",
+        play: frequency_0_cancels,
+    },
+    Scene {
+        rule: "STAT-005",
+        play: asked_once_answered_once,
+    },
+    Scene {
+        rule: "STAT-006",
+        play: higher_status_for_a_lower_loi,
+    },
+    Scene {
+        rule: "STAT-008",
+        play: altitude_says_its_datum,
+    },
+    Scene {
+        rule: "STAT-009",
+        play: waypoint_number_0_means_no_data,
+    },
+    Scene {
+        rule: "STAT-012",
+        play: commanded_values_are_the_accepted_ones,
+    },
+    Scene {
+        rule: "STAT-013",
+        play: each_engine_by_itself,
+    },
+    Scene {
+        rule: "STAT-015",
+        play: stale_data_are_not_sent_as_fresh,
+    },
+    Scene {
+        rule: "STAT-016",
+        play: subsystems_answer_for_themselves,
+    },
+    Scene {
+        rule: "MULTI-003",
+        play: each_cucs_has_its_own_subscriptions,
+    },
+    Scene {
+        rule: "MULTI-002",
+        play: commands_reach_their_vehicle_only,
+    },
+];
+
+/// Rate in Hz and longest gap in s of a message at a station, over this time from now.
+fn rate(t: &Trial, station: &Station, kind: u16, time: Duration) -> Judged<(f64, f64)> {
+    let mark = t.bench.net.mark();
+    let began = t.bench.net.now();
+    t.pause(time)?;
+    let mut stamps = BTreeSet::new();
+    let vehicle = station.vehicle;
+    let times: Vec<f64> = station
+        .received(mark, |seen| {
+            seen.kind() == kind && seen.piece.source == vehicle
+        })
+        .into_iter()
+        // By multicast and unicast both: the same message twice is one.
+        .filter(|seen| stamps.insert(seen.stamp()))
+        .map(|seen| (seen.at - began.min(seen.at)).as_secs_f64())
+        .collect();
+    let gap = times.windows(2).map(|pair| pair[1] - pair[0]).fold(
+        times.first().copied().unwrap_or(time.as_secs_f64()),
+        f64::max,
+    );
+    Ok((times.len() as f64 / time.as_secs_f64(), gap))
+}
+
+fn position_comes_by_itself(t: &Trial) -> Judged {
+    let station = t.monitor()?;
+    let mark = t.bench.net.mark();
+    t.pause(t.timers().status / 2)?;
+    let count = station.received(mark, |seen| seen.kind() == 4000).len();
+    t.expect(count >= 2, || format!("expected at least two 4000 in {:.0} s after LOI 2 was granted, without asking; got {count}", t.timers().status.as_secs_f64() / 2.0))
+}
+
+fn default_rate_2_hz(t: &Trial) -> Judged {
+    let station = t.monitor()?;
+    let other = t.b();
+    if let Ok(other) = &other {
+        t.grant(other, loi::LOI2)?;
+    }
+    t.pause(Duration::from_millis(700))?;
+    let time = t.timers().status / 2;
+    let mark = t.bench.net.mark();
+    t.pause(time)?;
+    for station in [Some(&station), other.as_ref().ok()].into_iter().flatten() {
+        for kind in [3001, 3002, 4000, 4001] {
+            let found = station.received(mark, |seen| seen.kind() == kind);
+            let rate = found.len() as f64 / time.as_secs_f64();
+            let gap = found
+                .windows(2)
+                .map(|pair| (pair[1].at - pair[0].at).as_secs_f64())
+                .fold(0.0, f64::max);
+            t.expect(rate >= 1.8, || {
+                format!(
+                    "expected {kind} at 2 Hz or faster for {} without a request; got {rate:.1} Hz",
+                    station.id
+                )
+            })?;
+            if gap > 1.0 {
+                t.warn(format!(
+                    "a gap of {gap:.1} s in {kind}, expected at most 1 s"
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn scheduled_rate_is_kept(t: &Trial) -> Judged {
+    let station = t.monitor()?;
+    let largest = t.bench.profile.figures.largest_rate_hz;
+    for hertz in [5, 1, 10_u16] {
+        if hertz > largest {
+            continue;
+        }
+        station.send(schedule(4000, hertz));
+        t.pause(Duration::from_secs(1))?;
+        let time = t.timers().status / 2;
+        let (found, _) = rate(t, &station, 4000, time)?;
+        // One more or less in the window is no fault.
+        let tolerance = 0.2 * f64::from(hertz) + 1.0 / time.as_secs_f64();
+        t.expect((found - f64::from(hertz)).abs() <= tolerance, || {
+            format!("expected 4000 at {hertz} Hz within 20 % after 17001, got {found:.1} Hz")
+        })?;
+    }
+    Ok(())
+}
+
+fn frequency_0_cancels(t: &Trial) -> Judged {
+    let station = t.monitor()?;
+    station.send(schedule(3, 5));
+    t.pause(Duration::from_secs(1))?;
+    let (before, _) = rate(t, &station, 3, Duration::from_secs(2))?;
+    if before < 2.0 {
+        return Err(Stop::inconclusive(format!(
+            "precondition \"#3 is scheduled at 5 Hz\" is not met: {before:.1} Hz"
+        )));
+    }
+    station.send(schedule(3, 0));
+    t.pause(Duration::from_secs(1))?;
+    let (after, _) = rate(t, &station, 3, t.timers().quiet)?;
+    t.expect(after < 0.8, || {
+        format!("expected no #3 after its schedule was cancelled, got {after:.1} Hz")
+    })?;
+    let (push, _) = rate(t, &station, 4000, Duration::from_secs(2))?;
+    t.expect(push > 0.4, || {
+        "expected the default push of 4000 to continue; it stopped".into()
+    })
+}
+
+fn asked_once_answered_once(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    // A push of another time would look like a second answer.
+    t.pause(Duration::from_millis(500))?;
+    for kind in [3, 3000] {
+        let mark = t.bench.net.mark();
+        a.query(kind)?;
+        t.pause(t.timers().quiet.min(Duration::from_secs(2)))?;
+        let repeated = a.received(mark, |seen| seen.kind() == kind).len();
+        t.expect(repeated <= 2, || {
+            format!("expected one {kind} to one 17002, got {repeated}")
+        })?;
+    }
+    a.query(3001)?;
+    Ok(())
+}
+
+fn higher_status_for_a_lower_loi(t: &Trial) -> Judged {
+    let station = t.monitor()?;
+    let mark = t.bench.net.mark();
+    for kind in [3002, 3007] {
+        station.send(information_request(kind));
+        station.send(schedule(kind, 2));
+    }
+    t.pause(t.timers().answer)?;
+    let answered = station
+        .received(mark, |seen| matches!(seen.kind(), 3002 | 3007))
+        .len();
+    t.note(format!(
+        "{answered} messages of a higher LOI came to a holder of LOI 2"
+    ));
+    station.request(0, crate::bench::station::Access::Request)?;
+    Ok(())
+}
+
+fn altitude_says_its_datum(t: &Trial) -> Judged {
+    let station = t.monitor()?;
+    let claim = t.bench.profile.vehicle.first().cloned().unwrap_or_default();
+    let now = fix(t, &station)?;
+    let Some(amsl) = claim.amsl_m else {
+        return Err(Stop::not_applicable(
+            "needs vehicle.amsl_m in the profile: the height of the place where the vehicle stands",
+        ));
+    };
+    let expected = match (now.altitude_type, claim.geoid_m) {
+        (3, Some(geoid)) => amsl + geoid,
+        (3, None) => {
+            if (now.altitude - amsl).abs() < 5.0 {
+                t.warn("the altitude under type 3 equals the height above sea: state vehicle.geoid_m to judge it");
+            }
+            return Ok(());
+        }
+        (2, _) => 0.0,
+        _ => amsl,
+    };
+    let geoid_reading = now.altitude_type == 3 && (now.altitude - amsl).abs() < 10.0;
+    t.expect((now.altitude - expected).abs() < 15.0, || {
+        format!(
+            "expected an altitude of {expected:.0} m within 15 m for altitude type {}, got {:.1} m{}",
+            now.altitude_type,
+            now.altitude,
+            if geoid_reading { ": height above sea level under type 3, the geoid reading" } else { "" }
+        )
+    })
+}
+
+fn waypoint_number_0_means_no_data(t: &Trial) -> Judged {
+    let station = t.monitor()?;
+    let mark = t.bench.net.mark();
+    let found = station.wait(mark, t.timers().answer, |seen| seen.kind() == 4001);
+    let found = found.map_or_else(|| station.query(4001), Ok)?;
+    for number in [
+        "From Waypoint Number",
+        "To Waypoint Number",
+        "Next Waypoint Number",
+    ] {
+        let group = number.trim_end_matches(" Number");
+        let value = found.raw(number);
+        let (latitude, longitude) = (
+            found.raw(&format!("{group} - Latitude")),
+            found.raw(&format!("{group} - Longitude")),
+        );
+        // 0 marks the group as not valid; a number goes with its place.
+        let placed = latitude.is_some()
+            && longitude.is_some()
+            && !(latitude == Some(0) && longitude == Some(0));
+        t.expect_of(&found, value.unwrap_or_default() == 0 || placed, || format!("expected a place with {number} {value:?} in 4001; latitude and longitude are missing"))?;
+    }
+    Ok(())
+}
+
+fn commanded_values_are_the_accepted_ones(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let home = home(t, &a)?;
+    let before = a.query(3002)?.raw("Commanded Altitude");
+    let bad = mode_command(12)
+        .raw("Altitude Command Type", 1)
+        .set("Commanded Altitude", 150_000.0)
+        .raw("Altitude Type", home.altitude_type)
+        .acked();
+    let raw = crate::bench::flight::field(&bad, "Commanded Altitude");
+    a.send(bad);
+    t.pause(t.timers().quiet)?;
+    let after = a.query(3002)?;
+    t.expect_of(&after, after.raw("Commanded Altitude") != raw, || format!("expected 3002 not to show a refused altitude of 150 km; it went from {before:?} to {:?}", after.raw("Commanded Altitude")))
+}
+
+fn each_engine_by_itself(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let engines = a
+        .query(3000)
+        .ok()
+        .and_then(|seen| seen.raw("Number of Engines"));
+    let mark = t.bench.net.mark();
+    a.query(3007)?;
+    t.pause(t.timers().answer / 2)?;
+    let numbers: BTreeSet<_> = a
+        .received(mark, |seen| seen.kind() == 3007)
+        .iter()
+        .filter_map(|seen| seen.raw("Engine Number"))
+        .collect();
+    match engines {
+        Some(engines) if engines > 0 => t.expect(numbers.len() as i64 == engines, || format!("expected a 3007 for each of {engines} engines of 3000, got engine numbers {numbers:?}")),
+        _ => {
+            t.note("3000 does not say how many engines there are");
+            Ok(())
+        }
+    }
+}
+
+fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
+    let means = &t.bench.profile.means;
+    let (Some(cut), Some(restore)) = (&means.cut_vehicle_link, &means.restore_vehicle_link) else {
+        return Err(Stop::not_applicable(
+            "needs means.cut_vehicle_link and means.restore_vehicle_link in the profile",
+        ));
+    };
+    let station = t.monitor()?;
+    let before = fix(t, &station).precondition("the vehicle has a position")?;
+    crate::means::shell(cut).map_err(Stop::Inconclusive)?;
+    let mark = t.bench.net.mark();
+    let result = (|| {
+        t.pause(Duration::from_secs(10))?;
+        let alert = station.received(mark, |seen| {
+            seen.kind() == 16000 && seen.raw("Priority").is_some_and(|priority| priority >= 2)
+        });
+        let late = t.bench.net.mark();
+        t.pause(Duration::from_secs(2))?;
+        let positions = station.received(late, |seen| seen.kind() == 4000 && seen.has("Latitude"));
+        let stamps: BTreeSet<_> = positions.iter().filter_map(|seen| seen.stamp()).collect();
+        if let Some(last) = positions.last() {
+            t.expect_of(last, stamps.len() <= 1, || {
+                format!("expected the stamps of 4000 to stop 10 s after the vehicle fell silent; positions with {} different stamps came ({:.5} as before the loss)", stamps.len(), before.latitude.to_degrees())
+            })?;
+        }
+        t.expect(!alert.is_empty(), || {
+            "expected a 16000 (caution or worse) within 10 s of the loss of the vehicle; none came"
+                .into()
+        })
+    })();
+    crate::means::shell(restore).map_err(Stop::Inconclusive)?;
+    t.pause(Duration::from_secs(3))?;
+    result
+}
+
+fn subsystems_answer_for_themselves(t: &Trial) -> Judged {
+    let station = t.monitor()?;
+    // Engine, navigation, VSM.
+    let asked = [0, 5, 9];
+    let mask = asked.iter().fold(0, |mask, bit| mask | 1_i64 << bit);
+    let mark = t.bench.net.mark();
+    station.ask(
+        Draft::new(15000).raw("Subsystem ID", mask),
+        t.timers().answer,
+        "a subsystem status report (16001)",
+        |seen| seen.kind() == 16001,
+    )?;
+    t.pause(t.timers().answer / 2)?;
+    let reports = station.received(mark, |seen| seen.kind() == 16001);
+    for seen in &reports {
+        let subsystem = seen.raw("Subsystem ID").unwrap_or(-1);
+        t.expect_of(seen, asked.contains(&subsystem), || {
+            format!("expected reports of the subsystems {asked:?} only, got one of {subsystem}")
+        })?;
+        let state = seen.raw("Subsystem State").unwrap_or(-1);
+        t.expect_of(seen, (0..=5).contains(&state), || {
+            format!("expected a state of 0 to 5 for subsystem {subsystem}, got {state}")
+        })?;
+    }
+    Ok(())
+}
+
+fn each_cucs_has_its_own_subscriptions(t: &Trial) -> Judged {
+    let a = t.monitor()?;
+    let b = t.b()?;
+    t.grant(&b, loi::LOI2)?;
+    for (kind, hertz) in [(4000, 5_u16), (3, 5)] {
+        a.send(schedule(kind, hertz));
+        b.send(schedule(kind, 1));
+        t.pause(Duration::from_millis(600))?;
+        b.send(schedule(kind, 0));
+        t.pause(Duration::from_millis(600))?;
+        let time = t.timers().status / 3;
+        let (found, _) = rate(t, &a, kind, time)?;
+        let tolerance = 0.2 * f64::from(hertz) + 1.0 / time.as_secs_f64();
+        t.expect((found - f64::from(hertz)).abs() <= tolerance, || {
+            format!("expected {kind} at {hertz} Hz for {} after {} cancelled its own, got {found:.1} Hz", a.id, b.id)
+        })?;
+        a.send(schedule(kind, 0));
+    }
+    Ok(())
+}
+
+fn commands_reach_their_vehicle_only(t: &Trial) -> Judged {
+    let vehicles: Vec<_> = t
+        .bench
+        .surveyed()?
+        .vehicles
+        .iter()
+        .map(|vehicle| vehicle.id)
+        .collect();
+    let a = t.a()?;
+    let mut stations = Vec::new();
+    for &vehicle in vehicles.iter().take(2) {
+        let mut station = Station::new(&t.bench, a.id, vehicle)?;
+        station.vehicle = vehicle;
+        t.grant(&station, loi::LOI2 | loi::LOI4)?;
+        stations.push(station);
+    }
+    let result = (|| {
+        let (r1, r2) = (t.bench.fresh_radius(), t.bench.fresh_radius());
+        stations[0].set_radius(r1);
+        t.expect(stations[0].radius_becomes(r1)?, || {
+            format!("expected 3004 of {} to show {r1} m", vehicles[0])
+        })?;
+        stations[1].set_radius(r2);
+        t.expect(stations[1].radius_becomes(r2)?, || {
+            format!("expected 3004 of {} to show {r2} m", vehicles[1])
+        })?;
+        let first = stations[0].radius()?;
+        t.expect(first.is_some_and(|first| (first - r1).abs() < 0.8), || {
+            format!(
+                "expected 3004 of {} to keep {r1} m after a 2017 to {}, got {first:?}",
+                vehicles[0], vehicles[1]
+            )
+        })?;
+        let mark = t.bench.net.mark();
+        t.pause(Duration::from_secs(2))?;
+        for vehicle in &vehicles[..2] {
+            let count = t.bench.net.recording().datagrams[mark..]
+                .iter()
+                .flat_map(|datagram| &datagram.messages)
+                .filter(|seen| seen.kind() == 4000 && seen.piece.source == *vehicle)
+                .count();
+            t.expect(count > 0, || {
+                format!("expected 4000 with source {vehicle}; none came")
+            })?;
+        }
+        Ok(())
+    })();
+    for station in &stations {
+        let _ = station.release();
+    }
+    result
+}

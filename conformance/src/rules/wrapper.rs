@@ -2,7 +2,7 @@
 
 use stanag_msgs::Id;
 
-use super::Scene;
+use super::scene::Scene;
 use crate::bench::flight::{mode_command, reported_mode};
 use crate::bench::station::{Access, authorisation, discovery, information_request, loi};
 use crate::bench::trial::{Player, Trial};

@@ -69,12 +69,13 @@ fn first_sentence(source: &str) -> String {
     sentence.trim_end_matches(['.', ':']).to_owned()
 }
 
-const CRATES: [&str; 9] = [
+const CRATES: [&str; 10] = [
     "vsm",
     "stanag-msgs",
     "mavlink-link",
     "mapping",
     "curve-paths",
+    "conformance",
     "tools/cucs",
     "tools/px4-sim",
     "tools/curve-plan",

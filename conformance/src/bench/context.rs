@@ -1,0 +1,112 @@
+//! What outlives a scene: the subject's address and profile, the suite's times, the survey, and the network.
+
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+use super::fix::Fix;
+use super::net::Net;
+use super::survey::Survey;
+use crate::catalogue::Catalogue;
+use crate::profile::Profile;
+use crate::verdict::{Judged, Stop};
+
+/// The suite's times, scaled.
+#[derive(Clone, Copy, Debug)]
+pub struct Timers {
+    /// An answer to a request.
+    pub answer: Duration,
+    /// An acknowledgement.
+    pub ack: Duration,
+    /// How long nothing may come.
+    pub quiet: Duration,
+    /// Window over which rates are measured.
+    pub status: Duration,
+    /// The vehicle begins to obey.
+    pub begin: Duration,
+    /// The vehicle arrives.
+    pub flight: Duration,
+    /// A mission transfer.
+    pub load: Duration,
+    /// A full configuration.
+    pub config: Duration,
+}
+
+impl Timers {
+    /// Those of the catalogue, changed by the profile, times its factor; flight times also by the speed of the simulation.
+    #[must_use]
+    pub fn new(catalogue: &Catalogue, profile: &Profile) -> Self {
+        let factor = profile.timers.get("factor").copied().unwrap_or(1.0);
+        let of = |name: &str| {
+            let seconds = profile
+                .timers
+                .get(name)
+                .or(catalogue.timers.get(name))
+                .copied()
+                .unwrap_or(2.0);
+            Duration::from_secs_f64(seconds * factor)
+        };
+        let speed = profile.figures.speed_factor.max(0.1);
+        Self {
+            answer: of("answer"),
+            ack: of("ack"),
+            quiet: of("quiet"),
+            status: of("status"),
+            begin: of("move").max(of("answer")),
+            flight: of("flight").div_f64(speed).max(of("answer") * 5),
+            load: of("load"),
+            config: of("config"),
+        }
+    }
+}
+
+/// Everything that outlives a scene.
+#[derive(Debug)]
+pub struct Bench {
+    /// Sockets, clock, recording.
+    pub net: Arc<Net>,
+    /// What the subject claims.
+    pub profile: Profile,
+    /// Where it listens.
+    pub address: SocketAddr,
+    /// The suite's times.
+    pub timers: Timers,
+    /// What the discovery showed.
+    pub survey: OnceLock<Survey>,
+    /// Where the vehicle stood when it was first seen.
+    pub home: OnceLock<Fix>,
+    radius: AtomicU32,
+}
+
+impl Bench {
+    /// A bench for a subject at this address.
+    #[must_use]
+    pub fn new(catalogue: &Catalogue, profile: Profile, address: SocketAddr) -> Arc<Self> {
+        Arc::new(Self {
+            net: Net::new(),
+            timers: Timers::new(catalogue, &profile),
+            profile,
+            address,
+            survey: OnceLock::new(),
+            home: OnceLock::new(),
+            radius: AtomicU32::new(0),
+        })
+    }
+
+    /// A loiter radius that was not used shortly before: 90 to 240 m, a multiple of the wire's step.
+    pub fn fresh_radius(&self) -> f64 {
+        let number = self.radius.fetch_add(1, Ordering::SeqCst);
+        90.0 + 1.5 * f64::from(number * 7 % 100)
+    }
+
+    /// The survey, where one was made.
+    ///
+    /// # Errors
+    /// None was made: nothing answered.
+    pub fn surveyed(&self) -> Judged<&Survey> {
+        self.survey
+            .get()
+            .ok_or_else(|| Stop::inconclusive("the subject answered no discovery"))
+    }
+}

@@ -1,0 +1,198 @@
+//! Asking the subject what it is: the survey at the beginning of a run, and whether it is alive.
+//!
+//! Ids that the profile does not name are the ones of this project's examples: a subject that knows none of them is told
+//! apart from a silent one by the report.
+
+use std::sync::Arc;
+
+use stanag_msgs::Id;
+
+use super::context::Bench;
+use super::station::{Access, Station, loi};
+use super::survey::{CucsFound, Survey, VehicleFound, bits};
+use crate::verdict::Judged;
+use crate::wire::Seen;
+
+/// Ids that are tried where the profile names none.
+const USUAL_IDS: [u32; 4] = [0x1b00_00a0, 0x1b00_00a1, 0x1b00_00a2, 0x1b00_00a3];
+
+/// Asks the subject.
+///
+/// # Errors
+/// The operator stopped the run, or there is no socket.
+pub fn survey(bench: &Arc<Bench>) -> Judged<Survey> {
+    let mut survey = Survey::default();
+    let claims = &bench.profile.cucs;
+    let mut candidates: Vec<CucsFound> = claims
+        .iter()
+        .map(|claim| CucsFound {
+            id: claim.id.parse().unwrap_or(Id::NULL),
+            authorised: 0,
+            overrides: claim.overrides,
+            claimed: claim.loi.as_deref().map(bits),
+        })
+        .collect();
+    if candidates.is_empty() {
+        candidates = USUAL_IDS
+            .map(|id| CucsFound {
+                id: Id(id),
+                authorised: 0,
+                overrides: false,
+                claimed: None,
+            })
+            .to_vec();
+    }
+    for claim in &bench.profile.vehicle {
+        if let Ok(id) = claim.id.parse() {
+            let stations = claim.stations.iter().flatten().fold(0, |bits, &station| {
+                bits | 1_i64 << (station.clamp(1, 16) - 1)
+            });
+            survey.vehicles.push(VehicleFound {
+                id,
+                kind: 0,
+                subtype: 0,
+                stations,
+            });
+        }
+    }
+    let mut silent = 0;
+    for mut candidate in candidates {
+        // A subject that answers nobody is not waited for again and again.
+        if silent >= 2 && !survey.answered {
+            break;
+        }
+        let station = Station::new(bench, candidate.id, Id::BROADCAST)?;
+        let mut answers = station.discover()?;
+        survey.broadcast |= !answers.is_empty();
+        if answers.is_empty() && !survey.vehicles.is_empty() {
+            // A subject that does not answer broadcasts may still be judged by its other rules.
+            let directed = Station::new(bench, candidate.id, survey.vehicles[0].id)?;
+            answers.extend(directed.request(0, Access::Release).ok());
+        }
+        silent += usize::from(answers.is_empty());
+        survey.answered |= !answers.is_empty();
+        for answer in &answers {
+            candidate.authorised |= answer.raw("LOI Authorized").unwrap_or_default();
+            add_vehicle(&mut survey, answer);
+        }
+        if candidate.authorised != 0 || candidate.claimed.is_some_and(|claimed| claimed != 0) {
+            survey.cucs.push(candidate);
+        }
+    }
+    if !survey.answered {
+        return Ok(survey);
+    }
+    look_at_vehicles(&mut survey, bench)?;
+    Ok(survey)
+}
+
+fn add_vehicle(survey: &mut Survey, answer: &Seen) {
+    let field = |name: &str| answer.raw(name).unwrap_or_default();
+    let id = answer.piece.source;
+    // A response by a VSM for a vehicle that is not there has the null or the VSM's id as its source.
+    let known = survey.vehicles.iter_mut().find(|vehicle| vehicle.id == id);
+    match known {
+        Some(vehicle) => {
+            vehicle.kind = field("Vehicle Type");
+            vehicle.subtype = field("Vehicle Subtype");
+            vehicle.stations |= field("Controlled Station 1-16");
+        }
+        None => survey.vehicles.push(VehicleFound {
+            id,
+            kind: field("Vehicle Type"),
+            subtype: field("Vehicle Subtype"),
+            stations: field("Controlled Station 1-16"),
+        }),
+    }
+}
+
+fn look_at_vehicles(survey: &mut Survey, bench: &Arc<Bench>) -> Judged {
+    let (Some(vehicle), Some(first)) = (
+        survey.vehicles.first_mut(),
+        survey
+            .cucs
+            .iter()
+            .find(|cucs| cucs.authorised & loi::LOI4 != 0)
+            .or(survey.cucs.first()),
+    ) else {
+        return Ok(());
+    };
+    let station = Station::new(bench, first.id, vehicle.id)?;
+    // The network first: a lost datagram must not look like a fault of the subject.
+    survey.loss = round_trip_loss(&station)?;
+    if first.authorised & loi::LOI4 != 0 {
+        let answer = station.request(loi::LOI2 | loi::LOI4, Access::Request);
+        if let Ok(answer) = answer {
+            if answer.raw("LOI Granted").unwrap_or_default() & loi::LOI4 == 0 {
+                survey.occupied = Some(format!(
+                    "{} may have LOI 4 of {} and was denied it: another CUCS is in control",
+                    first.id, vehicle.id
+                ));
+                let _ = station.request(0x0F, Access::Release);
+                return Ok(());
+            }
+        }
+    } else {
+        let _ = station.request(loi::LOI2, Access::Request);
+    }
+    let mark = bench.net.mark();
+    station.send(super::station::information_request(21000));
+    station.send(
+        crate::wire::Draft::new(28000)
+            .to(Id::BROADCAST)
+            .id("VSM ID", Id::BROADCAST)
+            .id("Data Link ID", Id::BROADCAST)
+            .raw("Control Assignment Request", 0),
+    );
+    if let Some(found) = station.wait(mark, bench.timers.answer / 2, |seen| seen.kind() == 21000) {
+        vehicle.stations |= found
+            .raw("Payload Stations Available 1-16")
+            .unwrap_or_default();
+    }
+    survey.data_links = !station
+        .received(mark, |seen| seen.kind() == 28001)
+        .is_empty();
+    let _ = station.request(0x0F, Access::Release);
+    Ok(())
+}
+
+/// The share of 50 round trips that bring no answer. One that is lost shows the network's loss, since the subject answered
+/// the others.
+fn round_trip_loss(station: &Station) -> Judged<f64> {
+    const TRIPS: usize = 50;
+    let bench = station.bench().clone();
+    let mark = bench.net.mark();
+    for _ in 0..TRIPS {
+        station.send(super::station::authorisation(0, Access::Release).to(Id::BROADCAST));
+        station.pause(std::time::Duration::from_millis(10))?;
+    }
+    station.pause(std::time::Duration::from_millis(300))?;
+    let vehicle = station.vehicle;
+    let answered = station
+        .received(mark, |seen| {
+            seen.kind() == 2 && seen.piece.source == vehicle
+        })
+        .len()
+        .min(TRIPS);
+    Ok((TRIPS - answered) as f64 / TRIPS as f64)
+}
+
+/// Whether a discovery is answered.
+#[must_use]
+pub fn alive(bench: &Arc<Bench>) -> bool {
+    let Some(survey) = bench.survey.get() else {
+        return false;
+    };
+    let Some(cucs) = survey.cucs.first() else {
+        return false;
+    };
+    let vehicle = survey.vehicle().map_or(Id::BROADCAST, |vehicle| vehicle.id);
+    let Ok(station) = Station::new(bench, cucs.id, vehicle) else {
+        return false;
+    };
+    if survey.broadcast && station.discover().is_ok_and(|found| !found.is_empty()) {
+        return true;
+    }
+    // A subject that does not answer broadcasts is not dead.
+    station.request(0, Access::Release).is_ok()
+}

@@ -1,0 +1,169 @@
+//! The traffic that a judge looks at, and what it finds.
+
+use std::sync::Arc;
+
+use stanag_msgs::Id;
+
+use crate::bench::net::Datagram;
+use crate::bench::survey::Survey;
+use crate::profile::Profile;
+use crate::verdict::{Judgement, Verdict};
+use crate::wire::{Direction, Seen};
+
+/// A judge and its rule.
+pub struct Judge {
+    /// Id of the rule.
+    pub rule: &'static str,
+    /// The judge.
+    pub judge: fn(&View<'_>, &mut Found),
+}
+
+/// The traffic that is judged.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// In the order of time.
+    pub datagrams: &'a [Datagram],
+    /// What the subject claims.
+    pub profile: &'a Profile,
+    /// What the discovery showed, where there was one.
+    pub survey: Option<&'a Survey>,
+    /// Whether clocks of the two ends are the same: not on a capture.
+    pub live: bool,
+}
+
+impl<'a> View<'a> {
+    /// Datagrams of the subject.
+    pub fn of_subject(&self) -> impl Iterator<Item = &'a Datagram> {
+        self.datagrams
+            .iter()
+            .filter(|datagram| datagram.direction == Direction::Received)
+    }
+
+    /// Messages of the subject.
+    pub fn messages(&self) -> impl Iterator<Item = &'a Arc<Seen>> {
+        self.of_subject().flat_map(|datagram| &datagram.messages)
+    }
+
+    /// Messages to the subject.
+    pub fn requests(&self) -> impl Iterator<Item = &'a Arc<Seen>> {
+        self.datagrams
+            .iter()
+            .filter(|datagram| datagram.direction == Direction::Sent)
+            .flat_map(|datagram| &datagram.messages)
+    }
+
+    /// Ids of vehicles: from the discovery, or sources of responses.
+    #[must_use]
+    pub fn vehicles(&self) -> Vec<Id> {
+        match self.survey {
+            Some(survey) => survey.vehicles.iter().map(|vehicle| vehicle.id).collect(),
+            None => {
+                let mut ids: Vec<Id> = self
+                    .messages()
+                    .filter(|seen| seen.kind() == 2)
+                    .map(|seen| seen.piece.source)
+                    .collect();
+                ids.sort();
+                ids.dedup();
+                ids
+            }
+        }
+    }
+
+    /// VSM ids as messages 2 and 3 name them.
+    #[must_use]
+    pub fn vsm_ids(&self) -> Vec<Id> {
+        let mut ids: Vec<Id> = self
+            .messages()
+            .filter(|seen| matches!(seen.kind(), 2 | 3))
+            .filter_map(|seen| seen.raw("VSM ID"))
+            .map(|raw| Id(raw as u32))
+            .collect();
+        ids.extend(
+            self.profile
+                .subject
+                .vsm_id
+                .iter()
+                .filter_map(|id| id.parse::<Id>().ok()),
+        );
+        ids.sort();
+        ids.dedup();
+        ids
+    }
+}
+
+/// What a judge found.
+#[derive(Debug, Default)]
+pub struct Found {
+    seen: usize,
+    fails: Vec<(String, Option<Arc<Seen>>)>,
+    warnings: Vec<(String, Option<Arc<Seen>>)>,
+}
+
+impl Found {
+    /// Something that the rule is about occurred.
+    pub fn saw(&mut self) {
+        self.seen += 1;
+    }
+
+    /// The rule is broken, as this message shows.
+    pub fn fail(&mut self, seen: &Arc<Seen>, reason: impl Into<String>) {
+        self.fails.push((reason.into(), Some(seen.clone())));
+    }
+
+    /// The rule is broken by what is no message.
+    pub fn fail_at(&mut self, datagram: &Datagram, reason: impl Into<String>) {
+        let reason = format!(
+            "{} (datagram {})",
+            reason.into(),
+            crate::wire::hex(&datagram.bytes[..datagram.bytes.len().min(64)])
+        );
+        self.fails
+            .push((reason, datagram.messages.first().cloned()));
+    }
+
+    /// An odd but lawful value.
+    pub fn warn(&mut self, seen: &Arc<Seen>, reason: impl Into<String>) {
+        self.warnings.push((reason.into(), Some(seen.clone())));
+    }
+
+    /// Fails unless `holds`; either way the rule's matter occurred.
+    pub fn check(&mut self, seen: &Arc<Seen>, holds: bool, reason: impl FnOnce() -> String) {
+        self.saw();
+        if !holds {
+            self.fail(seen, reason());
+        }
+    }
+
+    /// The judgement with its messages. Of many alike the first is shown, with their number.
+    #[must_use]
+    pub fn judgement(self) -> (Judgement, Vec<Arc<Seen>>) {
+        let (verdict, found) = if !self.fails.is_empty() {
+            (Verdict::Fail, self.fails)
+        } else if !self.warnings.is_empty() {
+            (Verdict::Warning, self.warnings)
+        } else if self.seen > 0 {
+            return (Judgement::pass(), Vec::new());
+        } else {
+            return (
+                Judgement::new(
+                    Verdict::Inconclusive,
+                    "not seen: nothing that this rule is about occurred in the traffic",
+                ),
+                Vec::new(),
+            );
+        };
+        let more = if found.len() > 1 {
+            format!(" (and {} more)", found.len() - 1)
+        } else {
+            String::new()
+        };
+        let reason = format!("{}{more}", found[0].0);
+        let evidence = found
+            .into_iter()
+            .filter_map(|(_, seen)| seen)
+            .take(5)
+            .collect();
+        (Judgement::new(verdict, reason), evidence)
+    }
+}
