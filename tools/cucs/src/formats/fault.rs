@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::fence::FenceFileError;
 use crate::route::read::RouteFileError;
 
 /// A file that is not what it should be.
@@ -22,6 +23,9 @@ pub enum FormatError {
     /// A route file is none; the text names file, line and field.
     #[error(transparent)]
     Route(#[from] RouteFileError),
+    /// A fence file is none; the text names it.
+    #[error(transparent)]
+    Fence(#[from] FenceFileError),
     /// An option does not fit the file.
     #[error("{0}")]
     Option(String),
@@ -70,7 +74,7 @@ impl FormatError {
     #[must_use]
     pub const fn exit_status(&self) -> u8 {
         match self {
-            Self::Input { .. } | Self::Route(_) | Self::Option(_) => 2,
+            Self::Input { .. } | Self::Route(_) | Self::Fence(_) | Self::Option(_) => 2,
             Self::Answer(_) | Self::Lost(_) => 1,
         }
     }

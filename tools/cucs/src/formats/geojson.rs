@@ -12,8 +12,9 @@ use serde_json::{Map, Value, json};
 
 use super::draft::{Datum, Draft, NoAltitude, Point};
 use super::fault::FormatError;
+use super::lines::Lines;
 use super::losses::Losses;
-use super::{Lines, attributes, json_line};
+use super::{attributes, json_line, lost};
 use crate::fence::{Area, Keep, Shape};
 
 /// Reads the lines of a document, or else its Points.
@@ -271,7 +272,7 @@ pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
     }));
     let rally = draft.rally.iter();
     features.extend(rally.map(|p| feature("Point", position(*p), json!({ "rally": true }))));
-    super::lose_extras(draft, losses);
+    lost::extras(draft, losses);
     let document = json!({ "type": "FeatureCollection", "features": features });
     format!("{document:#}\n")
 }

@@ -7,9 +7,10 @@ use std::path::Path;
 
 use super::draft::{Draft, NoAltitude, Point};
 use super::fault::FormatError;
+use super::lines::Lines;
 use super::losses::Losses;
 use super::xml::{self, Node, escaped};
-use super::{Lines, attributes};
+use super::{attributes, losses, lost};
 
 /// Reads a GPX: its routes and tracks, or else its waypoints.
 pub(super) fn read(file: &Path, text: &str) -> Result<Lines, FormatError> {
@@ -76,7 +77,7 @@ fn line(file: &Path, owner: &Node, parts: &[&Node], name: &str) -> Result<Draft,
     for (what, count) in others {
         draft
             .losses
-            .add_whole(format!("{what} of {}", super::points(count)));
+            .add_whole(format!("{what} of {}", losses::points(count)));
     }
     Ok(draft)
 }
@@ -113,9 +114,9 @@ pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
         }
         out.push_str("</rtept>\n");
     }
-    super::lose_extras(draft, losses);
-    super::lose_fence(draft, losses);
-    super::lose_rally(draft, losses);
+    lost::extras(draft, losses);
+    lost::fence(draft, losses);
+    lost::rally(draft, losses);
     out + "</rte></gpx>\n"
 }
 

@@ -15,9 +15,10 @@ use zip::{ZipArchive, ZipWriter};
 
 use super::draft::{Datum, Draft, NoAltitude, Point};
 use super::fault::FormatError;
+use super::lines::Lines;
 use super::losses::Losses;
 use super::xml::{self, Node, escaped};
-use super::{Lines, attributes};
+use super::{attributes, lost};
 use crate::fence::{Area, Keep, Shape};
 
 /// The KML within a KMZ: `doc.kml`, or else the first one.
@@ -390,7 +391,7 @@ pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
             tuple(*p)
         );
     }
-    super::lose_extras(draft, losses);
+    lost::extras(draft, losses);
     out + "</Document></kml>\n"
 }
 

@@ -124,6 +124,16 @@ impl fmt::Display for Losses {
     }
 }
 
+/// `1 area`, `2 areas`.
+pub(super) fn counted(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
+/// How many points.
+pub(super) fn points(count: usize) -> String {
+    counted(count, "point", "points")
+}
+
 /// A text names so many: a survey has hundreds of camera triggers.
 const MAX_NAMED: usize = 20;
 

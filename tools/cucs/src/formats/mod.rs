@@ -4,7 +4,8 @@
 //! | part | holds |
 //! |---|---|
 //! | [`draft`](Draft) | a route as a file has it |
-//! | [`losses`](Losses) | what of a file was not taken |
+//! | [`losses`](Losses), `lost` | what of a file was not taken; what the formats do not hold |
+//! | `lines` | the lines of a file with several, and the choice of one |
 //! | `items` | mission items, which `qgc_plan` and `waypoints` share |
 //! | `attributes` | what is done at a point as pairs of key and text, for `kml`, `gpx`, `geojson`, `table` (CSV) |
 //! | `route_file` | the ground station's route file, and a draft as its route |
@@ -20,7 +21,9 @@ mod gpx;
 mod items;
 mod json_line;
 mod kml;
+mod lines;
 mod losses;
+mod lost;
 mod qgc_plan;
 mod route_file;
 mod table;
@@ -32,14 +35,13 @@ mod xml;
 use std::path::Path;
 
 use clap::Args;
-use curve_paths::Position;
 
 use crate::fence::{self, Area};
-use crate::route::form::ROUTE_TYPES;
 use crate::route::model::Route;
 
 pub use draft::{Conduct, Datum, Draft, Extra, Level, NoAltitude, Point, Repeat, TakeOff};
 pub use fault::FormatError;
+use lines::{Line, Lines};
 pub use losses::{Loss, Losses};
 pub use xml::escaped;
 
@@ -65,14 +67,6 @@ impl Default for Selection {
             line: Line::default(),
         }
     }
-}
-
-/// Which line of a file that has several.
-#[derive(Clone, Debug, Default, Args)]
-struct Line {
-    /// Use this line of a file with several, by its name or its number from 1 (KML, KMZ, GPX, GeoJSON).
-    #[arg(long, value_name = "NAME|N")]
-    line: Option<String>,
 }
 
 /// How to take a file as a route.
@@ -157,62 +151,6 @@ pub fn ending(file: &Path) -> String {
     ending.to_ascii_lowercase()
 }
 
-/// The lines of a file, or else its points; and what belongs to all of them.
-#[derive(Default)]
-struct Lines {
-    lines: Vec<Draft>,
-    points: Draft,
-    areas: Vec<Area>,
-    rally: Vec<Position>,
-}
-
-impl Lines {
-    /// The requested line, or the first; the others, and the points beside it, are named as lost.
-    fn choose(self, file: &Path, line: &Line) -> Result<Draft, FormatError> {
-        let names = self.lines.iter().enumerate().map(|(k, draft)| {
-            let name = Some(&draft.name).filter(|name| !name.is_empty());
-            let named = name.map_or_else(String::new, |name| format!(" {name:?}"));
-            format!("line {}{named} ({})", k + 1, points(draft.points.len()))
-        });
-        let names: Vec<String> = names.collect();
-        let wanted = match &line.line {
-            None => 0,
-            Some(wanted) => {
-                let by_name = self.lines.iter().position(|draft| draft.name == *wanted);
-                let number = wanted.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
-                let by_number = number.filter(|k| *k < self.lines.len());
-                by_name.or(by_number).ok_or_else(|| {
-                    let known = names.join(", ");
-                    FormatError::Option(format!(
-                        "{}: --line {wanted}: no such line, expected one of {known}",
-                        file.display()
-                    ))
-                })?
-            }
-        };
-        let aside = self.points.points.len();
-        let mut lines = self.lines.into_iter();
-        let mut draft = match lines.nth(wanted) {
-            None => self.points,
-            Some(mut draft) => {
-                for (k, name) in names.into_iter().enumerate() {
-                    if k != wanted {
-                        draft.losses.add_whole(name);
-                    }
-                }
-                if aside > 0 {
-                    let what = format!("{} beside the line", points(aside));
-                    draft.losses.add_whole(what);
-                }
-                draft
-            }
-        };
-        draft.areas = self.areas;
-        draft.rally = self.rally;
-        Ok(draft.numbered())
-    }
-}
-
 /// Reads a route to be flown: each point has an altitude, of the file or of the command line.
 ///
 /// # Errors
@@ -248,7 +186,7 @@ pub fn read_to_send(file: &Path, import: &Import) -> Result<(Route, Losses), For
     }
     let mut losses = Losses::of("waypoint");
     losses.items = route.waypoints.len();
-    lose_sent_fence(&route_file::areas(file, &text)?, file, &mut losses);
+    lost::sent_fence(&route_file::areas(file, &text)?, file, &mut losses);
     Ok((route, losses))
 }
 
@@ -288,13 +226,16 @@ pub fn read_track(file: &Path, selection: &Selection) -> Result<Draft, FormatErr
 ///
 /// # Errors
 /// It cannot be read, is not of its format, or has no area.
-pub fn read_fence(file: &Path) -> Result<Vec<Area>, crate::OperatorError> {
+pub fn read_fence(file: &Path) -> Result<Vec<Area>, FormatError> {
     let areas = if Format::of(file)? == Format::RouteFile {
         fence::parse(file, &text(file, bytes(file)?)?)?
     } else {
         let areas = parse(file, &Selection::default())?.areas;
         if areas.is_empty() {
-            return Err(FormatError::file(file, "no geofence, expected at least one area").into());
+            return Err(FormatError::file(
+                file,
+                "no geofence, expected at least one area",
+            ));
         }
         areas
     };
@@ -384,12 +325,12 @@ pub fn write(file: &Path, draft: &Draft) -> Result<(Vec<u8>, Losses), FormatErro
     }
     let mut losses = draft.losses.clone();
     if format != Format::RouteFile {
-        lose_route(draft, &mut losses);
+        lost::route(draft, &mut losses);
     }
     let text = match format {
         Format::RouteFile => {
             let route = draft.to_route(&mut losses)?;
-            lose_rally(draft, &mut losses);
+            lost::rally(draft, &mut losses);
             let fence = fence::to_toml(&draft.areas);
             let gap = if fence.is_empty() { "" } else { "\n" };
             route.to_toml() + gap + &fence
@@ -420,65 +361,8 @@ impl Draft {
     pub fn to_send(&self, file: &Path) -> Result<(Route, Losses), FormatError> {
         let mut losses = self.losses.clone();
         let route = self.to_route(&mut losses)?;
-        lose_sent_fence(&self.areas, file, &mut losses);
-        lose_rally(self, &mut losses);
+        lost::sent_fence(&self.areas, file, &mut losses);
+        lost::rally(self, &mut losses);
         Ok((route, losses))
     }
-}
-
-/// A geofence has messages of its own.
-fn lose_sent_fence(areas: &[Area], file: &Path, losses: &mut Losses) {
-    if !areas.is_empty() {
-        let file = file.display();
-        losses.add_whole(format!("geofence (send it with \"cucs fence {file}\")"));
-    }
-}
-
-/// What only a route file holds.
-fn lose_route(draft: &Draft, losses: &mut Losses) {
-    let Some(plan) = &draft.plan else { return };
-    if let Some(kind) = plan.route_type.and_then(|kind| ROUTE_TYPES.word(kind)) {
-        losses.add_whole(format!("route type {kind}"));
-    }
-    for waypoint in &plan.waypoints {
-        let number = usize::from(waypoint.number);
-        if draft.points.iter().all(|point| point.item != number) {
-            losses.add(number, "waypoint that the route does not reach");
-        }
-    }
-}
-
-/// Items that only mission files hold.
-fn lose_extras(draft: &Draft, losses: &mut Losses) {
-    for extra in &draft.extras {
-        losses.add(extra.item, items::describe(extra));
-    }
-}
-
-fn lose_fence(draft: &Draft, losses: &mut Losses) {
-    lose_some(
-        draft.areas.len(),
-        "area of the geofence",
-        "areas of the geofence",
-        losses,
-    );
-}
-
-fn lose_rally(draft: &Draft, losses: &mut Losses) {
-    lose_some(draft.rally.len(), "rally point", "rally points", losses);
-}
-
-fn lose_some(count: usize, one: &str, many: &str, losses: &mut Losses) {
-    if count > 0 {
-        losses.add_whole(counted(count, one, many));
-    }
-}
-
-fn counted(count: usize, one: &str, many: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { many })
-}
-
-/// How many points.
-fn points(count: usize) -> String {
-    counted(count, "point", "points")
 }

@@ -33,6 +33,7 @@ use toml::Spanned;
 use super::draft::{Conduct, Datum, Draft, Point, Repeat};
 use super::fault::FormatError;
 use super::losses::Losses;
+use super::lost;
 use crate::fence::{self, Area, FenceFileError};
 use crate::route::model::{Curve, CurveForm, Loop, Place, Route, Waypoint};
 
@@ -227,7 +228,7 @@ impl Draft {
         if let Some(plan) = &self.plan {
             return Ok(plan.clone());
         }
-        super::lose_extras(self, losses);
+        lost::extras(self, losses);
         let points = self.written();
         let ends = points.len();
         let step = if ends <= usize::from(MAX_NUMBER / 10) {

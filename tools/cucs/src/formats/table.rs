@@ -6,10 +6,10 @@
 
 use std::path::Path;
 
-use super::attributes;
 use super::draft::{Datum, Draft, NoAltitude, Point};
 use super::fault::FormatError;
 use super::losses::Losses;
+use super::{attributes, lost};
 
 /// Reads the rows of one lap, or of all.
 pub(super) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Draft, FormatError> {
@@ -139,8 +139,8 @@ pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
         }
         out.push('\n');
     }
-    super::lose_extras(draft, losses);
-    super::lose_fence(draft, losses);
-    super::lose_rally(draft, losses);
+    lost::extras(draft, losses);
+    lost::fence(draft, losses);
+    lost::rally(draft, losses);
     out
 }

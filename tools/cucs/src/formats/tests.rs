@@ -1,5 +1,6 @@
 //! Whatever a format can hold is read again as it was written.
 
+use curve_paths::Position;
 use proptest::prelude::*;
 use stanag_msgs::enums::{LimitType, LoiterDirection, LoiterType, TurnType, WaypointSpeedType};
 

@@ -12,6 +12,7 @@ use super::draft::Draft;
 use super::fault::FormatError;
 use super::items::{MissionItem, NAV_WAYPOINT, Reader, items};
 use super::losses::Losses;
+use super::lost;
 use super::qgc_plan::home;
 
 /// Reads a .waypoints or .txt.
@@ -110,7 +111,7 @@ pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
         }
         let _ = writeln!(out, "\t{lat:.8}\t{lon:.8}\t{alt:.3}\t1");
     }
-    super::lose_fence(draft, losses);
-    super::lose_rally(draft, losses);
+    lost::fence(draft, losses);
+    lost::rally(draft, losses);
     out
 }

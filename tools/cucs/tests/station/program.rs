@@ -111,7 +111,7 @@ fn each_subcommand_may_be_a_process_of_its_own() {
             out.contains("\"waypoints\":4,\"losses\":{\"items\":7,\"taken\":4,"),
             "{out}"
         );
-        assert!(done(&["download"]).contains("speed = 6.0\n"));
+        assert!(done(&["download"]).contains("speed = 6\n"));
         assert!(done(&["send", route, "--mission-id", "M2"]).contains("4 waypoints is aboard"));
         assert!(done(&["--json", "launch", "30"]).contains("{\"done\":\"launched\"}"));
         assert!(done(&["download"]).contains("[[waypoint]]\nnumber = 10\n"));
