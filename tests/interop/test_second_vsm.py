@@ -6,12 +6,16 @@
 A scenario returns what it observed; it has to be the same twice on the lawful VSM and different on the
 faulty one, so that a switch that does nothing does not pass for a fault.
 """
+import tomllib
 import unittest
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import cucs as dli
 from second_scenarios import SCENARIOS, Subject
+from second_vsm.faults_by_rule import BY_RULE
 from second_vsm.mutants import MUTANTS
+from second_vsm.program import STATIONS, Options, build, parse_access
 from second_vsm.variants import VARIANTS
 
 # Scenarios mostly wait.
@@ -69,6 +73,19 @@ class Faults(unittest.TestCase):
     def observe(options, scenario):
         with Subject(["--speed", "10", *options]) as subject:
             return scenario(subject)
+
+
+class FaultsByRule(unittest.TestCase):
+    """Their judge is the suite; here they have to be of a rule of the catalogue, and to fit the parts that they change."""
+
+    def test_each_is_of_a_rule_and_can_be_built(self):
+        catalogue = tomllib.loads((Path(__file__).resolve().parents[2] / "conformance" / "rules.toml").read_text())
+        rules = {rule["id"] for rule in catalogue["rule"] if rule["subject"] != "cucs"}
+        self.assertLessEqual(set(BY_RULE), rules)
+        self.assertLessEqual({rule for fault in MUTANTS.values() for rule in fault.caught_by}, rules)
+        for id in BY_RULE:
+            with self.subTest(id):
+                build(Options(access=dict(map(parse_access, STATIONS)), vehicles=2), [id])
 
 
 class Departures(unittest.TestCase):

@@ -7,11 +7,15 @@ import sys
 from dataclasses import dataclass, field
 
 from .authority import Access
+from .faults_by_rule import BY_RULE
 from .mutants import MUTANTS
 from .variants import VARIANTS
 from .vsm import Vsm
 from .wire import parse_id, show_id
 
+FAULTS = MUTANTS | BY_RULE
+# Options without which a fault does not show.
+CIRCUMSTANCES = {"V56": ["--no-fix"], "DISC-005": ["--no-link"], "MODE-008": ["--wind=8,0"], "LINK-005": ["--on-loss", "hold"]}
 HOME = (47.3977434, 8.5455939, 488.0)
 STATIONS = ("1b:00:00:a0:2345:override", "1b:00:00:a1:2345:override", "1b:00:00:a2:2345", "1b:00:00:a3:24", "1b:00:00:a4:2")
 
@@ -92,7 +96,7 @@ def parser():
     p.add_argument("--no-fix", dest="fix", action="store_false", help="start without a position fix")
     p.add_argument("--on-loss", choices=["continue", "hold", "contingency", "rtl"], default="continue", help="when the controlling CUCS is lost")
     p.add_argument("--store", metavar="DIR", help="keep the rights of the stations here across restarts")
-    p.add_argument("--mutant", action="append", default=[], metavar="ID", choices=sorted(MUTANTS), help="build in a fault (repeat)")
+    p.add_argument("--mutant", action="append", default=[], metavar="ID", choices=sorted(FAULTS), help="build in a fault (repeat)")
     p.add_argument("--variant", action="append", default=[], metavar="ID", choices=sorted(VARIANTS), help="build in a lawful departure (repeat)")
     p.add_argument("--list-mutants", action="store_true", help="print the faults and exit")
     p.add_argument("--list-variants", action="store_true", help="print the lawful departures and exit")
@@ -111,7 +115,7 @@ def give_order(port, words):
 def build(options, mutants=(), variants=()):
     """A VSM with these faults and departures, not opened yet."""
     vsm = Vsm(options)
-    for table, ids in ((MUTANTS, mutants), (VARIANTS, variants)):
+    for table, ids in ((FAULTS, mutants), (VARIANTS, variants)):
         for id in ids:
             table[id].build(vsm)
     return vsm
@@ -119,7 +123,7 @@ def build(options, mutants=(), variants=()):
 
 def main(arguments=None):
     args = vars(parser().parse_args(arguments))
-    for name, table in (("list_mutants", MUTANTS), ("list_variants", VARIANTS)):
+    for name, table in (("list_mutants", FAULTS), ("list_variants", VARIANTS)):
         if args.pop(name):
             for id, change in table.items():
                 print(f"{id}  {change.title}")

@@ -93,7 +93,7 @@ def _(vsm):
 
 @variant("L08", "no heartbeats, no #5, no curve messages, no payload")
 def _(vsm):
-    vsm.heartbeat = False
+    vsm.heartbeat_s = None
     for vehicle in vsm.vehicles:
         vehicle.payloads.stations = []
         vehicle.authority.stations = 0

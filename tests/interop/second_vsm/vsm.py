@@ -54,7 +54,7 @@ class Vsm:
         self.codec = Codec(options.edition, options.checksum)
         self.peers, self.last_stamp = {}, {}
         self.vehicles = [Vehicle(self, k) for k in range(options.vehicles)]
-        self.push_hz, self.heartbeat = PUSH_HZ, True
+        self.push_hz, self.heartbeat_s = PUSH_HZ, HEARTBEAT_S
         self._heartbeat_at = 0.0
         self.sockets = []
         self.group = None
@@ -276,8 +276,8 @@ class Vsm:
                 if now >= schedule.due:
                     self.vehicles[number].send_report(cucs, id)
                     schedule.due = max(schedule.due + schedule.period, now - schedule.period)
-        if self.heartbeat and now >= self._heartbeat_at:
-            self._heartbeat_at = max(self._heartbeat_at + HEARTBEAT_S, now - HEARTBEAT_S)
+        if self.heartbeat_s and now >= self._heartbeat_at:
+            self._heartbeat_at = max(self._heartbeat_at + self.heartbeat_s, now - self.heartbeat_s)
             for vehicle in self.vehicles:
                 for cucs in vehicle.authority.watching():
                     vehicle.report(cucs, 16002, {})
