@@ -88,7 +88,7 @@ class Station:
         self.take_datagram(datagram)
 
     def take_datagram(self, datagram):
-        for message in self.codec.messages(datagram, lambda raw: True):
+        for message in self.codec.messages(datagram, lambda source: True):
             if message.destination in (self.id, BROADCAST) and message.source != self.id:
                 self.inbox.append(message)
                 self.take(message)

@@ -7,6 +7,7 @@ merely a picture of one implementation. Every fault that the suite has to find i
 replace single methods, so that the parts below stay free of them. In reading order:
 
     wire           bytes to messages and back
+    edition25      the same for Edition 2.5: its wrapper and messages become those of Edition 4
     units          angles, altitudes, times, places on the earth
     aircraft       the simulated aircraft: modes, a flown route, launch, landing, battery
     authority      who may have and who holds which level of interoperability; handover

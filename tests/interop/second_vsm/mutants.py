@@ -277,8 +277,8 @@ def _(vsm):
 def _(vsm):
     access = next(iter(vsm.access.values()))
 
-    def known(raw):
-        vsm.access.setdefault(HEADER.unpack_from(raw)[2], access)
+    def known(source):
+        vsm.access.setdefault(source, access)
         return True
     vsm.known_source = known
 

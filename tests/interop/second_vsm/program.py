@@ -79,7 +79,7 @@ def parser():
                    help=f"let a CUCS connect, such as 1b:00:00:a0:24 (repeat; default {', '.join(STATIONS)})")
     p.add_argument("--speed", type=float, default=1.0, metavar="FACTOR", help="fly this many times faster than real time")
     p.add_argument("--seed", type=int, default=1, help="choose the first alert id and the first heading")
-    p.add_argument("--edition", choices=["3", "4"], default="4", help="the edition that is spoken")
+    p.add_argument("--edition", choices=["2.5", "3", "4"], default="4", help="the edition that is spoken")
     p.add_argument("--checksum", type=int, choices=range(4), default=2, help="style of the checksums that are sent")
     p.add_argument("--vsm-id", type=parse_id, default=Options.vsm_id, help=f"default {show_id(Options.vsm_id)}")
     p.add_argument("--vehicle-id", type=parse_id, default=Options.vehicle_id, help=f"of the first vehicle; default {show_id(Options.vehicle_id)}")

@@ -34,7 +34,7 @@ def _(vsm):
 
 @variant("L02", "strangers are answered by #2 with LOI Authorised 0")
 def _(vsm):
-    def known_source(raw):
+    def known_source(source):
         return True
 
     def take(message, address, lawful=vsm.take):

@@ -11,10 +11,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from . import units
+from .edition25 import Codec25
 from .reports import PUSHED
 from .steering import refused
 from .vehicle import CLOCK_S, ORDERED, SAMPLE_S, Vehicle
-from .wire import BROADCAST, HEADER, Codec, reference
+from .wire import BROADCAST, Codec, reference
 
 RECEIVED, CARRIED_OUT, REFUSED = 1, 2, 3
 PUSH_HZ = 4.0
@@ -51,7 +52,7 @@ class Vsm:
     def __init__(self, options):
         self.options, self.access = options, options.access
         self.dice = random.Random(options.seed)
-        self.codec = Codec(options.edition, options.checksum)
+        self.codec = Codec25() if options.edition == "2.5" else Codec(options.edition, options.checksum)
         self.peers, self.last_stamp = {}, {}
         self.vehicles = [Vehicle(self, k) for k in range(options.vehicles)]
         self.push_hz, self.heartbeat_s = PUSH_HZ, HEARTBEAT_S
@@ -112,8 +113,8 @@ class Vsm:
         for message in self.codec.messages(datagram, self.known_source):
             self.take(message, address)
 
-    def known_source(self, raw):
-        return HEADER.unpack_from(raw)[2] in self.access
+    def known_source(self, source):
+        return source in self.access
 
     # Messages
 

@@ -55,7 +55,7 @@ class Codec:
         if len(datagram) > MAX_DATAGRAM:
             return
         for raw in self.split(datagram):
-            if not known_source(raw):
+            if not known_source(self.source_of(raw)):
                 continue
             try:
                 message = self.decode(raw)
@@ -80,6 +80,9 @@ class Codec:
                 return
             yield raw
             at += len(raw)
+
+    def source_of(self, raw):
+        return HEADER.unpack_from(raw)[2]
 
     def data_length(self, datagram, at):
         return int.from_bytes(datagram[at + 2 : at + 4], "big")

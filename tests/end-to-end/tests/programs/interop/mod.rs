@@ -1,4 +1,5 @@
-//! Our programs and other people's: a ground station in Python that shares no code with the bridge (`cucs`), the
+//! Our programs and other people's: a ground station in Python that shares no code with the bridge (`cucs`), a second VSM
+//! and a second CUCS in Python (`second`), the
 //! reference codec of the DLI (`dli`), the Python package of the codec (`python`), pymavlink (`signing`, `pitfalls`), MAVSDK, MAVProxy, and Wireshark (`dissector`,
 //! `wireshark`).
 
@@ -9,6 +10,7 @@ mod mavproxy;
 mod mavsdk;
 mod pitfalls;
 mod pymavlink;
+mod second;
 mod python;
 mod signing;
 mod wireshark;
