@@ -10,7 +10,7 @@ mod mavproxy;
 mod mavsdk;
 mod pitfalls;
 mod pymavlink;
-mod second;
 mod python;
+mod second;
 mod signing;
 mod wireshark;
