@@ -25,7 +25,7 @@ pub use operator::error::OperatorError;
 pub use operator::script::{Line, ScriptError, parse_line};
 pub use operator::verb::{Condition, HandoverVerb, LoiList, ModeArguments, Verb};
 pub use route::model::{
-    Curve, CurveForm, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
+    Curve, CurveForm, FurtherRoute, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
 };
 pub use route::read::RouteFileError;
 pub use session::alert::Alert;

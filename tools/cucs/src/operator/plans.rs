@@ -1,7 +1,7 @@
 //! Plans as files: routes and areas sent aboard, and fetched back.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde_json::json;
 use stanag_msgs::enums::AreaPlanMode;
@@ -45,10 +45,8 @@ impl<W: Write> Operator<W> {
         let vehicle = self.find_vehicle().await?;
         let download = self.station.download(vehicle).await?;
         let routes = Route::from_download(&download).map_err(crate::StationError::from)?;
-        // Routes share waypoints and a file holds one route: each further one goes to a file of its own.
-        for (index, route) in routes.iter().enumerate() {
-            let path = path.map(|path| numbered(path, index));
-            self.hand_out(vehicle, "route", "route", &route.to_toml(), path.as_deref())?;
+        if let Some(route) = Route::joined(routes) {
+            self.hand_out(vehicle, "plan", "route", &route.to_toml(), path)?;
         }
         let missing: Vec<String> = download.missing().iter().map(u16::to_string).collect();
         if missing.is_empty() {
@@ -141,17 +139,4 @@ impl<W: Write> Operator<W> {
         let what = format!("areas (50017 mode {})", mode.raw());
         self.query(vehicle, command, &what).await
     }
-}
-
-/// `plan.toml`, `plan-2.toml`, `plan-3.toml`.
-fn numbered(path: &Path, index: usize) -> PathBuf {
-    if index == 0 {
-        return path.to_owned();
-    }
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let name = match path.extension() {
-        Some(extension) => format!("{stem}-{}.{}", index + 1, extension.to_string_lossy()),
-        None => format!("{stem}-{}", index + 1),
-    };
-    path.with_file_name(name)
 }

@@ -16,6 +16,8 @@ pub(crate) struct File {
     pub(crate) route_type: Option<Spanned<String>>,
     pub(crate) initial: Option<Spanned<u16>>,
     #[serde(default)]
+    pub(crate) route: Vec<FileRoute>,
+    #[serde(default)]
     pub(crate) defaults: FileDefaults,
     pub(crate) waypoint: Vec<FileWaypoint>,
     #[serde(default)]
@@ -23,6 +25,15 @@ pub(crate) struct File {
     /// A geofence, which `fence::parse` reads.
     #[serde(rename = "area")]
     pub(crate) _area: Option<IgnoredAny>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FileRoute {
+    pub(crate) id: Option<String>,
+    #[serde(rename = "type")]
+    pub(crate) route_type: Option<Spanned<String>>,
+    pub(crate) initial: Spanned<u16>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use stanag_msgs::enums::{LimitType, LoiterDurationUnits, MissionPlanMode, WaypointType};
+use stanag_msgs::enums::{
+    LimitType, LoiterDurationUnits, MissionPlanMode, RouteType, WaypointType,
+};
 use stanag_msgs::messages::{
     CurveSegment, CurveSegmentPaper, MissionTransferCommand, UaLoiterWaypoint, UaPositionWaypoint,
     UaRoute,
@@ -11,23 +13,34 @@ use stanag_msgs::scalar::{Altitude, Integer, Scale};
 use stanag_msgs::{Bam16, Bam32, Envelope, Id, MAX_DATAGRAM, Message, Scaled, Text, TimeStamp};
 
 use super::model::{
-    Curve, CurveForm, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
+    Curve, CurveForm, FurtherRoute, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
 };
 use crate::session::download::Download;
 
 impl Route {
-    /// The messages, in the order: route, each waypoint with its loiter, curves. 50001 names vehicle and CUCS too.
+    /// The messages, in the order: further routes, route, each waypoint with its loiter, curves. 50001 names vehicle and
+    /// CUCS too.
     ///
     /// # Errors
     /// A value that its field cannot carry.
     pub fn messages(&self, vehicle: Id, cucs: Id) -> Result<Vec<Message>, RouteError> {
         let first = self.waypoints.first().ok_or(RouteError::Empty)?;
-        let mut messages = vec![Message::UaRoute(UaRoute {
+        let mut messages = Vec::new();
+        // Before the one that is loaded: a 13000 without a Route ID loads the latest.
+        for further in &self.further {
+            messages.push(Message::UaRoute(UaRoute {
+                initial_waypoint_number: Some(further.initial),
+                route_id: text("Route ID", further.id.as_deref())?,
+                route_type: further.route_type,
+                ..UaRoute::default()
+            }));
+        }
+        messages.push(Message::UaRoute(UaRoute {
             initial_waypoint_number: Some(self.initial.unwrap_or(first.number)),
             route_id: self.route_id()?,
             route_type: self.route_type,
             ..UaRoute::default()
-        })];
+        }));
         for waypoint in &self.waypoints {
             messages.push(position(waypoint)?.into());
             if let Some(loiter) = &waypoint.loiter {
@@ -94,6 +107,50 @@ impl Route {
     pub fn from_download(download: &Download) -> Result<Vec<Route>, RouteError> {
         let routes = download.routes().iter();
         routes.map(|route| from(route, download)).collect()
+    }
+
+    /// Routes of one plan as one: the first flight route is the one that is loaded, the others are further ones. `None`
+    /// where there are none.
+    #[must_use]
+    pub fn joined(mut routes: Vec<Route>) -> Option<Route> {
+        let flies = |route: &Route| matches!(route.route_type, None | Some(RouteType::Flight));
+        let main = routes.iter().position(flies).unwrap_or(0);
+        if routes.is_empty() {
+            return None;
+        }
+        let mut whole = routes.remove(main);
+        for route in routes {
+            let Route {
+                id,
+                route_type,
+                initial,
+                waypoints,
+                curves,
+                ..
+            } = route;
+            let first = waypoints.first().map_or(0, |point| point.number);
+            whole.further.push(FurtherRoute {
+                id,
+                route_type,
+                initial: initial.unwrap_or(first),
+            });
+            // They are of one plan: a waypoint or a curve of both is the same.
+            for point in waypoints {
+                if whole
+                    .waypoints
+                    .iter()
+                    .all(|known| known.number != point.number)
+                {
+                    whole.waypoints.push(point);
+                }
+            }
+            for curve in curves {
+                if !whole.curves.contains(&curve) {
+                    whole.curves.push(curve);
+                }
+            }
+        }
+        Some(whole)
     }
 }
 
@@ -256,6 +313,7 @@ fn from(route: &UaRoute, download: &Download) -> Result<Route, RouteError> {
         initial: route.initial_waypoint_number,
         waypoints,
         curves,
+        further: Vec::new(),
     })
 }
 

@@ -20,6 +20,19 @@ pub struct Route {
     pub waypoints: Vec<Waypoint>,
     /// The curved legs.
     pub curves: Vec<Curve>,
+    /// Further routes over the same waypoints: sent with it, and not loaded.
+    pub further: Vec<FurtherRoute>,
+}
+
+/// A route beside the one that is loaded: its 13001.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FurtherRoute {
+    /// Route ID (0801.05), at most 32 characters.
+    pub id: Option<String>,
+    /// Route Type (0801.06); absent is flight.
+    pub route_type: Option<RouteType>,
+    /// Initial Waypoint Number (0801.04).
+    pub initial: u16,
 }
 
 /// A waypoint: 13002, and 13003 where it is loitered at.

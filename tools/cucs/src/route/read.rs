@@ -15,7 +15,7 @@ use super::form::{
     LIMITS, LOITERS, Names, ROUTE_TYPES, SPEED_TYPES, TURNS,
 };
 use super::model::{
-    Curve, CurveForm, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
+    Curve, CurveForm, FurtherRoute, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
 };
 
 /// Why a route file cannot be used.
@@ -129,6 +129,14 @@ impl Source<'_> {
         }
         let curves: Checked<Vec<Curve>> =
             file.curve.iter().map(|curve| self.curve(curve)).collect();
+        let further = file.route.iter().map(|route| {
+            Ok(FurtherRoute {
+                id: route.id.clone(),
+                route_type: self.named("route: type", &route.route_type, &ROUTE_TYPES)?,
+                initial: self.number("route: initial", &route.initial)?,
+            })
+        });
+        let further: Checked<Vec<FurtherRoute>> = further.collect();
         Ok(Route {
             mission_id: file.mission_id.clone(),
             id: file.id.clone(),
@@ -136,6 +144,7 @@ impl Source<'_> {
             initial,
             waypoints,
             curves: curves?,
+            further: further?,
         })
     }
 

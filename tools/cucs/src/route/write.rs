@@ -23,6 +23,12 @@ impl Route {
             "initial",
             self.initial.filter(|number| *number != 0),
         );
+        for further in &self.further {
+            out.push_str("\n[[route]]\n");
+            string(&mut out, "id", further.id.as_deref());
+            word(&mut out, "type", further.route_type, &ROUTE_TYPES);
+            number(&mut out, "initial", Some(further.initial));
+        }
         for point in &self.waypoints {
             waypoint(&mut out, point);
         }

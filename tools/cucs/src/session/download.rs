@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use stanag_msgs::Message;
+use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint, UaRoute};
 
 /// The messages of a plan received so far; a later one for the same route, waypoint or leg replaces the earlier.
@@ -97,7 +98,7 @@ impl Download {
         match message {
             Message::UaRoute(route) => {
                 // Sent again, as in a second download: the later one counts.
-                self.routes.retain(|known| known.route_id != route.route_id);
+                self.routes.retain(|known| !is_same(known, route));
                 if self.routes.len() >= MAX_ROUTES {
                     return false;
                 }
@@ -134,6 +135,16 @@ impl Download {
         }
         self.others.insert(key, message.clone());
         true
+    }
+}
+
+/// Whether two 13001 define one route: of the same name, or, where neither has one, of the same type.
+fn is_same(known: &UaRoute, new: &UaRoute) -> bool {
+    let name = |route: &UaRoute| route.route_id.filter(|id| !id.as_str().is_empty());
+    let kind = |route: &UaRoute| route.route_type.unwrap_or(RouteType::Flight);
+    match (name(known), name(new)) {
+        (None, None) => kind(known) == kind(new),
+        (known, new) => known == new,
     }
 }
 

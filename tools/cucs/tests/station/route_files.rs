@@ -190,6 +190,83 @@ fn what_a_vehicle_sends_back_is_the_file_again() {
 }
 
 #[test]
+fn a_download_of_several_routes_is_one_file_that_sends_them_all() {
+    const SEVERAL: &str = r#"id = "main"
+type = "flight"
+initial = 1
+
+[[route]]
+id = "home"
+type = "contingency-a"
+initial = 9
+
+[[route]]
+type = "contingency-b"
+initial = 2
+
+[[waypoint]]
+number = 1
+latitude = 47.1
+longitude = 8.1
+altitude = 30.0
+altitude_type = "agl"
+next = 2
+
+[[waypoint]]
+number = 2
+latitude = 47.2
+longitude = 8.1
+altitude = 30.0
+altitude_type = "agl"
+next = 0
+
+[[waypoint]]
+number = 9
+latitude = 47.3
+longitude = 8.1
+altitude = 30.0
+altitude_type = "agl"
+next = 2
+
+[[curve]]
+from = 1
+to = 2
+p2 = [47.11000000, 8.10000000]
+p3 = [47.12000000, 8.10000000]
+
+[[curve]]
+from = 9
+to = 2
+p2 = [47.21000000, 8.10000000]
+p3 = [47.22000000, 8.10000000]
+"#;
+    let sent = parse(SEVERAL).unwrap();
+    let messages = sent.messages(VEHICLE, CUCS).unwrap();
+    let routes = messages.iter().filter_map(|message| match message {
+        Message::UaRoute(route) => Some(route.initial_waypoint_number),
+        _ => None,
+    });
+    // The one that 13000 loads comes last.
+    assert_eq!(routes.collect::<Vec<_>>(), [Some(9), Some(2), Some(1)]);
+    assert_eq!(messages.len(), 3 + 3 + 2);
+    let mut session = Session::new(SessionConfig::new(CUCS));
+    for message in messages.clone() {
+        session.handle_datagram(now(0), &datagram(VEHICLE, CUCS, message));
+    }
+    let download = &session.vehicle(VEHICLE).unwrap().download;
+    let back = Route::from_download(download).unwrap();
+    assert_eq!(back.len(), 3);
+    let text = Route::joined(back).unwrap().to_toml();
+    assert_eq!(
+        parse(&text).unwrap().messages(VEHICLE, CUCS).unwrap(),
+        messages
+    );
+    assert_eq!(Route::joined(Vec::new()), None);
+    let fault = parse(&SEVERAL.replace("initial = 9", "initial = 0")).unwrap_err();
+    assert!(fault.contains("route: initial"), "{fault}");
+}
+
+#[test]
 fn missing_waypoints_of_a_download_are_named() {
     let route = parse(ROUTE).unwrap();
     let mut session = Session::new(SessionConfig::new(CUCS));
