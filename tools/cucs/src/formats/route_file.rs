@@ -103,7 +103,13 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Draft, FormatError> {
     let mut points: Vec<Point> = (0..order.len()).map(|k| point(order[k], next(k))).collect();
     for (k, curve) in plan.curves.iter().enumerate() {
         let flown = |i: usize| order[i].number == curve.from && next(i) == Some(curve.to);
-        if !(0..order.len()).any(flown) {
+        // One that a further route flies is sent as it is.
+        let further = !plan.further.is_empty()
+            && plan
+                .waypoints
+                .iter()
+                .any(|w| (w.number, w.next) == (curve.from, curve.to));
+        if !further && !(0..order.len()).any(flown) {
             let at = places.curve.get(k).and_then(|c| line(c.from.span().start));
             let problem = format!("no leg leads from {} to {}", curve.from, curve.to);
             return Err(FormatError::at(file, at, "curve", problem));

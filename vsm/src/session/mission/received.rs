@@ -5,8 +5,9 @@
 //!
 //! - *loaded*: from then on it is the plan that a later upload changes;
 //! - *refused* for what is in it: it is dropped whole, and the plan is what it was before;
-//! - *failed* for another reason (no data from the vehicle, another transfer, a lost link): it stays, so that 13000 can be
-//!   repeated; the first message of another upload drops it.
+//! - *failed* for another reason (no data from the vehicle, another transfer, a lost link, a route that the vehicle finds
+//!   infeasible within its fence): it stays, so that 13000 can be repeated, and what is sent without a 13001 continues it;
+//!   the 13001 of another upload drops it, but for what has been sent of that one before its 13001.
 //!
 //! An upload with a 13001 sends its waypoints whole: a loiter or a curve of before, at a waypoint that is sent again without
 //! it, is gone. Else a straight route would fly the curves of another file that uses the same numbers. An upload without a
@@ -15,6 +16,7 @@
 use std::time::Duration;
 
 use mapping::plan::{Plan, StoreError};
+use stanag_msgs::messages::UaRoute;
 use stanag_msgs::{Id, Message, TimeStamp};
 
 /// The plan, and the upload that changes it.
@@ -26,7 +28,7 @@ pub(super) struct ReceivedPlan {
     pub(super) base: Plan,
     /// The messages of the upload.
     pub(super) sent: Plan,
-    /// The 13000 of the upload failed: it can be repeated, and the next message begins another upload.
+    /// The last 13000 failed: it can be repeated, and a 13001 begins another upload, of which `sent` is all that has come.
     pub(super) failed: bool,
     /// While a 13000 is carried out: the plan as it was at that moment. What arrives since is of the next upload.
     loading: Option<Plan>,
@@ -107,6 +109,7 @@ impl ReceivedPlan {
 
     /// 13000 was refused without a look at the upload, perhaps while another one is carried out.
     pub(super) fn load_not_begun(&mut self) {
+        self.sent = Plan::default();
         self.failed = self.plan != *self.before();
     }
 
@@ -125,8 +128,29 @@ impl ReceivedPlan {
         })
     }
 
+    /// Whether another upload begins with this message: the one that failed is to be dropped first.
+    pub(super) fn begins_another(&self, message: &Message) -> bool {
+        let defines = |route: &UaRoute| route.initial_waypoint_number != Some(0);
+        self.failed && matches!(message, Message::UaRoute(route) if defines(route))
+    }
+
+    /// Drops the upload that failed, but for what has been sent since.
+    pub(super) fn drop_failed(&mut self, cucs: Id, vehicle: Id) {
+        let sent = std::mem::take(&mut self.sent);
+        self.drop_upload();
+        for message in sent.messages() {
+            // 50001 names the CUCS that sent it.
+            let cucs = match &message {
+                Message::CurveSegmentPaper(curve) => curve.cucs_id.unwrap_or(cucs),
+                _ => cucs,
+            };
+            // It was stored in a plan that held more.
+            self.store(&message, cucs, vehicle).ok();
+        }
+    }
+
     /// Returns to the plan before the upload.
-    pub(super) fn drop_upload(&mut self) {
+    fn drop_upload(&mut self) {
         self.plan = self.before().clone();
         self.sent = Plan::default();
         self.failed = false;
@@ -290,8 +314,16 @@ mod tests {
         again.begin_load();
         again.loaded();
         assert!(!again.is_open() && again.base.waypoint(5).is_some() && !again.failed);
-        received.drop_upload();
-        assert_eq!(received.plan, curved().plan);
+        // Without a 13001 it is continued.
+        assert!(!received.begins_another(&waypoint(5, 6)));
+        // Another upload drops it, also where its 13001 comes last.
+        store(&mut received, &[waypoint(7, 0), curve(1, 2)]);
+        assert!(received.begins_another(&route("C", 7)));
+        assert!(!received.begins_another(&route("B", 0)));
+        received.drop_failed(CUCS, VEHICLE);
+        let numbers: Vec<_> = received.plan.numbers().collect();
+        assert_eq!(numbers, [1, 2, 7]);
+        assert!(!received.failed && received.plan.route_named("B").is_none());
     }
 
     #[test]
@@ -307,7 +339,7 @@ mod tests {
         received.loaded();
         assert!(received.base.waypoint(5).is_some() && received.base.waypoint(7).is_none());
         assert!(received.failed && received.plan.waypoint(7).is_some());
-        received.drop_upload();
+        received.drop_failed(CUCS, VEHICLE);
         assert!(received.plan.waypoint(5).is_some() && received.plan.waypoint(7).is_none());
     }
 

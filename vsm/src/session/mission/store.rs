@@ -64,7 +64,7 @@ impl MissionStore {
         effects: &mut Effects<'_>,
     ) -> Result<(), String> {
         let vehicle = effects.id;
-        if self.received.failed {
+        if self.received.begins_another(message) {
             self.drop_failed(message, cucs, effects)?;
         }
         // Checked before it is written: a message in the log that the plan refuses would fail the next start.
@@ -77,7 +77,7 @@ impl MissionStore {
         stored.map_err(|fault| fault.to_string())
     }
 
-    /// The upload that could not be loaded gives way to the one that begins with this message.
+    /// The upload that could not be loaded gives way to the one that this 13001 is of.
     fn drop_failed(
         &mut self,
         message: &Message,
@@ -86,7 +86,7 @@ impl MissionStore {
     ) -> Result<(), String> {
         let vehicle = effects.id;
         let mut before = self.received.clone();
-        before.drop_upload();
+        before.drop_failed(cucs, vehicle);
         let checked = before.plan.check(message, cucs, vehicle);
         checked.map_err(|fault| fault.to_string())?;
         self.files

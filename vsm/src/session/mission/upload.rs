@@ -260,7 +260,8 @@ impl Fault {
         }
     }
 
-    /// Whether the vehicle finds fault with the items themselves: sent again, they would be refused again.
+    /// Whether the vehicle finds fault with the items themselves: sent again, they would be refused again. Whether a route is
+    /// feasible depends on its fence too, which can be changed.
     pub(super) fn is_flaw(&self) -> bool {
         use MavMissionResult as R;
         // PX4 answers with these to a transfer that crosses another.
@@ -271,7 +272,6 @@ impl Fault {
             R::MAV_MISSION_DENIED,
         ];
         match self {
-            Fault::Unusable => true,
             Fault::Service {
                 operation: Operation::Upload,
                 reason: Failure::Refused { result, .. },
