@@ -27,6 +27,13 @@ from second_vsm.program import CIRCUMSTANCES, FAULTS
 from second_vsm.variants import VARIANTS
 
 LIMIT_S = 1200
+HEAD = """# The proof of the conformance suite
+
+Written by `tests/interop/prove_conformance.py`: `dli-check` judges the second VSM of `tests/interop`, which was written from the oracles
+alone. Nothing may fail on what is lawful; each fault has to make the rule fail that is named first in its row, and may make the others
+fail. V01 to V60 are the faults of the suite's own table; the others are named after the rule that has to find them. A gap is a fault
+that its first rule does not find, with the verdict and its reason.
+"""
 LOSS = 0.05
 # Rules that hold on most faulty VSMs: where they fail as well, the reason is looked for.
 UNTOUCHED = ("DISC-001", "AUTH-001", "ACK-001")
@@ -68,9 +75,10 @@ class Run:
         first = self.caught_by[0]
         if first in self.failed:
             return ""
-        verdict = self.verdicts.get(first, "not judged")
+        verdict, reason = self.verdicts.get(first, "not judged"), self.reasons.get(first, "")
         others = [rule for rule in self.caught_by[1:] if rule in self.failed]
-        return f"{first}: {verdict}" + (f", caught by {', '.join(others)}" if others else ", NOT CAUGHT" if not self.failed else "")
+        why = f" ({reason[:120]})" if reason and verdict != "pass" else ""
+        return f"{first}: {verdict}{why}" + (f"; caught by {', '.join(others)}" if others else "; **not caught**" if not self.failed else "")
 
 
 def runs(all_rules):
@@ -192,7 +200,7 @@ def judge(run, args):
 
 def table(done):
     """The proof as Markdown."""
-    lines = ["## What is lawful", "", "| subject | | pass | warning | inconclusive | fail |", "|---|---|---|---|---|---|"]
+    lines = [HEAD, "## What is lawful", "", "| subject | | pass | warning | inconclusive | fail |", "|---|---|---|---|---|---|"]
     for run in done:
         if not run.faulty:
             count = [sum(v == verdict for v in run.verdicts.values()) for verdict in ("pass", "warning", "inconclusive")]

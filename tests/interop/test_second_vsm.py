@@ -8,8 +8,10 @@ faulty one, so that a switch that does nothing does not pass for a fault.
 """
 import socket
 import time
+import tomllib
 import unittest
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import cucs as dli
 import reference_ed25 as ed25
@@ -89,6 +91,11 @@ class Faults(unittest.TestCase):
 
 class FaultsByRule(unittest.TestCase):
     """Their judge is the suite; here they have to fit the parts that they change."""
+
+    def test_each_is_of_a_rule_for_a_vsm(self):
+        catalogue = tomllib.loads((Path(__file__).resolve().parents[2] / "conformance" / "rules.toml").read_text())
+        rules = {rule["id"] for rule in catalogue["rule"] if rule["subject"] != "cucs"}
+        self.assertLessEqual(set(BY_RULE) | {rule for fault in MUTANTS.values() for rule in fault.caught_by}, rules)
 
     def test_each_can_be_built(self):
         for id in BY_RULE:

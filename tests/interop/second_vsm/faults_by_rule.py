@@ -259,7 +259,10 @@ def _(vsm):
 def _(vsm):
     for vehicle in vsm.vehicles:
         def status(cucs, state, percent, mode, mission, lawful=vehicle.mission.status):
-            lawful(cucs, state, 100 - percent if state == 0 else percent, mode, mission)
+            if state == 1:
+                for wrong in (60, 30):
+                    lawful(cucs, 0, wrong, mode, mission)
+            lawful(cucs, state, percent, mode, mission)
         vehicle.mission.status = status
 
 
@@ -551,9 +554,9 @@ def _(vsm):
 
 # Acknowledgements
 
-@fault("ACK-001", "17000 carries its own time stamp as the original one")
+@fault("ACK-001", "the original time stamp in 17000 is one step off")
 def _(vsm):
-    change_reports(vsm, 17000, lambda f: {**f, "Original Message Time Stamp": f["Time Stamp"]})
+    change_reports(vsm, 17000, lambda f: {**f, "Original Message Time Stamp": f["Original Message Time Stamp"] + 1})
 
 
 def always_acknowledged(vsm, *ids):
