@@ -1,4 +1,5 @@
-//! Nothing is resumed that its CUCS could not command now: neither after a release, nor past a later command.
+//! Nothing is resumed that its CUCS could not command now: neither after a release, nor past a later command. Who lost
+//! control by silence starts afresh.
 
 use kit::bridge::{Rig, orders};
 use stanag_msgs::enums::{
@@ -75,4 +76,49 @@ fn a_refused_command_leaves_the_altimeter_setting_as_it_was() {
     taken.altimeter_setting = Scaled::from_si(99_000.0).ok();
     assert_eq!(rig.carry_out(taken), Some(AckType::CarriedOut));
     assert!(kept(&rig));
+}
+
+/// It asked for LOI 2 by name and keeps that. The heartbeats of before the loss must not cost it control once more.
+#[test]
+fn who_lost_control_by_silence_may_come_back_without_heartbeats() {
+    for restart in [false, true] {
+        let mut rig = Rig::ready();
+        rig.stations[0].heartbeats = true;
+        rig.run(2.0);
+        rig.stations[0].heartbeats = false;
+        let status = |rig: &Rig| {
+            let bridge = rig.bridge.as_ref().unwrap();
+            bridge.status(String::new(), rig.now().mono).vehicles[0].clone()
+        };
+        let controls = |rig: &Rig| status(rig).controller.is_some();
+        assert!(controls(&rig));
+        assert!(rig.until(20.0, |rig| !controls(rig)), "silence counts");
+        let rights = status(&rig).rights;
+        assert_eq!(
+            rights.values().copied().collect::<Vec<_>>(),
+            [1],
+            "LOI 2 is kept"
+        );
+        rig.run(1.0);
+        if restart {
+            rig.restart_bridge();
+            rig.run(1.0);
+        }
+        assert_eq!(
+            rig.carry_out(orders::request_control()),
+            Some(AckType::CarriedOut)
+        );
+        rig.run(60.0);
+        assert!(
+            controls(&rig),
+            "restart {restart}: {:?}",
+            rig.station().alerts()
+        );
+
+        // Heartbeats that come again count again.
+        rig.stations[0].heartbeats = true;
+        rig.run(2.0);
+        rig.stations[0].heartbeats = false;
+        assert!(rig.until(20.0, |rig| !controls(rig)), "restart {restart}");
+    }
 }

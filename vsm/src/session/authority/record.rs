@@ -159,7 +159,7 @@ impl AuthorityRecord {
         stored
     }
 
-    /// Stores once that a holder sends heartbeats, and where it has proved to be: its silence counts after a restart too,
+    /// Stores once that a holder sends heartbeats, or that its silence no longer counts, and where it has proved to be: its silence counts after a restart too,
     /// and status goes there.
     pub(super) fn store_station(
         &mut self,
@@ -169,7 +169,7 @@ impl AuthorityRecord {
         effects: &mut Effects<'_>,
     ) {
         let id = station.id();
-        let beats = station.sends_heartbeats && !self.beats.contains(&id);
+        let beats = station.sends_heartbeats != self.beats.contains(&id);
         // An address without proof is not worth a write: whoever likes can name another one a thousand times a second.
         let moved = station.proven && self.places.get(&id).copied() != station.peer;
         let durability = match (beats, moved) {

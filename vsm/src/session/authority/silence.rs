@@ -27,9 +27,7 @@ impl AuthorityMachine {
                 continue;
             }
             let silence = station.silence(context.mono(), &context.settings.authority);
-            let controls = self.decided.controller() == Some(id);
-            let commands = controls || !self.decided.held(id).stations().is_empty();
-            if silence != self.decided.silence(id) && commands {
+            if silence != self.decided.silence(id) && self.decided.commands(id) {
                 self.decide(
                     context,
                     Of::Silence(id, silence),

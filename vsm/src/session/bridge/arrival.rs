@@ -123,7 +123,7 @@ impl Bridge {
             }
         }
         self.dispatch(now, origin, header.destination, &message, disk);
-        self.forget_heartbeats();
+        self.forget_heartbeats(now.mono);
     }
 
     /// The index of the station that a frame is from, where it may speak and speaks to us; else the name of the drop.

@@ -162,6 +162,12 @@ impl Authority {
         self.control.map(|(id, _)| id)
     }
 
+    /// Whether a CUCS holds what commands, the vehicle or a station: silence costs it that, and nothing else.
+    #[must_use]
+    pub fn commands(&self, id: Id) -> bool {
+        self.controller() == Some(id) || !self.held(id).stations().is_empty()
+    }
+
     /// The handovers that are not decided yet, or wait for a load to end.
     #[must_use]
     pub fn pending(&self) -> &[Handover] {
