@@ -137,8 +137,9 @@ impl Exchange {
         }
         let (to, message) = match self.responder.poll_transmit() {
             Some(answer) => (answer.to, answer.message),
-            // Without a key nothing else tells the ground that somebody is here.
-            None if matches!(phase, Phase::Keyless) => {
+            // Without a key nothing else tells the ground that somebody is here. One that waits for PX4 is enough: another
+            // would replace it.
+            None if matches!(phase, Phase::Keyless) && self.responder.memory().next.is_none() => {
                 let to = radio.peer()?;
                 (to, self.responder.please(now.mono)?)
             }

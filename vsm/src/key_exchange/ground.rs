@@ -129,7 +129,12 @@ impl InitiatorStore for GroundKeys<'_, '_> {
     }
 
     fn pin(&mut self, peer: &PublicKey) -> Result<(), StoreError> {
-        self.change(|record| (record.peer, record.pending) = (Some(*peer.bytes()), None))
+        // The agent is pinned by its proof that it has the key.
+        let agreed = self.keys.next().map_err(reason)?;
+        self.change(|record| {
+            (record.peer, record.pending) = (Some(*peer.bytes()), None);
+            record.agreed = agreed.map(|key| *key.id().bytes());
+        })
     }
 }
 

@@ -33,6 +33,8 @@ pub struct KeyExchange {
     /// What could not leave, as where the ceiling of the clock is on its way to the disk, and until when it is worth it.
     unsent: Option<(Vec<u8>, Duration)>,
     check_at: Duration,
+    /// The agent has the key that waits for the vehicle: until then no other is agreed on.
+    keep_until: Option<Duration>,
     /// When an exchange that was rolled back may be tried again.
     again_at: Duration,
     state: String,
@@ -120,6 +122,7 @@ impl KeyExchange {
             agent_at: None,
             unsent: None,
             check_at: now.mono,
+            keep_until: None,
             again_at: now.mono,
             state: "idle".to_owned(),
             settled,
@@ -145,7 +148,13 @@ impl KeyExchange {
         };
         let memory = memory(&self.record, with.keys);
         let mut initiator = Initiator::new(config, memory, now.mono);
-        if memory.next.is_some() {
+        // A first key is the current one before the vehicle has it.
+        let first = memory.current.filter(|_| !self.settled);
+        let waits = memory.next.or(first).map(|key| *key.bytes());
+        if waits.is_some() && waits == self.record.agreed {
+            // The agent has it and gives it to the vehicle: a new exchange would make it throw the key away.
+            self.keep_until = Some(now.mono.saturating_add(self.min_key_age()));
+        } else if memory.next.is_some() {
             // Nobody knows what became of it: the agent does.
             initiator.want();
         }
@@ -267,6 +276,10 @@ impl KeyExchange {
         }
     }
 
+    fn min_key_age(&self) -> Duration {
+        MIN_KEY_AGE.min(self.life())
+    }
+
     /// How long a key is in use before another is agreed on.
     fn life(&self) -> Duration {
         Duration::from_secs_f64(self.settings.rotate_days * 86_400.0)
@@ -282,9 +295,11 @@ impl KeyExchange {
     }
 
     fn key_in_force(&self, now: Now) -> KeyInForce {
-        if !self.settled {
+        if self.keep_until.is_some_and(|until| now.mono < until) {
+            KeyInForce::Young
+        } else if !self.settled {
             KeyInForce::None
-        } else if self.key_age(now) < MIN_KEY_AGE.min(self.life()) {
+        } else if self.key_age(now) < self.min_key_age() {
             KeyInForce::Young
         } else {
             KeyInForce::Settled
@@ -324,6 +339,11 @@ impl KeyExchange {
             return;
         };
         initiator.set_key_in_force(in_force);
+        let kept = self.keep_until.take_if(|until| now.mono >= *until);
+        if kept.is_some() && initiator.memory().next.is_some() && !initiator.is_busy() {
+            // The vehicle has not come to it, or the agent has dropped it: the agent knows.
+            initiator.want();
+        }
         if old
             && !initiator.is_busy()
             && initiator.memory().next.is_none()
@@ -508,6 +528,12 @@ impl KeyExchange {
             }
             E::Agreed { key, peer, epoch } => {
                 self.state = format!("key {key} is agreed");
+                self.record.agreed = Some(*key.bytes());
+                self.keep_until = Some(now.mono.saturating_add(self.min_key_age()));
+                if let Err(fault) = self.record.save(with.records(), self.vehicle) {
+                    // After a restart it is agreed on again, which does no harm.
+                    self.note(LogLevel::Warning, fault.to_string());
+                }
                 let peer = peer.fingerprint();
                 let text = format!("key {key} is agreed with agent {peer} (epoch {epoch})");
                 self.notify_once(now, AlertPriority::Nominal, text, with);
@@ -515,6 +541,7 @@ impl KeyExchange {
             E::Status { status, reason } => self.notify_status(now, status, reason, with),
             E::Dropped { status } => {
                 with.bridge.withdraw_next_key(self.index);
+                self.keep_until = None;
                 self.again_at = now.mono.saturating_add(AGAIN_AFTER);
                 self.state = format!("the new key was dropped: {status}");
                 let text = format!("the new key is dropped, the old one stays in use: {status}");

@@ -20,6 +20,9 @@ pub struct ExchangeRecord {
     /// An agent whose pairing is not proven, and the key that would prove it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pending: Option<Pending>,
+    /// The last key that the agent has confirmed to have.
+    #[serde(default, with = "hex", skip_serializing_if = "Option::is_none")]
+    pub agreed: Option<[u8; 8]>,
     /// The counter of the last attempt.
     #[serde(default)]
     pub counter: u64,
@@ -196,6 +199,7 @@ mod tests {
             peer: Some([8; 32]),
             key: Some([9; 8]),
         });
+        record.agreed = Some([6; 8]);
         record.counter = u64::MAX;
         assert!(record.note_key(KeyId::from_bytes([5; 8]), 12));
         assert!(!record.note_key(KeyId::from_bytes([5; 8]), 13));

@@ -177,6 +177,31 @@ fn both_sides_pair_agree_fly_rotate_and_survive_each_restart() {
     field.launch();
 }
 
+/// Neither the agent's request for a key, which anyone may have sent, nor a bridge that starts before the vehicle has the
+/// key, is a reason for another one.
+#[test]
+fn the_key_of_a_pairing_comes_into_force_and_no_other() {
+    let field = Field::new(r#", exchange = "on""#);
+    let _aircraft = field.aircraft("1");
+    let _agent = field.agent();
+    for pairing in ["first", "second"] {
+        let agreed = field.pair();
+        let bridge = field.bridge();
+        field.wait("a key comes into force", Duration::from_secs(60), |field| {
+            let air = field.air();
+            let link = field.vehicle()["link"].clone();
+            air["state"] == "relaying"
+                && air["next_key_id"].is_null()
+                && link["key_id"] == air["key_id"]
+                && link["exchange"]["next_key_id"].is_null()
+                && field.is_live()
+        });
+        assert_eq!(field.air()["key_id"], *agreed, "{pairing} pairing");
+        assert!(!bridge.output().contains("agreed with agent"));
+        drop(bridge);
+    }
+}
+
 #[test]
 fn over_serial_lines_both_sides_pair_fly_signed_and_come_back() {
     let field = Field::on_serial_lines(r#", exchange = "on""#);

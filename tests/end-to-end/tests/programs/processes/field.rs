@@ -132,7 +132,7 @@ dir = "state"
     }
 
     /// A person on either side pairs them.
-    pub(super) fn pair(&self) {
+    pub(super) fn pair(&self) -> String {
         let mut window = self.vsm(&["airside", "pair"]);
         window.wait_for("pairing code", START);
         let printed = window.output();
@@ -151,7 +151,10 @@ dir = "state"
         let air = self.air();
         let identity = air["identity"].as_str().expect("a fingerprint");
         let ground = air["ground"].as_str().expect("a fingerprint");
-        assert!(pair.output().contains(identity) && pair.output().contains(ground));
+        let printed = pair.output();
+        assert!(printed.contains(identity) && printed.contains(ground));
+        let (_, key) = printed.split_once("paired: key ").expect("a key");
+        key.split(' ').next().expect("its id").to_owned()
     }
 
     /// Until PX4 signs with what was agreed, and the bridge flies by it.
