@@ -54,7 +54,7 @@ pub enum OpenError {
     #[error("[store] dir: {0}")]
     Ownership(#[from] OwnershipError),
     /// Another process has it.
-    #[error("[store] dir {folder} is in use by another vsm: two must not share one signing clock", folder = folder.display())]
+    #[error("[store] dir {folder} is in use by another vsm, such as `vsm run`: two must not share one signing clock. Stop that one first (a service: `systemctl stop vsm`), and start it again afterwards", folder = folder.display())]
     Locked {
         /// The folder.
         folder: PathBuf,

@@ -46,7 +46,7 @@ pub enum KeyStoreError {
     #[error(transparent)]
     File(#[from] KeyFileError),
     /// Another process uses the key.
-    #[error("the key {path} is in use by another vsm: two must not sign with one key", path = path.display())]
+    #[error("the key {path} is in use by another vsm, such as `vsm run`: two must not sign with one key. Stop that one first (a service: `systemctl stop vsm`), and start it again afterwards", path = path.display())]
     Locked {
         /// The key file.
         path: PathBuf,
