@@ -139,7 +139,7 @@ impl KeyLink {
         let mut store = FileDisk::open(&config.store.dir)?;
         let keys = KeyStore::open(key_file)?;
         keys.bury(&mut store)?;
-        let record = format!("port-{:08x}", vehicle.id.0);
+        let record = sockets::port_record(config, vehicle);
         let (reader, writer, peer) =
             sockets::open_link("vehicle.link", &vehicle.link, &record, &mut store)?;
         let again = matches!(what, What::InForceAgain);

@@ -86,7 +86,7 @@ impl Pairing {
         let mut store = FileDisk::open(&config.store.dir)?;
         let keys = KeyStore::open(key_file)?;
         keys.bury(&mut store)?;
-        let port = format!("port-{:08x}", vehicle.id.0);
+        let port = sockets::port_record(config, vehicle);
         let (reader, writer, peer) =
             sockets::open_link("vehicle.link", &vehicle.link, &port, &mut store)?;
         let record = ExchangeRecord::load(&store, vehicle.id)?;

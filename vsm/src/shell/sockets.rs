@@ -11,7 +11,7 @@ use tokio::time::{Duration, Instant};
 use tokio_serial::{SerialPortBuilderExt, SerialStream};
 use zeroize::Zeroizing;
 
-use crate::config::{Dli, LinkAddress};
+use crate::config::{Config, Dli, LinkAddress, Vehicle};
 use crate::session::Peer;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES};
 
@@ -206,6 +206,15 @@ fn write_apart(mut port: impl AsyncWrite + Unpin + Send + 'static) -> SerialQueu
     SerialQueue(queue)
 }
 
+/// The record of a link's local port: that of the first vehicle on it, so that whoever opens a link that several share
+/// has the same port.
+#[must_use]
+pub fn port_record(config: &Config, vehicle: &Vehicle) -> String {
+    let mut on_link = config.vehicles().filter(|one| one.link == vehicle.link);
+    let first = on_link.next().unwrap_or(vehicle);
+    format!("port-{:08x}", first.id.0)
+}
+
 /// Opens a MAVLink link, named by its `key` of the configuration: its ends, and the fixed peer where there is one.
 ///
 /// PX4 answers the first address that speaks to it for as long as it runs: the local port of a udpout link is kept in
@@ -386,5 +395,25 @@ mod tests {
         far.read_to_end(&mut got).await.unwrap();
         let order: Vec<u8> = got.chunks(16).map(|frame| frame[0]).collect();
         assert_eq!(order, [1, 2, 5]);
+    }
+
+    #[test]
+    fn vehicles_on_one_link_have_one_local_port() {
+        let vehicle = |number: u32, link: &str| {
+            format!(
+                "[[vehicle]]\nid = \"1b:00:01:0{number}\"\nlink = \"udpout:127.0.0.1:{link}\"\nsystem_id = {number}\n\
+                 signing = {{ key_file = \"{number}.key\" }}\n"
+            )
+        };
+        let text =
+            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:0\"\n[store]\ndir = \"state\"\n"
+                .to_owned()
+                + &vehicle(1, "14580")
+                + &vehicle(2, "14580")
+                + &vehicle(3, "14581");
+        let config = Config::parse(&text, std::path::Path::new(".")).unwrap();
+        let records = config.vehicles().map(|one| port_record(&config, one));
+        let records: Vec<String> = records.collect();
+        assert_eq!(records, ["port-1b000101", "port-1b000101", "port-1b000103"]);
     }
 }
