@@ -10,6 +10,7 @@
 //! - [`status`]: messages 3000, 3004 to 3010, 12101, 16001 and 50013.
 //! - [`alert`]: texts and faults to message 16000.
 //! - [`configuration`]: the answers of the configuration phase, from what the vehicle is.
+//! - [`hardening`]: PX4's settings that weaken the link, from parameter values to findings.
 //! - [`health`]: what is wrong with a vehicle, by its own messages.
 //! - [`limits`]: what a route must stay within, and how fast the vehicle can be commanded to fly.
 //! - [`parameter`]: the vehicle's parameters, what may be written to each, and message 50012.
@@ -64,6 +65,7 @@ pub mod alert;
 pub mod altitude;
 pub mod area;
 pub mod configuration;
+pub mod hardening;
 pub mod health;
 pub mod limits;
 pub mod mode;

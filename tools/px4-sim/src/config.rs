@@ -90,17 +90,25 @@ parameters! {
     BAT_CRIT_THR = Real(0.07);
     BAT_EMERGEN_THR = Real(0.05);
     BAT_LOW_THR = Real(0.15);
+    CBRK_FLIGHTTERM = Int(121212);
+    CBRK_IO_SAFETY = Int(22027);
     CBRK_SUPPLY_CHK = Int(0);
+    CBRK_USB_CHK = Int(197848);
+    CBRK_VTOLARMING = Int(0);
+    COM_ARM_ON_BOOT = Int(0);
     COM_ARM_WO_GPS = Int(1);
     COM_DISARM_LAND = Real(2.0);
     COM_DISARM_PRFLT = Real(10.0);
+    COM_DLL_EXCEPT = Int(0);
     COM_DL_LOSS_T = Int(10);
     COM_FAIL_ACT_T = Real(5.0);
     COM_FLIGHT_UUID = Int(0);
+    COM_GNSSLOSS_ACT = Int(0);
     COM_HOME_EN = Int(1);
     COM_LOW_BAT_ACT = Int(3);
     COM_OBL_RC_ACT = Int(0);
     COM_OF_LOSS_T = Real(1.0);
+    COM_POS_LOW_ACT = Int(3);
     COM_RCL_EXCEPT = Int(0);
     COM_RC_IN_MODE = Int(1);
     COM_RC_LOSS_T = Real(0.5);
@@ -115,16 +123,21 @@ parameters! {
     GF_MAX_HOR_DIST = Real(0.0);
     GF_MAX_VER_DIST = Real(0.0);
     LNDMC_Z_VEL_MAX = Real(0.25);
+    MAV_0_FORWARD = Int(1);
     MAV_0_MODE = Int(0);
+    MAV_1_FORWARD = Int(0);
+    MAV_2_FORWARD = Int(0);
     MAV_COMP_ID = Int(1);
     MAV_FWDEXTSP = Int(1);
     MAV_PROTO_VER = Int(2);
     MAV_SYS_ID = Int(1);
     MAV_TYPE = Int(2);
+    MAV_USEHILGPS = Int(0);
     MC_YAWRATE_MAX = Real(200.0);
     MIS_DIST_1WP = Real(10000.0);
     MIS_LND_ABRT_ALT = Int(30);
     MIS_TAKEOFF_ALT = Real(2.5);
+    MIS_TKO_LAND_REQ = Int(0);
     MIS_YAW_ERR = Real(12.0);
     MIS_YAW_TMT = Real(-1.0);
     MPC_ACC_DOWN_MAX = Real(3.0);
@@ -178,8 +191,10 @@ parameters! {
     SIH_WIND_E = Real(0.0);
     SIH_WIND_N = Real(0.0);
     SYS_AUTOSTART = Int(10040);
+    SYS_FAILURE_EN = Int(1);
     SYS_HAS_GPS = Int(1);
     SYS_HAS_MAG = Int(1);
+    SYS_HITL = Int(0);
 }
 
 /// The vehicle's parameters.

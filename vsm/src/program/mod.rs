@@ -3,6 +3,7 @@
 mod airside;
 mod audit;
 mod check_config;
+mod check_vehicle;
 mod config_arg;
 #[cfg(feature = "demo")]
 mod demo;
@@ -50,6 +51,17 @@ enum Command {
     CheckConfig {
         #[command(flatten)]
         config: ConfigArg,
+    },
+    /// Report which of PX4's own settings weaken the link: read over the running bridge, or over the link itself
+    CheckVehicle {
+        #[command(flatten)]
+        config: ConfigArg,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+        /// Wait at most this long for a vehicle's answers, s
+        #[arg(long, default_value_t = 30)]
+        wait_s: u64,
     },
     /// Show the state of a running bridge
     Status {
@@ -133,6 +145,11 @@ pub fn main() -> ExitCode {
         Command::Run { config } => run::run(config.path()),
         Command::Airside(arguments) => airside::run(arguments),
         Command::CheckConfig { config } => check_config::check(config.path()),
+        Command::CheckVehicle {
+            config,
+            json,
+            wait_s,
+        } => check_vehicle::run(config.path(), json, wait_s),
         Command::Status { config, json } => status::show(config.path(), json),
         Command::Reload { config, json } => reload::reload(config.path(), json),
         Command::Keygen { file } => key::generate(&file),

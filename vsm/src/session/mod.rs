@@ -96,7 +96,7 @@ pub use authority::rules::{
 };
 pub(crate) use authority::trail::{Kind as AuditKind, MAX_FILES as MAX_AUDIT_FILES};
 pub use bridge::status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
-pub use bridge::{Bridge, BridgeError, LinkEnd, Tap};
+pub use bridge::{Bridge, BridgeError, LinkEnd, Tap, link_config};
 pub use counters::{ByType, Counters};
 pub use link::frame::{OutFrame, Peer};
 pub use link::key_agreement::{ExchangeNotice, ExchangeStatus};
@@ -104,4 +104,5 @@ pub use link::key_recovery::KeyChange;
 pub(crate) use link::{alert_text as link_alert_text, link_state_name};
 pub use log::{LogEntry, LogLevel};
 pub use outbox::{Datagram, Destination};
+pub use reports::VehicleSettings;
 pub(crate) use store::vehicle_record;

@@ -5,8 +5,8 @@
 //! `key_store` are the signing keys, `ordered_files` the thread that writes them, `clock` the time, `sockets` UDP and serial lines, `local_peers` who is at their
 //! other end; `recording` and `dli_recording` write what passes, `log_pipe` the log; `status_socket`, `pairing_socket`,
 //! `http` and `service` show the state to people and to systemd; `tasks` ends a program of which a part has ended. On
-//! these stand the programs: `server` (`vsm run`), `airside` with `airside_disk` (`vsm airside`), `pairing` (`vsm pair`)
-//! and `key_link` (`vsm key`).
+//! these stand the programs: `server` (`vsm run`), `airside` with `airside_disk` (`vsm airside`), `pairing` (`vsm pair`),
+//! `key_link` (`vsm key`) and `settings_link` (`vsm check-vehicle`).
 
 pub mod airside;
 pub mod airside_disk;
@@ -27,6 +27,7 @@ pub mod queued_disk;
 pub mod recording;
 pub mod server;
 pub mod service;
+pub mod settings_link;
 pub mod sockets;
 pub mod status_socket;
 pub mod tasks;

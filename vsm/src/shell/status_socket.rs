@@ -1,5 +1,5 @@
-//! `vsm status` and `vsm reload`: Unix sockets in the store folder, of which one gives the status as JSON to whoever may
-//! enter the folder, and the other what came of a configuration that is read again.
+//! `vsm status`, `vsm reload` and `vsm check-vehicle`: Unix sockets in the store folder that answer in JSON whoever may enter
+//! the folder. One gives the status, one what came of a configuration that is read again, one the settings of the vehicles.
 
 use std::io::{self, Read};
 use std::os::unix::fs::PermissionsExt;
@@ -15,6 +15,9 @@ use tokio::net::UnixListener;
 pub const STATUS: &str = "status.sock";
 /// Lets the configuration be read again.
 pub const RELOAD: &str = "reload.sock";
+
+/// Reads the settings of the vehicles, and gives them once they are read.
+pub const SETTINGS: &str = "settings.sock";
 
 /// Where a socket of a store folder is.
 #[must_use]

@@ -1,8 +1,9 @@
 //! Signing keys from their first day to their last: the store, the key commands of the program (`commands`, `strangers`,
-//! `unfinished`; `ground` is the folder that they work in), keys agreed over the air, and where keys must not show.
+//! `unfinished`, `check_vehicle`; `ground` is the folder that they work in), keys agreed over the air, and where keys must not show.
 
 mod agreed_key_is_proven;
 mod agreed_over_the_air;
+mod check_vehicle;
 mod commands;
 mod ground;
 mod key_store;

@@ -98,13 +98,14 @@ impl Broken {
     }
 }
 
-const TASKS: [&str; 7] = [
+const TASKS: [&str; 8] = [
     "DLI receiver",
     "vehicle receiver",
     "sender",
     "clock",
     "disk",
     "status socket",
+    "settings socket",
     "status page",
 ];
 

@@ -45,6 +45,7 @@ impl Vehicle {
         }
         while let Some(param::ServerEvent::Set { name, value }) = self.param_service.poll_event() {
             self.params.store(name, value);
+            self.counters.parameters_set += 1;
             self.tuning = Tuning::read(self.config.airframe, &self.params);
         }
     }

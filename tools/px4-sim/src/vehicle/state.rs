@@ -108,6 +108,8 @@ pub struct VehicleCounters {
     pub commands_ignored: u64,
     /// Plans stored.
     pub plans_stored: u64,
+    /// Parameters set, to another value or the same.
+    pub parameters_set: u64,
 }
 
 /// A simulated PX4 v1.18.

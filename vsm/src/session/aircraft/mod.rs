@@ -33,7 +33,7 @@ use super::link::frame::Peer;
 use super::link::services::Services;
 use super::link::state::VehicleState;
 use super::mission::{self, Mission};
-use super::reports::{self, Reports};
+use super::reports::{self, Reports, VehicleSettings};
 use super::station::GroundStation;
 use crate::config;
 
@@ -149,6 +149,22 @@ impl Aircraft {
     pub(super) fn handle_durable(&mut self, dli: &mut DliEffects<'_>) {
         self.authority(dli, authority::Input::Stored);
         self.run_until_idle(dli);
+    }
+
+    /// Begins to read the settings that [`mapping::hardening`] judges.
+    pub(super) fn read_settings(&mut self, dli: &mut DliEffects<'_>) {
+        self.observe(dli, reports::Input::ReadSettings);
+        self.run_until_idle(dli);
+    }
+
+    /// What the vehicle has answered about them so far.
+    pub(super) fn vehicle_settings(&self) -> VehicleSettings {
+        VehicleSettings {
+            id: self.config.id.to_string(),
+            tail_number: self.config.tail_number.clone(),
+            live: self.vehicle.live(),
+            ..self.reports.settings()
+        }
     }
 
     /// When [`Aircraft::handle_timeout`] is next needed, by what each machine waits for.

@@ -24,9 +24,11 @@ use mavlink_link::store::{Changes, Disk, StoreError};
 use stanag_msgs::{Id, Profile};
 
 use self::port::Port;
+pub use self::vehicles::link_config;
 use super::aircraft::Aircraft;
 use super::alerts::Alerts;
 use super::authority::record::KnownStation;
+use super::authority::rules::Silence;
 use super::context::Settings;
 use super::counters::{ByType, Counters};
 use super::duplicates::Remembered;
@@ -35,6 +37,7 @@ use super::link::frame::{OutFrame, Peer};
 use super::log::{LogEntry, LogLevel};
 use super::outbox::{Datagram, Outbox};
 use super::paths::{Limits, Paths};
+use super::reports::VehicleSettings;
 use super::station::GroundStation;
 use crate::config::Config;
 
@@ -203,9 +206,26 @@ impl Bridge {
             aircraft.handle_timeout(&mut dli);
         }
         dli.clear_answers();
-        self.forget_heartbeats();
+        self.forget_heartbeats(now.mono);
         self.name_others(now, disk);
         self.watch_paths(now, disk);
+    }
+
+    /// Begins to read the settings of every vehicle that [`mapping::hardening`] judges; a reading under way is joined.
+    pub fn read_settings(&mut self, now: Now, disk: &mut dyn Disk) {
+        let (mut dli, aircraft) = self.effects(now, disk);
+        for aircraft in aircraft.iter_mut() {
+            aircraft.read_settings(&mut dli);
+        }
+    }
+
+    /// What the vehicles have answered about their settings so far.
+    #[must_use]
+    pub fn vehicle_settings(&self) -> Vec<VehicleSettings> {
+        self.aircraft
+            .iter()
+            .map(Aircraft::vehicle_settings)
+            .collect()
     }
 
     /// The disk has made changes durable that it had queued: decisions that waited for it take effect, and what was held
@@ -218,13 +238,17 @@ impl Bridge {
         dli.release();
     }
 
-    /// Silence counts of a CUCS that has sent heartbeats while it holds something: who has given all up, or lost it, may
-    /// come back without.
-    fn forget_heartbeats(&mut self) {
+    /// Silence counts of a CUCS that has sent heartbeats while it holds something: who has given all up, or lost by silence
+    /// what commands, may come back without. A LOI 2 that is left does not count: silence costs nobody that.
+    fn forget_heartbeats(&mut self, now: Duration) {
         for station in self.stations.iter_mut().filter(|one| one.sends_heartbeats) {
             let id = station.id();
-            let holds = |aircraft: &Aircraft| !aircraft.authority.rights().held(id).is_empty();
-            station.sends_heartbeats = self.aircraft.iter().any(holds);
+            let mut of_each = self.aircraft.iter().map(|one| one.authority.rights());
+            let lost = station.silence(now, &self.settings.authority) == Silence::Lost;
+            station.sends_heartbeats = of_each.any(|rights| {
+                let held = rights.held(id);
+                !held.is_empty() && (!lost || rights.commands(id))
+            });
         }
     }
 

@@ -78,7 +78,7 @@ impl Bridge {
             }
             one.ask_authority(&mut dli, Input::Reconfigured);
         }
-        self.forget_heartbeats();
+        self.forget_heartbeats(now.mono);
         Ok(())
     }
 

@@ -146,7 +146,10 @@ impl Bridge {
 }
 
 /// How the link of a vehicle is configured, with what was learned of it in an earlier run.
-fn link_config(
+///
+/// # Errors
+/// The disk cannot be read.
+pub fn link_config(
     vehicle: &config::Vehicle,
     own: Node,
     end: &LinkEnd,

@@ -4,7 +4,7 @@
 //! - `requests`: what is requested of the vehicle for one answer: its software, a ping
 //! - `answers`: answers of many messages, a few at a time
 //! - `configuration`: the configuration phase (40000), and changes of what it has reported
-//! - `parameters`: the vehicle's parameters for stations (50010 to 50012)
+//! - `parameters`: the vehicle's parameters for stations (50010 to 50012); `settings`: for `vsm check-vehicle`
 //! - `health`: what the vehicle reports of its own health, as alerts and as subsystem status (15000, 15001)
 
 mod answers;
@@ -14,6 +14,7 @@ mod health;
 mod parameters;
 mod push;
 mod requests;
+mod settings;
 #[cfg(test)]
 mod tests;
 
@@ -23,7 +24,7 @@ use std::time::Duration;
 
 use mapping::configuration::changes;
 use mapping::mode::Px4Mode;
-use mapping::parameter;
+use mapping::{hardening, parameter};
 use mavlink_link::service::param::{self, Event};
 use mavlink_link::service::text;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
@@ -40,6 +41,8 @@ use self::health::HealthWatch;
 use self::parameters::{ParameterRequests, Purpose};
 use self::push::{Period, Push};
 use self::requests::Requests;
+use self::settings::SettingsReading;
+pub use self::settings::VehicleSettings;
 use super::alerts::{Alerts, Cause};
 use super::context::{self, FlightView, MissionView, Origin, ParameterView};
 use super::effects::Effects;
@@ -53,6 +56,7 @@ pub(crate) struct Reports {
     answers: AnswerQueue,
     configuration: Configuration,
     parameters: ParameterRequests,
+    settings: SettingsReading,
     health: HealthWatch,
     /// Fields without effect that stations were already sent: station, message, field.
     ignored: BTreeSet<(usize, u16, u8)>,
@@ -116,6 +120,8 @@ pub(crate) enum Input<'a> {
     ParameterServiceEnded(param::Event),
     /// The vehicle reports a parameter that nobody requested: somebody has changed it.
     ParameterReported(param::Name, param::Value),
+    /// `vsm check-vehicle`.
+    ReadSettings,
     PingReturned(u32),
     /// A text of the vehicle.
     Text(text::Text),
@@ -185,6 +191,7 @@ impl Reports {
             Input::LinkDown => {
                 let configuration = &mut self.configuration;
                 configuration.stop_reading(common, mission, answers, effects);
+                self.settings.give_up();
                 effects.raise(
                     Cause::VehicleSilent,
                     AlertPriority::Warning,
@@ -214,6 +221,7 @@ impl Reports {
                     effects.advise(parameters::foreign_change(name, value, before));
                 }
             }
+            Input::ReadSettings => self.read_settings(context, effects),
             Input::PingReturned(seq) => self.requests.ping_returned(seq, effects),
             Input::Text(text) => {
                 let priority = mapping::alert::priority(text.severity);
@@ -418,6 +426,31 @@ impl Reports {
         self.count_read(context, 0, effects);
     }
 
+    fn read_settings(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let names = hardening::SETTINGS.iter().map(|setting| setting.name);
+        self.settings
+            .begin(names.filter_map(|name| param::Name::new(name).ok()));
+        // Each of them would wait for its retries.
+        if !context.vehicle.live() {
+            self.settings.give_up();
+        }
+        self.read_next_setting(effects);
+    }
+
+    fn read_next_setting(&mut self, effects: &mut Effects<'_>) {
+        if let Some(name) = self.settings.next()
+            && !self.parameters.read_setting(name, effects)
+        {
+            // Stations have filled the queue: what is left stays unknown, and can be requested again.
+            self.settings.drop_awaited();
+        }
+    }
+
+    /// What the vehicle has answered about its settings so far.
+    pub(crate) fn settings(&self) -> VehicleSettings {
+        self.settings.found()
+    }
+
     fn count_read(&mut self, context: &Context<'_>, count: usize, effects: &mut Effects<'_>) {
         let (common, mission) = (&context.common, &context.mission);
         self.configuration
@@ -437,6 +470,13 @@ impl Reports {
                     self.learn_parameter(context, name, value, None, effects);
                 }
                 return self.count_read(context, 1, effects);
+            }
+            Some(Purpose::Settings) => {
+                self.settings.ended(&event);
+                if let Event::Read { name, value } = event {
+                    self.learn_parameter(context, name, value, None, effects);
+                }
+                return self.read_next_setting(effects);
             }
             Some(Purpose::Station(origin)) => origin,
         };

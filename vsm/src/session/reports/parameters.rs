@@ -28,6 +28,8 @@ pub(super) struct ParameterRequests {
 #[derive(Debug)]
 pub(super) enum Purpose {
     Configuration,
+    /// `vsm check-vehicle`.
+    Settings,
     Station(Origin),
 }
 
@@ -77,6 +79,16 @@ impl ParameterRequests {
             }
         }
         requested
+    }
+
+    /// Reads one for `vsm check-vehicle`; false where too many wait already.
+    pub(super) fn read_setting(&mut self, name: Name, effects: &mut Effects<'_>) -> bool {
+        let now = effects.dli.now.mono;
+        let begun = effects.vehicle.parameters.read(now, name).is_ok();
+        if begun {
+            self.work.push_back(Purpose::Settings);
+        }
+        begun
     }
 
     /// 50010.

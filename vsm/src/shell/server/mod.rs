@@ -21,7 +21,9 @@ use tokio::sync::Notify;
 use tokio::task::LocalSet;
 
 use self::shared::Shared;
-use self::tasks::{keep_time, receive_dli, receive_vehicle, send, take_stored, tell_status};
+use self::tasks::{
+    keep_time, receive_dli, receive_vehicle, send, take_stored, tell_settings, tell_status,
+};
 use super::http;
 use super::sockets::{DliSockets, VehicleReader, VehicleWriter};
 use super::status_socket;
@@ -36,6 +38,7 @@ pub struct Server {
     /// One a link: its index, and what ends it.
     readers: Vec<(usize, VehicleReader, Rc<Notify>)>,
     status: UnixListener,
+    settings: UnixListener,
     page: Option<(TcpListener, Vec<String>)>,
     /// The configuration that is read again, and where that is requested.
     reload: Option<(PathBuf, UnixListener)>,
@@ -93,6 +96,7 @@ impl Server {
             dli,
             readers,
             status,
+            settings,
             page,
             reload,
         } = self;
@@ -129,6 +133,10 @@ impl Server {
         let of_all = shared.clone();
         tasks.spawn(&local, "status socket", |beat| {
             tell_status(of_all, beat, status)
+        });
+        let of_all = shared.clone();
+        tasks.spawn(&local, "settings socket", |beat| {
+            tell_settings(of_all, beat, settings)
         });
         if let Some((listener, hosts)) = page {
             let of_all = shared.clone();

@@ -89,6 +89,8 @@ impl Server {
             .transpose()?;
         let status = status_socket::listen(&config.store.dir, status_socket::STATUS)
             .map_err(StartError::Status)?;
+        let settings = status_socket::listen(&config.store.dir, status_socket::SETTINGS)
+            .map_err(StartError::Status)?;
         let stored = Arc::new(Notify::new());
         // From here on nothing waits for the disk.
         let key_stores = key_stores.into_iter().map(|keys| {
@@ -122,6 +124,7 @@ impl Server {
             dli,
             readers,
             status,
+            settings,
             page,
             reload: None,
         })

@@ -219,6 +219,30 @@ pub(super) async fn tell_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: Un
     }
 }
 
+/// `vsm check-vehicle`: one after the other, each as long as the vehicles take to answer.
+pub(super) async fn tell_settings(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
+    loop {
+        let stream = match beat.during(listener.accept()).await {
+            Ok((stream, _)) => stream,
+            Err(cause) => {
+                pause_after("the settings socket", &cause).await;
+                continue;
+            }
+        };
+        shared.with(|Core { bridge, store, .. }, now| bridge.read_settings(now, store));
+        let end = shared.clock.mono() + SETTINGS_WITHIN;
+        let settings = loop {
+            let settings = shared.core.borrow().bridge.vehicle_settings();
+            let reading = settings.iter().any(|vehicle| vehicle.reading);
+            if !reading || shared.clock.mono() >= end {
+                break settings;
+            }
+            beat.during(tokio::time::sleep(SETTINGS_EVERY)).await;
+        };
+        status_socket::answer(stream, &settings, STATUS_WITHIN).await;
+    }
+}
+
 /// A socket that fails again and again is said once in a while, and takes no whole core.
 async fn pause_after(what: &str, cause: &io::Error) {
     tracing::warn!("{what}: {cause}");
@@ -232,3 +256,6 @@ const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 /// How long the messages of stations are handled before others have their turn.
 const TURN: Duration = Duration::from_millis(2);
 const STATUS_WITHIN: Duration = Duration::from_secs(1);
+/// How long the vehicles may take to answer about their settings: over a slow radio each takes a second or so.
+const SETTINGS_WITHIN: Duration = Duration::from_secs(120);
+const SETTINGS_EVERY: Duration = Duration::from_millis(50);
