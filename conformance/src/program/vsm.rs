@@ -201,13 +201,19 @@ fn watch_for_interrupt(bench: &Arc<Bench>) {
             return;
         };
         runtime.block_on(async {
-            if tokio::signal::ctrl_c().await.is_ok() {
-                net.interrupt();
-                eprint("interrupted: releasing control; a second Ctrl-C ends at once");
-            }
-            if tokio::signal::ctrl_c().await.is_ok() {
-                std::process::exit(130);
-            }
+            use tokio::signal::unix::{SignalKind, signal};
+            // SIGTERM ends a run as Ctrl-C does: a CI that is out of time must not leave control taken.
+            let (Ok(mut interrupt), Ok(mut terminate)) = (
+                signal(SignalKind::interrupt()),
+                signal(SignalKind::terminate()),
+            ) else {
+                return;
+            };
+            tokio::select! { _ = interrupt.recv() => {} _ = terminate.recv() => {} }
+            net.interrupt();
+            eprint("interrupted: releasing control; a second signal ends at once");
+            tokio::select! { _ = interrupt.recv() => {} _ = terminate.recv() => {} }
+            std::process::exit(130);
         });
     });
 }

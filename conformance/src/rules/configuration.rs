@@ -233,26 +233,24 @@ fn what_is_declared_is_accepted(t: &Trial) -> Judged {
             "the declared loiter radius has no minimum and maximum",
         ));
     };
-    // Declared in steps of the wire or in metres: an unsigned response may be either.
-    let step = if declared.kind() == 41001 || high <= 5_000.0 {
-        1.0
-    } else {
-        1.5
-    };
-    for radius in [low * step, high * step] {
-        if radius <= 0.0 || radius > 98_000.0 {
+    // Declared in metres or in steps of the wire (1.5 m): judged so that either reading is lawful.
+    for radius in [low * 1.5, high] {
+        if radius <= 0.0 || radius > 98_000.0 || low * 1.5 > high {
             continue;
         }
-        let raw = (radius / 1.5).round() * 1.5;
+        let raw = (radius / 1.5).floor() * 1.5;
+        if raw < low * 1.5 {
+            continue;
+        }
         a.set_radius(raw);
-        t.expect(a.radius_becomes(raw)?, || format!("expected the declared limit {radius:.1} m of the loiter radius to be accepted; 3004 does not show it"))?;
+        t.expect(a.radius_becomes(raw)?, || format!("expected a loiter radius of {raw:.1} m, within the declared {low} to {high}, to be accepted; 3004 does not show it"))?;
     }
-    let beyond = (high * step * 1.1 / 1.5).ceil() * 1.5 + 3.0;
+    let beyond = (high * 1.1).ceil() * 1.5 + 3.0;
     if beyond < 98_000.0 {
         a.set_radius(beyond);
         t.pause(t.timers().answer / 2)?;
         let shown = a.radius()?;
-        t.expect(shown.is_none_or(|shown| (shown - beyond).abs() > 0.8), || format!("expected a loiter radius of {beyond:.1} m, beyond the declared {:.1} m, to be refused; 3004 shows it", high * step))?;
+        t.expect(shown.is_none_or(|shown| (shown - beyond).abs() > 0.8), || format!("expected a loiter radius of {beyond:.1} m, beyond the declared {high}, to be refused; 3004 shows it"))?;
     }
     Ok(())
 }

@@ -1,5 +1,312 @@
-//! Rules of handover.
+//! Handover: HAND, and two requests at once.
+
+use std::time::Duration;
 
 use super::scene::Scene;
+use crate::bench::flight::{Plan, deliver, download, home, loaded, run_transfer, transfer};
+use crate::bench::station::{Access, authorisation, loi};
+use crate::bench::trial::Trial;
+use crate::verdict::{Judged, Precondition, Stop};
+use crate::wire::Draft;
 
-pub(super) const SCENES: &[Scene] = &[];
+pub(super) const SCENES: &[Scene] = &[
+    Scene {
+        rule: "HAND-001",
+        play: handover_is_reported,
+    },
+    Scene {
+        rule: "HAND-002",
+        play: never_two_never_none,
+    },
+    Scene {
+        rule: "HAND-003",
+        play: positive_handover,
+    },
+    Scene {
+        rule: "HAND-007",
+        play: an_upload_is_not_mixed,
+    },
+    Scene {
+        rule: "HB-002",
+        play: no_heartbeats_no_loss,
+    },
+    Scene {
+        rule: "HB-003",
+        play: silence_after_heartbeats,
+    },
+    Scene {
+        rule: "HB-004",
+        play: heartbeat_before_a_grant,
+    },
+    Scene {
+        rule: "MULTI-004",
+        play: two_at_once,
+    },
+];
+
+fn granted(seen: &crate::wire::Seen) -> i64 {
+    seen.raw("LOI Granted").unwrap_or_default()
+}
+
+fn handover_is_reported(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let b = t.b()?;
+    b.take(loi::LOI2).precondition("B has LOI 2")?;
+    let mark = t.bench.net.mark();
+    a.request(loi::LOI4, Access::Release)?;
+    b.take(loi::LOI4)?;
+    let report = match b.wait(mark, t.timers().answer, |seen| seen.kind() == 35000) {
+        Some(report) => report,
+        None => b.query(35000)?,
+    };
+    t.cite(&report);
+    let id = |field: &str| report.raw(field).map(|raw| stanag_msgs::Id(raw as u32));
+    let status = report.raw("Status");
+    t.expect_of(&report, matches!(status, Some(1 | 2)), || {
+        format!("expected 35000 with status 1 or 2 after a handover, got {status:?}")
+    })?;
+    if status == Some(1) {
+        let done = b.wait(mark, t.timers().answer, |seen| {
+            seen.kind() == 35000 && seen.raw("Status") == Some(2)
+        });
+        t.expect(
+            done.is_some() || b.query(35000)?.raw("Status") == Some(2),
+            || "expected 35000 status 2 after status 1".into(),
+        )?;
+    }
+    let acquiring = id("CUCS ID (acquiring control)");
+    t.expect_of(&report, acquiring.is_none_or(|id| id == b.id), || {
+        format!(
+            "expected {} as acquiring CUCS in 35000, got {acquiring:?}",
+            b.id
+        )
+    })?;
+    let relinquishing = id("CUCS ID (relinquishing control)");
+    t.expect_of(
+        &report,
+        relinquishing.is_none_or(|id| id == a.id || id == stanag_msgs::Id::NULL),
+        || {
+            format!(
+                "expected {} as relinquishing CUCS in 35000, got {relinquishing:?}",
+                a.id
+            )
+        },
+    )
+}
+
+fn never_two_never_none(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let b = t.b()?;
+    b.take(loi::LOI2).precondition("B has LOI 2")?;
+    a.set_radius(91.5);
+    t.expect(a.radius_becomes(91.5)?, || {
+        "expected 2017 of the holder in 3004".into()
+    })
+    .precondition("commands work")?;
+    // A's radii are odd multiples of the step, B's even ones: 3004 shows whose command counted.
+    let step =
+        |station_b: bool, count: i64| 1.5 * (70 + 2 * (count % 50) + i64::from(station_b)) as f64;
+    let mut owners = Vec::new();
+    for count in 0..16 {
+        a.set_radius(step(false, count));
+        b.set_radius(step(true, count));
+        if count == 6 {
+            a.send(authorisation(loi::LOI4, Access::Release));
+            b.send(authorisation(loi::LOI4, Access::Request));
+        }
+        if count == 8 {
+            // Lost, perhaps.
+            b.send(authorisation(loi::LOI4, Access::Request));
+        }
+        t.pause(Duration::from_millis(100))?;
+        if let Some(radius) = b.radius()? {
+            owners.push((radius / 1.5).round() as i64 % 2 != 70 % 2);
+        }
+    }
+    let changes = owners.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    t.expect(changes <= 1, || format!("expected the radii in 3004 to come from A, then from B, never mixed; they changed owner {changes} times (true is B: {owners:?})"))?;
+    t.expect(owners.first() == Some(&false), || {
+        "expected A's commands before the handover".into()
+    })?;
+    t.expect(owners.last() == Some(&true), || {
+        "expected B's commands after the handover".into()
+    })?;
+    drop(a);
+    // By override, where one may: the former holder's commands stop at once.
+    let b_id = b.id;
+    b.release()?;
+    let over = t.find("one that may override", |cucs| {
+        cucs.overrides && cucs.authorised & loi::LOI4 != 0
+    });
+    let Ok(over) = over else { return Ok(()) };
+    let held = t.find("another", |cucs| {
+        cucs.id != over.id && cucs.authorised & loi::LOI4 != 0
+    })?;
+    let _ = b_id;
+    t.grant(&held, loi::LOI2 | loi::LOI4)?;
+    over.request(loi::LOI2 | loi::LOI4, Access::Override)
+        .map(|answer| granted(&answer))
+        .precondition("the override is granted")?;
+    let radius = t.bench.fresh_radius();
+    held.set_radius(radius);
+    t.pause(Duration::from_millis(150))?;
+    let shown = over.radius()?;
+    t.expect(shown.is_none_or(|shown| (shown - radius).abs() > 0.8), || format!("expected 2017 of the former holder {} to be refused at once after an override; 3004 shows it", held.id))
+}
+
+fn positive_handover(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let b = t.b()?;
+    b.take(loi::LOI2).precondition("B has LOI 2")?;
+    t.expect(a.commands_work()?, || "expected 2017 of the holder".into())
+        .precondition("commands work")?;
+    let before = a.radius()?;
+    b.send(
+        Draft::new(4)
+            .id("VSM ID", stanag_msgs::Id::BROADCAST)
+            .raw("Requested/Handover LOI", loi::LOI4)
+            .id("Requesting CUCS ID", b.id),
+    );
+    t.pause(t.timers().quiet)?;
+    b.set_radius(t.bench.fresh_radius());
+    t.pause(Duration::from_millis(300))?;
+    let after = a.radius()?;
+    t.expect(after == before, || format!("expected nothing to move without the holder's consent; B's 2017 changed the radius from {before:?} to {after:?}"))?;
+    t.expect(a.commands_work()?, || {
+        "expected the holder's commands to work after a #4 that it did not answer".into()
+    })
+}
+
+fn an_upload_is_not_mixed(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let b = t.b()?;
+    let home = home(t, &a)?;
+    let plan = Plan::zigzag(&home, "BEFORE", &[1, 2, 3]);
+    loaded(t, &a, &plan)?;
+    let whole = Plan::zigzag(&home, "MIXED", &[61, 62, 63, 64]);
+    let messages = whole.messages();
+    for message in &messages[..3] {
+        deliver(&a, message.clone());
+    }
+    a.release()?;
+    t.grant(&b, loi::LOI2 | loi::LOI4)?;
+    for message in &messages[3..] {
+        deliver(&b, message.clone());
+    }
+    t.loaded.set(true);
+    let found = run_transfer(
+        t,
+        &b,
+        transfer(2, "MIXED"),
+        t.timers().load.min(t.timers().answer * 8),
+    )?;
+    let back = download(t, &b, "MIXED")?;
+    let numbers: Vec<_> = back
+        .messages
+        .iter()
+        .filter(|seen| seen.kind() == 13002)
+        .filter_map(|seen| seen.raw("Waypoint Number"))
+        .collect();
+    let mixed = numbers.iter().any(|number| (61..=62).contains(number))
+        && numbers.iter().any(|number| (63..=64).contains(number));
+    t.expect(!mixed, || format!("expected no plan with waypoints of two CUCSs; the download has {numbers:?} (14000 status {:?})", found.status))?;
+    t.expect(found.status != Some(1) || !numbers.contains(&61), || {
+        "expected a plan begun by A and finished by B to be refused; 14000 status 1 came".into()
+    })
+}
+
+fn no_heartbeats_no_loss(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let b = t.b()?;
+    let silence = t.bench.profile.figures.act_s * 1.5;
+    t.pause(Duration::from_secs_f64(silence))?;
+    let answer = b.request(loi::LOI4, Access::Request)?;
+    t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || format!("expected B's request to be denied after {silence:.0} s of a holder that never sent a heartbeat"))?;
+    t.expect(a.commands_work()?, || {
+        "expected the quiet holder's 2017 to work".into()
+    })
+}
+
+fn silence_after_heartbeats(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let b = t.b()?;
+    for _ in 0..4 {
+        a.send(Draft::new(16002));
+        t.pause(Duration::from_secs(1))?;
+    }
+    let figures = &t.bench.profile.figures;
+    let began = t.bench.net.now();
+    // The last heartbeat was a second ago.
+    t.pause(Duration::from_secs_f64((figures.offer_s - 2.5).max(0.0)))?;
+    let early = b.request(loi::LOI4, Access::Request)?;
+    t.expect_of(&early, granted(&early) & loi::LOI4 == 0, || {
+        "expected B's request to be denied before control is offered".into()
+    })?;
+    let wait =
+        Duration::from_secs_f64(figures.offer_s + 0.6).saturating_sub(t.bench.net.now() - began);
+    t.pause(wait)?;
+    let late = b.request(loi::LOI4, Access::Request)?;
+    t.expect_of(&late, granted(&late) & loi::LOI4 != 0, || {
+        format!(
+            "expected B's request to be granted {:.0} s after the holder's last heartbeat",
+            figures.offer_s + 1.6
+        )
+    })
+}
+
+fn heartbeat_before_a_grant(t: &Trial) -> Judged {
+    let a = t.any()?;
+    let mark = t.bench.net.mark();
+    for _ in 0..20 {
+        a.send(Draft::new(16002));
+        t.pause(Duration::from_millis(20))?;
+    }
+    a.take(loi::LOI2)?;
+    let alerts = a.received(mark, |seen| {
+        seen.kind() == 16000
+            && seen
+                .text("Text")
+                .is_some_and(|text| text.to_lowercase().contains("heartbeat"))
+    });
+    if !alerts.is_empty() {
+        return Err(Stop::fail(
+            "expected no 16000 about heartbeats before a grant; one came",
+        ));
+    }
+    Ok(())
+}
+
+fn two_at_once(t: &Trial) -> Judged {
+    let a = t.a()?;
+    let b = t.b()?;
+    for round in 0..12 {
+        let mark = t.bench.net.mark();
+        let (first, second) = if round % 2 == 0 { (&a, &b) } else { (&b, &a) };
+        first.send(authorisation(loi::LOI4, Access::Request));
+        second.send(authorisation(loi::LOI4, Access::Request));
+        let answers: Vec<_> = [&a, &b]
+            .iter()
+            .map(|station| {
+                station.wait(mark, t.timers().answer, |seen| {
+                    seen.kind() == 2 && seen.piece.destination == station.id
+                })
+            })
+            .collect();
+        t.pause(Duration::from_millis(50))?;
+        if answers.iter().any(Option::is_none) {
+            return Err(Stop::inconclusive("a request was not answered"));
+        }
+        let holders: Vec<bool> = answers
+            .iter()
+            .flatten()
+            .map(|answer| granted(answer) & loi::LOI4 != 0)
+            .collect();
+        for answer in answers.iter().flatten() {
+            t.cite(answer);
+        }
+        t.expect(holders.iter().filter(|held| **held).count() == 1, || format!("expected exactly one of two requests that came together to be granted; granted to A and B: {holders:?}"))?;
+        a.release()?;
+        b.release()?;
+    }
+    Ok(())
+}

@@ -1,5 +1,325 @@
-//! Rules of payload.
+//! Payloads: PAYL, and the authority over stations.
+
+use std::time::Duration;
 
 use super::scene::Scene;
+use crate::bench::flight::wrapped;
+use crate::bench::station::{Access, Station, authorisation, information_request, loi};
+use crate::bench::trial::Trial;
+use crate::verdict::{Judged, Precondition, Stop};
+use crate::wire::Draft;
 
-pub(super) const SCENES: &[Scene] = &[];
+pub(super) const SCENES: &[Scene] = &[
+    Scene {
+        rule: "PAYL-001",
+        play: one_configuration_for_each_station,
+    },
+    Scene {
+        rule: "PAYL-002",
+        play: payload_commands_need_the_stations_loi_3,
+    },
+    Scene {
+        rule: "PAYL-003",
+        play: only_the_addressed_station_moves,
+    },
+    Scene {
+        rule: "PAYL-004",
+        play: pointing_mode_decides,
+    },
+    Scene {
+        rule: "PAYL-005",
+        play: messages_of_the_payload_type,
+    },
+    Scene {
+        rule: "PAYL-006",
+        play: laser_fires_on_its_code_only,
+    },
+    Scene {
+        rule: "AUTH-007",
+        play: vehicle_controller_may_take_a_station,
+    },
+    Scene {
+        rule: "AUTH-008",
+        play: stations_are_given_singly,
+    },
+    Scene {
+        rule: "AUTH-009",
+        play: flying_is_not_payload_control,
+    },
+];
+
+fn bit(station: u8) -> i64 {
+    1 << (station - 1)
+}
+
+fn stations(t: &Trial) -> Judged<Vec<u8>> {
+    Ok(t.bench.surveyed()?.stations().into_iter().collect())
+}
+
+/// Where 21101 says that the sensor points.
+fn pointing(a: &Station, station: u8) -> Judged<Option<f64>> {
+    let time = a.bench().timers.answer;
+    let report = a.ask(
+        information_request(21101).raw("Station Number 1-16", bit(station)),
+        time,
+        "the operating state of a payload",
+        |seen| {
+            seen.kind() == 21101
+                && seen
+                    .raw("Station Number 1-16")
+                    .is_none_or(|found| found == bit(station))
+        },
+    )?;
+    Ok(report.value("Actual Centreline Azimuth Angle"))
+}
+
+/// 19001 to this azimuth.
+fn steer(station: u8, azimuth: f64) -> Draft {
+    Draft::new(19001)
+        .raw("Station Number 1-16", bit(station))
+        .set("Set Centreline Azimuth Angle", azimuth)
+        .set("Set Centreline Elevation Angle", -0.2)
+}
+
+/// Pointing by angles relative to the aircraft, on, and active.
+fn by_angles(station: u8) -> Draft {
+    Draft::new(19100)
+        .raw("Station Number 1-16", bit(station))
+        .raw("System Operating Mode", 5)
+        .raw("Set EO/IR Pointing Mode", 1)
+        .acked()
+}
+
+fn turns(t: &Trial, a: &Station, station: u8, azimuth: f64, time: Duration) -> Judged<bool> {
+    let deadline = t.bench.net.now() + time;
+    loop {
+        if pointing(a, station)?.is_some_and(|found| wrapped(found - azimuth).abs() < 0.06) {
+            return Ok(true);
+        }
+        if t.bench.net.now() >= deadline {
+            return Ok(false);
+        }
+        t.pause(Duration::from_millis(100))?;
+    }
+}
+
+fn one_configuration_for_each_station(t: &Trial) -> Judged {
+    let a = t.monitor()?;
+    let expected = stations(t)?;
+    let mark = t.bench.net.mark();
+    a.query(21000)?;
+    t.pause(t.timers().answer / 2)?;
+    let found: Vec<i64> = a
+        .received(mark, |seen| seen.kind() == 21000)
+        .iter()
+        .filter_map(|seen| seen.raw("Station Number 1-16"))
+        .collect();
+    for station in expected {
+        t.expect(found.contains(&bit(station)), || {
+            format!("expected 21000 for station {station}; got those of the bits {found:02x?}")
+        })?;
+    }
+    Ok(())
+}
+
+fn take_station(t: &Trial, station: &Station, number: u8) -> Judged {
+    let answer = station.request_station(loi::LOI2 | loi::LOI3, Access::Request, bit(number))?;
+    let granted = answer.raw("LOI Granted").unwrap_or_default();
+    t.expect_of(&answer, granted & loi::LOI3 != 0, || {
+        format!(
+            "expected LOI 3 of station {number} granted to {}, got LOI Granted 0x{granted:02x}",
+            station.id
+        )
+    })
+}
+
+fn still(t: &Trial, a: &Station, station: u8, command: Draft, by: &Station, why: &str) -> Judged {
+    let before = pointing(a, station)?;
+    let sent = by.send(by_angles(station));
+    by.send(command.acked());
+    t.pause(t.timers().quiet)?;
+    let done = by.received(sent.mark, |seen| {
+        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
+    });
+    t.expect(done.is_empty(), || {
+        format!(
+            "expected no 'carried out' for a payload command of {} ({why}); 17000 type 2 came",
+            by.id
+        )
+    })?;
+    let after = pointing(a, station)?;
+    let same = match (before, after) {
+        (Some(before), Some(after)) => wrapped(before - after).abs() < 0.05,
+        _ => true,
+    };
+    t.expect(same, || format!("expected station {station} to stay after a command of {} ({why}); its azimuth went from {before:?} to {after:?}", by.id))
+}
+
+fn payload_commands_need_the_stations_loi_3(t: &Trial) -> Judged {
+    let station = stations(t)?[0];
+    let b = t.b()?;
+    t.grant(&b, loi::LOI2)?;
+    let watcher = t.a()?;
+    t.grant(&watcher, loi::LOI2)?;
+    pointing(&watcher, station).precondition("the payload reports where it points")?;
+    still(t, &watcher, station, steer(station, 0.9), &b, "LOI 2 only")?;
+    if let Some(&other) = stations(t)?.get(1) {
+        take_station(t, &b, other).precondition("B has LOI 3 of another station")?;
+        still(
+            t,
+            &watcher,
+            station,
+            steer(station, -0.9),
+            &b,
+            "LOI 3 of another station",
+        )?;
+    }
+    Ok(())
+}
+
+fn only_the_addressed_station_moves(t: &Trial) -> Judged {
+    let all = stations(t)?;
+    let [first, second, ..] = all[..] else {
+        return Err(Stop::not_applicable("needs two payload stations"));
+    };
+    let a = t.a()?;
+    for station in [first, second] {
+        take_station(t, &a, station).precondition("LOI 3 is granted")?;
+    }
+    let before = pointing(&a, first)?;
+    let target = if before.is_some_and(|before| wrapped(before - 0.52).abs() < 0.2) {
+        -0.52
+    } else {
+        0.52
+    };
+    a.send(by_angles(second));
+    a.send(steer(second, target).acked());
+    t.expect(turns(t, &a, second, target, t.timers().begin)?, || {
+        format!("expected station {second} to turn to {target:.2} rad; its report does not show it")
+    })?;
+    let after = pointing(&a, first)?;
+    let same = before
+        .zip(after)
+        .is_none_or(|(before, after)| wrapped(before - after).abs() < 0.05);
+    t.expect(same, || format!("expected station {first} to stay when station {second} is addressed; its azimuth went from {before:?} to {after:?}"))
+}
+
+fn pointing_mode_decides(t: &Trial) -> Judged {
+    let station = stations(t)?[0];
+    let a = t.a()?;
+    take_station(t, &a, station).precondition("LOI 3 is granted")?;
+    let target = 30_f64.to_radians();
+    a.send(by_angles(station));
+    a.send(steer(station, target).acked());
+    t.expect(turns(t, &a, station, target, t.timers().begin)?, || "expected the sensor 30 degrees to the right in pointing mode 1; its report does not show it".into())
+}
+
+fn messages_of_the_payload_type(t: &Trial) -> Judged {
+    let a = t.monitor()?;
+    let found = a.query(21000)?;
+    t.cite(&found);
+    let kind = found.raw("Payload Type");
+    if matches!(kind, Some(1..=3)) {
+        a.query(21101)?;
+    }
+    if kind != Some(4) {
+        a.send(
+            Draft::new(19200)
+                .raw("Station Number 1-16", 1)
+                .raw("Set Radar State", 1)
+                .acked(),
+        );
+    }
+    t.pause(Duration::from_millis(300))?;
+    a.query(3)?;
+    Ok(())
+}
+
+fn laser_fires_on_its_code_only(t: &Trial) -> Judged {
+    let station = stations(t)?[0];
+    let a = t.a()?;
+    take_station(t, &a, station).precondition("LOI 3 is granted")?;
+    let firing = |seen: &crate::wire::Seen| {
+        let info = seen.info.map_or(&[][..], |info| info.fields);
+        info.iter()
+            .filter(|field| field.name.contains("Fire Laser"))
+            .any(|field| seen.raw(field.name) == Some(238))
+    };
+    for code in [0x55 ^ 1, 0xEE ^ 2, 0xFF, 1, 0xEE ^ 0x80] {
+        let draft = Draft::new(19100)
+            .raw("Station Number 1-16", bit(station))
+            .raw("Fire Laser Pointer", code);
+        a.send(draft.acked());
+        t.pause(Duration::from_millis(200))?;
+        let mark = t.bench.net.mark();
+        a.send(information_request(21101).raw("Station Number 1-16", bit(station)));
+        if let Some(state) = a.wait(mark, t.timers().answer / 2, |seen| seen.kind() == 21101) {
+            t.expect_of(&state, !firing(&state), || format!("expected laser code 0x{code:02x}, which is no code for firing, to leave the laser as it is"))?;
+        }
+    }
+    Ok(())
+}
+
+fn vehicle_controller_may_take_a_station(t: &Trial) -> Judged {
+    let station = stations(t)?[0];
+    let a = t.controller()?;
+    let b = t.b()?;
+    take_station(t, &b, station).precondition("B has LOI 3")?;
+    if let Ok(c) = t.find("a third CUCS id that may have LOI 3", |cucs| {
+        cucs.id != a.id && cucs.id != b.id && cucs.authorised & loi::LOI3 != 0
+    }) {
+        let answer = c.request_station(loi::LOI3, Access::Request, bit(station))?;
+        let granted = answer.raw("LOI Granted").unwrap_or_default();
+        t.expect_of(&answer, granted & loi::LOI3 == 0, || format!("expected C's plain request for station {station} to be denied, got LOI Granted 0x{granted:02x}"))?;
+    }
+    take_station(t, &a, station)?;
+    pointing(&a, station).precondition("the payload reports where it points")?;
+    still(
+        t,
+        &a,
+        station,
+        steer(station, 0.9),
+        &b,
+        "its station was taken by the vehicle's controller",
+    )
+}
+
+fn stations_are_given_singly(t: &Trial) -> Judged {
+    let all = stations(t)?;
+    let [first, second, ..] = all[..] else {
+        return Err(Stop::not_applicable("needs two payload stations"));
+    };
+    let a = t.a()?;
+    let b = t.b()?;
+    take_station(t, &a, first)?;
+    take_station(t, &b, second)?;
+    still(
+        t,
+        &b,
+        second,
+        steer(second, 0.7),
+        &a,
+        "LOI 3 of another station",
+    )
+}
+
+fn flying_is_not_payload_control(t: &Trial) -> Judged {
+    let station = stations(t)?[0];
+    let a = t.controller()?;
+    let _ = authorisation(0, Access::Request);
+    pointing(&a, station).precondition("the payload reports where it points")?;
+    still(
+        t,
+        &a,
+        station,
+        steer(station, 0.8),
+        &a,
+        "LOI 4 without LOI 3",
+    )?;
+    take_station(t, &a, station)?;
+    a.send(by_angles(station));
+    a.send(steer(station, 0.8).acked());
+    t.expect(turns(t, &a, station, 0.8, t.timers().begin)?, || {
+        "expected the payload command to work once LOI 3 was granted".into()
+    })
+}

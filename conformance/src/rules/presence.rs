@@ -72,9 +72,8 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
     let a = t.controller()?;
     a.set_radius(150.0);
     t.expect(a.radius_becomes(150.0)?, || {
-        "expected 3004 to show the radius of 150 m that 2017 set".into()
-    })
-    .precondition("commands work")?;
+        "expected 3004 to show the radius of 150 m that a 2017 with the radius only set".into()
+    })?;
     for (field, value) in [
         ("Loiter Direction", 1),
         ("Loiter Type", 1),
@@ -83,6 +82,19 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
         a.send(Draft::new(2017).raw(field, value));
         t.pause(t.timers().answer / 4)?;
         let report = a.query(3004)?;
+        if field == "Loiter Direction" {
+            // The other direction: one that is shown already would say nothing.
+            let other = if report.raw(field) == Some(1) { 2 } else { 1 };
+            let sent = a.send(Draft::new(2017).raw(field, other).acked());
+            t.pause(t.timers().answer / 4)?;
+            let refused = a.received(sent.mark, |seen| {
+                seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3)
+            });
+            let turned = a.query(3004)?;
+            t.expect_of(&turned, turned.raw(field) == Some(other) || !refused.is_empty() && turned.raw(field).is_none(), || {
+                format!("expected a 2017 with {field} only to be carried out; 3004 shows {:?}, expected {other}", turned.raw(field))
+            })?;
+        }
         let radius = report.value("Loiter Radius");
         t.expect_of(&report, radius.is_some_and(|radius| (radius - 150.0).abs() < 0.8), || {
             format!("expected the radius of 150 m to stay after a 2017 with {field} only; 3004 shows {radius:?}")
