@@ -107,6 +107,10 @@ impl Run<'_> {
     }
 
     fn play(&mut self) -> Vec<RuleReport> {
+        let released = self.options.hazards.contains(&Hazard::Flight);
+        self.bench
+            .flight_released
+            .store(released, std::sync::atomic::Ordering::SeqCst);
         let mut reports = Vec::new();
         match survey(&self.bench) {
             Ok(survey) => {

@@ -1,7 +1,7 @@
 //! What outlives a scene: the subject's address and profile, the suite's times, the survey, and the network.
 
 use std::net::SocketAddr;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
@@ -76,6 +76,8 @@ pub struct Bench {
     pub survey: OnceLock<Survey>,
     /// Where the vehicle stood when it was first seen.
     pub home: OnceLock<Fix>,
+    /// Whether the hazard of a flight is released.
+    pub flight_released: AtomicBool,
     radius: AtomicU32,
 }
 
@@ -90,6 +92,7 @@ impl Bench {
             address,
             survey: OnceLock::new(),
             home: OnceLock::new(),
+            flight_released: AtomicBool::new(false),
             radius: AtomicU32::new(0),
         })
     }

@@ -279,11 +279,21 @@ pub fn load(t: &Trial, station: &Station, plan: &Plan) -> Judged<Transfer> {
     run_transfer(t, station, transfer(2, &plan.mission), t.timers().load)
 }
 
+/// Clears the mission: a subject may keep waypoints of earlier uploads until it is told to clear them.
+///
+/// # Errors
+/// The operator stopped the run.
+pub fn clear(t: &Trial, station: &Station) -> Judged {
+    run_transfer(t, station, transfer(1, "CLEAR"), t.timers().answer * 5)?;
+    Ok(())
+}
+
 /// Loads a plan, as a precondition.
 ///
 /// # Errors
 /// Inconclusive where it is not complete.
 pub fn loaded(t: &Trial, station: &Station, plan: &Plan) -> Judged {
+    clear(t, station)?;
     match load(t, station, plan)?.status {
         Some(1) => Ok(()),
         status => Err(Stop::inconclusive(format!(

@@ -175,6 +175,16 @@ impl Trial {
         self.nth(1, loi::LOI4, "a second CUCS id that may have LOI 4")
     }
 
+    /// The first and the second CUCS that may have LOI 3.
+    ///
+    /// # Errors
+    /// There are not two.
+    pub fn payload_pair(&self) -> Judged<(Player, Player)> {
+        let levels = loi::LOI3 | loi::LOI4;
+        let what = "two CUCS ids that may have LOI 3 and 4";
+        Ok((self.nth(0, levels, what)?, self.nth(1, levels, what)?))
+    }
+
     /// CUCS C: any third id that is known.
     ///
     /// # Errors

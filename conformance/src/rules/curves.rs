@@ -1,7 +1,9 @@
 //! The private curve messages: CURVE.
 
 use super::scene::Scene;
-use crate::bench::flight::{Plan, deliver, difference, download, home, run_transfer, transfer};
+use crate::bench::flight::{
+    Plan, clear, deliver, difference, download, home, run_transfer, transfer,
+};
 use crate::bench::station::Station;
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
@@ -50,6 +52,7 @@ fn known(t: &Trial, a: &Station) -> Judged {
 }
 
 fn send(t: &Trial, a: &Station, plan: &Plan, curve: &Draft, place: usize) -> Judged<Option<i64>> {
+    clear(t, a)?;
     let mut messages = plan.messages();
     messages.insert(place.min(messages.len()), curve.clone());
     for message in messages {

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::acknowledgement::about;
 use super::scene::Scene;
-use crate::bench::flight::{Plan, difference, download, home, load};
+use crate::bench::flight::{Plan, clear, difference, download, home, load};
 use crate::bench::station::{Access, authorisation, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
@@ -67,6 +67,7 @@ fn many_commands_a_second(t: &Trial) -> Judged {
 fn long_routes(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
+    clear(t, &a)?;
     let mut plan = Plan::zigzag(&home, "LONG", &(1..=100).collect::<Vec<i64>>());
     for (index, point) in plan.points.iter_mut().enumerate() {
         let angle = index as f64 * 0.2;

@@ -2,7 +2,8 @@
 
 use super::scene::Scene;
 use crate::bench::flight::{
-    Plan, deliver, difference, download, home, load, loaded, route_head, run_transfer, transfer,
+    Plan, clear, deliver, difference, download, home, load, loaded, route_head, run_transfer,
+    transfer,
 };
 use crate::bench::station::Station;
 use crate::bench::trial::{Player, Trial};
@@ -81,6 +82,7 @@ pub(super) fn with_plan(t: &Trial, numbers: &[i64]) -> Judged<(Player, Plan)> {
 fn a_good_route_is_loaded(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
+    clear(t, &a)?;
     let plan = Plan::zigzag(&home, "GOOD", &[1, 2, 3, 4]);
     let found = load(t, &a, &plan)?;
     t.expect(found.status == Some(1), || {
@@ -125,6 +127,7 @@ fn order_of_arrival_does_not_matter(t: &Trial) -> Judged {
         .enumerate()
     {
         let plan = Plan::zigzag(&home, &format!("ORDER{round}"), &[1, 2, 3, 4]);
+        clear(t, &a)?;
         let messages = plan.messages();
         for index in order {
             deliver(&a, messages[index].clone());
@@ -144,6 +147,7 @@ fn order_of_arrival_does_not_matter(t: &Trial) -> Judged {
 fn numbers_need_not_be_contiguous(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
+    clear(t, &a)?;
     let plan = Plan::zigzag(&home, "GAPS", &[10, 40, 20, 65_534]);
     let found = load(t, &a, &plan)?;
     t.expect(found.status == Some(1), || {
@@ -227,8 +231,9 @@ fn a_route_with_a_gap_is_refused(t: &Trial) -> Judged {
 fn a_refused_upload_leaves_the_old_plan(t: &Trial) -> Judged {
     let (a, plan) = with_plan(t, &[1, 2, 3])?;
     let home = home(t, &a)?;
-    let mut gap = Plan::zigzag(&home, "BAD1", &[1, 2, 3]);
-    gap.points.remove(2);
+    // Waypoint 97 belongs to no plan of this run: a subject that edits plans in part has it from nowhere.
+    let mut gap = Plan::zigzag(&home, "BAD1", &[1, 2]);
+    gap.points[1] = gap.points[1].clone().raw("Next Waypoint", 97);
     refused(
         t,
         &a,
@@ -253,6 +258,7 @@ fn a_refused_upload_leaves_the_old_plan(t: &Trial) -> Judged {
 fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
+    clear(t, &a)?;
     let mut plan = Plan::zigzag(&home, "VALUES", &[10, 40, 20, 65_534]);
     for (index, point) in plan.points.iter_mut().enumerate() {
         // Values that a float of 32 bits, degrees times 1e7 or whole metres do not keep.
@@ -303,6 +309,7 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
 fn route_type_and_its_default(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
+    clear(t, &a)?;
     let mut plan = Plan::zigzag(&home, "TYPES", &[1, 2]);
     // The contingency route beside the flight route.
     let contingency = Plan::zigzag(&home, "TYPES", &[101, 102]);

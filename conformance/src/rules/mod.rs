@@ -14,6 +14,7 @@ mod flight;
 mod handover;
 mod link;
 mod load;
+mod maneuver;
 mod mission;
 mod mode;
 mod payload;
@@ -41,6 +42,7 @@ pub fn scenes() -> Vec<&'static Scene> {
         transfer::SCENES,
         mode::SCENES,
         flight::SCENES,
+        maneuver::SCENES,
         status::SCENES,
         configuration::SCENES,
         alerts::SCENES,

@@ -1,6 +1,7 @@
 //! Flight commands on the ground, termination, engines, lights: MODE.
 
 use std::collections::BTreeSet;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use super::acknowledgement::about;
@@ -108,7 +109,28 @@ fn modes_it_lacks_are_refused(t: &Trial) -> Judged {
         let after = reported_mode(&a)?;
         t.expect(after == before, || format!("expected mode {wanted}, which 44003 marks as unavailable, to change nothing; 3001 went from {before:?} to {after:?}"))?;
     }
-    Ok(())
+    if !t.bench.flight_released.load(Ordering::SeqCst) {
+        return Ok(());
+    }
+    // In flight a mode that the vehicle lacks could be taken for another that it has.
+    a.release()?;
+    let Ok(a) = airborne(t) else { return Ok(()) };
+    let result = (|| {
+        for wanted in [16, 17, 22] {
+            let sent = a.send(mode_command(wanted).acked());
+            let done = a.wait(sent.mark, t.timers().answer, |seen| {
+                about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(2)
+            });
+            let shown = reported_mode(&a)?;
+            if let Some(done) = done {
+                t.expect_of(&done, shown == Some(wanted), || format!("expected mode {wanted} refused, since the vehicle does not enter it; 17000 type 2 came, 3001 shows {shown:?}"))?;
+            }
+        }
+        Ok(())
+    })();
+    a.release()?;
+    land(t)?;
+    result
 }
 
 fn termination_takes_two_steps(t: &Trial) -> Judged {

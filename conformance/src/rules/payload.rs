@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::scene::Scene;
 use crate::bench::flight::wrapped;
-use crate::bench::station::{Access, Station, authorisation, information_request, loi};
+use crate::bench::station::{Access, Station, information_request, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::Draft;
@@ -157,9 +157,8 @@ fn still(t: &Trial, a: &Station, station: u8, command: Draft, by: &Station, why:
 
 fn payload_commands_need_the_stations_loi_3(t: &Trial) -> Judged {
     let station = stations(t)?[0];
-    let b = t.b()?;
+    let (watcher, b) = t.payload_pair()?;
     t.grant(&b, loi::LOI2)?;
-    let watcher = t.a()?;
     t.grant(&watcher, loi::LOI2)?;
     pointing(&watcher, station).precondition("the payload reports where it points")?;
     still(t, &watcher, station, steer(station, 0.9), &b, "LOI 2 only")?;
@@ -182,7 +181,7 @@ fn only_the_addressed_station_moves(t: &Trial) -> Judged {
     let [first, second, ..] = all[..] else {
         return Err(Stop::not_applicable("needs two payload stations"));
     };
-    let a = t.a()?;
+    let (a, _) = t.payload_pair()?;
     for station in [first, second] {
         take_station(t, &a, station).precondition("LOI 3 is granted")?;
     }
@@ -206,7 +205,7 @@ fn only_the_addressed_station_moves(t: &Trial) -> Judged {
 
 fn pointing_mode_decides(t: &Trial) -> Judged {
     let station = stations(t)?[0];
-    let a = t.a()?;
+    let (a, _) = t.payload_pair()?;
     take_station(t, &a, station).precondition("LOI 3 is granted")?;
     let target = 30_f64.to_radians();
     a.send(by_angles(station));
@@ -237,7 +236,7 @@ fn messages_of_the_payload_type(t: &Trial) -> Judged {
 
 fn laser_fires_on_its_code_only(t: &Trial) -> Judged {
     let station = stations(t)?[0];
-    let a = t.a()?;
+    let (a, _) = t.payload_pair()?;
     take_station(t, &a, station).precondition("LOI 3 is granted")?;
     let firing = |seen: &crate::wire::Seen| {
         let info = seen.info.map_or(&[][..], |info| info.fields);
@@ -262,8 +261,8 @@ fn laser_fires_on_its_code_only(t: &Trial) -> Judged {
 
 fn vehicle_controller_may_take_a_station(t: &Trial) -> Judged {
     let station = stations(t)?[0];
-    let a = t.controller()?;
-    let b = t.b()?;
+    let (a, b) = t.payload_pair()?;
+    t.grant(&a, loi::LOI2 | loi::LOI4)?;
     take_station(t, &b, station).precondition("B has LOI 3")?;
     if let Ok(c) = t.find("a third CUCS id that may have LOI 3", |cucs| {
         cucs.id != a.id && cucs.id != b.id && cucs.authorised & loi::LOI3 != 0
@@ -289,8 +288,7 @@ fn stations_are_given_singly(t: &Trial) -> Judged {
     let [first, second, ..] = all[..] else {
         return Err(Stop::not_applicable("needs two payload stations"));
     };
-    let a = t.a()?;
-    let b = t.b()?;
+    let (a, b) = t.payload_pair()?;
     take_station(t, &a, first)?;
     take_station(t, &b, second)?;
     still(
@@ -305,8 +303,8 @@ fn stations_are_given_singly(t: &Trial) -> Judged {
 
 fn flying_is_not_payload_control(t: &Trial) -> Judged {
     let station = stations(t)?[0];
-    let a = t.controller()?;
-    let _ = authorisation(0, Access::Request);
+    let (a, _) = t.payload_pair()?;
+    t.grant(&a, loi::LOI2 | loi::LOI4)?;
     pointing(&a, station).precondition("the payload reports where it points")?;
     still(
         t,

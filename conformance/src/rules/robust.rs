@@ -9,7 +9,8 @@ use stanag_msgs::Id;
 use super::scene::Scene;
 use crate::bench::discovery::alive;
 use crate::bench::flight::{
-    Plan, difference, download, home, mode_command, reported_mode, run_transfer, transfer, waypoint,
+    Plan, clear, difference, download, home, mode_command, reported_mode, run_transfer, transfer,
+    waypoint,
 };
 use crate::bench::station::{Access, Station, authorisation, discovery, information_request, loi};
 use crate::bench::trial::{Player, Trial};
@@ -378,6 +379,7 @@ fn impossible_senders(t: &Trial) -> Judged {
 fn duplicated_and_reordered_datagrams(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
+    clear(t, &a)?;
     let plan = Plan::zigzag(&home, "TWICE", &[1, 2, 3, 4]);
     let bytes: Vec<Vec<u8>> = plan
         .messages()

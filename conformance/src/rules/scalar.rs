@@ -2,8 +2,8 @@
 
 use super::scene::Scene;
 use crate::bench::flight::{
-    Fix, Plan, difference, download, fix, home, load, mode, mode_becomes, mode_command, waypoint,
-    wrapped,
+    Fix, Plan, clear, difference, download, fix, home, load, mode, mode_becomes, mode_command,
+    waypoint, wrapped,
 };
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
@@ -34,6 +34,7 @@ pub(super) const SCENES: &[Scene] = &[
 
 /// A plan that came back from the subject as it went there, or was refused.
 fn returns(t: &Trial, a: &crate::bench::station::Station, plan: &Plan, what: &str) -> Judged<bool> {
+    clear(t, a)?;
     let loaded = load(t, a, plan)?;
     if loaded.status != Some(1) {
         return Ok(false);
