@@ -276,9 +276,10 @@ class Vsm:
             for (number, id), schedule in peer.schedules.items():
                 if now >= schedule.due:
                     self.vehicles[number].send_report(cucs, id)
-                    schedule.due = max(schedule.due + schedule.period, now - schedule.period)
+                    # Behind by more than a period, what was missed is not made up for.
+                    schedule.due = max(schedule.due, now - schedule.period) + schedule.period
         if self.heartbeat_s and now >= self._heartbeat_at:
-            self._heartbeat_at = max(self._heartbeat_at + self.heartbeat_s, now - self.heartbeat_s)
+            self._heartbeat_at = max(self._heartbeat_at, now - self.heartbeat_s / 2) + self.heartbeat_s
             for vehicle in self.vehicles:
                 for cucs in vehicle.authority.watching():
                     vehicle.report(cucs, 16002, {})
