@@ -219,11 +219,11 @@ impl Draft {
         self
     }
 
-    /// How a point is called: by the number of its waypoint, or else by that of its item.
+    /// How a point is called: by the number of its waypoint or item in its file.
     #[must_use]
     pub fn number(&self, k: usize) -> usize {
-        let numbered = self.plan.as_ref().and_then(|plan| plan.waypoints.get(k));
-        numbered.map_or(k + 1, |w| usize::from(w.number))
+        let item = self.points.get(k).map_or(0, |point| point.item);
+        if item == 0 { k + 1 } else { item }
     }
 
     /// The positions of its points.

@@ -1,25 +1,65 @@
-//! The picture in a page of its own, to be moved and zoomed: one file, nothing fetched.
+//! The picture in a page of its own, to be moved and zoomed: one file, nothing fetched. Under the pointer it shows the
+//! values of the route there; a scale stays in its corner.
 
 use cucs::formats::escaped;
 
-/// A page around an SVG.
-pub(crate) fn page(title: &str, svg: &str) -> String {
+use super::scene::Scene;
+use super::svg::{self, Theme};
+
+/// A page around the picture of a scene.
+pub(crate) fn page(scene: &Scene, theme: &Theme) -> String {
+    let (samples, metre) = svg::hover(scene);
+    let picture = svg::draw(scene, theme);
     format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{}</title>\n<style>{STYLE}</style></head>\n\
-         <body><p>Drag to move, turn the wheel to zoom, double click for all of it.</p>\n{svg}<script>{SCRIPT}</script></body></html>\n",
-        escaped(title)
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{}</title>\n<style>body{{background:{}}}{STYLE}</style></head>\n\
+         <body><p>Drag to move, turn the wheel to zoom, double click for all of it.</p>\n{picture}\
+         <div id=\"values\"></div><div id=\"scale\"><span></span></div>\n\
+         <script>const samples = {samples}, metre = {metre};{SCRIPT}</script></body></html>\n",
+        escaped(&scene.title),
+        theme.paper,
     )
 }
 
-const STYLE: &str = "body{margin:0;font-family:sans-serif;background:#eee}p{margin:.4em 1em;color:#555}\
-svg{display:block;width:100vw;height:calc(100vh - 2.2em);cursor:grab;touch-action:none}";
+const STYLE: &str = "body{margin:0;font-family:sans-serif}p{margin:.4em 1em;color:#888}\
+body>svg{display:block;width:100vw;height:calc(100vh - 2.2em);cursor:grab;touch-action:none}\
+#values{position:fixed;display:none;padding:.3em .6em;background:#222e;color:#fff;font-size:13px;white-space:pre;pointer-events:none;border-radius:4px}\
+#scale{position:fixed;left:1em;bottom:1em;height:6px;border:2px solid #888;border-top:0;pointer-events:none}\
+#scale span{position:absolute;bottom:8px;left:0;font-size:13px;color:#888;white-space:nowrap}";
 
 const SCRIPT: &str = r#"
 const svg = document.querySelector('svg'), all = svg.getAttribute('viewBox').split(' ').map(Number);
+const values = document.getElementById('values'), scale = document.getElementById('scale');
 svg.removeAttribute('width'); svg.removeAttribute('height');
+const dot = document.createElementNS('http://www.w3.org/2000/svg', 'circle');
+dot.setAttribute('fill', 'none'); dot.setAttribute('stroke', '#888'); dot.setAttribute('stroke-width', 2);
+svg.append(dot);
 let box = all.slice(), grip = null;
-const show = () => svg.setAttribute('viewBox', box.join(' '));
+const show = () => {
+  svg.setAttribute('viewBox', box.join(' '));
+  const pixels = svg.getScreenCTM().a * metre, most = 160 / pixels;
+  const power = 10 ** Math.floor(Math.log10(most));
+  const bar = power * [5, 2, 1].find(k => k * power <= most);
+  scale.style.width = bar * pixels + 'px';
+  scale.firstChild.textContent = bar >= 1000 ? bar / 1000 + ' km' : bar + ' m';
+};
 const point = e => new DOMPoint(e.clientX, e.clientY).matrixTransform(svg.getScreenCTM().inverse());
+const hover = e => {
+  const p = point(e), zoom = svg.getScreenCTM().a;
+  let best = null, least = 20 / zoom;
+  for (const s of samples) {
+    const d = Math.hypot(s[0] - p.x, s[1] - p.y);
+    if (d < least) { least = d; best = s; }
+  }
+  values.style.display = best ? 'block' : 'none';
+  dot.setAttribute('r', best ? 6 / zoom : 0);
+  if (!best) return;
+  const [x, y, lat, lon, alt, along, off, radius] = best;
+  dot.setAttribute('cx', x); dot.setAttribute('cy', y); dot.setAttribute('stroke-width', 2 / zoom);
+  values.textContent = `${lat.toFixed(7)}, ${lon.toFixed(7)}\naltitude ${alt} m\n${along} m along the route\n` +
+    `deviation ${off} m\n` + (radius ? `radius ${radius} m` : 'straight');
+  values.style.left = Math.min(e.clientX + 16, innerWidth - 230) + 'px';
+  values.style.top = Math.min(e.clientY + 16, innerHeight - 110) + 'px';
+};
 svg.addEventListener('wheel', e => {
   e.preventDefault();
   const p = point(e), k = Math.exp(e.deltaY * 0.0015);
@@ -28,11 +68,14 @@ svg.addEventListener('wheel', e => {
 }, { passive: false });
 svg.addEventListener('pointerdown', e => { grip = point(e); svg.setPointerCapture(e.pointerId); });
 svg.addEventListener('pointermove', e => {
-  if (!grip) return;
+  if (!grip) return hover(e);
   const p = point(e);
   box[0] += grip.x - p.x; box[1] += grip.y - p.y;
   show();
 });
 svg.addEventListener('pointerup', () => { grip = null; });
+svg.addEventListener('pointerleave', () => { values.style.display = 'none'; dot.setAttribute('r', 0); });
 svg.addEventListener('dblclick', () => { box = all.slice(); show(); });
+addEventListener('resize', show);
+show();
 "#;

@@ -8,13 +8,14 @@ mod svg;
 use std::path::PathBuf;
 
 use clap::Args;
-use cucs::formats::ending;
+use cucs::formats::{self, Selection, ending};
+use curve_paths::Position;
 
 use crate::failure::Failure;
 use crate::load::{Densify, Loaded};
 use crate::output::{RequiredOutput, save};
 use crate::tlog;
-use scene::Scene;
+use scene::{Beside, Scene};
 
 /// Arguments of `plot`.
 #[derive(Debug, Args)]
@@ -29,9 +30,21 @@ pub(crate) struct Command {
     /// Make a .png this wide, pixels.
     #[arg(long, value_name = "PIXELS", default_value_t = 2_000, value_parser = clap::value_parser!(u32).range(100..=10_000))]
     width: u32,
-    /// Draw the flown track of this .tlog too.
-    #[arg(long)]
+    /// Draw the flown track of this .tlog too; its deviation is measured from the route's start to its end.
+    #[arg(long, value_name = "FILE")]
     flown: Option<PathBuf>,
+    /// Draw this track too, which the route was fitted to, and how far its fixes are from the route.
+    #[arg(long, value_name = "FILE")]
+    track: Option<PathBuf>,
+    /// Of --track use only the rows of this lap (a table with a column lap).
+    #[arg(long, requires = "track")]
+    lap: Option<i64>,
+    /// Mark home here: degrees north and east, such as 47.3977,8.5456 (default: the file's, or the start of --flown).
+    #[arg(long, value_name = "LAT,LON", value_parser = home, allow_hyphen_values = true)]
+    home: Option<Position>,
+    /// Draw light lines on a dark ground.
+    #[arg(long)]
+    dark: bool,
 }
 
 impl Command {
@@ -45,24 +58,48 @@ impl Command {
         let loaded = Loaded::read(&self.file, &self.how)?;
         loaded.report_losses(&self.how)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
-        let flown = match &self.flown {
-            Some(file) => tlog::read(file)?,
+        let track = match &self.track {
+            Some(file) => {
+                let mut selection = Selection::default();
+                selection.lap = self.lap;
+                formats::read_track(file, &selection)?.positions()
+            }
             None => Vec::new(),
         };
-        let name = &loaded.route.name;
-        let drawn = svg::draw(&Scene::new(
-            name,
+        let beside = Beside {
+            home: self.home,
+            track,
+            flown: match &self.flown {
+                Some(file) => tlog::read(file)?,
+                None => Vec::new(),
+            },
+        };
+        let scene = Scene::new(
+            &loaded.route,
             &loaded.legs,
             &densified,
             tolerance_m,
-            &flown,
-        ));
+            &beside,
+        );
+        let theme = if self.dark { &svg::DARK } else { &svg::LIGHT };
         let bytes = match ending.as_str() {
-            "html" => html::page(name, &drawn).into_bytes(),
-            "png" => png::paint(&drawn, self.width)
+            "html" => html::page(&scene, theme).into_bytes(),
+            "png" => png::paint(&svg::draw(&scene, theme), self.width)
                 .map_err(|e| Failure::answer(self.output.path(), e))?,
-            _ => drawn.into_bytes(),
+            _ => svg::draw(&scene, theme).into_bytes(),
         };
         save(self.output.path(), &bytes)
     }
+}
+
+/// A place of the command line.
+fn home(text: &str) -> Result<Position, String> {
+    let fault = || format!("{text:?}, expected LAT,LON in degrees, such as 47.3977,8.5456");
+    let (lat, lon) = text.split_once(',').ok_or_else(fault)?;
+    // An altitude may follow; a map has none.
+    let lon = lon.split(',').next().unwrap_or(lon);
+    let degrees = |text: &str| text.trim().parse::<f64>().map_err(|_| fault());
+    let place = Position::new(degrees(lat)?, degrees(lon)?, 0.0);
+    place.checked().map_err(|e| e.to_string())?;
+    Ok(place)
 }

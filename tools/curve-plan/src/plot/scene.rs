@@ -1,5 +1,6 @@
 //! What a picture shows, in metres: independent of how it is drawn.
 
+use cucs::formats::Draft;
 use curve_paths::{Densified, Leg, Position};
 
 /// A place on the picture's map, m east and north of its middle.
@@ -9,12 +10,14 @@ pub(crate) type Point = [f64; 2];
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sample {
     pub(crate) at: Point,
+    /// Degrees north and east.
+    pub(crate) place: [f64; 2],
     pub(crate) alt_m: f64,
     /// Length of the route up to here, m.
     pub(crate) along_m: f64,
     /// Distance from the chord that stands for it, m.
     pub(crate) deviation_m: f64,
-    /// Radius of the track, m; infinite on a straight.
+    /// Radius of the curved leg, m; infinite on a straight one.
     pub(crate) radius_m: f64,
 }
 
@@ -25,40 +28,67 @@ pub(crate) struct Scene {
     pub(crate) curve: Vec<Sample>,
     /// P1-P2 and P4-P3 of each curved leg.
     pub(crate) arms: Vec<[Point; 2]>,
-    /// The route's own waypoints.
-    pub(crate) joints: Vec<Point>,
+    /// The route's own waypoints, with their numbers.
+    pub(crate) joints: Vec<(Point, usize)>,
     pub(crate) vertices: Vec<Point>,
-    pub(crate) flown: Vec<Point>,
-    /// Length along the route and distance from it of each flown position near it, m.
-    pub(crate) flown_deviation: Vec<[f64; 2]>,
+    pub(crate) home: Option<Point>,
+    /// The track that the route was fitted to.
+    pub(crate) track: Measured,
+    /// The flown track: the approach to the route and the way home belong to it, and are not measured.
+    pub(crate) flown: Measured,
     pub(crate) tolerance_m: f64,
     pub(crate) bound_m: f64,
 }
 
+/// What was drawn or flown beside a route.
+#[derive(Debug, Default)]
+pub(crate) struct Measured {
+    pub(crate) points: Vec<Point>,
+    /// Length along the route and distance from it of each position, m.
+    pub(crate) deviation: Vec<[f64; 2]>,
+}
+
+/// What a route is drawn beside.
+#[derive(Debug, Default)]
+pub(crate) struct Beside {
+    pub(crate) home: Option<Position>,
+    pub(crate) track: Vec<Position>,
+    pub(crate) flown: Vec<Position>,
+}
+
 impl Scene {
-    /// Gathers the scene.
+    /// Gathers the scene of a route, its legs and what is flown of them.
     pub(crate) fn new(
-        title: &str,
+        route: &Draft,
         legs: &[Leg],
         densified: &Densified,
         tolerance_m: f64,
-        flown: &[Position],
+        beside: &Beside,
     ) -> Self {
         let map = Map::around(densified);
+        let flat = |positions: &[Position]| positions.iter().map(|&p| map.to_flat(p)).collect();
         let mut scene = Self {
-            title: title.to_owned(),
+            title: route.name.clone(),
             vertices: densified
                 .vertices
                 .iter()
                 .map(|v| map.to_flat(v.position))
                 .collect(),
-            flown: flown.iter().map(|&p| map.to_flat(p)).collect(),
+            // A flight starts at home.
+            home: beside
+                .home
+                .or(route.home)
+                .or(beside.flown.first().copied())
+                .map(|home| map.to_flat(home)),
             tolerance_m,
             bound_m: densified.bound_m,
             ..Self::default()
         };
+        for (k, point) in route.points.iter().enumerate() {
+            let joint = (map.to_flat(point.position), route.number(k));
+            scene.joints.push(joint);
+        }
         for leg in legs {
-            scene.joints.push(map.to_flat(leg.start()));
             if let Leg::Bezier(b) = leg {
                 let control =
                     |c: curve_paths::Control| map.to_flat(Position::new(c.lat_deg, c.lon_deg, 0.0));
@@ -66,15 +96,14 @@ impl Scene {
                 scene.arms.push([map.to_flat(b.p4()), control(b.p3())]);
             }
         }
-        scene
-            .joints
-            .extend(legs.last().map(|l| map.to_flat(l.end())));
         scene.sample(legs, densified, &map);
-        scene.measure_flown();
+        scene.track = scene.measured(flat(&beside.track), false);
+        scene.flown = scene.measured(flat(&beside.flown), true);
         scene
     }
 
     fn sample(&mut self, legs: &[Leg], densified: &Densified, map: &Map) {
+        let mut of_leg: Vec<usize> = Vec::new();
         for pair in densified.vertices.windows(2) {
             let (v0, v1) = (pair[0], pair[1]);
             let a = if v0.leg == v1.leg { v0.t } else { 0.0 };
@@ -97,45 +126,109 @@ impl Scene {
                     .map_or(0.0, |s: &Sample| s.along_m + distance(s.at, at));
                 self.curve.push(Sample {
                     at,
+                    place: [position.lat_deg, position.lon_deg],
                     alt_m: position.alt_m,
                     along_m,
                     deviation_m,
                     radius_m: f64::INFINITY,
                 });
+                of_leg.push(v1.leg);
+            }
+        }
+        // A corner between two legs is no curve: a radius is that of three samples of one curved leg. At its ends it is
+        // that of their neighbours.
+        for leg in 0..legs.len() {
+            let first = of_leg.partition_point(|&l| l < leg);
+            let samples = first..of_leg.partition_point(|&l| l <= leg);
+            if !matches!(legs[leg], Leg::Bezier(_)) {
+                continue;
+            }
+            let own = &mut self.curve[samples];
+            let apart: Vec<usize> = (0..own.len())
+                .filter(|&k| k == 0 || distance(own[k - 1].at, own[k].at) > 1e-6)
+                .collect();
+            for three in apart.windows(3) {
+                let [a, b, c] = [0, 1, 2].map(|n| own[three[n]].at);
+                own[three[1]].radius_m = circumradius(a, b, c);
+            }
+            if let [first, second, .., before, last] = apart.as_slice() {
+                own[*first].radius_m = own[*second].radius_m;
+                own[*last].radius_m = own[*before].radius_m;
             }
         }
         self.curve.dedup_by(|b, a| distance(a.at, b.at) < 1e-6);
-        for k in 1..self.curve.len().saturating_sub(1) {
-            self.curve[k].radius_m =
-                circumradius(self.curve[k - 1].at, self.curve[k].at, self.curve[k + 1].at);
-        }
     }
 
-    fn measure_flown(&mut self) {
-        for p in &self.flown {
-            let nearest = self.curve.windows(2).map(|s| {
+    /// Measures positions against the curve. A flight is measured from its start to its end: the way there and back is
+    /// no deviation.
+    fn measured(&self, points: Vec<Point>, flight: bool) -> Measured {
+        let on_route = if flight {
+            self.on_route(&points)
+        } else {
+            0..points.len()
+        };
+        let nearest = |p: &Point| {
+            let chords = self.curve.windows(2).map(|s| {
                 let [d, f] = to_segment(*p, s[0].at, s[1].at);
                 [s[0].along_m + f * (s[1].along_m - s[0].along_m), d]
             });
-            self.flown_deviation
-                .extend(nearest.min_by(|a, b| a[1].total_cmp(&b[1])));
+            chords.min_by(|a, b| a[1].total_cmp(&b[1]))
+        };
+        let deviation = points[on_route].iter().filter_map(nearest).collect();
+        Measured { points, deviation }
+    }
+
+    /// The part of a flight between the route's start and its end: from where it first was as near to the start as it
+    /// ever was, to where it last was as near to the end.
+    fn on_route(&self, flown: &[Point]) -> std::ops::Range<usize> {
+        let near = |place: Option<&Sample>| {
+            let apart = place.map(|s| flown.iter().map(|p| distance(*p, s.at)).collect());
+            let apart: Vec<f64> = apart.unwrap_or_default();
+            let least = apart.iter().copied().fold(f64::INFINITY, f64::min);
+            (apart, least + PASSED_M)
+        };
+        let (from_start, at_start) = near(self.curve.first());
+        let (from_end, at_end) = near(self.curve.last());
+        let start = from_start.iter().position(|d| *d <= at_start).unwrap_or(0);
+        let end = from_end.iter().rposition(|d| *d <= at_end);
+        match end.filter(|end| *end > start) {
+            Some(end) => start..end + 1,
+            None => start..flown.len(),
         }
     }
 
-    /// Smallest and greatest coordinates of all that is drawn on the map.
+    /// Smallest and greatest coordinates of the route and of what was measured against it. Home belongs to the map where
+    /// it is not so far that the route would be a dot.
     pub(crate) fn extent(&self) -> [Point; 2] {
-        let mut extent = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        let grow = |extent: [Point; 2], p: Point| {
+            let [low, high] = extent;
+            [
+                [low[0].min(p[0]), low[1].min(p[1])],
+                [high[0].max(p[0]), high[1].max(p[1])],
+            ]
+        };
         let curve = self.curve.iter().map(|s| s.at);
         let arms = self.arms.iter().flatten().copied();
-        for p in curve.chain(arms).chain(self.flown.iter().copied()) {
-            for k in 0..2 {
-                extent[0][k] = extent[0][k].min(p[k]);
-                extent[1][k] = extent[1][k].max(p[k]);
-            }
-        }
-        extent
+        let extent = curve
+            .chain(arms)
+            .fold([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]], grow);
+        let size = distance(extent[0], extent[1]);
+        let beside = self
+            .home
+            .into_iter()
+            .chain(self.track.points.iter().copied());
+        beside
+            .chain(self.flown.points.iter().copied())
+            .filter(|p| {
+                let inside = [0, 1].map(|k| p[k].clamp(extent[0][k], extent[1][k]));
+                distance(*p, inside) <= 0.3 * size
+            })
+            .fold(extent, grow)
     }
 }
+
+/// Positions of one pass by a place are within this of the nearest, m: a fifth of a second at 10 m/s.
+const PASSED_M: f64 = 2.0;
 
 /// A flat map around the middle of a route: good to a millimetre in a kilometre over some kilometres.
 struct Map {

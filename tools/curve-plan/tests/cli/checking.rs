@@ -46,7 +46,7 @@ fn check_finds_the_tight_place_and_refuses_where_requested() {
 }
 
 /// A .tlog record of a MAVLink 1 GLOBAL_POSITION_INT.
-fn record(lat_deg: f64, lon_deg: f64, alt_m: f64) -> Vec<u8> {
+pub(crate) fn record(lat_deg: f64, lon_deg: f64, alt_m: f64) -> Vec<u8> {
     let mut frame = vec![0xfe, 28, 0, 1, 1, 33];
     let numbers = [1_000.0, lat_deg * 1e7, lon_deg * 1e7, alt_m * 1e3];
     frame.extend(numbers.map(|x| (x.round() as i32).to_le_bytes()).concat());

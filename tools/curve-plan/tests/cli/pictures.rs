@@ -1,6 +1,7 @@
 //! `plot`: pictures are well-formed, complete in themselves, and show the route.
 
-use crate::Files;
+use crate::checking::record;
+use crate::{Files, ROUTE};
 
 #[test]
 fn pictures_are_well_formed_and_fetch_nothing() {
@@ -11,7 +12,7 @@ fn pictures_are_well_formed_and_fetch_nothing() {
         assert!(text.contains("bend &amp; climb") && text.contains("altitude, m"));
         assert!(!text.contains("src=") && !text.contains("href=") && !text.contains("url("));
         let start = text.find("<svg").unwrap();
-        let end = text.find("</svg>").unwrap() + 6;
+        let end = text.rfind("</svg>").unwrap() + 6;
         let mut reader = quick_xml::Reader::from_str(&text[start..end]);
         let mut found = 0;
         loop {
@@ -48,4 +49,149 @@ fn a_png_shows_the_curve_and_its_letters() {
     // The title's letters, in the first 18 rows at this scale.
     assert!(dark(0..18) > 60, "{}", dark(0..18));
     assert!(dark(60..300) > 500);
+}
+
+/// The texts of a picture.
+fn texts(svg: &str) -> Vec<&str> {
+    let parts = svg.split("<text").skip(1);
+    parts
+        .filter_map(|part| part.split_once('>')?.1.split_once("</text>"))
+        .map(|(text, _)| text)
+        .collect()
+}
+
+#[test]
+fn waypoints_have_their_numbers_and_home_is_marked() {
+    let files = Files::new();
+    files.done(&["plot", "route.toml", "-o", "a.svg"]);
+    let plain = files.get("a.svg");
+    for number in ["10", "20", "30"] {
+        let label = |text: &&str| *text == number;
+        assert_eq!(texts(&plain).into_iter().filter(label).count(), 1);
+    }
+    assert!(!plain.contains("id=\"home\""));
+    let home = ["--home", "47.3970,8.5455"];
+    files.done(&[&["plot", "route.toml", "-o", "b.svg"], &home[..]].concat());
+    assert!(texts(&files.get("b.svg")).contains(&"home"));
+    // A home that is far away does not make a dot of the route.
+    let home = ["--home", "47.9,8.5455"];
+    files.done(&[&["plot", "route.toml", "-o", "c.svg"], &home[..]].concat());
+    let far = files.get("c.svg");
+    let beyond = |text: &&str| text.starts_with("home, 5") && text.ends_with(" km beyond");
+    assert!(texts(&far).iter().any(beyond), "{:?}", texts(&far));
+    let curve = |svg: &str| svg.split("stroke-width=\"4.5\"").next().unwrap().len();
+    assert_eq!(curve(&far), curve(&plain));
+    // A plan has a home of its own.
+    files.done(&["convert", "route.toml", "route.plan"]);
+    files.done(&["plot", "route.plan", "-o", "d.svg"]);
+    assert!(files.get("d.svg").contains("id=\"home\""));
+    let (status, printed) =
+        files.refused(&["plot", "route.toml", "-o", "e.svg", "--home", "north"]);
+    assert!(
+        status == 2 && printed.contains("expected LAT,LON"),
+        "{printed}"
+    );
+}
+
+#[test]
+fn a_corner_of_straight_legs_is_no_tight_curve() {
+    let files = Files::new();
+    let curve = ROUTE.find("[[curve]]").unwrap();
+    files.put("straight.toml", &ROUTE[..curve]);
+    files.done(&["plot", "straight.toml", "-o", "a.svg"]);
+    let text = files.get("a.svg");
+    assert!(text.contains("stroke=\"#3b528b\"") && !text.contains("radius"));
+    for tight in ["#e8702a", "#c3243c\" stroke-width=\"4.5", "#d9a514"] {
+        assert!(!text.contains(tight), "{tight}");
+    }
+    files.done(&["plot", "route.toml", "-o", "b.svg"]);
+    let text = files.get("b.svg");
+    assert!(text.contains("radius of curves, m") && text.contains("#d9a514"));
+    // Nor is the corner at which a curve begins.
+    assert!(!text.contains("#c3243c\" stroke-width=\"4.5"));
+}
+
+#[test]
+fn the_deviation_of_a_flight_is_that_on_the_route() {
+    let files = Files::new();
+    let fine = files.json(&["densify", "route.toml", "--tolerance", "0.1", "--json"]);
+    let place = |v: &serde_json::Value| [&v["lat_deg"], &v["lon_deg"]].map(|x| x.as_f64().unwrap());
+    let vertices: Vec<[f64; 2]> = fine["vertices"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(place)
+        .collect();
+    // From 900 m away to the route, along it half a metre to the north of it, and back.
+    let (home, first, last) = ([47.3905, 8.5400], vertices[0], vertices[vertices.len() - 1]);
+    let way = |a: [f64; 2], b: [f64; 2]| {
+        (0..40).map(move |k| {
+            let f = f64::from(k) / 40.0;
+            [a[0] + (b[0] - a[0]) * f, a[1] + (b[1] - a[1]) * f]
+        })
+    };
+    let on = vertices.windows(2).flat_map(|pair| way(pair[0], pair[1]));
+    let on = on.map(|[lat, lon]| [lat + 0.5 / 111_180.0, lon]);
+    let flown = way(home, first).chain(on).chain(way(last, home));
+    let log: Vec<u8> = flown
+        .flat_map(|[lat, lon]| record(lat, lon, 500.0))
+        .collect();
+    std::fs::write(files.path("flight.tlog"), log).unwrap();
+    files.done(&[
+        "plot",
+        "route.toml",
+        "-o",
+        "a.svg",
+        "--flown",
+        "flight.tlog",
+    ]);
+    let text = files.get("a.svg");
+    assert!(text.contains("\"#d100a8\"") && texts(&text).contains(&"flown"));
+    // The axis of the deviation ends at the tolerance, not at the 900 m of the approach; home is where it started.
+    let deviation = text
+        .split("deviation, m")
+        .nth(1)
+        .unwrap()
+        .split("altitude, m")
+        .next()
+        .unwrap();
+    // Ticks of the length have no decimals.
+    let of_deviation = texts(deviation).into_iter().filter(|t| t.contains('.'));
+    let ticks: Vec<f64> = of_deviation.map(|t| t.parse().unwrap()).collect();
+    assert!(
+        ticks.len() > 2 && ticks.iter().all(|t| *t <= 2.0),
+        "{ticks:?}"
+    );
+    assert!(texts(&text).iter().any(|t| t.starts_with("home, ")));
+}
+
+#[test]
+fn a_fit_is_drawn_beside_its_track_and_a_page_has_values_and_a_scale() {
+    let files = Files::new();
+    files.done(&[
+        "densify",
+        "route.toml",
+        "--tolerance",
+        "0.2",
+        "-o",
+        "track.csv",
+    ]);
+    files.done(&["fit", "track.csv", "--tolerance", "1", "-o", "fit.toml"]);
+    files.done(&["plot", "fit.toml", "-o", "a.svg", "--track", "track.csv"]);
+    let text = files.get("a.svg");
+    assert!(texts(&text).contains(&"track"));
+    let fixes = files.get("track.csv").lines().count() - 1;
+    let dots = text.matches("r=\"1\" fill=\"#0a6cff\"").count();
+    assert_eq!(dots, fixes);
+    files.done(&["plot", "route.toml", "-o", "a.html"]);
+    let page = files.get("a.html");
+    assert!(page.contains("id=\"scale\"") && page.contains("along the route"));
+    let samples = page.split("const samples = ").nth(1).unwrap();
+    let samples = samples.split(", metre = ").next().unwrap();
+    let samples: Vec<[f64; 8]> = serde_json::from_str(samples).unwrap();
+    assert_eq!(samples[0][2..6], [47.3977434, 8.5455939, 500.0, 0.0]);
+    assert!(samples[0][7] == 0.0 && samples.iter().any(|s| s[7] > 20.0 && s[7] < 200.0));
+    files.done(&["plot", "route.toml", "-o", "dark.svg", "--dark"]);
+    let dark = files.get("dark.svg");
+    assert!(dark.contains("fill=\"#14171c\"") && !dark.contains("#fff"));
 }
