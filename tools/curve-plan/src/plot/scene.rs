@@ -137,10 +137,10 @@ impl Scene {
         }
         // A corner between two legs is no curve: a radius is that of three samples of one curved leg. At its ends it is
         // that of their neighbours.
-        for leg in 0..legs.len() {
+        for (leg, shape) in legs.iter().enumerate() {
             let first = of_leg.partition_point(|&l| l < leg);
             let samples = first..of_leg.partition_point(|&l| l <= leg);
-            if !matches!(legs[leg], Leg::Bezier(_)) {
+            if !matches!(shape, Leg::Bezier(_)) {
                 continue;
             }
             let own = &mut self.curve[samples];
