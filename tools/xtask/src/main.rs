@@ -13,6 +13,7 @@ mod kill;
 mod licences;
 mod metrics;
 mod peers;
+mod portable;
 mod sbom;
 mod steps;
 mod tests;
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
         "kill" => kill::run(&mut steps),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
+        "portable" => portable::build(&mut steps).map(|folder| eprintln!("{}", folder.display())),
         "sbom" => sbom::write().map(|list| eprintln!("{}", list.display())),
         "metrics" => metrics::run(),
         "unused" => dependencies::check(),
@@ -77,7 +79,9 @@ usage: cargo xtask TASK
   fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all; --corpus DIR: from and to there
   kill    kill -9 the bridge and the agent at random moments of flights, and check what must not be lost; --times N,
           --side-by-side N, --seed N
-  deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: pack the programs of DIR; --out DIR
+  deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: pack the programs of DIR; --out DIR;
+          --architecture NAME: what those programs are for, where it is not this machine
+  portable  build static programs into target/portable/ARCHITECTURE; --architecture x86_64|aarch64
   sbom    write target/vsm.cdx.json, the CycloneDX list of what the flight binary is made of; --out FILE: elsewhere
   man     write manual pages and completions of bash, zsh and fish to target/man; --out DIR: elsewhere
   metrics print code sizes, module cycles, test binaries and words to replace; --root DIR, --edges, --check

@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use serde_json::{Value, json};
@@ -14,13 +14,18 @@ use crate::steps::{cargo, option, root};
 
 /// Writes `target/vsm.cdx.json`, or the file of `--out`.
 pub(crate) fn write() -> Result<PathBuf> {
+    let out = option("--out").unwrap_or_else(|| root().join("target/vsm.cdx.json"));
+    write_to(&out)?;
+    Ok(out)
+}
+
+/// Writes it into this file.
+pub(crate) fn write_to(out: &Path) -> Result<()> {
     let metadata = metadata()?;
     let lock: toml::Table = fs::read_to_string(root().join("Cargo.lock"))?.parse()?;
     let document = document(&metadata, &checksums(&lock))?;
-    let out = option("--out").unwrap_or_else(|| root().join("target/vsm.cdx.json"));
     let text = serde_json::to_string_pretty(&document)?;
-    fs::write(&out, text + "\n").with_context(|| out.display().to_string())?;
-    Ok(out)
+    fs::write(out, text + "\n").with_context(|| out.display().to_string())
 }
 
 fn metadata() -> Result<Value> {

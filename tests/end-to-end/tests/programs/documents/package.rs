@@ -47,8 +47,6 @@ fn the_package_unpacks_and_its_programs_run() {
         );
     }
     for place in [
-        "usr/share/man/man1/vsm-run.1",
-        "usr/share/man/man1/curve-plan-send.1",
         "usr/share/bash-completion/completions/cucs",
         "usr/share/zsh/vendor-completions/_px4-sim",
         "usr/share/fish/vendor_completions.d/curve-plan.fish",
@@ -56,6 +54,31 @@ fn the_package_unpacks_and_its_programs_run() {
         let text = fs::read_to_string(root.join(place)).expect(place);
         assert!(text.len() > 200, "{place}: {text}");
     }
+    for place in [
+        "usr/share/man/man1/vsm-run.1.gz",
+        "usr/share/man/man1/curve-plan-send.1.gz",
+        "usr/share/doc/vsm/changelog.gz",
+        "usr/share/doc/vsm/copyright",
+        "usr/share/doc/vsm/vsm.cdx.json",
+        "usr/share/doc/vsm/docs/guide/quick-start.md",
+        "usr/share/doc/vsm/docs/img/demo.svg",
+        "usr/share/doc/vsm/docs/reference/support.md",
+        "usr/share/doc/vsm/examples/vsm.toml",
+    ] {
+        assert!(root.join(place).exists(), "{place} is not in the package");
+    }
+    let symbols = fs::read(root.join("usr/bin/vsm")).expect("the program");
+    let built = fs::read(program("vsm")).expect("the program");
+    assert!(
+        symbols.len() < built.len(),
+        "the packed program has its symbols"
+    );
+    let sums = run(Command::new("dpkg-deb")
+        .args(["--info"])
+        .arg(&package)
+        .arg("md5sums"));
+    let summed = scratch_sums(&root);
+    assert_eq!(sums, summed, "md5sums of the package");
     let mode = |path: &str| {
         fs::metadata(root.join(path))
             .expect(path)
@@ -89,6 +112,12 @@ fn the_package_unpacks_and_its_programs_run() {
 
     verify_unit(&root, "vsm.service");
     verify_unit(&root, "vsm-airside.service");
+}
+
+/// The checksums of what was unpacked, as the package lists them.
+fn scratch_sums(root: &Path) -> String {
+    let list = "find usr -type f -print0 | LC_ALL=C sort -z | xargs -0 md5sum";
+    run(Command::new("sh").args(["-c", list]).current_dir(root))
 }
 
 /// systemd reads the unit without a word; where it rates it, it rates it safe.
