@@ -107,6 +107,7 @@ struct File {
     defaults: Option<IgnoredAny>,
     waypoint: Option<IgnoredAny>,
     curve: Option<IgnoredAny>,
+    route: Option<IgnoredAny>,
 }
 
 #[derive(Deserialize)]
@@ -285,6 +286,19 @@ mod tests {
             messages,
             "{text}"
         );
+    }
+
+    #[test]
+    fn a_route_file_may_hold_areas_beside_all_its_other_keys() {
+        let route = "mission_id = \"m\"\nid = \"r\"\ntype = \"flight\"\ninitial = 1\n[defaults]\naltitude = 30.0\n\
+                     [[waypoint]]\nnumber = 1\nlatitude = 47.0\nlongitude = 8.0\n\
+                     [[waypoint]]\nnumber = 2\nlatitude = 47.0\nlongitude = 8.1\n\
+                     [[curve]]\nfrom = 1\nto = 2\np2 = [47.0, 8.0]\np3 = [47.0, 8.1]\n\
+                     [[route]]\ninitial = 2\n";
+        let both = format!("{route}{TEXT}");
+        crate::Route::parse(Path::new("f"), &both).unwrap();
+        assert_eq!(parse(Path::new("f"), &both).unwrap().len(), 2);
+        assert!(parse(Path::new("f"), "[[aera]]\nkeep = \"in\"\n").is_err());
     }
 
     #[test]

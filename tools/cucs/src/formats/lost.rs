@@ -42,6 +42,10 @@ pub(super) fn route(draft: &Draft, losses: &mut Losses) {
     if let Some(kind) = plan.route_type.and_then(|kind| ROUTE_TYPES.word(kind)) {
         losses.add_whole(format!("route type {kind}"));
     }
+    for further in &plan.further {
+        let name = further.id.as_deref().unwrap_or("without a name");
+        losses.add_whole(format!("route {name} from waypoint {}", further.initial));
+    }
     for waypoint in &plan.waypoints {
         let number = usize::from(waypoint.number);
         if draft.points.iter().all(|point| point.item != number) {
