@@ -1,4 +1,4 @@
-//! `check`: whether a route can be flown at a speed, where it is too tight, and what flying will add.
+//! `check`: whether a route can be flown at a speed, where it is too tight or too low, and what flying will add.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -11,6 +11,7 @@ use curve_paths::{Densified, Leg, Position};
 use serde_json::json;
 
 use crate::failure::Failure;
+use crate::heights::{Heights, Home};
 use crate::load::{Densify, Loaded};
 use crate::output::print;
 use crate::tlog;
@@ -36,6 +37,18 @@ pub(crate) struct Command {
     file: PathBuf,
     #[command(flatten)]
     how: Densify,
+    /// Compare heights with this home: degrees north and east, m above mean sea level (default: the file's own).
+    // A route of heights above home needs none.
+    #[arg(
+        long,
+        value_name = "LAT,LON,ALT",
+        allow_hyphen_values = true,
+        conflicts_with = "home_alt"
+    )]
+    home: Option<Home>,
+    /// Allow a route below home.
+    #[arg(long)]
+    below_home: bool,
     /// Fly at this speed, m/s.
     #[arg(long, value_name = "M/S", default_value_t = 5.0)]
     speed: f64,
@@ -82,6 +95,14 @@ impl Command {
                 ..Multicopter::default()
             }),
         };
+        let heights = Heights::of(
+            &loaded,
+            &densified,
+            self.home,
+            self.below_home,
+            self.speed,
+            &airframe,
+        )?;
         let policy = if self.policy == Tightness::Slow {
             Policy::Slow
         } else {
@@ -97,10 +118,12 @@ impl Command {
             .transpose()?;
         if self.json {
             let mut report = self.report(&plan, densified.bound_m, &misread, flown.as_ref());
+            report["heights"] = heights.json();
             report["losses"] = loaded.route.losses.to_json();
             return print(&format!("{report}\n"));
         }
         let mut text = self.text(&plan, densified.vertices.len(), densified.bound_m, &misread);
+        text += &heights.text();
         if let Some(flown) = flown {
             let _ = writeln!(
                 text,

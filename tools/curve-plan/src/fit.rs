@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use cucs::formats::{self, Level, Selection};
+use curve_paths::Position;
 use curve_paths::fit::{Continuity, FitOptions, Track, fit};
 use serde_json::json;
 
@@ -61,8 +62,10 @@ impl Command {
             .map(|(_, w)| w)
             .collect();
         // A fit is made on the ground; what is flown needs altitudes.
+        let terrain = self.level.terrain()?;
+        let gaps = read.without_altitude();
         if self.output.path().is_some() {
-            read.level(self.level, &self.file)?;
+            read.level(&self.level, terrain.as_ref(), &self.file)?;
         }
         let fixes = read.positions();
         let track = Track::new(&fixes, closed).map_err(|e| Failure::file(&self.file, e))?;
@@ -80,19 +83,73 @@ impl Command {
             fit(&track, &options, &mut progress()).map_err(|e| Failure::answer(&self.file, e))?;
         if let Some(output) = self.output.path() {
             let route = of_fit(&read.name, &fitted, closed, read.datum);
+            if let Some(terrain) = &terrain {
+                // Between joints a leg climbs evenly, whatever the ground does there.
+                terrain.check(&route, &self.file)?;
+            }
             write(output, &route, &self.addresses, false)?;
         }
         let (legs, deviation_m) = (fitted.legs.len(), fitted.deviation_m);
+        // Where some fixes have no altitude, there is none to compare with.
+        let apart = read.without_altitude().is_none();
+        let apart = apart.then(|| altitudes_apart(track.fixes(), &fitted.joints));
         if self.json {
             let report = json!({
                 "fixes": track.fixes().len(), "tolerance_m": self.tolerance, "deviation_m": deviation_m,
                 "joints": fitted.joints, "legs": ground_points(&fitted),
+                "without_altitude": gaps.map_or(0, |(count, _)| count),
+                "altitude_deviation_m": apart.map(|(_, apart_m)| apart_m),
             });
             return print(&format!("{report}\n"));
         }
-        print(&format!(
-            "{} fixes, {legs} cubic legs, {deviation_m:.3} m off at most, both ways\n",
-            track.fixes().len()
-        ))
+        let fixes = track.fixes().len();
+        let mut text = format!(
+            "{fixes} fixes, {legs} cubic legs, {deviation_m:.3} m off at most, both ways\n"
+        );
+        if let Some((count, first)) = gaps {
+            text += &format!(
+                "no altitude at {count} fixes, the first is fix {first}: a route of it needs --altitude or --height\n"
+            );
+        }
+        if let Some((fix, apart_m)) = apart
+            && apart_m > self.tolerance
+        {
+            text += &format!(
+                "altitudes: each leg climbs evenly, {apart_m:.1} m off the track's at most, at fix {fix}\n"
+            );
+        }
+        print(&text)
     }
+}
+
+/// How far the altitudes of fixes are from an even climb between the joints before and after them: the fix, and m.
+fn altitudes_apart(fixes: &[Position], joints: &[usize]) -> (usize, f64) {
+    let mut worst = (0, 0.0);
+    let n = fixes.len();
+    for pair in joints.windows(2) {
+        // The last leg of a closed track leads over its first fix.
+        let last = if pair[1] > pair[0] {
+            pair[1]
+        } else {
+            pair[1] + n
+        };
+        let along: Vec<f64> = (pair[0]..last)
+            .scan(0.0, |so_far, k| {
+                *so_far += fixes[k % n]
+                    .ground()
+                    .distance_m(fixes[(k + 1) % n].ground());
+                Some(*so_far)
+            })
+            .collect();
+        let (from_m, to_m) = (fixes[pair[0]].alt_m, fixes[last % n].alt_m);
+        let length_m = along.last().copied().unwrap_or(0.0).max(f64::MIN_POSITIVE);
+        for (k, at_m) in (pair[0] + 1..last).zip(&along) {
+            let even_m = from_m + (to_m - from_m) * at_m / length_m;
+            let apart_m = (fixes[k % n].alt_m - even_m).abs();
+            if apart_m > worst.1 {
+                worst = (k % n, apart_m);
+            }
+        }
+    }
+    worst
 }

@@ -12,6 +12,7 @@ mod convert;
 mod densify;
 mod failure;
 mod fit;
+mod heights;
 mod load;
 mod messages;
 mod output;

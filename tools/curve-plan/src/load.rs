@@ -7,7 +7,6 @@ use cucs::formats::{self, Draft, Import};
 use curve_paths::{Densified, Leg, Options, Vertices, densify, densify_to_budget};
 
 use crate::failure::Failure;
-use crate::route::legs;
 
 /// How to densify, on the command line.
 #[derive(Clone, Debug, Args)]
@@ -33,17 +32,20 @@ pub(crate) struct Loaded {
     pub(crate) file: PathBuf,
     pub(crate) route: Draft,
     pub(crate) legs: Vec<Leg>,
+    /// Of --home-alt.
+    pub(crate) home_alt_m: Option<f64>,
 }
 
 impl Loaded {
     /// Reads a route and checks its legs.
     pub(crate) fn read(file: &Path, how: &Densify) -> Result<Self, Failure> {
         let route = formats::read(file, &how.import)?;
-        let legs = legs(&route, file)?;
+        let legs = route.legs(file)?;
         Ok(Self {
             file: file.to_owned(),
             route,
             legs,
+            home_alt_m: how.import.home_alt,
         })
     }
 

@@ -1,40 +1,8 @@
-//! The geometry of a route: its legs, a fit as a route, and the straight legs that it is flown by.
+//! The geometry of a route: a fit as a route, and the straight legs that it is flown by.
 
-use std::path::Path;
-
-use cucs::formats::{Conduct, Datum, Draft, FormatError, Point, Repeat};
+use cucs::formats::{Conduct, Datum, Draft, Point, Repeat};
 use curve_paths::fit::Fitted;
-use curve_paths::{BezierLeg, Densified, Leg};
-
-/// The legs of a route, each checked.
-pub(crate) fn legs(route: &Draft, file: &Path) -> Result<Vec<Leg>, FormatError> {
-    let n = route.points.len();
-    if n < 2 {
-        return Err(FormatError::file(
-            file,
-            format!("{n} waypoints, expected at least 2"),
-        ));
-    }
-    for (k, w) in route.points.iter().enumerate() {
-        w.position.checked().map_err(|e| {
-            FormatError::at(file, w.line, format!("waypoint {}", route.number(k)), e)
-        })?;
-    }
-    let last = if route.closed { n } else { n - 1 };
-    (0..last)
-        .map(|k| {
-            let (from, to) = (&route.points[k], &route.points[(k + 1) % n]);
-            match from.curve {
-                Some([p2, p3]) => BezierLeg::new(from.position, p2, p3, to.position).map(Leg::from),
-                None => Leg::straight(from.position, to.position),
-            }
-            .map_err(|e| {
-                let field = format!("leg from waypoint {}", route.number(k));
-                FormatError::at(file, from.line, field, e)
-            })
-        })
-        .collect()
-}
+use curve_paths::{BezierLeg, Densified};
 
 /// A route of cubic legs, as a fit yields them.
 pub(crate) fn of_fit(name: &str, fitted: &Fitted, closed: bool, datum: Datum) -> Draft {

@@ -10,7 +10,6 @@ use stanag_msgs::Id;
 use stanag_msgs::enums::LoiBitmap;
 
 use crate::failure::Failure;
-use crate::route::legs;
 
 /// Arguments of `send`.
 #[derive(Debug, Args)]
@@ -46,7 +45,7 @@ impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let draft = formats::read(&self.file, &self.import)?;
         // A file that is no route is refused before anything is sent.
-        legs(&draft, &self.file)?;
+        draft.legs(&self.file)?;
         let (plan, losses) = draft.to_send(&self.file)?;
         losses.report(&self.file.display().to_string(), self.import.strict)?;
         tokio::runtime::Builder::new_current_thread()

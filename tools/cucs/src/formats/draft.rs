@@ -1,14 +1,15 @@
 //! A route as a file has it: points with what is done there, curves between them, what the altitudes are above, and
 //! what else the file holds. Altitudes may be absent.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use curve_paths::{Control, Position};
+use curve_paths::{BezierLeg, Control, Leg, Position};
 use stanag_msgs::enums::{AltitudeType, LimitType, TurnType, WaypointSpeedType};
 
 use super::fault::FormatError;
 use super::losses::Losses;
+use super::terrain::{Clearance, Terrain};
 use crate::fence::Area;
 use crate::route::model::{Loiter, Route};
 
@@ -23,6 +24,10 @@ pub struct Draft {
     pub points: Vec<Point>,
     /// What the altitudes are above.
     pub datum: Datum,
+    /// Its heights are above the ground below each point, which without terrain is taken as home's.
+    pub over_ground: bool,
+    /// How far it is above the ground, where that is known.
+    pub clearance: Option<Clearance>,
     /// Where the file expects the vehicle to start.
     pub home: Option<Position>,
     /// The geofence.
@@ -149,21 +154,32 @@ impl Point {
     }
 }
 
-/// The altitude of all points, where a file does not give it.
-#[derive(Clone, Copy, Debug, Default, Args)]
+/// The altitude of all points, where a file does not give it, and the ground below them.
+#[derive(Clone, Debug, Default, Args)]
 pub struct Level {
     /// Put a route without altitudes at this altitude, m above mean sea level.
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     altitude: Option<f64>,
-    /// Put a route without altitudes at this height above home, m.
+    /// Put a route without altitudes at this height, m: above home, or above the ground with --terrain.
     #[arg(long, value_name = "M", conflicts_with = "altitude")]
     height: Option<f64>,
+    /// Read the ground from this file (.hgt, .asc) or folder of SRTM tiles, and refuse a route below it.
+    #[arg(long, value_name = "PATH")]
+    terrain: Option<PathBuf>,
 }
 
 impl Level {
     /// Whether the command line gives one.
     pub(super) const fn is_given(&self) -> bool {
-        self.altitude.is_some() || self.height.is_some()
+        self.altitude.is_some() || self.height.is_some() || self.terrain.is_some()
+    }
+
+    /// The ground, where it is given.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn terrain(&self) -> Result<Option<Terrain>, FormatError> {
+        self.terrain.as_deref().map(Terrain::open).transpose()
     }
 }
 
@@ -238,38 +254,108 @@ impl Draft {
         self.points.iter().any(|point| point.curve.is_some())
     }
 
-    /// Puts all points at the altitude of the command line, where there is one; else each must have its own.
+    /// Puts all points at the altitude of the command line, where there is one; else each must have its own. Heights above
+    /// ground become altitudes where the ground is known.
     ///
     /// An absent altitude is never a number: an aircraft would descend to it.
     ///
     /// # Errors
-    /// A point has no altitude and the command line gives none, or both do.
-    pub fn level(&mut self, level: Level, file: &Path) -> Result<(), FormatError> {
-        let Some(alt_m) = level.altitude.or(level.height) else {
-            let mut points = self.points.iter().enumerate();
-            let absent = points.find_map(|(k, w)| Some((k, w.line, w.no_altitude?)));
-            return absent.map_or(Ok(()), |(k, line, why)| {
-                let problem = format!(
-                    "{why}; expected one for each, or one for all by --altitude or --height"
-                );
-                Err(FormatError::at(
-                    file,
-                    line,
-                    format!("point {}", k + 1),
-                    problem,
-                ))
-            });
-        };
-        if self.plan.is_some() {
+    /// A point has no altitude and the command line gives none, or both do; or the ground is not known there.
+    pub fn level(
+        &mut self,
+        level: &Level,
+        terrain: Option<&Terrain>,
+        file: &Path,
+    ) -> Result<(), FormatError> {
+        let all_m = level.altitude.or(level.height);
+        if all_m.is_none() {
+            self.each_has_an_altitude(file)?;
+        } else if self.plan.is_some() {
             let problem = "the route file has altitudes: --altitude and --height are for files that have none";
             return Err(FormatError::Option(problem.into()));
         }
-        for w in &mut self.points {
-            w.position.alt_m = alt_m;
-            w.no_altitude = None;
+        if let Some(all_m) = all_m {
+            for w in &mut self.points {
+                w.position.alt_m = all_m;
+                w.no_altitude = None;
+            }
+            self.datum = Datum::above_home(level.height.is_some());
+            self.over_ground = level.height.is_some();
         }
-        self.datum = Datum::above_home(level.height.is_some());
+        if let Some(terrain) = terrain.filter(|_| self.over_ground) {
+            for w in &mut self.points {
+                w.position.alt_m += terrain.height_m(w.position.lat_deg, w.position.lon_deg)?;
+            }
+            self.datum = Datum::SeaLevel;
+            self.over_ground = false;
+        }
         Ok(())
+    }
+
+    /// How many points have no altitude, and the first of them.
+    #[must_use]
+    pub fn without_altitude(&self) -> Option<(usize, usize)> {
+        let absent = |w: &Point| w.no_altitude.is_some();
+        let first = self.points.iter().position(absent)?;
+        Some((self.points.iter().filter(|w| absent(w)).count(), first))
+    }
+
+    fn each_has_an_altitude(&self, file: &Path) -> Result<(), FormatError> {
+        let mut points = self.points.iter().enumerate();
+        let absent = points.find_map(|(k, w)| Some((k, w.line, w.no_altitude?)));
+        let Some((k, line, why)) = absent else {
+            return Ok(());
+        };
+        let (all, count) = (
+            self.points.len(),
+            self.without_altitude().map_or(0, |(count, _)| count),
+        );
+        let problem = format!(
+            "{why} ({count} of {all} points have none); expected one for each, or one for all by --altitude or --height, \
+             above home or, with --terrain, above the ground"
+        );
+        Err(FormatError::at(
+            file,
+            line,
+            format!("point {}", k + 1),
+            problem,
+        ))
+    }
+
+    /// The legs, each checked.
+    ///
+    /// # Errors
+    /// There are none, or one of them cannot be flown to.
+    pub fn legs(&self, file: &Path) -> Result<Vec<Leg>, FormatError> {
+        let n = self.points.len();
+        if n < 2 {
+            return Err(FormatError::file(
+                file,
+                format!("{n} waypoints, expected at least 2"),
+            ));
+        }
+        for (k, w) in self.points.iter().enumerate() {
+            w.position.checked().map_err(|e| {
+                FormatError::at(file, w.line, format!("waypoint {}", self.number(k)), e)
+            })?;
+        }
+        let last = if self.closed { n } else { n - 1 };
+        let next = self.points.iter().cycle().skip(1);
+        let pairs = self.points.iter().zip(next).take(last).enumerate();
+        pairs
+            .map(|(k, (from, to))| {
+                match from.curve {
+                    Some([p2, p3]) => {
+                        BezierLeg::new(from.position, p2, p3, to.position).map(Leg::from)
+                    }
+                    None => Leg::straight(from.position, to.position),
+                }
+                .map_err(|e| {
+                    let field = format!("leg from waypoint {}", self.number(k));
+                    FormatError::at(file, from.line, field, e)
+                })
+            })
+            .collect()
     }
 
     /// Turns heights above home into altitudes, home being so high.

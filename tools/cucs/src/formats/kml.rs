@@ -156,6 +156,7 @@ impl Found<'_> {
 
     fn finish(&mut self, shape: &Node, mut draft: Draft, owner: &Owner) -> Result<(), FormatError> {
         draft.datum = datum(shape, &mut draft.points);
+        draft.over_ground = draft.datum == Datum::Home;
         for (key, value) in &owner.data {
             // "point 3 speed_m_s", as this program writes it.
             let mut words = key.split(' ');
@@ -254,6 +255,7 @@ impl Found<'_> {
                 ));
             }
             all.datum = datum;
+            all.over_ground = datum == Datum::Home;
         }
         all.points.append(&mut points);
         Ok(())

@@ -9,6 +9,7 @@
 //! | `items` | mission items, which `qgc_plan` and `waypoints` share |
 //! | `attributes` | what is done at a point as pairs of key and text, for `kml`, `gpx`, `geojson`, `table` (CSV) |
 //! | `route_file` | the ground station's route file, and a draft as its route |
+//! | `terrain` | the height of the ground |
 //! | `xml`, `json_line`, `fault` | elements and values with their lines; errors |
 //!
 //! Curves are kept by the route file; the others hold points.
@@ -27,6 +28,7 @@ mod lost;
 mod qgc_plan;
 mod route_file;
 mod table;
+mod terrain;
 #[cfg(test)]
 mod tests;
 mod waypoints;
@@ -43,6 +45,7 @@ pub use draft::{Conduct, Datum, Draft, Extra, Level, NoAltitude, Point, Repeat, 
 pub use fault::FormatError;
 use lines::{Line, Lines};
 pub use losses::{Loss, Losses};
+pub use terrain::{Clearance, Terrain};
 pub use xml::escaped;
 
 /// Which part of a file to read.
@@ -76,7 +79,7 @@ pub struct Import {
     level: Level,
     /// Turn heights above home into altitudes by this altitude of home, m above mean sea level.
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    home_alt: Option<f64>,
+    pub home_alt: Option<f64>,
     #[command(flatten)]
     line: Line,
     /// Fail where anything of the file would be lost; nothing is written or sent then.
@@ -154,16 +157,20 @@ pub fn ending(file: &Path) -> String {
 /// Reads a route to be flown: each point has an altitude, of the file or of the command line.
 ///
 /// # Errors
-/// It cannot be read, is not of its format, or a point has no altitude.
+/// It cannot be read, is not of its format, a point has no altitude, or it is below the ground.
 pub fn read(file: &Path, import: &Import) -> Result<Draft, FormatError> {
     let selection = Selection {
         line: import.line.clone(),
         ..Selection::default()
     };
     let mut draft = read_track(file, &selection)?;
-    draft.level(import.level, file)?;
+    let terrain = import.level.terrain()?;
+    draft.level(&import.level, terrain.as_ref(), file)?;
     if let Some(home_m) = import.home_alt {
         draft.lift(home_m);
+    }
+    if let Some(terrain) = terrain {
+        draft.clearance = Some(terrain.check(&draft, file)?);
     }
     Ok(draft)
 }

@@ -2,12 +2,17 @@
 
 use crate::{Files, ROUTE};
 
+/// Below the route.
+const HOME: &str = "47.3977,8.5456,488";
+
 #[test]
 fn check_finds_the_tight_place_and_refuses_where_requested() {
     let files = Files::new();
     let report = files.json(&[
         "check",
         "route.toml",
+        "--home",
+        HOME,
         "--speed",
         "30",
         "--airframe",
@@ -25,6 +30,8 @@ fn check_finds_the_tight_place_and_refuses_where_requested() {
     let (status, printed) = files.refused(&[
         "check",
         "route.toml",
+        "--home",
+        HOME,
         "--speed",
         "30",
         "--airframe",
@@ -39,7 +46,7 @@ fn check_finds_the_tight_place_and_refuses_where_requested() {
     );
     assert!(
         files
-            .done(&["check", "route.toml"])
+            .done(&["check", "route.toml", "--home", HOME])
             .contains("predicted and not promised")
     );
     assert_eq!(files.refused(&["check", "route.toml", "--bank", "90"]).0, 2);
@@ -85,26 +92,48 @@ fn check_measures_a_recorded_flight() {
         log.extend(record(lat, v["lon_deg"].as_f64().unwrap(), 12.0));
     }
     std::fs::write(files.path("flight.tlog"), &log).unwrap();
-    let report = files.json(&["check", "flat.toml", "--flown", "flight.tlog", "--json"]);
+    let report = files.json(&[
+        "check",
+        "flat.toml",
+        "--home",
+        HOME,
+        "--flown",
+        "flight.tlog",
+        "--json",
+    ]);
     let off = report["flown"]["deviation_m"].as_f64().unwrap();
     assert!((0.6..0.76).contains(&off), "{report}");
     assert_eq!(report["flown"]["passed"], report["flown"]["points"]);
     assert!(
         files
-            .done(&["check", "flat.toml", "--flown", "flight.tlog"])
+            .done(&[
+                "check",
+                "flat.toml",
+                "--home",
+                HOME,
+                "--flown",
+                "flight.tlog"
+            ])
             .contains("passed within 3 m")
     );
     std::fs::write(files.path("half.tlog"), &log[..log.len() / 2]).unwrap();
     assert_eq!(
         files
-            .refused(&["check", "flat.toml", "--flown", "half.tlog"])
+            .refused(&["check", "flat.toml", "--home", HOME, "--flown", "half.tlog"])
             .0,
         1
     );
     files.put("empty.tlog", "");
     assert_eq!(
         files
-            .refused(&["check", "flat.toml", "--flown", "empty.tlog"])
+            .refused(&[
+                "check",
+                "flat.toml",
+                "--home",
+                HOME,
+                "--flown",
+                "empty.tlog"
+            ])
             .0,
         2
     );

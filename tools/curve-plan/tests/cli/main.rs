@@ -4,6 +4,7 @@ mod checking;
 mod errors;
 mod exchange;
 mod formats;
+mod heights;
 mod pictures;
 mod planning;
 
