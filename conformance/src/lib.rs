@@ -11,6 +11,7 @@ mod program;
 pub mod report;
 pub mod rules;
 pub mod runner;
+pub mod scripted;
 pub mod verdict;
 pub mod wire;
 

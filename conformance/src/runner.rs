@@ -620,6 +620,14 @@ fn tour(t: &Trial) -> Judged {
         );
         station.query(3004)?;
         flight::download(t, &station, "TOUR")?;
+        if t.bench
+            .flight_released
+            .load(std::sync::atomic::Ordering::SeqCst)
+        {
+            // Refused by most vehicles, with an alert.
+            station.send(flight::mode_command(17).acked());
+            station.send(flight::mode_command(22).acked());
+        }
         if let Ok(home) = flight::fix(t, &station) {
             let _ = t.bench.home.set(home);
         }

@@ -107,14 +107,13 @@ fn add_vehicle(survey: &mut Survey, answer: &Seen) {
 }
 
 fn look_at_vehicles(survey: &mut Survey, bench: &Arc<Bench>) -> Judged {
-    let (Some(vehicle), Some(first)) = (
-        survey.vehicles.first_mut(),
-        survey
-            .cucs
-            .iter()
-            .find(|cucs| cucs.authorised & loi::LOI4 != 0)
-            .or(survey.cucs.first()),
-    ) else {
+    // The same CUCS that scenes call A: its rights come back to it whatever the subject does with a release.
+    let first = survey
+        .with(loi::LOI4)
+        .first()
+        .map(|cucs| (*cucs).clone())
+        .or(survey.cucs.first().cloned());
+    let (Some(vehicle), Some(first)) = (survey.vehicles.first_mut(), first) else {
         return Ok(());
     };
     let station = Station::new(bench, first.id, vehicle.id)?;
@@ -123,7 +122,9 @@ fn look_at_vehicles(survey: &mut Survey, bench: &Arc<Bench>) -> Judged {
     if first.authorised & loi::LOI4 != 0 {
         let answer = station.request(loi::LOI2 | loi::LOI4, Access::Request);
         if let Ok(answer) = answer {
-            if answer.raw("LOI Granted").unwrap_or_default() & loi::LOI4 == 0 {
+            let granted = answer.raw("LOI Granted").unwrap_or_default();
+            // Any number may monitor: where not even LOI 2 is granted, it is not that another holds LOI 4.
+            if granted & loi::LOI4 == 0 && granted & loi::LOI2 != 0 {
                 survey.occupied = Some(format!(
                     "{} may have LOI 4 of {} and was denied it: another CUCS is in control",
                     first.id, vehicle.id

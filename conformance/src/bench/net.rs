@@ -123,7 +123,8 @@ impl Net {
         self.recording().datagrams.len()
     }
 
-    fn record(
+    /// Records a datagram; its messages.
+    pub fn record(
         &self,
         direction: Direction,
         socket: usize,

@@ -5,6 +5,7 @@
 //! [`Found`]'s methods, and name it in that file's `JUDGES`.
 
 mod meaning;
+mod station;
 mod values;
 mod view;
 mod wrapper;
@@ -18,4 +19,18 @@ pub fn judges() -> Vec<&'static Judge> {
         .into_iter()
         .flatten()
         .collect()
+}
+
+/// All judges of a CUCS: its own, and those of the wire.
+#[must_use]
+pub fn cucs_judges() -> Vec<&'static Judge> {
+    [
+        wrapper::JUDGES,
+        values::JUDGES,
+        meaning::JUDGES,
+        station::JUDGES,
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }

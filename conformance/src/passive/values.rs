@@ -378,6 +378,12 @@ fn stamps_are_not_in_the_future(view: &View<'_>, found: &mut Found) {
     if !view.live {
         return;
     }
+    // On one computer the clocks are the same.
+    let same = view
+        .datagrams
+        .first()
+        .is_some_and(|datagram| datagram.remote.ip().is_loopback());
+    let allowed = if same { 150 } else { 1_000 };
     for seen in view.messages().filter(|seen| seen.kind() == 4000) {
         let Some(stamp) = seen.stamp() else { continue };
         let ahead = stamp - seen.wall_ms as i64;
@@ -385,7 +391,7 @@ fn stamps_are_not_in_the_future(view: &View<'_>, found: &mut Found) {
             // Another epoch is TIME-002's.
             continue;
         }
-        found.check(seen, ahead <= 1_000, || {
+        found.check(seen, ahead <= allowed, || {
             format!("expected the stamp of 4000 not later than its receipt; it is {ahead} ms ahead")
         });
     }

@@ -2,6 +2,7 @@
 
 mod capture;
 mod compare;
+mod cucs;
 mod init;
 mod output;
 mod vsm;
@@ -34,6 +35,8 @@ enum Command {
     Vsm(vsm::VsmArguments),
     /// Judge the recorded traffic of a VSM, without sending anything
     Capture(capture::CaptureArguments),
+    /// Judge a CUCS: play a vehicle that it connects to
+    Cucs(cucs::CucsArguments),
     /// Discover a VSM and write the profile of what it claims
     Init(init::InitArguments),
     /// Play one rule again and again, to see whether its verdict holds
@@ -79,6 +82,7 @@ pub fn run() -> ExitCode {
     let status = match cli.command {
         Command::Vsm(arguments) => vsm::judge(&arguments),
         Command::Capture(arguments) => capture::judge(&arguments),
+        Command::Cucs(arguments) => cucs::judge(&arguments),
         Command::Init(arguments) => init::write(&arguments),
         Command::Repeat {
             rule,

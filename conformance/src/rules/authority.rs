@@ -523,6 +523,11 @@ fn loi_2_messages_before_a_grant(t: &Trial) -> Judged {
     t.note(format!(
         "{came} messages came in answer to 40000 and 17002 before a grant"
     ));
+    if !t.bench.surveyed()?.with(loi::LOI4).is_empty() && station.take(loi::LOI4).is_err() {
+        return Err(Stop::fail(
+            "expected a grant of LOI 4 after LOI 2 messages without a grant; it is denied",
+        ));
+    }
     station.take(loi::LOI2)?;
     Ok(())
 }

@@ -27,6 +27,10 @@ pub(super) const SCENES: &[Scene] = &[
         play: an_upload_is_not_mixed,
     },
     Scene {
+        rule: "HB-001",
+        play: heartbeat_at_1_hz,
+    },
+    Scene {
         rule: "HB-002",
         play: no_heartbeats_no_loss,
     },
@@ -250,6 +254,33 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
         format!(
             "expected B's request to be granted {:.0} s after the holder's last heartbeat",
             figures.offer_s + 1.6
+        )
+    })
+}
+
+fn heartbeat_at_1_hz(t: &Trial) -> Judged {
+    let station = t.monitor()?;
+    let mark = t.bench.net.mark();
+    for _ in 0..8 {
+        station.send(Draft::new(16002));
+        t.pause(Duration::from_secs(1))?;
+    }
+    let times: Vec<f64> = station
+        .received(mark, |seen| seen.kind() == 16002)
+        .iter()
+        .map(|seen| seen.at.as_secs_f64())
+        .collect();
+    if times.is_empty() {
+        return Err(Stop::not_applicable("the subject sends no heartbeats"));
+    }
+    let gap = times
+        .windows(2)
+        .map(|pair| pair[1] - pair[0])
+        .fold(0.0, f64::max);
+    t.expect(gap <= 1.5 && times.len() >= 4, || {
+        format!(
+            "expected heartbeats about 1 s apart, got {} in 8 s, the longest gap {gap:.1} s",
+            times.len()
         )
     })
 }

@@ -202,7 +202,15 @@ fn termination_state_is_reported(t: &Trial) -> Judged {
 }
 
 fn launch_landing_and_wave_off(t: &Trial) -> Judged {
-    let a = airborne(t)?;
+    let a = match airborne(t) {
+        // Here that is the rule itself.
+        Err(Stop::Inconclusive(reason)) if reason.contains("did not climb") => {
+            return Err(Stop::fail(
+                "expected 2016 mode 21 to climb to the commanded altitude, 50 m above home; the vehicle stayed below 40 m",
+            ));
+        }
+        other => other?,
+    };
     let home = home(t, &a)?;
     let now = fix(t, &a)?;
     t.expect(now.altitude > home.altitude + 10.0, || {
@@ -259,6 +267,12 @@ fn engine_command_and_report_agree(t: &Trial) -> Judged {
     while !started && t.bench.net.now() < deadline {
         let report = a.query(3007)?;
         started = matches!(report.raw("Engine Status"), Some(1 | 2));
+        if started {
+            let command = report.raw("Reported Engine Command");
+            t.expect_of(&report, command == Some(1), || {
+                format!("expected Reported Engine Command 1 in 3007 after a start, got {command:?}")
+            })?;
+        }
         t.pause(Duration::from_millis(200))?;
     }
     a.send(

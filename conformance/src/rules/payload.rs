@@ -210,7 +210,12 @@ fn pointing_mode_decides(t: &Trial) -> Judged {
     let target = 30_f64.to_radians();
     a.send(by_angles(station));
     a.send(steer(station, target).acked());
-    t.expect(turns(t, &a, station, target, t.timers().begin)?, || "expected the sensor 30 degrees to the right in pointing mode 1; its report does not show it".into())
+    t.expect(turns(t, &a, station, target, t.timers().begin)?, || "expected the sensor 30 degrees to the right in pointing mode 1; its report does not show it".into())?;
+    let state = a.query(21101)?;
+    let elevation = state.value("Actual Centreline Elevation Angle");
+    t.expect_of(&state, elevation.is_none_or(|found| wrapped(found + 0.2).abs() < 0.1), || {
+        format!("expected an elevation of -0.2 rad (down) as commanded, the report shows {elevation:?}")
+    })
 }
 
 fn messages_of_the_payload_type(t: &Trial) -> Judged {
@@ -238,22 +243,40 @@ fn laser_fires_on_its_code_only(t: &Trial) -> Judged {
     let station = stations(t)?[0];
     let (a, _) = t.payload_pair()?;
     take_station(t, &a, station).precondition("LOI 3 is granted")?;
-    let firing = |seen: &crate::wire::Seen| {
-        let info = seen.info.map_or(&[][..], |info| info.fields);
-        info.iter()
-            .filter(|field| field.name.contains("Fire Laser"))
-            .any(|field| seen.raw(field.name) == Some(238))
+    let lasing = |seen: &crate::wire::Seen| {
+        [
+            "Fire Laser Pointer Status",
+            "Fire Laser Rangefinder Status",
+            "Laser Designator Status",
+        ]
+        .map(|field| seen.raw(field))
     };
-    for code in [0x55 ^ 1, 0xEE ^ 2, 0xFF, 1, 0xEE ^ 0x80] {
-        let draft = Draft::new(19100)
-            .raw("Station Number 1-16", bit(station))
-            .raw("Fire Laser Pointer", code);
-        a.send(draft.acked());
-        t.pause(Duration::from_millis(200))?;
-        let mark = t.bench.net.mark();
-        a.send(information_request(21101).raw("Station Number 1-16", bit(station)));
-        if let Some(state) = a.wait(mark, t.timers().answer / 2, |seen| seen.kind() == 21101) {
-            t.expect_of(&state, !firing(&state), || format!("expected laser code 0x{code:02x}, which is no code for firing, to leave the laser as it is"))?;
+    let state = || {
+        a.ask(
+            information_request(21101).raw("Station Number 1-16", bit(station)),
+            t.timers().answer,
+            "the operating state of a payload",
+            |seen| seen.kind() == 21101,
+        )
+    };
+    let before = lasing(&*state().precondition("the payload reports its state")?);
+    for field in [
+        "Fire Laser Pointer",
+        "Fire Laser Rangefinder",
+        "Initiate Laser Designator",
+    ] {
+        for code in [0xEE ^ 2, 0x55 ^ 1, 0xFF, 1] {
+            a.send(
+                Draft::new(19100)
+                    .raw("Station Number 1-16", bit(station))
+                    .raw(field, code)
+                    .acked(),
+            );
+            t.pause(Duration::from_millis(150))?;
+            let after = state()?;
+            t.expect_of(&after, lasing(&after) == before, || {
+                format!("expected {field} 0x{code:02x}, which is no code for firing, to leave the lasers as they were ({before:?}); 21101 shows {:?}", lasing(&after))
+            })?;
         }
     }
     Ok(())

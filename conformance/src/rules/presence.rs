@@ -114,10 +114,12 @@ fn full_vectors_until_partial_ones_are_allowed(t: &Trial) -> Judged {
     let station = t.monitor()?;
     let mark = t.bench.net.mark();
     t.pause(t.timers().status / 2)?;
+    let mut positioned = false;
     let mut vectors: BTreeMap<u16, BTreeSet<Vec<u8>>> = BTreeMap::new();
     for seen in station.received(mark, |seen| matches!(seen.kind(), 3002 | 4000 | 4001)) {
         // A position that becomes known, a waypoint that becomes active.
-        if seen.kind() == 4001 || seen.kind() == 4000 && !seen.has("Latitude") {
+        positioned |= seen.kind() == 4000 && seen.has("Latitude");
+        if seen.kind() == 4001 || seen.kind() == 4000 && !positioned {
             continue;
         }
         let width = seen.info.map_or(1, |info| usize::from(info.presence_bytes));

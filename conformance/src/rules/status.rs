@@ -178,6 +178,12 @@ fn frequency_0_cancels(t: &Trial) -> Judged {
 
 fn asked_once_answered_once(t: &Trial) -> Judged {
     let a = t.controller()?;
+    let mark = t.bench.net.mark();
+    t.pause(t.timers().quiet * 2)?;
+    let unasked = a.received(mark, |seen| seen.kind() == 3000).len();
+    t.expect(unasked == 0, || {
+        format!("expected no 3000 unless it is asked for, got {unasked}")
+    })?;
     // A push of another time would look like a second answer.
     t.pause(Duration::from_millis(500))?;
     for kind in [3, 3000] {
@@ -207,7 +213,15 @@ fn higher_status_for_a_lower_loi(t: &Trial) -> Judged {
     t.note(format!(
         "{answered} messages of a higher LOI came to a holder of LOI 2"
     ));
-    station.request(0, crate::bench::station::Access::Request)?;
+    let answer = station.request(0, crate::bench::station::Access::Request)?;
+    let granted = answer.raw("LOI Granted").unwrap_or_default();
+    if granted & loi::LOI2 == 0 {
+        // The rule is a "may"; losing the right is none.
+        t.note("LOI 2 was lost");
+        return Err(Stop::fail(format!(
+            "expected LOI 2 to stay after a request for status of a higher LOI, got LOI Granted 0x{granted:02x}"
+        )));
+    }
     Ok(())
 }
 
