@@ -237,15 +237,13 @@ pub fn read_fence(file: &Path) -> Result<Vec<Area>, FormatError> {
     let areas = if Format::of(file)? == Format::RouteFile {
         fence::parse(file, &text(file, bytes(file)?)?)?
     } else {
-        let areas = parse(file, &Selection::default())?.areas;
-        if areas.is_empty() {
-            return Err(FormatError::file(
-                file,
-                "no geofence, expected at least one area",
-            ));
-        }
-        areas
+        parse(file, &Selection::default())?.areas
     };
+    // A route without a fence must not take the place of the one aboard.
+    if areas.is_empty() {
+        let problem = "no geofence, expected at least one area";
+        return Err(FormatError::file(file, problem));
+    }
     Ok(areas)
 }
 

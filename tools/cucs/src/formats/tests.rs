@@ -308,6 +308,23 @@ proptest! {
         compare("toml", &read, &draft, 6e-3)?;
     }
 
+    #[test]
+    fn the_fence_of_a_file_is_read_alone(draft in draft(true)) {
+        let folder = tempfile::tempdir().unwrap();
+        for ending in ["plan", "kml", "kmz", "geojson", "toml"] {
+            let file = folder.path().join(format!("route.{ending}"));
+            let mut draft = draft.clone();
+            draft.areas.sort_by_key(|area| matches!(area.shape, Shape::Circle { .. }));
+            std::fs::write(&file, write(&file, &draft)?.0).unwrap();
+            match read_fence(&file) {
+                Ok(areas) => {
+                    prop_assert!(!areas.is_empty() && same_areas(&areas, &draft.areas), "{}", ending);
+                }
+                Err(fault) => prop_assert!(draft.areas.is_empty(), "{}", fault),
+            }
+        }
+    }
+
     /// Damage to a file of each kind is an error or a route, never a panic.
     #[test]
     fn damaged_files_are_survived(draft in draft(true), at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<bool>()) {
@@ -329,4 +346,54 @@ proptest! {
             }
         }
     }
+}
+
+/// MAVProxy saves fences and rally points in files of their own, as items of a mission.
+#[test]
+fn a_fence_file_of_mavproxy_is_a_fence() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("fence.txt");
+    let row = |k: usize, command: u16, p1: f64, lat: f64, lon: f64| {
+        format!(
+            "{k}\t0\t0\t{command}\t{p1:.6}\t0.000000\t0.000000\t0.000000\t{lat:.6}\t{lon:.6}\t0.000000\t1\n"
+        )
+    };
+    let text = [
+        "QGC WPL 110\n".to_owned(),
+        row(0, 5001, 3.0, 47.1, 8.1),
+        row(1, 5001, 3.0, 47.2, 8.1),
+        row(2, 5001, 3.0, 47.2, 8.2),
+        row(3, 5004, 25.0, 47.15, 8.15),
+        row(4, 5100, 0.0, 47.11, 8.11),
+    ];
+    std::fs::write(&file, text.concat()).unwrap();
+    let areas = read_fence(&file).unwrap();
+    let polygon = vec![[47.1, 8.1], [47.2, 8.1], [47.2, 8.2]];
+    assert_eq!(areas[0].shape, Shape::Polygon(polygon));
+    assert_eq!((areas[0].keep, areas[1].keep), (Keep::In, Keep::Out));
+    assert_eq!(areas.len(), 2);
+    let none = folder.path().join("none.gpx");
+    std::fs::write(&none, "<gpx><wpt lat=\"47\" lon=\"8\"/></gpx>").unwrap();
+    let fault = read_fence(&none).unwrap_err();
+    assert!(
+        fault
+            .to_string()
+            .ends_with("no geofence, expected at least one area")
+    );
+    // A polygon that is not complete is named, and no fence.
+    std::fs::write(
+        &file,
+        [
+            "QGC WPL 110\n".into(),
+            row(0, 5001, 3.0, 47.1, 8.1),
+            row(1, 16, 0.0, 47.0, 8.0),
+        ]
+        .concat(),
+    )
+    .unwrap();
+    let draft = read_track(&file, &Selection::default()).unwrap();
+    assert_eq!(
+        draft.losses.lost[0].what,
+        "geofence polygon cut short (1 vertices)"
+    );
 }
