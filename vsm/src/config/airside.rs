@@ -9,6 +9,7 @@ use toml::Spanned;
 
 use super::bridge::Store;
 use super::error::{ConfigError, Fault, fault};
+use super::explain;
 use super::value::{LinkAddress, id};
 
 /// The whole of an `airside.toml`.
@@ -128,7 +129,17 @@ impl AirsideConfig {
             cause,
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        AirsideConfig::parse(&text, folder).map_err(|cause| cause.in_file(path))
+        AirsideConfig::parse(&text, folder).map_err(|cause| {
+            match explain::other_kind(&text, true) {
+                Some((kind, command)) => ConfigError::OtherKind {
+                    path: path.to_owned(),
+                    kind,
+                    expected: "the configuration of an agent",
+                    command,
+                },
+                None => cause.in_file(path),
+            }
+        })
     }
 
     /// Parses and checks the text of a file whose relative paths start at `folder`.
@@ -136,8 +147,9 @@ impl AirsideConfig {
     /// # Errors
     /// As [`AirsideConfig::load`].
     pub fn parse(text: &str, folder: &Path) -> Result<AirsideConfig, ConfigError> {
-        let mut config: AirsideConfig = toml::from_str(text).map_err(ConfigError::syntax)?;
-        config.check().map_err(|fault| fault.located(text))?;
+        let mut config: AirsideConfig =
+            toml::from_str(text).map_err(|cause| explain::explain(&cause, text, &[]))?;
+        config.check().map_err(|fault| fault.located(text, &[]))?;
         config.store.dir = folder.join(&config.store.dir);
         let agent = config.agent.get_mut();
         agent.key_file = folder.join(&agent.key_file);

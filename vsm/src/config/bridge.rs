@@ -9,6 +9,7 @@ use toml::Spanned;
 
 use super::disputed::Readings;
 use super::error::{ConfigError, Fault, fault};
+use super::explain;
 use super::key::WhenAbsent::{Nothing, Required, Table, Value};
 use super::key::table;
 use super::value::{
@@ -235,7 +236,15 @@ impl Config {
             cause,
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        Config::parse(&text, folder).map_err(|cause| cause.in_file(path))
+        Config::parse(&text, folder).map_err(|cause| match explain::other_kind(&text, false) {
+            Some((kind, command)) => ConfigError::OtherKind {
+                path: path.to_owned(),
+                kind,
+                expected: "the configuration of a bridge",
+                command,
+            },
+            None => cause.in_file(path),
+        })
     }
 
     /// Parses and checks the text of a file whose relative paths start at `folder`.
@@ -243,8 +252,11 @@ impl Config {
     /// # Errors
     /// As [`Config::load`].
     pub fn parse(text: &str, folder: &Path) -> Result<Config, ConfigError> {
-        let mut config: Config = toml::from_str(text).map_err(ConfigError::syntax)?;
-        config.check().map_err(|fault| fault.located(text))?;
+        let mut config: Config =
+            toml::from_str(text).map_err(|cause| explain::explain(&cause, text, Config::KEYS))?;
+        config
+            .check()
+            .map_err(|fault| fault.located(text, Config::KEYS))?;
         config.resolve(folder);
         Ok(config)
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with a configuration file, said with line, key and expectation.
+//! What can be wrong with a configuration file, with line, key and expectation.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 pub enum ConfigError {
     /// The file cannot be read.
     #[error(
-        "cannot read the configuration {path}: {cause}; examples/vsm.toml is one to begin with",
+        "cannot read the configuration {path}: {cause}; `vsm init` writes one to begin with",
         path = path.display()
     )]
     Unreadable {
@@ -16,13 +16,35 @@ pub enum ConfigError {
         /// The system's reason.
         cause: std::io::Error,
     },
-    /// Not TOML, an unknown or missing key, or a value that is not of its kind.
+    /// A file of another kind.
+    #[error("{path} is {kind}, expected {expected}: {command}", path = path.display())]
+    OtherKind {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        kind: &'static str,
+        /// What it should be.
+        expected: &'static str,
+        /// The command that takes it.
+        command: &'static str,
+    },
+    /// Not TOML.
     #[error("{0}")]
     Syntax(Box<str>),
+    /// An unknown or missing key, or a value that is not of its kind.
+    #[error("line {line}: {key} {fault}")]
+    Key {
+        /// Its line, from 1.
+        line: usize,
+        /// The key, with its tables.
+        key: String,
+        /// What is wrong, what was expected, an example.
+        fault: String,
+    },
     /// A value that does not fit the others, or is out of its range.
     #[error("line {line}: {key} is {found}, expected {expected}")]
     Value {
-        /// Line of the table that holds the key, from 1.
+        /// Line of the key, from 1, or of its table.
         line: usize,
         /// The key.
         key: String,
@@ -42,10 +64,6 @@ pub enum ConfigError {
 }
 
 impl ConfigError {
-    pub(super) fn syntax(cause: toml::de::Error) -> ConfigError {
-        ConfigError::Syntax(cause.to_string().trim_end().into())
-    }
-
     pub(super) fn in_file(self, path: &Path) -> ConfigError {
         ConfigError::InFile {
             path: path.to_owned(),
@@ -75,21 +93,4 @@ pub(super) fn fault(
         found: found.to_string(),
         expected: expected.to_owned(),
     })
-}
-
-impl Fault {
-    pub(super) fn located(self, text: &str) -> ConfigError {
-        let line = 1 + text
-            .as_bytes()
-            .iter()
-            .take(self.at)
-            .filter(|byte| **byte == b'\n')
-            .count();
-        ConfigError::Value {
-            line,
-            key: self.key,
-            found: self.found,
-            expected: self.expected,
-        }
-    }
 }

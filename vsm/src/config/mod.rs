@@ -5,8 +5,8 @@
 //!
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
 //! number; `disputed`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
-//! ranges and of relations between keys; `changes` is what a file that is read again changes; [`airside`] is
-//! `airside.toml`; [`reference`](mod@reference) writes `docs/reference/configuration.md`.
+//! ranges and of relations between keys; `explain` puts what is wrong into words; `changes` is what a file that is read again
+//! changes; [`airside`] is `airside.toml`; [`reference`](mod@reference) writes `docs/reference/configuration.md`.
 //!
 //! ```
 //! use vsm::config::Config;
@@ -28,6 +28,7 @@ mod bridge;
 mod changes;
 mod disputed;
 mod error;
+mod explain;
 mod key;
 pub mod reference;
 mod value;

@@ -95,12 +95,12 @@ fn what_is_wrong_is_reported_with_its_place() {
         (
             "id = \"1b:00:00:a0\"",
             "id = \"1b:00:00:01\"",
-            &["line 8", "cucs.id", "nothing else"],
+            &["line 9", "cucs.id", "nothing else"],
         ),
         (
             "id = \"1b:00:01:01\"",
             "id = \"1b:00:00:a0\"",
-            &["line 13", "vehicle.id", "nothing else"],
+            &["line 14", "vehicle.id", "nothing else"],
         ),
         (
             "udpin:127.0.0.1:14550",
@@ -209,7 +209,7 @@ fn vehicles_of_one_link_differ_in_their_system_ids() {
     assert_eq!(apart.links().len(), 2);
     let message = refusal(&second("udpin:127.0.0.1:14550", 1));
     for part in [
-        "line 20",
+        "line 23",
         "vehicle.system_id",
         "1 twice on udpin:127.0.0.1:14550",
         "MAV_SYS_ID",
@@ -222,7 +222,7 @@ fn vehicles_of_one_link_differ_in_their_system_ids() {
         1,
     );
     let message = refusal(&serial);
-    for part in ["line 20", "vehicle.link", "serial:/dev/ttyACM0:115200"] {
+    for part in ["line 22", "vehicle.link", "serial:/dev/ttyACM0:115200"] {
         assert!(message.contains(part), "{part}: {message}");
     }
 }

@@ -4,6 +4,7 @@
 mod audit_command;
 mod bad_sockets;
 mod broken_tasks;
+mod config_mistakes;
 mod configuration;
 mod demo_attack;
 mod demo_curves;
