@@ -5,6 +5,7 @@
 
 mod disputed;
 mod flight;
+mod levels;
 mod macros;
 mod payload;
 mod system;

@@ -38,9 +38,9 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
             ""
         };
         text += &format!(
-            "  CUCS {} from {from}: LOI bits {:#04x}{overrides}\n",
+            "  CUCS {} from {from}: LOI {}{overrides}\n",
             station.id,
-            station.loi.0.raw()
+            station.loi.0.in_words()
         );
     }
     for warning in config.warnings() {

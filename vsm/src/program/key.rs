@@ -468,10 +468,21 @@ pub(super) fn open(which: &Which) -> Result<(Config, Vehicle, PathBuf, Exchange)
         .cloned()
         .collect();
     let [vehicle] = &found[..] else {
-        return Err(bad(anyhow!(
-            "{} vehicles of the configuration are meant, expected one: name it with --vehicle ID",
-            found.len()
-        )));
+        let ids: Vec<String> = config
+            .vehicles()
+            .map(|vehicle| vehicle.id.to_string())
+            .collect();
+        let ids = if ids.is_empty() {
+            "none".to_owned()
+        } else {
+            ids.join(", ")
+        };
+        return Err(bad(match &which.vehicle {
+            Some(named) => anyhow!(
+                "vehicle {named} is not in the configuration, expected one of its vehicles: {ids}"
+            ),
+            None => anyhow!("which vehicle is not named, expected one of {ids}: --vehicle ID"),
+        }));
     };
     let Signing::KeyFile(path, exchange) = &vehicle.signing else {
         return Err(bad(anyhow!(

@@ -7,6 +7,8 @@ use crate::config::Config;
 use crate::shell::status_socket;
 use anyhow::Context as _;
 use serde_json::Value;
+use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::table;
 
 use super::process::{Failure, bad, failed, print};
 
@@ -119,18 +121,19 @@ fn readable(status: &Value) -> String {
         text += &counts("  refused in the vehicle's name: ", &link["refused"]);
         text += &counts("  frames: ", &link["frames"]);
     }
-    text += &counts("DLI received by type: ", &status["received"]);
-    text += &counts("DLI sent by type: ", &status["sent"]);
+    text += &by_type("DLI received by type:\n", &status["received"]);
+    text += &by_type("DLI sent by type:\n", &status["sent"]);
     text += &counts("DLI refused: ", &status["refused"]);
     text += &counts("recordings: ", &status["recordings"]);
     text
 }
 
-/// `  1b:00:00:a0 holds LOI 2, 4, 5, for 12 s`: what, and since when.
+/// `  1b:00:00:a0 holds LOI 2, 4, 5 (monitor, control, launch), for 12 s`: what, and since when.
 fn holding(holder: &Value) -> String {
-    let bits = holder["loi"].as_u64().unwrap_or(0);
-    let levels = (2..=5).filter(|level| bits & (1 << (level - 2)) != 0);
-    let levels: Vec<String> = levels.map(|level: u64| level.to_string()).collect();
+    let bits = holder["loi"]
+        .as_u64()
+        .and_then(|bits| u8::try_from(bits).ok());
+    let levels = LoiBitmap::from_raw(bits.unwrap_or(0)).in_words();
     let stations = holder["stations"].as_array().map_or(&[][..], Vec::as_slice);
     let stations = match stations {
         [] => String::new(),
@@ -148,7 +151,7 @@ fn holding(holder: &Value) -> String {
         format!(", for {} s", now.saturating_sub(since).as_secs())
     });
     let id = plain(&holder["id"]);
-    format!("  {id} holds LOI {}{stations}{since}\n", levels.join(", "))
+    format!("  {id} holds LOI {levels}{stations}{since}\n")
 }
 
 pub(super) fn counts(title: &str, counts: &Value) -> String {
@@ -164,6 +167,22 @@ pub(super) fn counts(title: &str, counts: &Value) -> String {
         String::new()
     } else {
         format!("{title}{}\n", counts.join(", "))
+    }
+}
+
+/// A line a Message Type, with its name.
+fn by_type(title: &str, counts: &Value) -> String {
+    let counts = counts.as_object().into_iter().flatten();
+    let lines = counts.map(|(id, count)| {
+        let message = id.parse().ok().and_then(table::message);
+        let name = message.map_or("unknown", |message| message.name);
+        format!("  {id} {name}: {count}\n")
+    });
+    let lines: String = lines.collect();
+    if lines.is_empty() {
+        lines
+    } else {
+        format!("{title}{lines}")
     }
 }
 

@@ -422,7 +422,7 @@ fn a_part_is_granted_and_the_rest_is_named() {
             _ => None,
         });
     assert_eq!(granted.map(|levels| levels.raw()), Some(0x03));
-    assert!(scene.rig.stations[C].has_alert("LOI 4, 5 refused"));
+    assert!(scene.rig.stations[C].has_alert("LOI 4, 5 (control, launch) refused"));
     assert_eq!(scene.controller(), Some(A));
     scene.drawn("a_part_is_granted_and_the_rest_is_named");
 }

@@ -2,17 +2,17 @@
 //!
 //! What every subcommand needs: choosing the vehicle, a request with its answers, lines for people or JSON for programs.
 
-use std::fmt::Display;
 use std::io::Write;
 use std::time::Duration;
 
 use serde_json::{Value, json};
 use stanag_msgs::enums::AlertPriority;
-use stanag_msgs::{Id, Message};
+use stanag_msgs::{Id, Message, table};
 
 use super::error::OperatorError;
 use crate::session::machine::Event;
 use crate::session::sender::Delivery;
+use crate::session::traffic::ByType;
 use crate::session::vehicle::Vehicle;
 use crate::station::endpoint::Station;
 use crate::station::outcome::{Outcome, Refused, levels, loi_numbers};
@@ -237,28 +237,30 @@ impl<W: Write> Operator<W> {
 
     pub(super) fn print_traffic(&mut self) -> Done {
         let traffic = self.station.session().traffic().clone();
-        let dropped = match counts(&traffic.dropped) {
-            none if none.is_empty() => "none".to_owned(),
-            some => some,
-        };
+        let dropped = traffic
+            .dropped
+            .iter()
+            .map(|(reason, count)| format!("\n  {reason}: {count}"));
         self.print(
             &format!(
-                "sent {} ({} retransmissions); received {}; dropped {dropped}",
-                counts(traffic.sent.iter()),
+                "sent, {} of it retransmissions:{}\nreceived:{}\ndropped:{}",
                 traffic.retransmitted,
-                counts(traffic.received.iter()),
+                by_type(&traffic.sent),
+                by_type(&traffic.received),
+                dropped.collect::<String>(),
             ),
             json!(traffic),
         )
     }
 }
 
-/// `17000: 3, 2016: 1`
-fn counts<K: Display, N: Display>(counts: impl IntoIterator<Item = (K, N)>) -> String {
-    let counts = counts
-        .into_iter()
-        .map(|(key, count)| format!("{key}: {count}"));
-    counts.collect::<Vec<_>>().join(", ")
+/// A line a Message Type, with its name: `17000 Message Acknowledgement: 3`.
+fn by_type(counts: &ByType) -> String {
+    let line = |(id, count): (u16, u64)| {
+        let name = table::message(id).map_or("unknown", |message| message.name);
+        format!("\n  {id} {name}: {count}")
+    };
+    counts.iter().map(line).collect()
 }
 
 /// How long the answers to a query may lag behind its acknowledgement.

@@ -21,7 +21,9 @@ pub enum OperatorError {
     #[error(transparent)]
     FenceFile(#[from] FenceFileError),
     /// More than one vehicle, and none was named.
-    #[error("several vehicles are there: {0}; choose one with --vehicle")]
+    #[error(
+        "several vehicles are there: {0}; choose one with --vehicle ID, in a script or a shell with `vehicle ID`"
+    )]
     Ambiguous(String),
     /// The vehicle that was named does not answer.
     #[error("vehicle {requested} does not answer; discovered: {found}")]

@@ -11,6 +11,7 @@ use super::error::OperatorError;
 use super::verb::{HandoverVerb, LoiList};
 use crate::session::vehicle::Vehicle;
 use crate::station::outcome::{levels, loi_numbers};
+use crate::station::report::vehicle_type;
 
 impl<W: Write> Operator<W> {
     pub(super) async fn discover(&mut self) -> Done {
@@ -22,7 +23,7 @@ impl<W: Write> Operator<W> {
                 &format!(
                     "{} behind {vsm}, vehicle type {}, LOI {} authorised, {} granted",
                     found.vehicle,
-                    found.vehicle_type,
+                    vehicle_type(found.vehicle_type),
                     levels(found.authorised),
                     levels(found.granted)
                 ),

@@ -15,6 +15,16 @@ use super::configuration::ConfigurationTable;
 use super::console::{Done, Operator, SETTLE, Style};
 use crate::session::machine::Event;
 
+/// A parameter as a person writes it: PX4's floats are of 32 bits, and 0.1 of 32 bits is 0.10000000149011612 of 64.
+fn shortest(value: f64) -> String {
+    let narrow = value as f32;
+    if f64::from(narrow).to_bits() == value.to_bits() {
+        narrow.to_string()
+    } else {
+        value.to_string()
+    }
+}
+
 impl<W: Write> Operator<W> {
     /// 50010: requests one parameter or all, and prints the reports by their index.
     pub(super) async fn parameters(&mut self, name: Option<&str>) -> Done {
@@ -64,7 +74,7 @@ impl<W: Write> Operator<W> {
             Some(ParameterKind::Integer) => "integer",
             _ => "float",
         };
-        let number = |value: Option<f64>| value.map_or_else(|| "?".to_owned(), |v| v.to_string());
+        let number = |value: Option<f64>| value.map_or_else(|| "?".to_owned(), shortest);
         let range = match (report.minimum, report.maximum) {
             (None, None) => String::new(),
             (low, high) => format!(" ({} to {})", number(low), number(high)),

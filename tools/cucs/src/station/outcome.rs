@@ -60,9 +60,15 @@ impl fmt::Display for Refused {
         }
         if self.reasons.is_empty() {
             let held = levels(self.held);
-            return write!(f, " (no reason given; this CUCS holds LOI {held})");
+            write!(f, " (no reason given; this CUCS holds LOI {held})")?;
+        } else {
+            write!(f, ": {}", self.reasons.join("; "))?;
         }
-        write!(f, ": {}", self.reasons.join("; "))
+        // What commands needs LOI 4 or 5: whoever has neither is refused for that, as a rule.
+        if self.held.intersects(LoiBitmap::LOI4 | LoiBitmap::LOI5) {
+            return Ok(());
+        }
+        f.write_str("; this CUCS does not hold control: run `cucs take` first")
     }
 }
 
@@ -156,31 +162,15 @@ fn reasons_text(reasons: &[String]) -> String {
     }
 }
 
-/// Levels of interoperability as people write them: `2,4,5`; `none`.
+/// Levels of interoperability as people read them: `2, 4, 5 (monitor, control, launch)`; `none`.
 pub(crate) fn levels(bits: LoiBitmap) -> String {
-    let numbers: Vec<String> = loi_numbers(bits).iter().map(u8::to_string).collect();
-    if numbers.is_empty() {
-        "none".to_owned()
-    } else {
-        numbers.join(",")
-    }
+    bits.in_words()
 }
 
 /// Levels of interoperability as numbers: 2 to 5.
 pub(crate) fn loi_numbers(bits: LoiBitmap) -> Vec<u8> {
-    LEVELS
-        .iter()
-        .filter(|(bit, _)| bits.contains(*bit))
-        .map(|(_, number)| *number)
-        .collect()
+    bits.levels().map(|(number, _)| number).collect()
 }
-
-const LEVELS: [(LoiBitmap, u8); 4] = [
-    (LoiBitmap::LOI2, 2),
-    (LoiBitmap::LOI3, 3),
-    (LoiBitmap::LOI4, 4),
-    (LoiBitmap::LOI5, 5),
-];
 
 /// How long a station waits for each kind of answer.
 #[derive(Clone, Copy, Debug)]

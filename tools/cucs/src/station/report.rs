@@ -72,3 +72,31 @@ pub(crate) fn mode_name(mode: Mode) -> String {
         mode => mode.to_string(),
     }
 }
+
+/// Vehicle Type (messages 2 to 5) by its name beside its number. The custodian's list is not public for the later editions; where
+/// MAVLink's MAV_TYPE stands in for it, as with `vsm`, these are its names.
+pub(crate) fn vehicle_type(number: u16) -> String {
+    let name = match number {
+        0 => return "not known".to_owned(),
+        1 => "fixed wing",
+        2 => "quadrotor",
+        3 => "coaxial helicopter",
+        4 => "helicopter",
+        10 => "ground rover",
+        11 => "surface boat",
+        12 => "submarine",
+        13 => "hexarotor",
+        14 => "octorotor",
+        15 => "tricopter",
+        19 => "VTOL, two-rotor tailsitter",
+        20 => "VTOL, four-rotor tailsitter",
+        21 => "VTOL, tiltrotor",
+        22 => "VTOL, separate rotors",
+        23 => "VTOL, tailsitter",
+        24 => "VTOL, tiltwing",
+        29 => "dodecarotor",
+        35 => "decarotor",
+        other => return other.to_string(),
+    };
+    format!("{number} ({name} in MAVLink's list)")
+}

@@ -197,7 +197,7 @@ async fn rights_that_are_not_granted_are_an_error() {
     .unwrap_err();
     let text = error.to_string();
     assert!(
-        text.contains("LOI 2,5 requested, 2 granted; this CUCS may hold 2"),
+        text.contains("LOI 2, 5 (monitor, launch) requested, 2 (monitor) granted; this CUCS may hold 2 (monitor)"),
         "{text}"
     );
     vsm.authorised = LoiBitmap::from_raw(0x0f);

@@ -88,7 +88,7 @@ fn each_subcommand_may_be_a_process_of_its_own() {
             out
         };
         assert!(done(&["discover"]).contains("1b:00:01:01 behind VSM 1b:00:00:01"));
-        assert!(done(&["take", "--loi", "4,5"]).contains("LOI 4,5 granted"));
+        assert!(done(&["take", "--loi", "4,5"]).contains("LOI 4, 5 (control, launch) granted"));
         let route = concat!(
             env!("CARGO_MANIFEST_DIR"),
             "/../../examples/square.route.toml"

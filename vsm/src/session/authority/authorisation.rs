@@ -158,7 +158,7 @@ impl AuthorityMachine {
                 let what = if *missing == Rights::NONE {
                     "refused".to_owned()
                 } else {
-                    format!("{missing} refused")
+                    format!("{} refused", missing.in_words())
                 };
                 let text = format!("message {}: {what}: {why}", origin.message_type);
                 if is_too_often(answer) {

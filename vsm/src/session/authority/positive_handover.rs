@@ -95,6 +95,7 @@ impl AuthorityMachine {
             let status = HandoverStatus::InProgress;
             self.report_handover(context, from, Some(to), status, effects);
             let holder = from.map_or_else(|| "nobody".to_owned(), |id| id.to_string());
+            let rights = rights.in_words();
             let text = match handover.stage {
                 Stage::Consent(_) => format!("{to} requests {rights} from {holder}"),
                 Stage::Acceptance(_) => format!("{holder} offers {rights} to {to}"),

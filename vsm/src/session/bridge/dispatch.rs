@@ -240,7 +240,11 @@ fn refuse_without_right(
     dli.counters.count("without the right");
     let held = one.authority.rights().held(cucs);
     let needed = Rights::named(right, Stations::NONE);
-    let why = format!("it needs {needed}, held is {held}");
+    let why = format!(
+        "it needs {}, held is {}",
+        needed.in_words(),
+        held.in_words()
+    );
     one.effects(dli).refuse_unprivileged(origin, &why);
 }
 

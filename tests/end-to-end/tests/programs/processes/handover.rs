@@ -129,38 +129,47 @@ fn three_stations_take_turns_over_a_bad_network() {
     let _aircraft = ground.aircraft();
     let [mut a, mut b, mut c] = [(A, 1), (B, 2), (C, 3)]
         .map(|(id, n)| Console::open(&ground, id, seed.wrapping_mul(31).wrapping_add(n)));
-    a.succeeds("take --loi 2,4,5", "LOI 2,4,5 granted");
+    a.succeeds(
+        "take --loi 2,4,5",
+        "LOI 2, 4, 5 (monitor, control, launch) granted",
+    );
     a.does("heartbeats on", &["heartbeats on"]);
 
     // Asked, and consented to.
     let (asked, answered) = (a.mark(), b.mark());
     b.shell.type_line("ask --loi 4,5");
-    a.prints(asked, &["1b:00:00:b0 requests LOI 4,5"]);
+    a.prints(asked, &["1b:00:00:b0 requests LOI 4, 5 (control, launch)"]);
     assert_eq!(controller(&ground), Some(A.into()), "control stays so far");
     a.succeeds("consent", "handed over to 1b:00:00:b0");
-    b.prints(answered, &["LOI 4,5 is ours"]);
+    b.prints(answered, &["LOI 4, 5 (control, launch) is ours"]);
     assert_eq!(controller(&ground), Some(B.into()));
 
     // Named, and accepted.
     let (offered, answered) = (c.mark(), b.mark());
-    c.succeeds("discover", "LOI 2,3,4,5 authorised, none granted");
+    c.succeeds(
+        "discover",
+        "LOI 2, 3, 4, 5 (monitor, payload, control, launch) authorised, none granted",
+    );
     b.shell.type_line("successor 1b:00:00:c0 --loi 4,5");
-    c.prints(offered, &["LOI 4,5 is offered"]);
-    c.succeeds("accept", "LOI 4,5 is ours");
+    c.prints(offered, &["LOI 4, 5 (control, launch) is offered"]);
+    c.succeeds("accept", "LOI 4, 5 (control, launch) is ours");
     b.prints(answered, &["1b:00:00:c0 has accepted"]);
     assert_eq!(controller(&ground), Some(C.into()));
 
     // Asked, and refused.
     let (asked, answered) = (c.mark(), a.mark());
     a.shell.type_line("ask --loi 4,5");
-    c.prints(asked, &["1b:00:00:a0 requests LOI 4,5"]);
+    c.prints(asked, &["1b:00:00:a0 requests LOI 4, 5 (control, launch)"]);
     c.succeeds("refuse", "refused to 1b:00:00:a0");
     a.prints(answered, &["handover (message 4) is refused"]);
     assert_eq!(controller(&ground), Some(C.into()));
 
     // By rank, and not without.
     a.is_refused("take --loi 4,5 --override", "is not allowed");
-    b.succeeds("take --loi 4,5 --override", "LOI 2,4,5 granted");
+    b.succeeds(
+        "take --loi 4,5 --override",
+        "LOI 2, 4, 5 (monitor, control, launch) granted",
+    );
     assert_eq!(controller(&ground), Some(B.into()));
 
     // The holder falls silent: another may take, and who comes back gets nothing by itself.
@@ -171,7 +180,11 @@ fn three_stations_take_turns_over_a_bad_network() {
     let silent = Instant::now();
     while a.does(
         "take --loi 4,5",
-        &["granted; this CUCS may", "LOI 2,4,5 granted", "within"],
+        &[
+            "granted; this CUCS may",
+            "LOI 2, 4, 5 (monitor, control, launch) granted",
+            "within",
+        ],
     ) != 1
     {
         assert!(silent.elapsed() < PATIENCE, "{}", a.shell.output());

@@ -234,6 +234,26 @@ impl Rights {
     }
 }
 
+impl Rights {
+    /// As [`Display`](fmt::Display), with the names of the levels: for alerts, which people read. `LOI 4, 5 (control, launch)`.
+    #[must_use]
+    pub fn in_words(self) -> String {
+        let own = LoiBitmap::from_raw(self.own).in_words();
+        match (self.own, self.stations.is_empty()) {
+            (0, true) => self.to_string(),
+            (0, false) => self.to_string().replacen("LOI 3", "LOI 3 (payload)", 1),
+            (_, true) => format!("LOI {own}"),
+            (_, false) => {
+                let stations = Rights {
+                    own: 0,
+                    stations: self.stations,
+                };
+                format!("LOI {own}; {}", stations.in_words())
+            }
+        }
+    }
+}
+
 impl fmt::Debug for Rights {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{self}")
