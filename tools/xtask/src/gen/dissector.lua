@@ -220,6 +220,30 @@ local function check_range(item, field, value)
   end
 end
 
+-- Levels of interoperability, as people call them.
+local LEVELS = {
+  ["LOI 2"] = "2 monitor", ["LOI 3"] = "3 payload", ["LOI 4"] = "4 control", ["LOI 5"] = "5 launch",
+}
+
+-- The value of a field for the info column: by its name where it has one.
+local function note_text(field, bytes)
+  if field.chars then
+    local stop = bytes:find("\0", 1, true)
+    -- What is not printable would make the output of tshark no text.
+    return ((stop and bytes:sub(1, stop - 1) or bytes):gsub("[^\32-\126]", "?"))
+  end
+  local value = unsigned(bytes)
+  local enum = field.values
+  if enum and enum.bits then
+    local names = {}
+    for _, bit in ipairs(enum.bits) do
+      if math.floor(value / bit.mask) % 2 == 1 then names[#names + 1] = LEVELS[bit.name] or bit.name end
+    end
+    return #names > 0 and table.concat(names, " ") or "none"
+  end
+  return enum and (enum.values[value] or range_text(enum, value)) or number_text(value)
+end
+
 local function add_field(tree, field, range)
   local bytes = range:raw()
   if field.chars then
@@ -301,7 +325,7 @@ end
 
 -- Presence vector and fields. Stops at the first fault: what follows cannot be located. Edition 2.5 has no vector: each
 -- field is present.
-local function dissect_data(message, data, tree)
+local function dissect_data(message, data, tree, notes)
   local size = message.presence
   local present = size > 0 and presence_vector(message, data, tree)
   if size > 0 and not present then return end
@@ -320,6 +344,10 @@ local function dissect_data(message, data, tree)
         return
       end
       add_field(tree, field, data:range(offset, bytes))
+      if field.note then
+        local text = note_text(field, data:range(offset, bytes):raw())
+        notes[#notes + 1] = field.note == "" and text or field.note .. " " .. text
+      end
       offset = offset + bytes
     end
   end
@@ -402,7 +430,9 @@ local function dissect_message(tvb, offset, tree, labels)
   local data = tvb:range(offset + HEADER, found.length)
   if message then
     subtree:append_text(message.provisional and " (layout derived from Edition 2)" or "")
-    dissect_data(message, data, subtree)
+    local notes = {}
+    dissect_data(message, data, subtree, notes)
+    if #notes > 0 then labels[#labels] = label .. " (" .. table.concat(notes, ", ") .. ")" end
   else
     subtree:add(header.data, data):add_proto_expert_info(expert.unknown)
   end
@@ -488,7 +518,9 @@ local function dissect_message_25(tvb, offset, tree, labels)
   end
   local data = tvb:range(offset + HEADER_25, found.length)
   if message then
-    dissect_data(message, data, subtree)
+    local notes = {}
+    dissect_data(message, data, subtree, notes)
+    if #notes > 0 then labels[#labels] = label .. " (" .. table.concat(notes, ", ") .. ")" end
   else
     subtree:add(header.data, data):add_proto_expert_info(expert.unknown)
   end

@@ -76,6 +76,20 @@ fn enumeration(info: &EnumInfo) -> String {
     table + " }"
 }
 
+/// Fields that the info column shows beside the name of their message, and in which words.
+const NOTES: &[(&str, &str)] = &[
+    ("select_flight_path_control_mode", "mode"),
+    ("waypoint_number", "waypoint"),
+    ("commanded_waypoint_number", "to waypoint"),
+    ("to_waypoint_number", "to waypoint"),
+    ("requested_handover_loi", "LOI"),
+    ("loi_granted", "LOI granted"),
+    ("mission_plan_mode", "plan"),
+    ("original_message_type", "of"),
+    ("acknowledgement_type", ""),
+    ("text", ""),
+];
+
 /// The ends of a range of values as the table writes it: `32-255`, or one value.
 fn bounds(range: &str) -> Option<(i64, i64)> {
     let (low, high) = range.split_once('-').unwrap_or((range, range));
@@ -111,6 +125,9 @@ fn field(field: &FieldInfo) -> String {
     }
     if field.identification {
         entry(&mut table, "id", "true");
+    }
+    if let Some((_, note)) = NOTES.iter().find(|(name, _)| *name == field.rust) {
+        entry(&mut table, "note", &quoted(note));
     }
     if field.step() != 1.0 {
         entry(&mut table, "step", &format!("{:?}", field.step()));
