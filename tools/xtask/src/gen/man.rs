@@ -1,4 +1,5 @@
-//! The manual page and the shell completions of each program, made from its command line.
+//! The manual page and the shell completions of each program, made from its command line; the pages also have examples, which
+//! the command line must take, the exit statuses and the files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,8 +13,15 @@ pub(crate) fn write(tree: &Path) -> Result<()> {
     for command in commands() {
         let name = command.get_name().to_owned();
         let pages = folder(tree, "usr/share/man/man1")?;
-        clap_mangen::generate_to(command.clone(), pages)
+        clap_mangen::generate_to(command.clone(), &pages)
             .with_context(|| format!("the manual page of {name}"))?;
+        let more = more(&name).with_context(|| format!("{name} is not in PROGRAMS"))?;
+        for page in page_names(&command) {
+            let path = pages.join(format!("{page}.1"));
+            let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+            let text = text + &sections(&page, more);
+            fs::write(&path, text).with_context(|| path.display().to_string())?;
+        }
         for (shell, place) in SHELLS {
             let into = folder(tree, place)?;
             let path = clap_complete::generate_to(shell, &mut command.clone(), &name, &into)
@@ -37,14 +45,260 @@ fn commands() -> [Command; 4] {
     ]
 }
 
+/// What the pages of a program have in common.
+struct More {
+    program: &'static str,
+    statuses: [&'static str; 3],
+    files: &'static [(&'static str, &'static str)],
+}
+
+const PROGRAMS: &[More] = &[
+    More {
+        program: "vsm",
+        statuses: [
+            "Done",
+            "Failed",
+            "Wrong arguments or configuration; nothing was done",
+        ],
+        files: &[
+            (
+                "vsm.toml",
+                "Configuration of the bridge where none is named; of the packaged service /etc/vsm/vsm.toml",
+            ),
+            (
+                "airside.toml",
+                "Configuration of the agent beside PX4 where none is named",
+            ),
+            (
+                "key_file of [[vehicle]]",
+                "Signing key: 32 bytes in hex, mode 0600; beside it .next and .previous while it is replaced",
+            ),
+            (
+                "dir of [store]",
+                "What survives a restart: signing clocks, plans, authority, audit logs; mode 0700",
+            ),
+        ],
+    },
+    More {
+        program: "cucs",
+        statuses: [
+            "Done",
+            "Refused, with the reason, or not answered",
+            "Wrong arguments, or a faulty file; nothing was sent",
+        ],
+        files: &[
+            ("*.route.toml", "Routes for send; download writes them"),
+            ("*.fence.toml", "Areas of a geofence for fence"),
+            ("*.cucs", "Scripts: subcommands, one a line, # for remarks"),
+        ],
+    },
+    More {
+        program: "px4-sim",
+        statuses: [
+            "Ended by SIGTERM or SIGINT",
+            "Failed, as where its port is in use",
+            "Wrong arguments, or a faulty key file",
+        ],
+        files: &[
+            ("--key-file FILE", "Signing key: 32 bytes in hex, mode 0600"),
+            (
+                "--signing-file FILE",
+                "PX4's own key file, mavlink/mavlink-signing-key.bin: 32 bytes of key, 8 of a stamp",
+            ),
+        ],
+    },
+    More {
+        program: "curve-plan",
+        statuses: [
+            "Done",
+            "The answer is no: the route cannot be flown, or not within the bounds",
+            "Wrong arguments, or a faulty file",
+        ],
+        files: &[(
+            "*.toml, *.plan, *.waypoints, *.kml, *.gpx, *.geojson, *.csv",
+            "Routes and tracks, by their endings; *.hex and *.pcapng are messages, which are only written",
+        )],
+    },
+];
+
+fn more(program: &str) -> Option<&'static More> {
+    PROGRAMS.iter().find(|more| more.program == program)
+}
+
+/// The names of the pages that are written for a program: `vsm`, `vsm-key`, `vsm-key-list`.
+fn page_names(command: &Command) -> Vec<String> {
+    fn collect(name: String, command: &Command, names: &mut Vec<String>) {
+        for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set()) {
+            collect(format!("{name}-{}", sub.get_name()), sub, names);
+        }
+        names.push(name);
+    }
+    let mut names = Vec::new();
+    collect(command.get_name().to_owned(), command, &mut names);
+    names
+}
+
+/// `EXAMPLES`, `EXIT STATUS` and `FILES` in roff.
+fn sections(page: &str, more: &More) -> String {
+    let plain = |text: &str| text.replace('\\', "\\e").replace('-', "\\-");
+    let mut text = String::new();
+    let examples: Vec<&str> = examples(page).collect();
+    if !examples.is_empty() {
+        text += ".SH EXAMPLES\n.EX\n";
+        for example in examples {
+            text += &format!("{}\n", plain(example));
+        }
+        text += ".EE\n";
+    }
+    text += ".SH \"EXIT STATUS\"\n";
+    for (status, meaning) in more.statuses.iter().enumerate() {
+        text += &format!(".TP\n{status}\n{}.\n", plain(meaning));
+    }
+    text += ".SH FILES\n";
+    for (file, meaning) in more.files {
+        text += &format!(".TP\n{}\n{}.\n", plain(file), plain(meaning));
+    }
+    text
+}
+
+/// The command lines that begin with the words of a page; that of a group has those of its subcommands.
+fn examples(page: &str) -> impl Iterator<Item = &'static str> {
+    let words = page.to_owned() + "-";
+    EXAMPLES.iter().copied().filter(move |example| {
+        let example = example.replace(' ', "-") + "-";
+        example.starts_with(&words)
+    })
+}
+
 fn folder(tree: &Path, place: &str) -> Result<PathBuf> {
     let folder = tree.join(place);
     fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     Ok(folder)
 }
 
+/// Command lines that the programs take: a test parses each.
+const EXAMPLES: &[&str] = &[
+    "vsm init --sitl",
+    "vsm run",
+    "vsm run /etc/vsm/vsm.toml",
+    "vsm check-config vsm.toml",
+    "vsm demo --curve",
+    "vsm status",
+    "vsm status --json",
+    "vsm airside airside.toml",
+    "vsm airside pair --config airside.toml",
+    "vsm airside status",
+    "vsm keygen uav1.key",
+    "vsm key list",
+    "vsm key provision --sitl-file mavlink/mavlink-signing-key.bin",
+    "vsm key rotate --vehicle 1b:00:01:01",
+    "vsm key revoke --vehicle 1b:00:01:01",
+    "vsm key clock",
+    "vsm audit verify",
+    "vsm audit export --format csv",
+    "vsm pair --code -",
+    "vsm decode",
+    "vsm encode --raw",
+    "cucs discover",
+    "cucs take --loi 2,4,5",
+    "cucs release",
+    "cucs ask --loi 4,5",
+    "cucs consent 1b:00:00:b0",
+    "cucs refuse 1b:00:00:b0",
+    "cucs successor 1b:00:00:b0",
+    "cucs accept",
+    "cucs decline",
+    "cucs send square.route.toml",
+    "cucs clear",
+    "cucs cancel",
+    "cucs download -o plan.route.toml",
+    "cucs mode loiter --altitude 40",
+    "cucs launch 30",
+    "cucs fly --from 10",
+    "cucs loiter --position 47.3990,8.5472 --altitude 40",
+    "cucs speed 8",
+    "cucs land",
+    "cucs wait landed",
+    "cucs wait mode loiter --within 60",
+    "cucs wait waypoint 20",
+    "cucs wait route-end --within 180",
+    "cucs wait airborne",
+    "cucs wait above 540",
+    "cucs wait below 520",
+    "cucs wait alert geofence",
+    "cucs wait asked",
+    "cucs wait offered",
+    "cucs wait holds 4,5",
+    "cucs wait lacks 4,5",
+    "cucs watch --seconds 60",
+    "cucs sleep 5",
+    "cucs heartbeats on",
+    "cucs vehicle 1b:00:01:01",
+    "cucs traffic",
+    "cucs config --loi 4",
+    "cucs parameters NAV_DLL_ACT",
+    "cucs set NAV_DLL_ACT 2",
+    "cucs software",
+    "cucs ping --vehicle 1b:00:01:01",
+    "cucs fence area.fence.toml",
+    "cucs script square.cucs",
+    "cucs shell",
+    "px4-sim --link udpout:127.0.0.1:14550 --key-file uav1.key",
+    "curve-plan compare track.csv --tolerance 2",
+    "curve-plan densify everland.route.toml dense.csv --tolerance 1",
+    "curve-plan fit track.csv fitted.route.toml --height 30 --g1",
+    "curve-plan check everland.route.toml --speed 8",
+    "curve-plan plot everland.route.toml everland.svg",
+    "curve-plan convert survey.plan survey.route.toml",
+    "curve-plan send everland.route.toml --vsm 127.0.0.1:4586",
+];
+
 const SHELLS: [(Shell, &str); 3] = [
     (Shell::Bash, "usr/share/bash-completion/completions"),
     (Shell::Zsh, "usr/share/zsh/vendor-completions"),
     (Shell::Fish, "usr/share/fish/vendor_completions.d"),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_page_has_an_example_and_every_example_is_taken() {
+        for command in commands() {
+            let name = command.get_name().to_owned();
+            assert!(more(&name).is_some(), "{name}");
+            for page in page_names(&command) {
+                assert!(
+                    examples(&page).next().is_some(),
+                    "{page}: add one to EXAMPLES"
+                );
+            }
+            for example in examples(&name) {
+                let taken = command.clone().try_get_matches_from(example.split(' '));
+                assert!(taken.is_ok(), "{example}: {}", taken.unwrap_err());
+            }
+        }
+    }
+
+    #[test]
+    fn a_page_has_examples_exit_statuses_and_files() {
+        let tree = std::env::temp_dir().join(format!("man-{}", std::process::id()));
+        write(&tree).unwrap();
+        let page =
+            |name: &str| fs::read_to_string(tree.join("usr/share/man/man1").join(name)).unwrap();
+        let (run, landed) = (page("vsm-run.1"), page("cucs-wait-landed.1"));
+        fs::remove_dir_all(&tree).unwrap();
+        for part in [
+            ".SH EXAMPLES",
+            "vsm run /etc/vsm/vsm.toml",
+            ".SH \"EXIT STATUS\"",
+            ".SH FILES",
+            "airside.toml",
+        ] {
+            assert!(run.contains(part), "{part}: {run}");
+        }
+        assert!(landed.contains("cucs wait landed"), "{landed}");
+        assert!(!landed.contains("cucs wait mode"), "{landed}");
+    }
+}
