@@ -2,6 +2,7 @@
 
 mod checking;
 mod errors;
+mod every_subcommand;
 mod exchange;
 mod formats;
 mod heights;

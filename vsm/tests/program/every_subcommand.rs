@@ -1,0 +1,435 @@
+//! Every subcommand of `vsm` and `cucs` is run: those of `cucs` alone, with `--json` and in a script. They are counted by the
+//! command lines themselves, so that one that is added without a run here fails.
+//!
+//! What a subcommand does in detail is tested elsewhere. Here none panics, hangs, or is mistaken for another, its exit status is one
+//! of those documented, and with `--json` each line that it prints is JSON.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use kit::process::{Running, free_udp_port, program};
+use tempfile::TempDir;
+
+/// How a subcommand ends.
+#[derive(Debug, Clone, Copy)]
+enum Ends {
+    /// Status 0.
+    Done,
+    /// Status 1, with this in the reason.
+    Refused(&'static str),
+    /// Either: alone, without another station, a handover may be refused.
+    Either,
+}
+use Ends::{Done, Either, Refused};
+
+/// A flight, each line a subcommand of `cucs`.
+const FLIGHT: &[(&str, Ends)] = &[
+    ("discover", Done),
+    ("vehicle 1b:00:01:01", Done),
+    ("launch 30", Refused("run `cucs take` first")),
+    ("take", Done),
+    ("wait holds 2,4,5", Done),
+    ("heartbeats off", Done),
+    ("software", Done),
+    ("ping", Done),
+    ("ping --vehicle", Done),
+    ("config --loi 4", Done),
+    ("parameters NAV_DLL_ACT", Done),
+    ("set NAV_DLL_ACT 0", Done),
+    ("fence area.fence.toml", Done),
+    ("fence", Done),
+    ("fence --clear", Done),
+    ("send square.route.toml", Done),
+    ("download", Done),
+    ("wait landed", Done),
+    ("launch 30", Done),
+    ("wait airborne", Done),
+    ("wait mode loiter --within 60", Done),
+    ("mode loiter --altitude 40", Done),
+    ("loiter --altitude 40", Done),
+    ("wait above 100", Done),
+    ("wait below 9000", Done),
+    ("fly --from 10", Done),
+    ("wait waypoint 40 --within 60", Done),
+    ("speed 8", Done),
+    ("wait route-end --within 100", Done),
+    ("watch --seconds 0.3 --every 0.1", Done),
+    ("sleep 0.1", Done),
+    (
+        "wait asked --within 0.5",
+        Refused("no request from another CUCS"),
+    ),
+    (
+        "wait offered --within 0.5",
+        Refused("no offer from the holder"),
+    ),
+    (
+        "wait alert nothing-like-it --within 0.5",
+        Refused("no alert"),
+    ),
+    ("ask --loi 4", Either),
+    ("consent 1b:00:00:b0", Either),
+    ("refuse 1b:00:00:b0", Either),
+    ("successor 1b:00:00:b0", Either),
+    ("accept --loi 4", Either),
+    ("decline", Either),
+    ("land", Done),
+    ("wait landed --within 120", Done),
+    ("cancel", Either),
+    ("clear", Done),
+    ("traffic", Done),
+    ("release", Done),
+    ("wait lacks 4,5", Done),
+];
+
+/// The leaves of a command line, such as `wait landed`.
+fn leaves(command: &clap::Command) -> BTreeSet<String> {
+    fn collect(path: &str, command: &clap::Command, found: &mut BTreeSet<String>) {
+        for sub in command.get_subcommands() {
+            let path = format!("{path} {}", sub.get_name());
+            // One with subcommands of its own may also be run without: `vsm airside`.
+            if sub.get_subcommands().next().is_none() || !sub.is_subcommand_required_set() {
+                found.insert(path.trim().to_owned());
+            }
+            collect(&path, sub, found);
+        }
+    }
+    let mut found = BTreeSet::new();
+    collect("", command, &mut found);
+    found
+}
+
+/// The leaves that no line begins with.
+fn missing<'a>(leaves: &BTreeSet<String>, lines: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let lines: Vec<String> = lines.map(|line| line.to_owned() + " ").collect();
+    let run = |leaf: &str| {
+        lines
+            .iter()
+            .any(|line| line.starts_with(&format!("{leaf} ")))
+    };
+    leaves.iter().filter(|leaf| !run(leaf)).cloned().collect()
+}
+
+/// A folder with what `vsm init` writes, on ports of its own.
+struct Scene {
+    folder: TempDir,
+    dli: String,
+    link: String,
+    running: Vec<Running>,
+}
+
+impl Scene {
+    fn new() -> Scene {
+        let folder = tempfile::tempdir().expect("a folder");
+        for name in ["square.route.toml", "area.fence.toml"] {
+            let from = kit::workspace().join("examples").join(name);
+            fs::copy(from, folder.path().join(name)).expect(name);
+        }
+        let scene = Scene {
+            folder,
+            dli: format!("127.0.0.1:{}", free_udp_port()),
+            link: format!("127.0.0.1:{}", free_udp_port()),
+            running: Vec::new(),
+        };
+        let output = scene.run(
+            "vsm",
+            &format!(
+                "init --sitl --listen {} --link udpin:{}",
+                scene.dli, scene.link
+            ),
+        );
+        assert!(output.status.success(), "{}", text(&output));
+        scene
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn start(&mut self, name: &str, words: &str) -> &mut Running {
+        let mut command = Command::new(program(name));
+        command
+            .args(words.split(' '))
+            .current_dir(self.folder.path());
+        self.running.push(Running::spawn(&mut command));
+        self.running.last_mut().expect("the one just started")
+    }
+
+    /// Bridge and vehicle, which has booted.
+    fn flying() -> Scene {
+        let mut scene = Scene::new();
+        scene.start("vsm", "run").wait_for("ready", LIMIT);
+        let words = format!(
+            "--link udpout:{} --key-file uav1.key --speed 10",
+            scene.link
+        );
+        scene.start("px4-sim", &words).wait_for("ready", LIMIT);
+        let end = Instant::now() + LIMIT;
+        while text(&scene.run("vsm", "status")).contains("mode unknown") {
+            assert!(Instant::now() < end, "{}", scene.running[0].output());
+            std::thread::sleep(Duration::from_millis(200));
+        }
+        // Home is known and it can be armed some seconds later; simulated ones are a tenth.
+        std::thread::sleep(Duration::from_secs(2));
+        scene
+    }
+
+    /// Runs a program to its end; one that does not end is a failure.
+    fn run(&self, name: &str, words: &str) -> Output {
+        self.run_with(name, words, "")
+    }
+
+    fn run_with(&self, name: &str, words: &str, input: &str) -> Output {
+        let typed = self.path("typed");
+        fs::write(&typed, input).expect("what is typed");
+        let mut child = Command::new("timeout")
+            .arg("100")
+            .arg(program(name))
+            .args(words.split_whitespace())
+            .current_dir(self.folder.path())
+            .stdin(fs::File::open(&typed).expect("what is typed"))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect(name);
+        child.stdin.take();
+        child.wait_with_output().expect("its end")
+    }
+
+    fn cucs(&self, options: &str, line: &str) -> Output {
+        self.run("cucs", &format!("--vsm {} {options} {line}", self.dli))
+    }
+}
+
+fn text(output: &Output) -> String {
+    let both = [output.stdout.as_slice(), &output.stderr].concat();
+    String::from_utf8_lossy(&both).into_owned()
+}
+
+fn check(what: &str, output: &Output, ends: Ends) {
+    let (status, printed) = (output.status.code(), text(output));
+    let good = match ends {
+        Done => status == Some(0),
+        Refused(reason) => status == Some(1) && printed.contains(reason),
+        Either => matches!(status, Some(0 | 1)),
+    };
+    assert!(good, "{what}: {status:?}, expected {ends:?}:\n{printed}");
+    // A panic's exit status is another, but a thread's is not.
+    assert!(!printed.contains("panicked"), "{what}: {printed}");
+}
+
+#[test]
+fn every_subcommand_of_cucs_is_run_alone() {
+    let all = leaves(&cucs::program::command());
+    assert!(all.len() > 40, "{all:?}");
+    let missing = missing(&all, FLIGHT.iter().map(|(line, _)| *line));
+    // They are what runs the others, in the tests below.
+    assert_eq!(missing, ["script", "shell"], "without a line in FLIGHT");
+    let scene = Scene::flying();
+    for (line, ends) in FLIGHT {
+        check(line, &scene.cucs("", line), *ends);
+    }
+}
+
+#[test]
+fn every_subcommand_of_cucs_is_run_with_json() {
+    let scene = Scene::flying();
+    for (line, ends) in FLIGHT {
+        let output = scene.cucs("--json", line);
+        check(line, &output, *ends);
+        // What is downloaded is the file itself, in its own form.
+        if matches!(*line, "download" | "fence") {
+            continue;
+        }
+        for printed in String::from_utf8_lossy(&output.stdout).lines() {
+            let value = serde_json::from_str::<serde_json::Value>(printed);
+            assert!(
+                value.is_ok_and(|value| value.is_object()),
+                "{line}: {printed}"
+            );
+        }
+        if let Refused(reason) = ends {
+            let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+            assert!(
+                printed.contains("\"error\"") && printed.contains(reason),
+                "{line}: {printed}"
+            );
+        }
+    }
+}
+
+#[test]
+fn every_subcommand_of_cucs_is_run_in_a_script_and_a_shell() {
+    let scene = Scene::flying();
+    let mut good = String::new();
+    let script = |lines: &str| {
+        fs::write(scene.path("lines.cucs"), lines).expect("the script");
+        scene.cucs("", "script lines.cucs")
+    };
+    for (line, ends) in FLIGHT {
+        if let Done = ends {
+            good = good + line + "\n";
+            continue;
+        }
+        // A script ends at the first line that fails: the lines before it are one of their own.
+        check(&good, &script(&good), Done);
+        good.clear();
+        let output = script(line);
+        check(line, &output, *ends);
+        let place = format!("lines.cucs:1: {line}");
+        assert!(
+            output.status.success() || text(&output).contains(&place),
+            "{}",
+            text(&output)
+        );
+    }
+    check(&good, &script(&good), Done);
+
+    let shell = format!("--vsm {} shell", scene.dli);
+    let output = scene.run_with("cucs", &shell, "discover\nlunch\nquit\n");
+    check("shell", &output, Done);
+    let printed = text(&output);
+    assert!(
+        printed.contains("behind VSM") && printed.contains("lunch"),
+        "{printed}"
+    );
+}
+
+#[test]
+fn with_two_vehicles_a_command_names_the_option_that_selects_one() {
+    let mut scene = Scene::new();
+    let second = "[[vehicle]]\nid = \"1b:00:01:02\"\nlink = \"udpin:127.0.0.1:0\"\nsystem_id = 2\nsigning = \"off\"\n";
+    let config = fs::read_to_string(scene.path("vsm.toml")).expect("the configuration");
+    fs::write(scene.path("vsm.toml"), config + second).expect("the configuration");
+    scene.start("vsm", "run").wait_for("ready", LIMIT);
+    let output = scene.cucs("", "take");
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    for part in ["1b:00:01:01", "1b:00:01:02", "--vehicle ID"] {
+        assert!(text(&output).contains(part), "{part}: {}", text(&output));
+    }
+    check("take", &scene.cucs("--vehicle 1b:00:01:02", "take"), Done);
+    for (options, reason) in [
+        ("", "--vehicle ID"),
+        (
+            "--vehicle 1b:00:01:09",
+            "1b:00:01:09 is not in the configuration",
+        ),
+    ] {
+        let output = scene.run("vsm", &format!("key clock {options}"));
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        assert!(text(&output).contains(reason), "{}", text(&output));
+    }
+}
+
+/// What is run by another test, with the time that it needs.
+const ELSEWHERE: &[(&str, &str)] = &[
+    // A flight of a minute.
+    ("demo", "tests/end-to-end/tests/programs/documents/pages.rs"),
+    // They change a vehicle's key, and find the agent.
+    ("key rotate", "vsm/tests/keys/commands.rs"),
+    ("key revoke", "vsm/tests/keys/commands.rs"),
+    (
+        "pair",
+        "tests/end-to-end/tests/programs/processes/airside.rs",
+    ),
+    (
+        "airside pair",
+        "tests/end-to-end/tests/programs/processes/airside.rs",
+    ),
+];
+
+/// Before the bridge runs, while it runs, and while the agent runs.
+const GROUND: &[&[(&str, Ends)]] = &[
+    &[
+        ("init other/vsm.toml --sitl", Done),
+        ("check-config", Done),
+        ("keygen another.key", Done),
+        ("key provision --sitl-file px4.bin", Done),
+        ("key list", Done),
+        ("key clock", Done),
+        ("status", Refused("is it running?")),
+        ("decode", Done),
+        ("encode", Done),
+    ],
+    &[
+        ("run", Refused("in use by another vsm")),
+        ("status", Done),
+        ("status --json", Done),
+        ("audit verify", Done),
+        ("audit export", Done),
+        ("audit export --format csv", Done),
+    ],
+    &[
+        ("airside", Refused("airside")),
+        ("airside status", Done),
+        ("airside status --json", Done),
+    ],
+];
+
+#[test]
+fn every_subcommand_of_vsm_is_run() {
+    let all = leaves(&vsm::program::command());
+    let here = GROUND.iter().copied().flatten().map(|(line, _)| *line);
+    let elsewhere = ELSEWHERE.iter().map(|(line, file)| {
+        let words = line.rsplit(' ').next().expect("a word");
+        let source = fs::read_to_string(kit::workspace().join(file)).expect(file);
+        assert!(source.contains(words), "{file} does not run {line}");
+        *line
+    });
+    let missing = missing(&all, here.chain(elsewhere));
+    assert_eq!(missing, [""; 0], "without a line in GROUND or ELSEWHERE");
+
+    let mut scene = Scene::new();
+    let agent =
+        fs::read_to_string(kit::workspace().join("examples/airside.toml")).expect("the agent's");
+    let agent = agent
+        .replace(
+            "udpin:127.0.0.1:14560",
+            &format!("udpin:127.0.0.1:{}", free_udp_port()),
+        )
+        .replace(
+            "serial:/dev/ttyS0:921600",
+            &format!("udpin:127.0.0.1:{}", free_udp_port()),
+        );
+    fs::write(scene.path("airside.toml"), agent).expect("the agent's");
+    for (lines, runs) in GROUND.iter().zip(["", "run", "airside"]) {
+        if !runs.is_empty() {
+            scene.start("vsm", runs).wait_for("ready", LIMIT);
+        }
+        for (line, ends) in *lines {
+            let output = scene.run("vsm", line);
+            check(line, &output, *ends);
+            if line.ends_with("--json") {
+                let value = serde_json::from_slice::<serde_json::Value>(&output.stdout);
+                assert!(value.is_ok(), "{line}: {}", text(&output));
+            }
+        }
+    }
+    let px4_sim = px4_sim::program::command();
+    assert_eq!(
+        px4_sim.get_subcommands().count(),
+        0,
+        "px4-sim is run by the flights above"
+    );
+}
+
+#[test]
+fn what_cannot_be_decoded_or_encoded_is_an_exit_status() {
+    let scene = Scene::new();
+    let good = "000000021b000101ffffffff0bb92000020c\n";
+    let json = "{\"id\": 3001, \"source\": 1, \"destination\": 2, \"fields\": {}}\n";
+    for (program, good) in [("decode", good), ("encode", json)] {
+        check(program, &scene.run_with("vsm", program, good), Done);
+        // Every line is answered, also behind the one that is junk.
+        let output = scene.run_with("vsm", program, &format!("junk\n{good}"));
+        check(program, &output, Refused("1 of 2 lines not"));
+        let answers = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert_eq!(answers.lines().count(), 2, "{answers}");
+        assert!(answers.starts_with("{\"error\""), "{answers}");
+    }
+}
+
+const LIMIT: Duration = Duration::from_secs(30);
