@@ -13,6 +13,7 @@ use std::time::Duration;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use stanag_msgs::Id;
 
+use crate::operator::file_kind::{self, Reader};
 use crate::{Line, Operator, Station, Style, Verb, parse_line};
 
 /// Command vehicles as a STANAG 4586 ground station (CUCS).
@@ -92,6 +93,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
     // A faulty script is reported before anything is sent.
     let script = match &arguments.command {
         Command::Script { file } => {
+            file_kind::check(file, Reader::Script).map_err(|fault| failure(2, fault))?;
             Some((file, Line::load(file).map_err(|fault| failure(2, fault))?))
         }
         _ => None,

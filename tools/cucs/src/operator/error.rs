@@ -17,6 +17,16 @@ pub enum OperatorError {
     /// The file of a route or a fence, or what would be lost of it.
     #[error(transparent)]
     File(#[from] FormatError),
+    /// A file that another command takes.
+    #[error("{} is {kind}: {command}", path.display())]
+    OtherKind {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        kind: &'static str,
+        /// What takes it.
+        command: &'static str,
+    },
     /// A fence file.
     #[error(transparent)]
     FenceFile(#[from] FenceFileError),
@@ -67,7 +77,9 @@ impl OperatorError {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::File(fault) => fault.exit_status(),
-            Self::FenceFile(_) | Self::Ambiguous(_) | Self::Seconds(_) => 2,
+            Self::FenceFile(_) | Self::OtherKind { .. } | Self::Ambiguous(_) | Self::Seconds(_) => {
+                2
+            }
             Self::Station(fault) => fault.exit_status(),
             _ => 1,
         }

@@ -1,7 +1,7 @@
 //! An operator at a station, in words: the subcommands of `cucs`, and the lines of its scripts.
 //!
 //! - [`verb`]: what can be requested; [`script`]: several of them in a file;
-//! - [`error`]: why one was not carried out, and the exit status for it;
+//! - [`error`]: why one was not carried out, and the exit status for it; [`file_kind`]: a file that is for another command;
 //! - [`console`]: the operator: station, vehicle, output;
 //! - [`configuration`]: the answers of the configuration phase as a table;
 //! - [`rights`], [`plans`], [`services`]: groups of subcommands;
@@ -10,6 +10,7 @@
 pub(crate) mod configuration;
 pub(crate) mod console;
 pub(crate) mod error;
+pub(crate) mod file_kind;
 pub(crate) mod plans;
 pub(crate) mod rights;
 pub(crate) mod run;

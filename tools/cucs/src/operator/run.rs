@@ -10,6 +10,7 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::console::{Done, Operator, Style};
 use super::error::OperatorError;
+use super::file_kind::{self, Reader};
 use super::verb::{Condition, ModeArguments, Verb};
 use crate::formats::Losses;
 use crate::route::model::Route;
@@ -66,7 +67,9 @@ impl<W: Write> Operator<W> {
                 mission_id,
             } => {
                 let name = file.display().to_string();
-                self.send_file(&folder.join(file), &name, import, mission_id.as_deref())
+                let file = folder.join(file);
+                file_kind::check(&file, Reader::Send)?;
+                self.send_file(&file, &name, import, mission_id.as_deref())
                     .await
             }
             Verb::Clear => {
@@ -152,7 +155,11 @@ impl<W: Write> Operator<W> {
             Verb::Ping { vehicle } => self.ping(*vehicle == Some(None)).await,
             Verb::Fence {
                 file: Some(file), ..
-            } => self.send_fence(&folder.join(file)).await,
+            } => {
+                let file = folder.join(file);
+                file_kind::check(&file, Reader::Fence)?;
+                self.send_fence(&file).await
+            }
             Verb::Fence { clear: true, .. } => self.clear_fence().await,
             Verb::Fence { output, .. } => {
                 let path = output.as_ref().map(|path| folder.join(path));
