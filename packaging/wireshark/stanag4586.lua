@@ -98,7 +98,7 @@ local MESSAGES = {
     { short = "data_link_id", name = "Data Link ID", wire = "i32", id = true },
     { short = "vehicle_type", name = "Vehicle Type", wire = "u16" },
     { short = "vehicle_subtype", name = "Vehicle Subtype", wire = "u16" },
-    { short = "requested_handover_loi", name = "Requested/Handover LOI", wire = "u8", enum = "loi_bitmap" },
+    { short = "requested_handover_loi", name = "Requested/Handover LOI", wire = "u8", enum = "loi_bitmap", note = "LOI" },
     { short = "requested_handover_access", name = "Requested/Handover Access", wire = "u8", enum = "requested_access" },
     { short = "requested_flight_mode", name = "Requested Flight Mode", wire = "u8", enum = "flight_path_control_mode" },
     { short = "controlled_station_1_16", name = "Controlled Station 1-16", wire = "u16", enum = "station_bitmap_1_16" },
@@ -119,7 +119,7 @@ local MESSAGES = {
     { short = "access_authorized", name = "Access Authorized", wire = "u8" },
     { short = "access_granted", name = "Access Granted", wire = "u8", enum = "access_granted" },
     { short = "loi_authorized", name = "LOI Authorized", wire = "u8", enum = "loi_bitmap" },
-    { short = "loi_granted", name = "LOI Granted", wire = "u8", enum = "loi_bitmap" },
+    { short = "loi_granted", name = "LOI Granted", wire = "u8", enum = "loi_bitmap", note = "LOI granted" },
     { short = "flight_modes_granted", name = "Flight Modes Granted", wire = "u8", enum = "flight_path_control_mode" },
     { short = "controlled_station_1_16", name = "Controlled Station 1-16", wire = "u16", enum = "station_bitmap_1_16" },
     { short = "component_number", name = "Component Number", wire = "u16" },
@@ -151,7 +151,7 @@ local MESSAGES = {
     { short = "data_link_id", name = "Data Link ID", wire = "i32", id = true },
     { short = "vehicle_type", name = "Vehicle Type", wire = "u16" },
     { short = "vehicle_subtype", name = "Vehicle Subtype", wire = "u16" },
-    { short = "requested_handover_loi", name = "Requested/Handover LOI", wire = "u8", enum = "loi_bitmap" },
+    { short = "requested_handover_loi", name = "Requested/Handover LOI", wire = "u8", enum = "loi_bitmap", note = "LOI" },
     { short = "flight_mode_offset", name = "Flight Mode Offset", wire = "u8" },
     { short = "requested_flight_mode", name = "Requested Flight Mode", wire = "u32" },
     { short = "controlled_station_1_16", name = "Controlled Station 1-16", wire = "u16", enum = "station_bitmap_1_16" },
@@ -223,7 +223,7 @@ local MESSAGES = {
   } },
   [2016] = { name = "Vehicle Operating Mode Command", short = "vehicle_operating_mode_command", presence = 3, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
-    { short = "select_flight_path_control_mode", name = "Select Flight Path Control Mode", wire = "u8", enum = "flight_path_control_mode" },
+    { short = "select_flight_path_control_mode", name = "Select Flight Path Control Mode", wire = "u8", enum = "flight_path_control_mode", note = "mode" },
     { short = "altitude_command_type", name = "Altitude Command Type", wire = "u8", enum = "altitude_command_type" },
     { short = "commanded_altitude", name = "Commanded Altitude", wire = "i24", step = 0.02, unit = "m" },
     { short = "commanded_vertical_speed", name = "Commanded Vertical Speed", wire = "i16", step = 0.05, unit = "m/s" },
@@ -236,7 +236,7 @@ local MESSAGES = {
     { short = "commanded_roll", name = "Commanded Roll", wire = "bam16", step = 9.587379924285257e-5, unit = "rad" },
     { short = "commanded_speed", name = "Commanded Speed", wire = "u16", step = 0.5, unit = "m/s" },
     { short = "speed_type", name = "Speed Type", wire = "u8", enum = "speed_type" },
-    { short = "commanded_waypoint_number", name = "Commanded Waypoint Number", wire = "u16" },
+    { short = "commanded_waypoint_number", name = "Commanded Waypoint Number", wire = "u16", note = "to waypoint" },
     { short = "altimeter_setting", name = "Altimeter Setting", wire = "u16", step = 10.0, unit = "Pa" },
     { short = "altitude_type", name = "Altitude Type", wire = "u8", enum = "altitude_type" },
     { short = "loiter_position_latitude", name = "Loiter Position Latitude", wire = "bam32", step = 1.4629180792671596e-9, unit = "rad", low = -1.5707963267948966, high = 1.5707963267948966 },
@@ -275,7 +275,7 @@ local MESSAGES = {
   } },
   [3001] = { name = "Vehicle Operating Mode Report", short = "vehicle_operating_mode_report", presence = 1, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
-    { short = "select_flight_path_control_mode", name = "Select Flight Path Control Mode", wire = "u8", enum = "flight_path_control_mode" },
+    { short = "select_flight_path_control_mode", name = "Select Flight Path Control Mode", wire = "u8", enum = "flight_path_control_mode", note = "mode" },
   } },
   [3002] = { name = "Vehicle Operating States", short = "vehicle_operating_states", presence = 3, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
@@ -301,7 +301,7 @@ local MESSAGES = {
     { short = "commanded_loiter_position_latitude", name = "Commanded Loiter Position Latitude", wire = "bam32", step = 1.4629180792671596e-9, unit = "rad", low = -1.5707963267948966, high = 1.5707963267948966 },
     { short = "commanded_loiter_position_longitude", name = "Commanded Loiter Position Longitude", wire = "bam32", step = 1.4629180792671596e-9, unit = "rad" },
     { short = "altitude_change_behaviour", name = "Altitude Change Behaviour", wire = "u8", enum = "altitude_change_behaviour" },
-    { short = "commanded_waypoint_number", name = "Commanded Waypoint Number", wire = "u16" },
+    { short = "commanded_waypoint_number", name = "Commanded Waypoint Number", wire = "u16", note = "to waypoint" },
   } },
   [3004] = { name = "Loiter Configuration Report", short = "loiter_configuration_report", presence = 2, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
@@ -457,7 +457,7 @@ local MESSAGES = {
     { short = "to_waypoint_altitude", name = "To Waypoint Altitude", wire = "i24", step = 0.02, unit = "m" },
     { short = "to_waypoint_speed", name = "To Waypoint Speed", wire = "u16", step = 0.5, unit = "m/s" },
     { short = "to_waypoint_time", name = "To Waypoint Time", wire = "u40", time = true },
-    { short = "to_waypoint_number", name = "To Waypoint Number", wire = "u16" },
+    { short = "to_waypoint_number", name = "To Waypoint Number", wire = "u16", note = "to waypoint" },
     { short = "next_waypoint_latitude", name = "Next Waypoint - Latitude", wire = "bam32", step = 1.4629180792671596e-9, unit = "rad", low = -1.5707963267948966, high = 1.5707963267948966 },
     { short = "next_waypoint_longitude", name = "Next Waypoint - Longitude", wire = "bam32", step = 1.4629180792671596e-9, unit = "rad" },
     { short = "next_waypoint_altitude", name = "Next Waypoint Altitude", wire = "i24", step = 0.02, unit = "m" },
@@ -518,8 +518,8 @@ local MESSAGES = {
   [13000] = { name = "Mission Transfer Command", short = "mission_transfer_command", presence = 1, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
     { short = "mission_id", name = "Mission ID", chars = 20 },
-    { short = "mission_plan_mode", name = "Mission Plan Mode", wire = "u8", enum = "mission_plan_mode" },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16" },
+    { short = "mission_plan_mode", name = "Mission Plan Mode", wire = "u8", enum = "mission_plan_mode", note = "plan" },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint" },
     { short = "route_id", name = "Route ID", chars = 33 },
     { short = "activity_id", name = "Activity ID", wire = "u24" },
   } },
@@ -532,7 +532,7 @@ local MESSAGES = {
   } },
   [13002] = { name = "UA Position Waypoint", short = "ua_position_waypoint", presence = 3, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", low = 1.0, high = 65534.0 },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint", low = 1.0, high = 65534.0 },
     { short = "waypoint_to_latitude_or_relative_y", name = "Waypoint to Latitude or Relative Y", wire = "bam32", step = 1.4629180792671596e-9, unit = "rad" },
     { short = "waypoint_to_longitude_or_relative_x", name = "Waypoint to Longitude or Relative X", wire = "bam32", step = 1.4629180792671596e-9, unit = "rad" },
     { short = "location_type", name = "Location Type", wire = "u8", enum = "location_type" },
@@ -552,7 +552,7 @@ local MESSAGES = {
   } },
   [13003] = { name = "UA Loiter Waypoint", short = "ua_loiter_waypoint", presence = 2, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16" },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint" },
     { short = "waypoint_loiter_type", name = "Waypoint Loiter Type", wire = "u8", enum = "loiter_type" },
     { short = "loiter_radius", name = "Loiter Radius", wire = "u16", step = 1.5, unit = "m" },
     { short = "loiter_length", name = "Loiter Length", wire = "u16", step = 1.5, unit = "m" },
@@ -568,7 +568,7 @@ local MESSAGES = {
   } },
   [13004] = { name = "Payload Action Waypoint", short = "payload_action_waypoint", presence = 2, provisional = true, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16" },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint" },
     { short = "station_number_1_16", name = "Station Number (1-16)", wire = "u16", enum = "station_bitmap_1_16" },
     { short = "set_sensor_1_mode", name = "Set Sensor 1 Mode", wire = "u8", enum = "sensor_mode_cmd" },
     { short = "set_sensor_2_mode", name = "Set Sensor 2 Mode", wire = "u8", enum = "sensor_mode_cmd" },
@@ -584,14 +584,14 @@ local MESSAGES = {
   } },
   [13005] = { name = "Airframe Action Waypoint", short = "airframe_action_waypoint", presence = 1, provisional = true, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16" },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint" },
     { short = "function", name = "Function", wire = "u8", enum = "airframe_function" },
     { short = "enumerated_state", name = "Enumerated State", wire = "u8", enum = "airframe_state" },
     { short = "activity_id", name = "Activity ID", wire = "u24" },
   } },
   [13006] = { name = "Vehicle Specific Waypoint", short = "vehicle_specific_waypoint", presence = 1, provisional = true, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16" },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint" },
     { short = "tag_type", name = "Tag Type", wire = "u8" },
     { short = "tag_data", name = "Tag/Data", chars = 20 },
     { short = "activity_id", name = "Activity ID", wire = "u24" },
@@ -602,7 +602,7 @@ local MESSAGES = {
     { short = "status", name = "Status", wire = "u8", enum = "mission_transfer_status" },
     { short = "percent_complete", name = "Percent Complete", wire = "u8", unit = "%" },
     { short = "waypoint_request", name = "Waypoint Request", wire = "u16" },
-    { short = "mission_plan_mode", name = "Mission Plan Mode", wire = "u8", enum = "mission_plan_mode" },
+    { short = "mission_plan_mode", name = "Mission Plan Mode", wire = "u8", enum = "mission_plan_mode", note = "plan" },
   } },
   [15000] = { name = "Subsystem Status Request", short = "subsystem_status_request", presence = 1, provisional = true, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
@@ -624,7 +624,7 @@ local MESSAGES = {
     { short = "sub_component_number", name = "Sub-Component Number", wire = "u16" },
     { short = "alert_type", name = "Type", wire = "u8", enum = "alert_type" },
     { short = "alert_warning_id", name = "Alert (Warning) ID", wire = "i32" },
-    { short = "text", name = "Text", chars = 80 },
+    { short = "text", name = "Text", chars = 80, note = "" },
     { short = "persistence", name = "Persistence", wire = "i8", unit = "s" },
     { short = "controlled_station_17_32", name = "Controlled Station 17-32", wire = "u16", enum = "station_bitmap_17_32" },
     { short = "message_type", name = "Message Type", wire = "u8" },
@@ -649,8 +649,8 @@ local MESSAGES = {
   [17000] = { name = "Message Acknowledgement", short = "message_acknowledgement", presence = 1, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
     { short = "original_message_time_stamp", name = "Original Message Time Stamp", wire = "u40", time = true },
-    { short = "original_message_type", name = "Original Message Type", wire = "u16" },
-    { short = "acknowledgement_type", name = "Acknowledgement Type", wire = "u8", enum = "ack_type" },
+    { short = "original_message_type", name = "Original Message Type", wire = "u16", note = "of" },
+    { short = "acknowledgement_type", name = "Acknowledgement Type", wire = "u8", enum = "ack_type", note = "" },
   } },
   [17001] = { name = "Schedule Message Update Command", short = "schedule_message_update_command", presence = 1, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
@@ -1131,7 +1131,7 @@ local MESSAGES = {
     { short = "gui_reference_id", name = "GUI Reference ID", wire = "u8" },
     { short = "parent_gui_reference_id", name = "Parent GUI Reference ID", wire = "u8" },
     { short = "subsystem_id", name = "Subsystem ID", wire = "u8", enum = "subsystem_id" },
-    { short = "text", name = "Text", wire = "char?" },
+    { short = "text", name = "Text", wire = "char?", note = "" },
     { short = "enable", name = "Enable", wire = "u8" },
   } },
   [44000] = { name = "Field Change Integer Command", short = "field_change_integer_command", presence = 1, fields = {
@@ -1382,7 +1382,7 @@ local MESSAGES_25 = {
     { short = "data_link_id", name = "Data Link ID", wire = "i32", id = true },
     { short = "vehicle_type", name = "Vehicle Type", wire = "u16", enum = "vehicle_type" },
     { short = "vehicle_subtype", name = "Vehicle Subtype", wire = "u16", low = 0.0, high = 32767.0 },
-    { short = "requested_handover_loi", name = "Requested/Handover LOI", wire = "u8", enum = "loi_bitmap" },
+    { short = "requested_handover_loi", name = "Requested/Handover LOI", wire = "u8", enum = "loi_bitmap", note = "LOI" },
     { short = "controlled_station", name = "Controlled Station", wire = "u32", enum = "station_bitmap" },
     { short = "controlled_station_mode", name = "Controlled Station Mode", wire = "u8", enum = "requested_access" },
     { short = "wait_for_vehicle_data_link_transition_coordination_message", name = "Wait for Vehicle Data Link Transition Coordination Message", wire = "u8", enum = "wait_transition" },
@@ -1407,7 +1407,7 @@ local MESSAGES_25 = {
     { short = "vsm_id", name = "VSM ID", wire = "i32", id = true },
     { short = "data_link_id", name = "Data Link ID", wire = "i32", id = true },
     { short = "loi_authorized", name = "LOI Authorized", wire = "u8", enum = "loi_bitmap" },
-    { short = "loi_granted", name = "LOI Granted", wire = "u8", enum = "loi_bitmap" },
+    { short = "loi_granted", name = "LOI Granted", wire = "u8", enum = "loi_bitmap", note = "LOI granted" },
     { short = "controlled_station", name = "Controlled Station", wire = "u32", enum = "station_bitmap" },
     { short = "controlled_station_mode", name = "Controlled Station Mode", wire = "u8", enum = "access_granted" },
     { short = "vehicle_type", name = "Vehicle Type", wire = "u16", enum = "vehicle_type" },
@@ -1437,7 +1437,7 @@ local MESSAGES_25 = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
     { short = "vehicle_id", name = "Vehicle ID", wire = "i32", id = true },
     { short = "cucs_id", name = "CUCS ID", wire = "i32", id = true },
-    { short = "select_flight_path_control_mode", name = "Select Flight Path Control Mode", wire = "u8", enum = "flight_path_control_mode" },
+    { short = "select_flight_path_control_mode", name = "Select Flight Path Control Mode", wire = "u8", enum = "flight_path_control_mode", note = "mode" },
   } },
   [43] = { name = "Vehicle Steering Command", short = "vehicle_steering_command", presence = 0, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
@@ -1454,7 +1454,7 @@ local MESSAGES_25 = {
     { short = "commanded_roll", name = "Commanded Roll", wire = "f32", unit = "rad", low = -3.141592653589793, high = 3.141592653589793 },
     { short = "commanded_speed", name = "Commanded Speed", wire = "f32", unit = "m/s", low = 0.0, high = 10000.0 },
     { short = "speed_type", name = "Speed Type", wire = "u8", enum = "speed_type" },
-    { short = "commanded_waypoint_number", name = "Commanded Waypoint Number", wire = "u16", low = 1.0, high = 65535.0 },
+    { short = "commanded_waypoint_number", name = "Commanded Waypoint Number", wire = "u16", note = "to waypoint", low = 1.0, high = 65535.0 },
     { short = "altimeter_setting", name = "Altimeter Setting", wire = "f32", unit = "Pa", low = 0.0, high = 107500.0 },
     { short = "altitude_type", name = "Altitude Type", wire = "u8", enum = "altitude_type" },
     { short = "loiter_position_latitude", name = "Loiter Position Latitude", wire = "f64", unit = "rad", low = -1.5707963267948966, high = 1.5707963267948966 },
@@ -1612,7 +1612,7 @@ local MESSAGES_25 = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
     { short = "vehicle_id", name = "Vehicle ID", wire = "i32", id = true },
     { short = "cucs_id", name = "CUCS ID", wire = "i32", id = true },
-    { short = "select_flight_path_control_mode", name = "Select Flight Path Control Mode", wire = "u8", enum = "flight_path_control_mode" },
+    { short = "select_flight_path_control_mode", name = "Select Flight Path Control Mode", wire = "u8", enum = "flight_path_control_mode", note = "mode" },
   } },
   [107] = { name = "Vehicle Lights State", short = "vehicle_lights_state", presence = 0, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
@@ -1651,7 +1651,7 @@ local MESSAGES_25 = {
     { short = "to_waypoint_altitude", name = "To Waypoint Altitude", wire = "f32", unit = "m", low = -1000.0, high = 100000.0 },
     { short = "to_waypoint_speed", name = "To Waypoint Speed", wire = "f32", unit = "m/s", low = 0.0, high = 10000.0 },
     { short = "to_waypoint_time", name = "To Waypoint Time", wire = "f64", unit = "s since 1970" },
-    { short = "to_waypoint_number", name = "To Waypoint Number", wire = "u16", low = 0.0, high = 65534.0 },
+    { short = "to_waypoint_number", name = "To Waypoint Number", wire = "u16", note = "to waypoint", low = 0.0, high = 65534.0 },
     { short = "next_waypoint_latitude", name = "Next Waypoint - Latitude", wire = "f64", unit = "rad", low = -1.5707963267948966, high = 1.5707963267948966 },
     { short = "next_waypoint_longitude", name = "Next Waypoint - Longitude", wire = "f64", unit = "rad", low = -3.141592653589793, high = 3.141592653589793 },
     { short = "next_waypoint_altitude", name = "Next Waypoint Altitude", wire = "f32", unit = "m", low = -1000.0, high = 100000.0 },
@@ -2025,8 +2025,8 @@ local MESSAGES_25 = {
     { short = "vehicle_id", name = "Vehicle ID", wire = "i32", id = true },
     { short = "cucs_id", name = "CUCS ID", wire = "i32", id = true },
     { short = "mission_id", name = "Mission ID", chars = 20 },
-    { short = "mission_plan_mode", name = "Mission Plan Mode", wire = "u8", enum = "mission_plan_mode" },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", low = 1.0, high = 65534.0 },
+    { short = "mission_plan_mode", name = "Mission Plan Mode", wire = "u8", enum = "mission_plan_mode", note = "plan" },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint", low = 1.0, high = 65534.0 },
   } },
   [801] = { name = "AV Route", short = "av_route", presence = 0, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
@@ -2040,7 +2040,7 @@ local MESSAGES_25 = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
     { short = "vehicle_id", name = "Vehicle ID", wire = "i32", id = true },
     { short = "cucs_id", name = "CUCS ID", wire = "i32", id = true },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", low = 1.0, high = 65534.0 },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint", low = 1.0, high = 65534.0 },
     { short = "waypoint_to_latitude_or_relative_y", name = "Waypoint to Latitude or Relative Y", wire = "f64", unit = "rad", low = -1.5707963267948966, high = 1.5707963267948966 },
     { short = "waypoint_to_longitude_or_relative_x", name = "Waypoint to Longitude or Relative X", wire = "f64", unit = "rad", low = -3.141592653589793, high = 3.141592653589793 },
     { short = "location_type", name = "Location Type", wire = "u8", enum = "location_type" },
@@ -2058,7 +2058,7 @@ local MESSAGES_25 = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
     { short = "vehicle_id", name = "Vehicle ID", wire = "i32", id = true },
     { short = "cucs_id", name = "CUCS ID", wire = "i32", id = true },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", low = 1.0, high = 65534.0 },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint", low = 1.0, high = 65534.0 },
     { short = "waypoint_loiter_time", name = "Waypoint Loiter Time", wire = "u16", unit = "s" },
     { short = "waypoint_loiter_type", name = "Waypoint Loiter Type", wire = "u8", enum = "loiter_type" },
     { short = "loiter_radius", name = "Loiter Radius", wire = "f32", unit = "m", low = 1.0, high = 100000.0 },
@@ -2070,7 +2070,7 @@ local MESSAGES_25 = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
     { short = "vehicle_id", name = "Vehicle ID", wire = "i32", id = true },
     { short = "cucs_id", name = "CUCS ID", wire = "i32", id = true },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", low = 1.0, high = 65534.0 },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint", low = 1.0, high = 65534.0 },
     { short = "station_number", name = "Station Number", wire = "u32", enum = "station_bitmap" },
     { short = "set_sensor_1_mode", name = "Set Sensor 1 Mode", wire = "u8", enum = "sensor_mode_cmd" },
     { short = "set_sensor_2_mode", name = "Set Sensor 2 Mode", wire = "u8", enum = "sensor_mode_cmd" },
@@ -2088,7 +2088,7 @@ local MESSAGES_25 = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
     { short = "vehicle_id", name = "Vehicle ID", wire = "i32", id = true },
     { short = "cucs_id", name = "CUCS ID", wire = "i32", id = true },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", low = 1.0, high = 65534.0 },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint", low = 1.0, high = 65534.0 },
     { short = "function_", name = "Function", wire = "u8", enum = "airframe_function" },
     { short = "enumerated_state", name = "Enumerated State", wire = "u8", enum = "airframe_state" },
   } },
@@ -2096,7 +2096,7 @@ local MESSAGES_25 = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
     { short = "vehicle_id", name = "Vehicle ID", wire = "i32", id = true },
     { short = "cucs_id", name = "CUCS ID", wire = "i32", id = true },
-    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", low = 0.0, high = 65534.0 },
+    { short = "waypoint_number", name = "Waypoint Number", wire = "u16", note = "waypoint", low = 0.0, high = 65534.0 },
     { short = "tag_type", name = "Tag Type", wire = "u8", enum = "tag_type" },
     { short = "tag_data", name = "Tag/Data", chars = 20 },
   } },
@@ -2128,7 +2128,7 @@ local MESSAGES_25 = {
     { short = "subsystem_id", name = "Subsystem ID", wire = "u8", enum = "subsystem_id" },
     { short = "type_", name = "Type", wire = "u8", enum = "alert_type" },
     { short = "warning_id", name = "Warning ID", wire = "i32" },
-    { short = "text", name = "Text", chars = 80 },
+    { short = "text", name = "Text", chars = 80, note = "" },
     { short = "persistence", name = "Persistence", wire = "i8", unit = "s" },
   } },
   [1101] = { name = "Subsystem Status Report", short = "subsystem_status_report", presence = 0, fields = {
@@ -2281,7 +2281,7 @@ local MESSAGES_25 = {
     { short = "data_link_id", name = "Data Link ID", wire = "i32", id = true },
     { short = "original_message_time_stamp", name = "Original Message Time Stamp", wire = "f64", unit = "s since 1970" },
     { short = "original_message_instance_id", name = "Original Message Instance ID", wire = "u32", low = 0.0, high = 4294967295.0 },
-    { short = "original_message_type", name = "Original Message Type", wire = "u32", low = 0.0, high = 4294967295.0 },
+    { short = "original_message_type", name = "Original Message Type", wire = "u32", note = "of", low = 0.0, high = 4294967295.0 },
   } },
   [1401] = { name = "Message Acknowledge Configuration", short = "message_acknowledge_configuration", presence = 0, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "f64", unit = "s since 1970" },
@@ -2570,6 +2570,32 @@ local function check_range(item, field, value)
   end
 end
 
+-- Levels of interoperability, as people call them.
+local LEVELS = {
+  ["LOI 2"] = "2 monitor", ["LOI 3"] = "3 payload", ["LOI 4"] = "4 control", ["LOI 5"] = "5 launch",
+}
+
+-- The value of a field for the info column: by its name where it has one.
+local function note_text(field, bytes)
+  if field.chars then
+    local stop = bytes:find("\0", 1, true)
+    -- What is not printable would make the output of tshark no text.
+    return ((stop and bytes:sub(1, stop - 1) or bytes):gsub("[^\32-\126]", "?"))
+  end
+  local value = unsigned(bytes)
+  local enum = field.values
+  if enum and enum.bits then
+    local names = {}
+    for _, bit in ipairs(enum.bits) do
+      if math.floor(value / bit.mask) % 2 == 1 then names[#names + 1] = LEVELS[bit.name] or bit.name end
+    end
+    return #names > 0 and table.concat(names, " ") or "none"
+  end
+  if not enum then return number_text(value) end
+  local range = range_text(enum, value)
+  return enum.values[value] or number_text(value) .. (range and " " .. range or "")
+end
+
 local function add_field(tree, field, range)
   local bytes = range:raw()
   if field.chars then
@@ -2651,7 +2677,7 @@ end
 
 -- Presence vector and fields. Stops at the first fault: what follows cannot be located. Edition 2.5 has no vector: each
 -- field is present.
-local function dissect_data(message, data, tree)
+local function dissect_data(message, data, tree, notes)
   local size = message.presence
   local present = size > 0 and presence_vector(message, data, tree)
   if size > 0 and not present then return end
@@ -2670,6 +2696,10 @@ local function dissect_data(message, data, tree)
         return
       end
       add_field(tree, field, data:range(offset, bytes))
+      if field.note then
+        local text = note_text(field, data:range(offset, bytes):raw())
+        notes[#notes + 1] = field.note == "" and text or field.note .. " " .. text
+      end
       offset = offset + bytes
     end
   end
@@ -2752,7 +2782,9 @@ local function dissect_message(tvb, offset, tree, labels)
   local data = tvb:range(offset + HEADER, found.length)
   if message then
     subtree:append_text(message.provisional and " (layout derived from Edition 2)" or "")
-    dissect_data(message, data, subtree)
+    local notes = {}
+    dissect_data(message, data, subtree, notes)
+    if #notes > 0 then labels[#labels] = label .. " (" .. table.concat(notes, ", ") .. ")" end
   else
     subtree:add(header.data, data):add_proto_expert_info(expert.unknown)
   end
@@ -2838,7 +2870,9 @@ local function dissect_message_25(tvb, offset, tree, labels)
   end
   local data = tvb:range(offset + HEADER_25, found.length)
   if message then
-    dissect_data(message, data, subtree)
+    local notes = {}
+    dissect_data(message, data, subtree, notes)
+    if #notes > 0 then labels[#labels] = label .. " (" .. table.concat(notes, ", ") .. ")" end
   else
     subtree:add(header.data, data):add_proto_expert_info(expert.unknown)
   end

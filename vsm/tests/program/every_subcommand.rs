@@ -358,6 +358,8 @@ const GROUND: &[&[(&str, Ends)]] = &[
         ("run", Refused("in use by another vsm")),
         ("status", Done),
         ("status --json", Done),
+        ("reload", Done),
+        ("reload --json", Done),
         ("audit verify", Done),
         ("audit export", Done),
         ("audit export --format csv", Done),

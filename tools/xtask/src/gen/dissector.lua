@@ -241,7 +241,9 @@ local function note_text(field, bytes)
     end
     return #names > 0 and table.concat(names, " ") or "none"
   end
-  return enum and (enum.values[value] or range_text(enum, value)) or number_text(value)
+  if not enum then return number_text(value) end
+  local range = range_text(enum, value)
+  return enum.values[value] or number_text(value) .. (range and " " .. range or "")
 end
 
 local function add_field(tree, field, range)

@@ -185,6 +185,7 @@ const EXAMPLES: &[&str] = &[
     "vsm demo --curve",
     "vsm status",
     "vsm status --json",
+    "vsm reload",
     "vsm airside airside.toml",
     "vsm airside pair --config airside.toml",
     "vsm airside status",

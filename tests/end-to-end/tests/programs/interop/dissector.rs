@@ -9,6 +9,7 @@ use std::process::Command;
 
 use kit::{Random, tools};
 use serde_json::{Map, Value, json};
+use stanag_msgs::enums::{FlightPathControlMode, LoiBitmap};
 use stanag_msgs::json::{decode_line, encode_line};
 use stanag_msgs::table::{FieldInfo, MESSAGES, MessageInfo, Wire};
 use stanag_msgs::{Bam32, ChecksumStyle, Envelope, Id, Message, TimeStamp, ed25, messages};
@@ -161,6 +162,64 @@ fn several_messages_of_a_datagram_are_each_shown() {
         ["1", "2"]
     );
     assert_eq!(shown[0].complaints(), [""; 0]);
+}
+
+#[test]
+fn the_info_column_has_mode_waypoint_and_levels_by_name() {
+    let Some(tshark) = Tshark::find() else { return };
+    let both = LoiBitmap::LOI4 | LoiBitmap::LOI5;
+    let cases = [
+        (
+            Message::from(messages::VehicleOperatingModeCommand {
+                select_flight_path_control_mode: Some(FlightPathControlMode::Waypoint),
+                commanded_waypoint_number: Some(20),
+                ..Default::default()
+            }),
+            "(mode waypoint, to waypoint 20)",
+        ),
+        (
+            messages::VehicleOperatingModeReport {
+                select_flight_path_control_mode: Some(FlightPathControlMode::Loiter),
+                ..Default::default()
+            }
+            .into(),
+            "(mode loiter)",
+        ),
+        (
+            messages::UaPositionWaypoint {
+                waypoint_number: Some(40),
+                ..Default::default()
+            }
+            .into(),
+            "(waypoint 40)",
+        ),
+        (
+            messages::CucsAuthorisationRequest {
+                requested_handover_loi: Some(both),
+                ..Default::default()
+            }
+            .into(),
+            "(LOI 4 control 5 launch)",
+        ),
+        (
+            messages::VsmAuthorisationResponse {
+                loi_granted: Some(LoiBitmap::NONE),
+                ..Default::default()
+            }
+            .into(),
+            "(LOI granted none)",
+        ),
+        (beat(1), "16002 Heartbeat"),
+    ];
+    let datagrams = cases
+        .each_ref()
+        .map(|(message, _)| encode(message, ChecksumStyle::None));
+    let printed = tshark.run("info", PORT, &datagrams, &[]);
+    let lines: Vec<&str> = printed.lines().collect();
+    assert_eq!(lines.len(), cases.len(), "{printed}");
+    for (line, (_, info)) in lines.iter().zip(&cases) {
+        assert!(line.contains(info), "{info}: {line}");
+    }
 }
 
 #[test]
@@ -489,6 +548,25 @@ impl Tshark {
         datagrams: &[Vec<u8>],
         options: &[&str],
     ) -> Vec<Shown> {
+        let json = ["-T", "json", "--no-duplicate-keys"];
+        let text = self.run(name, port, datagrams, &[&json, options].concat());
+        let packets: Value = serde_json::from_str(&text).unwrap();
+        packets
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|packet| {
+                let mut shown = Shown(BTreeMap::new());
+                shown.gather(&packet["_source"]["layers"]);
+                shown
+            })
+            .collect()
+    }
+}
+
+impl Tshark {
+    /// What tshark prints of datagrams sent to this UDP port. The script must not have failed.
+    fn run(&self, name: &str, port: u16, datagrams: &[Vec<u8>], options: &[&str]) -> String {
         let capture = self.folder.path().join(format!("{name}.pcap"));
         std::fs::write(&capture, pcap(port, datagrams)).unwrap();
         let output = Command::new("tshark")
@@ -496,7 +574,6 @@ impl Tshark {
             .arg(format!("lua_script:{}", self.script.display()))
             .arg("-r")
             .arg(&capture)
-            .args(["-T", "json", "--no-duplicate-keys"])
             .args(options)
             // Neither profile nor plugins of whoever runs this.
             .env("HOME", self.folder.path())
@@ -517,17 +594,7 @@ impl Tshark {
                 "{printed}\n{text}"
             );
         }
-        let packets: Value = serde_json::from_str(&text).unwrap();
-        packets
-            .as_array()
-            .unwrap()
-            .iter()
-            .map(|packet| {
-                let mut shown = Shown(BTreeMap::new());
-                shown.gather(&packet["_source"]["layers"]);
-                shown
-            })
-            .collect()
+        text
     }
 }
 
