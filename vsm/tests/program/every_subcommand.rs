@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
@@ -358,6 +358,9 @@ const GROUND: &[&[(&str, Ends)]] = &[
         ("run", Refused("in use by another vsm")),
         ("status", Done),
         ("status --json", Done),
+        // Nothing of the vehicle is there to be read.
+        ("check-vehicle --wait-s 1", Either),
+        ("check-vehicle --wait-s 1 --json", Either),
         ("reload", Done),
         ("reload --json", Done),
         ("audit verify", Done),
