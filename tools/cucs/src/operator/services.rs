@@ -13,7 +13,9 @@ use stanag_msgs::{Message, Text};
 
 use super::configuration::ConfigurationTable;
 use super::console::{Done, Operator, SETTLE, Style};
+use super::error::OperatorError;
 use crate::session::machine::Event;
+use crate::station::outcome::StationError;
 
 /// A parameter as a person writes it: PX4's floats are of 32 bits, and 0.1 of 32 bits is 0.10000000149011612 of 64.
 fn shortest(value: f64) -> String {
@@ -98,21 +100,33 @@ impl<W: Write> Operator<W> {
             message_type: Some(SoftwareVersionReport::ID),
             ..GenericInformationRequestMessage::default()
         };
-        self.query(vehicle, request, "software version (17002)")
-            .await?;
+        let what = "software version (17002)";
+        let answers = self.query(vehicle, request, what).await?;
+        let report_of = |message: Message| match message {
+            Message::SoftwareVersionReport(report) => Some(report),
+            _ => None,
+        };
+        // It comes before the acknowledgement or behind it, as the network has it.
+        let mut report = answers.into_iter().find_map(report_of);
+        let within = self.station.timeouts.command;
+        let end = tokio::time::Instant::now() + within;
         let report = loop {
-            match self
-                .station
-                .next_event(self.station.timeouts.command)
-                .await?
-            {
-                Event::Message { from, message } if from == vehicle => {
-                    if let Message::SoftwareVersionReport(report) = *message {
-                        break report;
-                    }
-                }
-                _ => {}
+            if let Some(report) = report {
+                break report;
             }
+            // Other messages come all the time: what is waited for must come by itself.
+            let left = end.saturating_duration_since(tokio::time::Instant::now());
+            if left.is_zero() {
+                return Err(OperatorError::Station(StationError::TimedOut {
+                    expected: "software version (50013)".to_owned(),
+                    within,
+                    seen: "the request was acknowledged".to_owned(),
+                }));
+            }
+            report = match self.station.next_event(left).await? {
+                Event::Message { from, message } if from == vehicle => report_of(*message),
+                _ => None,
+            };
         };
         let text = |field: Option<&str>| field.unwrap_or("not reported").to_owned();
         let vsm = text(report.vsm_version.as_ref().map(|text| text.as_str()));
