@@ -181,10 +181,22 @@ impl Paths {
     }
 
     /// The address that the configuration vouches for, of a station or of the one after the last.
-    pub(crate) fn set_trusted(&mut self, index: usize, trusted: Option<IpAddr>) {
+    pub(crate) fn set_trusted(&mut self, now: Duration, index: usize, trusted: Option<IpAddr>) {
         match self.stations.get_mut(index) {
             // From any other address it must prove itself again.
-            Some(station) if station.trusted != trusted => *station = Station::new(trusted),
+            Some(station) if station.trusted != trusted => {
+                // Where nobody vouches any more it stays where it is and is asked. Without an address the first datagram
+                // in its name would take it elsewhere, a controller too.
+                let kept = station.current.take().filter(|_| trusted.is_none());
+                *station = Station::new(trusted);
+                station.current = kept.map(|path| Path {
+                    trusted: false,
+                    proven: Some(now),
+                    ask_at: now,
+                    pause: FIRST_PAUSE,
+                    ..path
+                });
+            }
             Some(_) => {}
             None => self.stations.push(Station::new(trusted)),
         }

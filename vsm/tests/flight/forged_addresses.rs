@@ -496,6 +496,53 @@ fn a_configured_address_counts_as_proven() {
     assert!(rig.until(5.0, |rig| !rig.station().answers(ticket).is_empty()));
 }
 
+/// The address of a controller is taken out of its configuration in flight: it stays where it is, and one datagram in its
+/// name from elsewhere neither moves it nor commands.
+#[test]
+fn a_controller_whose_address_nobody_vouches_for_any_more_stays_where_it_is() {
+    let vouched = "address = \"127.0.0.1\"\n";
+    for acknowledges in [true, false] {
+        let mut rig = Rig::new(Setup {
+            stations: 0,
+            tables: "[[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2, 3, 4, 5]\naddress = \"127.0.0.1\"\n",
+            ..Setup::default()
+        });
+        rig.stations.push(Station::new(cucs(0), station_address(0)));
+        rig.stations[0].acknowledges = acknowledges;
+        rig.stations[0].heartbeats = true;
+        rig.run(9.0);
+        assert_eq!(
+            rig.carry_out(orders::request_control()),
+            Some(AckType::CarriedOut)
+        );
+        rig.take_off(20.0);
+        let text = rig.text.replacen(vouched, "", 1);
+        assert_ne!(text, rig.text);
+        rig.reload(&text).expect("applied");
+        let land = forged(
+            &rig,
+            cucs(0),
+            vehicle_id(0),
+            orders::mode(Mode::AutolandEngage),
+        );
+        let paid = attack(&mut rig, VICTIM, &[land]);
+        rig.run(5.0);
+        assert!(sent_to(&rig, VICTIM) <= 3 * paid, "{acknowledges}");
+        let mode = rig.truth().mode;
+        assert_ne!(mode, px4_sim::Mode::Land, "{acknowledges}");
+        let last = rig.station().received.last().expect("something").0;
+        let silent = rig.clock.elapsed() - last;
+        assert!(
+            silent.as_secs_f64() < 1.5,
+            "{acknowledges}: no status for {silent:?}"
+        );
+        assert_eq!(
+            rig.carry_out(orders::mode(Mode::Loiter)),
+            Some(AckType::CarriedOut)
+        );
+    }
+}
+
 /// Status is a lease: an address from which nothing comes any more is sent nothing, and a CUCS that only listens keeps it.
 #[test]
 fn status_ends_with_the_lease_and_who_only_listens_keeps_it() {

@@ -106,11 +106,12 @@ impl Bridge {
             station.removed = cucs.is_none();
             if let Some(cucs) = cucs {
                 station.config = (*cucs).clone();
-                self.paths.set_trusted(index, cucs.address);
+                self.paths.set_trusted(now.mono, index, cucs.address);
             }
         }
         for (cucs, remembered) in new {
-            self.paths.set_trusted(self.stations.len(), cucs.address);
+            let index = self.stations.len();
+            self.paths.set_trusted(now.mono, index, cucs.address);
             self.stations.push(GroundStation::new((*cucs).clone()));
             self.remembered.push(remembered);
         }
