@@ -25,8 +25,10 @@ use mavlink_link::frame::{
 };
 use mavlink_link::signing::{Stamp, sign};
 use px4_sim::{Autopilot, Signing};
-use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess, WaitTransition};
-use stanag_msgs::messages::{AreaVertex, CucsAuthorisationRequest, LoiterConfiguration};
+use stanag_msgs::enums::{AckType, ConfigRequestType, LoiBitmap, RequestedAccess, WaitTransition};
+use stanag_msgs::messages::{
+    AreaVertex, CucsAuthorisationRequest, FieldConfigurationRequest, LoiterConfiguration,
+};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, Scaled, TimeStamp, frames};
 use vsm::config::Config;
 use vsm::config::airside::AirsideConfig;
@@ -196,6 +198,9 @@ struct World {
     open: Vec<(TimeStamp, Instant)>,
     /// How long A's answers took.
     took: Vec<Duration>,
+    /// What went out in the names of others, and what came back for it.
+    forged_bytes: u64,
+    reflected_bytes: u64,
     /// How often a second A commands.
     commands: f64,
     agent: Option<Agent>,
@@ -265,6 +270,8 @@ impl World {
             heartbeats: Vec::new(),
             open: Vec::new(),
             took: Vec::new(),
+            forged_bytes: 0,
+            reflected_bytes: 0,
             commands: 5.0,
             agent,
             _folder: folder,
@@ -356,7 +363,9 @@ impl World {
             }
             self.vehicle.handle_datagram(0, self.mavlink, bytes);
         }
-        while self.b.recv_from(&mut bytes).is_ok() {}
+        while let Ok((length, _)) = self.b.recv_from(&mut bytes) {
+            self.reflected_bytes += length as u64;
+        }
         while let Ok((length, _)) = self.a.recv_from(&mut bytes) {
             for frame in frames(&bytes[..length]).flatten() {
                 let message = Message::decode(frame.header.message_type, frame.data);
@@ -456,6 +465,20 @@ fn vertices(world: &mut World, number: u64) {
     world.send(1, message.into());
 }
 
+/// 40000, the shortest request with the longest answer: in A's name and in B's own, from an address that has proved
+/// nothing.
+fn forged_40000(world: &mut World, number: u64) {
+    let message = Message::from(FieldConfigurationRequest {
+        request_type: Some(ConfigRequestType::Loi4),
+        ..FieldConfigurationRequest::default()
+    });
+    let mut bytes = [0; MAX_DATAGRAM];
+    let envelope = Envelope::new(cucs((number % 2) as usize), vehicle_id(0));
+    let length = message.encode(&envelope, &mut bytes).expect("it fits");
+    let _ = world.b.send_to(&bytes[..length], world.dli);
+    world.forged_bytes += length as u64;
+}
+
 fn wall() -> Duration {
     let wall = SystemTime::now().duration_since(UNIX_EPOCH);
     wall.expect("after 1970")
@@ -489,6 +512,35 @@ fn a_station_that_keeps_a_slow_disk_busy_delays_neither_the_vehicle_nor_the_cont
     let status = world.end();
     assert!(status.refused.get("too many changes of rights") > 0);
     assert!(status.refused.get("over the station's rate") > 0);
+}
+
+#[test]
+fn a_flood_of_forged_requests_delays_neither_the_vehicle_nor_the_controller() {
+    let mut world = World::start(SYNC);
+    world.commands = 20.0;
+    for (what, rate) in [("no attack", 1), ("forged 40000, 2000/s", 2_000)] {
+        (world.forged_bytes, world.reflected_bytes) = (0, 0);
+        world.run(8.0, rate, |world, number| {
+            if rate > 1 {
+                forged_40000(world, number);
+            }
+        });
+        let (took, missing, heartbeats) = world.take_figures(what);
+        assert_eq!(missing, 0, "{what}");
+        assert!(took.len() >= 100, "{what}: {} answered", took.len());
+        let most = took[(took.len() - 1) * 9 / 10];
+        assert!(most < SYNC, "{what}: a tenth took over {most:?}");
+        assert!(
+            heartbeats < Duration::from_millis(1_800),
+            "{what}: {heartbeats:?}"
+        );
+    }
+    let (forged, reflected) = (world.forged_bytes, world.reflected_bytes);
+    assert!(forged > 100_000, "{forged} bytes were forged");
+    assert!(reflected <= 3 * forged, "{reflected} for {forged} bytes");
+    // In A's name they came from where A is not.
+    let status = world.end();
+    assert!(status.refused.get("unproven address") > 1_000);
 }
 
 #[test]
