@@ -85,7 +85,7 @@ impl Command {
             let route = of_fit(&read.name, &fitted, closed, read.datum);
             if let Some(terrain) = &terrain {
                 // Between joints a leg climbs evenly, whatever the ground does there.
-                terrain.check(&route, &self.file)?;
+                route.above_ground(terrain, &self.file)?;
             }
             write(output, &route, &self.addresses, false)?;
         }

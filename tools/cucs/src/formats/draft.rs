@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use curve_paths::{BezierLeg, Control, Leg, Position};
+use curve_paths::{BezierLeg, Control, Leg, Options, Position, densify};
 use stanag_msgs::enums::{AltitudeType, LimitType, TurnType, WaypointSpeedType};
 
 use super::fault::FormatError;
@@ -358,6 +358,45 @@ impl Draft {
             .collect()
     }
 
+    /// Where it is nearest to the ground, between its points too.
+    ///
+    /// # Errors
+    /// It is on the ground or below it somewhere; or its heights are not above mean sea level, as those of the ground are.
+    pub fn above_ground(&self, terrain: &Terrain, file: &Path) -> Result<Clearance, FormatError> {
+        let home_m = match (self.datum, self.home) {
+            (Datum::SeaLevel, _) => 0.0,
+            (Datum::Home, Some(home)) => home.alt_m,
+            (Datum::Home, None) => {
+                let problem = "heights above home are compared with the terrain by the altitude of home: give --home-alt M";
+                return Err(FormatError::file(file, problem));
+            }
+            (Datum::Ellipsoid | Datum::Unstated, _) => {
+                let problem = "the terrain is above mean sea level, and so must the route's altitudes be (amsl)";
+                return Err(FormatError::file(file, problem));
+            }
+        };
+        let answer =
+            |problem: String| FormatError::Answer(format!("{}: {problem}", file.display()));
+        let mut flown = densify(&self.legs(file)?, &Options::flight(FINE_M))
+            .map_err(|e| answer(e.to_string()))?;
+        for vertex in &mut flown.vertices {
+            vertex.position.alt_m += home_m;
+        }
+        let lowest = terrain.clearance(&flown)?;
+        if lowest.clearance_m > 0.0 {
+            return Ok(lowest);
+        }
+        let (at, from) = (lowest.at, self.number(lowest.leg));
+        Err(answer(format!(
+            "leg from waypoint {from}: {:.1} m below the ground at {:.6}, {:.6} ({:.1} m, the ground {:.1} m): raise it",
+            -lowest.clearance_m,
+            at.lat_deg,
+            at.lon_deg,
+            at.alt_m,
+            at.alt_m - lowest.clearance_m
+        )))
+    }
+
     /// Turns heights above home into altitudes, home being so high.
     pub fn lift(&mut self, home_m: f64) {
         if self.datum != Datum::Home {
@@ -408,3 +447,6 @@ impl Draft {
         points
     }
 }
+
+/// How closely a curve is followed over the ground, m.
+const FINE_M: f64 = 1.0;

@@ -170,7 +170,7 @@ pub fn read(file: &Path, import: &Import) -> Result<Draft, FormatError> {
         draft.lift(home_m);
     }
     if let Some(terrain) = terrain {
-        draft.clearance = Some(terrain.check(&draft, file)?);
+        draft.clearance = Some(draft.above_ground(&terrain, file)?);
     }
     Ok(draft)
 }

@@ -8,10 +8,8 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use curve_paths::{Densified, Options, Position, densify};
+use curve_paths::{Densified, Position};
 
-use super::draft::{Datum, Draft};
-use super::ending;
 use super::fault::FormatError;
 
 /// Heights of the ground, read when they are needed.
@@ -79,45 +77,6 @@ impl Terrain {
             .map_err(|problem| FormatError::file(&path, problem))
     }
 
-    /// Where a route is nearest to the ground, between its points too.
-    ///
-    /// # Errors
-    /// It is on the ground or below it somewhere; or its heights are not above mean sea level, as those of the ground are.
-    pub fn check(&self, route: &Draft, file: &Path) -> Result<Clearance, FormatError> {
-        let home_m = match (route.datum, route.home) {
-            (Datum::SeaLevel, _) => 0.0,
-            (Datum::Home, Some(home)) => home.alt_m,
-            (Datum::Home, None) => {
-                let problem = "heights above home are compared with the terrain by the altitude of home: give --home-alt M";
-                return Err(FormatError::file(file, problem));
-            }
-            (Datum::Ellipsoid | Datum::Unstated, _) => {
-                let problem = "the terrain is above mean sea level, and so must the route's altitudes be (amsl)";
-                return Err(FormatError::file(file, problem));
-            }
-        };
-        let answer =
-            |problem: String| FormatError::Answer(format!("{}: {problem}", file.display()));
-        let mut flown = densify(&route.legs(file)?, &Options::flight(FINE_M))
-            .map_err(|e| answer(e.to_string()))?;
-        for vertex in &mut flown.vertices {
-            vertex.position.alt_m += home_m;
-        }
-        let lowest = self.clearance(&flown)?;
-        if lowest.clearance_m > 0.0 {
-            return Ok(lowest);
-        }
-        let (at, from) = (lowest.at, route.number(lowest.leg));
-        Err(answer(format!(
-            "leg from waypoint {from}: {:.1} m below the ground at {:.6}, {:.6} ({:.1} m, the ground {:.1} m): raise it",
-            -lowest.clearance_m,
-            at.lat_deg,
-            at.lon_deg,
-            at.alt_m,
-            at.alt_m - lowest.clearance_m
-        )))
-    }
-
     /// Where the straight legs between vertices, at altitudes above mean sea level, are nearest to the ground.
     pub(super) fn clearance(&self, flown: &Densified) -> Result<Clearance, FormatError> {
         let mut lowest: Option<Clearance> = None;
@@ -151,7 +110,8 @@ impl Terrain {
         }
         let fault = |problem: String| FormatError::file(path, problem);
         let bytes = std::fs::read(path).map_err(|e| fault(e.to_string()))?;
-        let grid = match ending(path).as_str() {
+        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        let grid = match ending.to_ascii_lowercase().as_str() {
             "hgt" => tile(path, &bytes),
             "asc" => ascii_grid(&bytes),
             other => Err(format!(
@@ -350,8 +310,6 @@ const THREE_ARC_SECONDS: usize = 1_201 * 1_201 * 2;
 const VOID: i16 = -32_768;
 /// Between the places of a leg that are compared with the ground, m: a third of 1 arc second.
 const SPACING_M: f64 = 10.0;
-/// How closely a curve is followed over the ground, m.
-const FINE_M: f64 = 1.0;
 /// Part of a step that is rounding.
 const EDGE: f64 = 1e-6;
 
