@@ -1,10 +1,12 @@
-"""A fault for every rule that the table of 60 leaves without one: a rule that no fault makes fail has not been shown to be able to.
+"""A fault for every rule that the table of 60 leaves without one, or does not name first: a rule that no fault makes fail has not
+been shown to be able to.
 
 The id of a fault is that of the rule that has to fail.
 """
 import math
 import time
 
+from . import aircraft as flight
 from . import alerts as alert
 from . import configuration, steering, units
 from .authority import CONTROL, LOI_2, Access, Handover
@@ -131,7 +133,36 @@ def _(vsm):
         replace(vehicle.authority, "request", lambda old: lambda cucs, *rest: None if cucs in out else old(cucs, *rest))
 
 
+@fault("AUTH-011", "LOI Granted shows all that was asked for, authorised or not")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        replace(vehicle, "granted_field", lambda old, v=vehicle: lambda cucs: old(cucs) | v.last_request.get(cucs, {}).get("Requested/Handover LOI", 0))
+
+
+@fault("AUTH-016", "a request that is denied is not answered")
+def _(vsm):
+    def make(old):
+        def process(message, vehicle, peer):
+            f, holder = message.fields, vehicle.authority.holder()
+            plain = message.id == 1 and message.destination != BROADCAST and f.get("Requested/Handover Access") == 1
+            if not (plain and f.get("Requested/Handover LOI", 0) & CONTROL and holder not in (None, message.source)):
+                old(message, vehicle, peer)
+        return process
+    replace(vsm, "process", make)
+
+
+@fault("DISC-006", "#2 names another vehicle type than #3")
+def _(vsm):
+    change_reports(vsm, 2, lambda f: {**f, "Vehicle Type": 1})
+
+
 # Handover and heartbeat
+
+@fault("HAND-007", "what one CUCS uploaded is still there for the next")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        vehicle.mission.drop_upload = lambda: None
+
 
 @fault("HAND-001", "35000 names giver and taker the wrong way round")
 def _(vsm):
@@ -344,6 +375,13 @@ def _(vsm):
         vehicle.steering.steering = make
 
 
+@fault("MODE-015", "a command with an altitude alone ends the route")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        replace(vehicle.steering, "commanded_mode", lambda old, v=vehicle: lambda fields: (
+            steering.LOITER if v.aircraft.mode in flight.ON_ROUTE and "Commanded Altitude" in fields and old(fields) is None else old(fields)))
+
+
 @fault("MODE-007", "a turn rate of 0 means that it does not turn")
 def _(vsm):
     for vehicle in vsm.vehicles:
@@ -427,6 +465,16 @@ def _(vsm):
                                          "Next Waypoint Number": f["Next Waypoint Number"] or 2})
 
 
+@fault("STAT-010", "4001 counts waypoints by the autopilot's own items")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        def renumber(fields, m=vehicle.mission):
+            items = {number: k for k, number in enumerate(m.aboard.waypoints, 1)}
+            names = ("From Waypoint Number", "To Waypoint Number", "Next Waypoint Number")
+            return {**fields, **{n: items.get(fields[n], fields[n]) for n in names if n in fields}}
+        change_reports(vsm, 4001, renumber)
+
+
 @fault("STAT-011", "To Waypoint Time says how long it takes")
 def _(vsm):
     change_reports(vsm, 4001, lambda f: {**f, "To Waypoint Time": max(0, f["To Waypoint Time"] - f["Time Stamp"])})
@@ -477,6 +525,13 @@ def _(vsm):
 def _(vsm):
     for vehicle in vsm.vehicles:
         vehicle.configuration.names += (configuration.Named(configuration.OF_LOI_4, 2016, configuration.MODE_FIELD, 11, "AUTO MISSION", "flies the route"),)
+
+
+@fault("CONF-004", "44003 does not list the modes and values that the vehicle lacks")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        replace(vehicle.configuration, "answers", lambda old: lambda kind, stations: [
+            m for m in old(kind, stations) if m[0] != 44003 or m[1].get("Reported Message") != 2016])
 
 
 @fault("CONF-005", "no 44003 when a mode comes or goes")
@@ -796,6 +851,15 @@ def _(vsm):
             return False
         return True
     vsm.known_source = known
+
+
+# Several vehicles
+
+@fault("MULTI-002", "2017 to one vehicle changes the other as well")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        before(vehicle.steering, "configure_loiter", lambda fields, own=vehicle: [
+            v.steering.loiter.update({n: x for n, x in fields.items() if n in v.steering.loiter}) for v in vsm.vehicles if v is not own])
 
 
 # Curves
