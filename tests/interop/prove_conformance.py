@@ -22,11 +22,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lossy_relay import Relay
+from second_cucs.faults import FAULTS as CUCS_FAULTS
 from second_scenarios import PROGRAM, free_port
 from second_vsm.program import CIRCUMSTANCES, FAULTS
 from second_vsm.variants import VARIANTS
 
 LIMIT_S = 1200
+CUCS = PROGRAM.with_name("second_cucs.py")
+# One script for all scenarios: what one does not grant is left out by a lawful station.
+CUCS_STEPS = "discover take:4 station:1 monitor:1 configure upload:-33.5,-70.6 radius:10 radius:180 mode:12 mode:16 monitor:6 release"
+HEAD_CUCS = """# The proof of the conformance suite on a CUCS
+
+Written by `tests/interop/prove_conformance.py --cucs`: `dli-check cucs` plays a vehicle to the second CUCS of `tests/interop`.
+"""
 HEAD = """# The proof of the conformance suite
 
 Written by `tests/interop/prove_conformance.py`: `dli-check` judges the second VSM of `tests/interop`, which was written from the oracles
@@ -183,24 +191,48 @@ def judge(run, args):
             command.append("--strict")
         for rule in run.rules:
             command += ["--rule", rule]
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=args.limit)
-            if done.returncode == 2:
-                run.error = f"dli-check: {done.stderr.strip()[:200]}"
-        except subprocess.TimeoutExpired:
-            run.error = f"no end within {args.limit:.0f} s"
-        if report.exists():
-            for rule in json.loads(report.read_text())["rules"]:
-                run.verdicts[rule["id"]] = rule["verdict"]
-                run.reasons[rule["id"]] = rule.get("reason") or ""
+        collect(run, command, report, args.limit)
     run.seconds = time.monotonic() - began
     print(f"{run.id:12} {run.seconds:6.0f} s  {run.gap() or 'as expected'}", flush=True)
     return run
 
 
-def table(done):
+def cucs_runs():
+    yield Run("lawful", "the second CUCS as it is")
+    for id, fault in CUCS_FAULTS.items():
+        yield Run(id, fault.title, ["--fault", id], fault.caught_by)
+
+
+def judge_cucs(run, args):
+    """Lets the suite's scripted vehicle judge one CUCS, scenario by scenario."""
+    began, port = time.monotonic(), free_port()
+    with tempfile.TemporaryDirectory() as directory:
+        report = Path(directory) / "report.json"
+        own = " ".join([sys.executable, str(CUCS), "--vsm", f"127.0.0.1:{port}", "--keep-going", *run.options, CUCS_STEPS])
+        command = [args.dli_check, "cucs", "--listen", f"127.0.0.1:{port}", "--command", own, "--json", str(report), *(["--strict"] if run.faulty else [])]
+        collect(run, command, report, args.limit)
+    run.seconds = time.monotonic() - began
+    print(f"{run.id:12} {run.seconds:6.0f} s  {run.gap() or 'as expected'}", flush=True)
+    return run
+
+
+def collect(run, command, report, limit):
+    """Runs the suite, and takes its verdicts."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit)
+        if done.returncode == 2:
+            run.error = f"dli-check: {done.stderr.strip()[:200]}"
+    except subprocess.TimeoutExpired:
+        run.error = f"no end within {limit:.0f} s"
+    if report.exists():
+        for rule in json.loads(report.read_text())["rules"]:
+            run.verdicts[rule["id"]] = rule["verdict"]
+            run.reasons[rule["id"]] = rule.get("reason") or ""
+
+
+def table(done, head):
     """The proof as Markdown."""
-    lines = [HEAD, "## What is lawful", "", "| subject | | pass | warning | inconclusive | fail |", "|---|---|---|---|---|---|"]
+    lines = [head, "## What is lawful", "", "| subject | | pass | warning | inconclusive | fail |", "|---|---|---|---|---|---|"]
     for run in done:
         if not run.faulty:
             count = [sum(v == verdict for v in run.verdicts.values()) for verdict in ("pass", "warning", "inconclusive")]
@@ -221,6 +253,7 @@ def main():
     parser = argparse.ArgumentParser(description="Prove the conformance suite on a second VSM and its faults.")
     parser.add_argument("--dli-check", default="target/debug/dli-check", metavar="PROGRAM")
     parser.add_argument("--only", action="append", metavar="ID", help="judge just this subject: lawful, V01, L01, dead-port, loss (repeat)")
+    parser.add_argument("--cucs", action="store_true", help="judge the second CUCS and its faults instead, with the scripted vehicle")
     parser.add_argument("--faults", action="store_true", help="judge the faulty only")
     parser.add_argument("--all-rules", action="store_true", help="judge the faulty by all rules")
     parser.add_argument("--speed", type=float, default=10.0, metavar="FACTOR", help="of the simulated aircraft")
@@ -233,10 +266,11 @@ def main():
     if args.restart:
         restart(args.restart)
         return
-    chosen = [run for run in runs(args.all_rules) if (not args.only or run.id in args.only) and (run.faulty or not args.faults)]
+    every, do = (cucs_runs(), judge_cucs) if args.cucs else (runs(args.all_rules), judge)
+    chosen = [run for run in every if (not args.only or run.id in args.only) and (run.faulty or not args.faults)]
     with ThreadPoolExecutor(args.at_once) as pool:
-        done = list(pool.map(lambda run: judge(run, args), chosen))
-    text = table(done)
+        done = list(pool.map(lambda run: do(run, args), chosen))
+    text = table(done, HEAD_CUCS if args.cucs else HEAD)
     print(text)
     if args.out:
         args.out.write_text(text)

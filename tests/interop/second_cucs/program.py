@@ -1,11 +1,13 @@
 """The command line: steps of a script, one after the other, or ordered by a test."""
 import argparse
 import json
+import math
 import signal
 import socket
 import sys
 import time
 
+from second_vsm import units
 from second_vsm.wire import parse_id
 
 from .faults import FAULTS
@@ -18,7 +20,7 @@ STEPS = """steps, in the order in which they are done:
   station:N             request LOI 3 of payload station N
   monitor[:S]           receive for so many seconds (default 5)
   configure             run the configuration phase of LOI 4
-  upload                load a route of four points, with a loiter at the third
+  upload[:LAT,LON]      load a route of four points, with a loiter at the third, here or at a place in degrees
   radius:M              set the loiter radius in metres
   mode:N                command flight path control mode N
   launch, land          modes 21 and 19, which need LOI 5
@@ -41,11 +43,13 @@ class Script:
         """One step; raises `Impossible` with the reason."""
         name, _, argument = step.partition(":")
         s = self.station
-        simple = {"discover": s.discover, "configure": s.configure, "release": s.release, "upload": self.upload, "show": self.show,
+        simple = {"discover": s.discover, "configure": s.configure, "release": s.release, "show": self.show,
                   "heartbeat": self.heartbeat, "consent": lambda: s.answer_handover(True), "refuse": lambda: s.answer_handover(False),
                   "launch": self.launch, "land": lambda: self.confirmed(s.fly_mode(19))}
         if name in simple:
             simple[name]()
+        elif name == "upload":
+            self.upload(argument)
         elif name in ("take", "override"):
             s.take_control(int(argument or 4), *((OVERRIDE,) if name == "override" else ()))
         elif name == "station":
@@ -65,11 +69,16 @@ class Script:
         else:
             raise Impossible(f"there is no step {step!r}")
 
-    def upload(self):
+    def upload(self, place):
         s = self.station
-        if s.display.position is None:
-            s.pump(2.0)
-        self.station.upload([(*s.ahead(60, 0), 520, 0), (*s.ahead(60, 80), 520, 0), (*s.ahead(0, 80), 520, 20), (*s.ahead(0, 0), 520, 0)])
+        if place:
+            start = tuple(math.radians(float(part)) for part in place.split(","))
+        else:
+            if s.display.position is None:
+                s.pump(2.0)
+            start = s.ahead(0, 0)
+        corners = ((60, 0, 0), (60, 80, 0), (0, 80, 20), (0, 0, 0))
+        s.upload([(*units.moved(start, north, east), 520, loiter) for north, east, loiter in corners])
 
     def launch(self):
         self.confirmed(self.station.fly_mode(21, **{"Altitude Command Type": 1, "Commanded Altitude": round(518 / 0.02), "Altitude Type": 1}))
@@ -130,6 +139,7 @@ def parser():
     p.add_argument("--id", type=parse_id, default=parse_id("1b:00:00:a0"), help="this station's id; default 1b:00:00:a0")
     p.add_argument("--control", type=int, metavar="PORT", help="after the steps, take more of them on this UDP port")
     p.add_argument("--order", nargs=2, metavar=("PORT", "STEP"), help="have a running program do a step, and exit")
+    p.add_argument("--keep-going", action="store_true", help="do the next step where one cannot be done")
     p.add_argument("--fault", "--mutant", action="append", default=[], choices=sorted(FAULTS), metavar="ID", help="build in a fault (repeat)")
     p.add_argument("--list-faults", "--list-mutants", action="store_true", help="print the faults and exit")
     return p
@@ -155,7 +165,9 @@ def main(arguments=None):
             script.do(step)
         except Impossible as reason:
             print(f"second_cucs: {step}: {reason}", file=sys.stderr)
-            sys.exit(1)
+            if not args.keep_going:
+                sys.exit(1)
+            continue
         print(f"{time.monotonic() - begun:7.2f} {step}: done", file=sys.stderr, flush=True)
     if args.control is not None:
         print(f"second_cucs: ready on 127.0.0.1:{args.control}", file=sys.stderr, flush=True)
