@@ -5,7 +5,8 @@ use std::fs;
 use std::path::Path;
 
 /// Where the tests of promises about keys and links are.
-const PLACES: [&str; 7] = [
+const PLACES: [&str; 8] = [
+    "mapping/src",
     "mavlink-link/src",
     "mavlink-link/tests",
     "vsm/src",
