@@ -218,6 +218,9 @@ impl<A: Copy + Eq> Link<A> {
             stats.truncated += counts.truncated;
             stats.garbage_bytes += counts.garbage_bytes;
         }
+        // A correct checksum shows that a frame is whole, and not whose it is.
+        let refused = stats.bad_signature + stats.unsigned_vehicle;
+        stats.good_frames = stats.good_frames.saturating_sub(refused);
         stats
     }
 }

@@ -174,7 +174,7 @@ counters! {
     datagrams,
     /// Bytes in them.
     bytes,
-    /// Frames with a correct checksum.
+    /// Frames with a correct checksum; on a signed link those of the vehicle without a signature that verifies are left out.
     good_frames,
     /// Candidates with a wrong checksum.
     bad_crc,

@@ -11,7 +11,7 @@ use clap::{Args, Subcommand};
 use serde_json::Value;
 
 use super::config_arg::AgentConfigArg;
-use super::process::{Failure, bad, failed, log, runtime, stop_signal};
+use super::process::{Failure, LogFormat, announce, bad, failed, log, runtime, stop_signal};
 use super::status;
 
 #[derive(Debug, Args)]
@@ -21,6 +21,9 @@ pub(crate) struct Arguments {
     action: Option<Action>,
     #[command(flatten)]
     config: AgentConfigArg,
+    /// Write the log as text or as JSON, one object a line; RUST_LOG chooses how much of it
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    log: LogFormat,
 }
 
 #[derive(Debug, Subcommand)]
@@ -46,7 +49,7 @@ pub(crate) enum Action {
 
 pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.action {
-        None => serve(arguments.config.path()),
+        None => serve(arguments.config.path(), arguments.log),
         Some(Action::Pair { config, code }) => pair(config.path(), code),
         Some(Action::Status { config, json }) => show(config.path(), json),
     }
@@ -56,9 +59,9 @@ fn load(path: &Path) -> Result<AirsideConfig, Failure> {
     AirsideConfig::load(path).map_err(bad)
 }
 
-fn serve(path: &Path) -> Result<(), Failure> {
+fn serve(path: &Path, format: LogFormat) -> Result<(), Failure> {
     let config = load(path)?;
-    let _log = log();
+    let _log = log(format)?;
     let runtime = runtime()?;
     runtime.block_on(async {
         let server = AirsideServer::open(&config).map_err(|fault| match fault {
@@ -67,11 +70,11 @@ fn serve(path: &Path) -> Result<(), Failure> {
         })?;
         let stop = stop_signal()?;
         let ready = format!(
-            "vsm: airside: ready: radio {}, PX4 {}\n",
+            "airside: ready: radio {}, PX4 {}",
             config.radio.get_ref().link,
             config.px4.get_ref().link
         );
-        let _ = io::stderr().write_all(ready.as_bytes());
+        announce("INFO", &ready);
         service::ready();
         server.serve(stop).await.map_err(failed)?;
         service::stopping();

@@ -8,6 +8,7 @@ mod config_arg;
 #[cfg(feature = "demo")]
 mod demo;
 mod dli_lines;
+mod doctor;
 mod init;
 mod key;
 mod pair;
@@ -16,14 +17,13 @@ mod reload;
 mod run;
 mod status;
 
-use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 
 use self::config_arg::ConfigArg;
-use self::process::Failure;
+use self::process::{Failure, LogFormat, announce};
 use crate::shell::key_file;
 
 /// A bridge from STANAG 4586 (AEP-84) to PX4 over signed MAVLink 2.
@@ -44,6 +44,9 @@ enum Command {
     Run {
         #[command(flatten)]
         config: ConfigArg,
+        /// Write the log as text or as JSON, one object a line; RUST_LOG chooses how much of it
+        #[arg(long, value_name = "FORMAT", default_value = "text")]
+        log: LogFormat,
     },
     /// Run the agent beside PX4, until SIGTERM or SIGINT: a verifying relay that gives PX4 its keys
     Airside(airside::Arguments),
@@ -65,6 +68,14 @@ enum Command {
     },
     /// Show the state of a running bridge
     Status {
+        #[command(flatten)]
+        config: ConfigArg,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Find out what does not work: one line of cause and cure each, of the running bridge, else of this computer
+    Doctor {
         #[command(flatten)]
         config: ConfigArg,
         /// Print JSON
@@ -142,7 +153,7 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "demo")]
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Init(arguments) => init::run(&arguments),
-        Command::Run { config } => run::run(config.path()),
+        Command::Run { config, log } => run::run(config.path(), log),
         Command::Airside(arguments) => airside::run(arguments),
         Command::CheckConfig { config } => check_config::check(config.path()),
         Command::CheckVehicle {
@@ -151,6 +162,7 @@ pub fn main() -> ExitCode {
             wait_s,
         } => check_vehicle::run(config.path(), json, wait_s),
         Command::Status { config, json } => status::show(config.path(), json),
+        Command::Doctor { config, json } => doctor::run(config.path(), json),
         Command::Reload { config, json } => reload::reload(config.path(), json),
         Command::Keygen { file } => key::generate(&file),
         Command::Key { action } => key::run(action),
@@ -164,7 +176,6 @@ pub fn main() -> ExitCode {
         Err(Failure::Failed(error)) => (1, error),
         Err(Failure::Bad(error)) => (2, error),
     };
-    // Nobody is left to tell when standard error is gone.
-    let _ = writeln!(io::stderr(), "vsm: {error:#}");
+    announce("ERROR", &format!("{error:#}"));
     ExitCode::from(status)
 }

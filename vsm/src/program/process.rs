@@ -1,11 +1,15 @@
 //! What the subcommands share: how they fail, the runtime, the log, the signals that end them, and standard output.
 
+use std::ffi::OsString;
 use std::io::{self, IsTerminal as _, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow, bail};
 use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
+use tracing_subscriber::{EnvFilter, fmt};
 
 use crate::shell::log_pipe::LogPipe;
 
@@ -62,25 +66,82 @@ pub(crate) fn stop_signal() -> Result<impl Future<Output = ()>, Failure> {
     })
 }
 
+/// How lines of the log are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum LogFormat {
+    /// For people
+    Text,
+    /// One JSON object a line: timestamp, level, message
+    Json,
+}
+
 /// The log of a program that serves, to standard error until this is dropped; RUST_LOG chooses how much, default info.
 pub(crate) struct Log(Option<LogPipe>);
 
-pub(crate) fn log() -> Log {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+/// Begins the log. From here on the last error of the program is a line of the log too.
+pub(crate) fn log(format: LogFormat) -> Result<Log, Failure> {
+    let filter = filter(std::env::var_os("RUST_LOG")).map_err(bad)?;
     // A pipe that nobody reads must not stop what is served.
     let Ok(pipe) = LogPipe::new(io::stderr()) else {
-        return Log(None);
+        return Ok(Log(None));
     };
     let writer = pipe.clone();
-    // A second call in one process finds a log already: that is fine.
-    let _ = tracing_subscriber::fmt()
+    // https://no-color.org: set, and not empty.
+    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let lines = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(move || writer.clone())
-        .with_ansi(io::stderr().is_terminal())
-        .with_target(false)
-        .try_init();
-    Log(Some(pipe))
+        .with_ansi(io::stderr().is_terminal() && !plain)
+        .with_target(false);
+    // A second call in one process finds a log already: that is fine.
+    let _ = match format {
+        LogFormat::Text => lines.try_init(),
+        LogFormat::Json => lines.json().flatten_event(true).try_init(),
+    };
+    AS_JSON.store(format == LogFormat::Json, Ordering::Relaxed);
+    Ok(Log(Some(pipe)))
 }
+
+/// Whether what goes to standard error beside the log is to be JSON too.
+static AS_JSON: AtomicBool = AtomicBool::new(false);
+
+/// Writes a line that no filter of the log may leave out: that the program serves, or why it ends.
+pub(crate) fn announce(level: &str, line: &str) {
+    let line = if AS_JSON.load(Ordering::Relaxed) {
+        let mut timestamp = String::new();
+        let _ = SystemTime.format_time(&mut fmt::format::Writer::new(&mut timestamp));
+        serde_json::json!({"timestamp": timestamp, "level": level, "message": line}).to_string()
+    } else {
+        format!("vsm: {line}")
+    };
+    // Nobody is left to report to when standard error is gone.
+    let _ = io::stderr().write_all((line + "\n").as_bytes());
+}
+
+/// RUST_LOG as it was meant.
+fn filter(value: Option<OsString>) -> anyhow::Result<EnvFilter> {
+    let Some(value) = value.filter(|value| !value.is_empty()) else {
+        return Ok(EnvFilter::new("info"));
+    };
+    let expected = "expected off, error, warn, info, debug or trace, or TARGET=LEVEL with a module as target, separated by \
+                    commas, such as \"info,vsm::shell=debug\"";
+    let Some(text) = value.to_str() else {
+        bail!("RUST_LOG is not text: {expected}");
+    };
+    for part in text.split(',').map(str::trim) {
+        // A word that is no level counts as a target of which all is logged: "debgu" would silence everything else.
+        let word = part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        if word && part.parse::<LevelFilter>().is_err() && !TARGETS.contains(&part) {
+            bail!("RUST_LOG = \"{text}\": \"{part}\" is no level: {expected}");
+        }
+    }
+    EnvFilter::builder()
+        .parse(text)
+        .map_err(|cause| anyhow!("RUST_LOG = \"{text}\": {cause}: {expected}"))
+}
+
+/// Crates that log, and may be named without a level.
+const TARGETS: &[&str] = &["vsm", "mavlink_link", "tokio", "hyper", "hyper_util", "mio"];
 
 impl Drop for Log {
     fn drop(&mut self) {
@@ -99,4 +160,42 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
 pub(crate) fn say(line: &str) {
     // Nobody is left to tell when standard output is gone.
     let _ = writeln!(io::stdout(), "{line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_filter_that_is_misspelt_is_an_error_that_names_it() {
+        for (given, named) in [
+            ("debgu", "\"debgu\" is no level"),
+            ("info,wran", "\"wran\" is no level"),
+            (
+                "vsm=debgu",
+                "RUST_LOG = \"vsm=debgu\": error parsing level filter",
+            ),
+            ("info, 6", "\"6\" is no level"),
+        ] {
+            let fault = filter(Some(given.into())).expect_err(given).to_string();
+            assert!(fault.contains(named), "{fault}");
+            assert!(fault.contains("expected off, error, warn"), "{fault}");
+        }
+    }
+
+    #[test]
+    fn a_filter_is_a_level_or_names_targets_and_none_is_info() {
+        for (given, read) in [
+            (None, "info"),
+            (Some(""), "info"),
+            (Some("DEBUG"), "debug"),
+            (Some("off"), "off"),
+            (Some("warn,vsm::shell=debug"), "vsm::shell=debug,warn"),
+            (Some("vsm"), "vsm=trace"),
+        ] {
+            let filter =
+                filter(given.map(OsString::from)).unwrap_or_else(|fault| panic!("{fault}"));
+            assert_eq!(filter.to_string(), read);
+        }
+    }
 }

@@ -1,17 +1,16 @@
 //! `vsm run`.
 
-use std::io::{self, Write};
 use std::path::Path;
 
 use crate::config::Config;
 use crate::shell::server::{Server, StartError};
 use crate::shell::service;
 
-use super::process::{Failure, bad, failed, log, runtime, stop_signal};
+use super::process::{Failure, LogFormat, announce, bad, failed, log, runtime, stop_signal};
 
-pub(crate) fn run(path: &Path) -> Result<(), Failure> {
+pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
-    let _log = log();
+    let _log = log(format)?;
     let runtime = runtime()?;
     runtime.block_on(async {
         let mut server = Server::open(&config).map_err(|fault| match fault {
@@ -27,11 +26,8 @@ pub(crate) fn run(path: &Path) -> Result<(), Failure> {
             tracing::warn!("no [[cucs]] is listed: nobody may connect");
         }
         let vehicles = config.vehicle.len();
-        let ready = format!(
-            "vsm: ready: DLI on {}, {vehicles} vehicle(s)\n",
-            config.dli.listen
-        );
-        let _ = io::stderr().write_all(ready.as_bytes());
+        let ready = format!("ready: DLI on {}, {vehicles} vehicle(s)", config.dli.listen);
+        announce("INFO", &ready);
         service::ready();
         server.serve(stop).await.map_err(failed)?;
         service::stopping();

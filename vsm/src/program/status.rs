@@ -52,6 +52,10 @@ fn readable(status: &Value) -> String {
     for warning in list(&status["warnings"]) {
         text += &format!("WARNING: {}\n", plain(warning));
     }
+    for finding in list(&status["findings"]) {
+        let (cause, cure) = (plain(&finding["cause"]), plain(&finding["cure"]));
+        text += &format!("FINDING: {cause}; {cure}\n");
+    }
     for station in list(&status["stations"]) {
         let address = station["address"]
             .as_str()
@@ -94,11 +98,7 @@ fn readable(status: &Value) -> String {
             );
         }
         let link = &vehicle["link"];
-        let signed = match (link["signed"] == true, link["key_id"].as_str()) {
-            (true, Some(id)) => format!("signed with key {id}"),
-            (true, None) => "signed, which key is being found out".to_owned(),
-            (false, _) => "NOT SIGNED: anyone in range can command it".to_owned(),
-        };
+        let signed = signing(link);
         let since = link["live_s"]
             .as_f64()
             .map_or(String::new(), |s| format!(" for {s:.0} s"));
@@ -111,6 +111,7 @@ fn readable(status: &Value) -> String {
                 "  NO VERIFIED ANSWER to a frame of ours for {age:.0} s: commands are lost\n"
             );
         }
+        text += &last_verified(link);
         text += &counts("  verified and refused: ", &link["refused_though_verified"]);
         let exchange = &link["exchange"];
         if exchange.is_object() {
@@ -123,10 +124,52 @@ fn readable(status: &Value) -> String {
     }
     text += &by_type("DLI received by type:\n", &status["received"]);
     text += &by_type("DLI sent by type:\n", &status["sent"]);
-    text += &counts("DLI refused: ", &status["refused"]);
+    let mut refused = status["refused"].clone();
+    for (name, _) in status["set_aside"].as_object().into_iter().flatten() {
+        refused[name] = Value::from(0);
+    }
+    text += &counts("DLI refused: ", &refused);
+    text += &counts("DLI set aside: ", &status["set_aside"]);
     text += &counts("recordings: ", &status["recordings"]);
     text
 }
+
+/// Whether frames are signed: what was verified, not what is configured.
+fn signing(link: &Value) -> String {
+    let verified = link["verified_s"].as_f64();
+    match (link["signed"] == true, link["key_id"].as_str()) {
+        (false, _) => "NOT SIGNED: anyone in range can command it".to_owned(),
+        (true, None) => "signed, which key is being found out".to_owned(),
+        (true, Some(id)) if verified.is_some_and(|age| age <= VERIFIED_FOR_S) => {
+            format!("signed with key {id}")
+        }
+        (true, Some(id)) => match link["arrives"].as_str() {
+            None if verified.is_none() => format!("key {id}, no frame received yet"),
+            _ => format!("key {id}, NOT VERIFIED"),
+        },
+    }
+}
+
+/// When a frame last verified and under which key, and what arrives now where none does.
+fn last_verified(link: &Value) -> String {
+    if link["signed"] != true {
+        return String::new();
+    }
+    let key = link["verified_key_id"].as_str().unwrap_or("?");
+    let verified = link["verified_s"].as_f64();
+    let last = match verified {
+        Some(age) => format!("last verified frame {age:.1} s ago under key {key}"),
+        None => "no frame has verified yet".to_owned(),
+    };
+    let arrives = match (verified, link["arrives"].as_str()) {
+        (Some(age), _) if age <= VERIFIED_FOR_S => String::new(),
+        (_, arrives) => format!("; what arrives: {}", arrives.unwrap_or("nothing")),
+    };
+    format!("  {last}{arrives}\n")
+}
+
+/// A heartbeat comes each second; some are lost.
+const VERIFIED_FOR_S: f64 = 3.5;
 
 /// `  1b:00:00:a0 holds LOI 2, 4, 5 (monitor, control, launch), for 12 s`: what, and since when.
 fn holding(holder: &Value) -> String {

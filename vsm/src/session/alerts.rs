@@ -7,6 +7,8 @@ use mapping::alert::Alert;
 use mapping::health::HealthFault;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
+use super::findings::Code;
+
 /// A cause that lasts. One alert stands for each at a time, per vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Cause {
@@ -38,6 +40,8 @@ pub(crate) enum Cause {
     Fence,
     /// Something that the vehicle itself says is wrong.
     HealthFault(HealthFault),
+    /// Something that does not work, told apart from others of its code by a number.
+    Finding(Code, u32),
 }
 
 /// The alerts of one vehicle.
@@ -239,6 +243,15 @@ impl Alerts {
             .retain(|(at, ..)| now.saturating_sub(*at) < QUIET);
         let mut lately = self.lately.iter();
         lately.any(|(_, known, same)| *known == priority && same == text)
+    }
+
+    /// A finding that stands and is none of these any more: its cause, and its text.
+    pub(crate) fn ended_finding(&self, found: &[(Code, u32)]) -> Option<(Cause, String)> {
+        let ended = self.standing.iter().find(|(cause, _)| match cause {
+            Cause::Finding(code, key) => !found.contains(&(*code, *key)),
+            _ => false,
+        });
+        ended.map(|(cause, alert)| (*cause, alert.text.clone()))
     }
 
     /// What stands, for a CUCS that starts to listen.

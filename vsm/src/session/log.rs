@@ -6,7 +6,9 @@ use stanag_msgs::enums::AlertPriority;
 /// How much a log entry matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LogLevel {
-    /// Said in passing.
+    /// What became of one datagram; only where [`Bridge::set_trace`](super::Bridge::set_trace) asks for it.
+    Debug,
+    /// No action is needed.
     Info,
     /// Something an operator should know.
     Warning,

@@ -74,6 +74,7 @@ mod context;
 mod counters;
 mod duplicates;
 mod effects;
+pub mod findings;
 mod flight;
 mod ignored_fields;
 mod link;
@@ -87,6 +88,7 @@ mod station;
 pub(crate) mod store;
 #[cfg(test)]
 mod testing;
+mod trace;
 
 pub use authority::audit::{AuditKey, Broken, Chain, Entry, Verified};
 pub(crate) use authority::record::examine as examine_audit;

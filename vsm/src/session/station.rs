@@ -21,6 +21,8 @@ pub(crate) struct GroundStation {
     pub(crate) proven: bool,
     /// When anything of it was accepted last, acknowledgements apart.
     pub(crate) received: Option<Duration>,
+    /// How far the stamp of its latest message was ahead of this computer's clock, ms.
+    pub(crate) clock_ahead_ms: Option<i64>,
     /// It has sent 16002 from a proven address: only then can silence cost it control.
     pub(crate) sends_heartbeats: bool,
     /// What it may still send.
@@ -35,6 +37,7 @@ impl GroundStation {
             peer: None,
             proven: false,
             received: None,
+            clock_ahead_ms: None,
             sends_heartbeats: false,
             allowance: StationAllowance::default(),
         }
@@ -42,6 +45,14 @@ impl GroundStation {
 
     pub(crate) fn id(&self) -> Id {
         self.config.id
+    }
+
+    /// Its clock is so far ahead of this computer's, by a message. A change of seconds is one of the way here.
+    pub(crate) fn note_clock(&mut self, ahead_ms: i64) {
+        let known = self.clock_ahead_ms;
+        if known.is_none_or(|known| known.abs_diff(ahead_ms) > CLOCK_JITTER_MS) {
+            self.clock_ahead_ms = Some(ahead_ms);
+        }
     }
 
     pub(crate) fn asker(&self) -> Asker {
@@ -96,3 +107,5 @@ impl GroundStation {
         Some(now.saturating_sub(received).as_secs_f64())
     }
 }
+
+const CLOCK_JITTER_MS: u64 = 60_000;

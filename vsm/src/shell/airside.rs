@@ -338,6 +338,7 @@ impl AirsideServer {
         self.tell_pairing().await;
         while let Some(note) = self.agent.poll_note() {
             match note.level {
+                LogLevel::Debug => tracing::debug!("{}", note.text),
                 LogLevel::Info => tracing::info!("{}", note.text),
                 LogLevel::Warning => tracing::warn!("{}", note.text),
                 LogLevel::Error => tracing::error!("{}", note.text),

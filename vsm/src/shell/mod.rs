@@ -2,11 +2,12 @@
 //!
 //! From the bottom up: `ownership` is whose files are believed; `disk` implements [`Disk`](mavlink_link::store::Disk), and
 //! `queued_disk` puts a thread before it that synchronises, so that a running bridge never waits for that; `key_file` and
-//! `key_store` are the signing keys, `ordered_files` the thread that writes them, `clock` the time, `sockets` UDP and serial lines, `local_peers` who is at their
+//! `key_store` are the signing keys, `ordered_files` the thread that writes them, `clock` the time, `sockets` UDP and serial lines, `interfaces` the networks, `local_peers` who is at their
 //! other end; `recording` and `dli_recording` write what passes, `log_pipe` the log; `status_socket`, `pairing_socket`,
 //! `http` and `service` show the state to people and to systemd; `tasks` ends a program of which a part has ended. On
 //! these stand the programs: `server` (`vsm run`), `airside` with `airside_disk` (`vsm airside`), `pairing` (`vsm pair`),
-//! `key_link` (`vsm key`) and `settings_link` (`vsm check-vehicle`).
+//! `key_link` (`vsm key`) and `settings_link` (`vsm check-vehicle`). `self_check` is what `vsm doctor` looks at
+//! without a bridge.
 
 pub mod airside;
 pub mod airside_disk;
@@ -14,6 +15,7 @@ pub mod clock;
 pub mod disk;
 pub mod dli_recording;
 pub mod http;
+pub mod interfaces;
 pub mod key_file;
 pub mod key_link;
 pub mod key_store;
@@ -25,6 +27,7 @@ pub mod pairing;
 pub mod pairing_socket;
 pub mod queued_disk;
 pub mod recording;
+pub mod self_check;
 pub mod server;
 pub mod service;
 pub mod settings_link;

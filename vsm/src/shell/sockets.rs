@@ -306,6 +306,10 @@ fn join(group: SocketAddr, interface: Option<IpAddr>) -> io::Result<UdpSocket> {
     // Bound to the group itself: only its datagrams arrive.
     let socket = udp(SocketAddr::new(group.ip(), group.port()), true)
         .or_else(|_| udp(SocketAddr::new(any, group.port()), true))?;
+    if group.is_ipv4() {
+        // Else what arrives on an interface that some other program has joined would be received, too.
+        socket2::SockRef::from(&socket).set_multicast_all_v4(false)?;
+    }
     match (group.ip(), interface) {
         (IpAddr::V4(group), Some(IpAddr::V4(interface))) => {
             socket.join_multicast_v4(group, interface)?;

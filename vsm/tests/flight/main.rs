@@ -25,6 +25,7 @@ mod curves;
 mod effects_order;
 mod faults;
 mod fence;
+mod findings;
 
 mod forged_addresses;
 mod forged_time_stamps;

@@ -101,6 +101,11 @@ impl Aircraft {
         self.config.system_id
     }
 
+    /// The stations that hold LOI 2.
+    pub(super) fn listeners(&self) -> &[usize] {
+        &self.listeners
+    }
+
     /// Bytes from the vehicle's side. `tap` is shown every frame that is believed, for a recording.
     pub(super) fn handle_datagram(
         &mut self,

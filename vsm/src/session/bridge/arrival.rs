@@ -4,7 +4,7 @@
 //! [`QUESTIONS`]) loses its own messages, unread and unanswered: an answer to each would be a flood as well. What a
 //! listed station asks an answer for is refused with the reason where it cannot be read, or is not for a VSM.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
 use mavlink_link::Now;
@@ -21,15 +21,27 @@ use crate::session::allowance::Rate;
 use crate::session::authority::{self, Input};
 use crate::session::context::Origin;
 use crate::session::duplicates::{Seen, Verdict, is_command};
+use crate::session::findings::dli::Fault;
+use crate::session::log::LogLevel;
+use crate::session::trace::DliTrace;
 
 impl Bridge {
     /// Takes a datagram of the DLI side.
     pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
+        let before = self.trace.then(|| DliTrace::begin(&self.counters));
         for frame in self.profile.frames(bytes) {
             match frame {
                 Ok(frame) => self.handle_frame(now, from, &frame, disk),
-                Err(fault) => self.counters.count(drop_name(&fault)),
+                Err(fault) => {
+                    self.counters.count(drop_name(&fault));
+                    self.evidence.note_broken(now.mono, from, bytes, &fault);
+                }
             }
+        }
+        if let Some(before) = before {
+            let line = before.end(&self.counters, &self.profile, from, bytes);
+            let vsm = self.vsm;
+            self.effects(now, disk).0.note(LogLevel::Debug, vsm, line);
         }
     }
 
@@ -46,13 +58,19 @@ impl Bridge {
                 if !(station.allowance).take(now.mono, from, station.peer, rate) {
                     return self.counters.count("over the station's rate");
                 }
+                self.evidence.note_good(frame.header.source, from);
                 self.asker = Some(index);
                 if self.is_there(now, from, index, frame, disk) {
                     self.take_frame(now, index, frame, disk);
                 }
                 self.asker = None;
             }
-            Err(why) => self.counters.count(why),
+            Err(why) => {
+                self.counters.count(why.name());
+                if let Some(fault) = why.fault(&frame.header) {
+                    self.evidence.note(now.mono, from, fault);
+                }
+            }
         }
     }
 
@@ -108,6 +126,9 @@ impl Bridge {
             }
             return self.dispatch(now, origin, header.destination, &message, disk);
         };
+        let wall_ms = i64::try_from(now.wall.as_millis()).unwrap_or(i64::MAX);
+        let stamp_ms = i64::try_from(stamp.unix_ms()).unwrap_or(i64::MAX);
+        self.stations[index].note_clock(stamp_ms - wall_ms);
         let seen = Seen::new(frame, &message, stamp, origin.ack_requested, now.mono);
         // A release needs no stamp. One that has a stamp is no recording of a release made when nothing was held.
         let releases = matches!(&message, Message::CucsAuthorisationRequest(request) if authority::releases(request));
@@ -126,29 +147,28 @@ impl Bridge {
         self.forget_heartbeats(now.mono);
     }
 
-    /// The index of the station that a frame is from, where it may speak and speaks to us; else the name of the drop.
-    fn admit(&self, from: SocketAddr, header: &Header) -> Result<usize, &'static str> {
+    /// The index of the station that a frame is from, where it may speak and speaks to us.
+    fn admit(&self, from: SocketAddr, header: &Header) -> Result<usize, Barred> {
         let ours = |id| self.aircraft.iter().any(|aircraft| aircraft.id() == id);
+        let to_us =
+            [self.vsm, Id::BROADCAST].contains(&header.destination) || ours(header.destination);
         if header.source == self.vsm || ours(header.source) {
             // What we sent to the group comes back to us.
-            return Err("our own");
+            return Err(Barred::OurOwn);
         }
         let mut stations = self.stations.iter().enumerate();
         let (index, station) = stations
             .find(|(_, station)| station.id() == header.source && !station.removed)
-            .ok_or("unauthorised source")?;
+            .ok_or(Barred::Source { to_us })?;
         // The port is not compared: a CUCS that returns on another port keeps its rights.
-        if station
-            .config
-            .address
-            .is_some_and(|address| address != from.ip())
-        {
-            return Err("unauthorised address");
+        if let Some(expected) = station.config.address.filter(|one| *one != from.ip()) {
+            return Err(Barred::Address(expected));
         }
-        if [self.vsm, Id::BROADCAST].contains(&header.destination) || ours(header.destination) {
+        if to_us {
             Ok(index)
         } else {
-            Err("misaddressed")
+            let known = station.received.is_some();
+            Err(Barred::Misaddressed { known })
         }
     }
 
@@ -233,6 +253,42 @@ impl Bridge {
         match aircraft.iter_mut().find(|one| one.id() == destination) {
             Some(one) => one.effects(&mut dli).refuse_unprivileged(origin, &why),
             None => dli.refuse(origin, &why),
+        }
+    }
+}
+
+/// Why a frame gets no further than its header.
+enum Barred {
+    /// What we sent to the group came back.
+    OurOwn,
+    /// Nobody who is listed.
+    Source { to_us: bool },
+    /// Listed with another address, this one.
+    Address(IpAddr),
+    /// For nobody here; of a station that is known to speak to us, too, or not.
+    Misaddressed { known: bool },
+}
+
+impl Barred {
+    /// The counter.
+    fn name(&self) -> &'static str {
+        match self {
+            Barred::OurOwn => "our own",
+            Barred::Source { .. } => "unauthorised source",
+            Barred::Address(_) => "unauthorised address",
+            Barred::Misaddressed { .. } => "misaddressed",
+        }
+    }
+
+    /// What is worth a finding. A group is shared with other VSMs and their stations: what is for them is no fault.
+    fn fault(&self, header: &Header) -> Option<Fault> {
+        match *self {
+            Barred::Source { to_us: true } => Some(Fault::NotListed(header.source)),
+            Barred::Address(expected) => Some(Fault::Address(header.source, expected)),
+            Barred::Misaddressed { known: false } => {
+                Some(Fault::Misaddressed(header.source, header.destination))
+            }
+            _ => None,
         }
     }
 }

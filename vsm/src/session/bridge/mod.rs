@@ -13,8 +13,10 @@ mod reach;
 mod reload;
 pub(crate) mod status;
 mod vehicles;
+mod watch;
 
 use std::collections::VecDeque;
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use mavlink_link::Now;
@@ -29,16 +31,19 @@ use super::aircraft::Aircraft;
 use super::alerts::Alerts;
 use super::authority::record::KnownStation;
 use super::authority::rules::Silence;
-use super::context::Settings;
+use super::context::{Settings, WATCH_SLACK};
 use super::counters::{ByType, Counters};
 use super::duplicates::Remembered;
 use super::effects::DliEffects;
+use super::findings::Finding;
+use super::findings::dli::DliEvidence;
 use super::link::frame::{OutFrame, Peer};
 use super::log::{LogEntry, LogLevel};
 use super::outbox::{Datagram, Outbox};
 use super::paths::{Limits, Paths};
 use super::reports::VehicleSettings;
 use super::station::GroundStation;
+use super::trace;
 use crate::config::Config;
 
 /// The machine.
@@ -65,6 +70,20 @@ pub struct Bridge {
     counters: Counters,
     received: ByType,
     log: VecDeque<LogEntry>,
+    /// What arrived on the DLI side and could not be used.
+    evidence: DliEvidence,
+    /// What did not work when it was last looked for.
+    found: Vec<Finding>,
+    /// Who listens, and is sent the alerts of the VSM itself.
+    notified: Vec<usize>,
+    /// When it is next looked for what does not work.
+    look_at: Duration,
+    /// The group that status is sent to, and that is listened to.
+    group: Option<SocketAddr>,
+    /// A date that the clock cannot be before.
+    not_before: Duration,
+    /// What becomes of each datagram is logged.
+    trace: bool,
     /// The station whose message is being handled.
     asker: Option<usize>,
     /// What stands from the configuration.
@@ -136,6 +155,13 @@ impl Bridge {
             counters: Counters::default(),
             received: ByType::default(),
             log: VecDeque::new(),
+            evidence: DliEvidence::default(),
+            found: Vec::new(),
+            notified: Vec::new(),
+            look_at: now.mono,
+            group: config.dli.multicast,
+            not_before,
+            trace: false,
             asker: None,
             warnings: config.warnings(),
             started: now.mono,
@@ -151,6 +177,11 @@ impl Bridge {
     /// Makes the stamps by which CUCSs prove their addresses unpredictable; random, and for this run only.
     pub fn set_secret(&mut self, secret: [u8; 32]) {
         self.paths.set_secret(secret);
+    }
+
+    /// Has what becomes of each datagram logged, or not, which is the default: the lines cost more than the datagrams.
+    pub fn set_trace(&mut self, on: bool) {
+        self.trace = on;
     }
 
     /// What a record of authority says of its holders: status goes where it went before, so that nobody has to ask again,
@@ -209,6 +240,7 @@ impl Bridge {
         self.forget_heartbeats(now.mono);
         self.name_others(now, disk);
         self.watch_paths(now, disk);
+        self.watch_findings(now, disk);
     }
 
     /// Begins to read the settings of every vehicle that [`mapping::hardening`] judges; a reading under way is joined.
@@ -259,6 +291,8 @@ impl Bridge {
         each.filter_map(|aircraft| aircraft.poll_timeout(now, &self.stations))
             .chain(self.alerts.poll_timeout())
             .chain(self.paths.poll_timeout(now))
+            // It shares a wake-up with the reports where there are any.
+            .chain([self.look_at + WATCH_SLACK])
             .fold(now + LONGEST_WAIT, Duration::min)
     }
 
@@ -271,6 +305,26 @@ impl Bridge {
     pub fn poll_vehicle(&mut self) -> Option<(usize, OutFrame)> {
         let mut aircraft = self.aircraft.iter_mut().enumerate();
         aircraft.find_map(|(index, one)| Some((index, one.link.poll_transmit()?)))
+    }
+
+    /// The line of a log that traces datagrams, for one that is sent to a station.
+    #[must_use]
+    pub fn trace_dli(&self, to: SocketAddr, datagram: &Datagram) -> LogEntry {
+        LogEntry {
+            level: LogLevel::Debug,
+            about: self.vsm,
+            text: trace::dli_sent(&self.profile, to, datagram.bytes()),
+        }
+    }
+
+    /// The same for a frame that is sent to the vehicle with this index.
+    #[must_use]
+    pub fn trace_vehicle(&self, index: usize, frame: &OutFrame) -> LogEntry {
+        LogEntry {
+            level: LogLevel::Debug,
+            about: self.aircraft.get(index).map_or(self.vsm, Aircraft::id),
+            text: trace::mavlink_sent(frame),
+        }
     }
 
     /// The next line for the log.

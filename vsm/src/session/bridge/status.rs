@@ -10,6 +10,7 @@ use super::Bridge;
 use crate::session::aircraft::Aircraft;
 use crate::session::authority::rules::Stage;
 use crate::session::counters::{ByType, Counters};
+use crate::session::findings::Finding;
 use crate::session::link::key_agreement::ExchangeStatus;
 
 /// The whole bridge.
@@ -23,6 +24,8 @@ pub struct Status {
     pub warnings: Vec<String>,
     /// Drops and refusals of the DLI side, by name.
     pub refused: Counters,
+    /// Of these, what is no fault: repetitions, what is for others of the group, what waits for the proof of an address.
+    pub set_aside: Counters,
     /// What the recordings have left out or removed, by the reason.
     pub recordings: Counters,
     /// DLI messages taken, by type.
@@ -31,6 +34,8 @@ pub struct Status {
     pub sent: ByType,
     /// Messages that are held until the disk has what they promise.
     pub held: usize,
+    /// What does not work, and why.
+    pub findings: Vec<Finding>,
     /// The ground stations.
     pub stations: Vec<StationStatus>,
     /// The vehicles.
@@ -46,7 +51,7 @@ pub struct StationStatus {
     pub address: Option<String>,
     /// Whether it has proved to be there: "answered", "configured" (the operator vouches for the address) or "none".
     pub proof: &'static str,
-    /// Since it was heard, s.
+    /// Since anything of it was accepted, s.
     pub silent_s: Option<f64>,
 }
 
@@ -57,7 +62,7 @@ pub struct VehicleStatus {
     pub id: String,
     /// Tail Number.
     pub tail_number: String,
-    /// Whether it is heard.
+    /// Whether its data are fresh.
     pub live: bool,
     /// PX4's name of its mode.
     pub mode: Option<&'static str>,
@@ -67,7 +72,7 @@ pub struct VehicleStatus {
     pub position: Option<[f64; 3]>,
     /// The CUCS that holds LOI 4 or 5.
     pub controller: Option<String>,
-    /// The MAVLink system that may command it, 0 for nobody; none where the vehicle does not tell.
+    /// The MAVLink system that may command it, 0 for nobody; none where the vehicle does not report it.
     pub operator_control: Option<u8>,
     /// LOI bits by CUCS.
     pub rights: BTreeMap<String, u8>,
@@ -133,10 +138,19 @@ pub struct LinkStatus {
     pub address: String,
     /// Where the vehicle is.
     pub peer: Option<String>,
-    /// Whether frames are signed and verified.
+    /// Whether frames must be signed, by the configuration: see `verified_s` for whether they are.
     pub signed: bool,
-    /// The key's id.
+    /// The id of the key in force.
     pub key_id: Option<String>,
+    /// Since a frame last verified under a key and was accepted, s; none where none has.
+    pub verified_s: Option<f64>,
+    /// The id of the key that it verified under.
+    pub verified_key_id: Option<String>,
+    /// What arrives: "verified", on an unsigned link "not verified"; else why it is refused ("not signed", "signed with
+    /// another key", "stale timestamps", ..); none where nothing has arrived for some seconds.
+    pub arrives: Option<&'static str>,
+    /// Frames that verified, with timestamps of before a start of the vehicle: until our heartbeat has lifted them.
+    pub stale_at_start: u64,
     /// How it stands: "waiting" (nothing accepted yet), "live", "unanswered" (accepted, but for over 5 s nothing has shown
     /// that the vehicle receives us), "behind" (verified, but its stamps have fallen back), "ahead" (verified, but stamped
     /// over an hour ahead) or "settling" (which of two keys the vehicle has is being found out).
@@ -209,14 +223,20 @@ impl Bridge {
                     peer: link.peer().map(|peer| peer.to_string()),
                     signed: aircraft.config.signing != crate::config::Signing::Off,
                     key_id: link.key().map(|key| key.id().to_string()),
+                    verified_s: link
+                        .verified()
+                        .map(|(at, _)| now.saturating_sub(at).as_secs_f64()),
+                    verified_key_id: link.verified().map(|(_, key)| key.to_string()),
+                    arrives: link.arrives(now),
+                    stale_at_start: link.stale_at_start(now),
                     state: link.link_state_name(now),
                     unanswered_s: link.last_answer(now).map(|age| age.as_secs_f64()),
-                    refused_though_verified: link.refused_though_verified(),
+                    refused_though_verified: link.refused_though_verified(now),
                     live_s: link
                         .live_since
                         .map(|at| now.saturating_sub(at).as_secs_f64()),
                     exchange: link.agreement.status(),
-                    refused: link.refused_frames(),
+                    refused: link.refused_frames(now),
                     strangers: self
                         .others_on_link(aircraft)
                         .map(|(_, n)| u64::from(n))
@@ -233,14 +253,29 @@ impl Bridge {
             uptime_s: now.saturating_sub(self.started).as_secs_f64(),
             warnings: self.warnings.clone(),
             refused: self.counters.clone(),
+            set_aside: set_aside(&self.counters),
             recordings: Counters::default(),
             received: self.received.clone(),
             sent: self.outbox.sent.clone(),
             held: self.outbox.waiting(),
+            findings: self.found.clone(),
             stations: stations.collect(),
             vehicles: vehicles.collect(),
         }
     }
+}
+
+fn set_aside(refused: &Counters) -> Counters {
+    let mut set_aside = Counters::default();
+    for name in [
+        "our own",
+        "another VSM's",
+        "duplicate",
+        "held back until the address is proven",
+    ] {
+        set_aside.add(name, refused.get(name));
+    }
+    set_aside
 }
 
 fn curves(aircraft: &Aircraft) -> Option<CurvesStatus> {

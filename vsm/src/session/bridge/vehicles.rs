@@ -18,6 +18,7 @@ use crate::session::link::frame::Peer;
 use crate::session::link::services::Services;
 use crate::session::link::{LinkId, VehicleLink};
 use crate::session::log::LogLevel;
+use crate::session::trace::LinkTrace;
 
 impl Bridge {
     /// Begins to serve a vehicle, with what was stored of it.
@@ -91,10 +92,16 @@ impl Bridge {
             // A system that nobody here has: each counts its frames, and names it.
             let mut known = self.aircraft.iter().filter(here).map(Aircraft::system);
             system = system.filter(|system| known.any(|known| known == *system));
+            let trace = self.trace;
             let (mut dli, aircraft) = self.effects(now, disk);
             for (index, one) in aircraft.iter_mut().enumerate() {
                 if one.port == port && system.is_none_or(|system| system == one.system()) {
+                    let before = trace.then(|| LinkTrace::begin(one.link.stats()));
                     one.handle_datagram(&mut dli, from, piece, &mut |frame| tap(index, frame));
+                    if let Some(before) = before {
+                        let line = before.end(one.link.stats(), from, piece);
+                        dli.note(LogLevel::Debug, one.id(), line);
+                    }
                 }
             }
             if rest.is_empty() {

@@ -69,6 +69,11 @@ impl VehicleLink {
             self.handle_message(node, &message, fresh, vehicle, effects);
         }
         self.believed = believed;
+        if let (Some(key), Some(at)) = (&self.key, self.link.accepted_at())
+            && at == now.mono
+        {
+            self.verified = Some((at, key.id()));
+        }
         self.collect(vehicle, effects);
         self.flush(vehicle, effects);
     }

@@ -28,12 +28,12 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::dialect::{MavMessage, MavSeverity};
-use mavlink_link::link::{Alert, Auth, Endpoint, Event, Link, LinkState, LinkStats};
+use mavlink_link::link::{Alert, Auth, Endpoint, Event, Link, LinkState, LinkStats, Security};
 use mavlink_link::provisioning::StartError;
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
 use mavlink_link::service::Node;
 use mavlink_link::service::text::Texts;
-use mavlink_link::signing::{SigningKey, Stamp};
+use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use mavlink_link::store::{Disk, Store as _, StoreError};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
@@ -46,6 +46,7 @@ use self::services::Services;
 use self::state::VehicleState;
 use super::counters::ByType;
 use super::effects::Effects;
+use super::findings::vehicle::{Arrivals, Evidence, FRESH, Kind};
 use super::log::LogLevel;
 
 pub(crate) use link_id::LinkId;
@@ -63,6 +64,14 @@ pub(crate) struct VehicleLink {
     stored_link_id: Option<u8>,
     /// Since when frames have been accepted without a break.
     pub(super) live_since: Option<Duration>,
+    /// When a frame last verified and was accepted, and under which key.
+    verified: Option<(Duration, KeyId)>,
+    /// What else has arrived.
+    pub(super) arrivals: Arrivals,
+    /// Frames with stale timestamps of the time before the vehicle's clock was brought up to ours.
+    stale_at_start: StaleAtStart,
+    /// When this computer's clock was last found to be far ahead of the signing clock.
+    wall_far_ahead: Option<Duration>,
     texts: Texts,
     asked: Asked,
     believed: Vec<(Node, MavMessage, Fresh)>,
@@ -106,6 +115,10 @@ impl VehicleLink {
             agreement: Agreement::default(),
             operator_control: OperatorControl::default(),
             live_since: None,
+            verified: None,
+            arrivals: Arrivals::default(),
+            stale_at_start: StaleAtStart::default(),
+            wall_far_ahead: None,
             texts: Texts::new(vehicle.system),
             asked: Asked::default(),
             believed: Vec::new(),
@@ -168,6 +181,8 @@ impl VehicleLink {
         if vehicle.live() {
             intervals.advance(now.mono, commands);
         }
+        let searched = self.key_recovery.refused_frames();
+        self.arrivals.look(now.mono, &self.link.stats(), searched);
         self.collect(vehicle, effects);
         self.flush(vehicle, effects);
     }
@@ -222,8 +237,16 @@ impl VehicleLink {
         }
         while let Some(event) = self.link.poll_event() {
             match event {
-                Event::Live => self.live_since = Some(now),
-                Event::Behind | Event::Ahead => self.live_since = None,
+                Event::Live => {
+                    self.live_since = Some(now);
+                    self.stale_at_start.live(self.link.stats().stale);
+                }
+                Event::Behind => {
+                    self.live_since = None;
+                    self.stale_at_start.behind(now);
+                }
+                Event::Ahead => self.live_since = None,
+                Event::Alert(Alert::WallFarAhead) => self.wall_far_ahead = Some(now),
                 Event::KeyExchange(frame) if self.agreement.wanted => {
                     self.agreement.queue(frame);
                     continue;
@@ -377,11 +400,62 @@ impl VehicleLink {
         link_state_name(&self.link, mono)
     }
 
+    /// When a frame last verified and was accepted, and under which key.
+    pub(crate) fn verified(&self) -> Option<(Duration, KeyId)> {
+        self.verified
+    }
+
+    /// What arrives, in place of verified frames or for want of a key; `None` where nothing does.
+    pub(crate) fn arrives(&self, mono: Duration) -> Option<&'static str> {
+        let accepted = self.link.accepted_at();
+        if accepted.is_some_and(|at| mono.saturating_sub(at) <= FRESH) {
+            let signed = self.link.config().security == Security::Signed;
+            return Some(if signed { "verified" } else { "not verified" });
+        }
+        self.arrivals.refused(mono).map(Kind::name)
+    }
+
+    /// Whether this computer's clock is far ahead of the signing clock.
+    pub(crate) fn wall_is_far_ahead(&self, mono: Duration) -> bool {
+        // The link reports it every ten seconds as long as it is so.
+        self.wall_far_ahead
+            .is_some_and(|at| mono.saturating_sub(at) < 2 * WALL_REPORTED_EVERY)
+    }
+
+    /// What the link shows of why the vehicle is not received.
+    pub(crate) fn evidence<'a>(
+        &'a self,
+        mono: Duration,
+        config: &'a crate::config::Vehicle,
+        (other, shared): (Option<u8>, bool),
+    ) -> Evidence<'a> {
+        Evidence {
+            mono,
+            vehicle: config.id,
+            address: &config.link,
+            system: self.vehicle.system,
+            key: self.key.as_ref().map(KeyState::id),
+            arrivals: &self.arrivals,
+            other,
+            shared,
+            accepted: self.link.accepted_at(),
+            unanswered: self.link.unanswered(mono),
+        }
+    }
+
+    /// Frames of the time before the vehicle's clock was brought up to ours. Each start of PX4 has some: they are no fault.
+    pub(crate) fn stale_at_start(&self, mono: Duration) -> u64 {
+        self.stale_at_start.count(mono, self.stats().stale)
+    }
+
     /// Frames that verified under the key and were refused all the same, by the reason.
-    pub(crate) fn refused_though_verified(&self) -> BTreeMap<&'static str, u64> {
+    pub(crate) fn refused_though_verified(&self, mono: Duration) -> BTreeMap<&'static str, u64> {
         let stats = self.stats();
         [
-            ("stale timestamp", stats.stale),
+            (
+                "stale timestamp",
+                stats.stale.saturating_sub(self.stale_at_start(mono)),
+            ),
             ("stamp over an hour ahead", stats.future),
             ("another link's stream", stats.unexpected_link),
             ("too many streams", stats.stream_table_full),
@@ -393,7 +467,7 @@ impl VehicleLink {
     }
 
     /// Frames that carried the vehicle's system id and were refused, by the reason.
-    pub(crate) fn refused_frames(&self) -> BTreeMap<&'static str, u64> {
+    pub(crate) fn refused_frames(&self, mono: Duration) -> BTreeMap<&'static str, u64> {
         let stats = self.stats();
         let (unsigned, foreign) = self.key_recovery.refused_frames();
         [
@@ -402,7 +476,10 @@ impl VehicleLink {
                 "signature does not fit the key",
                 stats.bad_signature + foreign,
             ),
-            ("stale timestamp", stats.stale),
+            (
+                "stale timestamp",
+                stats.stale.saturating_sub(self.stale_at_start(mono)),
+            ),
             ("stamp over an hour ahead", stats.future),
             ("another link's stream", stats.unexpected_link),
             ("stream not on the list", stats.not_listed),
@@ -416,6 +493,44 @@ impl VehicleLink {
         .collect()
     }
 }
+
+/// PX4 stamps from the value of its key file when it starts, until a heartbeat of ours lifts it: its first frames verify and
+/// are refused. They are told apart from recordings by their end: the link is live within [`LIFTED_WITHIN`].
+#[derive(Debug, Default)]
+struct StaleAtStart {
+    /// How many of them have been found to be so.
+    counted: u64,
+    /// Stale frames, of either kind, at the last time that the link was live.
+    before: u64,
+    /// Since when the vehicle is behind.
+    since: Option<Duration>,
+}
+
+impl StaleAtStart {
+    fn behind(&mut self, mono: Duration) {
+        self.since = Some(mono);
+    }
+
+    fn live(&mut self, stale: u64) {
+        if self.since.take().is_some() {
+            self.counted += stale - self.before;
+        }
+        self.before = stale;
+    }
+
+    fn count(&self, mono: Duration, stale: u64) -> u64 {
+        let lifting = self
+            .since
+            .is_some_and(|at| mono.saturating_sub(at) <= LIFTED_WITHIN);
+        let now = if lifting { stale - self.before } else { 0 };
+        self.counted + now
+    }
+}
+
+/// As long as the link itself waits before it reports that the vehicle stays behind.
+const LIFTED_WITHIN: Duration = Duration::from_secs(5);
+/// How often the link reports that the wall clock is far ahead.
+const WALL_REPORTED_EVERY: Duration = Duration::from_secs(10);
 
 /// How a link stands, for the status of bridge and agent.
 pub(crate) fn link_state_name(link: &Link<Peer>, mono: Duration) -> &'static str {

@@ -11,7 +11,7 @@ pub use error::StartError;
 
 use std::future::Future;
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -23,6 +23,7 @@ use tokio::task::LocalSet;
 use self::shared::Shared;
 use self::tasks::{
     keep_time, receive_dli, receive_vehicle, send, take_stored, tell_settings, tell_status,
+    watch_group,
 };
 use super::http;
 use super::sockets::{DliSockets, VehicleReader, VehicleWriter};
@@ -39,6 +40,8 @@ pub struct Server {
     readers: Vec<(usize, VehicleReader, Rc<Notify>)>,
     status: UnixListener,
     settings: UnixListener,
+    /// The interface of the group.
+    interface: Option<IpAddr>,
     page: Option<(TcpListener, Vec<String>)>,
     /// The configuration that is read again, and where that is requested.
     reload: Option<(PathBuf, UnixListener)>,
@@ -97,6 +100,7 @@ impl Server {
             readers,
             status,
             settings,
+            interface,
             page,
             reload,
         } = self;
@@ -104,6 +108,12 @@ impl Server {
         let mut tasks = Tasks::default();
         let unicast = Rc::new(dli.unicast);
         let group = dli.group.map(|(socket, group)| (Rc::new(socket), group));
+        if let Some((_, group)) = &group {
+            let (shared, group) = (shared.clone(), *group);
+            tasks.spawn(&local, "group watch", |beat| {
+                watch_group(shared, beat, group, interface)
+            });
+        }
         let receivers = [
             ("DLI receiver", Some(&unicast)),
             (

@@ -74,6 +74,7 @@ impl Server {
         let mut secret = [0; 32];
         system_random(&mut secret).map_err(|fault| StartError::Random(io::Error::other(fault)))?;
         bridge.set_secret(secret);
+        bridge.set_trace(tracing::enabled!(tracing::Level::DEBUG));
         let mut exchanges = vec![];
         for (at, keys) in config.vehicles().enumerate().zip(&key_stores) {
             if let Some(keys) = keys {
@@ -125,6 +126,7 @@ impl Server {
             readers,
             status,
             settings,
+            interface: config.dli.interface,
             page,
             reload: None,
         })

@@ -20,9 +20,10 @@ use crate::shell::recording::Recording;
 use crate::shell::sockets::VehicleWriter;
 
 /// Writes what a machine has to report.
-fn write_log(entry: &LogEntry) {
+pub(super) fn write_log(entry: &LogEntry) {
     let LogEntry { level, about, text } = entry;
     match level {
+        LogLevel::Debug => tracing::debug!("{about}: {text}"),
         LogLevel::Info => tracing::info!("{about}: {text}"),
         LogLevel::Warning => tracing::warn!("{about}: {text}"),
         LogLevel::Error => tracing::error!("{about}: {text}"),

@@ -3,7 +3,7 @@
 //! None returns while the bridge serves, and each waits for its work within [`Beat::during`].
 
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -11,8 +11,9 @@ use mavlink_link::frame::FrameView;
 use tokio::net::{UdpSocket, UnixListener};
 use tokio::sync::Notify;
 
-use super::shared::{Core, Shared};
+use super::shared::{Core, Shared, write_log};
 use crate::session::{Destination, OutFrame};
+use crate::shell::interfaces::listen_elsewhere;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
@@ -113,6 +114,9 @@ pub(super) async fn send(
         loop {
             let frame = shared.core.borrow_mut().bridge.poll_vehicle();
             if let Some((index, frame)) = frame {
+                if tracing::enabled!(tracing::Level::DEBUG) {
+                    write_log(&shared.core.borrow().bridge.trace_vehicle(index, &frame));
+                }
                 // A socket or a queue is shared, not copied; the borrow of the core ends before the await.
                 let writer = shared.core.borrow().writers.get(index).cloned();
                 if let Some(writer) = writer
@@ -130,6 +134,9 @@ pub(super) async fn send(
                 (Destination::Multicast, Some((socket, group))) => (socket, *group),
                 (Destination::Multicast, None) => continue,
             };
+            if tracing::enabled!(tracing::Level::DEBUG) {
+                write_log(&shared.core.borrow().bridge.trace_dli(to, &datagram));
+            }
             if let Some(recording) = &mut shared.core.borrow_mut().dli_recording
                 && let Ok(here) = socket.local_addr()
             {
@@ -208,6 +215,30 @@ pub(super) async fn keep_time(shared: Rc<Shared>, beat: Rc<Beat>) {
     }
 }
 
+/// Looks now and then whether the group's datagrams arrive on another interface than the one that joined it.
+pub(super) async fn watch_group(
+    shared: Rc<Shared>,
+    beat: Rc<Beat>,
+    group: SocketAddr,
+    interface: Option<IpAddr>,
+) {
+    let mut pause = FIRST_WATCH;
+    loop {
+        beat.during(tokio::time::sleep(pause)).await;
+        pause = WATCH_EVERY;
+        match beat
+            .during(listen_elsewhere(group, interface, WATCH_FOR))
+            .await
+        {
+            Ok(None) => {}
+            Ok(Some((at, from))) => shared.with(|core, now| {
+                core.bridge.note_group_elsewhere(now.mono, at, from);
+            }),
+            Err(cause) => tracing::debug!("the interfaces cannot be listened on: {cause}"),
+        }
+    }
+}
+
 pub(super) async fn tell_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
     loop {
         match beat.during(listener.accept()).await {
@@ -255,6 +286,12 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 /// How long the messages of stations are handled before others have their turn.
 const TURN: Duration = Duration::from_millis(2);
+/// A station sends a heartbeat each second or two.
+const WATCH_FOR: Duration = Duration::from_secs(3);
+const FIRST_WATCH: Duration = Duration::from_secs(2);
+/// Less than evidence of the DLI side lasts, so that a finding stands as long as its cause. To join a group elsewhere has
+/// a network carry it there: no more than that.
+const WATCH_EVERY: Duration = Duration::from_secs(240);
 const STATUS_WITHIN: Duration = Duration::from_secs(1);
 /// How long the vehicles may take to answer about their settings: over a slow radio each takes a second or so.
 const SETTINGS_WITHIN: Duration = Duration::from_secs(120);

@@ -1,0 +1,143 @@
+//! What does not work is looked for once a second, and each finding is reported once: a line of the log, and an alert to the
+//! stations that listen, which stands until it is gone.
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::store::Disk;
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
+
+use super::Bridge;
+use crate::session::aircraft::Aircraft;
+use crate::session::alerts::{Cause, Raised};
+use crate::session::findings::{self, Finding, dli, vehicle};
+
+impl Bridge {
+    /// The group's datagrams arrive from there on an interface that has not joined it.
+    pub fn note_group_elsewhere(
+        &mut self,
+        mono: Duration,
+        interface: std::net::IpAddr,
+        from: std::net::SocketAddr,
+    ) {
+        self.evidence.note_elsewhere(mono, interface, from);
+    }
+
+    /// What is about no single vehicle.
+    fn own_findings(&self, mono: Duration, wall: Duration) -> Vec<Finding> {
+        let mut found = Vec::new();
+        let mut links = self.aircraft.iter().map(|one| &one.link);
+        let far_ahead = links.any(|link| link.wall_is_far_ahead(mono));
+        let before = self.not_before.as_secs();
+        found.extend(findings::clock(wall.as_secs(), before, far_ahead));
+        self.evidence.judge(mono, self.group, &mut found);
+        for station in self
+            .stations
+            .iter()
+            .filter(|one| one.proven && !one.removed)
+        {
+            let speaks = |at| mono.saturating_sub(at) < SPEAKS;
+            if let Some(ahead) = station.clock_ahead_ms
+                && station.received.is_some_and(speaks)
+            {
+                found.extend(dli::station_clock(station.id(), ahead));
+            }
+        }
+        found
+    }
+
+    fn vehicle_finding(&self, mono: Duration, index: usize) -> Option<Finding> {
+        let one = self.aircraft.get(index)?;
+        // Who stands in for the vehicle sends the most; the others are what it passes on.
+        let others = self.others_on_link(one);
+        let other = others.max_by_key(|(_, frames)| *frames);
+        let shared = self.aircraft.iter().filter(|other| other.port == one.port);
+        let beside = (other.map(|(system, _)| system), shared.count() > 1);
+        vehicle::judge(&one.link.evidence(mono, &one.config, beside))
+    }
+
+    pub(super) fn watch_findings(&mut self, now: Now, disk: &mut dyn Disk) {
+        if now.mono < self.look_at {
+            return;
+        }
+        self.look_at = now.mono + LOOK_EVERY;
+        let mut found = self.own_findings(now.mono, now.wall);
+        self.report_own(now, &found, disk);
+        for index in 0..self.aircraft.len() {
+            let one = self.vehicle_finding(now.mono, index);
+            self.report_of(now, index, one.as_ref(), disk);
+            found.extend(one);
+        }
+        self.found = found;
+    }
+
+    /// What is about a vehicle goes to those who listen to it.
+    fn report_of(&mut self, now: Now, index: usize, found: Option<&Finding>, disk: &mut dyn Disk) {
+        let (mut dli, aircraft) = self.effects(now, disk);
+        let Some(one) = aircraft.get_mut(index) else {
+            return;
+        };
+        let standing = found.map(|one| (one.code, one.key));
+        let mut effects = one.effects(&mut dli);
+        while let Some((cause, text)) = effects.alerts.ended_finding(standing.as_slice()) {
+            effects.clear(cause, &cleared(&text));
+        }
+        if let Some(finding) = found {
+            // Log and 16000 name the vehicle by themselves.
+            let text = finding.to_string();
+            let text = text.strip_prefix(&format!("vehicle {}: ", finding.about));
+            let text = text.map_or_else(|| finding.to_string(), str::to_owned);
+            let cause = cause(finding);
+            effects.raise(cause, AlertPriority::Warning, SubsystemId::Comms, text);
+        }
+    }
+
+    /// What is about no vehicle goes to everybody who listens to one.
+    fn report_own(&mut self, now: Now, found: &[Finding], disk: &mut dyn Disk) {
+        // The usual case, once a second: nothing is allocated.
+        if found.is_empty() && self.alerts.standing().next().is_none() {
+            return self.notified.clear();
+        }
+        let mut listeners = Vec::new();
+        for station in self.aircraft.iter().flat_map(Aircraft::listeners) {
+            if !listeners.contains(station) {
+                listeners.push(*station);
+            }
+        }
+        let before = std::mem::take(&mut self.notified);
+        let (mut dli, _) = self.effects(now, disk);
+        let vsm = dli.vsm;
+        for station in listeners.iter().filter(|one| !before.contains(one)) {
+            for alert in dli.alerts.standing().cloned().collect::<Vec<_>>() {
+                // For this station it is the first instance, however long the alert has stood.
+                dli.show(vsm, &[*station], &Raised { alert, first: true });
+            }
+        }
+        let standing: Vec<_> = found.iter().map(|one| (one.code, one.key)).collect();
+        while let Some((cause, text)) = dli.alerts.ended_finding(&standing) {
+            let raised = dli.alerts.clear(cause, &cleared(&text));
+            dli.alert(vsm, &listeners, raised);
+        }
+        for finding in found {
+            let text = finding.to_string();
+            let (priority, subsystem) = (AlertPriority::Warning, SubsystemId::VsmStatus);
+            let raised = dli.alerts.raise(cause(finding), priority, subsystem, text);
+            dli.alert(vsm, &listeners, raised);
+        }
+        self.notified = listeners;
+    }
+}
+
+fn cause(finding: &Finding) -> Cause {
+    Cause::Finding(finding.code, finding.key)
+}
+
+fn cleared(text: &str) -> String {
+    // What to do about it is not repeated.
+    let cause = text.split("; ").next().unwrap_or(text);
+    format!("cleared: {cause}")
+}
+
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// The clock of a station is of interest as long as it speaks.
+const SPEAKS: Duration = Duration::from_secs(60);

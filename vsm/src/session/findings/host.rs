@@ -1,0 +1,156 @@
+//! This computer: what the shell has looked at, before or beside a running bridge, and what of it does not work.
+
+use std::net::{IpAddr, SocketAddr};
+use std::time::Duration;
+
+use super::{Code, Finding, clock, dli};
+
+/// What the shell found. Empty where nothing is wrong.
+#[derive(Debug, Default)]
+pub struct HostFacts {
+    /// The wall clock, since 1970.
+    pub wall: Duration,
+    /// A date that the clock cannot be before.
+    pub not_before: Duration,
+    /// Who has the store.
+    pub store: Option<StoreFact>,
+    /// Ports, addresses and devices that cannot be had: the configuration's key, its value, the system's reason.
+    pub ports: Vec<(&'static str, String, String)>,
+    /// The interface of the group where it is none of this computer's, and the addresses that there are.
+    pub interface: Option<(IpAddr, Vec<IpAddr>)>,
+    /// Key files that cannot be used: the vehicle, and why.
+    pub keys: Vec<(String, String)>,
+    /// The group's datagrams arrive on another interface: the group, the interface, who sends them.
+    pub elsewhere: Option<(SocketAddr, IpAddr, SocketAddr)>,
+}
+
+/// What is wrong with the store.
+#[derive(Debug)]
+pub enum StoreFact {
+    /// A process has locked it and does not answer.
+    Locked(String),
+    /// Another VSM than the configured one answers: the store, who answers, who is configured.
+    Other(String, String, String),
+    /// It cannot be used, for this reason.
+    Unusable(String),
+}
+
+/// What does not work.
+#[must_use]
+pub fn judge(facts: &HostFacts) -> Vec<Finding> {
+    let mut found = vec![];
+    found.extend(clock(
+        facts.wall.as_secs(),
+        facts.not_before.as_secs(),
+        false,
+    ));
+    found.extend(facts.store.as_ref().map(store));
+    for (key, value, why) in &facts.ports {
+        found.push(Finding::new(
+            Code::Port,
+            value,
+            format!("{key} = \"{value}\" cannot be had: {why}"),
+            "stop what has it (\"ss -ulnp\", \"ss -tlnp\" name it), or configure another",
+        ));
+    }
+    if let Some((interface, there)) = &facts.interface {
+        let there: Vec<_> = there.iter().map(IpAddr::to_string).collect();
+        found.push(Finding::new(
+            Code::Interface,
+            interface,
+            format!("dli.interface = \"{interface}\" is no address of this computer"),
+            format!("set it to one of {}", there.join(", ")),
+        ));
+    }
+    for (vehicle, why) in &facts.keys {
+        found.push(Finding::new(
+            Code::KeyFile,
+            vehicle,
+            format!("vehicle {vehicle}: {why}"),
+            "see docs/guide/keys.md; \"vsm key provision\" makes a key and gives it to the vehicle",
+        ));
+    }
+    found.extend(
+        facts
+            .elsewhere
+            .map(|(group, at, from)| dli::elsewhere(group, at, from)),
+    );
+    found
+}
+
+fn store(fact: &StoreFact) -> Finding {
+    match fact {
+        StoreFact::Locked(folder) => Finding::new(
+            Code::StoreInUse,
+            folder,
+            format!("another vsm has the store {folder}, and does not answer"),
+            "it starts, stops, hangs, or is no \"vsm run\": look for it with \"pgrep -a vsm\"; two must not share one store",
+        ),
+        StoreFact::Other(folder, there, configured) => Finding::new(
+            Code::OtherVsm,
+            folder,
+            format!(
+                "another vsm has the store {folder}: VSM {there} answers, and {configured} is configured"
+            ),
+            "give each its own [store] dir, or restart the bridge where dli.vsm_id was changed",
+        ),
+        StoreFact::Unusable(why) => Finding::new(
+            Code::Store,
+            "store",
+            why,
+            "the folder must belong to the user that runs vsm, with mode 0700, on a disk that can be written",
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn facts_without_a_fault_have_no_finding() {
+        let facts = HostFacts {
+            wall: Duration::from_secs(1_795_219_200),
+            not_before: Duration::from_secs(1_767_225_600),
+            ..HostFacts::default()
+        };
+        assert_eq!(judge(&facts), []);
+    }
+
+    #[test]
+    fn each_fact_has_its_finding() {
+        let here = IpAddr::from([127, 0, 0, 1]);
+        let facts = HostFacts {
+            wall: Duration::from_secs(100),
+            not_before: Duration::from_secs(1_767_225_600),
+            store: Some(StoreFact::Locked("state".to_owned())),
+            ports: vec![(
+                "dli.listen",
+                "127.0.0.1:4586".to_owned(),
+                "in use".to_owned(),
+            )],
+            interface: Some((IpAddr::from([10, 9, 8, 7]), vec![here])),
+            keys: vec![(
+                "1b:00:01:01".to_owned(),
+                "key file uav.key: missing".to_owned(),
+            )],
+            elsewhere: Some((
+                SocketAddr::from(([225, 0, 0, 1], 51_017)),
+                here,
+                SocketAddr::from(([127, 0, 0, 1], 4000)),
+            )),
+        };
+        let found = judge(&facts);
+        let codes: Vec<_> = found.iter().map(|one| one.code).collect();
+        let expected = [
+            Code::Clock,
+            Code::StoreInUse,
+            Code::Port,
+            Code::Interface,
+            Code::KeyFile,
+            Code::GroupInterface,
+        ];
+        assert_eq!(codes, expected);
+        assert!(found[3].cure.contains("one of 127.0.0.1"), "{}", found[3]);
+    }
+}

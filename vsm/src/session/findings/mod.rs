@@ -1,0 +1,193 @@
+//! What does not work, and why: for each fault one line of cause and one of cure.
+//!
+//! A finding is judged from what was counted and seen, by pure functions, and from nothing else: `vsm doctor`, the status,
+//! the log and the alerts all show the same. It stands as long as its evidence is fresh. Parts:
+//!
+//! - [`dli`]: what arrived from ground stations and could not be used; filled in as datagrams arrive
+//! - [`vehicle`]: what arrives on a vehicle's link in place of verified frames
+//! - [`host`]: this computer: clock, store, ports, interfaces, key files; looked at by the shell
+//!
+//! `bridge/watch.rs` reports each finding once.
+
+pub(crate) mod dli;
+pub mod host;
+pub(crate) mod vehicle;
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// Which fault it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Code {
+    /// A ground station that is not listed sends.
+    CucsNotListed,
+    /// A listed ground station sends from another address than the configured one.
+    CucsAddress,
+    /// A listed ground station sends to ids that are not here.
+    CucsMisaddressed,
+    /// The clock of a ground station differs from that of this computer.
+    CucsClock,
+    /// Datagrams with a checksum that is computed in another way.
+    DliChecksum,
+    /// Datagrams of another edition.
+    DliEdition,
+    /// Datagrams in the other byte order.
+    DliByteOrder,
+    /// Datagrams that are no DLI.
+    DliUnreadable,
+    /// The group's datagrams arrive on another interface than the one that joined it.
+    GroupInterface,
+    /// Nothing arrives on a vehicle's link.
+    MavlinkNone,
+    /// Bytes arrive on a vehicle's link, and no frame of MAVLink 2.
+    MavlinkUnreadable,
+    /// MAVLink 1 arrives.
+    MavlinkVersion,
+    /// Another system speaks in place of the configured one.
+    MavlinkOtherSystem,
+    /// The vehicle sends unsigned, though a key is configured.
+    MavlinkUnsigned,
+    /// The vehicle signs with another key.
+    MavlinkOtherKey,
+    /// The vehicle signs with another link id than the one it is known by.
+    MavlinkLinkId,
+    /// The vehicle's frames verify, and their timestamps stay behind.
+    MavlinkStale,
+    /// The vehicle's frames verify, and are stamped too far ahead.
+    MavlinkAhead,
+    /// Frames of the vehicle come from two addresses on an unsigned link.
+    MavlinkTwoSenders,
+    /// The vehicle is received, and receives nothing.
+    MavlinkUnanswered,
+    /// This computer's clock cannot be right.
+    Clock,
+    /// Another process has the store.
+    StoreInUse,
+    /// The store cannot be used.
+    Store,
+    /// The bridge that answers is another one than the configuration describes.
+    OtherVsm,
+    /// A port or address cannot be had.
+    Port,
+    /// The interface of the group is none of this computer's.
+    Interface,
+    /// A key file cannot be used. The last one: a test counts up to it.
+    KeyFile,
+}
+
+/// One fault that was found.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Finding {
+    /// Which.
+    pub code: Code,
+    /// The vehicle, CUCS, address or file that it is about.
+    pub about: String,
+    /// What happens, with what was expected.
+    pub cause: String,
+    /// What to do.
+    pub cure: String,
+    /// Distinguishes findings of one code.
+    #[serde(skip)]
+    pub(crate) key: u32,
+}
+
+impl Finding {
+    pub(crate) fn new(
+        code: Code,
+        about: impl ToString,
+        cause: impl Into<String>,
+        cure: impl Into<String>,
+    ) -> Finding {
+        Finding {
+            code,
+            about: about.to_string(),
+            cause: cause.into(),
+            cure: cure.into(),
+            key: 0,
+        }
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}; {}", self.cause, self.cure)
+    }
+}
+
+/// What of this computer's clock shows that it is wrong. `before` is a date that it cannot be before; `far_ahead`: it is over
+/// a year ahead of a signing clock.
+pub(crate) fn clock(wall_s: u64, before_s: u64, far_ahead: bool) -> Option<Finding> {
+    // Looked at once a second: nothing is allocated where nothing is wrong.
+    let (what, cure) = if wall_s < before_s {
+        (
+            "before this program was built",
+            "set the clock (timedatectl set-time, or NTP), then restart vsm: messages to ground stations carry this time",
+        )
+    } else if far_ahead {
+        (
+            "over a year ahead of the signing clock in the store",
+            "set the clock if it is wrong; if it is right, run \"vsm key clock --accept\"",
+        )
+    } else {
+        return None;
+    };
+    let cause = format!("this computer's clock reads {}, {what}", utc(wall_s));
+    Some(Finding::new(Code::Clock, "clock", cause, cure))
+}
+
+/// A day (UTC), and no time: a text that changes would be a new alert each minute.
+fn utc(unix_s: u64) -> String {
+    let days = unix_s / 86_400;
+    // Days to a civil date: the years begin in March, so that a leap day is the last of its year.
+    let days = days + 719_468;
+    let (era, of_era) = (days / 146_097, days % 146_097);
+    let year = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    let year = year + era * 400 + u64::from(month <= 2);
+    format!("{year}-{month:02}-{day:02}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        assert_eq!(utc(0), "1970-01-01");
+        assert_eq!(utc(951_782_399), "2000-02-28");
+        assert_eq!(utc(951_782_400), "2000-02-29");
+        assert_eq!(utc(1_767_225_599), "2025-12-31");
+    }
+
+    #[test]
+    fn a_clock_is_wrong_before_the_build_or_far_ahead_of_the_signing_clock() {
+        let unset = clock(100, 1_767_225_600, false).expect("1970");
+        assert!(unset.cause.contains("1970-01-01"), "{unset}");
+        let ahead = clock(4_000_000_000, 1_767_225_600, true).expect("2096");
+        assert!(ahead.cause.contains("over a year ahead"), "{ahead}");
+        assert_eq!(clock(1_795_219_200, 1_767_225_600, false), None);
+    }
+
+    #[test]
+    fn the_page_lists_every_code_and_no_other() {
+        let page = include_str!("../../../../docs/guide/troubleshooting.md");
+        let (_, table) = page.split_once("## What doctor finds").expect("a section");
+        let (table, _) = table.split_once("## ").expect("a section behind it");
+        let rows = table.lines().filter_map(|line| line.strip_prefix("| `"));
+        let mut listed: Vec<usize> = rows
+            .map(|row| {
+                let name = row.split('`').next().unwrap_or_default();
+                let code = serde_json::from_value::<Code>(name.into());
+                code.unwrap_or_else(|fault| panic!("{name}: {fault}")) as usize
+            })
+            .collect();
+        listed.sort_unstable();
+        let all: Vec<usize> = (0..=Code::KeyFile as usize).collect();
+        assert_eq!(listed, all);
+    }
+}

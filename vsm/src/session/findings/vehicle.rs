@@ -1,0 +1,385 @@
+//! What arrives on a vehicle's link in place of verified frames, and why none verifies.
+//!
+//! [`Arrivals`] looks at the counters of the link once in a while, which costs the frames nothing; [`judge`] makes of it at
+//! most one reason why the vehicle is not received, the most telling one, and whether it receives us.
+
+use std::time::Duration;
+
+use mavlink_link::link::LinkStats;
+use mavlink_link::signing::KeyId;
+
+use super::{Code, Finding};
+use crate::config::LinkAddress;
+
+/// What became of frames, or why they were refused; the most telling one first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    OtherKey,
+    Unsigned,
+    Stale,
+    Ahead,
+    LinkId,
+    TwoSenders,
+    OtherSystem,
+    Version1,
+    Unreadable,
+}
+
+impl Kind {
+    const ALL: [Kind; 9] = [
+        Kind::OtherKey,
+        Kind::Unsigned,
+        Kind::Stale,
+        Kind::Ahead,
+        Kind::LinkId,
+        Kind::TwoSenders,
+        Kind::OtherSystem,
+        Kind::Version1,
+        Kind::Unreadable,
+    ];
+
+    /// For the status.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Kind::OtherKey => "signed with another key",
+            Kind::Unsigned => "not signed",
+            Kind::Stale => "stale timestamps",
+            Kind::Ahead => "timestamps over an hour ahead",
+            Kind::LinkId => "another link id",
+            Kind::TwoSenders => "from another address",
+            Kind::OtherSystem => "another system",
+            Kind::Version1 => "MAVLink 1",
+            Kind::Unreadable => "no MAVLink 2",
+        }
+    }
+
+    /// How many there were. `searched`: not signed, and signed with neither key, while the key was searched for.
+    fn count(self, stats: &LinkStats, searched: (u64, u64)) -> u64 {
+        match self {
+            Kind::OtherKey => stats.bad_signature + searched.1,
+            Kind::Unsigned => stats.unsigned_vehicle + searched.0,
+            Kind::Stale => stats.stale,
+            Kind::Ahead => stats.future,
+            Kind::LinkId => stats.unexpected_link + stats.not_listed,
+            Kind::TwoSenders => stats.wrong_peer,
+            Kind::OtherSystem => stats.unexpected_system,
+            Kind::Version1 => stats.mavlink1,
+            Kind::Unreadable => stats.garbage_bytes + stats.bad_crc + stats.truncated,
+        }
+    }
+}
+
+/// What has arrived, and when each kind last did.
+#[derive(Debug, Default)]
+pub(crate) struct Arrivals {
+    counts: [u64; Kind::ALL.len()],
+    last: [Option<Duration>; Kind::ALL.len()],
+    /// Since when this is looked at.
+    began: Option<Duration>,
+    datagrams: u64,
+    any: Option<Duration>,
+}
+
+impl Arrivals {
+    /// Looks at the counters; what they have grown by has arrived since the last look.
+    pub(crate) fn look(&mut self, mono: Duration, stats: &LinkStats, searched: (u64, u64)) {
+        self.began.get_or_insert(mono);
+        for (index, kind) in Kind::ALL.into_iter().enumerate() {
+            let count = kind.count(stats, searched);
+            if count > self.counts[index] {
+                self.last[index] = Some(mono);
+            }
+            // The search for a key ends with its counts.
+            self.counts[index] = count;
+        }
+        if stats.datagrams > self.datagrams {
+            (self.datagrams, self.any) = (stats.datagrams, Some(mono));
+        }
+    }
+
+    /// The most telling kind of what has arrived within [`FRESH`].
+    pub(crate) fn refused(&self, mono: Duration) -> Option<Kind> {
+        let fresh = |at: &Option<Duration>| at.is_some_and(|at| mono.saturating_sub(at) <= FRESH);
+        let mut kinds = Kind::ALL.into_iter().zip(&self.last);
+        kinds.find(|(_, at)| fresh(at)).map(|(kind, _)| kind)
+    }
+
+    /// Whether anything at all has arrived within [`FRESH`].
+    pub(crate) fn any(&self, mono: Duration) -> bool {
+        self.any
+            .is_some_and(|at| mono.saturating_sub(at) <= NOTHING_FOR)
+    }
+}
+
+/// What is known of a link.
+#[derive(Debug)]
+pub(crate) struct Evidence<'a> {
+    pub(crate) mono: Duration,
+    pub(crate) vehicle: stanag_msgs::Id,
+    pub(crate) address: &'a LinkAddress,
+    pub(crate) system: u8,
+    /// The key's id; `None` where signing is off.
+    pub(crate) key: Option<KeyId>,
+    pub(crate) arrivals: &'a Arrivals,
+    /// Who speaks in place of the vehicle, and is none of this link's vehicles.
+    pub(crate) other: Option<u8>,
+    /// Other vehicles have the same link.
+    pub(crate) shared: bool,
+    /// When a frame was last accepted.
+    pub(crate) accepted: Option<Duration>,
+    /// How old the newest frame of ours is that was answered.
+    pub(crate) unanswered: Option<Duration>,
+}
+
+/// Why the vehicle is not received, or receives nothing.
+pub(crate) fn judge(evidence: &Evidence<'_>) -> Option<Finding> {
+    let mono = evidence.mono;
+    let for_long = |at: Duration, span| mono.saturating_sub(at) > span;
+    let last = evidence.accepted.or(evidence.arrivals.began)?;
+    let finding = if !for_long(last, SILENT_FOR) {
+        let unanswered = evidence.unanswered.filter(|age| *age > UNANSWERED);
+        unanswered.and_then(|_| evidence.accepted.map(|_| unanswered_finding(evidence)))
+    } else if let Some(kind) = evidence.arrivals.refused(mono)
+        // On a serial line each vehicle sees the frames of those beside it.
+        && (kind != Kind::OtherSystem || evidence.other.is_some())
+    {
+        Some(refused_finding(evidence, kind))
+    } else if (evidence.shared || !evidence.arrivals.any(mono)) && for_long(last, NOTHING_FOR) {
+        Some(nothing_finding(evidence))
+    } else {
+        None
+    };
+    finding
+}
+
+fn finding(
+    evidence: &Evidence<'_>,
+    code: Code,
+    cause: impl std::fmt::Display,
+    cure: impl Into<String>,
+) -> Finding {
+    let cause = format!("vehicle {}: {cause}", evidence.vehicle);
+    Finding::new(code, evidence.vehicle, cause, cure)
+}
+
+fn refused_finding(evidence: &Evidence<'_>, kind: Kind) -> Finding {
+    let (system, vehicle, link) = (evidence.system, evidence.vehicle, evidence.address);
+    let key = evidence
+        .key
+        .map_or_else(|| "none".to_owned(), |key| key.to_string());
+    match kind {
+        Kind::OtherKey => finding(
+            evidence,
+            Code::MavlinkOtherKey,
+            format!("MAVLink system {system} signs with another key than {key}"),
+            format!(
+                "configure the key that PX4 has as signing.key_file, or give PX4 this one (\"vsm key provision --vehicle \
+                 {vehicle} --from FILE\", or --sitl-file while PX4 is off)"
+            ),
+        ),
+        Kind::Unsigned => finding(
+            evidence,
+            Code::MavlinkUnsigned,
+            format!("MAVLink system {system} sends unsigned, expected signatures of key {key}"),
+            "PX4 has no key, or has lost it: give it one (\"vsm key provision\", \"vsm key revoke --vehicle-is-unsigned\"); PX4 \
+             before v1.18 cannot sign"
+                .to_owned(),
+        ),
+        Kind::Stale => finding(
+            evidence,
+            Code::MavlinkStale,
+            format!(
+                "frames of MAVLink system {system} verify under key {key}, but their timestamps stay behind"
+            ),
+            format!(
+                "what is sent from {link} does not reach the vehicle, which would bring its timestamps up: check the way back \
+                 (firewall, one-way radio, another ground station on PX4's port); or somebody plays a recording"
+            ),
+        ),
+        Kind::Ahead => finding(
+            evidence,
+            Code::MavlinkAhead,
+            format!(
+                "frames of MAVLink system {system} verify under key {key}, but are stamped over an hour ahead of this VSM's \
+                 signing clock"
+            ),
+            "this computer or the vehicle's started with a wrong clock: set it; check that the way back to the vehicle is open, \
+             since clocks are compared over it (\"vsm key clock\" shows this end's)",
+        ),
+        Kind::LinkId => finding(
+            evidence,
+            Code::MavlinkLinkId,
+            format!("MAVLink system {system} signs with another link id than expected on {link}"),
+            "PX4's link was moved to another port, or frames of another link are forwarded here: remove vehicle_link_id from \
+             the configuration, or correct it",
+        ),
+        Kind::TwoSenders => finding(
+            evidence,
+            Code::MavlinkTwoSenders,
+            format!("frames of MAVLink system {system} arrive from another address than expected"),
+            "correct the address of vehicle.link, or find out who else sends in its name: without signing the address is all \
+             that counts",
+        ),
+        Kind::OtherSystem => {
+            let other = evidence.other.unwrap_or_default();
+            finding(
+                evidence,
+                Code::MavlinkOtherSystem,
+                format!(
+                    "MAVLink system {other} speaks on {link}, and system {system} is silent"
+                ),
+                format!(
+                    "set system_id = {other} for this vehicle, or MAV_SYS_ID = {system} on PX4, whichever is wrong"
+                ),
+            )
+        }
+        Kind::Version1 => finding(
+            evidence,
+            Code::MavlinkVersion,
+            format!("MAVLink 1 arrives on {link}, expected MAVLink 2"),
+            "set MAV_PROTO_VER = 2 on PX4: MAVLink 1 cannot be signed",
+        ),
+        Kind::Unreadable => {
+            let cure = match link {
+                LinkAddress::Serial { baud, .. } => format!(
+                    "the baud rate differs ({baud} is configured; SER_TEL1_BAUD or alike on PX4), or another program has the \
+                     port open"
+                ),
+                _ => "another program sends to this port, or the sender encrypts: check who sends there".to_owned(),
+            };
+            finding(
+                evidence,
+                Code::MavlinkUnreadable,
+                format!("bytes arrive on {link}, but no frame of MAVLink 2"),
+                cure,
+            )
+        }
+    }
+}
+
+fn nothing_finding(evidence: &Evidence<'_>) -> Finding {
+    let link = evidence.address;
+    let cure = match link {
+        LinkAddress::UdpIn(at) => format!(
+            "have the vehicle send to this computer, port {} (PX4: \"mavlink start -u PORT -t ADDRESS -o {}\"); check a firewall; \
+             a vehicle that waits itself needs link = \"udpout:HOST:PORT\"",
+            at.port(),
+            at.port()
+        ),
+        LinkAddress::UdpOut(_) => {
+            "check host and port, and that PX4 runs; a vehicle that sends by itself needs link = \"udpin:ADDRESS:PORT\""
+                .to_owned()
+        }
+        LinkAddress::Serial { .. } => {
+            "check the cable (RX to TX) and that PX4 has MAVLink on that port (MAV_1_CONFIG or alike)".to_owned()
+        }
+    };
+    let cause = match evidence.accepted {
+        _ if evidence.shared => {
+            format!(
+                "no frame of MAVLink system {} arrives on {link}",
+                evidence.system
+            )
+        }
+        Some(_) => format!("nothing arrives on {link} any more"),
+        None => format!("no MAVLink at all arrives on {link}"),
+    };
+    finding(evidence, Code::MavlinkNone, cause, cure)
+}
+
+fn unanswered_finding(evidence: &Evidence<'_>) -> Finding {
+    let (system, link) = (evidence.system, evidence.address);
+    finding(
+        evidence,
+        Code::MavlinkUnanswered,
+        format!("MAVLink system {system} is received, but has received nothing from {link}"),
+        "check the way to the vehicle: firewall, one-way radio, another key or another ground station's address in PX4",
+    )
+}
+
+/// How fresh a kind must be to be the reason; looks at the counters are up to a second apart, and a heartbeat may be lost.
+pub(crate) const FRESH: Duration = Duration::from_secs(4);
+/// How long nothing must have been accepted: a vehicle that has just started is lifted within a second or two.
+const SILENT_FOR: Duration = Duration::from_secs(5);
+/// How long nothing at all must have arrived.
+const NOTHING_FOR: Duration = Duration::from_secs(10);
+/// How long the vehicle must have answered nothing.
+const UNANSWERED: Duration = Duration::from_secs(10);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seconds(s: u64) -> Duration {
+        Duration::from_secs(s)
+    }
+
+    /// The finding 30 s after the start, where these counters have grown a second before.
+    fn found(grown: impl FnOnce(&mut LinkStats), accepted: Option<u64>) -> Option<Finding> {
+        let mut stats = LinkStats::default();
+        let mut arrivals = Arrivals::default();
+        arrivals.look(seconds(1), &stats, (0, 0));
+        grown(&mut stats);
+        arrivals.look(seconds(29), &stats, (0, 0));
+        let address = LinkAddress::UdpIn(std::net::SocketAddr::from(([127, 0, 0, 1], 14_550)));
+        judge(&Evidence {
+            mono: seconds(30),
+            vehicle: stanag_msgs::Id(0x1b00_0101),
+            address: &address,
+            system: 7,
+            key: None,
+            arrivals: &arrivals,
+            other: Some(1),
+            shared: false,
+            accepted: accepted.map(seconds),
+            unanswered: None,
+        })
+    }
+
+    fn code(grown: impl FnOnce(&mut LinkStats)) -> Option<Code> {
+        found(grown, None).map(|finding| finding.code)
+    }
+
+    #[test]
+    fn each_kind_has_its_finding_and_the_most_telling_one_is_named() {
+        assert_eq!(code(|_| {}), Some(Code::MavlinkNone));
+        assert_eq!(code(|s| s.datagrams = 1), None);
+        for (grown, expected) in [
+            (
+                (|s: &mut LinkStats| s.bad_signature = 1) as fn(&mut LinkStats),
+                Code::MavlinkOtherKey,
+            ),
+            (|s| s.unsigned_vehicle = 1, Code::MavlinkUnsigned),
+            (|s| s.stale = 1, Code::MavlinkStale),
+            (|s| s.future = 1, Code::MavlinkAhead),
+            (|s| s.unexpected_link = 1, Code::MavlinkLinkId),
+            (|s| s.wrong_peer = 1, Code::MavlinkTwoSenders),
+            (|s| s.unexpected_system = 1, Code::MavlinkOtherSystem),
+            (|s| s.mavlink1 = 1, Code::MavlinkVersion),
+            (|s| s.garbage_bytes = 40, Code::MavlinkUnreadable),
+        ] {
+            assert_eq!(code(grown), Some(expected));
+            // A ground station on the same port is not what keeps the vehicle out.
+            let both = |s: &mut LinkStats| {
+                grown(s);
+                s.garbage_bytes = 40;
+            };
+            assert_eq!(code(both), Some(expected));
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_is_received_has_no_finding_whatever_else_arrives() {
+        assert_eq!(found(|s| s.bad_signature = 9, Some(28)), None);
+        assert!(found(|s| s.bad_signature = 9, Some(20)).is_some());
+    }
+
+    #[test]
+    fn another_system_is_named_with_both_ways_to_cure_it() {
+        let finding = found(|s| s.unexpected_system = 3, None).expect("a finding");
+        let line = finding.to_string();
+        assert!(line.contains("system 1 speaks"), "{line}");
+        assert!(line.contains("system_id = 1"), "{line}");
+        assert!(line.contains("MAV_SYS_ID = 7"), "{line}");
+    }
+}

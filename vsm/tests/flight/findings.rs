@@ -1,0 +1,105 @@
+//! What does not work is raised as an alert to who listens, once, and cleared when it is gone; and this computer's clock.
+
+use kit::bridge::{Rig, Setup, orders, vehicle_id};
+use stanag_msgs::Message;
+use stanag_msgs::enums::{AckType, AlertPriority};
+use vsm::session::LogLevel;
+
+/// The priorities of the 16000s that begin like this, in their order.
+fn alerts(rig: &Rig, words: &str) -> Vec<AlertPriority> {
+    let mut found = vec![];
+    for (_, _, message) in &rig.station().received {
+        if let Message::SubsystemStatusAlert(alert) = message
+            && alert
+                .text
+                .as_ref()
+                .is_some_and(|text| text.as_str().starts_with(words))
+        {
+            found.extend(alert.priority);
+        }
+    }
+    found
+}
+
+fn logged(rig: &Rig, level: LogLevel, words: &str) -> usize {
+    let log = rig.log.iter();
+    log.filter(|entry| entry.level == level && entry.text.contains(words))
+        .count()
+}
+
+#[test]
+fn a_fault_is_raised_once_and_cleared_when_it_is_gone() {
+    let mut rig = Rig::ready();
+    rig.run(20.0);
+    let words = "nothing arrives on udpin:";
+    assert_eq!(alerts(&rig, words), []);
+    let vehicles = std::mem::take(&mut rig.vehicles);
+    rig.run(60.0);
+    assert_eq!(alerts(&rig, words), [AlertPriority::Warning]);
+    assert_eq!(logged(&rig, LogLevel::Warning, words), 1);
+    rig.vehicles = vehicles;
+    rig.run(5.0);
+    let cleared = alerts(&rig, "cleared: nothing arrives on udpin:");
+    assert_eq!(cleared, [AlertPriority::Cleared]);
+}
+
+#[test]
+fn a_station_that_begins_to_listen_is_sent_what_stands_of_the_vsm_itself() {
+    let mut rig = Rig::new(Setup::default());
+    rig.clock.set_wall_step(-86_400.0 * 400.0);
+    rig.run(9.0);
+    let words = "this computer's clock reads";
+    assert_eq!(logged(&rig, LogLevel::Warning, words), 1);
+    assert_eq!(alerts(&rig, words), []);
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.run(3.0);
+    assert_eq!(alerts(&rig, words), [AlertPriority::Warning]);
+    rig.clock.set_wall_step(0.0);
+    rig.run(3.0);
+    assert_eq!(
+        alerts(&rig, "cleared: this computer's clock"),
+        [AlertPriority::Cleared]
+    );
+}
+
+#[test]
+fn a_clock_far_ahead_of_the_signing_clock_is_named() {
+    let mut rig = Rig::ready();
+    rig.clock.set_wall_step(86_400.0 * 800.0);
+    rig.restart_bridge();
+    rig.run(10.0);
+    let words = "over a year ahead of the signing clock in the store";
+    assert_eq!(logged(&rig, LogLevel::Warning, words), 1, "{:?}", rig.log);
+    let status = rig
+        .bridge
+        .as_ref()
+        .map(|one| one.status(String::new(), rig.now().mono));
+    let found = status.expect("it runs").findings;
+    assert!(
+        found
+            .iter()
+            .any(|one| one.cure.contains("vsm key clock --accept")),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn no_sender_can_fill_the_log_with_findings() {
+    let mut rig = Rig::ready();
+    rig.log.clear();
+    let from = "127.0.0.9:4000".parse().expect("an address");
+    for n in 0..2_000_u32 {
+        let mut bytes = [0; stanag_msgs::MAX_DATAGRAM];
+        let envelope = stanag_msgs::Envelope::new(stanag_msgs::Id(0x2000_0000 + n), vehicle_id(0));
+        let beat = Message::from(stanag_msgs::messages::Heartbeat::default());
+        let length = beat.encode(&envelope, &mut bytes).expect("it fits");
+        rig.deliver_from(from, &bytes[..length]);
+        if n % 100 == 0 {
+            rig.run(1.0);
+        }
+    }
+    rig.run(2.0);
+    assert_eq!(logged(&rig, LogLevel::Warning, "is not listed"), 4);
+    assert_eq!(alerts(&rig, "CUCS 20:00").len(), 4);
+}

@@ -1,0 +1,623 @@
+//! `vsm doctor`: each fault that it knows is made between real sockets, and its line is seen; a bridge without a fault has none.
+
+use std::fs;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::PathBuf;
+use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use kit::process::{Running, free_tcp_port, free_udp_port, program, write_key};
+use kit::tools;
+use mavlink_link::dialect::{ATTITUDE_DATA, MavMessage};
+use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::signing::{SigningKey, Stamp, sign};
+use serde_json::Value;
+use stanag_msgs::messages::Heartbeat;
+use stanag_msgs::wrapper::ChecksumStyle;
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
+use tempfile::TempDir;
+use vsm::shell::disk::FileDisk;
+
+const VSM: Id = Id(0x1b00_0001);
+
+/// A folder with a configuration, and the bridge that runs on it.
+struct Place {
+    folder: TempDir,
+    dli: u16,
+    bridge: Option<Running>,
+}
+
+impl Place {
+    /// `dli`: further keys of `[dli]`; `rest`: other tables.
+    fn new(dli: &str, rest: &str) -> Place {
+        let place = Place {
+            folder: tempfile::tempdir().unwrap(),
+            dli: free_udp_port(),
+            bridge: None,
+        };
+        let text = format!(
+            "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"0.0.0.0:{}\"\n{dli}\n{rest}\n[store]\ndir = \"state\"\n",
+            place.dli
+        );
+        fs::write(place.path("vsm.toml"), text).unwrap();
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn start(&mut self) {
+        let config = self.path("vsm.toml");
+        let mut bridge = Running::start(&program("vsm"), ["run".as_ref(), config.as_os_str()]);
+        bridge.wait_for("ready", Duration::from_secs(30));
+        self.bridge = Some(bridge);
+    }
+
+    fn printed(&self) -> String {
+        self.bridge
+            .as_ref()
+            .map_or_else(String::new, Running::output)
+    }
+
+    fn command(&self, words: &[&str]) -> (Option<i32>, String) {
+        let output = Command::new(program("vsm"))
+            .args(words)
+            .current_dir(self.folder.path())
+            .output()
+            .unwrap();
+        let printed = [output.stdout, output.stderr].concat();
+        (
+            output.status.code(),
+            String::from_utf8_lossy(&printed).into_owned(),
+        )
+    }
+
+    /// The findings as (code, line), once these codes are all among them.
+    fn findings(&self, expected: &[&str]) -> Vec<(String, String)> {
+        let end = Instant::now() + Duration::from_secs(45);
+        loop {
+            let output = Command::new(program("vsm"))
+                .args(["doctor", "--json", "vsm.toml"])
+                .current_dir(self.folder.path())
+                .output()
+                .unwrap();
+            let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|fault| {
+                panic!("{fault}: {}", String::from_utf8_lossy(&output.stderr))
+            });
+            let text = |one: &Value, key: &str| one[key].as_str().unwrap().to_owned();
+            let found = report["findings"].as_array().unwrap().iter();
+            let found: Vec<_> = found
+                .map(|one| {
+                    let line = format!("{}; {}", text(one, "cause"), text(one, "cure"));
+                    (text(one, "code"), line)
+                })
+                .collect();
+            assert_eq!(
+                output.status.code(),
+                Some(i32::from(!found.is_empty())),
+                "{report:#}"
+            );
+            let there = |code: &&str| found.iter().any(|(known, _)| known == *code);
+            if expected.iter().all(there) {
+                return found;
+            }
+            assert!(
+                Instant::now() < end,
+                "expected {expected:?}: {found:#?}\n{}",
+                self.printed()
+            );
+        }
+    }
+}
+
+/// Does the same again and again until it is dropped.
+struct Repeated(Arc<AtomicBool>, Option<JoinHandle<()>>);
+
+impl Repeated {
+    fn start(mut all: Vec<Box<dyn FnMut(u64) + Send>>) -> Repeated {
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = stop.clone();
+        let thread = thread::spawn(move || {
+            let mut n = 0;
+            while !stopped.load(Ordering::Relaxed) {
+                all.iter_mut().for_each(|one| one(n));
+                n += 1;
+                thread::sleep(Duration::from_millis(300));
+            }
+        });
+        Repeated(stop, Some(thread))
+    }
+}
+
+impl Drop for Repeated {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+        let _ = self.1.take().map(JoinHandle::join);
+    }
+}
+
+fn wall() -> Duration {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap()
+}
+
+/// A frame of an autopilot, signed where there is a key.
+fn frame(system_id: u8, signed: Option<([u8; 32], Stamp)>) -> Vec<u8> {
+    let header = Header {
+        system_id,
+        component_id: 1,
+        incompat: if signed.is_some() { INCOMPAT_SIGNED } else { 0 },
+        ..Header::default()
+    };
+    let mut out = [0; MAX_FRAME];
+    let message = MavMessage::ATTITUDE(ATTITUDE_DATA::default());
+    let mut length = encode(&message, header, &mut out);
+    if let Some((key, stamp)) = signed {
+        length = sign(&SigningKey::new(key).unwrap(), 0, stamp, &mut out, length).unwrap();
+    }
+    out[..length].to_vec()
+}
+
+/// A MAVLink 1 heartbeat of an autopilot, as pymavlink packs it.
+const MAVLINK_1: [u8; 17] = [0xfe, 9, 0, 1, 1, 0, 0, 0, 0, 0, 2, 12, 81, 4, 3, 0x81, 0xb7];
+
+/// One vehicle with a link of its own for each of these keys of `[[vehicle]]`.
+fn vehicles(keys: &[&str]) -> (String, Vec<u16>) {
+    let ports: Vec<u16> = keys.iter().map(|_| free_udp_port()).collect();
+    let mut text = String::new();
+    for ((keys, port), n) in keys.iter().zip(&ports).zip(1..) {
+        let link = format!("link = \"udpin:127.0.0.1:{port}\"\n");
+        let link = if keys.contains("link =") { "" } else { &link };
+        let signing = format!("signing = {{ key_file = \"{n}.key\" }}\n");
+        let signing = if keys.contains("signing") {
+            ""
+        } else {
+            &signing
+        };
+        let system = if keys.contains("system_id") {
+            ""
+        } else {
+            "system_id = 1\n"
+        };
+        text += &format!("[[vehicle]]\nid = \"1b:00:01:0{n:x}\"\n{link}{signing}{system}{keys}\n");
+    }
+    (text, ports)
+}
+
+#[test]
+fn each_fault_of_a_vehicles_link_has_its_line() {
+    let away = UdpSocket::bind("127.0.0.1:0").unwrap();
+    away.set_nonblocking(true).unwrap();
+    let to_away = format!(
+        "link = \"udpout:{}\"\nsigning = \"off\"",
+        away.local_addr().unwrap()
+    );
+    let (text, ports) = vehicles(&[
+        "", // signs with another key
+        "", // does not sign
+        "system_id = 7",
+        "", // nothing arrives
+        "", // MAVLink 1
+        "", // noise
+        "", // stale
+        "", // ahead
+        "vehicle_link_id = 5",
+        "", // answers nothing
+        &to_away,
+    ]);
+    let mut place = Place::new("", &text);
+    for n in 1..=10 {
+        write_key(&place.path(&format!("{n}.key")), &[n; 32]);
+    }
+    place.start();
+
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let send = move |to: u16, bytes: &[u8]| drop(socket.send_to(bytes, ("127.0.0.1", to)));
+    let began = wall();
+    let other = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let mut bridge = None;
+    let _faults = Repeated::start(vec![
+        Box::new(move |n| {
+            let now = Stamp::from_unix(wall());
+            send(ports[0], &frame(1, Some(([0x77; 32], now))));
+            send(ports[1], &frame(1, None));
+            send(ports[2], &frame(1, Some(([3; 32], now))));
+            send(ports[4], &MAVLINK_1);
+            send(ports[5], b"$GPGGA,123519,4807.038,N");
+            send(ports[6], &frame(1, Some(([7; 32], Stamp::new(7 + n)))));
+            let tomorrow = Stamp::from_unix(wall() + Duration::from_secs(86_400));
+            send(ports[7], &frame(1, Some(([8; 32], tomorrow))));
+            send(ports[8], &frame(1, Some(([9; 32], now))));
+            // Rising, but not with the stamps that the bridge sends: it accepts them, and sees that none of its own arrives.
+            let soon = began + Duration::from_secs(600) + Duration::from_micros(10 * n);
+            send(
+                ports[9],
+                &frame(1, Some(([10; 32], Stamp::from_unix(soon)))),
+            );
+        }),
+        Box::new(move |_| {
+            if let Ok((_, from)) = away.recv_from(&mut [0; 512]) {
+                bridge = Some(from);
+            }
+            if let Some(bridge) = bridge {
+                other.send_to(&frame(1, None), bridge).unwrap();
+            }
+        }),
+    ]);
+
+    let expected = [
+        (
+            "mavlink-other-key",
+            "vehicle 1b:00:01:01: MAVLink system 1 signs with another key than",
+        ),
+        (
+            "mavlink-unsigned",
+            "vehicle 1b:00:01:02: MAVLink system 1 sends unsigned",
+        ),
+        (
+            "mavlink-other-system",
+            "system_id = 1 for this vehicle, or MAV_SYS_ID = 7",
+        ),
+        (
+            "mavlink-none",
+            "vehicle 1b:00:01:04: no MAVLink at all arrives",
+        ),
+        ("mavlink-version", "MAV_PROTO_VER = 2"),
+        ("mavlink-unreadable", "vehicle 1b:00:01:06: bytes arrive"),
+        (
+            "mavlink-stale",
+            "vehicle 1b:00:01:07: frames of MAVLink system 1 verify",
+        ),
+        ("mavlink-ahead", "stamped over an hour ahead"),
+        (
+            "mavlink-link-id",
+            "vehicle 1b:00:01:09: MAVLink system 1 signs with another link id",
+        ),
+        (
+            "mavlink-unanswered",
+            "is received, but has received nothing",
+        ),
+        (
+            "mavlink-two-senders",
+            "vehicle 1b:00:01:0b: frames of MAVLink system 1 arrive from another address",
+        ),
+    ];
+    let codes = expected.map(|(code, _)| code);
+    let found = place.findings(&codes);
+    assert_eq!(found.len(), expected.len(), "{found:#?}");
+    let printed = place.printed();
+    for (code, words) in expected {
+        let (_, line) = found.iter().find(|(known, _)| known == code).unwrap();
+        assert!(line.contains(words), "{code}: {line}");
+        // Once in the log, as a warning.
+        let logged: Vec<_> = printed
+            .lines()
+            .filter(|logged| logged.contains(line.trim_start_matches("vehicle ")))
+            .collect();
+        assert_eq!(logged.len(), 1, "{code}: {line}\n{printed}");
+        assert!(logged[0].contains("WARN"), "{}", logged[0]);
+    }
+
+    // The status shows what was verified, and not what is configured.
+    let (_, status) = place.command(&["status"]);
+    let of = |id: &str| {
+        let rest = status.split(id).last().unwrap();
+        rest.split("\nvehicle").next().unwrap().to_owned()
+    };
+    assert!(
+        of("vehicle 1b:00:01:01").contains("NOT VERIFIED"),
+        "{status}"
+    );
+    let arrives = "no frame has verified yet; what arrives: signed with another key";
+    assert!(of("vehicle 1b:00:01:01").contains(arrives), "{status}");
+    assert!(
+        of("vehicle 1b:00:01:02").contains("what arrives: not signed"),
+        "{status}"
+    );
+    assert!(
+        of("vehicle 1b:00:01:04").contains("what arrives: nothing"),
+        "{status}"
+    );
+    assert!(
+        of("vehicle 1b:00:01:0a").contains("last verified frame 0."),
+        "{status}"
+    );
+    // Of the eleven only the tenth.
+    assert_eq!(status.matches("signed with key").count(), 1, "{status}");
+    assert!(
+        of("vehicle 1b:00:01:0a").contains("signed with key"),
+        "{status}"
+    );
+    let (_, json) = place.command(&["status", "--json"]);
+    let json: Value = serde_json::from_str(json.trim()).unwrap();
+    let link = &json["vehicles"][0]["link"];
+    assert_eq!(link["frames"]["good_frames"], 0, "{link:#}");
+    assert!(
+        link["frames"]["bad_signature"].as_u64() > Some(10),
+        "{link:#}"
+    );
+    assert_eq!(link["verified_s"], Value::Null, "{link:#}");
+}
+
+/// A heartbeat of a CUCS.
+fn heartbeat(source: Id, to: Id, checksum: ChecksumStyle, ahead: i64) -> Vec<u8> {
+    let stamp = TimeStamp::from_unix_ms((wall().as_millis() as i64 + ahead) as u64);
+    let message = Message::from(Heartbeat {
+        time_stamp: Some(stamp),
+    });
+    let mut out = [0; MAX_DATAGRAM];
+    let envelope = Envelope::new(source, to).summed(checksum);
+    let length = message.encode(&envelope, &mut out).unwrap();
+    out[..length].to_vec()
+}
+
+#[test]
+fn each_fault_of_the_dli_has_its_line() {
+    let listed =
+        |id: &str, address: &str| format!("[[cucs]]\nid = \"{id}\"\nloi = [2]\n{address}\n");
+    let rest = [
+        listed("1b:00:00:a1", "address = \"127.0.0.99\""),
+        listed("1b:00:00:a2", ""),
+        listed("1b:00:00:a3", "address = \"127.0.0.5\""),
+    ]
+    .concat();
+    let mut place = Place::new("", &rest);
+    place.start();
+    let to = SocketAddr::from(([127, 0, 0, 1], place.dli));
+    let (stranger, elsewhere, lost, slow) = (
+        Id(0x1b00_00b7),
+        Id(0x1b00_00a1),
+        Id(0x1b00_00a2),
+        Id(0x1b00_00a3),
+    );
+    let plain = move |source, at, ahead| heartbeat(source, at, ChecksumStyle::None, ahead);
+    // Each from an address of its own.
+    let faults: [Box<dyn Fn() -> Vec<u8> + Send>; 9] = [
+        Box::new(move || plain(stranger, VSM, 0)),
+        Box::new(move || plain(elsewhere, VSM, 0)),
+        Box::new(move || plain(lost, Id(0x1b00_0199), 0)),
+        Box::new(move || plain(slow, VSM, -7_200_000)),
+        Box::new(move || {
+            let mut bytes = heartbeat(lost, VSM, ChecksumStyle::Crc32, 0);
+            let at = bytes.len() - 4;
+            bytes[at..].reverse();
+            bytes
+        }),
+        Box::new(move || {
+            let mut bytes = plain(lost, VSM, 0);
+            bytes[14] = 20;
+            bytes
+        }),
+        Box::new(|| [&b"2.5\0\0\0\0\0\0\0"[..], &[0; 40]].concat()),
+        Box::new(move || {
+            let mut bytes = plain(lost, VSM, 0);
+            for (at, length) in [(2, 2), (4, 4), (8, 4), (12, 2), (14, 2)] {
+                bytes[at..at + length].reverse();
+            }
+            bytes
+        }),
+        Box::new(|| frame(1, None)),
+    ];
+    let mut senders: Vec<Box<dyn FnMut(u64) + Send>> = vec![];
+    for (fault, n) in faults.into_iter().zip(2..) {
+        let socket = UdpSocket::bind((Ipv4Addr::new(127, 0, 0, n), 0)).unwrap();
+        senders.push(Box::new(move |_| drop(socket.send_to(&fault(), to))));
+    }
+    let _faults = Repeated::start(senders);
+    let expected = [
+        (
+            "cucs-not-listed",
+            "CUCS 1b:00:00:b7 sends from 127.0.0.2, but is not listed",
+        ),
+        (
+            "cucs-address",
+            "CUCS 1b:00:00:a1 sends from 127.0.0.3, but its address is configured as 127.0.0.99",
+        ),
+        ("cucs-misaddressed", "CUCS 1b:00:00:a2 sends to 1b:00:01:99"),
+        ("cucs-clock", "CUCS 1b:00:00:a3 are over 2 h behind"),
+        (
+            "dli-checksum",
+            "from 127.0.0.6 have a wrong checksum of style 3: its bytes are in reverse order",
+        ),
+        ("dli-edition", "from 127.0.0.7 are of IDD version 20"),
+        (
+            "dli-edition",
+            "from 127.0.0.8 have the wrapper of Edition 2.5",
+        ),
+        (
+            "dli-byte-order",
+            "from 127.0.0.9 are in little-endian byte order",
+        ),
+        ("dli-unreadable", "from 127.0.0.10 are MAVLink"),
+    ];
+    let codes = expected.map(|(code, _)| code);
+    let found = place.findings(&codes);
+    for (code, words) in expected {
+        let one = found
+            .iter()
+            .find(|(known, line)| known == code && line.contains(words));
+        assert!(one.is_some(), "{code} {words}: {found:#?}");
+    }
+    assert_eq!(found.len(), expected.len(), "{found:#?}");
+    let printed = place.printed();
+    let knocks = printed.lines().filter(|line| line.contains("1b:00:00:b7"));
+    let knocks: Vec<_> = knocks.collect();
+    assert!(knocks.len() == 1 && knocks[0].contains("WARN"), "{printed}");
+}
+
+#[test]
+fn a_healthy_bridge_has_no_finding_and_nothing_reads_refused() {
+    let (vehicle, ports) = vehicles(&[""]);
+    let cucs = "[[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2, 3, 4, 5]\naddress = \"127.0.0.1\"\n";
+    let mut place = Place::new("", &[&vehicle, cucs].concat());
+    write_key(&place.path("1.key"), &[1; 32]);
+    place.start();
+    let link = format!("udpout:127.0.0.1:{}", ports[0]);
+    let key = place.path("1.key").display().to_string();
+    let px4 = program("px4-sim");
+    let _vehicle = Running::start(&px4, ["--link", &link, "--key-file", &key]);
+    let station = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let to = SocketAddr::from(([127, 0, 0, 1], place.dli));
+    let _station = Repeated::start(vec![Box::new(move |_| {
+        let beat = heartbeat(Id(0x1b00_00a0), VSM, ChecksumStyle::None, 0);
+        drop(station.send_to(&beat, to));
+    })]);
+    // From the first moment on.
+    let end = Instant::now() + Duration::from_secs(15);
+    let mut verified = false;
+    while Instant::now() < end {
+        let (_, status) = place.command(&["status"]);
+        assert!(!status.contains("refused"), "{status}");
+        assert!(!status.contains("FINDING"), "{status}");
+        verified |= status.contains("last verified frame 0.") && status.contains("signed with key");
+        thread::sleep(Duration::from_millis(500));
+    }
+    assert!(verified, "{}", place.command(&["status"]).1);
+    let (code, printed) = place.command(&["doctor"]);
+    assert!(
+        code == Some(0) && printed.contains("nothing found"),
+        "{printed}"
+    );
+}
+
+#[test]
+fn before_a_start_it_looks_at_ports_keys_store_and_interface() {
+    let (vehicle, ports) = vehicles(&[""]);
+    let page = free_tcp_port();
+    let http = format!("[http]\nlisten = \"127.0.0.1:{page}\"\n");
+    let group = "multicast = \"225.200.77.2:51772\"\ninterface = \"203.0.113.9\"";
+    let place = Place::new(group, &[&vehicle, &http[..]].concat());
+    write_key(&place.path("1.key"), &[1; 32]);
+    let open = fs::Permissions::from_mode(0o644);
+    fs::set_permissions(place.path("1.key"), open).unwrap();
+    let _link = UdpSocket::bind(("127.0.0.1", ports[0])).unwrap();
+    let _page = TcpListener::bind(("127.0.0.1", page)).unwrap();
+    let _dli = UdpSocket::bind(("0.0.0.0", place.dli)).unwrap();
+    let found = place.findings(&["interface", "key-file", "port"]);
+    let lines: Vec<_> = found.iter().map(|(_, line)| &line[..]).collect();
+    for words in [
+        "dli.interface = \"203.0.113.9\" is no address of this computer; set it to one of 127.0.0.1",
+        "can be read by others",
+        "dli.listen = ",
+        "http.listen = ",
+        "vehicle.link = \"udpin:127.0.0.1",
+    ] {
+        assert!(
+            lines.iter().any(|line| line.contains(words)),
+            "{words}: {lines:#?}"
+        );
+    }
+    assert_eq!(found.len(), 5, "{found:#?}");
+    let (code, printed) = place.command(&["doctor"]);
+    assert_eq!(code, Some(1), "{printed}");
+    assert!(
+        printed.contains("no bridge answers") && printed.contains("5 faults"),
+        "{printed}"
+    );
+    assert!(
+        !place.path("state").exists(),
+        "looking leaves nothing behind"
+    );
+}
+
+#[test]
+fn another_process_on_the_store_is_named() {
+    let place = Place::new("", "");
+    let held = FileDisk::open(&place.path("state")).unwrap();
+    let found = place.findings(&["store-in-use"]);
+    assert_eq!(found.len(), 1, "{found:#?}");
+    drop(held);
+    assert_eq!(place.findings(&[]), []);
+
+    // A bridge that was started from another file answers.
+    let mut place = place;
+    place.start();
+    let text = fs::read_to_string(place.path("vsm.toml")).unwrap();
+    fs::write(
+        place.path("vsm.toml"),
+        text.replace("1b:00:00:01", "1b:00:00:02"),
+    )
+    .unwrap();
+    let found = place.findings(&["other-vsm"]);
+    assert!(
+        found[0]
+            .1
+            .contains("VSM 1b:00:00:01 answers, and 1b:00:00:02 is configured"),
+        "{found:#?}"
+    );
+}
+
+/// In a network of its own, with two interfaces: this test starts itself there.
+#[test]
+fn a_group_that_was_joined_on_the_wrong_interface_is_named() {
+    const INSIDE: &str = "VSM_TEST_TWO_INTERFACES";
+    if std::env::var_os(INSIDE).is_none() {
+        let set_up = "ip link set lo up multicast on && ip link add other type dummy && \
+                      ip addr add 10.77.0.1/24 dev other && ip link set other up multicast on";
+        let mut probe = Command::new("unshare");
+        probe.args(["-rn", "sh", "-c", set_up]);
+        if !tools::works(
+            "a network namespace (unshare -rn) with a dummy interface",
+            &mut probe,
+        ) {
+            return;
+        }
+        let test = std::env::current_exe().unwrap();
+        let script = format!(
+            "{set_up} && exec '{}' a_group_that_was_joined_on_the_wrong_interface --nocapture",
+            test.display()
+        );
+        let output = Command::new("unshare")
+            .args(["-rn", "sh", "-c", &script])
+            .env(INSIDE, "1")
+            .output()
+            .unwrap();
+        let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+        let faults = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            output.status.success() && printed.contains("1 passed"),
+            "{printed}{faults}"
+        );
+        return;
+    }
+    let group = SocketAddr::from(([225, 200, 77, 3], 51_773));
+    let keys = format!("multicast = \"{group}\"\ninterface = \"10.77.0.1\"");
+    let mut place = Place::new(&keys, "");
+    place.start();
+    let socket = socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::DGRAM, None).unwrap();
+    socket
+        .bind(&SocketAddr::from(([127, 0, 0, 1], 0)).into())
+        .unwrap();
+    socket.set_multicast_if_v4(&Ipv4Addr::LOCALHOST).unwrap();
+    let _station = Repeated::start(vec![Box::new(move |_| {
+        let beat = heartbeat(Id(0x1b00_00a0), VSM, ChecksumStyle::None, 0);
+        socket.send_to(&beat, &group.into()).unwrap();
+    })]);
+    let expected =
+        "on the interface 127.0.0.1, which has not joined it; set dli.interface = \"127.0.0.1\"";
+    let found = place.findings(&["group-interface"]);
+    assert!(
+        found.len() == 1 && found[0].1.contains(expected),
+        "{found:#?}"
+    );
+    // The bridge has seen it by itself, and what arrives there is not taken for the group's.
+    let end = Instant::now() + Duration::from_secs(10);
+    while !place.printed().contains(expected) {
+        assert!(Instant::now() < end, "{}", place.printed());
+        thread::sleep(Duration::from_millis(100));
+    }
+    let (_, status) = place.command(&["status", "--json"]);
+    let status: Value = serde_json::from_str(status.trim()).unwrap();
+    assert_eq!(status["refused"], serde_json::json!({}), "{status:#}");
+    drop(place);
+
+    let right = IpAddr::from(Ipv4Addr::LOCALHOST);
+    let keys = format!("multicast = \"{group}\"\ninterface = \"{right}\"");
+    let mut place = Place::new(&keys, "[[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2]\n");
+    place.start();
+    assert_eq!(place.findings(&[]), []);
+}
