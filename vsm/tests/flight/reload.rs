@@ -254,7 +254,11 @@ fn limits_and_areas_count_from_the_reload_on() {
     rig.reload(&text).expect("applied");
     rig.run(10.0);
     assert_eq!(aboard(&rig), 0);
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    // The upload that was refused was dropped whole.
+    rig.send_plan(orders::square());
+    let loaded = rig.carry_out(orders::load());
+    let alerts = rig.station().alerts();
+    assert_eq!(loaded, Some(AckType::CarriedOut), "{alerts:?}");
 }
 
 #[test]
