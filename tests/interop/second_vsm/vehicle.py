@@ -234,6 +234,9 @@ class Vehicle:
             for fields in self.alerts.standing():
                 self.report(cucs, 16000, fields)
         if a.granted(cucs) != before:
+            if not a.granted(cucs):
+                # Its next connection begins without heartbeats.
+                self.vsm.peers[cucs].heartbeats = False
             self.vsm.save()
 
     def handover_step(self, status, giving, taking):
