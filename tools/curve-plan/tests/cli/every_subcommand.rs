@@ -9,7 +9,7 @@ const RUNS: &[(&str, &str, i32)] = &[
     ("compare", "track.csv --tolerance 5", 0),
     ("densify", "route.toml dense.csv", 0),
     ("fit", "track.csv fitted.toml", 0),
-    ("check", "route.toml --home-alt 488", 0),
+    ("check", "route.toml --home 47.3977434,8.5455939,488", 0),
     ("plot", "route.toml route.svg", 0),
     ("convert", "route.toml track.csv", 0),
     ("send", "route.toml --vsm 127.0.0.1:9", 1),
