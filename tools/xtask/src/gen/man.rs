@@ -186,6 +186,7 @@ const EXAMPLES: &[&str] = &[
     "vsm status",
     "vsm status --json",
     "vsm reload",
+    "vsm doctor",
     "vsm check-vehicle",
     "vsm airside airside.toml",
     "vsm airside pair --config airside.toml",
