@@ -78,6 +78,8 @@ pub struct Bench {
     pub home: OnceLock<Fix>,
     /// Whether the hazard of a flight is released.
     pub flight_released: AtomicBool,
+    /// Milliseconds for which a later message 2 may follow the first: a subject may send it twice, or late.
+    pub settle_ms: AtomicU32,
     radius: AtomicU32,
 }
 
@@ -93,6 +95,7 @@ impl Bench {
             survey: OnceLock::new(),
             home: OnceLock::new(),
             flight_released: AtomicBool::new(false),
+            settle_ms: AtomicU32::new(0),
             radius: AtomicU32::new(0),
         })
     }

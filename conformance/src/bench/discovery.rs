@@ -11,7 +11,7 @@ use super::context::Bench;
 use super::station::{Access, Station, loi};
 use super::survey::{CucsFound, Survey, VehicleFound, bits};
 use crate::verdict::Judged;
-use crate::wire::Seen;
+use crate::wire::{Direction, Seen};
 
 /// Ids that are tried where the profile names none.
 const USUAL_IDS: [u32; 4] = [0x1b00_00a0, 0x1b00_00a1, 0x1b00_00a2, 0x1b00_00a3];
@@ -124,7 +124,12 @@ fn look_at_vehicles(survey: &mut Survey, bench: &Arc<Bench>) -> Judged {
         if let Ok(answer) = answer {
             let granted = answer.raw("LOI Granted").unwrap_or_default();
             // Any number may monitor: where not even LOI 2 is granted, it is not that another holds LOI 4.
-            if granted & loi::LOI4 == 0 && granted & loi::LOI2 != 0 {
+            let released = bench
+                .flight_released
+                .load(std::sync::atomic::Ordering::SeqCst);
+            let obeyed =
+                released && granted & loi::LOI4 == 0 && station.commands_work().unwrap_or(false);
+            if granted & loi::LOI4 == 0 && granted & loi::LOI2 != 0 && !obeyed {
                 survey.occupied = Some(format!(
                     "{} may have LOI 4 of {} and was denied it: another CUCS is in control",
                     first.id, vehicle.id
@@ -167,14 +172,27 @@ fn round_trip_loss(station: &Station) -> Judged<f64> {
         station.send(super::station::authorisation(0, Access::Release).to(Id::BROADCAST));
         station.pause(std::time::Duration::from_millis(10))?;
     }
-    station.pause(std::time::Duration::from_millis(300))?;
+    station.pause(std::time::Duration::from_millis(900))?;
     let vehicle = station.vehicle;
-    let answered = station
-        .received(mark, |seen| {
-            seen.kind() == 2 && seen.piece.source == vehicle
-        })
-        .len()
-        .min(TRIPS);
+    let answers = station.received(mark, |seen| {
+        seen.kind() == 2 && seen.piece.source == vehicle
+    });
+    // Twice, or late: then the last of several answers counts, since the first may be that to an earlier request.
+    let last_sent = bench.net.recording().datagrams[mark..]
+        .iter()
+        .rev()
+        .find(|datagram| datagram.direction == Direction::Sent)
+        .map(|datagram| datagram.at);
+    let late = answers
+        .last()
+        .zip(last_sent)
+        .is_some_and(|(answer, sent)| answer.at > sent + std::time::Duration::from_millis(200));
+    if late || answers.len() > TRIPS + TRIPS / 10 {
+        bench
+            .settle_ms
+            .store(800, std::sync::atomic::Ordering::SeqCst);
+    }
+    let answered = answers.len().min(TRIPS);
     Ok((TRIPS - answered) as f64 / TRIPS as f64)
 }
 

@@ -321,16 +321,27 @@ impl Station {
     /// # Errors
     /// A fail where no message 2 comes.
     pub fn request_station(&self, levels: i64, access: Access, station: i64) -> Judged<Arc<Seen>> {
-        self.ask(
+        let mark = self.bench.net.mark();
+        let mine = |seen: &Seen| {
+            seen.kind() == 2
+                && seen.piece.source == self.vehicle
+                && seen.piece.destination == self.id
+        };
+        let first = self.ask(
             authorisation(levels, access).raw("Controlled Station 1-16", station),
             self.bench.timers.answer,
             "an authorisation response (2)",
-            |seen| {
-                seen.kind() == 2
-                    && seen.piece.source == self.vehicle
-                    && seen.piece.destination == self.id
-            },
-        )
+            mine,
+        )?;
+        let settle = self
+            .bench
+            .settle_ms
+            .load(std::sync::atomic::Ordering::SeqCst);
+        if settle == 0 {
+            return Ok(first);
+        }
+        self.pause(Duration::from_millis(settle.into()))?;
+        Ok(self.received(mark, mine).pop().unwrap_or(first))
     }
 
     /// Requests levels and expects that they are granted.

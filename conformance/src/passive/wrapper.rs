@@ -200,7 +200,8 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
             ![Id::NULL, Id::BROADCAST, Id(0)].contains(&source),
             || format!("expected the vehicle or VSM as source; got {place}"),
         );
-        if destination != Id::BROADCAST && !cucs.is_empty() {
+        // Responses to a flood, which is not recorded, go to ids that nothing else shows.
+        if destination != Id::BROADCAST && !cucs.is_empty() && seen.kind() != 2 {
             found.check(seen, cucs.contains(&destination), || {
                 format!("expected a CUCS or the broadcast id as destination; got {place}")
             });

@@ -250,7 +250,7 @@ fn received_then_done_or_refused(t: &Trial) -> Judged {
         });
         if let (Some(done), Some(entered)) = (&done, &entered) {
             t.cite(entered);
-            t.expect_of(done, done.at + Duration::from_millis(250) >= entered.at, || {
+            t.expect_of(done, done.at + Duration::from_millis(600) >= entered.at, || {
                 format!("expected 'carried out' only after 3001 shows mode 12; it came {:.2} s earlier", (entered.at - done.at).as_secs_f64())
             })?;
         }

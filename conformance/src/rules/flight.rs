@@ -119,8 +119,9 @@ fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
     }
     Some(Track {
         distance: north.hypot(east),
-        course: east.atan2(north).rem_euclid(TAU),
-        heading: fixes[fixes.len() / 2].heading,
+        course: last.east.atan2(last.north).rem_euclid(TAU),
+        // Course and heading of one moment, when the leg is steady: a mean over a turn is neither.
+        heading: last.heading.filter(|_| last.north.hypot(last.east) > 2.5),
         moved: [north, east, last.altitude - first.altitude],
         integrated,
     })

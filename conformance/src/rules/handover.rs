@@ -323,7 +323,22 @@ fn two_at_once(t: &Trial) -> Judged {
                 })
             })
             .collect();
-        t.pause(Duration::from_millis(50))?;
+        let settle = t.bench.settle_ms.load(std::sync::atomic::Ordering::SeqCst);
+        t.pause(Duration::from_millis(u64::from(settle.max(50))))?;
+        let answers: Vec<_> = if settle == 0 {
+            answers
+        } else {
+            [&a, &b]
+                .iter()
+                .map(|station| {
+                    station
+                        .received(mark, |seen| {
+                            seen.kind() == 2 && seen.piece.destination == station.id
+                        })
+                        .pop()
+                })
+                .collect()
+        };
         if answers.iter().any(Option::is_none) {
             return Err(Stop::inconclusive("a request was not answered"));
         }
