@@ -229,16 +229,18 @@ impl Run<'_> {
                 }
                 flying |= airborne;
                 self.judge(rule, scene, &mut report);
-                if report.verdict.is_fail() || report.verdict == Verdict::Inconclusive {
-                    if !self.bench.net.interrupted() && !alive(&self.bench) && !self.revived() {
-                        dead = Some(format!(
-                            "the subject has answered no discovery since {}",
-                            rule.id
-                        ));
-                        report
-                            .notes
-                            .push("the subject does not answer a discovery after it".into());
-                    }
+                if (report.verdict.is_fail() || report.verdict == Verdict::Inconclusive)
+                    && !self.bench.net.interrupted()
+                    && !alive(&self.bench)
+                    && !self.revived()
+                {
+                    dead = Some(format!(
+                        "the subject has answered no discovery since {}",
+                        rule.id
+                    ));
+                    report
+                        .notes
+                        .push("the subject does not answer a discovery after it".into());
                 }
             }
             (self.show)(&report);

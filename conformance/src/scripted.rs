@@ -111,10 +111,8 @@ impl Vehicle {
     fn send(&self, to: Id, ground: &Ground, draft: Draft, damaged: bool) {
         let draft = draft.raw("Time Stamp", self.net.stamp());
         let mut bytes = draft.encode(VEHICLE, to, 32, if damaged { 1 } else { ground.style });
-        if damaged {
-            if let Some(last) = bytes.last_mut() {
-                *last ^= 0x5A;
-            }
+        if damaged && let Some(last) = bytes.last_mut() {
+            *last ^= 0x5A;
         }
         self.net
             .record(Direction::Sent, 0, self.local, ground.address, &bytes);

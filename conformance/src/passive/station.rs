@@ -123,10 +123,10 @@ fn form_of_a_discovery(view: &View<'_>, found: &mut Found) {
             format!("expected the broadcast VSM ID in a discovery, got {vsm:?}")
         });
     }
-    if let Some(first) = first {
-        if first.piece.destination != Id::BROADCAST {
-            found.warn(first, "the first #1 is directed: no discovery was seen");
-        }
+    if let Some(first) = first
+        && first.piece.destination != Id::BROADCAST
+    {
+        found.warn(first, "the first #1 is directed: no discovery was seen");
     }
 }
 
@@ -386,10 +386,11 @@ fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
         let width = seen.info.map_or(0, |info| usize::from(info.presence_bytes)) + 5;
         let content = seen.piece.data.get(width..).unwrap_or_default().to_vec();
         let at = seen.at.as_secs_f64();
-        if let Some(&(before, first)) = open.get(&(seen.kind(), content.clone())) {
-            if at - before < 5.0 && !acknowledged.contains(&first) {
-                found.check(seen, stamp == first, || format!("expected the repetition of an unacknowledged {} to have the same stamp; {first} became {stamp}", seen.kind()));
-            }
+        if let Some(&(before, first)) = open.get(&(seen.kind(), content.clone()))
+            && at - before < 5.0
+            && !acknowledged.contains(&first)
+        {
+            found.check(seen, stamp == first, || format!("expected the repetition of an unacknowledged {} to have the same stamp; {first} became {stamp}", seen.kind()));
         }
         open.insert((seen.kind(), content), (at, stamp));
     }

@@ -120,10 +120,10 @@ fn loops_by_limit_type_and_count(t: &Trial) -> Judged {
     let mut order: Vec<i64> = Vec::new();
     let deadline = t.bench.net.now() + t.timers().flight;
     while t.bench.net.now() < deadline && order.last() != Some(&4) {
-        if let Some(number) = to_number(&a)?.filter(|number| (1..=4).contains(number)) {
-            if order.last() != Some(&number) {
-                order.push(number);
-            }
+        if let Some(number) = to_number(&a)?.filter(|number| (1..=4).contains(number))
+            && order.last() != Some(&number)
+        {
+            order.push(number);
         }
         t.expect(order.len() < 14, || {
             format!("expected a loop to end by its limit of 2; 4001 showed To {order:?}")

@@ -368,7 +368,8 @@ fn deleting_a_route_keeps_its_waypoints(t: &Trial) -> Judged {
 fn unflyable_waypoints_are_refused(t: &Trial) -> Judged {
     let (a, plan) = with_plan(t, &[1, 2, 3])?;
     let home = home(t, &a)?;
-    let cases: [(&str, fn(Draft) -> Draft); 3] = [
+    type Change = fn(Draft) -> Draft;
+    let cases: [(&str, Change); 3] = [
         ("an altitude of 150 km", |point| {
             point.set("Waypoint to Altitude", 150_000.0)
         }),
