@@ -101,7 +101,7 @@ pub(super) fn flight() -> Vec<Trial> {
             steering(HeadingCommandType::HeadingAndCourse),
             [
                 "Commanded Vertical Speed" = "-10",
-                "Commanded Altitude" = "-500" refused "below ground",
+                "Commanded Altitude" = "-500" refused "below home",
                 "Heading Command Type" = "1",
                 "Heading Reference" = "1" refused "magnetic is refused",
                 "Commanded Heading" = "9000",
