@@ -136,7 +136,7 @@ pub(crate) fn judge(evidence: &Evidence<'_>) -> Option<Finding> {
     let mono = evidence.mono;
     let for_long = |at: Duration, span| mono.saturating_sub(at) > span;
     let last = evidence.accepted.or(evidence.arrivals.began)?;
-    let finding = if !for_long(last, SILENT_FOR) {
+    if !for_long(last, SILENT_FOR) {
         let unanswered = evidence.unanswered.filter(|age| *age > UNANSWERED);
         unanswered.and_then(|_| evidence.accepted.map(|_| unanswered_finding(evidence)))
     } else if let Some(kind) = evidence.arrivals.refused(mono)
@@ -148,8 +148,7 @@ pub(crate) fn judge(evidence: &Evidence<'_>) -> Option<Finding> {
         Some(nothing_finding(evidence))
     } else {
         None
-    };
-    finding
+    }
 }
 
 fn finding(
