@@ -4,6 +4,7 @@
 //! - [`config`]: the configuration file.
 //! - [`key_exchange`]: agrees about signing keys with the air-side agent, sans-I/O too.
 //! - [`program`]: the command line.
+//! - [`relay_policy`]: what may be passed on to PX4.
 //! - [`session`]: sans-I/O machines that know time.
 //! - [`shell`]: sockets, files, clocks, the log.
 
@@ -13,6 +14,7 @@ pub mod airside;
 pub mod config;
 pub mod key_exchange;
 pub mod program;
+pub mod relay_policy;
 pub mod session;
 pub mod shell;
 

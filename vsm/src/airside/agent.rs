@@ -11,9 +11,9 @@ use super::exchange::Exchange;
 use super::fallback::Fallback;
 use super::output::Reports;
 use super::phase::Phase;
-use super::policy::RelayPolicy;
 use super::relay::Relay;
 use super::watch::Watch;
+use crate::relay_policy::RelayPolicy;
 use crate::session::Peer;
 
 /// What an agent is configured with.

@@ -16,7 +16,7 @@
 //! - What the ground may ask of PX4 is a list of the agent's own ([`RelayPolicy`]), so that a captured ground station does not own
 //!   the vehicle's shell, files and failsafes.
 //!
-//! From the bottom up: `policy` is what the ground may ask, `phase` how it stands with PX4's key, `keys` its disk, `output` what it gives out. The parts
+//! What the ground may ask is `crate::relay_policy`. From the bottom up: `phase` how it stands with PX4's key, `keys` its disk, `output` what it gives out. The parts
 //! `watch`, `relay`, `fallback` and `exchange` know no sibling; `agent` is the struct that has them all. Above it,
 //! `key_install` takes a key to PX4, `transmit` chooses the next frame, `start` begins; this file is the router.
 
@@ -27,7 +27,6 @@ mod key_install;
 mod keys;
 mod output;
 mod phase;
-mod policy;
 mod relay;
 mod start;
 mod status;
@@ -38,7 +37,6 @@ pub use agent::{Agent, Settings};
 pub use exchange::PairingNews;
 pub use keys::{Held, Keys};
 pub use output::{Note, Side, Transmit};
-pub use policy::RelayPolicy;
 pub use start::AgentError;
 pub use status::{AirsideStatus, SideStatus};
 
@@ -51,6 +49,7 @@ use mavlink_link::link::{Alert, Auth, Event, KeyExchangeFrame, LinkState};
 use self::fallback::Fallback;
 use self::phase::{Cause, Phase};
 use self::relay::FrameForwarder;
+pub use crate::relay_policy::RelayPolicy;
 use crate::session::{LogLevel, Peer};
 
 impl Agent {

@@ -11,8 +11,8 @@ use mavlink_link::frame::{FrameView, MAX_FRAME, SETUP_SIGNING_ID};
 use mavlink_link::link::Delivery;
 
 use super::output::{Side, Transmit};
-use super::policy::{Denied, RelayPolicy};
 use super::watch::Watch;
+use crate::relay_policy::{Denied, RelayPolicy};
 use crate::session::{ByType, Counters, Peer};
 
 /// A frame on its way through, as it came.

@@ -10,6 +10,7 @@ use toml::Spanned;
 use super::bridge::Store;
 use super::error::{ConfigError, Fault, fault};
 use super::explain;
+use super::forward::Relay;
 use super::value::{LinkAddress, id};
 
 /// The whole of an `airside.toml`.
@@ -27,18 +28,6 @@ pub struct AirsideConfig {
     pub relay: Relay,
     /// Where state lives that must survive a restart.
     pub store: Store,
-}
-
-/// `[relay]`: what passes from the radio to PX4, each list in place of its default, which is what the bridge itself sends.
-#[derive(Debug, Clone, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Relay {
-    /// MAVLink message ids.
-    pub messages: Option<Vec<u32>>,
-    /// Commands of COMMAND_LONG and COMMAND_INT, by their numbers.
-    pub commands: Option<Vec<u16>>,
-    /// Parameters that are not written; `*` stands for any characters.
-    pub protected_parameters: Option<Vec<String>>,
 }
 
 /// `[agent]`

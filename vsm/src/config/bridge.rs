@@ -10,6 +10,7 @@ use toml::Spanned;
 use super::disputed::Readings;
 use super::error::{ConfigError, Fault, fault};
 use super::explain;
+use super::forward::Forward;
 use super::key::WhenAbsent::{Nothing, Required, Table, Value};
 use super::key::table;
 use super::value::{
@@ -31,6 +32,9 @@ table! {
         /// The vehicles that this VSM serves.
         #[serde(default)]
         pub vehicle: Vec<Spanned<Vehicle>> => Table(Vehicle::KEYS),
+        /// Other ground stations that the frames of vehicles are passed on to.
+        #[serde(default)]
+        pub forward: Vec<Spanned<Forward>> => Table(Forward::KEYS),
         /// Where state lives that must survive a restart.
         pub store: Store => Table(Store::KEYS),
         /// The status page; without it none is served.
@@ -278,6 +282,11 @@ impl Config {
         links
     }
 
+    /// The other ground stations, without their places in the file.
+    pub fn forwards(&self) -> impl Iterator<Item = &Forward> {
+        self.forward.iter().map(Spanned::get_ref)
+    }
+
     /// The ground stations, without their places in the file.
     pub fn stations(&self) -> impl Iterator<Item = &Cucs> {
         self.cucs.iter().map(Spanned::get_ref)
@@ -353,6 +362,7 @@ impl Config {
             }
             vehicle.check(at)?;
         }
+        self.check_forwards()?;
         let Authority {
             warn_s,
             offer_s,
@@ -373,7 +383,47 @@ impl Config {
         Ok(())
     }
 
+    fn check_forwards(&self) -> Result<(), Fault> {
+        let (mut names, mut links) = (Vec::new(), self.links());
+        for spanned in &self.forward {
+            let (forward, at) = (spanned.get_ref(), spanned.span().start);
+            forward.check(at)?;
+            if names.contains(&&forward.name) {
+                let expected = "a name of its own for each [[forward]]";
+                return fault(at, "forward.name", &forward.name, expected);
+            }
+            names.push(&forward.name);
+            if links.contains(&&forward.link) {
+                let expected = "a link of its own, which no vehicle and no other [[forward]] has";
+                return fault(at, "forward.link", &forward.link, expected);
+            }
+            links.push(&forward.link);
+            let known = |id: &Id| self.vehicles().any(|one| one.id == *id);
+            if let Some(id) = forward.vehicles.iter().find(|id| !known(id)) {
+                return fault(
+                    at,
+                    "forward.vehicles",
+                    id,
+                    "the ids of [[vehicle]]s of this file",
+                );
+            }
+            let mut taken = self.vehicles().map(|one| one.system_id);
+            let system = forward.system_id;
+            if system == 0 || system == self.mavlink.system_id || taken.any(|id| id == system) {
+                let expected = "1 to 255, and neither the VSM's own (mavlink.system_id) nor a vehicle's: set it in that \
+                                ground station";
+                return fault(at, "forward.system_id", system, expected);
+            }
+        }
+        Ok(())
+    }
+
     fn resolve(&mut self, folder: &Path) {
+        for forward in &mut self.forward {
+            if let Some(file) = &mut forward.get_mut().key_file {
+                *file = folder.join(&*file);
+            }
+        }
         self.store.dir = folder.join(&self.store.dir);
         if let Some(record) = &mut self.record {
             record.dir = folder.join(&record.dir);

@@ -48,7 +48,7 @@ impl Config {
             match table {
                 "dli" => self.change_dli(new, &mut config, &mut report),
                 // They have their places in the file, and are compared below.
-                "cucs" | "vehicle" | "authority" => {}
+                "cucs" | "vehicle" | "authority" | "forward" => {}
                 other => report.restart.push(other.to_owned()),
             }
         }
@@ -60,6 +60,10 @@ impl Config {
         self.compare_stations(new, &mut report);
         config.cucs.clone_from(&new.cucs);
         self.change_vehicles(new, &mut config, &mut report);
+        let shown = |config: &Config| format!("{:?}", config.forwards().collect::<Vec<_>>());
+        if shown(self) != shown(new) {
+            report.restart.push("forward".to_owned());
+        }
         config.check().map_err(|fault| conflict(&fault))?;
         Ok(Changes { config, report })
     }

@@ -5,8 +5,9 @@
 //!
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
 //! number; `disputed`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
-//! ranges and of relations between keys; `explain` puts what is wrong into words; `changes` is what a file that is read again
-//! changes; [`airside`] is `airside.toml`; [`reference`](mod@reference) writes `docs/reference/configuration.md`.
+//! ranges and of relations between keys; `forward` is of other ground stations; `explain` puts what is wrong into words;
+//! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`; [`reference`](mod@reference)
+//! writes `docs/reference/configuration.md`.
 //!
 //! ```
 //! use vsm::config::Config;
@@ -29,6 +30,7 @@ mod changes;
 mod disputed;
 mod error;
 mod explain;
+mod forward;
 mod key;
 pub mod reference;
 mod value;
@@ -38,5 +40,6 @@ pub use bridge::{Authority, Config, Cucs, Dli, Http, Mavlink, Provisional, Recor
 pub use changes::{Changes, Report};
 pub use disputed::Readings;
 pub use error::ConfigError;
+pub use forward::{Commands, Forward, Relay};
 pub use value::{Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Signing};
 pub use vehicle::{Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Limits, Vehicle};

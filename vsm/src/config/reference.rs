@@ -104,6 +104,11 @@ keep = \"out\"
 centre = [47.0, 8.0]
 radius_m = 10.0
 #vehicle.area
+[[forward]]
+name = \"qgc\"
+link = \"udpout:127.0.0.1:14560\"
+key_file = \"g\"
+#forward
 [store]
 dir = \"state\"
 #store

@@ -246,6 +246,14 @@ pub(super) fn id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Id, D::Er
     }
 }
 
+/// A list of identification numbers.
+pub(super) fn ids<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Id>, D::Error> {
+    #[derive(Deserialize)]
+    struct One(#[serde(deserialize_with = "id")] Id);
+    let all = Vec::<One>::deserialize(deserializer)?;
+    Ok(all.into_iter().map(|One(id)| id).collect())
+}
+
 /// A multicast group and port.
 pub(super) fn group<'de, D: Deserializer<'de>>(
     deserializer: D,

@@ -74,6 +74,31 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
             vehicle.id, vehicle.system_id, vehicle.link
         );
     }
+    for forward in config.forwards() {
+        let signing = match &forward.key_file {
+            Some(file) => {
+                let key = key_file::read(file).map_err(bad)?.id();
+                if let Some((one, _)) = keys.iter().find(|(_, known)| *known == key) {
+                    return Err(bad(StartError::ForwardKey {
+                        name: forward.name.clone(),
+                        other: format!("vehicle {one}"),
+                        key,
+                    }));
+                }
+                format!("signed, key id {key}")
+            }
+            None => "not signed".to_owned(),
+        };
+        let may = match (&forward.commands.0, forward.while_controlled) {
+            (None, _) => "only receives",
+            (Some(_), false) => "may command while no CUCS controls",
+            (Some(_), true) => "may command at any time",
+        };
+        text += &format!(
+            "  ground station {} (system {}) on {}: {signing}; {may}\n",
+            forward.name, forward.system_id, forward.link
+        );
+    }
     print(&text)
 }
 

@@ -76,6 +76,7 @@ mod duplicates;
 mod effects;
 pub mod findings;
 mod flight;
+mod forward;
 mod ignored_fields;
 mod link;
 mod log;
@@ -100,6 +101,7 @@ pub(crate) use authority::trail::{Kind as AuditKind, MAX_FILES as MAX_AUDIT_FILE
 pub use bridge::status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
 pub use bridge::{Bridge, BridgeError, LinkEnd, Tap, link_config};
 pub use counters::{ByType, Counters};
+pub use forward::ForwardStatus;
 pub use link::frame::{OutFrame, Peer};
 pub use link::key_agreement::{ExchangeNotice, ExchangeStatus};
 pub use link::key_recovery::KeyChange;

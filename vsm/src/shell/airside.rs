@@ -33,9 +33,9 @@ use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
 use super::tasks::TaskFault;
 use crate::airside::{
-    Agent, AgentError, AirsideStatus, Held, Keys as _, PairingNews, RelayPolicy, Settings, Side,
+    Agent, AgentError, AirsideStatus, Held, Keys as _, PairingNews, Settings, Side,
 };
-use crate::config::airside::{AirsideConfig, Relay};
+use crate::config::airside::AirsideConfig;
 use crate::key_exchange::{self, ExchangeRecord};
 use crate::session::{LogLevel, Peer};
 use mavlink_link::store::StoreError;
@@ -143,7 +143,7 @@ impl AirsideServer {
             own_component: own.component_id,
             own_link_id: own.link_id,
             talkers: radio.talkers.iter().copied().map(Stream::from).collect(),
-            policy: policy(&config.relay),
+            policy: config.relay.policy(),
             radio: endpoint(ground),
             px4: endpoint(autopilot),
             restamp: px4.restamp,
@@ -345,20 +345,6 @@ impl AirsideServer {
             }
         }
         Ok(())
-    }
-}
-
-fn policy(lists: &Relay) -> RelayPolicy {
-    let bridge = RelayPolicy::default();
-    let Relay {
-        messages,
-        commands,
-        protected_parameters,
-    } = lists.clone();
-    RelayPolicy {
-        messages: messages.unwrap_or(bridge.messages),
-        commands: commands.unwrap_or(bridge.commands),
-        protected_parameters: protected_parameters.unwrap_or(bridge.protected_parameters),
     }
 }
 

@@ -285,6 +285,7 @@ mod tests {
             sent: Default::default(),
             stations: Vec::new(),
             vehicles: Vec::new(),
+            forwards: Vec::new(),
             recordings: Default::default(),
             held: Default::default(),
         }

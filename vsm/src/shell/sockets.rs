@@ -123,6 +123,16 @@ pub enum VehicleWriter {
 #[derive(Debug, Clone)]
 pub struct SerialQueue(mpsc::Sender<(Instant, Zeroizing<Vec<u8>>)>);
 
+impl SerialQueue {
+    fn push(&self, bytes: &[u8]) -> io::Result<()> {
+        let frame = (Instant::now(), Zeroizing::new(bytes.to_vec()));
+        self.0.try_send(frame).map_err(|refused| match refused {
+            mpsc::error::TrySendError::Full(_) => io::ErrorKind::WouldBlock.into(),
+            mpsc::error::TrySendError::Closed(_) => io::ErrorKind::BrokenPipe.into(),
+        })
+    }
+}
+
 impl VehicleReader {
     /// What came, and from where, at most `MAX_AT_ONCE` bytes. A datagram that is longer is not the vehicle's, and is
     /// passed over.
@@ -149,6 +159,20 @@ impl VehicleReader {
 }
 
 impl VehicleWriter {
+    /// Sends one frame, or loses it: nobody waits.
+    ///
+    /// # Errors
+    /// The system's; [`io::ErrorKind::WouldBlock`] where there is no room.
+    pub fn try_send(&self, bytes: &[u8], to: Peer) -> io::Result<()> {
+        match (self, to) {
+            (VehicleWriter::Udp(socket), Peer::Udp(to)) => {
+                socket.try_send_to(bytes, to).map(|_| ())
+            }
+            (VehicleWriter::Serial(queue), _) => queue.push(bytes),
+            (VehicleWriter::Udp(_), Peer::Serial) => Err(io::ErrorKind::AddrNotAvailable.into()),
+        }
+    }
+
     /// Sends one frame.
     ///
     /// # Errors
@@ -159,13 +183,7 @@ impl VehicleWriter {
             (VehicleWriter::Udp(socket), Peer::Udp(to)) => {
                 socket.send_to(bytes, to).await.map(|_| ())
             }
-            (VehicleWriter::Serial(queue), _) => queue
-                .0
-                .try_send((Instant::now(), Zeroizing::new(bytes.to_vec())))
-                .map_err(|refused| match refused {
-                    mpsc::error::TrySendError::Full(_) => io::ErrorKind::WouldBlock.into(),
-                    mpsc::error::TrySendError::Closed(_) => io::ErrorKind::BrokenPipe.into(),
-                }),
+            (VehicleWriter::Serial(queue), _) => queue.push(bytes),
             (VehicleWriter::Udp(_), Peer::Serial) => Err(io::ErrorKind::AddrNotAvailable.into()),
         }
     }

@@ -9,7 +9,7 @@
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
-//! - who may command: `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
+//! - who may command: `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
 //! - reports: `status`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
 //!   `vehicle_services`
 
@@ -29,6 +29,7 @@ mod findings;
 
 mod forged_addresses;
 mod forged_time_stamps;
+mod forward;
 mod full_disk;
 mod health_alerts;
 mod loss_action;

@@ -228,6 +228,62 @@ fn vehicles_of_one_link_differ_in_their_system_ids() {
 }
 
 #[test]
+fn another_ground_station_is_refused_where_it_would_be_open() {
+    let with = |keys: &str| GOOD.to_owned() + "[[forward]]\n" + keys;
+    let good = [
+        "name = \"a\"\nlink = \"udpout:10.0.0.1:14550\"\n",
+        "name = \"a\"\nlink = \"udpin:127.0.0.1:14560\"\n",
+        "name = \"a\"\nlink = \"udpin:0.0.0.0:14560\"\nkey_file = \"k\"\ncommands = true\n",
+        "name = \"a\"\nlink = \"udpout:h:1\"\nkey_file = \"k\"\ncommands = { commands = [176] }\n",
+    ];
+    for keys in good {
+        let config = Config::parse(&with(keys), Path::new("/etc/vsm")).expect(keys);
+        let forward = config.forwards().next().expect("one");
+        let key = forward.key_file.as_deref();
+        assert!(key.is_none_or(|key| key == Path::new("/etc/vsm/k")));
+    }
+    for (keys, wanted) in [
+        ("name = \"a b\"\nlink = \"udpout:h:1\"\n", "forward.name"),
+        (
+            "name = \"a\"\nlink = \"udpin:0.0.0.0:14560\"\n",
+            "without a key it would send",
+        ),
+        (
+            "name = \"a\"\nlink = \"udpout:h:1\"\ncommands = true\n",
+            "vsm keygen",
+        ),
+        (
+            "name = \"a\"\nlink = \"udpin:127.0.0.1:14550\"\n",
+            "which no vehicle",
+        ),
+        (
+            "name = \"a\"\nlink = \"udpout:h:1\"\nsystem_id = 1\n",
+            "forward.system_id is 1",
+        ),
+        (
+            "name = \"a\"\nlink = \"udpout:h:1\"\nsystem_id = 245\n",
+            "mavlink.system_id",
+        ),
+        (
+            "name = \"a\"\nlink = \"udpout:h:1\"\nvehicles = [\"1b:00:01:09\"]\n",
+            "1b:00:01:09",
+        ),
+        (
+            "name = \"a\"\nlink = \"udpout:h:1\"\ncommands = 1\n",
+            "true, false, or a table",
+        ),
+        (
+            "name = \"a\"\nlink = \"udpout:h:1\"\n[[forward]]\nname = \"a\"\nlink = \"udpout:h:2\"\n",
+            "a name of its own",
+        ),
+    ] {
+        let message = refusal(&with(keys));
+        assert!(message.contains(wanted), "{keys}: {message}");
+        assert!(message.contains("line 2"), "{keys}: {message}");
+    }
+}
+
+#[test]
 fn a_missing_file_is_named() {
     let message = Config::load(Path::new("no/such/vsm.toml"))
         .expect_err("missing")

@@ -29,5 +29,5 @@ mod station;
 pub use crate::network::Faults;
 pub use parties::{VSM, bridge_mav, cucs, key, station_address, vehicle_address, vehicle_id};
 pub use real_time::Processes;
-pub use rig::{Restart, Rig, Setup};
+pub use rig::{FORWARD_KEYS, Restart, Rig, Setup};
 pub use station::{Station, Ticket};

@@ -11,7 +11,7 @@ use px4_sim::{Autopilot, Signing, Truth};
 use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
 use vsm::config::{Changes, Config, Report};
-use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, Peer};
+use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, OutFrame, Peer};
 
 use super::orders;
 use super::parties::{
@@ -83,6 +83,10 @@ pub struct Rig {
     pub mav: Network<SocketAddr, Vec<u8>>,
     /// What the bridge logged.
     pub log: Vec<LogEntry>,
+    /// What went to ground stations beside the bridge, with the index of each.
+    pub forwarded: Vec<(usize, OutFrame)>,
+    /// Nobody takes what is for them.
+    pub forward_is_stuck: bool,
     /// What went to the group, where the configuration has one.
     pub group: Vec<Vec<u8>>,
     /// What the bridge sent to each address of the DLI side: (messages, bytes).
@@ -146,6 +150,8 @@ impl Rig {
             dli: Network::new(setup.seed ^ 0x00d1_1d11, setup.dli),
             mav: Network::new(setup.seed ^ 0x03a7_73a0, setup.mav),
             log: Vec::new(),
+            forwarded: Vec::new(),
+            forward_is_stuck: false,
             group: Vec::new(),
             sent_to: BTreeMap::new(),
             arrived: BTreeMap::new(),
@@ -205,7 +211,16 @@ impl Rig {
             .collect();
         let now = self.now();
         let bridge = Bridge::new(&self.config, ends, now, START, &mut self.store);
-        self.bridge = Some(bridge.expect("the bridge starts from its store"));
+        let mut bridge = bridge.expect("the bridge starts from its store");
+        let ends = self.config.forwards().zip(FORWARD_KEYS..);
+        let ends = ends.map(|(forward, index)| LinkEnd {
+            key: forward.key_file.is_some().then(|| key(index)),
+            peer: None,
+        });
+        bridge
+            .serve_forwards(&self.config, ends.collect(), now, START, &mut self.store)
+            .expect("the ground stations beside it are served");
+        self.bridge = Some(bridge);
     }
 
     /// Lets the running bridge read another configuration.
@@ -436,6 +451,11 @@ impl Rig {
                 self.mav.send(clock, bridge_mav(port), to, bytes);
             }
         }
+        while !self.forward_is_stuck
+            && let Some(frame) = bridge.poll_forward()
+        {
+            self.forwarded.push(frame);
+        }
         while let Some(entry) = bridge.poll_log() {
             self.log.push(entry);
         }
@@ -489,6 +509,9 @@ fn toml(setup: &Setup) -> String {
     }
     text + "[store]\ndir = \"state\"\n" + setup.tables
 }
+
+/// Keys of `[[forward]]`s that have one: `key` of this, and of those that follow.
+pub const FORWARD_KEYS: usize = 20;
 
 /// How far time goes in one step: less than anything that is measured here.
 const STEP: Duration = Duration::from_millis(10);

@@ -3,10 +3,12 @@
 //! `arrival`: whom a datagram of the DLI is from, and whether it may speak; `dispatch`: whom its message is for. Each
 //! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: to which of them a frame of it goes. `reach`: which address is
 //! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
+//! `forwards`: other ground stations;
 //! `status`: what the bridge is doing; `reload`: another configuration while it runs.
 
 mod arrival;
 mod dispatch;
+mod forwards;
 mod keys;
 mod port;
 mod reach;
@@ -37,6 +39,7 @@ use super::duplicates::Remembered;
 use super::effects::DliEffects;
 use super::findings::Finding;
 use super::findings::dli::DliEvidence;
+use super::forward::Forward;
 use super::link::frame::{OutFrame, Peer};
 use super::log::{LogEntry, LogLevel};
 use super::outbox::{Datagram, Outbox};
@@ -61,6 +64,10 @@ pub struct Bridge {
     aircraft: Vec<Aircraft>,
     /// The links of the vehicles.
     ports: Vec<Port>,
+    /// Other ground stations.
+    forwards: Vec<Forward>,
+    /// Frames on their way to them: each with its vehicle, and whether that signs.
+    believed: Vec<((Id, bool), Vec<u8>)>,
     outbox: Outbox,
     paths: Paths,
     /// Of the VSM itself, not of a vehicle.
@@ -147,6 +154,8 @@ impl Bridge {
             stations,
             aircraft: Vec::new(),
             ports: Vec::new(),
+            forwards: Vec::new(),
+            believed: Vec::new(),
             outbox: Outbox::new(config.dli.disputed.profile.clone()),
             // The alert ids of the VSM itself follow those of its vehicles, which are numbered from 0; vehicles that are
             // added later follow the VSM.
@@ -239,6 +248,7 @@ impl Bridge {
         dli.clear_answers();
         self.forget_heartbeats(now.mono);
         self.name_others(now, disk);
+        self.watch_forwards(now, disk);
         self.watch_paths(now, disk);
         self.watch_findings(now, disk);
     }
@@ -293,6 +303,7 @@ impl Bridge {
             .chain(self.paths.poll_timeout(now))
             // It shares a wake-up with the reports where there are any.
             .chain([self.look_at + WATCH_SLACK])
+            .chain(self.forwards.iter().map(Forward::poll_timeout))
             .fold(now + LONGEST_WAIT, Duration::min)
     }
 

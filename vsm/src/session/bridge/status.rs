@@ -11,6 +11,7 @@ use crate::session::aircraft::Aircraft;
 use crate::session::authority::rules::Stage;
 use crate::session::counters::{ByType, Counters};
 use crate::session::findings::Finding;
+use crate::session::forward::ForwardStatus;
 use crate::session::link::key_agreement::ExchangeStatus;
 
 /// The whole bridge.
@@ -40,6 +41,8 @@ pub struct Status {
     pub stations: Vec<StationStatus>,
     /// The vehicles.
     pub vehicles: Vec<VehicleStatus>,
+    /// Other ground stations.
+    pub forwards: Vec<ForwardStatus>,
 }
 
 /// One ground station.
@@ -261,6 +264,7 @@ impl Bridge {
             findings: self.found.clone(),
             stations: stations.collect(),
             vehicles: vehicles.collect(),
+            forwards: self.forwards.iter().map(|one| one.status(now)).collect(),
         }
     }
 }

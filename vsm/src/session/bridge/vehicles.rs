@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::clock::Origin;
+use mavlink_link::frame::FrameView;
 use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
 use mavlink_link::service::Node;
@@ -51,6 +52,7 @@ impl Bridge {
         aircraft.port = self.port_of(&vehicle.link);
         self.remember_stations(now.mono, &known);
         self.aircraft.push(aircraft);
+        self.name_commanders();
         Ok(())
     }
 
@@ -81,6 +83,7 @@ impl Bridge {
     ) {
         let here = |one: &&Aircraft| one.port == port;
         let shared = self.aircraft.iter().filter(here).count() > 1;
+        let forwards = !self.forwards.is_empty();
         let mut rest = bytes;
         loop {
             let (mut system, mut length) = (None, rest.len());
@@ -93,17 +96,31 @@ impl Bridge {
             let mut known = self.aircraft.iter().filter(here).map(Aircraft::system);
             system = system.filter(|system| known.any(|known| known == *system));
             let trace = self.trace;
+            let mut believed = std::mem::take(&mut self.believed);
             let (mut dli, aircraft) = self.effects(now, disk);
             for (index, one) in aircraft.iter_mut().enumerate() {
-                if one.port == port && system.is_none_or(|system| system == one.system()) {
-                    let before = trace.then(|| LinkTrace::begin(one.link.stats()));
-                    one.handle_datagram(&mut dli, from, piece, &mut |frame| tap(index, frame));
-                    if let Some(before) = before {
-                        let line = before.end(one.link.stats(), from, piece);
-                        dli.note(LogLevel::Debug, one.id(), line);
+                if one.port != port || system.is_some_and(|system| system != one.system()) {
+                    continue;
+                }
+                let from_here = (one.id(), one.config.signing != config::Signing::Off);
+                let before = trace.then(|| LinkTrace::begin(one.link.stats()));
+                one.handle_datagram(&mut dli, from, piece, &mut |frame| {
+                    tap(index, frame);
+                    if forwards {
+                        believed.push((from_here, frame.as_bytes().to_vec()));
                     }
+                });
+                if let Some(before) = before {
+                    let line = before.end(one.link.stats(), from, piece);
+                    dli.note(LogLevel::Debug, one.id(), line);
                 }
             }
+            for (of, frame) in believed.drain(..) {
+                if let Ok(frame) = FrameView::parse(&frame) {
+                    Bridge::pass_on(&mut self.forwards, now, of, &frame, disk);
+                }
+            }
+            self.believed = believed;
             if rest.is_empty() {
                 return;
             }

@@ -155,7 +155,11 @@ impl VehicleLink {
         let own = self.link.config().own_system;
         match message {
             // PX4 forwards between its links: an answer to another system shows that somebody else commands it too.
-            MavMessage::COMMAND_ACK(ack) if ack.target_system != 0 && ack.target_system != own => {
+            MavMessage::COMMAND_ACK(ack)
+                if ack.target_system != 0
+                    && ack.target_system != own
+                    && !self.commanders.contains(&ack.target_system) =>
+            {
                 self.events.push_back(VehicleEvent::ForeignControl(format!(
                     "MAVLink system {} commands the vehicle too: command {}, not through this VSM",
                     ack.target_system, ack.command as u32

@@ -60,6 +60,8 @@ pub(crate) struct VehicleLink {
     pub(super) key_recovery: KeyRecovery,
     pub(super) agreement: Agreement,
     pub(super) operator_control: OperatorControl,
+    /// System ids under which other ground stations command it through this VSM.
+    pub(super) commanders: Vec<u8>,
     /// The vehicle's signing link id as it is stored.
     stored_link_id: Option<u8>,
     /// Since when frames have been accepted without a break.
@@ -114,6 +116,7 @@ impl VehicleLink {
             key_recovery: KeyRecovery::default(),
             agreement: Agreement::default(),
             operator_control: OperatorControl::default(),
+            commanders: Vec::new(),
             live_since: None,
             verified: None,
             arrivals: Arrivals::default(),

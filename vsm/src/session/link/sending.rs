@@ -4,8 +4,11 @@
 use mavlink::Message as _;
 use mavlink_link::Now;
 use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
-use mavlink_link::frame::{KEY_EXCHANGE_ID, MAX_FRAME};
-use mavlink_link::signing::Stamp;
+use mavlink_link::frame::{
+    FrameView, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw,
+};
+use mavlink_link::link::Security;
+use mavlink_link::signing::{Stamp, sign};
 use mavlink_link::store::Disk;
 
 use super::event::VehicleEvent;
@@ -92,6 +95,44 @@ impl VehicleLink {
         self.sent.count(message.message_id());
         self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
         sent.stamp
+    }
+
+    /// Passes a frame of another ground station on, in its name and signed with the vehicle's key; false where it cannot
+    /// leave now. PX4 answers whom a frame names as its sender.
+    pub(crate) fn pass_on(
+        &mut self,
+        now: Now,
+        frame: &FrameView<'_>,
+        store: &mut dyn Disk,
+    ) -> bool {
+        let Some(to) = self.link.peer() else {
+            return false;
+        };
+        let (link_id, signed) = (self.link.config().link_id, self.key.is_some());
+        if !signed && self.link.config().security == Security::Signed {
+            return false;
+        }
+        let incompat = if signed { INCOMPAT_SIGNED } else { 0 };
+        let header = Header {
+            incompat,
+            ..frame.header()
+        };
+        let mut bytes = [0; MAX_FRAME];
+        let Ok(mut length) = encode_raw(header, frame.payload(), &mut bytes) else {
+            return false;
+        };
+        if let Some(key) = &mut self.key {
+            let Ok(stamp) = key.take_stamp(now, store) else {
+                return false;
+            };
+            match sign(key.key(), link_id, stamp, &mut bytes, length) {
+                Ok(signed) => length = signed,
+                Err(_) => return false,
+            }
+        }
+        self.sent.count(header.message_id);
+        self.out.push_back(OutFrame::new(to, length, bytes));
+        true
     }
 
     /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` where there is none yet; false where it cannot

@@ -41,6 +41,18 @@ pub enum StartError {
         /// The key's name.
         key: KeyId,
     },
+    /// The key of another ground station is a vehicle's, or another's.
+    #[error(
+        "[[forward]] {name} has the key {key} of {other}: each needs a key of its own, see `vsm keygen`"
+    )]
+    ForwardKey {
+        /// The ground station.
+        name: String,
+        /// Who has it too.
+        other: String,
+        /// The key's name.
+        key: KeyId,
+    },
     /// A handover that is not finished.
     #[error(transparent)]
     Handover(#[from] HandoverError),

@@ -22,7 +22,7 @@ use tokio::task::LocalSet;
 
 use self::shared::Shared;
 use self::tasks::{
-    keep_time, receive_dli, receive_vehicle, send, take_stored, tell_settings, tell_status,
+    keep_time, receive_dli, receive_forward, receive_vehicle, send, take_stored, tell_settings, tell_status,
     watch_group,
 };
 use super::http;
@@ -38,6 +38,8 @@ pub struct Server {
     dli: DliSockets,
     /// One a link: its index, and what ends it.
     readers: Vec<(usize, VehicleReader, Rc<Notify>)>,
+    /// One for each other ground station.
+    forwards: Vec<VehicleReader>,
     status: UnixListener,
     settings: UnixListener,
     /// The interface of the group.
@@ -98,6 +100,7 @@ impl Server {
             shared,
             dli,
             readers,
+            forwards,
             status,
             settings,
             interface,
@@ -132,6 +135,12 @@ impl Server {
             let shared = shared.clone();
             tasks.spawn(&local, "vehicle receiver", |beat| {
                 receive_vehicle(shared, beat, port, reader, close)
+            });
+        }
+        for (index, reader) in forwards.into_iter().enumerate() {
+            let shared = shared.clone();
+            tasks.spawn(&local, "ground station receiver", |beat| {
+                receive_forward(shared, beat, index, reader)
             });
         }
         let of_all = shared.clone();

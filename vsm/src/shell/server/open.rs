@@ -26,7 +26,7 @@ use crate::shell::key_store::KeyStore;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::{Quota, Recording};
-use crate::shell::sockets::{self, DliSockets, VehicleReader};
+use crate::shell::sockets::{self, DliSockets, VehicleReader, VehicleWriter};
 use crate::shell::{key_file, status_socket};
 use mavlink_link::clock::Ceiling;
 use mavlink_link::store::{Disk, Store as _};
@@ -83,6 +83,13 @@ impl Server {
                 exchanges.extend(exchange.map(|exchange| (at.0, exchange)));
             }
         }
+        let (forward_readers, forward_ends) = open_forwards(config, &key_ids, &mut store)?;
+        let (mut forward_writers, mut forward_links) = (vec![], vec![]);
+        for (writer, end) in forward_ends {
+            forward_writers.push(writer);
+            forward_links.push(end);
+        }
+        bridge.serve_forwards(config, forward_links, now, NOT_BEFORE, &mut store)?;
         let page = config
             .http
             .as_ref()
@@ -110,6 +117,7 @@ impl Server {
                 config: config.clone(),
                 ports,
                 writers,
+                forwards: forward_writers,
                 store,
                 recordings,
                 dli_recording,
@@ -124,6 +132,7 @@ impl Server {
             shared: Rc::new(shared),
             dli,
             readers,
+            forwards: forward_readers,
             status,
             settings,
             interface: config.dli.interface,
@@ -236,6 +245,42 @@ pub(super) fn open_keys(
     let (key, keys) = vehicle_keys(path, exchange.mode, store)?;
     check_own(vehicle.id, Some(&keys), known)?;
     Ok((Some(key), Some(keys)))
+}
+
+type Forwards = (Vec<VehicleReader>, Vec<(VehicleWriter, LinkEnd)>);
+
+/// Keys and links of other ground stations; none has the key of a vehicle, or of another.
+fn open_forwards(
+    config: &Config,
+    vehicles: &[(Id, KeyId)],
+    store: &mut dyn Disk,
+) -> Result<Forwards, StartError> {
+    let vehicles = vehicles
+        .iter()
+        .map(|(id, key)| (format!("vehicle {id}"), *key));
+    let mut known: Vec<(String, KeyId)> = vehicles.collect();
+    let (mut readers, mut ends) = (vec![], vec![]);
+    for forward in config.forwards() {
+        let name = forward.name.clone();
+        let key = forward
+            .key_file
+            .as_deref()
+            .map(key_file::read)
+            .transpose()?;
+        if let Some(key) = key.as_ref().map(SigningKey::id) {
+            if let Some((other, _)) = known.iter().find(|(_, known)| *known == key) {
+                let other = other.clone();
+                return Err(StartError::ForwardKey { name, other, key });
+            }
+            known.push((format!("[[forward]] {name}"), key));
+        }
+        let record = format!("port-forward-{name}");
+        let (reader, writer, peer) =
+            sockets::open_link("forward.link", &forward.link, &record, store)?;
+        readers.push(reader);
+        ends.push((writer, LinkEnd { key, peer }));
+    }
+    Ok((readers, ends))
 }
 
 /// The open link with this address.

@@ -64,6 +64,8 @@ pub(super) struct Core {
     pub(super) config: Config,
     /// The links, as the bridge numbers them; `None` where one is not needed any more.
     pub(super) ports: Vec<Option<OpenPort>>,
+    /// One for each other ground station.
+    pub(super) forwards: Vec<VehicleWriter>,
     /// One a vehicle.
     pub(super) writers: Vec<VehicleWriter>,
     pub(super) store: QueuedDisk,

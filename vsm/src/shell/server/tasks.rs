@@ -90,6 +90,26 @@ pub(super) async fn receive_vehicle(
     }
 }
 
+pub(super) async fn receive_forward(
+    shared: Rc<Shared>,
+    beat: Rc<Beat>,
+    index: usize,
+    mut reader: VehicleReader,
+) {
+    let mut bytes = vec![0; LARGEST_DATAGRAM];
+    loop {
+        match beat.during(reader.receive(&mut bytes)).await {
+            Ok((length, from)) => shared.with(|Core { bridge, store, .. }, now| {
+                let bytes = bytes.get(..length).unwrap_or_default();
+                bridge.handle_forward(now, index, from, bytes, store);
+            }),
+            Err(cause) => pause_after("the link of a ground station", &cause).await,
+        }
+        // Who sends without a pause must not keep the vehicles and the clock from their turn.
+        beat.during(tokio::task::yield_now()).await;
+    }
+}
+
 fn recorder(
     recordings: &mut [Option<Recording>],
     wall: Duration,
@@ -128,7 +148,10 @@ pub(super) async fn send(
             }
             // Bound to a name so that the borrow of the core ends here, and not after the await below.
             let datagram = shared.core.borrow_mut().bridge.poll_dli();
-            let Some(datagram) = datagram else { break };
+            let Some(datagram) = datagram else {
+                send_forwards(&shared);
+                break;
+            };
             let (socket, to) = match (datagram.to, &group) {
                 (Destination::Unicast(to), _) => (&unicast, to),
                 (Destination::Multicast, Some((socket, group))) => (socket, *group),
@@ -145,6 +168,18 @@ pub(super) async fn send(
             if let Err(cause) = beat.during(socket.send_to(datagram.bytes(), to)).await {
                 tracing::debug!("a datagram to a CUCS was not sent: {cause}");
             }
+        }
+    }
+}
+
+/// Sends what is for other ground stations, last of all. A socket that has no room loses it, as on any link.
+fn send_forwards(shared: &Shared) {
+    let mut core = shared.core.borrow_mut();
+    while let Some((index, frame)) = core.bridge.poll_forward() {
+        if let Some(writer) = core.forwards.get(index)
+            && let Err(cause) = writer.try_send(frame.bytes(), frame.to)
+        {
+            tracing::debug!("a frame to a ground station was not sent: {cause}");
         }
     }
 }

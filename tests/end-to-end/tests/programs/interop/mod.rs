@@ -1,11 +1,12 @@
 //! Our programs and other people's: a ground station in Python that shares no code with the bridge (`cucs`), a second VSM
-//! and a second CUCS in Python (`second`), the
-//! reference codec of the DLI (`dli`), the Python package of the codec (`python`), pymavlink (`signing`, `pitfalls`), MAVSDK, MAVProxy, and Wireshark (`dissector`,
+//! and a second CUCS in Python (`second`), the reference codec of the DLI (`dli`), the Python package of the codec
+//! (`python`), pymavlink (`signing`, `pitfalls`, `forward`), MAVSDK, MAVProxy, and Wireshark (`dissector`,
 //! `wireshark`).
 
 mod cucs;
 mod dissector;
 mod dli;
+mod forward;
 mod mavproxy;
 mod mavsdk;
 mod pitfalls;

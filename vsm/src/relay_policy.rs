@@ -1,4 +1,5 @@
-//! What the ground may ask of PX4 through the agent: an allow-list, against a ground station that somebody has captured.
+//! What may be asked of PX4 through the agent, and by another ground station through the bridge: an allow-list, against one that
+//! somebody has captured.
 //!
 //! Who holds the signing key can command; a list bounds what that is worth. By default it is what the bridge itself sends: its
 //! messages, its commands, and writes of parameters that are no safety net. Not on it are SERIAL_CONTROL (a shell on PX4),
@@ -8,7 +9,7 @@
 
 use mavlink_link::frame::FrameView;
 
-/// What passes; see `[relay]` of `airside.toml`.
+/// What passes; see `[relay]` of `airside.toml` and `forward.commands` of `vsm.toml`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RelayPolicy {
     /// MAVLink message ids.
@@ -31,7 +32,7 @@ impl Default for RelayPolicy {
 
 /// Why a frame is not passed on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Denied {
+pub(crate) enum Denied {
     /// Its message is not on the list.
     Message(u32),
     /// The command in it is not on the list.
@@ -45,7 +46,7 @@ pub(super) enum Denied {
 }
 
 impl Denied {
-    pub(super) fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Denied::Message(_) => "message not allowed (relay.messages)",
             Denied::Command(_) => "command not allowed (relay.commands)",
@@ -58,7 +59,7 @@ impl Denied {
 
 impl RelayPolicy {
     /// Whether a verified frame of the ground may be forwarded to PX4. `disarmed`: PX4 has just reported so.
-    pub(super) fn check(&self, frame: &FrameView<'_>, disarmed: bool) -> Result<(), Denied> {
+    pub(crate) fn check(&self, frame: &FrameView<'_>, disarmed: bool) -> Result<(), Denied> {
         let (id, payload) = (frame.header().message_id, frame.payload());
         if !self.messages.contains(&id) {
             return Err(Denied::Message(id));

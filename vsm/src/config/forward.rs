@@ -1,0 +1,134 @@
+//! `[[forward]]`: other ground stations beside the bridge, what they receive and whether they may command.
+
+use std::path::PathBuf;
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, Deserializer, MapAccess, Visitor};
+use serde::{Deserialize, Serialize};
+use stanag_msgs::Id;
+
+use super::error::{Fault, fault};
+use super::key::WhenAbsent::{Nothing, Required, Value};
+use super::key::table;
+use super::value::{LinkAddress, ids};
+use crate::relay_policy::RelayPolicy;
+
+table! {
+    /// `[[forward]]`
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Forward {
+        /// In a `[[forward]]`, which passes the verified frames of vehicles on to another ground station such as QGroundControl: its
+        /// name in log, status and store, 1 to 32 letters, digits, `-` and `_`
+        pub name: String => Required,
+        /// Where the ground station is: `udpout:HOST:PORT`, `udpin:ADDRESS:PORT` or `serial:DEVICE:BAUD`. Without `key_file` a
+        /// `udpin` is on a loopback address only: it would send to whoever writes any sender into a datagram
+        pub link: LinkAddress => Required,
+        /// Identification numbers of the vehicles whose frames are passed on
+        #[serde(default, deserialize_with = "ids")]
+        pub vehicles: Vec<Id> => Nothing("all"),
+        /// Key of this ground station and no other: what it is sent is signed with it, and only what is signed with it is taken
+        pub key_file: Option<PathBuf> => Nothing("none: nothing is signed, nothing is taken"),
+        /// Whether it may command: `false`; `true`, what the bridge itself sends; or a table of lists as in `[relay]` of
+        /// `airside.toml` (`messages`, `commands`, `protected_parameters`). Needs `key_file`
+        #[serde(default)]
+        pub commands: Commands => Value("false"),
+        /// Whether it may also move the aircraft, or change what it will fly, while a CUCS holds LOI 4 or 5
+        #[serde(default)]
+        pub while_controlled: bool => Value("false"),
+        /// MAVLink system id of the ground station, 1 to 255
+        #[serde(default = "ground_station")]
+        pub system_id: u8 => Value("255"),
+        /// MAVLink signing link id of the VSM on this link
+        #[serde(default)]
+        pub link_id: u8 => Value("0"),
+    }
+}
+
+fn ground_station() -> u8 {
+    255
+}
+
+/// `forward.commands`, and `[relay]` of `airside.toml`: what is passed on to PX4, each list in place of its default, which
+/// is what the bridge itself sends.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Relay {
+    /// MAVLink message ids.
+    pub messages: Option<Vec<u32>>,
+    /// Commands of COMMAND_LONG and COMMAND_INT, by their numbers.
+    pub commands: Option<Vec<u16>>,
+    /// Parameters that are not written; `*` stands for any characters.
+    pub protected_parameters: Option<Vec<String>>,
+}
+
+impl Relay {
+    /// The lists, with the defaults where there is none.
+    #[must_use]
+    pub fn policy(&self) -> RelayPolicy {
+        let bridge = RelayPolicy::default();
+        let Relay {
+            messages,
+            commands,
+            protected_parameters,
+        } = self.clone();
+        RelayPolicy {
+            messages: messages.unwrap_or(bridge.messages),
+            commands: commands.unwrap_or(bridge.commands),
+            protected_parameters: protected_parameters.unwrap_or(bridge.protected_parameters),
+        }
+    }
+}
+
+/// `forward.commands`: `None` where it may not command.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Commands(pub Option<Relay>);
+
+impl<'de> Deserialize<'de> for Commands {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Commands;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("true, false, or a table such as { commands = [176, 400] }")
+            }
+
+            fn visit_bool<E: de::Error>(self, may: bool) -> Result<Commands, E> {
+                Ok(Commands(may.then(Relay::default)))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Commands, A::Error> {
+                let lists = Relay::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(Commands(Some(lists)))
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+impl Forward {
+    /// Its ranges. `at` is where its table begins.
+    pub(super) fn check(&self, at: usize) -> Result<(), Fault> {
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if !(1..=32).contains(&self.name.len()) || !self.name.chars().all(is_plain) {
+            let expected = "1 to 32 letters, digits, - and _";
+            return fault(at, "forward.name", &self.name, expected);
+        }
+        if self.key_file.is_some() {
+            return Ok(());
+        }
+        if self.commands.0.is_some() {
+            let expected = "a key_file of its own beside it: commands are taken signed only; `vsm keygen FILE` makes one";
+            return fault(at, "forward.commands", "given", expected);
+        }
+        match &self.link {
+            LinkAddress::UdpIn(address) if !address.ip().is_loopback() => {
+                let expected = "a key_file beside it, a loopback address, or udpout:HOST:PORT: without a key it would send to \
+                                whoever asks";
+                fault(at, "forward.link", &self.link, expected)
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! Other ground stations (`[[forward]]`): what they command goes to their vehicles, as far as each may.
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::clock::Origin;
+use mavlink_link::frame::FrameView;
+use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
+use mavlink_link::receiver::KeyState;
+use mavlink_link::signing::Stamp;
+use mavlink_link::store::{Disk, StoreError};
+use stanag_msgs::Id;
+
+use super::{Bridge, LinkEnd};
+use crate::config::Config;
+use crate::session::aircraft::Aircraft;
+use crate::session::forward::{Forward, Request, Situation};
+use crate::session::link::frame::{OutFrame, Peer};
+use crate::session::log::LogLevel;
+
+impl Bridge {
+    /// Serves the other ground stations of a configuration, with one [`LinkEnd`] for each, in order.
+    ///
+    /// # Errors
+    /// The signing clock of a key cannot be read.
+    pub fn serve_forwards(
+        &mut self,
+        config: &Config,
+        ends: Vec<LinkEnd>,
+        now: Now,
+        not_before: Duration,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        let not_before = Stamp::from_unix(not_before);
+        for (forward, end) in config.forwards().zip(ends) {
+            let security = match end.key {
+                Some(_) => Security::Signed,
+                None => Security::Off,
+            };
+            let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
+            let mut link = LinkConfig::new(forward.system_id, security, endpoint);
+            link.own_system = self.own.system;
+            link.own_component = self.own.component;
+            link.link_id = forward.link_id;
+            link.accept_unsigned = &[];
+            let key = end
+                .key
+                .map(|key| KeyState::start(key, Origin::KeyFile, not_before, now, disk));
+            let forward = Forward::new(forward.clone(), Link::new(link), key.transpose()?);
+            self.forwards.push(forward);
+        }
+        self.name_commanders();
+        Ok(())
+    }
+
+    /// Lets each vehicle know under which system ids others may command it through this VSM.
+    pub(super) fn name_commanders(&mut self) {
+        for one in &mut self.aircraft {
+            let (id, forwards) = (one.id(), self.forwards.iter());
+            let commanders = forwards.filter(|forward| forward.covers(id));
+            one.link.commanders = commanders.filter_map(Forward::commander).collect();
+        }
+    }
+
+    /// Takes what arrived from the other ground station with this index.
+    pub fn handle_forward(
+        &mut self,
+        now: Now,
+        index: usize,
+        from: Peer,
+        bytes: &[u8],
+        disk: &mut dyn Disk,
+    ) {
+        let Some(forward) = self.forwards.get_mut(index) else {
+            return;
+        };
+        let requests = forward.receive(now, from, bytes, disk);
+        for request in &requests {
+            self.pass_request(now, index, request, disk);
+        }
+        self.log_moved(now, index, disk);
+    }
+
+    fn pass_request(&mut self, now: Now, index: usize, request: &Request, disk: &mut dyn Disk) {
+        let Some(forward) = self.forwards.get_mut(index) else {
+            return;
+        };
+        let mut found = false;
+        for one in &mut self.aircraft {
+            let system = one.system();
+            if !forward.covers(one.id()) || !Forward::is_for(request, system) {
+                continue;
+            }
+            let situation = situation(one);
+            found = match forward.judge(now, request, (system, situation), disk) {
+                Some(frame) => one.link.pass_on(now, &frame, disk),
+                None => true,
+            };
+        }
+        if !found {
+            forward.count_lost();
+        }
+    }
+
+    /// Passes a frame that is believed on to the other ground stations of its vehicle.
+    pub(super) fn pass_on(
+        forwards: &mut [Forward],
+        now: Now,
+        (vehicle, signed): (Id, bool),
+        frame: &FrameView<'_>,
+        disk: &mut dyn Disk,
+    ) {
+        // A radio's report is taken unsigned: it is the link's own, and proved by nothing.
+        if signed && !frame.is_signed() {
+            return;
+        }
+        for forward in forwards.iter_mut().filter(|one| one.covers(vehicle)) {
+            forward.pass(now, frame, disk);
+        }
+    }
+
+    pub(super) fn watch_forwards(&mut self, now: Now, disk: &mut dyn Disk) {
+        for index in 0..self.forwards.len() {
+            self.forwards[index].handle_timeout(now, disk);
+            self.log_moved(now, index, disk);
+        }
+    }
+
+    fn log_moved(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
+        let forward = &mut self.forwards[index];
+        if let Some(peer) = forward.poll_moved() {
+            let text = format!("ground station {} is at {peer}", forward.config.name);
+            let vsm = self.vsm;
+            self.effects(now, disk).0.note(LogLevel::Info, vsm, text);
+        }
+    }
+
+    /// The next frame for another ground station: (its index, frame).
+    pub fn poll_forward(&mut self) -> Option<(usize, OutFrame)> {
+        let mut forwards = self.forwards.iter_mut().enumerate();
+        forwards.find_map(|(index, one)| Some((index, one.poll_transmit()?)))
+    }
+}
+
+fn situation(one: &Aircraft) -> Situation {
+    let live = one.vehicle.live();
+    Situation {
+        disarmed: live && one.vehicle.telemetry.armed == Some(false),
+        controlled: one.authority.controller().is_some() || one.flight.view().loss_action,
+    }
+}

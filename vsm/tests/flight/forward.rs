@@ -1,0 +1,375 @@
+//! Another ground station beside the bridge (`[[forward]]`): it receives what is verified, under its own key, and commands
+//! what the configuration lets it, signed, once, and not while a CUCS controls the vehicle.
+
+use std::net::SocketAddr;
+
+use kit::bridge::{FORWARD_KEYS, Rig, Setup, key, orders};
+use mavlink_link::dialect::{
+    COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd, MavMessage, MavResult, PARAM_SET_DATA,
+};
+use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::signing::{SigningKey, Stamp, sign, verify};
+use vsm::session::{ForwardStatus, Peer};
+
+fn at(port: u16) -> Peer {
+    Peer::Udp(SocketAddr::from(([127, 0, 0, 1], port)))
+}
+
+/// A frame of ground station 255, signed with a key where there is one.
+fn frame(rig: &Rig, key: Option<&SigningKey>, message: &MavMessage) -> Vec<u8> {
+    let incompat = if key.is_some() { INCOMPAT_SIGNED } else { 0 };
+    let header = Header {
+        system_id: 255,
+        component_id: 190,
+        incompat,
+        ..Header::default()
+    };
+    let mut bytes = [0; MAX_FRAME];
+    let mut length = encode(message, header, &mut bytes);
+    if let Some(key) = key {
+        let stamp = Stamp::from_unix(rig.now().wall);
+        length = sign(key, 0, stamp, &mut bytes, length).expect("signed");
+    }
+    bytes[..length].to_vec()
+}
+
+fn deliver(rig: &mut Rig, index: usize, from: Peer, bytes: &[u8]) {
+    let now = rig.now();
+    let bridge = rig.bridge.as_mut().expect("it runs");
+    bridge.handle_forward(now, index, from, bytes, &mut rig.store);
+}
+
+/// Sends a message of the ground station with this index of `[[forward]]`, signed with its own key.
+fn send(rig: &mut Rig, index: usize, message: &MavMessage) -> Vec<u8> {
+    // Each stamp is newer than the last.
+    rig.run(0.1);
+    let bytes = frame(rig, Some(&key(FORWARD_KEYS + index)), message);
+    deliver(rig, index, at(50_000), &bytes);
+    bytes
+}
+
+fn heartbeat() -> MavMessage {
+    MavMessage::HEARTBEAT(HEARTBEAT_DATA::default())
+}
+
+fn command(command: MavCmd, target_system: u8, param1: f32) -> MavMessage {
+    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        command,
+        target_system,
+        target_component: 1,
+        param1,
+        ..COMMAND_LONG_DATA::default()
+    })
+}
+
+fn arm() -> MavMessage {
+    command(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1, 1.0)
+}
+
+fn status(rig: &Rig, index: usize) -> ForwardStatus {
+    let bridge = rig.bridge.as_ref().expect("it runs");
+    let status = bridge.status(String::new(), rig.now().mono);
+    status
+        .forwards
+        .into_iter()
+        .nth(index)
+        .expect("it is served")
+}
+
+fn accepted(rig: &Rig) -> u64 {
+    rig.vehicles[0].vehicle().counters().commands_accepted
+}
+
+/// Results of the COMMAND_ACKs to the ground station since.
+fn results(rig: &Rig, since: usize) -> Vec<(MavCmd, MavResult)> {
+    let acks = rig.forwarded[since..].iter().filter_map(|(_, sent)| {
+        match FrameView::parse(sent.bytes()).ok()?.message().ok()? {
+            MavMessage::COMMAND_ACK(ack) if ack.target_system == 255 => {
+                Some((ack.command, ack.result))
+            }
+            _ => None,
+        }
+    });
+    acks.collect()
+}
+
+fn rig(tables: &'static str) -> Rig {
+    let mut rig = Rig::new(Setup {
+        tables,
+        ..Setup::default()
+    });
+    rig.run(9.0);
+    rig
+}
+
+const LISTENER: &str = "[[forward]]\nname = \"qgc\"\nlink = \"udpin:127.0.0.1:14560\"\n";
+const COMMANDER: &str = "[[forward]]\nname = \"qgc\"\nlink = \"udpin:0.0.0.0:14560\"\nkey_file = \"q.key\"\ncommands = true\n";
+
+#[test]
+fn without_a_key_it_receives_while_it_is_there_and_commands_nothing() {
+    let mut rig = rig(LISTENER);
+    assert!(rig.forwarded.is_empty(), "nobody has called yet");
+    let beat = frame(&rig, None, &heartbeat());
+    deliver(&mut rig, 0, at(50_000), &beat);
+    rig.run(5.0);
+    let messages: std::collections::BTreeSet<u32> = rig
+        .forwarded
+        .iter()
+        .map(|(_, sent)| {
+            assert_eq!(sent.to, at(50_000));
+            let frame = FrameView::parse(sent.bytes()).expect("a good checksum");
+            assert!(!frame.is_signed());
+            assert!([1, 245].contains(&frame.header().system_id));
+            frame.header().message_id
+        })
+        .collect();
+    // Of the vehicle: state, position, attitude.
+    assert!(
+        [0, 30, 33].iter().all(|id| messages.contains(id)),
+        "{messages:?}"
+    );
+    let (before, arming) = (accepted(&rig), frame(&rig, None, &arm()));
+    deliver(&mut rig, 0, at(50_000), &arming);
+    rig.run(1.0);
+    assert_eq!(accepted(&rig), before);
+    assert_eq!(
+        status(&rig, 0)
+            .refused
+            .get("this ground station may not command"),
+        1
+    );
+
+    rig.run(12.0);
+    let count = rig.forwarded.len();
+    rig.run(3.0);
+    let of_vehicle = |sent: &[(usize, vsm::session::OutFrame)]| {
+        let frames = sent
+            .iter()
+            .filter_map(|(_, sent)| FrameView::parse(sent.bytes()).ok());
+        frames.filter(|frame| frame.header().system_id == 1).count()
+    };
+    assert_eq!(
+        of_vehicle(&rig.forwarded[count..]),
+        0,
+        "nobody is there any more"
+    );
+}
+
+#[test]
+fn what_it_is_sent_is_signed_with_its_key_and_goes_to_who_has_it_only() {
+    let mut rig = rig(COMMANDER);
+    for bytes in [
+        frame(&rig, None, &heartbeat()),
+        frame(&rig, Some(&key(0)), &heartbeat()),
+    ] {
+        deliver(&mut rig, 0, at(6_666), &bytes);
+    }
+    rig.run(2.0);
+    assert!(rig.forwarded.is_empty(), "a stranger is sent something");
+    assert_eq!(
+        status(&rig, 0)
+            .refused
+            .get("signature does not fit the key"),
+        1
+    );
+    assert_eq!(status(&rig, 0).refused.get("not signed"), 1);
+    send(&mut rig, 0, &heartbeat());
+    rig.run(2.0);
+    assert!(rig.forwarded.len() > 50);
+    for (_, sent) in &rig.forwarded {
+        assert_eq!(sent.to, at(50_000));
+        let frame = FrameView::parse(sent.bytes()).expect("a frame");
+        assert!(verify(&key(FORWARD_KEYS), &frame).is_ok());
+        assert!(verify(&key(0), &frame).is_err());
+    }
+    assert!(
+        rig.log
+            .iter()
+            .any(|line| line.text == "ground station qgc is at 127.0.0.1:50000")
+    );
+}
+
+#[test]
+fn it_commands_once_and_a_recording_of_it_never() {
+    let mut rig = rig(COMMANDER);
+    send(&mut rig, 0, &heartbeat());
+    let (before, since) = (accepted(&rig), rig.forwarded.len());
+    let recorded = send(&mut rig, 0, &arm());
+    rig.run(0.5);
+    assert_eq!(
+        results(&rig, since),
+        [(
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+            MavResult::MAV_RESULT_ACCEPTED
+        )]
+    );
+    assert!(rig.vehicles[0].vehicle().truth().armed);
+    assert_eq!(status(&rig, 0).taken, 1);
+    // The vehicle answers it, and nobody is alarmed by what the configuration allows.
+    assert!(
+        rig.log
+            .iter()
+            .all(|line| !line.text.contains("commands the vehicle too")),
+        "{:?}",
+        rig.log
+    );
+    let once = accepted(&rig);
+    assert!(once > before);
+
+    deliver(&mut rig, 0, at(50_000), &recorded);
+    rig.restart_bridge();
+    rig.run(3.0);
+    let steady = accepted(&rig);
+    deliver(&mut rig, 0, at(50_000), &recorded);
+    rig.run(0.5);
+    assert_eq!(accepted(&rig), steady);
+    assert_eq!(status(&rig, 0).refused.get("stale timestamp"), 1);
+    assert_eq!(status(&rig, 0).taken, 0);
+}
+
+#[test]
+fn while_a_cucs_controls_it_can_only_ask() {
+    for (tables, moves) in [
+        (COMMANDER, false),
+        (
+            "[[forward]]\nname = \"qgc\"\nlink = \"udpin:127.0.0.1:14560\"\nkey_file = \"q.key\"\ncommands = true\nwhile_controlled = true\n",
+            true,
+        ),
+    ] {
+        let mut rig = Rig::ready_with(Setup {
+            tables,
+            ..Setup::default()
+        });
+        send(&mut rig, 0, &heartbeat());
+        let since = rig.forwarded.len();
+        send(
+            &mut rig,
+            0,
+            &command(MavCmd::MAV_CMD_REQUEST_MESSAGE, 1, 242.0),
+        );
+        rig.run(0.5);
+        assert_eq!(
+            results(&rig, since),
+            [(
+                MavCmd::MAV_CMD_REQUEST_MESSAGE,
+                MavResult::MAV_RESULT_ACCEPTED
+            )]
+        );
+        let since = rig.forwarded.len();
+        send(&mut rig, 0, &arm());
+        rig.run(0.5);
+        let result = if moves {
+            MavResult::MAV_RESULT_ACCEPTED
+        } else {
+            MavResult::MAV_RESULT_DENIED
+        };
+        assert_eq!(
+            results(&rig, since),
+            [(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, result)]
+        );
+        assert_eq!(rig.vehicles[0].vehicle().truth().armed, moves);
+        let refused = status(&rig, 0).refused.get("a CUCS controls the vehicle");
+        assert_eq!(refused, u64::from(!moves));
+    }
+}
+
+#[test]
+fn what_is_not_on_the_list_is_refused_and_answered() {
+    let mut rig = rig(COMMANDER);
+    send(&mut rig, 0, &heartbeat());
+    let since = rig.forwarded.len();
+    send(
+        &mut rig,
+        0,
+        &command(MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1, 1.0),
+    );
+    let mut name = [0; 16];
+    name[..13].copy_from_slice(b"COM_DL_LOSS_T");
+    let set = PARAM_SET_DATA {
+        target_system: 1,
+        target_component: 1,
+        param_id: name.into(),
+        ..PARAM_SET_DATA::default()
+    };
+    send(&mut rig, 0, &MavMessage::PARAM_SET(set));
+    send(
+        &mut rig,
+        0,
+        &command(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 9, 1.0),
+    );
+    rig.run(0.5);
+    assert_eq!(
+        results(&rig, since),
+        [(
+            MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+            MavResult::MAV_RESULT_DENIED
+        )]
+    );
+    let refused = status(&rig, 0).refused;
+    for name in [
+        "command not allowed",
+        "parameter protected (relay.protected_parameters)",
+        "no vehicle of this system id, or no link to it",
+    ] {
+        assert_eq!(refused.get(name), 1, "{name}: {refused:?}");
+    }
+    assert_eq!(status(&rig, 0).taken, 0);
+
+    let short = "[[forward]]\nname = \"qgc\"\nlink = \"udpin:127.0.0.1:14560\"\nkey_file = \"q.key\"\ncommands = { commands = [512] }\n";
+    let mut rig = self::rig(short);
+    send(&mut rig, 0, &heartbeat());
+    send(&mut rig, 0, &arm());
+    rig.run(0.5);
+    assert_eq!(status(&rig, 0).refused.get("command not allowed"), 1);
+    assert!(!rig.vehicles[0].vehicle().truth().armed);
+}
+
+#[test]
+fn each_has_its_own_vehicles() {
+    let mut rig = Rig::new(Setup {
+        vehicles: vec![px4_sim::Config::default(); 2],
+        one_link: true,
+        tables: "[[forward]]\nname = \"a\"\nlink = \"udpin:127.0.0.1:14560\"\nkey_file = \"a.key\"\ncommands = true\n\
+                 vehicles = [\"1b:00:01:02\"]\n",
+        ..Setup::default()
+    });
+    rig.run(9.0);
+    send(&mut rig, 0, &heartbeat());
+    send(&mut rig, 0, &arm());
+    send(
+        &mut rig,
+        0,
+        &command(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 2, 1.0),
+    );
+    rig.run(1.0);
+    let armed = |index: usize| rig.vehicles[index].vehicle().truth().armed;
+    assert_eq!((armed(0), armed(1)), (false, true));
+    let systems = rig.forwarded.iter().map(|(_, sent)| sent.bytes()[5]);
+    assert!(systems.clone().any(|system| system == 2));
+    assert!(systems.clone().all(|system| system != 1));
+}
+
+#[test]
+fn one_that_takes_nothing_costs_a_bounded_queue_and_no_more() {
+    let mut rig = rig(COMMANDER);
+    send(&mut rig, 0, &heartbeat());
+    rig.forward_is_stuck = true;
+    for _ in 0..6 {
+        rig.run(5.0);
+        send(&mut rig, 0, &heartbeat());
+    }
+    let refused = status(&rig, 0).refused.get("too much at once");
+    assert!(refused > 100, "{refused}");
+    rig.forwarded.clear();
+    rig.forward_is_stuck = false;
+    rig.run(0.01);
+    assert!(
+        (512..=520).contains(&rig.forwarded.len()),
+        "{}",
+        rig.forwarded.len()
+    );
+    let bridge = rig.bridge.as_ref().expect("it runs");
+    assert!(bridge.status(String::new(), rig.now().mono).vehicles[0].live);
+    let request = rig.carry_out(orders::request_control());
+    assert_eq!(request, Some(stanag_msgs::enums::AckType::CarriedOut));
+}
