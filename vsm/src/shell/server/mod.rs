@@ -6,6 +6,7 @@ mod open;
 mod reload;
 mod shared;
 mod tasks;
+mod vehicle;
 
 pub use error::StartError;
 

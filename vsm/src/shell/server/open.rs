@@ -3,33 +3,29 @@
 use std::cell::RefCell;
 use std::io;
 use std::net::SocketAddr;
-use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
 use mavlink_link::Now;
 use mavlink_link::signing::{KeyId, SigningKey};
+use mavlink_link::store::Disk;
 use stanag_msgs::Id;
 use tokio::net::TcpListener;
 use tokio::sync::Notify;
 
 use super::shared::{Core, OpenPort, Shared};
+use super::vehicle::{find_port, open_exchange, open_keys, open_port, record_vehicle, share};
 use super::{Server, StartError};
-use crate::config::{Config, ExchangeMode, LinkAddress, Record, Signing, Vehicle};
-use crate::key_exchange::{KeyExchange, Surroundings};
+use crate::config::Config;
 use crate::session::{AuditKey, Bridge, BridgeError, LinkEnd};
 use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
-use crate::shell::key_store::KeyStore;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
-use crate::shell::recording::{Quota, Recording};
 use crate::shell::sockets::{self, DliSockets, VehicleReader, VehicleWriter};
 use crate::shell::{key_file, status_socket};
-use mavlink_link::clock::Ceiling;
-use mavlink_link::store::{Disk, Store as _};
 
 impl Server {
     /// Opens store, keys, sockets and recordings. Must be called within a tokio runtime.
@@ -142,46 +138,6 @@ impl Server {
     }
 }
 
-/// Whether no vehicle before has one of this one's keys.
-fn check_own(
-    vehicle: Id,
-    keys: Option<&KeyStore>,
-    known: &mut Vec<(Id, KeyId)>,
-) -> Result<(), StartError> {
-    let held = keys.map(KeyStore::ids).transpose()?;
-    for key in held.into_iter().flatten() {
-        match known.iter().find(|(_, known)| *known == key) {
-            Some((one, _)) if *one != vehicle => {
-                let (one, other) = (*one, vehicle);
-                return Err(StartError::SameKey { one, other, key });
-            }
-            _ => known.push((vehicle, key)),
-        }
-    }
-    Ok(())
-}
-
-pub(super) fn record_vehicle(
-    config: &Config,
-    vehicle: &Vehicle,
-    now: Now,
-) -> Result<Option<Recording>, StartError> {
-    let Some(record) = &config.record else {
-        return Ok(None);
-    };
-    let name = format!("{:08x}", vehicle.id.0);
-    let begun = Recording::begin(&record.dir, &name, now.wall, share(config, record));
-    begun.map(Some).map_err(|cause| StartError::Recording {
-        folder: record.dir.clone(),
-        cause,
-    })
-}
-
-/// One recording for each vehicle, and the one of the DLI.
-fn share(config: &Config, record: &Record) -> Quota {
-    Quota::share(record.max_mb, config.vehicle.len() + 1)
-}
-
 fn record_dli(config: &Config, now: Now) -> Result<Option<DliRecording>, StartError> {
     let Some(record) = &config.record else {
         return Ok(None);
@@ -192,59 +148,6 @@ fn record_dli(config: &Config, now: Now) -> Result<Option<DliRecording>, StartEr
         folder: record.dir.clone(),
         cause,
     })
-}
-
-/// The exchange of a vehicle that agrees about keys over the air. Of another, a handover that an earlier process has begun
-/// continues.
-pub(super) fn open_exchange(
-    config: &Config,
-    (index, vehicle): (usize, &Vehicle),
-    keys: &KeyStore,
-    records: Option<&mut dyn Disk>,
-    now: Now,
-    (bridge, store): (&mut Bridge, &mut dyn Disk),
-) -> Result<Option<KeyExchange>, StartError> {
-    if let Signing::KeyFile(_, settings) = &vehicle.signing
-        && settings.mode != ExchangeMode::Off
-    {
-        let mut with = Surroundings {
-            bridge,
-            store,
-            records: match records {
-                Some(records) => Some(&mut *records),
-                None => None,
-            },
-            keys,
-            random: &mut system_random,
-            not_before: NOT_BEFORE,
-        };
-        let mut exchange = KeyExchange::open(config, vehicle, index, *settings, now, &mut with)?;
-        // The agent hands it over: in flight the vehicle continues under its current key.
-        exchange.take_up_next(now, &mut with);
-        return Ok(Some(exchange));
-    }
-    if let Some(next) = keys.next()? {
-        tracing::warn!(
-            "a handover of key {} is not finished: finding out which key the vehicle has",
-            next.id()
-        );
-        bridge.settle_key(index, next, now, NOT_BEFORE, store)?;
-    }
-    Ok(None)
-}
-
-/// The keys of a vehicle, none of which another vehicle of `known` has.
-pub(super) fn open_keys(
-    vehicle: &Vehicle,
-    known: &mut Vec<(Id, KeyId)>,
-    store: &mut dyn Disk,
-) -> Result<(Option<SigningKey>, Option<KeyStore>), StartError> {
-    let Signing::KeyFile(path, exchange) = &vehicle.signing else {
-        return Ok((None, None));
-    };
-    let (key, keys) = vehicle_keys(path, exchange.mode, store)?;
-    check_own(vehicle.id, Some(&keys), known)?;
-    Ok((Some(key), Some(keys)))
 }
 
 type Forwards = (Vec<VehicleReader>, Vec<(VehicleWriter, LinkEnd)>);
@@ -283,73 +186,10 @@ fn open_forwards(
     Ok((readers, ends))
 }
 
-/// The open link with this address.
-pub(super) fn find_port<'a>(
-    ports: &'a [Option<OpenPort>],
-    link: &LinkAddress,
-) -> Option<&'a OpenPort> {
-    ports.iter().flatten().find(|port| port.link == *link)
-}
-
-/// Opens the link of a vehicle.
-pub(super) fn open_port(
-    vehicle: &Vehicle,
-    store: &mut dyn Disk,
-) -> Result<(VehicleReader, OpenPort), StartError> {
-    let record = format!("port-{:08x}", vehicle.id.0);
-    let (reader, writer, peer) = sockets::open_link("vehicle.link", &vehicle.link, &record, store)?;
-    let link = vehicle.link.clone();
-    let close = Rc::new(Notify::new());
-    let port = OpenPort {
-        link,
-        writer,
-        peer,
-        close,
-    };
-    Ok((reader, port))
-}
-
 fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
     let listener = std::net::TcpListener::bind(address).and_then(|listener| {
         listener.set_nonblocking(true)?;
         TcpListener::from_std(listener)
     });
     listener.map_err(|cause| StartError::Http { address, cause })
-}
-
-/// The key in force and its files. A first key that was sent and whose end is not known is the one in force.
-fn vehicle_keys(
-    path: &Path,
-    mode: ExchangeMode,
-    store: &mut dyn Disk,
-) -> Result<(SigningKey, KeyStore), StartError> {
-    let keys = KeyStore::open(path)?;
-    if let Err(fault) = keys.bury(store) {
-        tracing::warn!("the clock of a dead key cannot be deleted: {fault}");
-    }
-    if keys.current()?.is_none() {
-        // A key that is handed over has a clock on disk before it leaves.
-        if mode == ExchangeMode::Off
-            && let Some(next) = keys.next()?
-            && store.load::<Ceiling>(&next.id())?.is_none()
-        {
-            let path = path.to_owned();
-            return Err(StartError::NeverSent { path });
-        }
-        keys.commit()?;
-    }
-    if keys.current()?.is_none() && mode == ExchangeMode::Legacy {
-        // Until there is an agreed key the link has one that nobody else holds: nothing unsigned is believed.
-        keys.stage(&key_file::random().map_err(StartError::Random)?)?;
-        keys.commit()?;
-    }
-    if keys.current()?.is_none() && mode == ExchangeMode::On {
-        let path = path.to_owned();
-        return Err(StartError::NotPaired { path });
-    }
-    match keys.current()? {
-        Some(key) => Ok((key, keys)),
-        // Read only for its error, which names the missing file and the command that makes one.
-        None => Ok((key_file::read(path)?, keys)),
-    }
 }

@@ -15,9 +15,9 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::Notify;
 
 use super::StartError;
-use super::open::{find_port, open_exchange, open_keys, open_port, record_vehicle};
 use super::shared::{Core, OpenPort, Shared};
 use super::tasks::receive_vehicle;
+use super::vehicle::{find_port, open_exchange, open_keys, open_port, record_vehicle};
 use crate::config::{Changes, Config, Report, Signing, Vehicle};
 use crate::key_exchange::KeyExchange;
 use crate::session::LinkEnd;
