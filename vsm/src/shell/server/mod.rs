@@ -23,8 +23,8 @@ use tokio::task::LocalSet;
 
 use self::shared::Shared;
 use self::tasks::{
-    keep_time, receive_dli, receive_forward, receive_vehicle, send, take_stored, tell_settings, tell_status,
-    watch_group,
+    keep_time, receive_dli, receive_forward, receive_vehicle, send, take_stored, tell_settings,
+    tell_status, watch_group,
 };
 use super::http;
 use super::sockets::{DliSockets, VehicleReader, VehicleWriter};
