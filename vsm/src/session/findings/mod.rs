@@ -3,9 +3,9 @@
 //! A finding is judged from what was counted and seen, by pure functions, and from nothing else: `vsm doctor`, the status,
 //! the log and the alerts all show the same. It stands as long as its evidence is fresh. Parts:
 //!
-//! - [`dli`]: what arrived from ground stations and could not be used; filled in as datagrams arrive
-//! - [`vehicle`]: what arrives on a vehicle's link in place of verified frames
-//! - [`host`]: this computer: clock, store, ports, interfaces, key files; looked at by the shell
+//! - `dli`: what arrived from ground stations and could not be used; filled in as datagrams arrive
+//! - `vehicle`: what arrives on a vehicle's link in place of verified frames
+//! - `host`: this computer: clock, store, ports, interfaces, key files; looked at by the shell
 //!
 //! `bridge/watch.rs` reports each finding once.
 
