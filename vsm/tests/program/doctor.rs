@@ -556,12 +556,12 @@ fn another_process_on_the_store_is_named() {
 fn a_group_that_was_joined_on_the_wrong_interface_is_named() {
     const INSIDE: &str = "VSM_TEST_TWO_INTERFACES";
     if std::env::var_os(INSIDE).is_none() {
-        let set_up = "ip link set lo up multicast on && ip link add other type dummy && \
+        let set_up = "ip link set lo up multicast on && ip link add other type veth peer name far && ip link set far up && \
                       ip addr add 10.77.0.1/24 dev other && ip link set other up multicast on";
         let mut probe = Command::new("unshare");
         probe.args(["-rn", "sh", "-c", set_up]);
         if !tools::works(
-            "a network namespace (unshare -rn) with a dummy interface",
+            "a network namespace (unshare -rn) with a pair of interfaces (veth)",
             &mut probe,
         ) {
             return;

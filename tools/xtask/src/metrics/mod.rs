@@ -79,7 +79,7 @@ impl Measured {
             for target in package["targets"].as_array().context("targets")? {
                 let kind = target["kind"][0].as_str().unwrap_or_default();
                 measured.test_binaries += usize::from(target["test"] == true);
-                if matches!(kind, "lib" | "bin" | "proc-macro") && !tests {
+                if matches!(kind, "lib" | "cdylib" | "bin" | "proc-macro") && !tests {
                     let name = package["name"].as_str().unwrap_or_default();
                     let tree =
                         Tree::read(Path::new(target["src_path"].as_str().context("src_path")?));
