@@ -61,7 +61,10 @@ fn code(package: &Value) -> Result<(String, String)> {
     let (mut product, mut all) = (String::new(), String::new());
     for target in package["targets"].as_array().context("targets")? {
         let kind = text(&target["kind"][0]);
-        if matches!(kind, "lib" | "cdylib" | "bin" | "proc-macro" | "custom-build") {
+        if matches!(
+            kind,
+            "lib" | "cdylib" | "bin" | "proc-macro" | "custom-build"
+        ) {
             product += &product_code(Path::new(text(&target["src_path"])));
         }
     }
