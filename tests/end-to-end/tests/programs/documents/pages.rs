@@ -18,6 +18,11 @@ fn the_commands_of_the_quick_start_fly_the_vehicle() {
     run_all("docs/guide/quick-start.md");
 }
 
+#[test]
+fn the_commands_of_the_first_tasks_fly_the_vehicle() {
+    run_all("docs/guide/tasks.md");
+}
+
 /// Runs the commands of a page's `sh` blocks in a copy of the examples, on ports of its own; a command that is not known
 /// here is a failure, so that none goes untried.
 fn run_all(page: &str) {
@@ -93,7 +98,11 @@ impl Scratch {
         fs::create_dir(&to).expect("the folder");
         for entry in fs::read_dir(root().join("examples")).expect("the examples") {
             let path = entry.expect("an entry").path();
-            if path.extension().is_some_and(|e| e == "toml" || e == "cucs") {
+            let text_of = ["toml", "cucs", "plan", "kml"];
+            if path
+                .extension()
+                .is_some_and(|e| text_of.iter().any(|kind| e == *kind))
+            {
                 let text = fs::read_to_string(&path).expect("an example");
                 let name = path.file_name().expect("a name");
                 fs::write(to.join(name), scratch.here(&text)).expect("its copy");
