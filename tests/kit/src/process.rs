@@ -208,6 +208,25 @@ pub fn filter<A: AsRef<OsStr>>(
     arguments: impl IntoIterator<Item = A>,
     input: String,
 ) -> String {
+    let (output, status) = filter_with_status(program, arguments, input);
+    assert!(
+        status.success(),
+        "{} ended with {status}",
+        program.display()
+    );
+    output
+}
+
+/// The same of a program that may end with any status.
+///
+/// # Panics
+///
+/// Where it cannot be started, or prints what is no text.
+pub fn filter_with_status<A: AsRef<OsStr>>(
+    program: &Path,
+    arguments: impl IntoIterator<Item = A>,
+    input: String,
+) -> (String, ExitStatus) {
     let mut child = Command::new(program)
         .args(arguments)
         .env("PYTHONDONTWRITEBYTECODE", "1")
@@ -221,14 +240,11 @@ pub fn filter<A: AsRef<OsStr>>(
     let writer = thread::spawn(move || stdin.write_all(input.as_bytes()));
     let output = child.wait_with_output().expect("its output");
     let _ = writer.join();
-    assert!(
-        output.status.success(),
-        "{} ended with {}:\n{}",
-        program.display(),
-        output.status,
-        String::from_utf8_lossy(&output.stderr)
-    );
-    String::from_utf8(output.stdout).expect("text")
+    if !output.status.success() {
+        eprintln!("{}", String::from_utf8_lossy(&output.stderr));
+    }
+    let text = String::from_utf8(output.stdout).expect("text");
+    (text, output.status)
 }
 
 /// A UDP port of the loopback address that nobody uses now.

@@ -331,6 +331,17 @@ impl<'a> DliEffects<'a> {
         }
     }
 
+    /// Sends an alert that is the VSM's own (16000) to stations, each in the name of a vehicle, and writes it to the log once.
+    pub(crate) fn alert_each(&mut self, to: &[(usize, Id)], raised: Option<Raised>) {
+        if let Some(raised) = raised {
+            let Raised { alert, .. } = &raised;
+            self.note(LogLevel::of(alert.priority), self.vsm, alert.text.clone());
+            for (station, vehicle) in to {
+                self.show(*vehicle, &[*station], &raised);
+            }
+        }
+    }
+
     /// Sends an alert (16000) to these stations, by the group too.
     pub(crate) fn show(&mut self, source: Id, to: &[usize], raised: &Raised) {
         let Raised { alert, first } = raised;

@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
+use stanag_msgs::Id;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use super::Bridge;
-use crate::session::aircraft::Aircraft;
 use crate::session::alerts::{Cause, Raised};
 use crate::session::findings::{self, Finding, dli, vehicle};
 
@@ -92,39 +92,41 @@ impl Bridge {
         }
     }
 
-    /// What is about no vehicle goes to everybody who listens to one.
+    /// What is about no vehicle goes to everybody who listens to one, in the name of the first: every message of the DLI comes
+    /// from a vehicle, and a CUCS may drop what does not.
     fn report_own(&mut self, now: Now, found: &[Finding], disk: &mut dyn Disk) {
         // The usual case, once a second: nothing is allocated.
         if found.is_empty() && self.alerts.standing().next().is_none() {
             return self.notified.clear();
         }
-        let mut listeners = Vec::new();
-        for station in self.aircraft.iter().flat_map(Aircraft::listeners) {
-            if !listeners.contains(station) {
-                listeners.push(*station);
+        let mut listeners: Vec<(usize, Id)> = Vec::new();
+        for one in &self.aircraft {
+            for station in one.listeners() {
+                if !listeners.iter().any(|(known, _)| known == station) {
+                    listeners.push((*station, one.id()));
+                }
             }
         }
         let before = std::mem::take(&mut self.notified);
         let (mut dli, _) = self.effects(now, disk);
-        let vsm = dli.vsm;
-        for station in listeners.iter().filter(|one| !before.contains(one)) {
+        for (station, vehicle) in listeners.iter().filter(|(one, _)| !before.contains(one)) {
             for alert in dli.alerts.standing().cloned().collect::<Vec<_>>() {
                 // For this station it is the first instance, however long the alert has stood.
-                dli.show(vsm, &[*station], &Raised { alert, first: true });
+                dli.show(*vehicle, &[*station], &Raised { alert, first: true });
             }
         }
         let standing: Vec<_> = found.iter().map(|one| (one.code, one.key)).collect();
         while let Some((cause, text)) = dli.alerts.ended_finding(&standing) {
             let raised = dli.alerts.clear(cause, &cleared(&text));
-            dli.alert(vsm, &listeners, raised);
+            dli.alert_each(&listeners, raised);
         }
         for finding in found {
             let text = finding.to_string();
             let (priority, subsystem) = (AlertPriority::Warning, SubsystemId::VsmStatus);
             let raised = dli.alerts.raise(cause(finding), priority, subsystem, text);
-            dli.alert(vsm, &listeners, raised);
+            dli.alert_each(&listeners, raised);
         }
-        self.notified = listeners;
+        self.notified = listeners.into_iter().map(|(station, _)| station).collect();
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::{Map, Value};
 
-use kit::process::{filter, program};
+use kit::process::{filter, filter_with_status, program};
 use vsm_tests::{here, plain_python, seed_from_clock};
 
 /// Random messages of every layout whose lengths are known, with the bytes the reference makes of them.
@@ -108,7 +108,8 @@ fn a_bad_line_is_reported_and_the_next_one_is_read() {
     let good = wire(&vectors[0]);
     let short = &good[..good.len() - 2];
     let input = format!("{short}\nnot hex\n{good}\n");
-    let output = filter(&program("vsm"), ["decode", "--raw"], input);
+    let (output, status) = filter_with_status(&program("vsm"), ["decode", "--raw"], input);
+    assert_eq!(status.code(), Some(1), "{output}");
     let lines: Vec<_> = output.lines().map(|line| object(line, line)).collect();
     assert_eq!(lines.len(), 3, "{output}");
     assert!(lines[0].contains_key("error"), "{output}");
