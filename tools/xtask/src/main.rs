@@ -6,6 +6,7 @@
 
 mod bench;
 mod ci;
+mod conform;
 mod deb;
 mod dependencies;
 mod fuzz;
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
         "gen" => generate(&mut steps),
         "bench" => bench::run(&mut steps),
         "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
+        "conform" => conform::run(&mut steps),
         "kill" => kill::run(&mut steps),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
         "portable" => portable::build(&mut steps).map(|folder| eprintln!("{}", folder.display())),
@@ -79,6 +81,7 @@ usage: cargo xtask TASK
   fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all; --corpus DIR: from and to there
   kill    kill -9 the bridge and the agent at random moments of flights, and check what must not be lost; --times N,
           --side-by-side N, --seed N
+  conform judge our own bridge by the conformance suite; further arguments are dli-check's, such as --rule AUTH-002
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: pack the programs of DIR; --out DIR;
           --architecture NAME: what those programs are for, where it is not this machine
   portable  build static programs into target/portable/ARCHITECTURE; --architecture x86_64|aarch64

@@ -22,11 +22,15 @@ impl Steps {
 
     /// Runs a command in the workspace's root; anything but status 0 is an error.
     pub(crate) fn run(&mut self, command: &mut Command) -> Result<()> {
+        self.run_here(command.current_dir(root()))
+    }
+
+    /// Runs a command in its own folder; anything but status 0 is an error.
+    pub(crate) fn run_here(&mut self, command: &mut Command) -> Result<()> {
         let line = line(command);
         eprintln!("\nxtask: {line}");
         let begun = Instant::now();
         let status = command
-            .current_dir(root())
             .status()
             .with_context(|| format!("`{line}` cannot be started"))?;
         self.done.push((line.clone(), begun.elapsed()));

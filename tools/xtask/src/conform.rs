@@ -1,0 +1,118 @@
+//! `cargo xtask conform`: the conformance suite against this project's own bridge and simulated PX4.
+//!
+//! Each run has a folder, ports and keys of its own; the report lies in `target/conform/report`. What the bridge is known to
+//! depart in is in `conformance/known.toml`, each with its reason: anything else that fails is an error.
+
+use std::fs;
+use std::net::UdpSocket;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result};
+
+use crate::steps::{Steps, cargo, root};
+
+/// Builds, starts bridge and vehicle, and judges. Arguments behind `conform` are passed on, such as `--rule AUTH-002`.
+pub(crate) fn run(steps: &mut Steps) -> Result<()> {
+    let packages = [
+        "--package",
+        "vsm",
+        "--package",
+        "px4-sim",
+        "--package",
+        "conformance",
+    ];
+    steps.run(cargo(["build", "--bins", "--locked"]).args(packages))?;
+    let folder = root().join("target/conform");
+    if folder.exists() {
+        fs::remove_dir_all(&folder).context("the folder of an earlier run")?;
+    }
+    fs::create_dir_all(&folder).context("target/conform")?;
+    let (dli, mavlink) = (free_port()?, free_port()?);
+    let mut init = program("vsm", &folder);
+    init.args([
+        "init",
+        "--sitl",
+        "--listen",
+        &dli,
+        "--link",
+        &format!("udpin:{mavlink}"),
+    ]);
+    steps.run_here(&mut init)?;
+    let configuration = folder.join("vsm.toml");
+    let text = fs::read_to_string(&configuration).context("vsm.toml")?;
+    fs::write(&configuration, text + STATIONS).context("vsm.toml")?;
+
+    let _bridge = Started::begin(program("vsm", &folder).arg("run"))?;
+    let mut vehicle = program("px4-sim", &folder);
+    vehicle.args([
+        "--link",
+        &format!("udpout:{mavlink}"),
+        "--key-file",
+        "uav1.key",
+        "--speed",
+        "10",
+    ]);
+    let _vehicle = Started::begin(&mut vehicle)?;
+    std::thread::sleep(BOOT);
+    let mut judge = program("dli-check", &folder);
+    judge.args([
+        "vsm",
+        &dli,
+        "--simulated",
+        "--speed",
+        "10",
+        "--out",
+        "report",
+    ]);
+    judge
+        .arg("--expected")
+        .arg(root().join("conformance/known.toml"));
+    steps.run_here(judge.args(std::env::args().skip(2)))
+}
+
+fn program(name: &str, folder: &Path) -> Command {
+    let mut command = Command::new(root().join("target/debug").join(name));
+    command.current_dir(folder);
+    command
+}
+
+fn free_port() -> Result<String> {
+    let socket = UdpSocket::bind("127.0.0.1:0").context("a free port")?;
+    Ok(socket.local_addr()?.to_string())
+}
+
+/// A process that ends with this.
+struct Started(Child);
+
+impl Started {
+    fn begin(command: &mut Command) -> Result<Self> {
+        let log = fs::File::options()
+            .create(true)
+            .append(true)
+            .open(root().join("target/conform/log.txt"))?;
+        let child = command.stdout(Stdio::null()).stderr(log).spawn();
+        Ok(Self(child.context("a program cannot be started")?))
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Beside the one that `vsm init` lists: another, and one that may override.
+const STATIONS: &str = "
+[[cucs]]
+id = \"1b:00:00:a1\"
+loi = [2, 3, 4, 5]
+override = true
+[[cucs]]
+id = \"1b:00:00:a2\"
+loi = [2, 3, 4, 5]
+";
+/// Until the vehicle has a position and can be armed, ten times faster than time.
+const BOOT: Duration = Duration::from_secs(6);
