@@ -7,7 +7,7 @@ use std::io::{BufRead as _, BufReader, Read, Write as _};
 use std::net::{TcpListener, UdpSocket};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -227,6 +227,16 @@ pub fn filter_with_status<A: AsRef<OsStr>>(
     arguments: impl IntoIterator<Item = A>,
     input: String,
 ) -> (String, ExitStatus) {
+    let output = piped(program, arguments, input);
+    let text = String::from_utf8(output.stdout).expect("text");
+    (text, output.status)
+}
+
+fn piped<A: AsRef<OsStr>>(
+    program: &Path,
+    arguments: impl IntoIterator<Item = A>,
+    input: String,
+) -> Output {
     let mut child = Command::new(program)
         .args(arguments)
         .env("PYTHONDONTWRITEBYTECODE", "1")
@@ -240,11 +250,7 @@ pub fn filter_with_status<A: AsRef<OsStr>>(
     let writer = thread::spawn(move || stdin.write_all(input.as_bytes()));
     let output = child.wait_with_output().expect("its output");
     let _ = writer.join();
-    if !output.status.success() {
-        eprintln!("{}", String::from_utf8_lossy(&output.stderr));
-    }
-    let text = String::from_utf8(output.stdout).expect("text");
-    (text, output.status)
+    output
 }
 
 /// A UDP port of the loopback address that nobody uses now.
