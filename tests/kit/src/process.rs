@@ -208,13 +208,15 @@ pub fn filter<A: AsRef<OsStr>>(
     arguments: impl IntoIterator<Item = A>,
     input: String,
 ) -> String {
-    let (output, status) = filter_with_status(program, arguments, input);
+    let output = piped(program, arguments, input);
     assert!(
-        status.success(),
-        "{} ended with {status}",
-        program.display()
+        output.status.success(),
+        "{} ended with {}:\n{}",
+        program.display(),
+        output.status,
+        String::from_utf8_lossy(&output.stderr)
     );
-    output
+    String::from_utf8(output.stdout).expect("text")
 }
 
 /// The same of a program that may end with any status.
