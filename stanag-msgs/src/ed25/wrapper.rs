@@ -36,7 +36,7 @@ pub const fn is_ed25(datagram: &[u8]) -> bool {
     matches!(datagram, [b'1'..=b'9', ..])
 }
 
-/// What a sender calls the layouts of Edition 2.5 (table B1-3; Amendment 1 numbers them anew).
+/// What a sender calls the layouts of Edition 2.5 (table B1-3; Amendment 1 renumbers them).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Version {
     /// `2.5`: Edition 2.5.
@@ -234,7 +234,7 @@ fn prefix(bytes: &[u8]) -> IResult<&[u8], Prefix<'_>> {
     Ok((rest, prefix))
 }
 
-/// At most 544 bytes are summed, so that the sum never reaches 2^32.
+/// At most 544 bytes are summed, so the sum never reaches 2^32.
 fn sum(bytes: &[u8]) -> u32 {
     bytes.iter().map(|&byte| u32::from(byte)).sum()
 }
