@@ -22,7 +22,7 @@ pub struct Catalogue {
 }
 
 /// Which catalogue this is.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Release {
     /// Semantic version: a new rule is minor, a changed judgement major.
     pub version: String,

@@ -5,6 +5,7 @@ pub mod bench;
 pub mod catalogue;
 pub mod expected;
 pub mod means;
+pub mod outcome;
 pub mod passive;
 pub mod profile;
 mod program;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::catalogue::Level;
 
 /// What a rule's judgement comes to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// What had to be seen was seen.
@@ -22,6 +22,7 @@ pub enum Verdict {
     /// The profile does not claim it, or the edition lacks it.
     NotApplicable,
     /// Excluded, or its hazard was not released.
+    #[default]
     Skipped,
     /// Fails, but not every time.
     Flaky,

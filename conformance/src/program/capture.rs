@@ -13,7 +13,7 @@ use crate::bench::net::Datagram;
 use crate::catalogue::{Catalogue, Subject as Role};
 use crate::passive::{View, judges};
 use crate::report::capture::{Captured, read};
-use crate::report::{Report, RuleReport, SCHEMA, Subject};
+use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject};
 use crate::wire::{Direction, Seen, split};
 
 /// Arguments of `dli-check capture`.
@@ -132,6 +132,7 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
     let text = profile.to_toml();
     let mut report = Report {
         schema: SCHEMA.into(),
+        suite: DLI.into(),
         program: format!("dli-check {}", env!("CARGO_PKG_VERSION")),
         catalogue: catalogue.catalogue.clone(),
         subject: Subject {
@@ -152,7 +153,7 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
             .last()
             .map_or(0.0, |datagram| datagram.at.as_secs_f64()),
         strict: arguments.strict,
-        hashes: BTreeMap::from([("capture".to_owned(), super::vsm::sha256(&bytes))]),
+        hashes: BTreeMap::from([("capture".to_owned(), crate::outcome::sha256(&bytes))]),
         profile: text,
         remarks: Vec::new(),
         counts: BTreeMap::new(),
@@ -169,7 +170,7 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
         std::fs::write(path, report.to_json())
             .map_err(|error| format!("{}: {error}", path.display()))?;
     }
-    super::vsm::summary(&report);
+    crate::outcome::summary(&report);
     Ok(if !report.judged() {
         3
     } else {

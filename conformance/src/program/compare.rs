@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::output::print;
+use crate::outcome::print;
 use crate::report::Report;
 
 pub(super) fn compare(files: &[PathBuf]) -> Result<u8, String> {

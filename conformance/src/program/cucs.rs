@@ -8,11 +8,12 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::output::{eprint, print, profile};
+use super::output::profile;
 use crate::bench::net::Net;
 use crate::catalogue::{Catalogue, Subject as Role};
+use crate::outcome::{eprint, print};
 use crate::passive::{View, cucs_judges};
-use crate::report::{Report, RuleReport, SCHEMA, Subject};
+use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject};
 use crate::scripted::{Scenario, Vehicle};
 use crate::verdict::Verdict;
 use crate::wire::Direction;
@@ -155,6 +156,7 @@ pub(super) fn judge(arguments: &CucsArguments) -> Result<u8, String> {
     }
     let mut report = Report {
         schema: SCHEMA.into(),
+        suite: DLI.into(),
         program: format!("dli-check {}", env!("CARGO_PKG_VERSION")),
         catalogue: catalogue.catalogue.clone(),
         subject: Subject {
@@ -198,7 +200,7 @@ pub(super) fn judge(arguments: &CucsArguments) -> Result<u8, String> {
             }
         ));
     }
-    super::vsm::summary(&report);
+    crate::outcome::summary(&report);
     Ok(if !answered {
         3
     } else {

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::{eprint, print};
 use crate::bench::context::Bench;
 use crate::bench::discovery::survey;
 use crate::bench::station::Station;
 use crate::catalogue::Catalogue;
+use crate::outcome::{eprint, print};
 use crate::profile::{CucsClaims, VehicleClaims};
 
 /// Arguments of `dli-check init`.

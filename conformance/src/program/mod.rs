@@ -14,8 +14,8 @@ use clap::{Parser, Subcommand};
 use serde_json::json;
 
 use crate::catalogue::Catalogue;
+use crate::outcome::{eprint, print};
 use crate::rules;
-use output::{eprint, print};
 
 /// Judge a VSM or CUCS by the interoperability rules of the STANAG 4586 Data Link Interface.
 #[derive(Debug, Parser)]

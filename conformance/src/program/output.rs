@@ -1,4 +1,4 @@
-//! What the subcommands share: lines of output, and the profile of a file.
+//! The profile of a file, which several subcommands take.
 
 use crate::profile::Profile;
 
@@ -8,17 +8,4 @@ pub(super) fn profile(file: Option<&std::path::Path>) -> Result<Profile, String>
         Some(file) => Profile::read(file).map_err(|error| error.to_string()),
         None => Ok(Profile::default()),
     }
-}
-
-#[allow(clippy::print_stdout, reason = "the program's output")]
-pub(super) fn print(line: &str) {
-    use std::io::Write;
-    // A closed pipe (`| head`) is no reason to panic.
-    let _ = writeln!(std::io::stdout(), "{line}");
-}
-
-#[allow(clippy::print_stderr, reason = "the program's errors")]
-pub(super) fn eprint(line: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stderr(), "{line}");
 }

@@ -7,17 +7,16 @@ use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::{Args, ValueEnum};
-use sha2::{Digest, Sha256};
 
-use super::output::{eprint, print, profile};
+use super::output::profile;
 use crate::bench::context::Bench;
 use crate::catalogue::{Catalogue, Hazard};
 use crate::expected;
+use crate::outcome::{Files, eprint, finish, on_interrupt, print, sha256, today};
 use crate::profile::Profile;
-use crate::report::{Report, RuleReport, SCHEMA, Subject};
+use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject};
+use crate::rules;
 use crate::runner::{Options, Run};
-use crate::verdict::Verdict;
-use crate::{report, rules};
 
 /// Arguments of `dli-check vsm`.
 #[derive(Clone, Debug, Args)]
@@ -82,6 +81,17 @@ enum Allow {
     Ground,
     Flight,
     Override,
+}
+
+impl VsmArguments {
+    fn files(&self) -> Files<'_> {
+        Files {
+            json: self.json.as_deref(),
+            junit: self.junit.as_deref(),
+            expected: self.write_expected.as_deref(),
+            folder: self.out.as_deref(),
+        }
+    }
 }
 
 /// The address and the profile with what the command line adds.
@@ -193,28 +203,9 @@ fn options(
 /// Ends every wait on Ctrl-C; a second one ends the program.
 fn watch_for_interrupt(bench: &Arc<Bench>) {
     let net = bench.net.clone();
-    std::thread::spawn(move || {
-        let Ok(runtime) = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-        else {
-            return;
-        };
-        runtime.block_on(async {
-            use tokio::signal::unix::{SignalKind, signal};
-            // SIGTERM ends a run as Ctrl-C does: a CI that is out of time must not leave control taken.
-            let (Ok(mut interrupt), Ok(mut terminate)) = (
-                signal(SignalKind::interrupt()),
-                signal(SignalKind::terminate()),
-            ) else {
-                return;
-            };
-            tokio::select! { _ = interrupt.recv() => {} _ = terminate.recv() => {} }
-            net.interrupt();
-            eprint("interrupted: releasing control; a second signal ends at once");
-            tokio::select! { _ = interrupt.recv() => {} _ = terminate.recv() => {} }
-            std::process::exit(130);
-        });
+    on_interrupt(move || {
+        net.interrupt();
+        eprint("interrupted: releasing control; a second signal ends at once");
     });
 }
 
@@ -236,19 +227,10 @@ pub(super) fn judge(arguments: &VsmArguments) -> Result<u8, String> {
     confirm(arguments, &bench)?;
     let mut report = run(&catalogue, &options, &bench, arguments.quiet);
     report.expected = expected;
-    let unused = expected::compare(&mut report);
-    write(arguments, &bench, &report)?;
-    summary(&report);
-    for line in &unused {
-        eprint(line);
-    }
-    Ok(if !report.judged() {
-        3
-    } else if !report.unexpected().is_empty() || !unused.is_empty() {
-        1
-    } else {
-        0
-    })
+    arguments
+        .files()
+        .write(&report, &bench.net.recording().datagrams)?;
+    Ok(finish(&mut report))
 }
 
 /// One rule many times.
@@ -337,6 +319,7 @@ fn run(catalogue: &Catalogue, options: &Options, bench: &Arc<Bench>, quiet: bool
     let text = profile.to_toml();
     let mut report = Report {
         schema: SCHEMA.into(),
+        suite: DLI.into(),
         program: format!("dli-check {}", env!("CARGO_PKG_VERSION")),
         catalogue: catalogue.catalogue.clone(),
         subject: Subject {
@@ -390,102 +373,4 @@ fn reason(rule: &RuleReport) -> String {
     } else {
         format!(": {}", rule.reason)
     }
-}
-
-fn write(arguments: &VsmArguments, bench: &Arc<Bench>, report: &Report) -> Result<(), String> {
-    let file = |path: &std::path::Path, bytes: &[u8]| {
-        std::fs::write(path, bytes).map_err(|error| format!("{}: {error}", path.display()))
-    };
-    if let Some(path) = &arguments.json {
-        file(path, report.to_json().as_bytes())?;
-    }
-    if let Some(path) = &arguments.junit {
-        file(path, report::junit::junit(report).as_bytes())?;
-    }
-    if let Some(path) = &arguments.write_expected {
-        file(path, expected::from_run(report).as_bytes())?;
-    }
-    let Some(folder) = &arguments.out else {
-        return Ok(());
-    };
-    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    let capture = report::capture::pcapng(report, &bench.net.recording().datagrams);
-    let mut report = report.clone();
-    report.hashes.insert("run.pcapng".into(), sha256(&capture));
-    file(&folder.join("run.pcapng"), &capture)?;
-    file(&folder.join("report.json"), report.to_json().as_bytes())?;
-    file(
-        &folder.join("report.html"),
-        report::html::html(&report).as_bytes(),
-    )?;
-    file(
-        &folder.join("junit.xml"),
-        report::junit::junit(&report).as_bytes(),
-    )?;
-    file(
-        &folder.join("statement.md"),
-        report::statement::statement(&report).as_bytes(),
-    )
-}
-
-/// What was judged, in a few lines.
-pub(super) fn summary(report: &Report) {
-    for rule in report.rules.iter().filter(|rule| rule.verdict.is_fail()) {
-        print(&format!(
-            "{} {} {}: {}",
-            rule.verdict.name().to_uppercase(),
-            rule.id,
-            rule.title,
-            rule.reason
-        ));
-    }
-    for remark in &report.remarks {
-        print(&format!("remark: {remark}"));
-    }
-    let counts: Vec<String> = Verdict::ALL
-        .iter()
-        .filter_map(|verdict| {
-            Some(format!(
-                "{} {}",
-                report.counts.get(verdict.name())?,
-                verdict.name()
-            ))
-        })
-        .collect();
-    print(&format!(
-        "{} rules in {:.0} s: {}",
-        report.rules.len(),
-        report.duration_s,
-        counts.join(", ")
-    ));
-}
-
-/// SHA-256 in hexadecimal.
-pub(super) fn sha256(bytes: &[u8]) -> String {
-    crate::wire::hex(&Sha256::digest(bytes))
-}
-
-/// The date, `2026-11-22`.
-fn today() -> String {
-    let days = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default()
-        .as_secs()
-        / 86_400;
-    // Howard Hinnant's days to civil.
-    let shifted = days as i64 + 719_468;
-    let era = shifted.div_euclid(146_097);
-    let day_of_era = shifted.rem_euclid(146_097);
-    let year_of_era =
-        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let shifted_month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
-    let month = if shifted_month < 10 {
-        shifted_month + 3
-    } else {
-        shifted_month - 9
-    };
-    let year = year_of_era + era * 400 + i64::from(month <= 2);
-    format!("{year:04}-{month:02}-{day:02}")
 }

@@ -37,17 +37,19 @@ pub fn html(report: &Report) -> String {
     );
     let _ = write!(
         out,
-        "<title>DLI conformance: {}</title><style>{STYLE}</style></head><body>",
+        "<title>{}: {}</title><style>{STYLE}</style></head><body>",
+        escape(&report.suite),
         escape(&subject.address)
     );
     let _ = write!(
         out,
-        "<h1>DLI conformance: {} {}</h1><p>{} at {}, Edition {}. {}, catalogue {} of {}. {} rules in {:.0} s{}.</p>",
+        "<h1>{}: {} {}</h1><p>{} at {}{}. {}, catalogue {} of {}. {} rules in {:.0} s{}.</p>",
+        escape(&report.suite),
         escape(&subject.name),
         escape(&subject.version),
         escape(&subject.role),
         escape(&subject.address),
-        escape(&subject.edition),
+        escape(&subject.edition_text()),
         escape(&report.program),
         escape(&report.catalogue.version),
         escape(&report.catalogue.date),
@@ -55,12 +57,15 @@ pub fn html(report: &Report) -> String {
         report.duration_s,
         if report.strict { ", strict" } else { "" }
     );
-    let _ = write!(
-        out,
-        "<p class=\"small\">Vehicles: {}. CUCS ids: {}.</p>",
-        escape(&subject.vehicles.join(", ")),
-        escape(&subject.cucs.join(", "))
-    );
+    for (name, ids) in [("Vehicles", &subject.vehicles), ("CUCS ids", &subject.cucs)] {
+        if !ids.is_empty() {
+            let _ = write!(
+                out,
+                "<p class=\"small\">{name}: {}</p>",
+                escape(&ids.join(", "))
+            );
+        }
+    }
     for remark in &report.remarks {
         let _ = write!(out, "<p><b>Remark:</b> {}</p>", escape(remark));
     }
@@ -108,7 +113,9 @@ pub fn html(report: &Report) -> String {
             escape(hash)
         );
     }
-    out.push_str("<p class=\"small\">Firm: the clause was read in the judged edition. Carried over: it was read in Edition 2.5, or is known from secondary sources only.</p>");
+    if !subject.edition.is_empty() {
+        out.push_str("<p class=\"small\">Firm: the clause was read in the judged edition. Carried over: it was read in Edition 2.5, or is known from secondary sources only.</p>");
+    }
     let _ = write!(out, "<script>{SCRIPT}</script></body></html>");
     out
 }

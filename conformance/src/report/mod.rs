@@ -19,11 +19,17 @@ use crate::verdict::Verdict;
 /// Version of the form of `report.json`.
 pub const SCHEMA: &str = "1";
 
+/// The suite of `dli-check`, as reports name it.
+pub const DLI: &str = "DLI conformance";
+
 /// A run.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Report {
     /// Version of this form.
     pub schema: String,
+    /// Which suite, for headings.
+    #[serde(default)]
+    pub suite: String,
     /// Which program made it.
     pub program: String,
     /// The catalogue.
@@ -70,7 +76,7 @@ pub struct Subject {
 }
 
 /// A rule with its verdict.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct RuleReport {
     /// Id.
     pub id: String,
@@ -121,6 +127,18 @@ pub struct Departure {
     pub reason: String,
     /// Whether a rule had it.
     pub used: bool,
+}
+
+impl Subject {
+    /// The edition for a heading; nothing where a suite has none.
+    #[must_use]
+    pub fn edition_text(&self) -> String {
+        if self.edition.is_empty() {
+            String::new()
+        } else {
+            format!(", Edition {}", self.edition)
+        }
+    }
 }
 
 impl RuleReport {

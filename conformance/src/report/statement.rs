@@ -30,7 +30,7 @@ pub fn statement(report: &Report) -> String {
         ("Took", format!("{:.0} s", report.duration_s)),
     ];
     out.push_str("| | |\n|---|---|\n");
-    for (name, value) in rows {
+    for (name, value) in rows.iter().filter(|(_, value)| !value.is_empty()) {
         let _ = writeln!(out, "| {name} | {value} |");
     }
     for (name, hash) in &report.hashes {
@@ -49,7 +49,7 @@ pub fn statement(report: &Report) -> String {
     let mut any = false;
     for rule in report.rules.iter().filter(|rule| rule.verdict.is_fail()) {
         any = true;
-        let firm = if rule.firm {
+        let firm = if rule.firm || subject.edition.is_empty() {
             "firm"
         } else {
             "carried over from another edition"
@@ -69,9 +69,12 @@ pub fn statement(report: &Report) -> String {
             let _ = writeln!(out, "- {remark}");
         }
     }
-    out.push_str(
-        "\nThis is no certificate. Rules for Editions 3 and 4 that are not firm rest on secondary sources, which \
-         `dli-check explain RULE` names.\n\nDate, name, signature:\n\n______________________________\n",
-    );
+    out.push_str("\nThis is no certificate.");
+    if !subject.edition.is_empty() {
+        out.push_str(
+            " Rules for Editions 3 and 4 that are not firm rest on secondary sources, which `dli-check explain RULE` names.",
+        );
+    }
+    out.push_str("\n\nDate, name, signature:\n\n______________________________\n");
     out
 }
