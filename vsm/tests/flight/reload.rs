@@ -322,3 +322,31 @@ fn what_cannot_be_read_of_a_new_vehicle_leaves_everything_as_it_was() {
     rig.store.records.remove(&record.0);
     rig.reload(&text).expect("applied");
 }
+
+#[test]
+fn a_command_that_a_restart_cut_off_counts_as_refused_when_its_station_is_listed_again() {
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    let hold = rig.send(orders::mode(Mode::Loiter));
+    rig.run(0.02);
+    assert_eq!(rig.station().end(hold), None, "too late for this test");
+    rig.stations[0].give_up(hold);
+    let with = rig.text.clone();
+    let other = with.replacen("1b:00:00:a0", "1b:00:00:c0", 1);
+    let log = |rig: &Rig| {
+        let bytes = rig.store.records["commands-1b0000a0.log"].clone();
+        String::from_utf8(bytes).expect("text")
+    };
+    rig.restart_with(&other);
+    rig.run(2.0);
+    let last = log(&rig).lines().last().expect("a line").to_owned();
+    assert!(last.ends_with(" 1 12 -"), "it was cut off: {last}");
+    rig.reload(&with).expect("applied");
+    // Who repeats it is answered so, with rights or without.
+    let refused = last.replace(" 1 12 -", " 1 12 3");
+    assert!(
+        log(&rig).lines().any(|line| line == refused),
+        "{}",
+        log(&rig)
+    );
+}

@@ -193,6 +193,14 @@ impl Rig {
         self.start_bridge();
     }
 
+    /// Restarts the bridge from its store with a configuration that was changed while it was down.
+    pub fn restart_with(&mut self, text: &str) {
+        self.stop_bridge();
+        self.config = Config::parse(text, Path::new("/nowhere")).expect("a configuration");
+        text.clone_into(&mut self.text);
+        self.start_bridge();
+    }
+
     /// The bridge is gone; what it has not written is lost.
     pub fn stop_bridge(&mut self) {
         self.bridge = None;

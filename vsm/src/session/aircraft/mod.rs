@@ -91,6 +91,8 @@ mod commands;
 mod machines;
 mod start;
 
+pub(crate) use self::start::may_come_again;
+
 impl Aircraft {
     pub(crate) fn id(&self) -> Id {
         self.config.id

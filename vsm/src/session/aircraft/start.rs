@@ -96,7 +96,7 @@ impl Aircraft {
         match seen.message_type {
             // A handover outlives the restart, and its end answers who requested it.
             1 | 4 | 34000 => self.authority.resume(&context!(self, dli), origin),
-            2000 | 2017 | 13001 | 13002 | 13003 | 50001 | 50002 | 50016 => false,
+            same if may_come_again(same) => false,
             _ => {
                 // An interrupted launch must leave no running motors: a vehicle still on the ground is disarmed.
                 self.flight.cut_off(seen);
@@ -114,4 +114,12 @@ impl Aircraft {
             }
         }
     }
+}
+
+/// Whether a command of this type, cut off by a restart, leads to the same when it comes again.
+pub(crate) fn may_come_again(message_type: u16) -> bool {
+    matches!(
+        message_type,
+        2000 | 2017 | 13001 | 13002 | 13003 | 50001 | 50002 | 50016
+    )
 }

@@ -9,10 +9,11 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
+use stanag_msgs::enums::AckType;
 
 use super::{Bridge, BridgeError, LinkEnd};
 use crate::config::{Config, Cucs};
-use crate::session::aircraft::Aircraft;
+use crate::session::aircraft::{Aircraft, may_come_again};
 use crate::session::authority::Input;
 use crate::session::context::Settings;
 use crate::session::duplicates::Remembered;
@@ -94,9 +95,16 @@ impl Bridge {
         for cucs in listed {
             if self.stations.iter().all(|one| one.id() != cucs.id) {
                 let mut remembered = Remembered::default();
-                // What an earlier run left open is answered by nobody any more: it leads to the same when it comes again.
+                // What an earlier run left open is refused from here on: it may have been carried out. Nothing else is done
+                // about it, as a start does with an interrupted launch: by now the vehicle obeys others.
                 for seen in remembered.restore(cucs.id, now.mono, disk)? {
-                    remembered.forget(seen.digest);
+                    if may_come_again(seen.message_type) {
+                        remembered.forget(seen.digest);
+                    } else {
+                        let refused = AckType::Refused;
+                        let (of, stamp) = (seen.message_type, seen.stamp);
+                        remembered.answered(cucs.id, of, stamp, refused, disk);
+                    }
                 }
                 new.push((cucs, remembered));
             }
