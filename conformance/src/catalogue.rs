@@ -17,8 +17,17 @@ pub struct Catalogue {
     pub catalogue: Release,
     /// Seconds for each timer, by name.
     pub timers: BTreeMap<String, f64>,
+    /// What the groups are about, by the first part of a rule's id.
+    pub groups: BTreeMap<String, Group>,
     /// The rules, in the order of their groups.
     pub rule: Vec<Rule>,
+}
+
+/// A group of rules.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Group {
+    /// What it is about.
+    pub name: String,
 }
 
 /// Which catalogue this is.
@@ -175,5 +184,11 @@ mod tests {
         ids.dedup();
         assert_eq!(ids.len(), catalogue.rule.len());
         assert!(catalogue.find("AUTH-002").is_some());
+        for rule in &catalogue.rule {
+            assert!(catalogue.groups.contains_key(rule.group()), "{}", rule.id);
+            let key = rule.disputed.as_deref();
+            let known = key.is_none_or(|key| stanag_msgs::disputed::Disputed::find(key).is_some());
+            assert!(known, "{}: {key:?} is no disputed point", rule.id);
+        }
     }
 }

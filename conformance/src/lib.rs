@@ -1,8 +1,11 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+mod bad_subjects;
 pub mod bench;
 pub mod catalogue;
+pub mod cucs;
 pub mod expected;
 pub mod means;
 pub mod outcome;

@@ -1,11 +1,11 @@
 //! What follows every run: lines in the terminal, files, the exit status. Shared by the programs of the suite.
 
 use std::path::Path;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
-use crate::bench::net::Datagram;
+use crate::bench::net::{Datagram, Net};
 use crate::expected;
 use crate::report::{self, Report};
 use crate::verdict::Verdict;
@@ -17,6 +17,8 @@ pub struct Files<'a> {
     pub json: Option<&'a Path>,
     /// JUnit alone.
     pub junit: Option<&'a Path>,
+    /// report.html alone, brief.
+    pub html: Option<&'a Path>,
     /// The fails of this run as expected departures.
     pub expected: Option<&'a Path>,
     /// A folder for every form of report, and the recording.
@@ -38,6 +40,10 @@ impl Files<'_> {
         if let Some(path) = self.junit {
             file(path, report::junit::junit(report).as_bytes())?;
         }
+        if let Some(path) = self.html {
+            let page = report::html::html(report, report::html::Detail::Brief);
+            file(path, page.as_bytes())?;
+        }
         if let Some(path) = self.expected {
             file(path, expected::from_run(report).as_bytes())?;
         }
@@ -53,7 +59,7 @@ impl Files<'_> {
         file(&folder.join("report.json"), report.to_json().as_bytes())?;
         file(
             &folder.join("report.html"),
-            report::html::html(&report).as_bytes(),
+            report::html::html(&report, report::html::Detail::Full).as_bytes(),
         )?;
         file(
             &folder.join("junit.xml"),
@@ -145,30 +151,19 @@ pub fn on_interrupt(stop: impl FnOnce() + Send + 'static) {
     });
 }
 
+/// Ends every wait of a run on Ctrl-C; a second one ends the program.
+pub fn stop_on_interrupt(net: &Arc<Net>) {
+    let net = net.clone();
+    on_interrupt(move || {
+        net.interrupt();
+        eprint("interrupted: releasing control; a second signal ends at once");
+    });
+}
+
 /// The date, `2026-11-22`.
 #[must_use]
 pub fn today() -> String {
-    let days = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default()
-        .as_secs()
-        / 86_400;
-    // Howard Hinnant's days to civil.
-    let shifted = days as i64 + 719_468;
-    let era = shifted.div_euclid(146_097);
-    let day_of_era = shifted.rem_euclid(146_097);
-    let year_of_era =
-        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let shifted_month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
-    let month = if shifted_month < 10 {
-        shifted_month + 3
-    } else {
-        shifted_month - 9
-    };
-    let year = year_of_era + era * 400 + i64::from(month <= 2);
-    format!("{year:04}-{month:02}-{day:02}")
+    report::utc(report::now())[..10].to_owned()
 }
 
 /// A line of output.

@@ -30,6 +30,9 @@ pub struct Profile {
     pub readings: BTreeMap<String, String>,
     /// Figures of the subject.
     pub figures: Figures,
+    /// Shell commands for the steps of a CUCS under test, by the id of the step; `start` plays the CUCS in the background.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub on: BTreeMap<String, String>,
 }
 
 /// Who is judged, and how it is reached.

@@ -167,8 +167,38 @@ impl Run<'_> {
             reports.extend(self.scenes());
             self.finish();
         }
+        self.remark_on_traffic();
         self.judge_passive(&mut reports);
         reports
+    }
+
+    /// What the traffic as a whole shows of the subject.
+    fn remark_on_traffic(&mut self) {
+        let recording = self.bench.net.recording();
+        if recording.dropped > 0 {
+            self.remarks.push(format!(
+                "the subject floods: {} datagrams beyond what is looked at each second were dropped",
+                recording.dropped
+            ));
+        }
+        let mut others: Vec<String> = recording
+            .datagrams
+            .iter()
+            .filter(|datagram| {
+                datagram.direction == Direction::Received && datagram.remote != self.bench.address
+            })
+            .map(|datagram| datagram.remote.to_string())
+            .collect();
+        others.sort();
+        others.dedup();
+        if !others.is_empty() {
+            let many = if others.len() > 4 { " and others" } else { "" };
+            self.remarks.push(format!(
+                "datagrams came from {}{many}, but {} was addressed: behind a firewall or NAT they would not arrive",
+                others[..others.len().min(4)].join(", "),
+                self.bench.address
+            ));
+        }
     }
 
     /// All rules with one verdict.
@@ -229,7 +259,12 @@ impl Run<'_> {
                 }
                 flying |= airborne;
                 self.judge(rule, scene, &mut report);
-                if (report.verdict.is_fail() || report.verdict == Verdict::Inconclusive)
+                if self.bench.net.full() {
+                    dead = Some(format!(
+                        "the recording is full since {}: the subject floods",
+                        rule.id
+                    ));
+                } else if (report.verdict.is_fail() || report.verdict == Verdict::Inconclusive)
                     && !self.bench.net.interrupted()
                     && !alive(&self.bench)
                     && !self.revived()
@@ -241,6 +276,8 @@ impl Run<'_> {
                     report
                         .notes
                         .push("the subject does not answer a discovery after it".into());
+                } else if report.verdict.is_fail() || report.verdict == Verdict::Inconclusive {
+                    dead = self.taken_over(rule, &mut report);
                 }
             }
             (self.show)(&report);
@@ -250,6 +287,64 @@ impl Run<'_> {
             self.land();
         }
         reports
+    }
+
+    /// Whether another CUCS has come to hold LOI 4: the run must not go on beside it.
+    ///
+    /// Message 2 says whom it is for, not who holds control; so it is another where control was taken away unasked, and all
+    /// ids of the suite are denied it though none of them holds anything.
+    fn taken_over(&mut self, rule: &Rule, report: &mut RuleReport) -> Option<String> {
+        let survey = self.bench.survey.get()?;
+        if self.bench.net.interrupted() || survey.with(loi::LOI4).is_empty() || !self.lost_unasked()
+        {
+            return None;
+        }
+        let trial = Trial::new(&self.bench);
+        let denied = survey.with(loi::LOI4).iter().all(|cucs| {
+            let Ok(station) = trial.station(cucs.id) else {
+                return false;
+            };
+            let answer = station.request(loi::LOI2 | loi::LOI4, Access::Request);
+            let granted = answer.ok().and_then(|answer| answer.raw("LOI Granted"));
+            station.send(crate::bench::station::authorisation(0x0F, Access::Release));
+            granted.is_some_and(|granted| granted & loi::LOI4 == 0)
+        });
+        if !denied {
+            return None;
+        }
+        let cause = format!("another CUCS has taken control during {}", rule.id);
+        self.remarks
+            .push(format!("ended early: {cause}; nothing more was commanded"));
+        report.reason = format!("{cause}: {}", report.reason);
+        report.verdict = Verdict::Inconclusive;
+        Some(cause)
+    }
+
+    /// Whether message 2 ever took LOI 4 from a station of the suite when none had sent anything about rights just before.
+    fn lost_unasked(&self) -> bool {
+        let recording = self.bench.net.recording();
+        let settled = self.bench.timers.answer / 2;
+        let mut holds: BTreeSet<stanag_msgs::Id> = BTreeSet::new();
+        let mut asked = Duration::ZERO;
+        for datagram in &recording.datagrams {
+            for seen in &datagram.messages {
+                if seen.direction == Direction::Sent && matches!(seen.kind(), 1 | 4 | 5) {
+                    asked = seen.at;
+                }
+                if seen.direction == Direction::Received
+                    && seen.kind() == 2
+                    && let Some(granted) = seen.raw("LOI Granted")
+                {
+                    let to = seen.piece.destination;
+                    if granted & loi::LOI4 != 0 {
+                        holds.insert(to);
+                    } else if holds.remove(&to) && seen.at > asked + settled {
+                        return true;
+                    }
+                }
+            }
+        }
+        false
     }
 
     /// Whether the profile's command brought the subject back.
@@ -263,6 +358,7 @@ impl Run<'_> {
     fn judge(&self, rule: &Rule, scene: &rules::Scene, report: &mut RuleReport) {
         let began = self.bench.net.now();
         let mark = self.bench.net.mark();
+        let dropped = self.bench.net.dropped();
         let mut judgement = self.attempt(rule, scene, report);
         report.attempts.push(judgement.verdict);
         if judgement.verdict == Verdict::Fail && self.options.repeat {
@@ -282,7 +378,7 @@ impl Run<'_> {
             }
         }
         if judgement.verdict.is_fail() {
-            judgement = self.excused(judgement);
+            judgement = self.excused(judgement, dropped);
         }
         let judgement = judgement.at_level(rule.level, self.options.strict);
         (report.verdict, report.reason) = (judgement.verdict, judgement.reason);
@@ -290,8 +386,17 @@ impl Run<'_> {
         report.datagrams = Some((mark, self.bench.net.mark()));
     }
 
-    /// A fail on a network that loses datagrams says nothing.
-    fn excused(&self, judgement: Judgement) -> Judgement {
+    /// A fail on a network that loses datagrams, or in a flood that is not looked at as a whole, says nothing.
+    fn excused(&self, judgement: Judgement, dropped: usize) -> Judgement {
+        if self.bench.net.dropped() > dropped {
+            return Judgement::new(
+                Verdict::Inconclusive,
+                format!(
+                    "the subject floods, so that its answers may have been missed: {}",
+                    judgement.reason
+                ),
+            );
+        }
         let loss = self.bench.survey.get().map_or(0.0, |survey| survey.loss);
         if loss > WHOLE && loss < SILENT {
             return Judgement::new(

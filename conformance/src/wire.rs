@@ -390,6 +390,13 @@ impl Draft {
         self
     }
 
+    /// Leaves a field out.
+    #[must_use]
+    pub fn without(mut self, field: &str) -> Self {
+        self.fields.remove(&field_of(self.info(), field).bit);
+        self
+    }
+
     /// Whether a field is set.
     #[must_use]
     pub fn has(&self, field: &str) -> bool {

@@ -16,6 +16,8 @@ use crate::wire::{self, Direction, Seen};
 const EPOCH_2000_S: u64 = 946_684_800;
 /// What is recorded at most: a subject that floods must not fill the memory.
 const MAX_RECORDED_BYTES: usize = 256 << 20;
+/// Datagrams a second that are looked at. What a subject may answer to the floods of the suite's own rules is below it.
+const MAX_RECEIVED_PER_S: usize = 10_000;
 
 /// A datagram of the run.
 #[derive(Clone, Debug)]
@@ -44,8 +46,24 @@ pub struct Recording {
     /// In the order of time.
     pub datagrams: Vec<Datagram>,
     bytes: usize,
-    /// Datagrams that found no room.
+    /// Datagrams that were not looked at: of a flood, or because there was no room.
     pub dropped: usize,
+    /// The second of the run, and how many were received in it.
+    second: (u64, usize),
+}
+
+impl Recording {
+    /// Whether one datagram more is looked at.
+    fn has_room(&mut self, direction: Direction, at: Duration) -> bool {
+        if direction == Direction::Received {
+            if self.second.0 != at.as_secs() {
+                self.second = (at.as_secs(), 0);
+            }
+            self.second.1 += 1;
+        }
+        self.second.1 <= MAX_RECEIVED_PER_S && self.bytes <= MAX_RECORDED_BYTES
+            || direction == Direction::Sent && self.bytes <= 2 * MAX_RECORDED_BYTES
+    }
 }
 
 /// The network of a run.
@@ -117,6 +135,18 @@ impl Net {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Whether nothing more can be recorded, so that nothing more can be judged.
+    #[must_use]
+    pub fn full(&self) -> bool {
+        self.recording().bytes > MAX_RECORDED_BYTES
+    }
+
+    /// How many datagrams were not looked at: more than none is a flood.
+    #[must_use]
+    pub fn dropped(&self) -> usize {
+        self.recording().dropped
+    }
+
     /// How many datagrams there are: a mark to search from.
     #[must_use]
     pub fn mark(&self) -> usize {
@@ -133,6 +163,13 @@ impl Net {
         bytes: &[u8],
     ) -> Vec<Arc<Seen>> {
         let at = self.now();
+        {
+            let mut recording = self.recording();
+            if !recording.has_room(direction, at) {
+                recording.dropped += 1;
+                return Vec::new();
+            }
+        }
         let wall = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .unwrap_or_default();
@@ -144,10 +181,6 @@ impl Net {
             .collect();
         let parsed = messages.clone();
         let mut recording = self.recording();
-        if recording.bytes > MAX_RECORDED_BYTES {
-            recording.dropped += 1;
-            return parsed;
-        }
         // The parsed form takes a few times the bytes.
         recording.bytes += 500 + 4 * bytes.len();
         recording.datagrams.push(Datagram {

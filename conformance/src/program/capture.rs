@@ -8,9 +8,10 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::output::profile;
+use super::output::{Outputs, profile};
 use crate::bench::net::Datagram;
 use crate::catalogue::{Catalogue, Subject as Role};
+use crate::outcome::sha256;
 use crate::passive::{View, judges};
 use crate::report::capture::{Captured, read};
 use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject};
@@ -30,9 +31,8 @@ pub(super) struct CaptureArguments {
     /// A broken "should" is a fail
     #[arg(long)]
     strict: bool,
-    /// Write report.json to this file
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 const EPOCH_2000_MS: u64 = 946_684_800_000;
@@ -56,6 +56,7 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
         profile.subject.edition.clone_from(edition);
         profile.check().map_err(|error| error.to_string())?;
     }
+    let expected = arguments.outputs.read_expected()?;
     let bytes = std::fs::read(&arguments.file)
         .map_err(|error| format!("{}: {error}", arguments.file.display()))?;
     let captured =
@@ -153,7 +154,7 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
             .last()
             .map_or(0.0, |datagram| datagram.at.as_secs_f64()),
         strict: arguments.strict,
-        hashes: BTreeMap::from([("capture".to_owned(), crate::outcome::sha256(&bytes))]),
+        hashes: BTreeMap::from([("capture".to_owned(), sha256(&bytes))]),
         profile: text,
         remarks: Vec::new(),
         counts: BTreeMap::new(),
@@ -165,15 +166,5 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
             .remarks
             .push("no datagram of a VSM was found in the file".into());
     }
-    report.count();
-    if let Some(path) = &arguments.json {
-        std::fs::write(path, report.to_json())
-            .map_err(|error| format!("{}: {error}", path.display()))?;
-    }
-    crate::outcome::summary(&report);
-    Ok(if !report.judged() {
-        3
-    } else {
-        u8::from(!report.unexpected().is_empty())
-    })
+    arguments.outputs.finish(report, expected, &datagrams)
 }

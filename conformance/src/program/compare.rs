@@ -2,69 +2,51 @@
 
 use std::path::PathBuf;
 
-use crate::outcome::print;
-use crate::report::Report;
+use clap::Args;
 
-pub(super) fn compare(files: &[PathBuf]) -> Result<u8, String> {
-    let reports = files
+use crate::outcome::print;
+use crate::report::{Report, SCHEMA, matrix};
+
+/// Arguments of `dli-check compare`.
+#[derive(Debug, Args)]
+pub(super) struct CompareArguments {
+    /// Report files (report.json): two runs of one system, or runs of several systems
+    #[arg(required = true, num_args = 2..)]
+    reports: Vec<PathBuf>,
+    /// Write the matrix as a page to this file
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+}
+
+pub(super) fn compare(arguments: &CompareArguments) -> Result<u8, String> {
+    let reports = arguments
+        .reports
         .iter()
         .map(|file| {
-            let text = std::fs::read_to_string(file)
-                .map_err(|error| format!("{}: {error}", file.display()))?;
-            serde_json::from_str(&text).map_err(|error| {
-                format!(
-                    "{}: {error}; expected a report.json of dli-check",
-                    file.display()
-                )
-            })
+            let name = file.display();
+            let text = std::fs::read_to_string(file).map_err(|error| format!("{name}: {error}"))?;
+            let report: Report = serde_json::from_str(&text)
+                .map_err(|error| format!("{name}: {error}; expected a report.json of dli-check"))?;
+            if report.schema != SCHEMA {
+                return Err(format!(
+                    "{name}: schema is {:?}, expected {SCHEMA:?}; make the report with this version of dli-check",
+                    report.schema
+                ));
+            }
+            Ok(report)
         })
         .collect::<Result<Vec<Report>, String>>()?;
-    let mut ids: Vec<&str> = reports
+    let files: Vec<String> = arguments
+        .reports
         .iter()
-        .flat_map(|report| report.rules.iter().map(|rule| rule.id.as_str()))
+        .map(|file| file.display().to_string())
         .collect();
-    ids.sort_unstable();
-    ids.dedup();
-    let header: Vec<String> = reports
-        .iter()
-        .zip(files)
-        .map(|(report, file)| {
-            if report.subject.name.is_empty() {
-                file.display().to_string()
-            } else {
-                report.subject.name.clone()
-            }
-        })
-        .collect();
-    print(&format!("| rule | {} |", header.join(" | ")));
-    print(&format!("|---{}|", "|---".repeat(reports.len())));
-    let mut worse = false;
-    for id in ids {
-        let verdicts: Vec<_> = reports
-            .iter()
-            .map(|report| {
-                report
-                    .rules
-                    .iter()
-                    .find(|rule| rule.id == id)
-                    .map(|rule| rule.verdict)
-            })
-            .collect();
-        let same = verdicts.windows(2).all(|pair| pair[0] == pair[1]);
-        let names: Vec<&str> = verdicts
-            .iter()
-            .map(|verdict| verdict.map_or("-", |verdict| verdict.name()))
-            .collect();
-        print(&format!(
-            "| {}{id} | {} |",
-            if same { "" } else { "* " },
-            names.join(" | ")
-        ));
-        let fails: Vec<bool> = verdicts
-            .iter()
-            .map(|verdict| verdict.is_some_and(|verdict| verdict.is_fail()))
-            .collect();
-        worse |= fails.windows(2).any(|pair| !pair[0] && pair[1]);
+    let names = matrix::names(&reports, &files);
+    let rows = matrix::rows(&reports);
+    print(matrix::markdown(&names, &rows).trim_end());
+    if let Some(file) = &arguments.html {
+        std::fs::write(file, matrix::html(&names, &reports, &rows))
+            .map_err(|error| format!("{}: {error}", file.display()))?;
     }
-    Ok(u8::from(worse))
+    Ok(u8::from(rows.iter().any(matrix::Row::worse)))
 }

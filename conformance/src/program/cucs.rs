@@ -1,22 +1,21 @@
-//! `dli-check cucs`: judge a CUCS by what it sends to a scripted vehicle.
+//! `dli-check cucs`: judge a CUCS by what it sends to a scripted vehicle, and by what its operator sees.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
 
-use super::output::profile;
+use super::output::{Outputs, profile, rule_ids};
 use crate::bench::net::Net;
-use crate::catalogue::{Catalogue, Subject as Role};
-use crate::outcome::{eprint, print};
-use crate::passive::{View, cucs_judges};
-use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject};
-use crate::scripted::{Scenario, Vehicle};
-use crate::verdict::Verdict;
-use crate::wire::Direction;
+use crate::catalogue::Catalogue;
+use crate::cucs::{Board, Session, listen_to_terminal, page};
+use crate::outcome::{eprint, print, sha256, stop_on_interrupt};
+use crate::profile::Profile;
+use crate::report::{DLI, Report, SCHEMA, Subject, now};
+use crate::scripted::{Scenario, VEHICLE};
 
 /// Arguments of `dli-check cucs`.
 #[derive(Debug, Args)]
@@ -24,16 +23,22 @@ pub(super) struct CucsArguments {
     /// Where the scripted vehicle listens
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:4586")]
     listen: SocketAddr,
-    /// What the vehicle does to the CUCS (repeatable; all in turn where left out and --command is given)
-    #[arg(long, value_enum)]
-    scenario: Vec<Scenario>,
-    /// Shell command that starts the CUCS for each scenario; {scenario} stands for its name. Without it an operator does it
+    /// What the vehicle does to the CUCS: a built-in scenario, or a file of your own (repeatable; all built-in ones in turn where left out)
+    #[arg(long, value_name = "NAME|FILE")]
+    scenario: Vec<String>,
+    /// Show the operator's cards on a page of this computer, such as 127.0.0.1:8080
+    #[arg(long, value_name = "ADDR")]
+    page: Option<SocketAddr>,
+    /// Name of the operator, recorded with each answer
+    #[arg(long, value_name = "NAME")]
+    operator: Option<String>,
+    /// Shell command that plays the CUCS in each scenario from beginning to end: on.start of the profile
     #[arg(long, value_name = "COMMAND")]
     command: Option<String>,
-    /// How long a scenario lasts, in seconds; a command that ends earlier ends it
+    /// How long a scenario lasts whose CUCS is played by one command, in seconds; it ends earlier with the command
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     time: f64,
-    /// Profile (TOML)
+    /// Profile (TOML): `[on]` has a command for each step of a session without an operator
     #[arg(long, value_name = "FILE")]
     profile: Option<PathBuf>,
     /// A broken "should" is a fail
@@ -42,119 +47,58 @@ pub(super) struct CucsArguments {
     /// Judge just this rule (repeatable)
     #[arg(long, value_name = "ID")]
     rule: Vec<String>,
-    /// Write report.json to this file
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    /// Print the cards of the session, and do nothing else
+    #[arg(long)]
+    cards: bool,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 pub(super) fn judge(arguments: &CucsArguments) -> Result<u8, String> {
     let catalogue = Catalogue::embedded();
-    let profile = profile(arguments.profile.as_deref())?;
-    let scenarios = match (&arguments.scenario[..], &arguments.command) {
-        ([], None) => vec![Scenario::Normal],
-        ([], Some(_)) => vec![
-            Scenario::Normal,
-            Scenario::Deny,
-            Scenario::Payload,
-            Scenario::Revoke,
-            Scenario::Damaged,
-            Scenario::Handover,
-            Scenario::Odd,
-        ],
-        (chosen, _) => chosen.to_vec(),
-    };
-    let mut rules: BTreeMap<String, RuleReport> = BTreeMap::new();
-    let mut answered = false;
-    for scenario in scenarios {
-        let net = Net::new();
-        let mut vehicle = Vehicle::new(&net, arguments.listen, scenario)
-            .map_err(|error| format!("{}: {error}", arguments.listen))?;
-        let name = format!("{scenario:?}").to_lowercase();
-        eprint(&format!(
-            "scenario {name}: the vehicle {} listens on {} for {:.0} s",
-            crate::scripted::VEHICLE,
-            vehicle.local(),
-            arguments.time
-        ));
-        let child = match &arguments.command {
-            None => {
-                eprint(
-                    "At the CUCS: search for vehicles, take control, upload a route of four points, command modes, release.",
-                );
-                None
-            }
-            Some(command) => {
-                let command = command.replace("{scenario}", &name);
-                let mut shell = Command::new("sh");
-                shell
-                    .args(["-c", &command])
-                    .stdin(Stdio::null())
-                    .stdout(Stdio::null())
-                    .stderr(Stdio::null());
-                Some(
-                    shell
-                        .spawn()
-                        .map_err(|error| format!("{command:?}: {error}"))?,
-                )
-            }
-        };
-        let end = Duration::from_secs_f64(arguments.time);
-        match child {
-            None => vehicle.serve(end),
-            Some(mut child) => {
-                while net.now() < end {
-                    let next = net.now() + Duration::from_millis(200);
-                    vehicle.serve(next.min(end));
-                    if matches!(child.try_wait(), Ok(Some(_))) {
-                        let rest = net.now() + Duration::from_millis(500);
-                        vehicle.serve(rest.min(end));
-                        break;
-                    }
-                }
-                let _ = child.kill();
-                let _ = child.wait();
-            }
-        }
-        let datagrams = net.recording().datagrams.clone();
-        answered |= datagrams
-            .iter()
-            .any(|datagram| datagram.direction == Direction::Received);
-        let view = View {
-            datagrams: &datagrams,
-            profile: &profile,
-            survey: None,
-            live: true,
-        };
-        for judge in cucs_judges() {
-            let Some(rule) = catalogue.find(judge.rule).filter(|rule| {
-                rule.subject != Role::Vsm && rule.editions.contains(&profile.subject.edition)
-            }) else {
-                continue;
-            };
-            if !arguments.rule.is_empty() && !arguments.rule.contains(&rule.id) {
-                continue;
-            }
-            let (judgement, evidence) = crate::runner::judged_by(judge, &view);
-            let judgement = judgement.at_level(rule.level, arguments.strict);
-            let report = rules.entry(rule.id.clone()).or_insert_with(|| RuleReport {
-                verdict: Verdict::Inconclusive,
-                reason: "not seen: nothing that this rule is about occurred in the traffic".into(),
-                ..RuleReport::new(rule, &profile.subject.edition)
-            });
-            let better = match (report.verdict, judgement.verdict) {
-                (Verdict::Fail, _) => false,
-                (_, Verdict::Fail) | (Verdict::Inconclusive, _) => true,
-                (Verdict::Pass, Verdict::Warning) => true,
-                _ => false,
-            };
-            if better {
-                (report.verdict, report.reason) = (judgement.verdict, judgement.reason);
-                report.notes = vec![format!("scenario {name}")];
-                report.evidence = evidence.iter().map(|seen| seen.evidence()).collect();
-            }
-        }
+    let mut profile = profile(arguments.profile.as_deref())?;
+    if let Some(command) = &arguments.command {
+        profile.on.insert("start".into(), command.clone());
     }
-    let mut report = Report {
+    let scenarios = scenarios(&arguments.scenario)?;
+    check_commands(&profile, &scenarios)?;
+    if arguments.cards {
+        cards(&scenarios);
+        return Ok(0);
+    }
+    let expected = arguments.outputs.read_expected()?;
+    let net = Net::new();
+    stop_on_interrupt(&net);
+    let started = now();
+    let mut session = Session {
+        net: net.clone(),
+        listen: arguments.listen,
+        profile: &profile,
+        catalogue: &catalogue,
+        board: board(arguments, &profile)?,
+        strict: arguments.strict,
+        only: rule_ids(&arguments.rule, &catalogue)?,
+        time: Duration::from_secs_f64(arguments.time),
+        rules: BTreeMap::new(),
+        remarks: Vec::new(),
+    };
+    eprint(&format!(
+        "the vehicle {VEHICLE} listens on {}: {} scenarios",
+        arguments.listen,
+        scenarios.len()
+    ));
+    session.play(&scenarios)?;
+    let answered = session.answered();
+    if !answered {
+        session
+            .remarks
+            .push(format!("nothing came to {}", session.listen));
+    }
+    let order = |id: &str| catalogue.rule.iter().position(|rule| rule.id == id);
+    let mut rules: Vec<_> = session.rules.into_values().collect();
+    rules.sort_by_key(|rule| order(&rule.id));
+    let text = profile.to_toml();
+    let report = Report {
         schema: SCHEMA.into(),
         suite: DLI.into(),
         program: format!("dli-check {}", env!("CARGO_PKG_VERSION")),
@@ -163,47 +107,110 @@ pub(super) fn judge(arguments: &CucsArguments) -> Result<u8, String> {
             role: "cucs".into(),
             name: profile.subject.name.clone(),
             version: profile.subject.version.clone(),
-            address: arguments.listen.to_string(),
+            address: session.listen.to_string(),
             edition: profile.subject.edition.clone(),
             ..Subject::default()
         },
-        started: 0,
-        duration_s: 0.0,
+        started,
+        duration_s: net.now().as_secs_f64(),
         strict: arguments.strict,
-        profile: profile.to_toml(),
-        hashes: BTreeMap::new(),
-        remarks: Vec::new(),
+        hashes: BTreeMap::from([
+            ("profile".to_owned(), sha256(text.as_bytes())),
+            ("catalogue".to_owned(), sha256(Catalogue::text().as_bytes())),
+        ]),
+        profile: text,
+        remarks: session.remarks,
         counts: BTreeMap::new(),
         expected: Vec::new(),
-        rules: rules.into_values().collect(),
+        rules,
     };
-    if !answered {
-        report
-            .remarks
-            .push(format!("nothing came to {}", arguments.listen));
-    }
-    report.count();
-    if let Some(path) = &arguments.json {
-        std::fs::write(path, report.to_json())
-            .map_err(|error| format!("{}: {error}", path.display()))?;
-    }
     for rule in &report.rules {
+        let reason = if rule.reason.is_empty() { "" } else { ": " };
         print(&format!(
-            "{:<14} {:<11} {}{}",
+            "{:<14} {:<11} {}{reason}{}",
             rule.verdict.name(),
             rule.id,
             rule.title,
-            if rule.reason.is_empty() {
-                String::new()
-            } else {
-                format!(": {}", rule.reason)
-            }
+            rule.reason
         ));
     }
-    crate::outcome::summary(&report);
-    Ok(if !answered {
-        3
-    } else {
-        u8::from(!report.unexpected().is_empty())
-    })
+    let datagrams = std::mem::take(&mut net.recording().datagrams);
+    let status = arguments.outputs.finish(report, expected, &datagrams)?;
+    Ok(if answered { status } else { 3 })
+}
+
+fn scenarios(names: &[String]) -> Result<Vec<Scenario>, String> {
+    let all: Vec<String> = match names {
+        [] => Scenario::names().map(str::to_owned).collect(),
+        chosen => chosen.to_vec(),
+    };
+    all.iter()
+        .map(|name| Scenario::named(name).map_err(|error| error.to_string()))
+        .collect()
+}
+
+/// A command for a step that no scenario has would never be run, and nobody would know.
+fn check_commands(profile: &Profile, scenarios: &[Scenario]) -> Result<(), String> {
+    let mut known: Vec<String> = scenarios
+        .iter()
+        .flat_map(|scenario| scenario.step.iter().map(|step| step.id.clone()))
+        .chain(
+            Scenario::names()
+                .filter_map(|name| Scenario::named(name).ok())
+                .flat_map(|scenario| scenario.step.into_iter().map(|step| step.id)),
+        )
+        .chain(["start".to_owned()])
+        .collect();
+    known.sort();
+    known.dedup();
+    match profile.on.keys().find(|id| !known.contains(id)) {
+        None => Ok(()),
+        Some(unknown) => Err(format!(
+            "profile: on.{unknown} is a command for a step that no scenario has; expected one of {}",
+            known.join(", ")
+        )),
+    }
+}
+
+/// Where the cards are shown: always where no command acts, else where an operator is named.
+fn board(arguments: &CucsArguments, profile: &Profile) -> Result<Option<Arc<Board>>, String> {
+    let headless = !profile.on.is_empty();
+    if headless && arguments.operator.is_none() && arguments.page.is_none() {
+        return Ok(None);
+    }
+    let board = Arc::new(Board::new(
+        arguments.operator.as_deref().unwrap_or("the operator"),
+        true,
+    ));
+    if let Some(address) = arguments.page {
+        let here = page::serve(address, &board)?;
+        eprint(&format!("cards: http://{here}/"));
+    }
+    listen_to_terminal(&board);
+    Ok(Some(board))
+}
+
+fn cards(scenarios: &[Scenario]) {
+    let steps = scenarios
+        .iter()
+        .flat_map(|scenario| scenario.step.iter().map(move |step| (scenario, step)));
+    for (number, (scenario, step)) in steps.enumerate() {
+        let rules = if step.rules.is_empty() {
+            String::new()
+        } else {
+            format!(" [{}]", step.rules.join(", "))
+        };
+        print(&format!(
+            "{:>2}. {} (on.{}, scenario {}){rules}",
+            number + 1,
+            step.card,
+            step.id,
+            scenario.name
+        ));
+        if let Some(question) = &step.question {
+            print(&format!(
+                "    {question}  yes / no      name, time: ____________________"
+            ));
+        }
+    }
 }

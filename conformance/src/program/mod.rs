@@ -7,7 +7,6 @@ mod init;
 mod output;
 mod vsm;
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -51,11 +50,9 @@ enum Command {
         arguments: vsm::VsmArguments,
     },
     /// Compare the report.json files of several runs or systems
-    Compare {
-        /// Report files
-        #[arg(required = true)]
-        reports: Vec<PathBuf>,
-    },
+    Compare(compare::CompareArguments),
+    /// Print the JSON Schema of report.json
+    Schema,
     /// List the rules of the catalogue
     List {
         /// As JSON
@@ -89,7 +86,11 @@ pub fn run() -> ExitCode {
             times,
             arguments,
         } => vsm::repeat(&rule, times, &arguments),
-        Command::Compare { reports } => compare::compare(&reports),
+        Command::Compare(arguments) => compare::compare(&arguments),
+        Command::Schema => {
+            print(crate::report::JSON_SCHEMA.trim_end());
+            Ok(0)
+        }
         Command::List { json } => {
             list(json);
             Ok(0)

@@ -4,17 +4,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::{Args, ValueEnum};
 
-use super::output::profile;
+use super::output::{Outputs, profile, rule_ids};
 use crate::bench::context::Bench;
 use crate::catalogue::{Catalogue, Hazard};
-use crate::expected;
-use crate::outcome::{Files, eprint, finish, on_interrupt, print, sha256, today};
+use crate::outcome::{eprint, print, sha256, stop_on_interrupt};
 use crate::profile::Profile;
-use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject};
+use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject, now};
 use crate::rules;
 use crate::runner::{Options, Run};
 
@@ -32,21 +30,6 @@ pub(super) struct VsmArguments {
     /// A broken "should" is a fail
     #[arg(long)]
     strict: bool,
-    /// Departures that are expected, each with its reason (TOML)
-    #[arg(long, value_name = "FILE")]
-    expected: Option<PathBuf>,
-    /// Write the fails of this run as expected departures
-    #[arg(long, value_name = "FILE")]
-    write_expected: Option<PathBuf>,
-    /// Write a JUnit file
-    #[arg(long, value_name = "FILE")]
-    junit: Option<PathBuf>,
-    /// Write report.json, report.html, junit.xml, run.pcapng and statement.md into this folder
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Write report.json to this file
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
     /// Judge just this rule (repeatable)
     #[arg(long, value_name = "ID")]
     rule: Vec<String>,
@@ -74,6 +57,8 @@ pub(super) struct VsmArguments {
     /// Print only the summary
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -81,17 +66,6 @@ enum Allow {
     Ground,
     Flight,
     Override,
-}
-
-impl VsmArguments {
-    fn files(&self) -> Files<'_> {
-        Files {
-            json: self.json.as_deref(),
-            junit: self.junit.as_deref(),
-            expected: self.write_expected.as_deref(),
-            folder: self.out.as_deref(),
-        }
-    }
 }
 
 /// The address and the profile with what the command line adds.
@@ -187,12 +161,8 @@ fn options(
     profile: &Profile,
     catalogue: &Catalogue,
 ) -> Result<Options, String> {
-    let rules: Vec<String> = arguments.rule.iter().map(|id| id.to_uppercase()).collect();
-    if let Some(unknown) = rules.iter().find(|id| catalogue.find(id).is_none()) {
-        return Err(format!("no rule {unknown:?}; `dli-check list` shows all"));
-    }
     Ok(Options {
-        rules,
+        rules: rule_ids(&arguments.rule, catalogue)?,
         strict: arguments.strict,
         hazards: hazards(arguments, profile),
         overrides: arguments.allow.contains(&Allow::Override),
@@ -200,37 +170,22 @@ fn options(
     })
 }
 
-/// Ends every wait on Ctrl-C; a second one ends the program.
-fn watch_for_interrupt(bench: &Arc<Bench>) {
-    let net = bench.net.clone();
-    on_interrupt(move || {
-        net.interrupt();
-        eprint("interrupted: releasing control; a second signal ends at once");
-    });
-}
-
 /// Runs and reports; the exit status.
 pub(super) fn judge(arguments: &VsmArguments) -> Result<u8, String> {
     let catalogue = Catalogue::embedded();
     let (address, profile) = subject(arguments)?;
     let options = options(arguments, &profile, &catalogue)?;
-    let expected = match &arguments.expected {
-        Some(file) => expected::read(file, &today())?,
-        None => Vec::new(),
-    };
+    let expected = arguments.outputs.read_expected()?;
     if arguments.dry_run {
         dry_run(&catalogue, &options);
         return Ok(0);
     }
     let bench = Bench::new(&catalogue, profile, address);
-    watch_for_interrupt(&bench);
+    stop_on_interrupt(&bench.net);
     confirm(arguments, &bench)?;
-    let mut report = run(&catalogue, &options, &bench, arguments.quiet);
-    report.expected = expected;
-    arguments
-        .files()
-        .write(&report, &bench.net.recording().datagrams)?;
-    Ok(finish(&mut report))
+    let report = run(&catalogue, &options, &bench, arguments.quiet);
+    let datagrams = std::mem::take(&mut bench.net.recording().datagrams);
+    arguments.outputs.finish(report, expected, &datagrams)
 }
 
 /// One rule many times.
@@ -244,7 +199,7 @@ pub(super) fn repeat(rule: &str, times: u32, arguments: &VsmArguments) -> Result
     let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
     for round in 1..=times {
         let bench = Bench::new(&catalogue, profile.clone(), address);
-        watch_for_interrupt(&bench);
+        stop_on_interrupt(&bench.net);
         let report = run(&catalogue, &options, &bench, true);
         let Some(found) = report.rules.first() else {
             continue;
@@ -289,10 +244,7 @@ fn dry_run(catalogue: &Catalogue, options: &Options) {
 }
 
 fn run(catalogue: &Catalogue, options: &Options, bench: &Arc<Bench>, quiet: bool) -> Report {
-    let started = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default()
-        .as_secs();
+    let started = now();
     let mut show = |rule: &RuleReport| {
         if !quiet {
             print(&format!(

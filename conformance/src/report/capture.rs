@@ -1,14 +1,17 @@
 //! `run.pcapng`: every datagram of the run, with rule and verdict as the packet's comment; and reading captures.
 
+use std::collections::BTreeMap;
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
-use super::Report;
+use super::{Report, RuleReport};
 use crate::bench::net::Datagram;
+use crate::verdict::Verdict;
 
 /// The recording as a pcapng file.
 #[must_use]
 pub fn pcapng(report: &Report, datagrams: &[Datagram]) -> Vec<u8> {
+    let cited = cited(report);
     let mut out = stanag_msgs::pcapng::header();
     for (index, datagram) in datagrams.iter().enumerate() {
         let (from, to) = match datagram.direction {
@@ -17,16 +20,46 @@ pub fn pcapng(report: &Report, datagrams: &[Datagram]) -> Vec<u8> {
         };
         let mut block = Vec::new();
         stanag_msgs::pcapng::datagram(&mut block, datagram.wall, from, to, &datagram.bytes);
-        let rule = report.rules.iter().find(|rule| {
+        let scene = report.rules.iter().find(|rule| {
             rule.datagrams
                 .is_some_and(|(first, last)| (first..last).contains(&index))
         });
-        if let Some(rule) = rule {
-            comment(&mut block, &format!("{} {}", rule.id, rule.verdict.name()));
+        let mut remarks: Vec<String> = scene.into_iter().map(remark).collect();
+        let micros = (datagram.at.as_secs_f64() * 1e6).round() as u64;
+        for remark in cited.get(&micros).into_iter().flatten() {
+            if !remarks.contains(remark) {
+                remarks.push(remark.clone());
+            }
+        }
+        if !remarks.is_empty() {
+            comment(&mut block, &remarks.join(", "));
         }
         out.extend(block);
     }
     out
+}
+
+fn remark(rule: &RuleReport) -> String {
+    format!("{} {}", rule.id, rule.verdict.name())
+}
+
+/// What rules that fail or warn cite, by its time in microseconds: those that look at all traffic have no datagrams of
+/// their own.
+fn cited(report: &Report) -> BTreeMap<u64, Vec<String>> {
+    let mut cited: BTreeMap<u64, Vec<String>> = BTreeMap::new();
+    let judged = |rule: &&RuleReport| rule.verdict.is_fail() || rule.verdict == Verdict::Warning;
+    for rule in report.rules.iter().filter(judged) {
+        if rule.datagrams.is_none() {
+            for message in &rule.evidence {
+                let micros = message["time"].as_f64().unwrap_or_default() * 1e6;
+                let remarks = cited.entry(micros.round() as u64).or_default();
+                if !remarks.contains(&remark(rule)) {
+                    remarks.push(remark(rule));
+                }
+            }
+        }
+    }
+    cited
 }
 
 /// Adds an opt_comment to an enhanced packet block: options lie between the padded packet and the closing length.
