@@ -41,7 +41,6 @@ pub enum Reply {
 #[derive(Debug)]
 pub struct Board {
     operator: String,
-    terminal: bool,
     state: Mutex<State>,
 }
 
@@ -63,12 +62,11 @@ pub enum ReplyError {
 }
 
 impl Board {
-    /// An empty board, for this operator; `terminal`: whether cards are printed too.
+    /// An empty board, for this operator.
     #[must_use]
-    pub fn new(operator: &str, terminal: bool) -> Self {
+    pub fn new(operator: &str) -> Self {
         Self {
             operator: operator.to_owned(),
-            terminal,
             state: Mutex::default(),
         }
     }
@@ -88,9 +86,6 @@ impl Board {
             question: step.question.clone(),
             finished: false,
         };
-        if self.terminal {
-            super::terminal::print_card(&card);
-        }
         *self.state() = State { card, reply: None };
     }
 
@@ -153,7 +148,7 @@ mod tests {
             .step
             .iter()
             .position(|step| step.question.is_some());
-        let board = Board::new("Operator", false);
+        let board = Board::new("Operator");
         board.show(&scenario, &scenario.step[0], (1, 2));
         assert_eq!(board.reply(1, Reply::No, ""), Err(ReplyError::NoQuestion));
         board.show(&scenario, &scenario.step[asks.unwrap()], (2, 2));

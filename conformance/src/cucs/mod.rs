@@ -217,6 +217,7 @@ impl Session<'_> {
                     .as_ref()
                     .expect("a step without a command has a board");
                 board.show(scenario, step, number);
+                terminal::print_card(&board.card());
                 self.step_of_operator(vehicle, step, board, mark, (least, end))
             }
         };

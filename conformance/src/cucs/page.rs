@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn the_page_is_for_this_computer_and_for_no_other_page() {
-        let board = Arc::new(Board::new("Operator", false));
+        let board = Arc::new(Board::new("Operator"));
         let scenario = Scenario::named("normal").unwrap();
         let step = scenario
             .step
@@ -230,7 +230,7 @@ mod tests {
 
     #[test]
     fn it_is_served_on_the_loopback_only() {
-        let board = Arc::new(Board::new("Operator", false));
+        let board = Arc::new(Board::new("Operator"));
         let error = serve("0.0.0.0:0".parse().unwrap(), &board).unwrap_err();
         assert!(
             error.contains("0.0.0.0:0") && error.contains("loopback"),

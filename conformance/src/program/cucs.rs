@@ -180,7 +180,6 @@ fn board(arguments: &CucsArguments, profile: &Profile) -> Result<Option<Arc<Boar
     }
     let board = Arc::new(Board::new(
         arguments.operator.as_deref().unwrap_or("the operator"),
-        true,
     ));
     if let Some(address) = arguments.page {
         let here = page::serve(address, &board)?;
