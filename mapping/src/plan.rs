@@ -259,6 +259,12 @@ impl Plan {
         routes.find(|route| route_name(route) == Some(name))
     }
 
+    /// Whether it holds the route that a 13001 defines: of the same name, or, where neither has one, of the same type.
+    #[must_use]
+    pub fn defines(&self, route: &UaRoute) -> bool {
+        self.routes.iter().any(|known| is_same(known, route))
+    }
+
     /// All routes, the latest last.
     #[must_use]
     pub fn routes(&self) -> &[UaRoute] {

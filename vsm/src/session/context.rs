@@ -71,7 +71,7 @@ pub(crate) struct Origin {
 /// What the other machines may know of the mission.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MissionView<'a> {
-    /// What CUCSs have sent.
+    /// What CUCSs have sent, and 13000 has loaded.
     pub(crate) plan: &'a Plan,
     /// What the vehicle carries, as it was read back from it.
     pub(crate) uploaded: Option<&'a UploadedMission>,

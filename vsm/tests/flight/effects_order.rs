@@ -595,6 +595,8 @@ fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
         &load,
         &[
             "disk append commands-1b0000a0.log Process",
+            // That the upload has ended here.
+            "disk append plan-1b000101.log Process",
             "A 17000 13000 Received",
             "A 14000 InProgress",
             "A 14000 InProgress",
@@ -967,6 +969,8 @@ fn one_timeout_that_ends_a_load_and_completes_a_handover() {
             "disk save authority-1b000101.json Power",
             "disk append commands-1b0000a0.log Process",
             "disk append commands-1b0000a1.log Process",
+            // Control has changed: what A had sent is dropped.
+            "disk save plan-1b000101.json Process",
             // 3: the load has failed.
             "A 14000 Aborted",
             "A 17000 13000 Refused",
@@ -992,6 +996,9 @@ fn one_timeout_that_ends_a_load_and_completes_a_handover() {
             "B 3001",
             "B 3002",
             "B 16002",
+            // 14: what A had sent is dropped.
+            "A 16000 Nominal VsmStatus 11 new",
+            "B 16000 Nominal VsmStatus 11 new",
             // 1: the link, and the end of the transfer.
             "mav HEARTBEAT",
             "mav MISSION_ACK",

@@ -138,6 +138,7 @@ fn a_vehicle_that_restarts_elsewhere_is_not_launched_by_its_old_home() {
 fn a_full_disk_accepts_nothing_and_loses_nothing() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
     rig.store.full = Some("plan");
     let moved = orders::waypoint(102, 103, 40.0, 40.0, 60.0);
     let moved = rig.send(moved);

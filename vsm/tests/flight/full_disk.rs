@@ -56,6 +56,10 @@ fn fly(record: &'static str) -> Outcome {
     rig.store.full = None;
     rig.restart_bridge();
     rig.run(5.0);
+    if waypoint == AckType::CarriedOut && load != AckType::CarriedOut {
+        // Not loaded, and not lost: the next 13000 loads it.
+        assert_eq!(end(&mut rig, orders::load()), AckType::CarriedOut);
+    }
     let mark = rig.station().received.len();
     let down = end(&mut rig, orders::transfer(MissionPlanMode::Download));
     rig.run(0.5);

@@ -19,7 +19,11 @@ fn abandoned(tables: &'static str, plan: Vec<Message>) -> Rig {
     };
     let ticket = rig.send_as(1, 0, listen);
     rig.until(5.0, |rig| rig.stations[1].end(ticket).is_some());
-    rig.send_plan(plan);
+    if !plan.is_empty() {
+        rig.send_plan(orders::square());
+        rig.send_plan(plan);
+        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    }
     rig.take_off(20.0);
     assert_eq!(
         rig.carry_out(orders::mode(Mode::Loiter)),

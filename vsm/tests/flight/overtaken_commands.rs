@@ -89,6 +89,7 @@ fn an_overtaken_waypoint_leaves_the_later_one_and_others_may_come_in_any_order()
         rig.stations[0].send_as_is(vehicle_id(0), &late.into());
         rig.run(0.5);
     }
+    assert_eq!(rig.carry_out(orders::load()), DONE);
     let mark = rig.station().received.len();
     assert_eq!(
         rig.carry_out(orders::transfer(MissionPlanMode::Download)),
@@ -126,7 +127,6 @@ fn an_altimeter_setting_does_not_break_off_a_launch() {
 fn what_names_no_mode_does_not_take_the_place_of_a_contingency_that_is_on_its_way() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
     let contingency = UaRoute {
         route_id: Some(Text::new("CA")),
         route_type: Some(RouteType::ContingencyA),
@@ -137,6 +137,7 @@ fn what_names_no_mode_does_not_take_the_place_of_a_contingency_that_is_on_its_wa
         orders::waypoint(7, 8, -60.0, 0.0, 30.0).into(),
         orders::waypoint(8, 0, -60.0, 50.0, 30.0).into(),
     ]);
+    assert_eq!(rig.carry_out(orders::load()), DONE);
     rig.take_off(20.0);
     assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
     let away = rig.send(orders::mode(Mode::ContingencyA));

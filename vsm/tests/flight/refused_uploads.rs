@@ -146,8 +146,8 @@ fn after_a_refused_upload_the_plan_is_as_before_and_the_next_is_loaded_in_any_or
             }
             refused(&mut rig, upload);
             assert_eq!(plan(&mut rig), before, "{case} {backwards}");
-            // What is loaded is still flown, and loaded again.
-            assert_eq!(load(&mut rig), Some(AckType::CarriedOut), "{case}");
+            // The earlier plan is not loaded in its place: its CUCS would take it for the one that it has sent.
+            assert_eq!(load(&mut rig), Some(AckType::Refused), "{case}");
         }
     }
     loaded(&mut rig, straight());

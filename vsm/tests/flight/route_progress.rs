@@ -222,8 +222,17 @@ fn after_a_refused_load_the_download_is_what_is_aboard() {
         let single = downloaded(&mut rig, one(103));
         assert_eq!(north(&single, 103), Some(0.0));
     }
-    // Corrected, it is loaded and reported.
+    // The correction alone is not enough: what else was sent is gone, and who sent it may not know.
     let near = orders::waypoint(103, 104, 10.0, 80.0, 20.0);
+    assert_eq!(rig.carry_out(near.clone()), DONE);
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
+    rig.run(0.1);
+    assert!(
+        rig.station()
+            .has_alert("send the whole route, with its 13001")
+    );
+    // Corrected, it is loaded and reported.
+    rig.send_plan(orders::square());
     assert_eq!(rig.carry_out(near), DONE);
     assert_eq!(rig.carry_out(orders::load()), DONE);
     let plan = downloaded(&mut rig, all);

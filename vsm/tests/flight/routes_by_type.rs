@@ -33,12 +33,16 @@ fn with_all() -> Rig {
     ] {
         rig.send_plan(route(name, kind, first, north));
     }
-    let load = MissionTransferCommand {
+    carried_out(&mut rig, load());
+    rig
+}
+
+/// 13000 of the flight route.
+fn load() -> MissionTransferCommand {
+    MissionTransferCommand {
         route_id: Some(Text::new("F")),
         ..orders::load()
-    };
-    carried_out(&mut rig, load);
-    rig
+    }
 }
 
 fn carried_out(rig: &mut Rig, message: impl Into<Message>) {
@@ -118,11 +122,7 @@ fn one_waypoint_is_sent_again_and_a_route_is_deleted() {
     // The same plan again: the vehicle is sent nothing that changes it.
     let flight = items(&rig);
     rig.send_plan(vec![orders::waypoint(22, 0, 80.0, 90.0, 25.0).into()]);
-    let load = MissionTransferCommand {
-        route_id: Some(Text::new("F")),
-        ..orders::load()
-    };
-    carried_out(&mut rig, load.clone());
+    carried_out(&mut rig, load());
     let changed = items(&rig);
     assert_eq!(changed.len(), flight.len());
     assert_eq!(changed[0], flight[0]);
@@ -135,7 +135,7 @@ fn one_waypoint_is_sent_again_and_a_route_is_deleted() {
         }
         .into(),
     ]);
-    assert_eq!(rig.carry_out(load), Some(AckType::Refused));
+    assert_eq!(rig.carry_out(load()), Some(AckType::Refused));
     rig.run(0.1);
     assert!(rig.station().has_alert("route \"F\" has not been received"));
     assert_eq!(items(&rig), changed, "what is aboard stays");
@@ -168,6 +168,11 @@ fn a_route_that_was_corrected_after_it_was_flown_is_flown_corrected() {
     let sent = rig.vehicles[0].vehicle().counters().plans_stored;
     assert_eq!(sent, sent_before);
     rig.send_plan(vec![orders::waypoint(32, 0, -20.0, 60.0, 20.0).into()]);
+    // Not before a 13000 has said that the correction is complete.
+    carried_out(&mut rig, orders::mode(Mode::ContingencyA));
+    assert_eq!(leads_north(&rig), [-80, -80]);
+    carried_out(&mut rig, orders::mode(Mode::Loiter));
+    carried_out(&mut rig, load());
     carried_out(&mut rig, orders::mode(Mode::ContingencyA));
     assert_eq!(leads_north(&rig), [-80, -20]);
 }
@@ -269,10 +274,6 @@ fn a_plan_that_is_loaded_again_half_flown_is_reported_to_continue() {
     carried_out(&mut rig, orders::mode(Mode::Waypoint));
     assert!(rig.until(60.0, |rig| rig.truth().mission_seq == 1));
     carried_out(&mut rig, orders::mode(Mode::Loiter));
-    let load = MissionTransferCommand {
-        route_id: Some(Text::new("F")),
-        ..orders::load()
-    };
-    carried_out(&mut rig, load);
+    carried_out(&mut rig, load());
     assert!(rig.station().has_alert("mode 11 continues to waypoint 22"));
 }

@@ -142,6 +142,7 @@ impl Aircraft {
         self.hold_operator_control(dli);
         self.observe(dli, reports::Input::SendConfiguration);
         self.observe(dli, reports::Input::WatchRequests);
+        self.mission(dli, mission::Input::WatchUpload);
         self.mission(dli, mission::Input::WatchFence);
         self.observe(dli, reports::Input::WatchHealth);
         self.observe(dli, reports::Input::ClearAnswers);
@@ -277,6 +278,7 @@ impl Aircraft {
         // After all of them: the loss of the controller follows the change of control, and flies the loss action. Released in
         // between, operator control could go to another MAVLink system, and the vehicle would refuse that action.
         if control_changed {
+            self.mission(dli, mission::Input::WatchUpload);
             self.link.operator_control.soon();
             self.hold_operator_control(dli);
         }

@@ -57,7 +57,7 @@ pub(crate) struct Situation<'a> {
     pub(crate) uploaded: Option<&'a UploadedMission>,
     /// What 13000 has loaded last.
     pub(crate) loaded: Option<&'a UploadedMission>,
-    /// What has been sent.
+    /// The stored plan.
     pub(crate) plan: &'a Plan,
     /// The uploaded route has just been uploaded for this command.
     pub(crate) just_loaded: bool,

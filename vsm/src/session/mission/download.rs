@@ -34,8 +34,8 @@ pub(super) enum Part<'a> {
 }
 
 impl Download {
-    /// The plan as the CUCS sent it, in its own numbers, or a part of it. Of the route that 13000 has loaded it is what
-    /// was uploaded, not what has been sent since; of the others what they would be loaded as.
+    /// The stored plan as its CUCS sent it, in its own numbers, or a part of it: of the route that 13000 has loaded what
+    /// was uploaded, beside it the other routes. What has been sent and not loaded is no part of it.
     ///
     /// Refused where there is nothing to send, or where `busy`.
     pub(super) fn begin(
@@ -53,7 +53,7 @@ impl Download {
         let left = messages(store, part);
         let fault = if left.is_empty() {
             Some(match part {
-                Part::Waypoint(number) => format!("waypoint {number} has not been received"),
+                Part::Waypoint(number) => format!("waypoint {number} has not been loaded"),
                 Part::Route(id) => not_received(id),
                 Part::All => "there is no plan".to_owned(),
             })
@@ -94,6 +94,12 @@ impl Download {
         self.left.is_empty()
     }
 
+    /// Ends it (13000 mode 5).
+    pub(super) fn cancel(self, effects: &mut Effects<'_>) {
+        let (name, mode) = (self.name.as_str(), self.mode);
+        status::reject(effects, self.origin, name, mode, None, "cancelled");
+    }
+
     /// When [`Download::advance`] is next needed.
     pub(super) fn poll_timeout(&self) -> Duration {
         self.next_at
@@ -101,12 +107,12 @@ impl Download {
 }
 
 fn messages(store: &MissionStore, part: Part<'_>) -> VecDeque<Message> {
-    let received = store.plan();
+    let stored = store.plan();
     let loaded = store.loaded.as_ref().map(|loaded| &loaded.plan);
-    // A record of an earlier version holds no messages: then the received plan is all that can be sent.
+    // A record of an earlier version holds no messages: then the stored plan is all that can be sent.
     let loaded = loaded.filter(|loaded| !loaded.is_empty());
-    let beside = loaded.map(|loaded| received.beside(loaded));
-    let plan = beside.as_ref().unwrap_or(received);
+    let beside = loaded.map(|loaded| stored.beside(loaded));
+    let plan = beside.as_ref().unwrap_or(stored);
     match part {
         Part::All => plan.messages().collect(),
         Part::Route(id) => {
@@ -116,8 +122,8 @@ fn messages(store: &MissionStore, part: Part<'_>) -> VecDeque<Message> {
         Part::Waypoint(number) if plan.waypoint(number).is_some() => {
             plan.messages_about(number).collect()
         }
-        // Received, and no route leads to it yet.
-        Part::Waypoint(number) => received.messages_about(number).collect(),
+        // Stored, and no route leads to it.
+        Part::Waypoint(number) => stored.messages_about(number).collect(),
     }
 }
 

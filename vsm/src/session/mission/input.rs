@@ -54,6 +54,8 @@ pub(crate) enum Input<'a> {
     WatchProgress,
     /// Compares the mission that the vehicle names with the one that was loaded.
     CompareWithVehicle,
+    /// Looks whether what is being sent is still of the CUCS in control, and whether anything more came of it.
+    WatchUpload,
     /// Compares the fence that the vehicle names with the one that it should hold.
     WatchFence,
     /// Sends the next few messages of a download.

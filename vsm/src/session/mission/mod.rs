@@ -1,12 +1,12 @@
 //! The mission of one vehicle: the plan that CUCSs send, its way to the vehicle and back, and the geofence.
 //!
-//! A plan is stored as it comes (13001 to 13003, curves). 13000 compiles a route of it whole, uploads it, reads it back
-//! and compares it, and waits until the vehicle itself names it as its mission: only then it counts as loaded. What it
-//! refuses leaves nothing behind. Parts, in
-//! the order of a route's life:
+//! A plan is staged as it comes (13001 to 13003, curves). 13000 compiles a route of it whole, uploads it, reads it back
+//! and compares it, and waits until the vehicle itself names it as its mission: only then it counts as loaded, and what
+//! was staged is stored. What is refused, cancelled or left by its CUCS leaves nothing behind. Parts, in the order of a
+//! route's life:
 //!
 //! - [`input`]: what the machine reads, and what happens to it
-//! - [`received`]: the plan as it is sent, upload by upload
+//! - [`staged`]: an upload as a CUCS sends it; [`received`]: it beside the stored plan, and how it ends
 //! - [`store`]: it, what is loaded and what the vehicle carries, in memory and on disk ([`plan_files`], [`record`])
 //! - [`transfer`]: 13000, the load or clearing that it begins, and how that ends, reported by 14000 ([`status`]);
 //!   [`download`]: the way back to a station
@@ -26,6 +26,7 @@ mod received;
 pub(crate) mod record;
 mod resync;
 mod route_upload;
+mod staged;
 mod status;
 mod store;
 mod transfer;
@@ -195,6 +196,9 @@ impl Mission {
                     transfers.load_again(uploaded);
                 }
             }
+            Input::WatchUpload => {
+                store.watch_upload(context.mono(), context.controller, effects);
+            }
             Input::WatchFence => fence.watch(context, free, effects),
             Input::AdvanceDownload => transfers.advance_download(context, effects),
         }
@@ -242,7 +246,8 @@ impl Mission {
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let transfers = self.transfers.poll_timeout();
         let fence = self.fence.poll_timeout();
-        transfers.into_iter().chain(fence).min()
+        let upload = self.store.poll_timeout();
+        transfers.into_iter().chain(fence).chain(upload).min()
     }
 }
 

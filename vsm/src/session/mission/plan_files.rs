@@ -7,10 +7,11 @@
 //! record 3f0c…            the SHA-256 of the record that the log continues
 //! 00000032ea…             13001 as DLI bytes in hex
 //! 00000032eb…             13002
+//! 00000032c8…             13000, where it began to load them
 //! ```
 //!
 //! A log is folded into its record once it has grown well beyond it, and when an upload ends or a route is cleared. The
-//! record of an upload that has not ended holds the plan of before it too. The log names its record because a process can
+//! messages of a log are of an upload, which the record holds apart from the stored plan. The log names its record because a process can
 //! end between the two files: a log that continues another record is an old one, whose messages are in the new record (or
 //! were cleared), and is ignored. Its last line counts only with its line feed: without, it is of a message that was never
 //! answered.
@@ -150,7 +151,8 @@ impl PlanFiles {
                 Err(_) => {}
             }
         }
-        self.recorded = received.plan.messages().count();
+        let staged = received.staged.as_ref().map(|staged| &staged.plan);
+        self.recorded = staged.unwrap_or(&received.stored).messages().count();
         (self.lines, self.bytes) = (0, 0);
         self.rewrite = false;
         Ok(())

@@ -1,17 +1,22 @@
-//! The plan as CUCSs send it, upload by upload: what belongs to an upload, and what is left of one that is refused.
+//! The plan as CUCSs send it: what is stored, and the upload that is to change it.
 //!
 //! A plan comes as messages in any order (13001 to 13003, 50001, 50002), each answered when it is stored; 13000 ends them.
-//! What was sent since the last 13000 is one upload:
+//! What one CUCS has sent since its last 13000 is one upload, staged apart from the stored plan ([`StagedUpload`]):
 //!
-//! - *loaded*: from then on it is the plan that a later upload changes;
-//! - *refused* for what is in it: it is dropped whole, and the plan is what it was before;
-//! - *failed* for another reason (no data from the vehicle, another transfer, a lost link, a route that the vehicle finds
-//!   infeasible within its fence): it stays, so that 13000 can be repeated, and what is sent without a 13001 continues it;
-//!   the 13001 of another upload drops it, but for what has been sent of that one before its 13001.
+//! ```text
+//!            13001.. of the controller        13000                loaded
+//! (nothing) ---------------------------> staged ------> loading ------------> stored
+//!     ^                                   |  ^             |
+//!     |                                   |  +-------------+ failed: nothing is wrong with it, 13000 can be repeated
+//!     +-----------------------------------+----------------+
+//!       dropped: refused for what is in it, cancelled, its owner lost control, it was left for minutes, a route was
+//!       cleared, its 13001 came again
+//! ```
 //!
-//! An upload with a 13001 sends its waypoints whole: a loiter or a curve of before, at a waypoint that is sent again without
-//! it, is gone. Else a straight route would fly the curves of another file that uses the same numbers. An upload without a
-//! 13001 changes what it names and nothing else.
+//! Only what is stored is flown, downloaded or changed by a later upload. A dropped upload leaves nothing behind but the
+//! reason: the next one must be whole, since its CUCS may not know that a part of it is gone, and may be another CUCS,
+//! which continues what it has seen begun. A restart drops nothing that was acknowledged: the upload is still its owner's,
+//! as long as that is in control.
 
 use std::time::Duration;
 
@@ -19,161 +24,279 @@ use mapping::plan::{Plan, StoreError};
 use stanag_msgs::messages::UaRoute;
 use stanag_msgs::{Id, Message, TimeStamp};
 
-/// The plan, and the upload that changes it.
+use super::staged::StagedUpload;
+
+/// The stored plan, and the upload that is to change it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct ReceivedPlan {
-    /// Everything, the upload too.
-    pub(super) plan: Plan,
-    /// As the last load has left it: what a refused upload returns to.
-    pub(super) base: Plan,
-    /// The messages of the upload.
-    pub(super) sent: Plan,
-    /// The last 13000 failed: it can be repeated, and a 13001 begins another upload, of which `sent` is all that has come.
-    pub(super) failed: bool,
-    /// While a 13000 is carried out: the plan as it was at that moment. What arrives since is of the next upload.
-    loading: Option<Plan>,
-    /// The 13000 that was refused last, by whom, and until when late messages of its upload may still arrive.
-    refused: Option<(Id, TimeStamp, Duration)>,
+    /// As the last load has left it.
+    pub(super) stored: Plan,
+    /// What is being sent.
+    pub(super) staged: Option<StagedUpload>,
+    /// The upload that a 13000 is carried out for. What arrives since is of the next one.
+    loading: Option<StagedUpload>,
+    /// Why the latest upload was dropped, until one that is whole follows, or nothing is stored.
+    pub(super) dropped: Option<String>,
+    /// The 13000 that dropped an upload, by whom, and until when late messages of that may still arrive.
+    ended: Option<(Id, TimeStamp, Duration)>,
 }
+
+/// A 13000 that dropped an upload: from whom it came, and its stamp.
+pub(super) type Order = Option<(Id, TimeStamp)>;
 
 impl ReceivedPlan {
     /// A plan that no upload changes.
     pub(super) fn settled(plan: Plan) -> ReceivedPlan {
         ReceivedPlan {
-            base: plan.clone(),
-            plan,
+            stored: plan,
             ..ReceivedPlan::default()
         }
     }
 
-    /// Whether an upload has changed the plan since the last load.
-    pub(super) fn is_open(&self) -> bool {
-        self.plan != self.base
+    /// What the next upload changes: the stored plan, as it will be if the load that is under way succeeds.
+    fn base(&self) -> &Plan {
+        let loading = self.loading.as_ref();
+        loading.map_or(&self.stored, |upload| &upload.plan)
     }
 
-    /// Stores a message.
+    /// What 13000 of this CUCS loads: its upload, or what is stored.
+    pub(super) fn offered(&self, cucs: Id) -> &Plan {
+        let own = self.staged.as_ref().filter(|staged| staged.owner == cucs);
+        own.map_or_else(|| self.base(), |staged| &staged.plan)
+    }
+
+    /// What the 13000 that is carried out loads.
+    pub(super) fn to_load(&self) -> &Plan {
+        self.base()
+    }
+
+    /// Whose upload would change what is stored.
+    pub(super) fn open_by(&self) -> Option<Id> {
+        let staged = self.staged.as_ref()?;
+        (staged.plan != *self.base()).then_some(staged.owner)
+    }
+
+    /// Whether the plan takes a message that continues the upload, or begins one where there is none.
     ///
     /// # Errors
-    /// The plan does not take it; nothing has changed.
+    /// It does not; nothing has changed.
+    pub(super) fn check(&self, message: &Message, cucs: Id, vehicle: Id) -> Result<(), StoreError> {
+        self.offered(cucs).check(message, cucs, vehicle)
+    }
+
+    /// Why the staged upload gives way to the one that this message is of.
+    pub(super) fn gives_way(&self, message: &Message, cucs: Id) -> Option<String> {
+        let staged = self.staged.as_ref()?;
+        if staged.owner != cucs {
+            Some(format!("{cucs} has begun another"))
+        } else {
+            let replaced = staged.replaced_by(message).is_some();
+            replaced.then(|| "a 13001 has begun another".to_owned())
+        }
+    }
+
+    /// Lets it, but for what has been sent of the other one already.
+    pub(super) fn give_way(&mut self, message: &Message, cucs: Id, vehicle: Id) {
+        let Some(why) = self.gives_way(message, cucs) else {
+            return;
+        };
+        let staged = self.staged.as_ref();
+        let sent = staged
+            .filter(|staged| staged.owner == cucs)
+            .and_then(|staged| staged.replaced_by(message));
+        self.drop_staged(&why);
+        if let Some(sent) = sent.filter(|sent| !sent.is_empty()) {
+            self.stage(cucs).add(&sent, vehicle);
+        }
+    }
+
+    fn stage(&mut self, cucs: Id) -> &mut StagedUpload {
+        let base = self.loading.as_ref().map_or(&self.stored, |up| &up.plan);
+        self.staged
+            .get_or_insert_with(|| StagedUpload::begin(cucs, base.clone()))
+    }
+
+    /// Stores a message in the upload of its sender.
+    ///
+    /// # Errors
+    /// The plan does not take it; nothing has changed but that another upload may have given way.
     pub(super) fn store(
         &mut self,
         message: &Message,
         cucs: Id,
         vehicle: Id,
     ) -> Result<(), StoreError> {
-        self.plan.store(message, cucs, vehicle)?;
-        // It only shows what the upload repeats: where it has no room for more, less of the plan before it is dropped.
-        self.sent.store(message, cucs, vehicle).ok();
-        if self.sent.routes().is_empty() {
+        self.give_way(message, cucs, vehicle);
+        // 50001 names its sender, which the upload's owner is only for messages of the wire.
+        self.check(message, cucs, vehicle)?;
+        self.stage(cucs).store(message, vehicle)
+    }
+
+    /// Whether a 13000 of this CUCS may load a route, where an upload was dropped before: from then on it may.
+    ///
+    /// # Errors
+    /// The waypoint that is missing, if it is one, and why.
+    pub(super) fn admit_load(
+        &mut self,
+        cucs: Id,
+        route: Option<&UaRoute>,
+    ) -> Result<(), (Option<u16>, String)> {
+        let Some(dropped) = &self.dropped else {
             return Ok(());
-        }
-        match message {
-            Message::UaPositionWaypoint(waypoint) => {
-                let number = waypoint.waypoint_number.unwrap_or(0);
-                self.plan.drop_unsent(number, &self.sent);
-            }
-            // Its waypoints may have come before it.
-            Message::UaRoute(_) => {
-                for number in self.sent.numbers() {
-                    self.plan.drop_unsent(number, &self.sent);
-                }
-            }
-            _ => {}
-        }
+        };
+        let own = self.staged.as_ref().filter(|staged| staged.owner == cucs);
+        let whole = match (own, route) {
+            (Some(staged), Some(route)) => staged.is_whole(route),
+            _ => Err(None),
+        };
+        whole.map_err(|missing| {
+            let missing_too = missing.map_or_else(String::new, |number| {
+                format!("; waypoint {number} has not been sent since")
+            });
+            (
+                missing,
+                format!("{dropped}{missing_too}: send the whole route, with its 13001, then 13000"),
+            )
+        })?;
+        self.dropped = None;
         Ok(())
     }
 
-    /// 13000 begins to load it.
-    pub(super) fn begin_load(&mut self) {
-        self.loading = Some(self.plan.clone());
-        self.sent = Plan::default();
-        self.failed = false;
+    /// 13000 begins to load what this CUCS has sent, or what is stored. True where it is an upload.
+    pub(super) fn begin_load(&mut self, cucs: Id) -> bool {
+        self.loading = self.staged.take_if(|staged| staged.owner == cucs);
+        if let Some(upload) = &mut self.loading {
+            upload.sent = Plan::default();
+            upload.failed = false;
+        }
+        self.loading.is_some()
     }
 
-    /// What 13000 loads.
-    pub(super) fn to_load(&self) -> &Plan {
-        self.loading.as_ref().unwrap_or(&self.plan)
+    /// It is loaded: what was sent is stored. True where that changes what is stored.
+    pub(super) fn loaded(&mut self) -> bool {
+        let Some(upload) = self.loading.take() else {
+            return false;
+        };
+        self.dropped = None;
+        self.stored = upload.plan;
+        true
     }
 
-    /// It is loaded.
-    pub(super) fn loaded(&mut self) {
-        self.base = self.loading.take().unwrap_or_else(|| self.plan.clone());
-        self.failed &= self.is_open();
-    }
-
-    /// 13000 could not load it now: nothing is wrong with the upload.
-    pub(super) fn load_failed(&mut self) {
-        self.loading = None;
-        self.failed = self.is_open();
+    /// 13000 could not load it now: nothing is wrong with the upload, which what has been sent since continues.
+    pub(super) fn load_failed(&mut self, vehicle: Id) {
+        let Some(mut upload) = self.loading.take() else {
+            return;
+        };
+        upload.failed = true;
+        match self.staged.take() {
+            Some(since) if since.owner == upload.owner => upload.add(&since.sent, vehicle),
+            // Its owner has given up control, and another has begun to send.
+            Some(since) => {
+                self.dropped = Some(why_dropped(upload.owner, "another CUCS is in control"));
+                upload = StagedUpload::begin(since.owner, self.stored.clone());
+                upload.add(&since.sent, vehicle);
+            }
+            None => {}
+        }
+        self.staged = Some(upload);
     }
 
     /// 13000 was refused without a look at the upload, perhaps while another one is carried out.
-    pub(super) fn load_not_begun(&mut self) {
-        self.sent = Plan::default();
-        self.failed = self.plan != *self.before();
+    pub(super) fn load_not_begun(&mut self, cucs: Id) {
+        if let Some(staged) = self.staged.as_mut().filter(|staged| staged.owner == cucs) {
+            staged.sent = Plan::default();
+            staged.failed = true;
+        }
     }
 
-    /// 13000 was refused for what is in the upload: it is dropped. `order`: from whom that 13000 came, and its stamp.
-    pub(super) fn refuse(&mut self, now: Duration, order: Option<(Id, TimeStamp)>) {
-        self.loading = None;
-        self.drop_upload();
-        self.refused = order.map(|(cucs, stamp)| (cucs, stamp, now + LATE_WITHIN));
+    /// As a restart finds it: a load that is under way then has failed.
+    pub(super) fn at_restart(&self, vehicle: Id) -> ReceivedPlan {
+        let mut found = self.clone();
+        found.load_failed(vehicle);
+        found
     }
 
-    /// Whether a message was sent before the 13000 that was refused, by the same CUCS: it is of that upload, and was
+    /// 13000 was refused for what is in the upload that is loaded, or else in the staged one: it is dropped.
+    pub(super) fn refuse(&mut self, now: Duration, order: Order, vehicle: Id) {
+        self.end_by(now, order);
+        if let Some(upload) = self.loading.take() {
+            self.dropped = Some(why_dropped(upload.owner, REFUSED));
+            // What was sent since is of the next upload, and not to the plan that it was sent to.
+            if let Some(since) = self.staged.take() {
+                self.stage(since.owner).add(&since.sent, vehicle);
+            }
+        } else {
+            self.drop_staged(REFUSED);
+        }
+    }
+
+    /// 13000 mode 5: nothing of what was sent is loaded. True where there was something.
+    pub(super) fn cancel(&mut self, now: Duration, order: Order) -> bool {
+        self.end_by(now, order);
+        let staged = self.drop_staged(CANCELLED);
+        let loading = self.loading.take().map(|upload| upload.owner);
+        if let Some(owner) = loading {
+            self.dropped = Some(why_dropped(owner, CANCELLED));
+        }
+        staged || loading.is_some()
+    }
+
+    fn end_by(&mut self, now: Duration, order: Order) {
+        self.ended = order.map(|(cucs, stamp)| (cucs, stamp, now + LATE_WITHIN));
+    }
+
+    /// Drops the staged upload. True where there was one that had changed something.
+    pub(super) fn drop_staged(&mut self, why: &str) -> bool {
+        let owner = self.open_by();
+        self.staged = None;
+        if let Some(owner) = owner {
+            self.dropped = Some(why_dropped(owner, why));
+        }
+        owner.is_some()
+    }
+
+    /// Whether a message was sent before the 13000 that dropped its upload, by the same CUCS: it is of that upload, and was
     /// overtaken on its way or had to be repeated.
     pub(super) fn is_late(&self, now: Duration, cucs: Id, stamp: Option<TimeStamp>) -> bool {
-        self.refused.is_some_and(|(by, ended, until)| {
+        self.ended.is_some_and(|(by, ended, until)| {
             now < until && by == cucs && stamp.is_some_and(|stamp| stamp < ended)
         })
     }
 
-    /// Whether another upload begins with this message: the one that failed is to be dropped first.
-    pub(super) fn begins_another(&self, message: &Message) -> bool {
-        let defines = |route: &UaRoute| route.initial_waypoint_number != Some(0);
-        self.failed && matches!(message, Message::UaRoute(route) if defines(route))
-    }
-
-    /// Drops the upload that failed, but for what has been sent since.
-    pub(super) fn drop_failed(&mut self, cucs: Id, vehicle: Id) {
-        let sent = std::mem::take(&mut self.sent);
-        self.drop_upload();
-        for message in sent.messages() {
-            // 50001 names the CUCS that sent it.
-            let cucs = match &message {
-                Message::CurveSegmentPaper(curve) => curve.cucs_id.unwrap_or(cucs),
-                _ => cucs,
-            };
-            // It was stored in a plan that held more.
-            self.store(&message, cucs, vehicle).ok();
+    /// 13000 mode 1 begins to clear: what is sent from here on is of another upload than what was sent before.
+    pub(super) fn begin_clear(&mut self) {
+        if let Some(staged) = &mut self.staged {
+            staged.sent = Plan::default();
+            staged.failed = true;
         }
     }
 
-    /// Returns to the plan before the upload.
-    fn drop_upload(&mut self) {
-        self.plan = self.before().clone();
-        self.sent = Plan::default();
-        self.failed = false;
-    }
-
-    /// The plan before the upload.
-    fn before(&self) -> &Plan {
-        self.loading.as_ref().unwrap_or(&self.base)
-    }
-
-    /// Forgets a route, or everything (13000 mode 1).
-    pub(super) fn clear(&mut self, route_id: Option<&str>) {
-        let Some(id) = route_id else {
-            *self = ReceivedPlan::default();
-            return;
-        };
-        for plan in [&mut self.plan, &mut self.base, &mut self.sent] {
-            plan.clear_route(id);
+    /// Forgets a route, or everything (13000 mode 1), and what had been sent when that began.
+    pub(super) fn clear(&mut self, route_id: Option<&str>, vehicle: Id) {
+        let before = self.staged.as_ref().is_some_and(|staged| staged.failed);
+        let sent = self
+            .staged
+            .as_ref()
+            .map(|staged| (staged.owner, staged.sent.clone()));
+        if !(before && self.drop_staged("13000 mode 1 has cleared")) {
+            self.staged = None;
         }
-        self.failed &= self.is_open();
+        match route_id {
+            Some(id) => self.stored.clear_route(id),
+            None => self.stored.clear(),
+        }
+        if let Some((owner, sent)) = sent.filter(|(_, sent)| !sent.is_empty()) {
+            self.stage(owner).add(&sent, vehicle);
+        }
     }
 }
 
+fn why_dropped(owner: Id, why: &str) -> String {
+    format!("the upload of {owner} was dropped: {why}")
+}
+
+const REFUSED: &str = "it was refused";
+const CANCELLED: &str = "it was cancelled (13000 mode 5)";
 /// A station repeats what is not answered for some seconds.
 const LATE_WITHIN: Duration = Duration::from_secs(10);
 
@@ -185,6 +308,7 @@ mod tests {
     use super::*;
 
     const CUCS: Id = Id(0x1b00_00a0);
+    const OTHER: Id = Id(0x1b00_00a1);
     const VEHICLE: Id = Id(0x1b00_0101);
 
     fn route(name: &str, initial: u16) -> Message {
@@ -222,33 +346,47 @@ mod tests {
         .into()
     }
 
-    fn store(received: &mut ReceivedPlan, messages: &[Message]) {
+    fn store_as(cucs: Id, received: &mut ReceivedPlan, messages: &[Message]) {
         for message in messages {
-            received.store(message, CUCS, VEHICLE).expect("it fits");
+            received.store(message, cucs, VEHICLE).expect("it fits");
         }
+    }
+
+    fn store(received: &mut ReceivedPlan, messages: &[Message]) {
+        store_as(CUCS, received, messages);
+    }
+
+    /// What a 13000 of a CUCS for a route would load, as far as it may.
+    fn offer(received: &mut ReceivedPlan, cucs: Id, name: &str) -> Option<Plan> {
+        let plan = received.offered(cucs).clone();
+        let route = plan.route_named(name);
+        let admitted = received.admit_load(cucs, route).is_ok() && route.is_some();
+        admitted.then_some(plan)
+    }
+
+    fn load(received: &mut ReceivedPlan) {
+        assert!(received.begin_load(CUCS) && received.loaded());
     }
 
     /// A curved route with a loiter, loaded.
     fn curved() -> ReceivedPlan {
         let mut received = ReceivedPlan::default();
-        store(
-            &mut received,
-            &[
-                route("A", 1),
-                waypoint(1, 2),
-                waypoint(2, 0),
-                loiter(2),
-                curve(1, 2),
-            ],
-        );
-        received.begin_load();
-        received.loaded();
-        assert!(!received.is_open());
+        let messages = [
+            route("A", 1),
+            waypoint(1, 2),
+            waypoint(2, 0),
+            loiter(2),
+            curve(1, 2),
+        ];
+        store(&mut received, &messages);
+        assert!(received.stored.is_empty() && received.open_by() == Some(CUCS));
+        load(&mut received);
+        assert!(received.open_by().is_none());
         received
     }
 
-    fn is_curved(received: &ReceivedPlan) -> bool {
-        received.plan.curves_from(1).count() > 0
+    fn is_curved(plan: &Plan) -> bool {
+        plan.curves_from(1).count() > 0
     }
 
     #[test]
@@ -257,8 +395,9 @@ mod tests {
         for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
             let mut received = curved();
             store(&mut received, &order.map(|at: usize| straight[at].clone()));
-            assert!(!is_curved(&received), "{order:?}");
-            assert!(received.plan.loiter(2).is_none(), "{order:?}");
+            let plan = received.offered(CUCS);
+            assert!(!is_curved(plan) && plan.loiter(2).is_none(), "{order:?}");
+            assert!(is_curved(&received.stored), "not before its 13000");
         }
         let whole = [
             curve(1, 2),
@@ -272,7 +411,8 @@ mod tests {
             let mut sent = whole.to_vec();
             sent.rotate_left(first);
             store(&mut received, &sent);
-            assert!(is_curved(&received) && received.plan.loiter(2).is_some());
+            let plan = received.offered(CUCS);
+            assert!(is_curved(plan) && plan.loiter(2).is_some());
         }
     }
 
@@ -280,75 +420,168 @@ mod tests {
     fn a_change_of_a_part_leaves_the_rest() {
         let mut received = curved();
         store(&mut received, &[waypoint(1, 2), waypoint(2, 0)]);
-        assert!(is_curved(&received) && received.plan.loiter(2).is_some());
+        load(&mut received);
+        assert!(is_curved(&received.stored) && received.stored.loiter(2).is_some());
     }
 
     #[test]
-    fn a_refused_upload_leaves_the_plan_of_before_and_the_next_begins_clean() {
+    fn a_refused_upload_leaves_the_plan_of_before_and_the_next_must_be_whole() {
         let mut received = curved();
-        let before = received.clone();
-        store(
-            &mut received,
-            &[route("B", 5), curve(5, 6), waypoint(1, 9), curve(8, 9)],
-        );
-        received.begin_load();
-        received.refuse(Duration::ZERO, Some((CUCS, TimeStamp(100))));
-        assert_eq!(received.plan, before.plan);
-        assert!(!received.is_open() && received.sent == Plan::default());
+        let before = received.stored.clone();
+        let flawed = [route("B", 5), curve(5, 6), waypoint(1, 9), curve(8, 9)];
+        store(&mut received, &flawed);
+        received.begin_load(CUCS);
+        received.refuse(Duration::ZERO, Some((CUCS, TimeStamp(100))), VEHICLE);
+        assert!(received.stored == before && received.staged.is_none());
         // What was repeated after it is known by its stamp, for as long as stations repeat.
         let late = |seconds, cucs, stamp| {
             received.is_late(Duration::from_secs(seconds), cucs, Some(TimeStamp(stamp)))
         };
         assert!(late(9, CUCS, 99) && !late(9, CUCS, 101));
-        assert!(!late(9, Id(7), 99) && !late(11, CUCS, 99));
+        assert!(!late(9, OTHER, 99) && !late(11, CUCS, 99));
+    }
+
+    /// Each way in which an upload ends but by its load: the plan is as before, nothing is staged, a 13000 does not load
+    /// the earlier plan in its place, and neither the rest of it, nor the rest at another CUCS, becomes a route.
+    #[test]
+    fn an_upload_that_is_dropped_leaves_nothing_that_could_be_loaded() {
+        type Drop = fn(&mut ReceivedPlan);
+        let ways: [(&str, Drop); 5] = [
+            ("cancelled", |received| {
+                assert!(received.cancel(Duration::ZERO, None));
+            }),
+            ("cancelled during its load", |received| {
+                received.begin_load(CUCS);
+                assert!(received.cancel(Duration::ZERO, None));
+            }),
+            ("control has changed", |received| {
+                assert!(received.drop_staged("control has changed"));
+            }),
+            ("refused", |received| {
+                received.begin_load(CUCS);
+                received.refuse(Duration::ZERO, None, VEHICLE);
+            }),
+            ("cleared", |received| {
+                received.begin_clear();
+                received.clear(Some("none"), VEHICLE);
+            }),
+        ];
+        for (way, drop) in ways {
+            let mut received = curved();
+            let before = received.stored.clone();
+            store(&mut received, &[route("B", 1), waypoint(1, 7)]);
+            drop(&mut received);
+            assert!(
+                received.stored == before && received.staged.is_none(),
+                "{way}"
+            );
+            for cucs in [CUCS, OTHER] {
+                assert_eq!(offer(&mut received, cucs, "A"), None, "{way}");
+                let mut rest = received.clone();
+                store_as(cucs, &mut rest, &[waypoint(7, 2)]);
+                assert_eq!(offer(&mut rest, cucs, "A"), None, "{way}");
+                assert_eq!(offer(&mut rest, cucs, "B"), None, "{way}");
+                // Its 13001 is not enough: the waypoints of the plan before are no part of it.
+                store_as(cucs, &mut rest, &[route("B", 7)]);
+                assert_eq!(offer(&mut rest, cucs, "B"), None, "{way}");
+                let whole = [waypoint(2, 0), waypoint(7, 2)];
+                store_as(cucs, &mut rest, &whole);
+                let found = offer(&mut rest, cucs, "B").expect("it is whole");
+                assert!(
+                    found
+                        .waypoint(1)
+                        .is_some_and(|w| w.next_waypoint == Some(2))
+                );
+                assert!(rest.begin_load(cucs) && rest.loaded() && rest.dropped.is_none());
+            }
+        }
     }
 
     #[test]
     fn an_upload_that_could_not_be_loaded_can_be_loaded_later_or_is_dropped_by_the_next() {
         let mut received = curved();
         store(&mut received, &[route("B", 5), waypoint(5, 0)]);
-        received.begin_load();
-        received.load_failed();
-        assert!(received.failed && received.to_load().waypoint(5).is_some());
+        received.begin_load(CUCS);
+        let cut_off = received.at_restart(VEHICLE);
+        received.load_failed(VEHICLE);
+        assert_eq!(received, cut_off, "a restart in the middle finds it too");
+        assert!(received.offered(CUCS).waypoint(5).is_some());
         let mut again = received.clone();
-        again.begin_load();
-        again.loaded();
-        assert!(!again.is_open() && again.base.waypoint(5).is_some() && !again.failed);
+        load(&mut again);
+        assert!(again.stored.waypoint(5).is_some() && again.staged.is_none());
         // Without a 13001 it is continued.
-        assert!(!received.begins_another(&waypoint(5, 6)));
+        let gives_way = |received: &ReceivedPlan, message| received.gives_way(&message, CUCS);
+        assert!(gives_way(&received, waypoint(5, 6)).is_none());
         // Another upload drops it, also where its 13001 comes last.
         store(&mut received, &[waypoint(7, 0), curve(1, 2)]);
-        assert!(received.begins_another(&route("C", 7)));
-        assert!(!received.begins_another(&route("B", 0)));
-        received.drop_failed(CUCS, VEHICLE);
-        let numbers: Vec<_> = received.plan.numbers().collect();
+        assert!(gives_way(&received, route("B", 0)).is_none());
+        store(&mut received, &[route("C", 7)]);
+        let numbers: Vec<_> = received.offered(CUCS).numbers().collect();
         assert_eq!(numbers, [1, 2, 7]);
-        assert!(!received.failed && received.plan.route_named("B").is_none());
+        assert!(received.offered(CUCS).route_named("B").is_none());
+        assert!(offer(&mut received, CUCS, "C").is_some());
+    }
+
+    #[test]
+    fn the_13001_of_a_route_that_was_sent_already_begins_another_upload() {
+        let mut received = curved();
+        let first = [route("B", 5), waypoint(5, 6), curve(5, 6), waypoint(6, 0)];
+        store(&mut received, &first);
+        // Another route of the same upload.
+        store(&mut received, &[route("C", 8), waypoint(8, 0)]);
+        assert!(received.offered(CUCS).route_named("B").is_some());
+        store(&mut received, &[route("B", 5), waypoint(5, 6)]);
+        assert!(
+            received.offered(CUCS).waypoint(6).is_none(),
+            "it is of before"
+        );
+        store(&mut received, &[waypoint(6, 0)]);
+        let found = offer(&mut received, CUCS, "B").expect("it is whole");
+        assert_eq!(found.curves_from(5).count(), 0);
+        assert!(found.route_named("C").is_none() && found.route_named("A").is_some());
+    }
+
+    #[test]
+    fn what_another_cucs_sends_joins_no_upload() {
+        let mut received = curved();
+        store(&mut received, &[route("B", 5), waypoint(5, 6)]);
+        store_as(OTHER, &mut received, &[waypoint(6, 0)]);
+        assert_eq!(received.open_by(), Some(OTHER));
+        assert!(received.offered(OTHER).waypoint(5).is_none());
+        assert!(received.offered(CUCS).waypoint(6).is_none());
+        assert_eq!(offer(&mut received, OTHER, "A"), None);
     }
 
     #[test]
     fn what_arrives_during_a_load_is_of_the_next_upload() {
         let mut received = curved();
         store(&mut received, &[route("B", 5), waypoint(5, 0)]);
-        received.begin_load();
+        received.begin_load(CUCS);
         store(&mut received, &[waypoint(7, 0)]);
         assert!(received.to_load().waypoint(7).is_none());
         // A 13000 for it comes too early: it can be repeated, and the one that is carried out is not disturbed.
-        received.load_not_begun();
-        assert!(received.failed);
-        received.loaded();
-        assert!(received.base.waypoint(5).is_some() && received.base.waypoint(7).is_none());
-        assert!(received.failed && received.plan.waypoint(7).is_some());
-        received.drop_failed(CUCS, VEHICLE);
-        assert!(received.plan.waypoint(5).is_some() && received.plan.waypoint(7).is_none());
+        received.load_not_begun(CUCS);
+        let mut refused = received.clone();
+        assert!(received.loaded());
+        assert!(received.stored.waypoint(5).is_some() && received.stored.waypoint(7).is_none());
+        assert!(received.offered(CUCS).waypoint(7).is_some());
+        // Of a load that is refused it keeps nothing.
+        store(&mut refused, &[waypoint(8, 0)]);
+        refused.refuse(Duration::ZERO, None, VEHICLE);
+        assert!(refused.offered(CUCS).waypoint(5).is_none());
+        assert!(refused.offered(CUCS).waypoint(8).is_some());
     }
 
     #[test]
-    fn a_route_is_cleared_in_the_plan_and_in_what_a_refusal_returns_to() {
+    fn a_route_is_cleared_and_what_is_sent_meanwhile_is_kept() {
         let mut received = curved();
-        store(&mut received, &[route("B", 5), waypoint(5, 0)]);
-        received.clear(Some("A"));
-        received.refuse(Duration::ZERO, None);
-        assert!(received.plan.is_empty());
+        store(&mut received, &[waypoint(5, 0)]);
+        received.begin_clear();
+        store(&mut received, &[route("C", 6), waypoint(6, 0)]);
+        received.clear(None, VEHICLE);
+        assert!(received.stored.is_empty());
+        let numbers: Vec<_> = received.offered(CUCS).numbers().collect();
+        assert_eq!(numbers, [6]);
+        assert!(offer(&mut received, CUCS, "C").is_some());
     }
 }

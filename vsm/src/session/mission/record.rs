@@ -11,6 +11,7 @@ use stanag_msgs::enums::RouteType;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, frames};
 
 use super::received::ReceivedPlan;
+use super::staged::StagedUpload;
 use crate::session::store::{from_json, to_json};
 
 /// The route that the vehicle carries, as it was read back from it.
@@ -40,16 +41,31 @@ pub(crate) struct RecordError(String);
 
 #[derive(Serialize, Deserialize)]
 struct PlanRecord {
-    /// One message a line, as DLI bytes in hex.
+    /// The stored plan: one message a line, as DLI bytes in hex.
     messages: Vec<String>,
-    /// Where an upload has not ended.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    upload: Option<UploadRecord>,
+    staged: Option<StagedRecord>,
+    /// Why the latest upload was dropped.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    dropped: Option<String>,
+    /// Of versions that kept the upload in `messages`.
+    #[serde(default, skip_serializing)]
+    upload: Option<OldUploadRecord>,
 }
 
-/// The upload that has changed the plan: `messages` of the plan hold it already.
+/// The upload that is to change the plan.
 #[derive(Serialize, Deserialize)]
-struct UploadRecord {
+struct StagedRecord {
+    owner: u32,
+    /// The plan as the upload changes it.
+    plan: Vec<String>,
+    sent: Vec<String>,
+    failed: bool,
+}
+
+/// The upload that has changed `messages` already.
+#[derive(Deserialize)]
+struct OldUploadRecord {
     /// The plan before it.
     base: Vec<String>,
     /// What was sent of it.
@@ -59,14 +75,19 @@ struct UploadRecord {
 
 /// The bytes of a plan's record.
 pub(super) fn encode_plan(received: &ReceivedPlan, cucs: Id, vehicle: Id) -> Vec<u8> {
-    let lines = |plan: &Plan| encode_messages(plan.messages(), cucs, vehicle);
-    let upload = received.is_open().then(|| UploadRecord {
-        base: lines(&received.base),
-        sent: lines(&received.sent),
-        failed: received.failed,
-    });
-    let messages = lines(&received.plan);
-    to_json(&PlanRecord { messages, upload })
+    let received = received.at_restart(vehicle);
+    let lines = |plan: &Plan, cucs: Id| encode_messages(plan.messages(), cucs, vehicle);
+    to_json(&PlanRecord {
+        messages: lines(&received.stored, cucs),
+        staged: received.staged.map(|staged| StagedRecord {
+            owner: staged.owner.0,
+            plan: lines(&staged.plan, staged.owner),
+            sent: lines(&staged.sent, staged.owner),
+            failed: staged.failed,
+        }),
+        dropped: received.dropped,
+        upload: None,
+    })
 }
 
 /// The plan of a record, and of how many messages it is made.
@@ -76,13 +97,39 @@ pub(super) fn decode_plan(bytes: &[u8], vehicle: Id) -> Result<(ReceivedPlan, us
         let mut plan = Plan::default();
         store_all(&mut plan, lines, vehicle).map(|()| plan)
     };
+    let mut lines = record.messages.len();
     let mut received = ReceivedPlan::settled(plan(&record.messages)?);
-    if let Some(upload) = record.upload {
-        received.base = plan(&upload.base)?;
-        received.sent = plan(&upload.sent)?;
-        received.failed = upload.failed;
+    if let Some(staged) = record.staged {
+        lines = staged.plan.len();
+        received.staged = Some(StagedUpload {
+            owner: Id(staged.owner),
+            plan: plan(&staged.plan)?,
+            sent: plan(&staged.sent)?,
+            failed: staged.failed,
+        });
+    } else if let Some(upload) = record.upload {
+        // Whose it was says only the source of its messages.
+        let of_upload = upload.sent.last().or(record.messages.last());
+        let sent_by = of_upload.and_then(|line| sources(line).ok()?.pop());
+        received.staged = Some(StagedUpload {
+            owner: sent_by.unwrap_or(Id::NULL),
+            plan: std::mem::replace(&mut received.stored, plan(&upload.base)?),
+            sent: plan(&upload.sent)?,
+            failed: upload.failed,
+        });
     }
-    Ok((received, record.messages.len()))
+    received.dropped = record.dropped;
+    Ok((received, lines))
+}
+
+/// From whom the messages of a line came.
+fn sources(line: &str) -> Result<Vec<Id>, RecordError> {
+    let bytes = unhex(line).ok_or_else(|| RecordError(format!("not hex: {line}")))?;
+    let mut sources = Vec::new();
+    for frame in frames(&bytes) {
+        sources.push(frame.map_err(fault)?.header.source);
+    }
+    Ok(sources)
 }
 
 /// Messages of a record, one a line.
@@ -142,14 +189,21 @@ fn store_all(
     Ok(())
 }
 
-/// Stores the messages of a log: they continue the upload of the record.
+/// Stores the messages of a log: they continue the upload of the record, up to a 13000 that was cut off.
 pub(super) fn store_log<'l>(
     received: &mut ReceivedPlan,
     lines: impl Iterator<Item = &'l str>,
     vehicle: Id,
 ) -> Result<(), RecordError> {
     for (cucs, message) in decode_messages(lines)? {
-        received.store(&message, cucs, vehicle).map_err(fault)?;
+        if let Message::MissionTransferCommand(_) = message {
+            received.begin_load(cucs);
+            received.load_failed(vehicle);
+            // It was only begun where nothing that was dropped before spoke against it.
+            received.dropped = None;
+        } else {
+            received.store(&message, cucs, vehicle).map_err(fault)?;
+        }
     }
     Ok(())
 }

@@ -1,4 +1,5 @@
-//! The plan that CUCSs have sent, what 13000 has loaded of it, and what the vehicle carries; in memory and on disk.
+//! The stored plan and the upload that is to change it, what 13000 has loaded, and what the vehicle carries; in memory
+//! and on disk.
 //!
 //! What is sent becomes an upload, which its 13000 ends ([`super::received`]); each message is on disk before it is in
 //! memory ([`super::plan_files`]).
@@ -7,10 +8,11 @@ use std::time::Duration;
 
 use mapping::plan::Plan;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
+use stanag_msgs::messages::{MissionTransferCommand, UaRoute};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::plan_files::{PlanFiles, log_name};
-use super::received::ReceivedPlan;
+use super::received::{Order, ReceivedPlan};
 use super::record::{self, UploadedMission};
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
@@ -21,6 +23,8 @@ use crate::session::store::{record_fault, record_name};
 pub(super) struct MissionStore {
     received: ReceivedPlan,
     files: PlanFiles,
+    /// When the staged upload is given up, if nothing more comes of it.
+    staged_until: Option<Duration>,
     /// What the vehicle carries, as it was read back from it.
     pub(super) uploaded: Option<UploadedMission>,
     /// What 13000 has loaded.
@@ -28,12 +32,17 @@ pub(super) struct MissionStore {
 }
 
 impl MissionStore {
-    /// What CUCSs have sent.
+    /// The stored plan: nothing of an upload that 13000 has not loaded.
     pub(super) fn plan(&self) -> &Plan {
-        &self.received.plan
+        &self.received.stored
     }
 
-    /// What 13000 loads: what had been sent when it began.
+    /// What a 13000 of this CUCS loads: what it has sent, to the stored plan.
+    pub(super) fn offered(&self, cucs: Id) -> &Plan {
+        self.received.offered(cucs)
+    }
+
+    /// What the 13000 that is carried out loads: what had been sent when it began.
     pub(super) fn to_load(&self) -> &Plan {
         self.received.to_load()
     }
@@ -46,14 +55,12 @@ impl MissionStore {
         stamp: Option<TimeStamp>,
     ) -> Result<(), String> {
         if self.received.is_late(now, cucs, stamp) {
-            return Err(
-                "sent before the 13000 that was refused: its upload was dropped".to_owned(),
-            );
+            return Err("sent before the 13000 that dropped its upload".to_owned());
         }
         Ok(())
     }
 
-    /// 13001, 13002, 13003, 50001, 50002: stored at once, flown after 13000.
+    /// 13001, 13002, 13003, 50001, 50002: staged at once, stored and flown after 13000.
     ///
     /// # Errors
     /// The plan does not take it, or the disk does not: nothing has changed.
@@ -64,51 +71,130 @@ impl MissionStore {
         effects: &mut Effects<'_>,
     ) -> Result<(), String> {
         let vehicle = effects.id;
-        if self.received.begins_another(message) {
-            self.drop_failed(message, cucs, effects)?;
+        if self.received.gives_way(message, cucs).is_some() {
+            self.give_way(message, cucs, effects)?;
         }
         // Checked before it is written: a message in the log that the plan refuses would fail the next start.
-        let checked = self.received.plan.check(message, cucs, vehicle);
+        let checked = self.received.check(message, cucs, vehicle);
         checked.map_err(|fault| fault.to_string())?;
         // Disk before memory: a message that is only in memory would be acknowledged, and lost by a restart.
         self.write_message(message, cucs, vehicle, effects.disk())
             .map_err(not_stored)?;
         let stored = self.received.store(message, cucs, vehicle);
-        stored.map_err(|fault| fault.to_string())
+        stored.map_err(|fault| fault.to_string())?;
+        self.staged_until = Some(effects.dli.now.mono + STAGED_WITHIN);
+        Ok(())
     }
 
-    /// The upload that could not be loaded gives way to the one that this 13001 is of.
-    fn drop_failed(
+    /// The staged upload gives way to the one that this message is of.
+    fn give_way(
         &mut self,
         message: &Message,
         cucs: Id,
         effects: &mut Effects<'_>,
     ) -> Result<(), String> {
         let vehicle = effects.id;
-        let mut before = self.received.clone();
-        before.drop_failed(cucs, vehicle);
-        let checked = before.plan.check(message, cucs, vehicle);
+        let mut after = self.received.clone();
+        after.give_way(message, cucs, vehicle);
+        let checked = after.check(message, cucs, vehicle);
         checked.map_err(|fault| fault.to_string())?;
         self.files
-            .fold(&before, cucs, vehicle, effects.disk())
+            .fold(&after, cucs, vehicle, effects.disk())
             .map_err(not_stored)?;
-        self.received = before;
+        let dropped = self.received.open_by().is_some();
+        self.received = after;
+        self.advise_of_drop(dropped, effects);
         Ok(())
     }
 
+    /// Drops an upload that its owner can load no more, or has left.
+    pub(super) fn watch_upload(
+        &mut self,
+        now: Duration,
+        controller: Option<Id>,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(owner) = self.received.staged.as_ref().map(|staged| staged.owner) else {
+            return;
+        };
+        // After a restart it is not known how old it is.
+        let until = *self.staged_until.get_or_insert(now + STAGED_WITHIN);
+        let why = if controller != Some(owner) {
+            "control of the vehicle has changed".to_owned()
+        } else if now >= until {
+            format!(
+                "nothing more came of it within {} min",
+                STAGED_WITHIN.as_secs() / 60
+            )
+        } else {
+            return;
+        };
+        if self.received.drop_staged(&why) {
+            self.save_upload(owner, effects);
+            self.advise_of_drop(true, effects);
+        }
+    }
+
+    /// When [`MissionStore::watch_upload`] has something to do, beside after a change of control.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        let staged = self.received.staged.is_some();
+        self.staged_until.filter(|_| staged)
+    }
+
+    fn advise_of_drop(&self, dropped: bool, effects: &mut Effects<'_>) {
+        if let Some(why) = self.received.dropped.as_ref().filter(|_| dropped) {
+            effects.advise(format!("{why}; the stored plan is as it was"));
+        }
+    }
+
+    /// Whether a 13000 may load a route of what [`MissionStore::offered`]; after an upload that was dropped it may only
+    /// load one that was sent whole since.
+    ///
+    /// # Errors
+    /// The waypoint that is missing, if it is one, and why.
+    pub(super) fn admit_load(
+        &mut self,
+        cucs: Id,
+        route: Option<&UaRoute>,
+    ) -> Result<(), (Option<u16>, String)> {
+        self.received.admit_load(cucs, route)
+    }
+
     /// 13000 begins to load what was sent.
-    pub(super) fn begin_load(&mut self) {
-        self.received.begin_load();
+    ///
+    /// # Errors
+    /// That the upload has ended here cannot be written: nothing has changed.
+    pub(super) fn begin_load(
+        &mut self,
+        command: &MissionTransferCommand,
+        cucs: Id,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), String> {
+        let vehicle = effects.id;
+        if self.received.offered(cucs) != self.received.to_load() {
+            // A restart in the middle of the load: what is sent after it is of another upload than what was before.
+            let command = Message::MissionTransferCommand(command.clone());
+            self.write_message(&command, cucs, vehicle, effects.disk())
+                .map_err(not_stored)?;
+        }
+        self.received.begin_load(cucs);
+        Ok(())
     }
 
     /// 13000 has not loaded what was sent, and can be repeated. `begun`: it was this one that was carried out.
     pub(super) fn load_failed(&mut self, begun: bool, cucs: Id, effects: &mut Effects<'_>) {
         if begun {
-            self.received.load_failed();
+            self.received.load_failed(effects.id);
         } else {
-            self.received.load_not_begun();
+            self.received.load_not_begun(cucs);
         }
-        if self.received.failed {
+        self.staged_until = Some(effects.dli.now.mono + STAGED_WITHIN);
+        if self
+            .received
+            .staged
+            .as_ref()
+            .is_some_and(|staged| staged.failed)
+        {
             self.save_upload(cucs, effects);
         }
     }
@@ -120,8 +206,29 @@ impl MissionStore {
         (cucs, stamp): (Id, Option<TimeStamp>),
         effects: &mut Effects<'_>,
     ) {
-        self.received.refuse(now, stamp.map(|stamp| (cucs, stamp)));
+        let order = stamp.map(|stamp| (cucs, stamp));
+        self.received.refuse(now, order, effects.id);
         self.save_upload(cucs, effects);
+    }
+
+    /// 13000 mode 5: nothing of what was sent stays.
+    ///
+    /// # Errors
+    /// It cannot be written: it is dropped, but a restart could find it.
+    pub(super) fn cancel_upload(
+        &mut self,
+        now: Duration,
+        (cucs, stamp): (Id, Option<TimeStamp>),
+        effects: &mut Effects<'_>,
+    ) -> Result<(), String> {
+        let order: Order = stamp.map(|stamp| (cucs, stamp));
+        if !self.received.cancel(now, order) {
+            return Ok(());
+        }
+        let written = self.fold_log(cucs, effects);
+        written.map_err(|fault| {
+            format!("what was sent is dropped, but a restart of the VSM would find it: {fault}")
+        })
     }
 
     /// Writes how an upload ended. What cannot be written is tried again with the next message; a restart before it finds
@@ -132,12 +239,22 @@ impl MissionStore {
         }
     }
 
-    /// 13000 has loaded what was sent.
-    pub(super) fn upload_loaded(&mut self, cucs: Id, effects: &mut Effects<'_>) {
-        self.received.loaded();
-        // The log holds the plan as well: a record that cannot be written costs nothing but that a later refusal returns
-        // to the plan of before this load, after a restart.
-        self.fold_log(cucs, effects).ok();
+    /// 13000 has loaded what was sent: it is stored.
+    ///
+    /// # Errors
+    /// It could not be written: it is staged as before.
+    pub(super) fn upload_loaded(
+        &mut self,
+        cucs: Id,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), StoreError> {
+        let before = self.received.clone();
+        if !self.received.loaded() {
+            return Ok(());
+        }
+        self.fold_log(cucs, effects).inspect_err(|_| {
+            self.received = before;
+        })
     }
 
     fn write_message(
@@ -166,12 +283,18 @@ impl MissionStore {
         effects: &mut Effects<'_>,
     ) -> Result<(), StoreError> {
         let before = (self.received.clone(), self.loaded.clone());
-        self.clear(Some(id));
+        self.received.begin_clear();
+        self.clear(Some(id), effects.id);
         self.save(cucs, effects).inspect_err(|_| {
             (self.received, self.loaded) = before;
             // The record may have been written without the route already.
             self.files.rewrite = true;
         })
+    }
+
+    /// 13000 mode 1 has begun: what is sent from here on is kept.
+    pub(super) fn begin_clear(&mut self) {
+        self.received.begin_clear();
     }
 
     /// The vehicle carries nothing any more: clears a route, or everything, on disk too.
@@ -184,13 +307,13 @@ impl MissionStore {
         cucs: Id,
         effects: &mut Effects<'_>,
     ) -> Result<(), StoreError> {
-        self.clear(route_id);
+        self.clear(route_id, effects.id);
         self.uploaded = None;
         self.save(cucs, effects)
     }
 
-    fn clear(&mut self, route_id: Option<&str>) {
-        self.received.clear(route_id);
+    fn clear(&mut self, route_id: Option<&str>, vehicle: Id) {
+        self.received.clear(route_id, vehicle);
         let gone = |loaded: &mut UploadedMission| route_id.is_none_or(|id| loaded.is_of(id));
         self.loaded.take_if(gone);
     }
@@ -258,6 +381,10 @@ impl MissionStore {
 fn not_stored(fault: StoreError) -> String {
     format!("it cannot be stored: {fault}")
 }
+
+/// An upload of which nothing more comes for so long is dropped: its operator may have forgotten it, and what is sent
+/// later, without a 13001, would be added to it.
+const STAGED_WITHIN: Duration = Duration::from_secs(5 * 60);
 
 // The names of records by kind; of files that are on disks, so they stay.
 const LOADED: &str = "chosen";
@@ -414,7 +541,7 @@ mod tests {
         let written = disk.0.borrow().written;
         assert!(written < 20_000_000, "{written} bytes written");
         assert!(took < Duration::from_secs(5), "{took:?}");
-        assert_eq!(restored(&mut world).plan(), plan.plan());
+        assert_eq!(restored(&mut world).offered(CUCS), plan.offered(CUCS));
         world
             .act(|_, _, effects| plan.fold_log(CUCS, effects))
             .expect("folded");
@@ -426,7 +553,7 @@ mod tests {
                 .records
                 .contains_key("plan-1b000101.log")
         );
-        assert_eq!(restored(&mut world).plan(), plan.plan());
+        assert_eq!(restored(&mut world).offered(CUCS), plan.offered(CUCS));
     }
 
     #[test]
@@ -443,7 +570,7 @@ mod tests {
             log.iter().filter(|byte| **byte == b'\n').count()
         };
         assert!(lines(&disk) <= FOLD_LINES + 2 * 3 + 1, "{}", lines(&disk));
-        assert_eq!(restored(&mut world).plan(), plan.plan());
+        assert_eq!(restored(&mut world).offered(CUCS), plan.offered(CUCS));
     }
 
     /// Messages with a clearing among them; whatever change of the disk is the last that is made, and wherever it tears
@@ -498,6 +625,7 @@ mod tests {
                             .is_ok(),
                         Step::Clear => {
                             after.clear();
+                            plan.begin_clear();
                             world
                                 .act(|_, _, effects| plan.cleared(None, CUCS, effects))
                                 .is_ok()
@@ -512,12 +640,16 @@ mod tests {
                 disk.0.borrow_mut().left = None;
                 let mut found = restored(&mut world);
                 let case = format!("{left} changes, {torn} bytes");
-                assert!([&before, &after].contains(&found.plan()), "{case}");
+                assert!([&before, &after].contains(&found.offered(CUCS)), "{case}");
                 // What comes next is stored behind it, whatever is on the disk.
                 let next = waypoint(9, 0);
                 store(&mut world, &mut found, &next).expect("stored");
                 store(&mut world, &mut found, &waypoint(10, 0)).expect("stored");
-                assert_eq!(restored(&mut world).plan(), found.plan(), "{case}");
+                assert_eq!(
+                    restored(&mut world).offered(CUCS),
+                    found.offered(CUCS),
+                    "{case}"
+                );
             }
         }
         assert!(cut_off > 80, "{cut_off}");
@@ -534,8 +666,10 @@ mod tests {
         assert!(refused.is_err_and(|why| why.starts_with("it cannot be stored: ")));
         disk.0.borrow_mut().left = None;
         store(&mut world, &mut plan, &waypoint(3, 0)).expect("stored");
-        assert!(plan.plan().waypoint(2).is_none() && plan.plan().waypoint(3).is_some());
-        assert_eq!(restored(&mut world).plan(), plan.plan());
+        assert!(
+            plan.offered(CUCS).waypoint(2).is_none() && plan.offered(CUCS).waypoint(3).is_some()
+        );
+        assert_eq!(restored(&mut world).offered(CUCS), plan.offered(CUCS));
     }
 
     #[test]
@@ -549,13 +683,88 @@ mod tests {
         let mut old = Plan::default();
         old.store(&waypoint(7, 0), CUCS, VEHICLE).expect("it fits");
         let record = record::encode_plan(&ReceivedPlan::settled(old.clone()), CUCS, VEHICLE);
+        let text = String::from_utf8_lossy(&record);
+        assert!(!text.contains("staged") && !text.contains("dropped"));
         let mut disk = disk;
         disk.replace("plan-1b000101.json", &record, Durability::Process)
             .expect("written");
         let mut found = restored(&mut world);
         assert_eq!(*found.plan(), old);
         store(&mut world, &mut found, &waypoint(8, 0)).expect("stored");
-        assert_eq!(restored(&mut world).plan(), found.plan());
+        assert_eq!(*found.plan(), old);
+        assert_eq!(restored(&mut world).offered(CUCS), found.offered(CUCS));
+    }
+
+    /// That version kept the upload in the plan, and what was before it beside it.
+    #[test]
+    fn an_upload_in_a_record_of_before_it_was_staged_is_its_senders_and_not_stored() {
+        let (mut world, mut disk) = world();
+        let line = |message: &Message| record::encode_message(message, CUCS, VEHICLE);
+        let line = |message| line(&message).expect("it is encoded");
+        let (first, second) = (line(waypoint(1, 0)), line(waypoint(2, 0)));
+        let record = format!(
+            r#"{{"messages":["{first}","{second}"],"upload":{{"base":["{first}"],"sent":["{second}"],"failed":false}}}}"#
+        );
+        disk.replace("plan-1b000101.json", record.as_bytes(), Durability::Process)
+            .expect("written");
+        let mut found = restored(&mut world);
+        let numbers = |plan: &Plan| plan.numbers().collect::<Vec<_>>();
+        assert_eq!(numbers(found.plan()), [1]);
+        assert_eq!(numbers(found.offered(CUCS)), [1, 2]);
+        assert_eq!(numbers(found.offered(Id(CUCS.0 + 1))), [1]);
+        world.act(|_, _, effects| found.watch_upload(Duration::ZERO, None, effects));
+        assert_eq!(numbers(restored(&mut world).offered(CUCS)), [1]);
+    }
+
+    #[test]
+    fn an_upload_is_dropped_with_its_owners_control_or_when_it_is_left_and_so_it_is_on_disk() {
+        let minutes = |minutes: u64| Duration::from_secs(60 * minutes);
+        for (controller, at, kept) in [
+            (Some(CUCS), minutes(4), true),
+            (Some(CUCS), minutes(6), false),
+            (Some(Id(CUCS.0 + 1)), Duration::ZERO, false),
+            (None, Duration::ZERO, false),
+        ] {
+            let (mut world, _) = world();
+            let mut plan = MissionStore::default();
+            for message in [route("R", 1), waypoint(1, 0)] {
+                store(&mut world, &mut plan, &message).expect("stored");
+            }
+            let begun = world.now.mono;
+            assert!(plan.poll_timeout() > Some(begun));
+            world.act(|_, _, effects| plan.watch_upload(begun + at, controller, effects));
+            assert_eq!(plan.poll_timeout().is_some(), kept, "{controller:?} {at:?}");
+            let mut found = restored(&mut world);
+            assert_eq!(found.offered(CUCS), plan.offered(CUCS));
+            assert_eq!(found.offered(CUCS).is_empty(), !kept);
+            let admitted = found.admit_load(CUCS, None);
+            assert_eq!(admitted.is_ok(), kept, "{admitted:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_sent_after_a_load_that_a_restart_cut_off_is_of_another_upload() {
+        let (mut world, _) = world();
+        let mut plan = MissionStore::default();
+        for message in [route("R", 1), waypoint(1, 2), waypoint(2, 0), curve(1, 2)] {
+            store(&mut world, &mut plan, &message).expect("stored");
+        }
+        world
+            .act(|_, _, effects| plan.begin_load(&MissionTransferCommand::default(), CUCS, effects))
+            .expect("begun");
+        let mut found = restored(&mut world);
+        assert_eq!(
+            found.offered(CUCS),
+            plan.offered(CUCS),
+            "it can be repeated"
+        );
+        for message in [route("S", 1), waypoint(1, 2), waypoint(2, 0)] {
+            store(&mut world, &mut found, &message).expect("stored");
+        }
+        for found in [restored(&mut world), found] {
+            let plan = found.offered(CUCS);
+            assert!(plan.curves_from(1).count() == 0 && plan.route_named("R").is_none());
+        }
     }
 
     #[test]
@@ -563,13 +772,14 @@ mod tests {
         let (mut world, disk) = world();
         let mut plan = MissionStore::default();
         let clear = |world: &mut World, plan: &mut MissionStore| {
+            plan.begin_clear();
             world.act(|_, _, effects| plan.cleared(None, CUCS, effects))
         };
         store(&mut world, &mut plan, &waypoint(1, 0)).expect("stored");
         disk.0.borrow_mut().stuck = true;
         // The log continues a record that is not there any more.
         clear(&mut world, &mut plan).expect("cleared");
-        assert!(restored(&mut world).plan().is_empty());
+        assert!(restored(&mut world).offered(CUCS).is_empty());
         store(&mut world, &mut plan, &waypoint(2, 0)).expect("stored");
         // Now it continues the record of a cleared plan: another such record would not outdate it.
         assert!(clear(&mut world, &mut plan).is_err());

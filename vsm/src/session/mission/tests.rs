@@ -116,9 +116,20 @@ fn ready() -> (World, Mission) {
     (world, mission)
 }
 
-/// The items that the stored route is compiled to.
+/// As if 13000 had loaded another of its routes.
+fn stored(world: &mut World, mission: &mut Mission) {
+    let stored = world.act(|_, _, effects| {
+        let begun = mission
+            .store
+            .begin_load(&transfer(Mode::Load), CUCS, effects);
+        begun.map(|()| mission.store.upload_loaded(CUCS, effects))
+    });
+    stored.expect("begun").expect("stored");
+}
+
+/// The items that the route is compiled to.
 fn compiled(world: &mut World, mission: &Mission) -> Vec<Item> {
-    let plan = mission.store.plan();
+    let plan = mission.store.offered(CUCS);
     world.act(|context, views, _| {
         let telemetry = &context.vehicle.telemetry;
         let site = Site {
@@ -188,6 +199,7 @@ fn a_route_is_loaded_once_the_vehicle_names_it_and_a_restart_finds_it() {
     let mut found = Mission::new(Vec::new());
     let restored = world.act(|_, _, effects| found.restore(effects));
     restored.expect("the records are read");
+    assert!(!found.store.plan().is_empty());
     assert_eq!(found.store.plan(), mission.store.plan());
     let notes = |route: Option<&UploadedMission>| {
         let mut route = route.expect("it is there").clone();
@@ -223,6 +235,7 @@ fn a_vehicle_that_holds_something_else_than_was_sent_carries_nothing() {
 fn a_mode_command_flies_once_its_route_is_uploaded_unless_it_was_dropped() {
     for dropped in [false, true] {
         let (mut world, mut mission) = ready();
+        stored(&mut world, &mut mission);
         let items = compiled(&mut world, &mission);
         let wanted = VehicleOperatingModeCommand::default();
         let message = wanted.clone().into();
@@ -303,6 +316,7 @@ fn a_download_sends_eight_messages_and_pauses() {
         };
         command(&mut world, &mut mission, waypoint);
     }
+    stored(&mut world, &mut mission);
     world.sent_to(0);
     command(&mut world, &mut mission, transfer(Mode::Download));
     let plan = |messages: Vec<Message>| {
@@ -317,6 +331,49 @@ fn a_download_sends_eight_messages_and_pauses() {
     handle(&mut world, &mut mission, Input::AdvanceDownload);
     assert_eq!(plan(world.sent_to(0)), 5);
     assert_eq!(mission.poll_timeout(), None);
+}
+
+#[test]
+fn a_cancel_ends_a_download_and_what_was_sent_is_not_loaded_by_the_next_13000() {
+    let (mut world, mut mission) = ready();
+    stored(&mut world, &mut mission);
+    for number in 10..30 {
+        let waypoint = UaPositionWaypoint {
+            waypoint_number: Some(number),
+            ..UaPositionWaypoint::default()
+        };
+        command(&mut world, &mut mission, waypoint);
+    }
+    stored(&mut world, &mut mission);
+    command(&mut world, &mut mission, transfer(Mode::Download));
+    command(
+        &mut world,
+        &mut mission,
+        UaPositionWaypoint {
+            waypoint_number: Some(2),
+            next_waypoint: Some(10),
+            ..UaPositionWaypoint::default()
+        },
+    );
+    world.sent_to(0);
+    command(&mut world, &mut mission, transfer(Mode::Cancel));
+    let (progress, texts) = reports(&mut world);
+    assert_eq!(progress, [(Status::Aborted, 0), (Status::Complete, 100)]);
+    assert!(texts.contains("cancelled"), "{texts}");
+    assert_eq!(mission.poll_timeout(), None, "no more of the download");
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let (progress, texts) = reports(&mut world);
+    assert_eq!(progress, [(Status::Aborted, 0)]);
+    assert!(texts.contains("send the whole route"), "{texts}");
+    assert!(!mission.transfers.is_running());
+    assert_eq!(
+        mission
+            .store
+            .plan()
+            .waypoint(2)
+            .and_then(|w| w.next_waypoint),
+        Some(0)
+    );
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use mapping::altitude::Level;
 use mapping::mode::Px4Mode;
+use mapping::plan::Plan;
 use mapping::route::{CompiledMission, Site};
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::command;
@@ -77,13 +78,10 @@ impl Transfers {
         effects: &mut Effects<'_>,
     ) {
         effects.acknowledge(&origin, AckType::Received);
-        let mission_id = command.mission_id.as_ref();
-        let name = mission_id.map_or_else(String::new, |id| id.as_str().to_owned());
-        let route_id = command.route_id.as_ref().map(|id| id.as_str());
-        let route_id = route_id.filter(|id| !id.is_empty());
+        let (name, route_id) = (mission_name(command), route_name(command));
         let part = match command.mission_plan_mode {
             Some(Mode::Load) => {
-                return self.load(context, (origin, name), route_id, store, free, effects);
+                return self.load(context, origin, command, store, free, effects);
             }
             Some(Mode::Clear) => {
                 return self.clear(context, (origin, name), route_id, store, free, effects);
@@ -113,37 +111,50 @@ impl Transfers {
     fn load(
         &mut self,
         context: &Context<'_>,
-        (origin, name): (Origin, String),
-        route_id: Option<&str>,
+        origin: Origin,
+        command: &MissionTransferCommand,
         store: &mut MissionStore,
         free: Free,
         effects: &mut Effects<'_>,
     ) {
-        let found = free
-            .map_err(str::to_owned)
-            .and_then(|()| route_to_load(store, route_id));
-        let (route, route_type) = match found {
+        let (name, route_id) = (mission_name(command), route_name(command));
+        let cucs = cucs_of(context, &origin);
+        let found = route_to_load(store.offered(cucs), route_id);
+        let found = found.map(|(route, route_type)| (route.clone(), route_type));
+        let route = found.as_ref().ok().map(|(route, _)| route);
+        // Before anything else: what is left of a dropped upload must not wait for a better moment.
+        if let Err((waypoint, why)) = store.admit_load(cucs, route) {
+            if self.load.is_none() {
+                store.refuse_upload(context.mono(), (cucs, origin.stamp), effects);
+            }
+            return status::reject(effects, origin, &name, Mode::Load, waypoint, why);
+        }
+        let begun = free.map_err(str::to_owned).and(found);
+        let (route, route_type) = match begun {
             Ok(found) => found,
             Err(why) => {
-                store.load_failed(false, cucs_of(context, &origin), effects);
+                store.load_failed(false, cucs, effects);
                 return status::reject(effects, origin, &name, Mode::Load, None, why);
             }
         };
-        let flights = store.plan().routes().iter();
+        let flights = store.offered(cucs).routes().iter();
         let flights = flights.filter(|route| mapping::plan::route_type(route) == RouteType::Flight);
-        if route_id.is_none() && flights.count() > 1 {
+        let several = flights.count() > 1;
+        if let Err(why) = store.begin_load(command, cucs, effects) {
+            return status::reject(effects, origin, &name, Mode::Load, None, why);
+        }
+        if route_id.is_none() && several {
             let named = route.route_id.as_ref().map_or("", |id| id.as_str());
             effects.advise(format!(
                 "13000 names no Route ID: of several flight routes the latest, {named:?}, is loaded"
             ));
         }
         status::report(effects, origin.station, &name, 0);
-        let upload = RouteUpload::new(context.mono(), route, route_type, false);
+        let upload = RouteUpload::new(context.mono(), &route, route_type, false);
         self.load = Some(Load {
             origin: Some(origin),
             ..Load::of(upload, name)
         });
-        store.begin_load();
     }
 
     /// Everything, or one route: of one that it does not carry the vehicle knows nothing.
@@ -181,6 +192,7 @@ impl Transfers {
         });
         match begun {
             Ok(upload) => {
+                store.begin_clear();
                 self.load = Some(Load {
                     work: Work::Clear {
                         route_id: route_id.map(str::to_owned),
@@ -203,22 +215,28 @@ impl Transfers {
         store: &mut MissionStore,
         effects: &mut Effects<'_>,
     ) {
+        // What was sent of an upload, loaded or not, is dropped with it: else the next 13000 would load it.
+        let sender = (cucs_of(context, &origin), origin.stamp);
+        let dropped = store.cancel_upload(context.mono(), sender, effects);
         if let Some(mut load) = self.load.take() {
             match &mut load.work {
                 Work::Load(upload) => {
                     if upload.cancel(context.mono(), context.vehicle, effects.vehicle) {
                         store.forget_uploaded(effects);
                     }
-                    if load.origin.is_some() {
-                        store.load_failed(true, cucs_of(context, &origin), effects);
-                    }
                 }
                 Work::Clear { upload, .. } => upload.cancel(effects.vehicle),
             }
             load.end(None, "cancelled".to_owned(), effects);
         }
-        // Also where nothing is in progress: what mode 5 requests is the case then.
-        status::complete(effects, &origin, name, Mode::Cancel);
+        if let Some(download) = self.download.take() {
+            download.cancel(effects);
+        }
+        match dropped {
+            // Also where nothing is in progress: what mode 5 requests is the case then.
+            Ok(()) => status::complete(effects, &origin, name, Mode::Cancel),
+            Err(why) => status::reject(effects, origin, name, Mode::Cancel, None, why),
+        }
     }
 
     /// A mode command that needs another route uploaded first: the latest of a type, or what 13000 has loaded.
@@ -493,16 +511,18 @@ impl Transfers {
             store.loaded = Some(uploaded.clone());
         }
         store.uploaded = Some(uploaded);
-        // What is answered as loaded must still be known after a crash.
-        if let Err(fault) = store.save_uploaded(effects) {
-            if let Some(origin) = &load.origin {
-                store.load_failed(true, cucs_of(context, origin), effects);
+        // What is answered as loaded must still be known after a crash, and the plan that it is of.
+        let cucs = load.origin.map(|origin| cucs_of(context, &origin));
+        let saved = store.save_uploaded(effects).and_then(|()| {
+            let stored = |cucs| store.upload_loaded(cucs, effects);
+            cucs.map_or(Ok(()), stored)
+        });
+        if let Err(fault) = saved {
+            if let Some(cucs) = cucs {
+                store.load_failed(true, cucs, effects);
             }
             let why = format!("the route is uploaded, but cannot be stored: {fault}");
             return load.end(None, why, effects);
-        }
-        if let Some(origin) = &load.origin {
-            store.upload_loaded(cucs_of(context, origin), effects);
         }
         load.done(effects);
     }
@@ -615,12 +635,11 @@ impl Load {
     }
 }
 
-/// The route that a load means: the one named, else the latest flight route, else the latest of all.
+/// The route of a plan that a load means: the one named, else the latest flight route, else the latest of all.
 fn route_to_load<'a>(
-    store: &'a MissionStore,
+    plan: &'a Plan,
     route_id: Option<&str>,
 ) -> Result<(&'a UaRoute, RouteType), String> {
-    let plan = store.plan();
     let route = match route_id {
         Some(id) => plan.route_named(id).ok_or_else(|| not_received(id))?,
         None => plan
@@ -629,6 +648,16 @@ fn route_to_load<'a>(
             .ok_or("no route has been received (13001)")?,
     };
     Ok((route, mapping::plan::route_type(route)))
+}
+
+fn mission_name(command: &MissionTransferCommand) -> String {
+    let mission_id = command.mission_id.as_ref();
+    mission_id.map_or_else(String::new, |id| id.as_str().to_owned())
+}
+
+fn route_name(command: &MissionTransferCommand) -> Option<&str> {
+    let route_id = command.route_id.as_ref().map(|id| id.as_str());
+    route_id.filter(|id| !id.is_empty())
 }
 
 fn answer_clear(
