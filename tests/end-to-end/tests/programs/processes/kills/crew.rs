@@ -45,7 +45,10 @@ pub(super) struct Crew {
     doing: &'static str,
     /// Who has LOI 4 and 5.
     owner: OneOf<Option<usize>>,
+    /// What the next load loads: what was sent since the last, to what that stored.
     plan: Plan,
+    /// What a load has stored.
+    stored: Plan,
     /// The vehicle has a mission that was acknowledged as loaded.
     loaded: bool,
     orders: Orders,
@@ -101,6 +104,7 @@ impl Crew {
             doing: "",
             owner: OneOf::just(None),
             plan: Plan::new(),
+            stored: Plan::new(),
             loaded: false,
             orders,
             kills: Vec::new(),
@@ -345,10 +349,9 @@ impl Crew {
 
     fn send_waypoints(&mut self, owner: usize) {
         self.doing = "waypoints sent";
-        if self.plan.is_empty() {
-            let ticket = self.send(owner, orders::route(FIRST));
-            self.ended(owner, ticket);
-        }
+        // With its 13001: what was sent before may have been dropped with the control of its station.
+        let ticket = self.send(owner, orders::route(FIRST));
+        self.ended(owner, ticket);
         let run = self.orders.run();
         let mut sent = Vec::new();
         for number in (FIRST..=LAST).chain(SPARE) {
@@ -379,6 +382,7 @@ impl Crew {
     fn load(&mut self, owner: usize) {
         self.doing = "load";
         self.loaded = false;
+        let run = self.orders.run();
         self.judge_commands();
         self.orders.load_begins();
         let ticket = self.send(owner, orders::load());
@@ -387,6 +391,24 @@ impl Crew {
         self.loaded = answer == Some(AckType::CarriedOut);
         if self.loaded {
             self.check_mission();
+            self.stored.clone_from(&self.plan);
+        } else if answer != Some(AckType::Refused) || run != self.orders.run() {
+            join(&mut self.stored, &self.plan);
+        } else {
+            // Refused for what is in it, it is dropped.
+            join(&mut self.plan, &self.stored);
+        }
+    }
+
+    /// What was sent and not loaded goes with the control of its station.
+    fn drop_sent(&mut self, before: Option<usize>) {
+        if !self.owner.clone().is(before) {
+            for (number, known) in &mut self.plan {
+                let stored = self.stored.get(number).cloned();
+                *known = stored.unwrap_or_else(|| OneOf::just(NOWHERE));
+            }
+        } else if self.owner.is_one_of_several() {
+            join(&mut self.plan, &self.stored);
         }
     }
 
@@ -430,6 +452,7 @@ impl Crew {
         let answer = self.ended(by, ticket);
         let cut_off = run != self.orders.run();
         self.owner.answered(answer, cut_off, before, after);
+        self.drop_sent(before);
     }
 
     /// Requested with message 4, and consented to.
@@ -459,6 +482,7 @@ impl Crew {
         let cut_off = run != self.orders.run();
         self.owner
             .answered(answer, cut_off, Some(owner), Some(other));
+        self.drop_sent(Some(owner));
     }
 }
 
@@ -588,13 +612,13 @@ impl Crew {
         None
     }
 
-    /// Waypoints as acknowledged. Of those of the loaded route a download returns what was loaded, so that it shows
-    /// only those that no route leads to; the others are seen at the next load.
+    /// Waypoints as they were loaded, though no route leads to them. What was acknowledged since is seen at the next load,
+    /// as the others are.
     fn check_plan(&mut self) {
         let Some(owner) = *self.owner.first() else {
             return;
         };
-        let known = |number: &u16| self.plan.contains_key(number);
+        let known = |number: &u16| self.stored.contains_key(number);
         let numbers: Vec<u16> = SPARE.filter(known).collect();
         for number in numbers {
             let mark = self.grounds[owner].station.received.len();
@@ -616,7 +640,7 @@ impl Crew {
                 self.wait(Duration::from_secs(5), |crew| reported(crew).is_some());
             }
             let place = reported(self).unwrap_or(NOWHERE);
-            let known = self.plan.get_mut(&number).expect("one of them");
+            let known = self.stored.get_mut(&number).expect("one of them");
             let expected = known.clone();
             if !known.is(place) {
                 self.faults.push(format!(
@@ -708,6 +732,14 @@ rank = 1
 "#;
 const CONTROL: LoiBitmap = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
 const NOWHERE: Place = (None, None);
+/// Each may be what it may be in another plan.
+fn join(plan: &mut Plan, other: &Plan) {
+    for (number, known) in other {
+        let mine = plan.entry(*number);
+        mine.or_insert_with(|| OneOf::just(NOWHERE)).or_all(known);
+    }
+}
+
 /// Waypoints of the plan.
 const FIRST: u16 = 101;
 const LAST: u16 = 105;

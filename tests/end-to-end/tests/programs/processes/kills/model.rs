@@ -29,6 +29,13 @@ impl<T: Clone + PartialEq + core::fmt::Debug> OneOf<T> {
         }
     }
 
+    /// It may be what something else may be.
+    pub(super) fn or_all(&mut self, other: &OneOf<T>) {
+        for value in &other.0 {
+            self.or(value.clone());
+        }
+    }
+
     /// It was seen to be `value`: whether it may be.
     pub(super) fn is(&mut self, value: T) -> bool {
         let may = self.0.contains(&value);
@@ -55,6 +62,11 @@ impl<T: Clone + PartialEq + core::fmt::Debug> OneOf<T> {
             }
             None => false,
         }
+    }
+
+    /// Whether nobody has looked yet.
+    pub(super) fn is_one_of_several(&self) -> bool {
+        self.0.len() > 1
     }
 
     pub(super) fn first(&self) -> &T {
