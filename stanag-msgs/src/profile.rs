@@ -119,6 +119,12 @@ impl Profile {
         frames_with(self.checksum_1, datagram)
     }
 
+    /// Has messages of a datagram from the next one on read under this profile: several peers may have packed theirs into
+    /// one, and each is judged by its own ([`Frames::next_source`]).
+    pub fn apply_to(&self, frames: &mut Frames<'_>) {
+        frames.read_style_1(self.checksum_1);
+    }
+
     /// [`Message::decode`] under this profile.
     ///
     /// # Errors

@@ -162,6 +162,21 @@ pub struct Frames<'a> {
     ended: bool,
 }
 
+impl Frames<'_> {
+    /// The source of the next message, as its header names it: whose reading of checksum style 1 applies to it.
+    #[must_use]
+    pub fn next_source(&self) -> Option<Id> {
+        let header = self.datagram.get(self.offset..)?;
+        let source = header.get(4..8)?.first_chunk()?;
+        Some(Id(u32::from_be_bytes(*source)))
+    }
+
+    /// What checksum style 1 means from the next message on.
+    pub(crate) fn read_style_1(&mut self, variant: Sum16Variant) {
+        self.variant = variant;
+    }
+}
+
 impl<'a> Iterator for Frames<'a> {
     type Item = Result<Frame<'a>, WrapperError>;
 

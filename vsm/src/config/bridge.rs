@@ -13,9 +13,9 @@ use super::explain;
 use super::forward::Forward;
 use super::key::WhenAbsent::{Nothing, Required, Table, Value};
 use super::key::table;
+use super::station::Cucs;
 use super::value::{
-    LinkAddress, LoiSet, OnLoss, Signing, bytes_a_second, group, id, lease, messages_a_second,
-    silence,
+    LinkAddress, OnLoss, Signing, bytes_a_second, group, id, lease, messages_a_second, silence,
 };
 use super::vehicle::Vehicle;
 
@@ -108,29 +108,6 @@ pub enum Provisional {
     Status,
     /// Commands are carried out too.
     All,
-}
-
-table! {
-    /// `[[cucs]]`: one ground station and its rights.
-    #[derive(Debug, Clone, Deserialize)]
-    #[serde(deny_unknown_fields)]
-    pub struct Cucs {
-        /// In a `[[cucs]]`, identification number of a ground station that may connect (the wrapper's source); with none
-        /// listed, none may
-        #[serde(deserialize_with = "id")]
-        pub id: Id => Required,
-        /// Levels of interoperability that it may hold, from 2, 3, 4, 5
-        pub loi: LoiSet => Required,
-        /// Address that it must send from. It counts as proven: without it a CUCS that never sends acknowledgements (17000) is
-        /// sent at most three times the bytes that it sends
-        pub address: Option<IpAddr> => Nothing("any"),
-        /// Whether it may take control from another
-        #[serde(default, rename = "override")]
-        pub override_control["override"]: bool => Value("false"),
-        /// 0 to 255: an override takes control from holders of this rank and below
-        #[serde(default)]
-        pub rank: u8 => Value("0"),
-    }
 }
 
 table! {
@@ -333,6 +310,8 @@ impl Config {
                 return fault(station.span().start, "cucs.id", id, OWN_ID);
             }
             ids.push(id);
+            let has_group = self.dli.multicast.is_some();
+            station.get_ref().check(station.span().start, has_group)?;
         }
         let mut links: Vec<(&LinkAddress, u8)> = Vec::new();
         for spanned in &self.vehicle {

@@ -7,8 +7,9 @@
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 
-use super::bridge::{Config, Cucs};
+use super::bridge::Config;
 use super::error::Fault;
+use super::station::Cucs;
 use super::vehicle::Vehicle;
 
 /// From one configuration to the next.
@@ -32,7 +33,13 @@ pub struct Report {
 }
 
 /// Keys of `[dli]` that change while the bridge runs.
-const DLI: [&str; 4] = ["provisional", "lease_s", "max_bytes_s", "max_messages_s"];
+const DLI: [&str; 5] = [
+    "provisional",
+    "disputed",
+    "lease_s",
+    "max_bytes_s",
+    "max_messages_s",
+];
 /// Keys of `[[vehicle]]` that do not: its link and what is signed on it.
 const VEHICLE: [&str; 5] = ["link", "system_id", "signing", "link_id", "vehicle_link_id"];
 
@@ -78,6 +85,7 @@ impl Config {
             list.push(format!("dli.{key}"));
         }
         config.dli.provisional = new.dli.provisional;
+        config.dli.disputed.clone_from(&new.dli.disputed);
         config.dli.lease_s = new.dli.lease_s;
         config.dli.max_bytes_s = new.dli.max_bytes_s;
         config.dli.max_messages_s = new.dli.max_messages_s;

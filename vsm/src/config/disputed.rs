@@ -1,4 +1,5 @@
-//! `[dli.disputed]`: a peer's reading of what the sources leave open, where it is not this project's.
+//! `[dli.disputed]`: a peer's reading of what the sources leave open, where it is not this project's; `disputed` of a
+//! `[[cucs]]` is the same for one station, over what `[dli.disputed]` says for all.
 
 use std::fmt;
 
@@ -25,6 +26,31 @@ impl Readings {
              `vsm check-config`",
         ],
     }];
+
+    pub(super) const OF_STATION: &'static [Key] = &[Key {
+        name: "NAME",
+        absent: WhenAbsent::Nothing("`dli.disputed.NAME`"),
+        meaning: &["How this station reads it: names and choices as in `dli.disputed`"],
+    }];
+
+    /// The readings of one station, where it sets `own` and these are for all.
+    #[must_use]
+    pub fn with(&self, own: &Readings) -> Readings {
+        let mut readings = self.clone();
+        for (name, reading) in &own.set {
+            // They were checked when they were read.
+            let _ = readings.profile.set(name, reading);
+            readings.set.retain(|(known, _)| known != name);
+            readings.set.push((name.clone(), reading.clone()));
+        }
+        readings
+    }
+
+    /// What the file sets, by name.
+    pub fn set(&self) -> impl Iterator<Item = (&str, &str)> {
+        let pairs = self.set.iter();
+        pairs.map(|(name, reading)| (name.as_str(), reading.as_str()))
+    }
 
     /// Every open question, the reading in force, and whether the file has set it.
     pub fn all(&self) -> impl Iterator<Item = (&'static str, &str, bool)> {

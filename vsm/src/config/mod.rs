@@ -4,7 +4,7 @@
 //! addresses are parsed, relative paths are resolved against the folder of the file. Unknown keys are refused.
 //!
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
-//! number; `disputed`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
+//! number; `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
 //! ranges and of relations between keys; `forward` is of other ground stations; `explain` puts what is wrong into words;
 //! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`; [`reference`](mod@reference)
 //! writes `docs/reference/configuration.md`.
@@ -33,13 +33,15 @@ mod explain;
 mod forward;
 mod key;
 pub mod reference;
+mod station;
 mod value;
 mod vehicle;
 
-pub use bridge::{Authority, Config, Cucs, Dli, Http, Mavlink, Provisional, Record, Store};
+pub use bridge::{Authority, Config, Dli, Http, Mavlink, Provisional, Record, Store};
 pub use changes::{Changes, Report};
 pub use disputed::Readings;
 pub use error::ConfigError;
 pub use forward::{Commands, Forward, Relay};
+pub use station::{Checksum, Cucs, Delivery, Edition};
 pub use value::{Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Signing};
 pub use vehicle::{Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Limits, Vehicle};

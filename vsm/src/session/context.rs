@@ -43,8 +43,6 @@ pub(crate) struct Context<'a> {
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
     pub(crate) authority: config::Authority,
-    /// Which messages with a derived layout are used.
-    pub(crate) provisional: config::Provisional,
     /// Where the status page is, for message 44000's reference to it.
     pub(crate) web_page: Option<String>,
 }
@@ -142,6 +140,12 @@ impl Context<'_> {
         self.stations.get(index).map(GroundStation::asker)
     }
 
+    /// Which messages with a derived layout are used with a station.
+    pub(crate) fn provisional(&self, station: usize) -> config::Provisional {
+        let station = self.stations.get(station);
+        station.map_or(config::Provisional::Off, |one| one.profile.provisional)
+    }
+
     /// Every CUCS of the configuration.
     pub(crate) fn roster(&self) -> Vec<Asker> {
         let listed = self.stations.iter().filter(|one| !one.removed);
@@ -227,7 +231,6 @@ impl Settings {
         let page = |http: &config::Http| format!("http://{}/", http.listen);
         Settings {
             authority: *config.authority.get_ref(),
-            provisional: config.dli.provisional,
             web_page: config.http.as_ref().map(page),
         }
     }

@@ -17,7 +17,7 @@ use mavlink_link::Now;
 use mavlink_link::store::{Changes, Disk, Progress, StoreError};
 use stanag_msgs::enums::{AckType, AlertPriority, RouteType, SubsystemId};
 use stanag_msgs::messages::{MessageAcknowledgement, VehicleOperatingModeCommand};
-use stanag_msgs::{Envelope, Id, Message, TimeStamp};
+use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::alerts::{Alerts, Cause, Raised};
 use super::context::Origin;
@@ -139,51 +139,49 @@ impl<'a> DliEffects<'a> {
         self.outbox.stamp(self.now)
     }
 
-    /// Sends to one station, where its address is known.
+    /// Sends an answer to one station, where its address is known.
     pub(crate) fn send(&mut self, station: usize, source: Id, message: &Message) {
-        self.deliver(station, source, message, Kind::Answer);
+        let is_there = |one: &GroundStation| one.peer.is_some();
+        if self.stations.get(station).is_some_and(is_there) {
+            self.deliver(station, source, message, (Kind::Answer, Kind::Answer));
+        }
     }
 
-    /// Sends a report to a station, and to the group where there is one: addressed to the station there too, so that it
-    /// can be distinguished from what another has scheduled.
+    /// Sends a report or an alert to a station.
     pub(crate) fn publish(&mut self, station: usize, source: Id, message: &Message) {
+        let report = Kind::Report(message.id());
         let kind = match message {
             // What happens once is not sent again: it waits rather than being dropped.
             Message::SubsystemStatusAlert(_) | Message::HandoverStatusReport(_) => Kind::Answer,
-            report => Kind::Report(report.id()),
+            _ => report,
         };
-        self.deliver(station, source, message, kind);
-        if self.multicast
-            && let Some(one) = self.stations.get(station)
-        {
-            let envelope = Envelope::new(source, one.id());
-            let copy = self
-                .outbox
-                .compose(Destination::Multicast, &envelope, message);
-            if let Some(copy) = copy {
-                let (now, bytes) = (self.now.mono, copy.bytes().len());
-                if self.paths.admit_to_group(now, station, bytes, kind) {
-                    self.post(station, copy);
-                } else {
-                    self.counters.count("group over the rate");
-                }
+        self.deliver(station, source, message, (kind, report));
+    }
+
+    /// Sends to the address of a station, and to the group where its profile says so: addressed to the station there too,
+    /// so that it can be distinguished from what is for another. `kind`: at the address, and in the group.
+    fn deliver(&mut self, station: usize, source: Id, message: &Message, kind: (Kind, Kind)) {
+        let Some(one) = self.stations.get(station) else {
+            return;
+        };
+        let (envelope, delivery) = (one.profile.envelope(source, one.id()), one.profile.delivery);
+        if let (true, Some(peer)) = (delivery.to_address(), one.peer) {
+            let to = Destination::Unicast(peer);
+            if let Some(datagram) = Outbox::compose(to, &one.profile, &envelope, message) {
+                self.deliver_to_address(station, datagram, kind.0);
+            }
+        }
+        if self.multicast && delivery.to_group() {
+            let to = Destination::Multicast;
+            if let Some(datagram) = Outbox::compose(to, &one.profile, &envelope, message)
+                && self.may_go_to_group(station, &datagram, kind.1)
+            {
+                self.post(station, datagram);
             }
         }
     }
 
-    fn deliver(&mut self, station: usize, source: Id, message: &Message, kind: Kind) {
-        let Some((one, peer)) = self
-            .stations
-            .get(station)
-            .and_then(|one| Some((one, one.peer?)))
-        else {
-            return;
-        };
-        let envelope = Envelope::new(source, one.id());
-        let to = Destination::Unicast(peer);
-        let Some(datagram) = self.outbox.compose(to, &envelope, message) else {
-            return;
-        };
+    fn deliver_to_address(&mut self, station: usize, datagram: Datagram, kind: Kind) {
         let kind = match kind {
             Kind::Report(_) => kind,
             _ => Kind::of_answer(&datagram),
@@ -192,12 +190,26 @@ impl<'a> DliEffects<'a> {
             // Its allowance is looked at when it goes.
             return self.post(station, datagram);
         }
+        self.admit(station, datagram, kind);
+    }
+
+    /// Queues a datagram for the address of a station, lets it wait for its credit, or drops it.
+    fn admit(&mut self, station: usize, datagram: Datagram, kind: Kind) {
         let (now, bytes) = (self.now.mono, datagram.bytes().len());
         match self.paths.admit(now, station, bytes, kind) {
             Verdict::Send => self.outbox.push(datagram),
             Verdict::Wait => self.paths.wait(now, station, datagram),
             Verdict::Drop(why) => self.counters.count(why),
         }
+    }
+
+    fn may_go_to_group(&mut self, station: usize, datagram: &Datagram, kind: Kind) -> bool {
+        let (now, bytes) = (self.now.mono, datagram.bytes().len());
+        let may = self.paths.admit_to_group(now, station, bytes, kind);
+        if !may {
+            self.counters.count("group over the rate");
+        }
+        may
     }
 
     /// The change of the disk that what this station is sent now waits for.
@@ -247,13 +259,8 @@ impl<'a> DliEffects<'a> {
         let Some(station) = stations.position(is_there) else {
             return self.counters.count("no address");
         };
-        let (now, bytes) = (self.now.mono, datagram.bytes().len());
         let kind = Kind::of_answer(&datagram);
-        match self.paths.admit(now, station, bytes, kind) {
-            Verdict::Send => self.outbox.push(datagram),
-            Verdict::Wait => self.paths.wait(now, station, datagram),
-            Verdict::Drop(why) => self.counters.count(why),
-        }
+        self.admit(station, datagram, kind);
     }
 
     /// Answers with 17000 where one was requested, and remembers the answer for duplicates.
@@ -287,11 +294,9 @@ impl<'a> DliEffects<'a> {
         ) {
             remembered.answered(station.id(), origin.message_type, stamp, answer, self.disk);
         }
-        let peer = self
-            .stations
-            .get(origin.station)
-            .and_then(|station| Some((station.id(), station.peer?)));
-        let (true, Some((id, peer))) = (origin.ack_requested, peer) else {
+        let there = self.stations.get(origin.station);
+        let (true, Some(one)) = (origin.ack_requested, there.filter(|one| one.peer.is_some()))
+        else {
             return;
         };
         let message = MessageAcknowledgement {
@@ -300,9 +305,21 @@ impl<'a> DliEffects<'a> {
             original_message_type: Some(origin.message_type),
             acknowledgement_type: Some(answer),
         };
-        let (to, envelope) = (Destination::Unicast(peer), Envelope::new(source, id));
-        if let Some(datagram) = self.outbox.compose(to, &envelope, &message.into()) {
-            self.send_held(datagram);
+        let (message, delivery) = (Message::from(message), one.profile.delivery);
+        let envelope = one.profile.envelope(source, one.id());
+        let compose = |to| Outbox::compose(to, &one.profile, &envelope, &message);
+        // It has waited for the disk where it had to: neither of the two is held again.
+        if let (true, Some(peer)) = (delivery.to_address(), one.peer)
+            && let Some(datagram) = compose(Destination::Unicast(peer))
+        {
+            self.admit(origin.station, datagram, Kind::Acknowledgement);
+        }
+        if self.multicast
+            && delivery.to_group()
+            && let Some(datagram) = compose(Destination::Multicast)
+            && self.may_go_to_group(origin.station, &datagram, Kind::Acknowledgement)
+        {
+            self.outbox.push(datagram);
         }
     }
 
@@ -312,7 +329,11 @@ impl<'a> DliEffects<'a> {
         for waiting in self.outbox.release(|changes| disk.progress(changes)) {
             match waiting {
                 Waiting::Datagram(datagram) => {
-                    let datagram = self.outbox.restamped(self.now, *datagram);
+                    let mut stations = self.stations.iter();
+                    let datagram = match stations.find(|one| one.id() == datagram.destination()) {
+                        Some(one) => self.outbox.restamped(self.now, *datagram, &one.profile),
+                        None => *datagram,
+                    };
                     self.send_held(datagram);
                 }
                 Waiting::Acknowledgement(source, origin, answer) => {

@@ -86,6 +86,7 @@ mod outbox;
 mod paths;
 mod reports;
 mod station;
+mod station_profile;
 pub(crate) mod store;
 #[cfg(test)]
 mod testing;

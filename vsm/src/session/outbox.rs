@@ -10,10 +10,11 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::store::{Changes, Progress};
 use stanag_msgs::enums::AckType;
-use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, Profile, TimeStamp};
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
 
 use super::context::Origin;
 use super::counters::ByType;
+use super::station_profile::StationProfile;
 
 /// Where a datagram goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,7 +115,6 @@ pub(crate) enum Waiting {
 /// The queue of one bridge.
 #[derive(Debug, Default)]
 pub(crate) struct Outbox {
-    profile: Profile,
     queue: VecDeque<Datagram>,
     time: WallTime,
     held: VecDeque<Held>,
@@ -125,14 +125,6 @@ pub(crate) struct Outbox {
 }
 
 impl Outbox {
-    /// A queue of messages as peers of this profile read them.
-    pub(crate) fn new(profile: Profile) -> Outbox {
-        Outbox {
-            profile,
-            ..Outbox::default()
-        }
-    }
-
     /// The stamp of a message made now: later than every one before.
     pub(crate) fn stamp(&mut self, now: Now) -> TimeStamp {
         let wall = self.time.read(now);
@@ -193,10 +185,10 @@ impl Outbox {
         self.held.len()
     }
 
-    /// A message in a datagram of its own; `None` where it does not fit one.
+    /// A message in a datagram of its own, as the station reads it; `None` where it does not fit one.
     pub(crate) fn compose(
-        &self,
         to: Destination,
+        profile: &StationProfile,
         envelope: &Envelope,
         message: &Message,
     ) -> Option<Datagram> {
@@ -207,7 +199,7 @@ impl Outbox {
             length: 0,
             bytes: [0; MAX_DATAGRAM],
         };
-        match self.profile.encode(message, envelope, &mut datagram.bytes) {
+        match profile.encode(message, envelope, &mut datagram.bytes) {
             Ok(length) => datagram.length = length,
             // Every message of ours is shorter than a datagram; one that is not is lost, and visibly so.
             Err(_) => debug_assert!(false, "message {} does not fit a datagram", message.id()),
@@ -216,14 +208,21 @@ impl Outbox {
     }
 
     /// A datagram that has waited, stamped now: what did not wait has overtaken it, and a station sees stamps that rise.
-    pub(crate) fn restamped(&mut self, now: Now, datagram: Datagram) -> Datagram {
-        let Some(Ok(frame)) = self.profile.frames(datagram.bytes()).next() else {
+    pub(crate) fn restamped(
+        &mut self,
+        now: Now,
+        datagram: Datagram,
+        profile: &StationProfile,
+    ) -> Datagram {
+        let readings = &profile.readings;
+        let Some(Ok(frame)) = readings.frames(datagram.bytes()).next() else {
             return datagram;
         };
-        let envelope = Envelope::new(frame.header.source, frame.header.destination);
-        let decoded = self.profile.decode(frame.header.message_type, frame.data);
+        let envelope = profile.envelope(frame.header.source, frame.header.destination);
+        let decoded = readings.decode(frame.header.message_type, frame.data);
         let stamped = decoded.map(|message| message.stamped(self.stamp(now)));
-        let again = stamped.map(|message| self.compose(datagram.to, &envelope, &message));
+        let again =
+            stamped.map(|message| Outbox::compose(datagram.to, profile, &envelope, &message));
         again.ok().flatten().unwrap_or(datagram)
     }
 

@@ -15,6 +15,8 @@
 //! - **Lease.** An address from which nothing comes is sent nothing after a while. It is asked in time: a CUCS that only
 //!   listens, and acknowledges, keeps its status.
 //! - **Rate.** A proven address has a rate too, in bytes and messages a second.
+//! - **Group.** The group is that of the configuration, never one that a datagram names. It has a rate for each station, a
+//!   lower one while that has proved nothing, and answers to it are at most three times what came from it, there too.
 //!
 //! The `address` of a `[[cucs]]` counts as proof: the operator vouches for it.
 
@@ -99,6 +101,8 @@ struct Path {
     trusted: bool,
     /// Bytes that may still be sent without proof.
     credit: usize,
+    /// The same of answers to the group.
+    group_credit: usize,
     /// When it last proved itself.
     proven: Option<Duration>,
     /// Answers in a row, to the challenge that runs.
@@ -446,7 +450,8 @@ impl Paths {
         verdict
     }
 
-    /// Whether a copy to the group is within the rate of its station.
+    /// Whether a copy to the group is within the rate of its station, and within three times what has come from it where
+    /// that has not proved itself: whoever writes its id makes the VSM send to all who listen.
     pub(crate) fn admit_to_group(
         &mut self,
         now: Duration,
@@ -456,7 +461,7 @@ impl Paths {
     ) -> bool {
         let limits = self.limits;
         let station = self.stations.get_mut(index);
-        station.is_none_or(|station| station.group.take(now, bytes, kind, &limits))
+        station.is_none_or(|station| station.admit_to_group(now, bytes, kind, &limits))
     }
 
     /// Lets an answer wait for its credit.
@@ -591,6 +596,7 @@ impl Station {
             address,
             trusted: self.trusted == Some(address.ip()),
             credit: 0,
+            group_credit: 0,
             proven: None,
             rounds: 0,
             wrong: 0,
@@ -694,6 +700,26 @@ impl Station {
         (asks && !current.has_lapsed(now, limits.lease)).then_some(current.ask_at)
     }
 
+    fn admit_to_group(&mut self, now: Duration, bytes: usize, kind: Kind, limits: &Limits) -> bool {
+        let current = self.current.as_mut();
+        let Some(path) = current.filter(|path| !path.trusted && path.proven.is_none()) else {
+            return self.group.take(now, bytes, kind, limits);
+        };
+        if let Kind::Report(_) = kind {
+            // Status and alerts of who listens: a station that proves nothing, as one that only sends, needs them, too.
+            let slow = Limits {
+                bytes_s: limits.bytes_s.min(UNPROVEN_GROUP_BYTES_S),
+                ..*limits
+            };
+            return self.group.take(now, bytes, kind, &slow);
+        }
+        let may = path.group_credit >= bytes && self.group.take(now, bytes, kind, limits);
+        if may {
+            path.group_credit -= bytes;
+        }
+        may
+    }
+
     fn admit(&mut self, now: Duration, bytes: usize, kind: Kind, limits: &Limits) -> Verdict {
         let Some(current) = &mut self.current else {
             return Verdict::Drop("no address");
@@ -759,6 +785,7 @@ impl Path {
             return;
         }
         self.credit = (self.credit + 3 * bytes).min(MAX_CREDIT);
+        self.group_credit = (self.group_credit + 3 * bytes).min(MAX_CREDIT);
     }
 }
 
@@ -824,6 +851,8 @@ const LONGEST_WAIT: Duration = Duration::from_secs(2);
 const FLUSH_EVERY: Duration = Duration::from_millis(20);
 /// What a CUCS without proof can save up, bytes.
 const MAX_CREDIT: usize = 32_768;
+/// Status and alerts in the group for a station that has proved nothing: some vehicles at their usual rates, and no flood.
+const UNPROVEN_GROUP_BYTES_S: u32 = 8_192;
 /// What may be sent at once, in seconds of the rate.
 const BURST: Duration = Duration::from_secs(4);
 /// Reports to an address without proof, in this order: position and state most often. `OTHER`: what 17001 has scheduled.

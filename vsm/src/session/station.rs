@@ -7,12 +7,15 @@ use stanag_msgs::Id;
 
 use super::allowance::StationAllowance;
 use super::authority::rules::{Asker, Silence};
-use crate::config::Cucs;
+use super::station_profile::StationProfile;
+use crate::config::{Cucs, Dli};
 
 /// A CUCS of the configuration.
 #[derive(Debug)]
 pub(crate) struct GroundStation {
     pub(crate) config: Cucs,
+    /// How it is spoken to.
+    pub(crate) profile: StationProfile,
     /// The configuration has it no more. It keeps its place: other machines know it by its index.
     pub(crate) removed: bool,
     /// Where it is (`paths`): where answers and status go.
@@ -30,8 +33,9 @@ pub(crate) struct GroundStation {
 }
 
 impl GroundStation {
-    pub(crate) fn new(config: Cucs) -> GroundStation {
+    pub(crate) fn new(config: Cucs, dli: &Dli) -> GroundStation {
         GroundStation {
+            profile: StationProfile::of(&config, dli),
             config,
             removed: false,
             peer: None,

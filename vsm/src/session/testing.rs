@@ -101,7 +101,7 @@ impl World {
         let vehicle = config.vehicle[0].get_ref().clone();
         let stations: Vec<GroundStation> = (config.cucs.iter().zip(40_000_u16..))
             .map(|(cucs, port)| {
-                let mut station = GroundStation::new(cucs.get_ref().clone());
+                let mut station = GroundStation::new(cucs.get_ref().clone(), &config.dli);
                 station.peer = Some(([127, 0, 0, 1], port).into());
                 station
             })
@@ -117,7 +117,6 @@ impl World {
             config: vehicle,
             settings: Settings {
                 authority: *config.authority.get_ref(),
-                provisional: config.dli.provisional,
                 web_page: None,
             },
             controller: Some(CUCS),

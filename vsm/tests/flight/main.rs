@@ -9,6 +9,7 @@
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
+//! - how stations are spoken to: `station_profiles`
 //! - who may command: `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
 //! - reports: `status`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
 //!   `vehicle_services`
@@ -50,6 +51,7 @@ mod route_progress;
 mod route_refusals;
 mod routes_by_type;
 mod shared_link;
+mod station_profiles;
 mod status;
 mod vehicle_services;
 mod whole_route;

@@ -56,7 +56,7 @@ impl AuthorityMachine {
         let Some(by) = context.asker(origin.station) else {
             return;
         };
-        let why = if context.settings.provisional != Provisional::All {
+        let why = if context.provisional(origin.station) != Provisional::All {
             Some(
                 "34000 is derived from Edition 2: it is carried out with dli.provisional = \"all\" only",
             )
@@ -168,9 +168,6 @@ impl AuthorityMachine {
         status: HandoverStatus,
         effects: &mut Effects<'_>,
     ) {
-        if context.settings.provisional == Provisional::Off {
-            return;
-        }
         let message = messages::handover_status(from, to, status, effects.stamp());
         // The parties need not listen: an acquirer may hold nothing yet, a holder may have just lost everything.
         let mut stations = effects.listeners.clone();
@@ -178,6 +175,7 @@ impl AuthorityMachine {
             let station = context.station_of(party);
             stations.extend(station.filter(|index| !stations.contains(index)));
         }
+        stations.retain(|station| context.provisional(*station) != Provisional::Off);
         for station in stations {
             effects.publish(station, &message);
         }

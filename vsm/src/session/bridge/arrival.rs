@@ -16,6 +16,7 @@ use stanag_msgs::wrapper::{Frame, Header, WrapperError};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::{Bridge, destination_as_source};
+use crate::config::Edition;
 use crate::session::aircraft::Aircraft;
 use crate::session::allowance::Rate;
 use crate::session::authority::{self, Input};
@@ -29,17 +30,25 @@ impl Bridge {
     /// Takes a datagram of the DLI side.
     pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
         let before = self.trace.then(|| DliTrace::begin(&self.counters));
-        for frame in self.profile.frames(bytes) {
-            match frame {
-                Ok(frame) => self.handle_frame(now, from, &frame, disk),
-                Err(fault) => {
+        let mut frames = self.readings.frames(bytes);
+        loop {
+            // What a checksum is may be disputed: each station's is computed as it does.
+            if let Some(source) = frames.next_source() {
+                self.readings_of(source).apply_to(&mut frames);
+            }
+            match frames.next() {
+                Some(Ok(frame)) => self.handle_frame(now, from, &frame, disk),
+                Some(Err(fault)) => {
                     self.counters.count(drop_name(&fault));
                     self.evidence.note_broken(now.mono, from, bytes, &fault);
                 }
+                None => break,
             }
         }
         if let Some(before) = before {
-            let line = before.end(&self.counters, &self.profile, from, bytes);
+            let source = self.readings.frames(bytes).next_source();
+            let readings = source.map_or(&self.readings, |source| self.readings_of(source));
+            let line = before.end(&self.counters, readings, from, bytes);
             let vsm = self.vsm;
             self.effects(now, disk).0.note(LogLevel::Debug, vsm, line);
         }
@@ -59,6 +68,10 @@ impl Bridge {
                     return self.counters.count("over the station's rate");
                 }
                 self.evidence.note_good(frame.header.source, from);
+                if station.profile.is_unknown() {
+                    // The first question is asked as the station speaks, too.
+                    station.profile.note(&frame.header);
+                }
                 self.asker = Some(index);
                 if self.is_there(now, from, index, frame, disk) {
                     self.take_frame(now, index, frame, disk);
@@ -90,7 +103,9 @@ impl Bridge {
             // An acknowledgement is never acknowledged: two peers would answer each other without end.
             ack_requested: header.ack_requested && header.message_type != ACKNOWLEDGEMENT,
         };
-        let message = match self.profile.decode(header.message_type, frame.data) {
+        let profile = &mut self.stations[index].profile;
+        profile.note(&header);
+        let message = match profile.readings.decode(header.message_type, frame.data) {
             Ok(message) => message,
             Err(fault) => {
                 let known = table::message(header.message_type).is_some();
@@ -163,6 +178,10 @@ impl Bridge {
         // The port is not compared: a CUCS that returns on another port keeps its rights.
         if let Some(expected) = station.config.address.filter(|one| *one != from.ip()) {
             return Err(Barred::Address(expected));
+        }
+        let edition = Edition::of_idd(header.idd);
+        if !station.profile.may_speak(edition) {
+            return Err(Barred::Edition(edition));
         }
         if to_us {
             Ok(index)
@@ -265,6 +284,8 @@ enum Barred {
     Source { to_us: bool },
     /// Listed with another address, this one.
     Address(IpAddr),
+    /// Listed with another edition than this one, which it speaks here.
+    Edition(Edition),
     /// For nobody here; of a station that is known to speak to us, too, or not.
     Misaddressed { known: bool },
 }
@@ -276,6 +297,7 @@ impl Barred {
             Barred::OurOwn => "our own",
             Barred::Source { .. } => "unauthorised source",
             Barred::Address(_) => "unauthorised address",
+            Barred::Edition(_) => "another edition than configured",
             Barred::Misaddressed { .. } => "misaddressed",
         }
     }
@@ -285,6 +307,7 @@ impl Barred {
         match *self {
             Barred::Source { to_us: true } => Some(Fault::NotListed(header.source)),
             Barred::Address(expected) => Some(Fault::Address(header.source, expected)),
+            Barred::Edition(edition) => Some(Fault::OtherEdition(header.source, edition)),
             Barred::Misaddressed { known: false } => {
                 Some(Fault::Misaddressed(header.source, header.destination))
             }

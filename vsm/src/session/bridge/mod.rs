@@ -56,7 +56,8 @@ pub struct Bridge {
     /// Who we are on MAVLink.
     own: Node,
     settings: Settings,
-    profile: Profile,
+    /// How a station reads disputed values that is not known.
+    readings: Profile,
     multicast: bool,
     stations: Vec<GroundStation>,
     /// What each of the stations has sent lately.
@@ -138,8 +139,9 @@ impl Bridge {
         not_before: Duration,
         disk: &mut dyn Disk,
     ) -> Result<Bridge, BridgeError> {
-        let stations: Vec<GroundStation> =
-            config.stations().cloned().map(GroundStation::new).collect();
+        let each = config.stations().cloned();
+        let each = each.map(|cucs| GroundStation::new(cucs, &config.dli));
+        let stations: Vec<GroundStation> = each.collect();
         let mut bridge = Bridge {
             own: Node::new(config.mavlink.system_id, config.mavlink.component_id),
             settings: Settings::of(config),
@@ -148,7 +150,7 @@ impl Bridge {
                 config.stations().map(|cucs| cucs.address),
             ),
             vsm: config.dli.vsm_id,
-            profile: config.dli.disputed.profile.clone(),
+            readings: config.dli.disputed.profile.clone(),
             multicast: config.dli.multicast.is_some(),
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
             stations,
@@ -156,7 +158,7 @@ impl Bridge {
             ports: Vec::new(),
             forwards: Vec::new(),
             believed: Vec::new(),
-            outbox: Outbox::new(config.dli.disputed.profile.clone()),
+            outbox: Outbox::default(),
             // The alert ids of the VSM itself follow those of its vehicles, which are numbered from 0; vehicles that are
             // added later follow the VSM.
             alerts: Alerts::new(i32::try_from(config.vehicles().count()).unwrap_or(i32::MAX / 2)),
@@ -324,8 +326,18 @@ impl Bridge {
         LogEntry {
             level: LogLevel::Debug,
             about: self.vsm,
-            text: trace::dli_sent(&self.profile, to, datagram.bytes()),
+            text: trace::dli_sent(
+                self.readings_of(datagram.destination()),
+                to,
+                datagram.bytes(),
+            ),
         }
+    }
+
+    /// How the station of this id reads what the sources leave open.
+    fn readings_of(&self, id: Id) -> &Profile {
+        let station = self.stations.iter().find(|station| station.id() == id);
+        station.map_or(&self.readings, |station| &station.profile.readings)
     }
 
     /// The same for a frame that is sent to the vehicle with this index.

@@ -7,14 +7,14 @@ use mavlink_link::store::Disk;
 use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::messages::Heartbeat;
 use stanag_msgs::wrapper::Frame;
-use stanag_msgs::{Envelope, Message, TimeStamp};
+use stanag_msgs::{Message, TimeStamp};
 
 use super::Bridge;
 use super::arrival::ACKNOWLEDGEMENT;
 use crate::session::authority::Input;
 use crate::session::authority::rules::CONTROL;
 use crate::session::log::LogLevel;
-use crate::session::outbox::Destination;
+use crate::session::outbox::{Destination, Outbox};
 use crate::session::paths::{Arrival, Proof, QUESTION_BYTES};
 
 impl Bridge {
@@ -80,7 +80,8 @@ impl Bridge {
         if frame.header.message_type != ACKNOWLEDGEMENT || frame.header.destination != self.vsm {
             return None;
         }
-        match self.profile.decode(ACKNOWLEDGEMENT, frame.data) {
+        let readings = self.readings_of(frame.header.source);
+        match readings.decode(ACKNOWLEDGEMENT, frame.data) {
             Ok(Message::MessageAcknowledgement(answer))
                 if answer.original_message_type == Some(Heartbeat::ID) =>
             {
@@ -117,9 +118,16 @@ impl Bridge {
         let message = Message::from(Heartbeat {
             time_stamp: Some(stamp),
         });
-        let envelope = Envelope::new(self.vsm, self.stations[index].id()).requesting_ack();
-        let to = Destination::Unicast(address);
-        if let Some(datagram) = self.outbox.compose(to, &envelope, &message) {
+        let station = &self.stations[index];
+        let envelope = station.profile.envelope(self.vsm, station.id());
+        // A station that is sent to by the group alone may listen nowhere else: what it answers shows that it hears that.
+        let to = if station.profile.delivery.to_address() {
+            Destination::Unicast(address)
+        } else {
+            Destination::Multicast
+        };
+        let envelope = envelope.requesting_ack();
+        if let Some(datagram) = Outbox::compose(to, &station.profile, &envelope, &message) {
             debug_assert!(
                 datagram.bytes().len() <= QUESTION_BYTES,
                 "a longer heartbeat"
@@ -131,7 +139,8 @@ impl Bridge {
     /// Sends what has waited for its credit.
     fn send_waiting(&mut self, now: Now, index: usize) {
         while let Some(datagram) = self.paths.next_waiting(now.mono, index) {
-            let datagram = self.outbox.restamped(now, datagram);
+            let profile = &self.stations[index].profile;
+            let datagram = self.outbox.restamped(now, datagram, profile);
             self.outbox.push(datagram);
         }
     }
@@ -150,7 +159,8 @@ impl Bridge {
             self.welcome(now, index, disk);
         }
         for held in self.paths.take_held(index) {
-            for frame in self.profile.frames(&held).flatten() {
+            let readings = self.stations[index].profile.readings.clone();
+            for frame in readings.frames(&held).flatten() {
                 self.take_frame(now, index, &frame, disk);
             }
         }

@@ -12,7 +12,7 @@ use stanag_msgs::Id;
 use stanag_msgs::enums::AckType;
 
 use super::{Bridge, BridgeError, LinkEnd};
-use crate::config::{Config, Cucs};
+use crate::config::{Config, Cucs, Dli};
 use crate::session::aircraft::{Aircraft, may_come_again};
 use crate::session::authority::Input;
 use crate::session::context::Settings;
@@ -51,8 +51,18 @@ impl Bridge {
     ) -> Result<(), BridgeError> {
         let listed = self.stations.iter().filter(|one| !one.removed);
         let before: Vec<Cucs> = listed.map(|one| one.config.clone()).collect();
+        let profiles: Vec<_> = self
+            .stations
+            .iter()
+            .map(|one| one.profile.clone())
+            .collect();
         let served = self.aircraft.len();
-        let added = self.set_stations(&config.stations().collect::<Vec<_>>(), now, disk);
+        let added = self.set_stations(
+            &config.stations().collect::<Vec<_>>(),
+            &config.dli,
+            now,
+            disk,
+        );
         let added = added.map_err(BridgeError::from).and_then(|()| {
             let is_new = |id: Id| self.aircraft.iter().all(|one| one.id() != id);
             let new: Vec<_> = config.vehicles().filter(|one| is_new(one.id)).collect();
@@ -64,10 +74,14 @@ impl Bridge {
         if let Err(fault) = added {
             self.aircraft.truncate(served);
             // Those that were added have no right yet, and become removed ones.
-            self.set_stations(&before.iter().collect::<Vec<_>>(), now, disk)?;
+            self.set_stations(&before.iter().collect::<Vec<_>>(), &config.dli, now, disk)?;
+            for (station, profile) in self.stations.iter_mut().zip(profiles) {
+                station.profile = profile;
+            }
             return Err(fault);
         }
         self.settings = Settings::of(config);
+        self.readings = config.dli.disputed.profile.clone();
         self.paths.set_limits(Limits::of(&config.dli));
         self.warnings = config.warnings();
         self.remove_vehicles(config, now, disk);
@@ -87,6 +101,7 @@ impl Bridge {
     fn set_stations(
         &mut self,
         listed: &[&Cucs],
+        dli: &Dli,
         now: Now,
         disk: &mut dyn Disk,
     ) -> Result<(), StoreError> {
@@ -114,13 +129,14 @@ impl Bridge {
             station.removed = cucs.is_none();
             if let Some(cucs) = cucs {
                 station.config = (*cucs).clone();
+                station.profile.reconfigure(cucs, dli);
                 self.paths.set_trusted(now.mono, index, cucs.address);
             }
         }
         for (cucs, remembered) in new {
             let index = self.stations.len();
             self.paths.set_trusted(now.mono, index, cucs.address);
-            self.stations.push(GroundStation::new((*cucs).clone()));
+            self.stations.push(GroundStation::new((*cucs).clone(), dli));
             self.remembered.push(remembered);
         }
         Ok(())

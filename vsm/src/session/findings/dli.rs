@@ -12,6 +12,7 @@ use stanag_msgs::wrapper::{
 };
 
 use super::{Code, Finding};
+use crate::config::Edition;
 
 /// Why a frame or a datagram could not be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,6 +21,8 @@ pub(crate) enum Fault {
     NotListed(Id),
     /// Its source is listed with another address.
     Address(Id, IpAddr),
+    /// Its source is listed with another edition than this one, in which it came.
+    OtherEdition(Id, Edition),
     /// Its source is listed; nobody here has its destination's id.
     Misaddressed(Id, Id),
     /// Its checksum does not fit, under this style; and how it would.
@@ -70,7 +73,10 @@ impl Fault {
     /// Seen so often without anything good of the same address, it is a fault of the sender and no damage on the way.
     fn needs(self) -> u32 {
         match self {
-            Fault::NotListed(_) | Fault::Address(..) | Fault::Misaddressed(..) => 1,
+            Fault::NotListed(_)
+            | Fault::Address(..)
+            | Fault::OtherEdition(..)
+            | Fault::Misaddressed(..) => 1,
             _ => 3,
         }
     }
@@ -148,6 +154,7 @@ impl Seen {
         match (self.fault, fault) {
             (Fault::NotListed(one), Fault::NotListed(other))
             | (Fault::Address(one, _), Fault::Address(other, _))
+            | (Fault::OtherEdition(one, _), Fault::OtherEdition(other, _))
             | (Fault::Misaddressed(one, _), Fault::Misaddressed(other, _)) => one == other,
             (one, other) => {
                 std::mem::discriminant(&one) == std::mem::discriminant(&other)
@@ -220,9 +227,10 @@ impl DliEvidence {
             return;
         }
         self.seen.retain(|one| match one.fault {
-            Fault::NotListed(id) | Fault::Address(id, _) | Fault::Misaddressed(id, _) => {
-                id != source
-            }
+            Fault::NotListed(id)
+            | Fault::Address(id, _)
+            | Fault::OtherEdition(id, _)
+            | Fault::Misaddressed(id, _) => id != source,
             fault => !fault.is_broken() || one.from.ip() != from.ip(),
         });
     }
@@ -329,6 +337,16 @@ fn finding(one: &Seen) -> Finding {
             id,
             format!("sends from {ip}, but its address is configured as {expected}"),
             format!("if it has moved, set address = \"{ip}\" in its [[cucs]]; if not, somebody else uses its id"),
+        ),
+        Fault::OtherEdition(id, edition) => of_cucs(
+            Code::DliEdition,
+            id,
+            format!("sends in Edition {} from {ip}, but is configured with another", edition.text()),
+            format!(
+                "if it speaks that, set edition = \"{}\" in its [[cucs]], or leave the key out; if not, somebody else uses \
+                 its id",
+                edition.text()
+            ),
         ),
         Fault::Misaddressed(id, to) => of_cucs(
             Code::CucsMisaddressed,

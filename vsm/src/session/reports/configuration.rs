@@ -67,7 +67,7 @@ impl Configuration {
         answers: &mut AnswerQueue,
         effects: &mut Effects<'_>,
     ) {
-        if context.settings.provisional == Provisional::Off {
+        if context.provisional(origin.station) == Provisional::Off {
             let why = "its layout is derived from Edition 2, and dli.provisional is off";
             return effects.refuse(Some(origin), why);
         }

@@ -122,7 +122,7 @@ pub(super) fn subsystem_status(
     request: &SubsystemStatusRequest,
     effects: &mut Effects<'_>,
 ) {
-    if let Err(why) = edition_2(context) {
+    if let Err(why) = edition_2(context, origin.station) {
         return effects.refuse(Some(origin), why);
     }
     let requested = request.subsystem_id.map_or(0, SubsystemBitmap::raw);
@@ -151,7 +151,7 @@ pub(super) fn subsystem_detail(
     request: &SubsystemStatusDetailRequest,
     effects: &mut Effects<'_>,
 ) {
-    if let Err(why) = edition_2(context) {
+    if let Err(why) = edition_2(context, origin.station) {
         return effects.refuse(Some(origin), why);
     }
     let reference = request.subsystem_state_report_reference.unwrap_or(NO_MORE);
@@ -190,8 +190,8 @@ fn reference_of(subsystem: SubsystemId) -> i32 {
 }
 
 /// Both requests are known from Edition 2 alone.
-fn edition_2(context: &Context<'_>) -> Result<(), String> {
-    match context.settings.provisional {
+fn edition_2(context: &Context<'_>, station: usize) -> Result<(), String> {
+    match context.provisional(station) {
         Provisional::Off => {
             Err("its layout is derived from Edition 2, and dli.provisional is off".to_owned())
         }
