@@ -11,10 +11,11 @@ use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::time::Duration;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
+use dli_group::{Group, Interface};
 use stanag_msgs::Id;
 
 use crate::operator::file_kind::{self, Reader};
-use crate::{Line, Operator, Station, Style, Verb, parse_line};
+use crate::{Line, Operator, SessionConfig, Station, StationError, Style, Verb, parse_line};
 
 /// Command vehicles as a STANAG 4586 ground station (CUCS).
 #[derive(Debug, Parser)]
@@ -28,6 +29,20 @@ struct Arguments {
         global = true
     )]
     vsm: String,
+    /// Multicast group to send to and receive from, in place of --vsm; for example 239.45.86.1:26001.
+    #[arg(long, value_name = "GROUP:PORT", global = true, conflicts_with = "vsm")]
+    multicast: Option<SocketAddr>,
+    /// Network interface of the group, by name or address (default: by the system's routes); for example eth0.
+    #[arg(
+        long,
+        value_name = "NAME|ADDRESS",
+        global = true,
+        requires = "multicast"
+    )]
+    interface: Option<Interface>,
+    /// Hops that what is sent to the group may take, 0 to 255.
+    #[arg(long, value_name = "HOPS", default_value_t = 1, global = true)]
+    ttl: u8,
     /// Id of this CUCS; the VSM's configuration must list it.
     #[arg(long, default_value = "1b:00:00:a0", global = true)]
     id: Id,
@@ -98,9 +113,11 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         }
         _ => None,
     };
-    let station = Station::reach(arguments.id, arguments.listen, &arguments.vsm)
-        .await
-        .map_err(|fault| failure(fault.exit_status(), fault))?;
+    let station = match arguments.multicast {
+        Some(group) => in_group(&arguments, group),
+        None => Station::reach(arguments.id, arguments.listen, &arguments.vsm).await,
+    };
+    let station = station.map_err(|fault| failure(fault.exit_status(), fault))?;
     let style = if arguments.json {
         Style::Json
     } else {
@@ -125,6 +142,25 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
             Ok(())
         }
     }
+}
+
+/// A station in a group; an own address has only its port used: where it sends from the interface decides.
+fn in_group(arguments: &Arguments, address: SocketAddr) -> Result<Station, StationError> {
+    if !address.ip().is_multicast() {
+        return Err(StationError::Address {
+            address: address.to_string(),
+            reason:
+                "no multicast group: expected one such as 239.45.86.1:26001 or [ff15::4586]:26001"
+                    .to_owned(),
+        });
+    }
+    let group = Group {
+        interface: arguments.interface.clone(),
+        ttl: arguments.ttl,
+        ..Group::new(address)
+    };
+    let port = arguments.listen.map_or(0, |listen| listen.port());
+    Station::in_group(SessionConfig::new(arguments.id), &group, port)
 }
 
 /// Lines from standard input; the station is served between them.

@@ -3,6 +3,7 @@
 use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 
+use dli_group::{Group, Interface};
 use serde::Deserialize;
 use stanag_msgs::Id;
 use toml::Spanned;
@@ -15,7 +16,8 @@ use super::key::WhenAbsent::{Nothing, Required, Table, Value};
 use super::key::table;
 use super::station::Cucs;
 use super::value::{
-    LinkAddress, OnLoss, Signing, bytes_a_second, group, id, lease, messages_a_second, silence,
+    LinkAddress, OnLoss, Signing, bytes_a_second, group, hops, id, interface, lease,
+    messages_a_second, silence,
 };
 use super::vehicle::Vehicle;
 
@@ -61,11 +63,22 @@ table! {
         pub vsm_id: Id => Required,
         /// UDP address for CUCSs; answers go to the address that a CUCS sends from
         pub listen: SocketAddr => Required,
-        /// Multicast group and port that status is also sent to, and that is listened to
+        /// Multicast group and port that is listened to, and that answers and status go to for each CUCS whose `delivery` says
+        /// so. It is this one only: none is learnt from what arrives
         #[serde(default, deserialize_with = "group")]
         pub multicast: Option<SocketAddr> => Nothing("none"),
-        /// Local address of the interface of the group
-        pub interface: Option<IpAddr> => Nothing("the system's"),
+        /// Interface of the group: its name, such as `"eth0"`, or an address of it
+        #[serde(default, deserialize_with = "interface")]
+        pub interface: Option<Interface> => Nothing("the system's"),
+        /// Hops that what is sent to the group may take, 0 to 255: 0 stays on this computer, 1 in the network at hand
+        #[serde(default = "ttl", deserialize_with = "hops")]
+        pub ttl: u8 => Value("1"),
+        /// Addresses that may send to the group; with none, all. IPv4: the network is asked for these alone (IGMPv3)
+        #[serde(default)]
+        pub sources: Vec<IpAddr> => Value("[]"),
+        /// Whether other programs of this computer receive what is sent to the group
+        #[serde(default = "loopback")]
+        pub loopback: bool => Value("true"),
         /// Use of layouts derived from Edition 2: `"off"`, `"status"` (answers and reports), `"all"` (commands too)
         #[serde(default)]
         pub provisional: Provisional => Value("\"status\""),
@@ -82,6 +95,37 @@ table! {
         /// How peers read what the sources leave open.
         #[serde(default)]
         pub disputed: Readings => Table(Readings::KEYS),
+    }
+}
+
+fn ttl() -> u8 {
+    1
+}
+
+fn loopback() -> bool {
+    true
+}
+
+impl Dli {
+    /// The group, and how it is taken part in.
+    #[must_use]
+    pub fn group(&self) -> Option<Group> {
+        Some(Group {
+            interface: self.interface.clone(),
+            ttl: self.ttl,
+            sources: self.sources.clone(),
+            loopback: self.loopback,
+            ..Group::new(self.multicast?)
+        })
+    }
+
+    /// Whether the group stays within this computer by its interface.
+    fn group_is_local(&self) -> bool {
+        match &self.interface {
+            Some(Interface::Address(ip)) => ip.is_loopback(),
+            Some(Interface::Name(name)) => name == "lo",
+            None => false,
+        }
     }
 }
 
@@ -282,13 +326,8 @@ impl Config {
                 )
             })
             .collect();
-        let Dli {
-            listen,
-            multicast,
-            interface,
-            ..
-        } = self.dli;
-        let group = multicast.filter(|_| !interface.is_some_and(|ip| ip.is_loopback()));
+        let listen = self.dli.listen;
+        let group = self.dli.multicast.filter(|_| !self.dli.group_is_local());
         let open = [Some(listen).filter(|at| !at.ip().is_loopback()), group];
         let open: Vec<String> = open.iter().flatten().map(ToString::to_string).collect();
         if !open.is_empty() && !self.cucs.is_empty() {
@@ -298,11 +337,32 @@ impl Config {
                 open.join(" and ")
             ));
         }
+        let unreached = |cucs: &&Cucs| cucs.delivery.to_address();
+        if group.is_some()
+            && listen.ip().is_loopback()
+            && self.stations().any(|one| unreached(&one))
+        {
+            warnings.push(format!(
+                "dli.listen is {listen}: stations that reach this VSM by the group are sent nothing at their addresses; listen on \
+                 another address, or set delivery = \"group\" in their [[cucs]]"
+            ));
+        }
         warnings
     }
 
     /// The first key, in the order of the file's tables, that does not fit.
     pub(super) fn check(&self) -> Result<(), Fault> {
+        if let Some(group) = self.dli.multicast
+            && let Some(other) = self
+                .dli
+                .sources
+                .iter()
+                .find(|one| one.is_ipv4() != group.is_ipv4())
+        {
+            let kind = if group.is_ipv4() { "IPv4" } else { "IPv6" };
+            let expected = format!("addresses of {kind}, as the group {group} is");
+            return fault(0, "dli.sources", other, &expected);
+        }
         let mut ids = vec![self.dli.vsm_id];
         for station in &self.cucs {
             let id = station.get_ref().id;

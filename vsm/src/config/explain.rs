@@ -305,7 +305,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("dli.vsm_id", "\"1b:00:00:01\""),
     ("dli.listen", "\"127.0.0.1:4586\""),
     ("dli.multicast", "\"225.200.1.0:51017\""),
-    ("dli.interface", "\"127.0.0.1\""),
+    ("dli.interface", "\"eth0\""),
     ("cucs.id", "\"1b:00:00:a0\""),
     ("cucs.loi", "[2, 3, 4, 5]"),
     ("cucs.address", "\"127.0.0.1\""),

@@ -6,6 +6,7 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use dli_group::Interface;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
@@ -263,11 +264,40 @@ pub(super) fn group<'de, D: Deserializer<'de>>(
         return Ok(Some(address));
     }
     let text = address.to_string();
-    let expected = "a multicast group and port, such as \"225.200.1.0:51017\"";
+    let expected =
+        "a multicast group and port, such as \"225.200.1.0:51017\" or \"[ff15::4586]:51017\"";
     Err(de::Error::invalid_value(
         de::Unexpected::Str(&text),
         &expected,
     ))
+}
+
+/// A network interface, by its name or an address of it.
+pub(super) fn interface<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<Interface>, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    // Names of Linux: no blank, no slash, 15 bytes.
+    let is_name = !text.is_empty() && text.len() < 16 && !text.contains([' ', '/', ':']);
+    match text.parse() {
+        Ok(Interface::Name(_)) if !is_name => {
+            let expected =
+                "the name or an address of a network interface, such as \"eth0\" or \"10.0.0.5\"";
+            let found = de::Unexpected::Str(&text);
+            Err(de::Error::invalid_value(found, &expected))
+        }
+        Ok(interface) => Ok(Some(interface)),
+        Err(never) => match never {},
+    }
+}
+
+/// `dli.ttl`: 0 to 255.
+pub(super) fn hops<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
+    let found = i64::deserialize(deserializer)?;
+    u8::try_from(found).map_err(|_| {
+        let expected = "0 to 255 (hops), such as 1 for the network at hand";
+        de::Error::invalid_value(de::Unexpected::Signed(found), &expected)
+    })
 }
 
 /// A time of silence in seconds, 0.5 to 3600.

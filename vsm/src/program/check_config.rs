@@ -19,8 +19,12 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
     let mut text = format!("{}: good\n", path.display());
     text += &format!("  VSM {} on {}", config.dli.vsm_id, config.dli.listen);
-    if let Some(group) = config.dli.multicast {
-        text += &format!(", status to group {group} too");
+    if let Some(group) = config.dli.group() {
+        text += &format!(", in group {}", group.address);
+        if let Some(interface) = &group.interface {
+            text += &format!(" on {interface}");
+        }
+        text += &format!(", TTL {}", group.ttl);
     }
     text += "\n  what sources leave open is read so (dli.disputed):\n";
     for (name, reading, set) in config.dli.disputed.all() {

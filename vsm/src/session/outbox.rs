@@ -180,6 +180,13 @@ impl Outbox {
         released
     }
 
+    /// What is held for a station was written as it does not read any more; its acknowledgements are not written yet.
+    pub(crate) fn drop_written(&mut self, station: Id) {
+        let is_for =
+            |what: &Waiting| matches!(what, Waiting::Datagram(one) if one.destination == station);
+        self.held.retain(|held| !is_for(&held.what));
+    }
+
     /// How many messages wait for the disk.
     pub(crate) fn waiting(&self) -> usize {
         self.held.len()

@@ -486,6 +486,14 @@ impl Paths {
         }
     }
 
+    /// What waits for the station was written as it does not read any more.
+    pub(crate) fn drop_waiting(&mut self, index: usize) {
+        if let Some(station) = self.stations.get_mut(index) {
+            station.missed |= !station.waiting.is_empty();
+            station.waiting.clear();
+        }
+    }
+
     /// The next answer that has waited and may go now.
     pub(crate) fn next_waiting(&mut self, now: Duration, index: usize) -> Option<Datagram> {
         let limits = self.limits;

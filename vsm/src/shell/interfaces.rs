@@ -1,30 +1,12 @@
 //! The interfaces of this computer, and whether a group's datagrams arrive on another one than that which joined the group.
 
-use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket as BlockingSocket};
 use std::time::Duration;
 
+use dli_group::Interface;
 use socket2::{Domain, Protocol, Socket, Type};
 use tokio::net::UdpSocket;
-
-/// The addresses of this computer, with the name of the interface of each.
-///
-/// # Errors
-/// The system's.
-pub fn addresses() -> io::Result<BTreeMap<IpAddr, String>> {
-    let all = nix::ifaddrs::getifaddrs()?;
-    let of = |one: nix::ifaddrs::InterfaceAddress| {
-        let address = one.address?;
-        let ip = match (address.as_sockaddr_in(), address.as_sockaddr_in6()) {
-            (Some(v4), _) => v4.ip().into(),
-            (_, Some(v6)) => v6.ip().into(),
-            _ => return None,
-        };
-        Some((ip, one.interface_name))
-    };
-    Ok(all.filter_map(of).collect())
-}
 
 /// Listens for so long on every interface but the one that the group was joined on: the first one that a datagram of the
 /// group arrives on, and who sends it. IPv4 only: a group of IPv6 is joined on the interface that the system chooses.
@@ -33,16 +15,21 @@ pub fn addresses() -> io::Result<BTreeMap<IpAddr, String>> {
 /// The system's.
 pub async fn listen_elsewhere(
     group: SocketAddr,
-    joined: Option<IpAddr>,
+    joined: Option<&Interface>,
     span: Duration,
 ) -> io::Result<Option<(IpAddr, SocketAddr)>> {
     let SocketAddr::V4(group) = group else {
         tokio::time::sleep(span).await;
         return Ok(None);
     };
-    let addresses = addresses()?;
-    let joined = joined.map_or_else(|| routed(group.into()), Ok);
-    let joined = joined.ok().and_then(|at| addresses.get(&at).cloned());
+    let addresses = dli_group::interfaces()?;
+    let joined = match joined {
+        Some(Interface::Name(name)) => Some(name.clone()),
+        Some(Interface::Address(at)) => addresses.get(at).cloned(),
+        None => routed(group.into())
+            .ok()
+            .and_then(|at| addresses.get(&at).cloned()),
+    };
     let mut sockets = vec![];
     let mut names = vec![];
     for (address, name) in addresses {
@@ -98,7 +85,7 @@ mod tests {
 
     #[test]
     fn the_loopback_address_is_one_of_this_computer() {
-        let addresses = addresses().unwrap();
+        let addresses = dli_group::interfaces().unwrap();
         assert_eq!(
             addresses
                 .get(&Ipv4Addr::LOCALHOST.into())
@@ -118,8 +105,8 @@ mod tests {
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }
         };
-        let here = Some(Ipv4Addr::LOCALHOST.into());
-        let listening = listen_elsewhere(group, here, Duration::from_millis(600));
+        let here = Interface::Address(Ipv4Addr::LOCALHOST.into());
+        let listening = listen_elsewhere(group, Some(&here), Duration::from_millis(600));
         let (found, ()) = tokio::join!(listening, sending);
         assert_eq!(found.unwrap(), None);
     }

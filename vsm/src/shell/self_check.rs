@@ -1,14 +1,15 @@
 //! What a computer looks like to a bridge that is not running: what `vsm doctor` looks at by itself.
 
 use std::io;
-use std::net::{IpAddr, SocketAddr, TcpListener, ToSocketAddrs as _, UdpSocket};
+use std::net::{SocketAddr, TcpListener, ToSocketAddrs as _, UdpSocket};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use dli_group::Interface;
 use rustix::fs::{Access, access};
 
 use super::clock::NOT_BEFORE;
 use super::disk::{FileDisk, OpenError};
-use super::interfaces::{addresses, listen_elsewhere};
+use super::interfaces::listen_elsewhere;
 use super::key_file;
 use crate::config::{Config, ExchangeMode, LinkAddress, Signing};
 use crate::session::findings::host::{HostFacts, StoreFact};
@@ -24,14 +25,18 @@ pub async fn beside(config: &Config, listen_for: Duration) -> HostFacts {
     let Some(group) = config.dli.multicast else {
         return facts;
     };
-    let there = addresses().unwrap_or_default();
-    match config.dli.interface {
-        Some(interface) if !there.is_empty() && !there.contains_key(&interface) => {
-            let same = |one: &IpAddr| one.is_ipv4() == interface.is_ipv4();
-            facts.interface = Some((interface, there.into_keys().filter(same).collect()));
+    let there = dli_group::interfaces().unwrap_or_default();
+    let is_there = |interface: &Interface| match interface {
+        Interface::Address(at) => there.contains_key(at),
+        Interface::Name(name) => there.values().any(|one| one == name),
+    };
+    match &config.dli.interface {
+        Some(interface) if !there.is_empty() && !is_there(interface) => {
+            let names = there.iter().map(|(at, name)| format!("{name} ({at})"));
+            facts.interface = Some((interface.to_string(), names.collect()));
         }
         interface => {
-            let found = listen_elsewhere(group, interface, listen_for).await;
+            let found = listen_elsewhere(group, interface.as_ref(), listen_for).await;
             facts.elsewhere = found.ok().flatten().map(|(at, from)| (group, at, from));
         }
     }

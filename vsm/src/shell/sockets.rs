@@ -3,6 +3,7 @@
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs};
 
+use dli_group::{Group, GroupError};
 use socket2::{Domain, Protocol, Socket, Type};
 use tokio::io::{AsyncReadExt, AsyncWrite, AsyncWriteExt, ReadHalf};
 use tokio::net::UdpSocket;
@@ -30,6 +31,9 @@ pub enum SocketError {
         /// What to do.
         hint: &'static str,
     },
+    /// The interface of the group is none of this computer's, or has no address of the group's kind.
+    #[error("dli.interface: {0}; for example interface = \"lo\"")]
+    Interface(GroupError),
     /// The host of a udpout link has no address.
     #[error("{key}: the host of \"udpout:{address}\" cannot be resolved: {cause}")]
     Resolve {
@@ -77,7 +81,7 @@ pub struct DliSockets {
     /// Bound to `dli.listen`.
     pub unicast: UdpSocket,
     /// Joined to `dli.multicast`, and the group.
-    pub group: Option<(UdpSocket, SocketAddr)>,
+    pub group: Option<(UdpSocket, Group)>,
 }
 
 impl DliSockets {
@@ -86,16 +90,21 @@ impl DliSockets {
     /// # Errors
     /// An address is taken or not this computer's.
     pub fn open(dli: &Dli) -> Result<DliSockets, SocketError> {
-        let unicast = udp(dli.listen, false)
-            .map_err(|cause| SocketError::bind("dli.listen", dli.listen, cause))?;
-        let group = match dli.multicast {
-            None => None,
-            Some(group) => {
-                let socket = join(group, dli.interface)
-                    .map_err(|cause| SocketError::bind("dli.multicast", group, cause))?;
-                Some((socket, group))
+        let unicast =
+            udp(dli.listen).map_err(|cause| SocketError::bind("dli.listen", dli.listen, cause))?;
+        let group = dli.group().map(|group| {
+            let joined = group
+                .receiver()
+                .and_then(|socket| Ok(UdpSocket::from_std(socket)?));
+            match joined {
+                Ok(socket) => Ok((socket, group)),
+                Err(GroupError::System(cause)) => {
+                    Err(SocketError::bind("dli.multicast", group.address, cause))
+                }
+                Err(cause) => Err(SocketError::Interface(cause)),
             }
-        };
+        });
+        let group = group.transpose()?;
         Ok(DliSockets { unicast, group })
     }
 }
@@ -248,8 +257,7 @@ pub fn open_link(
 ) -> Result<(VehicleReader, VehicleWriter, Option<Peer>), SocketError> {
     let (socket, peer) = match link {
         LinkAddress::UdpIn(address) => {
-            let socket =
-                udp(*address, false).map_err(|cause| SocketError::bind(key, link, cause))?;
+            let socket = udp(*address).map_err(|cause| SocketError::bind(key, link, cause))?;
             (socket, None)
         }
         LinkAddress::UdpOut(host) => {
@@ -300,14 +308,14 @@ fn same_port(to: SocketAddr, record: &str, store: &mut dyn Disk) -> io::Result<U
     let kept = store.read(record, MAX_RECORD_BYTES).ok().flatten();
     let kept = kept.and_then(|bytes| std::str::from_utf8(&bytes).ok()?.trim().parse().ok());
     if let Some(port) = kept {
-        match udp(SocketAddr::new(any, port), false) {
+        match udp(SocketAddr::new(any, port)) {
             Ok(socket) => return Ok(socket),
             Err(cause) => tracing::warn!(
                 "local port {port}, used before, is not available ({cause}): using another"
             ),
         }
     }
-    let socket = udp(SocketAddr::new(any, 0), false)?;
+    let socket = udp(SocketAddr::new(any, 0))?;
     let port = socket.local_addr()?.port();
     if let Err(fault) = store.replace(record, format!("{port}\n").as_bytes(), Durability::Process) {
         tracing::warn!("the local port {port} cannot be kept for a restart: {fault}");
@@ -315,38 +323,18 @@ fn same_port(to: SocketAddr, record: &str, store: &mut dyn Disk) -> io::Result<U
     Ok(socket)
 }
 
-fn join(group: SocketAddr, interface: Option<IpAddr>) -> io::Result<UdpSocket> {
-    let any: IpAddr = if group.is_ipv4() {
-        Ipv4Addr::UNSPECIFIED.into()
-    } else {
-        Ipv6Addr::UNSPECIFIED.into()
-    };
-    // Bound to the group itself: only its datagrams arrive.
-    let socket = udp(SocketAddr::new(group.ip(), group.port()), true)
-        .or_else(|_| udp(SocketAddr::new(any, group.port()), true))?;
-    if group.is_ipv4() {
-        // Else what arrives on an interface that some other program has joined would be received, too.
-        socket2::SockRef::from(&socket).set_multicast_all_v4(false)?;
-    }
-    match (group.ip(), interface) {
-        (IpAddr::V4(group), Some(IpAddr::V4(interface))) => {
-            socket.join_multicast_v4(group, interface)?;
-            socket2::SockRef::from(&socket).set_multicast_if_v4(&interface)?;
-        }
-        (IpAddr::V4(group), _) => socket.join_multicast_v4(group, Ipv4Addr::UNSPECIFIED)?,
-        (IpAddr::V6(group), _) => socket.join_multicast_v6(&group, 0)?,
-    }
-    Ok(socket)
-}
-
-fn udp(address: SocketAddr, shared: bool) -> io::Result<UdpSocket> {
+fn udp(address: SocketAddr) -> io::Result<UdpSocket> {
     let socket = Socket::new(
         Domain::for_address(address),
         Type::DGRAM,
         Some(Protocol::UDP),
     )?;
-    // Only a group's port is shared: two programs on one unicast port would each get half of the datagrams.
-    socket.set_reuse_address(shared)?;
+    // Not shared as a group's is: two programs on one unicast port would each get half of the datagrams.
+    socket.set_reuse_address(false)?;
+    if address.ip() == IpAddr::V6(Ipv6Addr::UNSPECIFIED) {
+        // `[::]` is every address, of IPv4 too, whatever the system's default is.
+        socket.set_only_v6(false)?;
+    }
     socket.set_nonblocking(true)?;
     // The system's default buffer does as well, only with more loss in bursts.
     let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);

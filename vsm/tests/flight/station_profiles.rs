@@ -166,8 +166,8 @@ fn types(sent: &[(Destination, Vec<u8>)], to_group: bool) -> Vec<u16> {
 
 #[test]
 fn two_makes_are_served_at_once_each_as_it_speaks() {
-    let of_first = "disputed = { loi_bits = \"m\", ack_type = \"0,1,2\" }";
-    let of_second = "disputed = { checksum_1 = \"crc16\" }";
+    let of_first = "address = \"127.0.0.1\"\ndisputed = { loi_bits = \"m\", ack_type = \"0,1,2\" }";
+    let of_second = "address = \"127.0.0.1\"\ndisputed = { checksum_1 = \"crc16\" }";
     let mut scene = Scene::new("", of_first, of_second);
     let (mut first, mut second) = (Profile::default(), Profile::default());
     first.set("loi_bits", "m").expect("a reading");
@@ -218,7 +218,8 @@ fn answers_go_where_the_profile_says() {
         ("delivery = \"both\"", true, true),
         ("", true, true),
     ] {
-        let mut scene = Scene::new(GROUP, keys, "");
+        let vouched = format!("address = \"127.0.0.1\"\n{keys}");
+        let mut scene = Scene::new(GROUP, &vouched, "");
         let sent = scene.listen(FIRST, &ours, 32, ChecksumStyle::None);
         for answer in [2, 17_000] {
             assert_eq!(
@@ -232,9 +233,13 @@ fn answers_go_where_the_profile_says() {
                 "{keys}: {sent:?}"
             );
         }
-        // The question that proves an address goes where the station receives.
-        let asked_at_group = types(&sent, true).contains(&Heartbeat::ID);
-        assert_eq!(asked_at_group, !to_address, "{keys}");
+        // Where nobody vouches for it, the question that proves an address goes where the station receives.
+        let mut scene = Scene::new(GROUP, keys, "");
+        let sent = scene.listen(FIRST, &ours, 32, ChecksumStyle::None);
+        assert!(
+            types(&sent, !to_address).contains(&Heartbeat::ID),
+            "{keys}: {sent:?}"
+        );
     }
     // Without a group there is none to send to.
     let mut scene = Scene::new("", "", "");
@@ -320,15 +325,18 @@ fn another_edition_than_the_configured_one_is_dropped_by_name() {
 
 #[test]
 fn a_reload_changes_how_a_station_is_spoken_to() {
-    let mut scene = Scene::new("", "", "");
+    const TRUSTED: &str = "address = \"127.0.0.1\"";
+    let mut scene = Scene::new("", TRUSTED, "");
     let mut profile = Profile::default();
     scene.listen(FIRST, &profile, 32, ChecksumStyle::None);
     let new = config(
         "",
-        "checksum = \"crc32\"\ndisputed = { ack_type = \"0,1,2\" }",
+        "address = \"127.0.0.1\"\nchecksum = \"crc32\"\ndisputed = { ack_type = \"0,1,2\" }",
         "",
     );
-    let changes = config("", "", "").changes(&new).expect("it can be applied");
+    let changes = config("", TRUSTED, "")
+        .changes(&new)
+        .expect("it can be applied");
     assert!(
         changes
             .report
@@ -350,4 +358,29 @@ fn a_reload_changes_how_a_station_is_spoken_to() {
     };
     assert_eq!(header.checksum, ChecksumStyle::Crc32);
     assert_eq!(answer.acknowledgement_type, Some(AckType::CarriedOut));
+}
+
+#[test]
+fn what_waits_while_readings_change_is_not_sent_in_words_that_mean_something_else() {
+    let mut scene = Scene::new("", "", "");
+    let ours = Profile::default();
+    // Nobody vouches for its address: the answer waits for the proof.
+    let sent = scene.listen(FIRST, &ours, 32, ChecksumStyle::None);
+    assert!(read(&ours, &sent, &[17_000]).is_empty(), "{sent:?}");
+    let new = config("", "disputed = { ack_type = \"0,1,2\" }", "");
+    let now = scene.now();
+    let reloaded = scene
+        .bridge
+        .reload(&new, vec![], now, START, &mut scene.disk);
+    reloaded.expect("applied");
+    let mut changed = Profile::default();
+    changed.set("ack_type", "0,1,2").expect("a reading");
+    let mut sent = scene.listen(FIRST, &changed, 32, ChecksumStyle::None);
+    sent.extend(scene.wait(3));
+    for (_, message) in read(&changed, &sent, &[17_000]) {
+        let Message::MessageAcknowledgement(answer) = message else {
+            panic!("{message:?}");
+        };
+        assert_ne!(answer.acknowledgement_type, Some(AckType::Refused));
+    }
 }

@@ -500,7 +500,7 @@ fn before_a_start_it_looks_at_ports_keys_store_and_interface() {
     let found = place.findings(&["interface", "key-file", "port"]);
     let lines: Vec<_> = found.iter().map(|(_, line)| &line[..]).collect();
     for words in [
-        "dli.interface = \"203.0.113.9\" is no address of this computer; set it to one of 127.0.0.1",
+        "dli.interface = \"203.0.113.9\" is no interface of this computer; set it to one of lo (127.0.0.1)",
         "can be read by others",
         "dli.listen = ",
         "http.listen = ",

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::{Heartbeat, MessageAcknowledgement};
+use stanag_msgs::table::Direction;
 use stanag_msgs::wrapper::{Frame, frames};
 use stanag_msgs::{EncodeError, Id, Message, TimeStamp};
 
@@ -210,6 +211,10 @@ impl Session {
             Err(fault) => return self.traffic.drop(fault.reason()),
         };
         let to_us = header.destination == self.config.id;
+        // In a group the requests of other stations arrive as well: who sends them is no vehicle.
+        if !to_us && message.info().direction == Direction::ToVsm {
+            return self.traffic.drop("for a VSM");
+        }
         match &message {
             Message::MessageAcknowledgement(answer) => self.take_answer(header.source, answer),
             // Broadcasts and messages to other stations are about their rights, not about those of this CUCS.

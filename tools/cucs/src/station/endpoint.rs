@@ -3,6 +3,9 @@
 //! Every method waits at most its time ([`Timeouts`]); after that its error names what was expected and what was received
 //! instead. Nothing is spawned: the station is served while one of its methods runs, so one thread is enough, and
 //! [`Station::idle`] is how to wait. A method that is dropped half way leaves the station usable.
+//!
+//! In a group there are two sockets: one sends, from a port of its own, and one receives what goes to the group; several
+//! VSMs and stations share it.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs as _};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -22,7 +25,11 @@ use crate::session::vehicle::Vehicle;
 #[derive(Debug)]
 pub struct Station {
     pub(crate) session: Session,
+    /// Sends; and receives what is sent to its own address.
     socket: UdpSocket,
+    /// Receives what is sent to the group.
+    group: Option<UdpSocket>,
+    /// Where it sends to: the VSM, or the group.
     vsm: SocketAddr,
     started: Instant,
     /// How long its methods wait. May be changed at any time.
@@ -82,15 +89,46 @@ impl Station {
             .connect(vsm)
             .await
             .map_err(fault(format!("reach {vsm} from {local}")))?;
-        Ok(Station {
+        Ok(Station::on(config, socket, None, vsm))
+    }
+
+    /// A station that sends to a group, from `port` or any for 0, and receives what is sent there.
+    ///
+    /// # Errors
+    /// There is no such interface, the port is taken, or the system refuses.
+    pub fn in_group(
+        config: SessionConfig,
+        group: &dli_group::Group,
+        port: u16,
+    ) -> Result<Station, StationError> {
+        let fault = |source| StationError::Group {
+            group: group.address,
+            source,
+        };
+        let system = |source: std::io::Error| fault(source.into());
+        let receiver = group.receiver().map_err(fault)?;
+        let sender = group.sender(port).map_err(fault)?;
+        let receiver = UdpSocket::from_std(receiver).map_err(system)?;
+        let sender = UdpSocket::from_std(sender).map_err(system)?;
+        Ok(Station::on(config, sender, Some(receiver), group.address))
+    }
+
+    fn on(
+        config: SessionConfig,
+        socket: UdpSocket,
+        group: Option<UdpSocket>,
+        vsm: SocketAddr,
+    ) -> Station {
+        Station {
             session: Session::new(config),
             socket,
+            group,
             vsm,
             started: Instant::now(),
             timeouts: Timeouts::default(),
             answered: false,
             unreachable: false,
-        })
+        }
     }
 
     /// The machine: what vehicles reported, the counters.
@@ -265,7 +303,7 @@ impl Station {
             }
             let due = self.session.poll_timeout().map(|due| self.started + due);
             let wake = due.map_or(deadline, |due| due.min(deadline));
-            match timeout_at(wake, self.socket.recv(&mut buffer)).await {
+            match timeout_at(wake, self.receive(&mut buffer)).await {
                 Err(_) => {}
                 Ok(Ok(bytes)) => {
                     self.answered = true;
@@ -275,6 +313,27 @@ impl Station {
                     self.session.handle_datagram(now, datagram);
                 }
                 Ok(Err(source)) => self.tolerate_refused("receive", source)?,
+            }
+        }
+    }
+
+    /// The next datagram, of either socket.
+    async fn receive(&self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let Some(group) = &self.group else {
+            return self.socket.recv(buffer).await;
+        };
+        loop {
+            // Neither is read before it has something: a receipt that is dropped half way would be a datagram lost.
+            tokio::select! {
+                ready = group.readable() => ready?,
+                ready = self.socket.readable() => ready?,
+            }
+            for socket in [group, &self.socket] {
+                match socket.try_recv_from(buffer) {
+                    Ok((bytes, _)) => return Ok(bytes),
+                    Err(fault) if fault.kind() == std::io::ErrorKind::WouldBlock => {}
+                    Err(fault) => return Err(fault),
+                }
             }
         }
     }
@@ -321,7 +380,11 @@ impl Station {
 
     async fn flush(&mut self) -> Result<(), StationError> {
         while let Some(datagram) = self.session.poll_transmit() {
-            if let Err(source) = self.socket.send(&datagram).await {
+            let sent = match self.group {
+                Some(_) => self.socket.send_to(&datagram, self.vsm).await,
+                None => self.socket.send(&datagram).await,
+            };
+            if let Err(source) = sent {
                 self.tolerate_refused("send", source)?;
             }
         }

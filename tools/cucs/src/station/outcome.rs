@@ -91,6 +91,14 @@ pub enum StationError {
         /// The system's error.
         source: std::io::Error,
     },
+    /// The group.
+    #[error("group {group}: {source}")]
+    Group {
+        /// Group and port.
+        group: std::net::SocketAddr,
+        /// Why it cannot be joined or sent to.
+        source: dli_group::GroupError,
+    },
     /// What was expected did not arrive in time.
     #[error("no {expected} within {} s; {seen}", within.as_secs_f64())]
     TimedOut {
@@ -148,7 +156,14 @@ impl StationError {
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Address { .. } | Self::Route(_) | Self::Value(_) => 2,
+            Self::Address { .. }
+            | Self::Group {
+                source:
+                    dli_group::GroupError::NoInterface { .. } | dli_group::GroupError::NoAddress { .. },
+                ..
+            }
+            | Self::Route(_)
+            | Self::Value(_) => 2,
             _ => 1,
         }
     }

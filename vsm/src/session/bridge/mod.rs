@@ -309,6 +309,11 @@ impl Bridge {
             .fold(now + LONGEST_WAIT, Duration::min)
     }
 
+    /// The shell has dropped a datagram by this name, before anything of it was looked at.
+    pub fn count_dropped(&mut self, name: &'static str) {
+        self.counters.count(name);
+    }
+
     /// The next datagram for the DLI side.
     pub fn poll_dli(&mut self) -> Option<Datagram> {
         self.outbox.pop()

@@ -129,7 +129,14 @@ impl Bridge {
             station.removed = cucs.is_none();
             if let Some(cucs) = cucs {
                 station.config = (*cucs).clone();
+                let readings = station.profile.readings.clone();
                 station.profile.reconfigure(cucs, dli);
+                if station.profile.readings != readings {
+                    // What waits would be read anew before it is stamped: a "carried out" might become a "refused". The
+                    // station asks again for what it misses.
+                    self.paths.drop_waiting(index);
+                    self.outbox.drop_written(cucs.id);
+                }
                 self.paths.set_trusted(now.mono, index, cucs.address);
             }
         }

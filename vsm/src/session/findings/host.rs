@@ -16,8 +16,8 @@ pub struct HostFacts {
     pub store: Option<StoreFact>,
     /// Ports, addresses and devices that cannot be had: the configuration's key, its value, the system's reason.
     pub ports: Vec<(&'static str, String, String)>,
-    /// The interface of the group where it is none of this computer's, and the addresses that there are.
-    pub interface: Option<(IpAddr, Vec<IpAddr>)>,
+    /// The interface of the group where it is none of this computer's, and those that there are.
+    pub interface: Option<(String, Vec<String>)>,
     /// Key files that cannot be used: the vehicle, and why.
     pub keys: Vec<(String, String)>,
     /// The group's datagrams arrive on another interface: the group, the interface, who sends them.
@@ -54,11 +54,10 @@ pub fn judge(facts: &HostFacts) -> Vec<Finding> {
         ));
     }
     if let Some((interface, there)) = &facts.interface {
-        let there: Vec<_> = there.iter().map(IpAddr::to_string).collect();
         found.push(Finding::new(
             Code::Interface,
             interface,
-            format!("dli.interface = \"{interface}\" is no address of this computer"),
+            format!("dli.interface = \"{interface}\" is no interface of this computer"),
             format!("set it to one of {}", there.join(", ")),
         ));
     }
@@ -129,7 +128,7 @@ mod tests {
                 "127.0.0.1:4586".to_owned(),
                 "in use".to_owned(),
             )],
-            interface: Some((IpAddr::from([10, 9, 8, 7]), vec![here])),
+            interface: Some(("10.9.8.7".to_owned(), vec!["lo (127.0.0.1)".to_owned()])),
             keys: vec![(
                 "1b:00:01:01".to_owned(),
                 "key file uav.key: missing".to_owned(),
@@ -151,6 +150,10 @@ mod tests {
             Code::GroupInterface,
         ];
         assert_eq!(codes, expected);
-        assert!(found[3].cure.contains("one of 127.0.0.1"), "{}", found[3]);
+        assert!(
+            found[3].cure.contains("one of lo (127.0.0.1)"),
+            "{}",
+            found[3]
+        );
     }
 }

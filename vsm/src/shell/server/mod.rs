@@ -12,7 +12,7 @@ pub use error::StartError;
 
 use std::future::Future;
 use std::io;
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -43,8 +43,6 @@ pub struct Server {
     forwards: Vec<VehicleReader>,
     status: UnixListener,
     settings: UnixListener,
-    /// The interface of the group.
-    interface: Option<IpAddr>,
     page: Option<(TcpListener, Vec<String>)>,
     /// The configuration that is read again, and where that is requested.
     reload: Option<(PathBuf, UnixListener)>,
@@ -104,7 +102,6 @@ impl Server {
             forwards,
             status,
             settings,
-            interface,
             page,
             reload,
         } = self;
@@ -113,24 +110,20 @@ impl Server {
         let unicast = Rc::new(dli.unicast);
         let group = dli.group.map(|(socket, group)| (Rc::new(socket), group));
         if let Some((_, group)) = &group {
-            let (shared, group) = (shared.clone(), *group);
+            let (shared, group) = (shared.clone(), group.clone());
             tasks.spawn(&local, "group watch", |beat| {
-                watch_group(shared, beat, group, interface)
+                watch_group(shared, beat, group)
             });
         }
-        let receivers = [
-            ("DLI receiver", Some(&unicast)),
-            (
-                "DLI group receiver",
-                group.as_ref().map(|(socket, _)| socket),
-            ),
-        ];
-        for (name, socket) in receivers {
-            let Some(socket) = socket.cloned() else {
-                continue;
-            };
-            let shared = shared.clone();
-            tasks.spawn(&local, name, |beat| receive_dli(shared, beat, socket));
+        let (of_all, socket) = (shared.clone(), unicast.clone());
+        tasks.spawn(&local, "DLI receiver", |beat| {
+            receive_dli(of_all, beat, socket, None)
+        });
+        if let Some((socket, group)) = group.clone() {
+            let of_all = shared.clone();
+            tasks.spawn(&local, "DLI group receiver", |beat| {
+                receive_dli(of_all, beat, socket, Some(group))
+            });
         }
         for (port, reader, close) in readers {
             let shared = shared.clone();
@@ -145,6 +138,7 @@ impl Server {
             });
         }
         let of_all = shared.clone();
+        let group = group.map(|(socket, group)| (socket, group.address));
         tasks.spawn(&local, "sender", |beat| send(of_all, beat, unicast, group));
         let of_all = shared.clone();
         tasks.spawn(&local, "clock", |beat| keep_time(of_all, beat));

@@ -131,7 +131,6 @@ impl Server {
             forwards: forward_readers,
             status,
             settings,
-            interface: config.dli.interface,
             page,
             reload: None,
         })

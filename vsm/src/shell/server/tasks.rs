@@ -3,10 +3,11 @@
 //! None returns while the bridge serves, and each waits for its work within [`Beat::during`].
 
 use std::io;
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::rc::Rc;
 use std::time::Duration;
 
+use dli_group::Group;
 use mavlink_link::frame::FrameView;
 use tokio::net::{UdpSocket, UnixListener};
 use tokio::sync::Notify;
@@ -19,15 +20,30 @@ use crate::shell::sockets::{VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
 use crate::shell::tasks::Beat;
 
-pub(super) async fn receive_dli(shared: Rc<Shared>, beat: Rc<Beat>, socket: Rc<UdpSocket>) {
+/// `group`: the socket is its member, and what does not come from its sources is not taken.
+pub(super) async fn receive_dli(
+    shared: Rc<Shared>,
+    beat: Rc<Beat>,
+    socket: Rc<UdpSocket>,
+    group: Option<Group>,
+) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
     let here = socket.local_addr();
     let mut turn = shared.clock.mono();
     loop {
         match socket.try_recv_from(&mut bytes) {
             Ok((length, from)) => {
+                // A socket of IPv6 that takes IPv4 too shows an address of that in another form: a station is the same there.
+                let from = SocketAddr::new(from.ip().to_canonical(), from.port());
                 let now = shared.with(|core, now| {
                     let bytes = bytes.get(..length).unwrap_or_default();
+                    if group
+                        .as_ref()
+                        .is_some_and(|group| !group.takes_from(from.ip()))
+                    {
+                        core.bridge.count_dropped("not a source of the group");
+                        return now.mono;
+                    }
                     if let (Some(recording), Ok(here)) = (&mut core.dli_recording, &here) {
                         recording.received(now.wall, from, *here, bytes);
                     }
@@ -127,6 +143,7 @@ pub(super) async fn send(
     unicast: Rc<UdpSocket>,
     group: Option<(Rc<UdpSocket>, SocketAddr)>,
 ) {
+    let takes_both = unicast.local_addr().is_ok_and(|here| here.is_ipv6());
     loop {
         beat.during(shared.outgoing.notified()).await;
         // Taken one by one: the machine is not held while the system takes its time. What is for a vehicle goes first,
@@ -165,6 +182,12 @@ pub(super) async fn send(
             {
                 recording.sent(shared.clock.now().wall, here, to, datagram.bytes());
             }
+            let to = match to {
+                SocketAddr::V4(v4) if takes_both && datagram.to != Destination::Multicast => {
+                    SocketAddr::new(v4.ip().to_ipv6_mapped().into(), v4.port())
+                }
+                to => to,
+            };
             if let Err(cause) = beat.during(socket.send_to(datagram.bytes(), to)).await {
                 tracing::debug!("a datagram to a CUCS was not sent: {cause}");
             }
@@ -251,18 +274,17 @@ pub(super) async fn keep_time(shared: Rc<Shared>, beat: Rc<Beat>) {
 }
 
 /// Looks now and then whether the group's datagrams arrive on another interface than the one that joined it.
-pub(super) async fn watch_group(
-    shared: Rc<Shared>,
-    beat: Rc<Beat>,
-    group: SocketAddr,
-    interface: Option<IpAddr>,
-) {
+pub(super) async fn watch_group(shared: Rc<Shared>, beat: Rc<Beat>, group: Group) {
     let mut pause = FIRST_WATCH;
     loop {
         beat.during(tokio::time::sleep(pause)).await;
         pause = WATCH_EVERY;
         match beat
-            .during(listen_elsewhere(group, interface, WATCH_FOR))
+            .during(listen_elsewhere(
+                group.address,
+                group.interface.as_ref(),
+                WATCH_FOR,
+            ))
             .await
         {
             Ok(None) => {}
