@@ -319,12 +319,9 @@ mod tests {
     }
 
     #[test]
-    fn several_members_receive_what_one_sends_by_ipv4_and_ipv6() {
-        for group in [
-            "239.45.86.10:26010",
-            "[ff15::4586]:26011",
-            "[ff12::4586]:26012",
-        ] {
+    fn several_members_receive_what_one_sends() {
+        // Loopback carries no multicast of IPv6: that is tested between namespaces (tests/end-to-end).
+        for group in ["239.45.86.10:26010", "239.45.86.16:26011"] {
             let group = on_loopback(group);
             let members = [group.receiver().unwrap(), group.receiver().unwrap()];
             let sender = group.sender(0).unwrap();
@@ -376,18 +373,6 @@ mod tests {
             .send_to(b"x", group.address)
             .unwrap();
         assert_eq!(received(&other), None);
-        // Not to programs of this computer.
-        let alone = Group {
-            loopback: false,
-            ..on_loopback("239.45.86.13:26014")
-        };
-        let member = alone.receiver().unwrap();
-        alone
-            .sender(0)
-            .unwrap()
-            .send_to(b"x", alone.address)
-            .unwrap();
-        assert_eq!(received(&member), None);
     }
 
     #[test]
@@ -406,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn hops_are_those_that_are_asked_for() {
+    fn hops_and_loopback_are_those_that_are_asked_for() {
         let group = Group {
             ttl: 7,
             ..on_loopback("239.45.86.15:26016")
@@ -416,8 +401,10 @@ mod tests {
             socket2::SockRef::from(&socket).multicast_ttl_v4().unwrap(),
             7
         );
+        assert!(socket2::SockRef::from(&socket).multicast_loop_v4().unwrap());
         let six = Group {
             ttl: 0,
+            loopback: false,
             ..on_loopback("[ff15::4587]:26017")
         };
         let socket = six.receiver().unwrap();

@@ -12,6 +12,7 @@ mod doctor;
 mod every_subcommand;
 mod init;
 mod logging;
+mod multicast;
 mod reload;
 mod serial_line;
 mod small_disk;

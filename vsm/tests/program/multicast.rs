@@ -1,0 +1,223 @@
+//! Bridges and ground stations in one multicast group, in two network namespaces joined by a veth pair: by IPv4 and IPv6,
+//! with two bridges, two stations, two sockets at each, a source filter, and loss.
+//!
+//! The test starts itself in a namespace of its own; the stations run in a second one, which is a child of it.
+
+use std::net::{SocketAddr, UdpSocket};
+use std::path::PathBuf;
+use std::process::{Command, Output};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use dli_group::{Group, Interface};
+use kit::process::{Running, program};
+use kit::tools;
+use tempfile::TempDir;
+
+const INSIDE: &str = "VSM_TEST_FAR_NAMESPACE";
+const LIMIT: Duration = Duration::from_secs(20);
+
+/// Two namespaces: `near` is here, `far` with process `$FAR`. Addresses of IPv6 are usable at once (`nodad`).
+const SET_UP: &str = "ip link set lo up && { unshare -n sleep 100 & } && FAR=$! && \
+    until [ \"$(readlink /proc/$FAR/ns/net)\" != \"$(readlink /proc/self/ns/net)\" ]; do sleep 0.02; done && \
+    ip link add near type veth peer name far && ip link set far netns $FAR && \
+    ip addr add 10.77.86.1/24 dev near && ip -6 addr add fd00:4586::1/64 dev near nodad && \
+    ip link set near up multicast on && \
+    nsenter -t $FAR -n sh -c 'ip link set lo up && ip addr add 10.77.86.2/24 dev far && \
+    ip addr add 10.77.86.3/24 dev far && ip -6 addr add fd00:4586::2/64 dev far nodad && ip link set far up multicast on'";
+
+#[test]
+fn a_group_joins_bridges_and_stations_of_two_namespaces() {
+    let Ok(far) = std::env::var(INSIDE) else {
+        return start_inside();
+    };
+    let scene = Scene::new(far);
+    scene.ipv4_with_two_bridges_and_two_stations();
+    scene.ipv6();
+    scene.sources_are_those_that_are_listed();
+    scene.through_loss();
+}
+
+fn start_inside() {
+    let mut probe = Command::new("unshare");
+    probe.args(["-rn", "sh", "-c", &format!("{SET_UP}; ENDED=$?; kill $FAR; exit $ENDED")]);
+    let needed = "two network namespaces (unshare -rn, nsenter) with a pair of interfaces (ip link add type veth)";
+    if !tools::works(needed, &mut probe) {
+        return;
+    }
+    let test = std::env::current_exe().expect("this test");
+    let script = format!(
+        "{SET_UP} && {INSIDE}=$FAR '{}' a_group_joins_bridges_and_stations --nocapture; ENDED=$?; kill $FAR; exit $ENDED",
+        test.display()
+    );
+    let output = Command::new("unshare").args(["-rn", "sh", "-c", &script]).output();
+    let output = output.expect("unshare starts");
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    let faults = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && printed.contains("1 passed"), "{printed}{faults}");
+}
+
+struct Scene {
+    far: String,
+    folder: TempDir,
+}
+
+impl Scene {
+    fn new(far: String) -> Scene {
+        let folder = tempfile::tempdir().expect("a folder");
+        Scene { far, folder }
+    }
+
+    /// A bridge with this number and one vehicle, in the group; two stations may connect.
+    fn bridge(&self, number: u8, group: &str, keys: &str) -> Running {
+        let path = self.folder.path().join(format!("vsm-{number}-{}", group.len()));
+        std::fs::create_dir_all(&path).expect("a folder");
+        let station = |id| format!("[[cucs]]\nid = \"1b:00:00:{id}\"\nloi = [2, 3, 4, 5]\ndelivery = \"group\"\n");
+        let text = format!(
+            "[dli]\nvsm_id = \"1b:00:00:0{number}\"\nlisten = \"127.0.0.1:0\"\nmulticast = \"{group}\"\n\
+             interface = \"near\"\n{keys}\n{}{}[[vehicle]]\nid = \"1b:00:01:0{number}\"\nlink = \"udpin:127.0.0.1:0\"\n\
+             system_id = 1\nsigning = \"off\"\n[store]\ndir = \"state\"\n",
+            station("a0"),
+            station("a1"),
+        );
+        let config: PathBuf = path.join("vsm.toml");
+        std::fs::write(&config, text).expect("a file");
+        let mut command = Command::new(program("vsm"));
+        let mut running = Running::spawn(command.arg("run").arg(&config));
+        running.wait_for("ready", LIMIT);
+        running
+    }
+
+    /// What a station on the other side does.
+    fn cucs(&self, id: &str, group: &str, interface: &str, words: &str) -> Output {
+        let mut command = Command::new("nsenter");
+        command.args(["-t", &self.far, "-n"]).arg(program("cucs"));
+        command.args(["--multicast", group, "--interface", interface, "--id"]);
+        command.arg(format!("1b:00:00:{id}")).args(words.split(' '));
+        command.output().expect("nsenter starts")
+    }
+
+    fn done(&self, id: &str, group: &str, words: &str) -> String {
+        let output = self.cucs(id, group, "far", words);
+        let printed = text(&output);
+        assert!(output.status.success(), "{id} {words}: {printed}");
+        printed
+    }
+
+    fn ipv4_with_two_bridges_and_two_stations(&self) {
+        const GROUP: &str = "239.45.86.1:26001";
+        let _bridges = [1, 2].map(|number| self.bridge(number, GROUP, ""));
+        for station in ["a0", "a1"] {
+            let printed = self.done(station, GROUP, "discover");
+            for vehicle in ["1b:00:01:01", "1b:00:01:02"] {
+                assert!(printed.contains(vehicle), "{station}: {printed}");
+            }
+        }
+        // Each controls one; the answers of one are not the other's.
+        self.done("a0", GROUP, "--vehicle 1b:00:01:01 take");
+        self.done("a1", GROUP, "--vehicle 1b:00:01:02 take");
+        let refused = self.cucs("a1", GROUP, "far", "--vehicle 1b:00:01:01 take");
+        assert_eq!(refused.status.code(), Some(1), "{}", text(&refused));
+        self.done("a0", GROUP, "--vehicle 1b:00:01:01 release");
+        // An interface by its address is the same one; one that is not there is named with those that are.
+        let by_address = self.cucs("a0", GROUP, "10.77.86.2", "discover");
+        assert!(by_address.status.success(), "{}", text(&by_address));
+        let unknown = self.cucs("a0", GROUP, "eth9", "discover");
+        assert_eq!(unknown.status.code(), Some(2));
+        assert!(text(&unknown).contains("eth9 is no interface of this computer: expected one of"), "{}", text(&unknown));
+    }
+
+    fn ipv6(&self) {
+        for group in ["[ff15::4586]:26002", "[ff12::45:86]:26003"] {
+            let _bridge = self.bridge(1, group, "ttl = 2");
+            let printed = self.done("a0", group, "discover");
+            assert!(printed.contains("1b:00:01:01"), "{printed}");
+        }
+    }
+
+    fn sources_are_those_that_are_listed(&self) {
+        const GROUP: &str = "239.45.86.2:26004";
+        let _bridge = self.bridge(1, GROUP, "sources = [\"10.77.86.2\"]");
+        self.done("a0", GROUP, "discover");
+        let stranger = self.cucs("a0", GROUP, "10.77.86.3", "discover");
+        assert!(!stranger.status.success(), "{}", text(&stranger));
+        const SIX: &str = "[ff15::4587]:26005";
+        let bridge = self.bridge(1, SIX, "sources = [\"fd00:4586::9\"]");
+        let stranger = self.cucs("a0", SIX, "far", "discover");
+        assert!(!stranger.status.success(), "{}", text(&stranger));
+        drop(bridge);
+    }
+
+    fn through_loss(&self) {
+        const HERE: &str = "239.45.86.3:26006";
+        const THERE: &str = "239.45.86.4:26007";
+        let lossy = Lossy::between(HERE, THERE);
+        let _bridge = self.bridge(1, HERE, "");
+        for _ in 0..3 {
+            self.done("a0", THERE, "take");
+            self.done("a0", THERE, "release");
+        }
+        assert!(lossy.lost.load(Relaxed) > 3, "something was lost");
+    }
+}
+
+fn text(output: &Output) -> String {
+    let [out, err] = [&output.stdout, &output.stderr].map(|one| String::from_utf8_lossy(one).into_owned());
+    out + &err
+}
+
+/// Carries datagrams between two groups on the interface `near`, and loses each fifth.
+struct Lossy {
+    ended: Arc<AtomicBool>,
+    lost: Arc<AtomicU64>,
+    carrier: Option<JoinHandle<()>>,
+}
+
+impl Lossy {
+    fn between(here: &str, there: &str) -> Lossy {
+        let groups = [here, there].map(|group| Group {
+            interface: Some(Interface::Name("near".to_owned())),
+            ..Group::new(group.parse().expect("a group"))
+        });
+        let members = groups.each_ref().map(|group| group.receiver().expect("it joins"));
+        let senders: [UdpSocket; 2] = groups.each_ref().map(|group| group.sender(0).expect("it sends"));
+        let own: [SocketAddr; 2] = senders.each_ref().map(|one| one.local_addr().expect("an address"));
+        let (ended, lost) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
+        let (ends, counts) = (ended.clone(), lost.clone());
+        let carrier = thread::spawn(move || {
+            let (mut bytes, mut random) = ([0; 2_048], fastrand::Rng::with_seed(86));
+            while !ends.load(Relaxed) {
+                for side in [0, 1] {
+                    while let Ok((length, from)) = members[side].recv_from(&mut bytes) {
+                        if own.contains(&from) {
+                            continue;
+                        }
+                        if random.u8(..5) == 0 {
+                            counts.fetch_add(1, Relaxed);
+                            continue;
+                        }
+                        let to = 1 - side;
+                        let _ = senders[to].send_to(&bytes[..length], groups[to].address);
+                    }
+                }
+                thread::sleep(Duration::from_millis(1));
+            }
+        });
+        Lossy {
+            ended,
+            lost,
+            carrier: Some(carrier),
+        }
+    }
+}
+
+impl Drop for Lossy {
+    fn drop(&mut self) {
+        self.ended.store(true, Relaxed);
+        if let Some(carrier) = self.carrier.take() {
+            let _ = carrier.join();
+        }
+    }
+}
