@@ -16,7 +16,7 @@ use super::key::WhenAbsent::{Nothing, Required, Table, Value};
 use super::key::table;
 use super::station::Cucs;
 use super::value::{
-    LinkAddress, OnLoss, Signing, bytes_a_second, group, hops, id, interface, lease,
+    LinkAddress, OnLoss, Provisional, Signing, bytes_a_second, group, hops, id, interface, lease,
     messages_a_second, silence,
 };
 use super::vehicle::Vehicle;
@@ -139,19 +139,6 @@ fn max_bytes_s() -> u32 {
 
 fn max_messages_s() -> u32 {
     1_000
-}
-
-/// `dli.provisional`: the use of message layouts derived from Edition 2.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Provisional {
-    /// Not sent, and refused on receipt.
-    Off,
-    /// Answers and reports use them; those that command the aircraft are refused.
-    #[default]
-    Status,
-    /// Commands are carried out too.
-    All,
 }
 
 table! {

@@ -37,11 +37,11 @@ mod station;
 mod value;
 mod vehicle;
 
-pub use bridge::{Authority, Config, Dli, Http, Mavlink, Provisional, Record, Store};
+pub use bridge::{Authority, Config, Dli, Http, Mavlink, Record, Store};
 pub use changes::{Changes, Report};
 pub use disputed::Readings;
 pub use error::ConfigError;
 pub use forward::{Commands, Forward, Relay};
 pub use station::{Checksum, Cucs, Delivery, Edition};
-pub use value::{Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Signing};
+pub use value::{Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Provisional, Signing};
 pub use vehicle::{Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Limits, Vehicle};

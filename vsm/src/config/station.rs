@@ -10,12 +10,11 @@ use serde::{Deserialize, Serialize};
 use stanag_msgs::wrapper::Header;
 use stanag_msgs::{ChecksumStyle, Id};
 
-use super::bridge::Provisional;
 use super::disputed::Readings;
 use super::error::{Fault, fault};
 use super::key::WhenAbsent::{Nothing, Required, Table, Value};
 use super::key::table;
-use super::value::{LoiSet, id};
+use super::value::{LoiSet, Provisional, id};
 
 table! {
     /// `[[cucs]]`: one ground station and its rights.

@@ -219,6 +219,19 @@ impl<'de> Deserialize<'de> for LoiSet {
     }
 }
 
+/// `dli.provisional`: the use of message layouts derived from Edition 2.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Provisional {
+    /// Not sent, and refused on receipt.
+    Off,
+    /// Answers and reports use them; those that command the aircraft are refused.
+    #[default]
+    Status,
+    /// Commands are carried out too.
+    All,
+}
+
 /// `authority.on_loss`: what the vehicle is commanded when its controller has been silent for `act_s`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]

@@ -42,7 +42,12 @@ fn a_group_joins_bridges_and_stations_of_two_namespaces() {
 
 fn start_inside() {
     let mut probe = Command::new("unshare");
-    probe.args(["-rn", "sh", "-c", &format!("{SET_UP}; ENDED=$?; kill $FAR; exit $ENDED")]);
+    probe.args([
+        "-rn",
+        "sh",
+        "-c",
+        &format!("{SET_UP}; ENDED=$?; kill $FAR; exit $ENDED"),
+    ]);
     let needed = "two network namespaces (unshare -rn, nsenter) with a pair of interfaces (ip link add type veth)";
     if !tools::works(needed, &mut probe) {
         return;
@@ -52,11 +57,16 @@ fn start_inside() {
         "{SET_UP} && {INSIDE}=$FAR '{}' a_group_joins_bridges_and_stations --nocapture; ENDED=$?; kill $FAR; exit $ENDED",
         test.display()
     );
-    let output = Command::new("unshare").args(["-rn", "sh", "-c", &script]).output();
+    let output = Command::new("unshare")
+        .args(["-rn", "sh", "-c", &script])
+        .output();
     let output = output.expect("unshare starts");
     let printed = String::from_utf8_lossy(&output.stdout).into_owned();
     let faults = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && printed.contains("1 passed"), "{printed}{faults}");
+    assert!(
+        output.status.success() && printed.contains("1 passed"),
+        "{printed}{faults}"
+    );
 }
 
 struct Scene {
@@ -72,9 +82,14 @@ impl Scene {
 
     /// A bridge with this number and one vehicle, in the group; two stations may connect.
     fn bridge(&self, number: u8, group: &str, keys: &str) -> Running {
-        let path = self.folder.path().join(format!("vsm-{number}-{}", group.len()));
+        let path = self
+            .folder
+            .path()
+            .join(format!("vsm-{number}-{}", group.len()));
         std::fs::create_dir_all(&path).expect("a folder");
-        let station = |id| format!("[[cucs]]\nid = \"1b:00:00:{id}\"\nloi = [2, 3, 4, 5]\ndelivery = \"group\"\n");
+        let station = |id| {
+            format!("[[cucs]]\nid = \"1b:00:00:{id}\"\nloi = [2, 3, 4, 5]\ndelivery = \"group\"\n")
+        };
         let text = format!(
             "[dli]\nvsm_id = \"1b:00:00:0{number}\"\nlisten = \"127.0.0.1:0\"\nmulticast = \"{group}\"\n\
              interface = \"near\"\n{keys}\n{}{}[[vehicle]]\nid = \"1b:00:01:0{number}\"\nlink = \"udpin:127.0.0.1:0\"\n\
@@ -126,7 +141,11 @@ impl Scene {
         assert!(by_address.status.success(), "{}", text(&by_address));
         let unknown = self.cucs("a0", GROUP, "eth9", "discover");
         assert_eq!(unknown.status.code(), Some(2));
-        assert!(text(&unknown).contains("eth9 is no interface of this computer: expected one of"), "{}", text(&unknown));
+        assert!(
+            text(&unknown).contains("eth9 is no interface of this computer: expected one of"),
+            "{}",
+            text(&unknown)
+        );
     }
 
     fn ipv6(&self) {
@@ -164,7 +183,8 @@ impl Scene {
 }
 
 fn text(output: &Output) -> String {
-    let [out, err] = [&output.stdout, &output.stderr].map(|one| String::from_utf8_lossy(one).into_owned());
+    let [out, err] =
+        [&output.stdout, &output.stderr].map(|one| String::from_utf8_lossy(one).into_owned());
     out + &err
 }
 
@@ -181,10 +201,19 @@ impl Lossy {
             interface: Some(Interface::Name("near".to_owned())),
             ..Group::new(group.parse().expect("a group"))
         });
-        let members = groups.each_ref().map(|group| group.receiver().expect("it joins"));
-        let senders: [UdpSocket; 2] = groups.each_ref().map(|group| group.sender(0).expect("it sends"));
-        let own: [SocketAddr; 2] = senders.each_ref().map(|one| one.local_addr().expect("an address"));
-        let (ended, lost) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
+        let members = groups
+            .each_ref()
+            .map(|group| group.receiver().expect("it joins"));
+        let senders: [UdpSocket; 2] = groups
+            .each_ref()
+            .map(|group| group.sender(0).expect("it sends"));
+        let own: [SocketAddr; 2] = senders
+            .each_ref()
+            .map(|one| one.local_addr().expect("an address"));
+        let (ended, lost) = (
+            Arc::new(AtomicBool::new(false)),
+            Arc::new(AtomicU64::new(0)),
+        );
         let (ends, counts) = (ended.clone(), lost.clone());
         let carrier = thread::spawn(move || {
             let (mut bytes, mut random) = ([0; 2_048], fastrand::Rng::with_seed(86));
