@@ -46,7 +46,7 @@ pub struct SubjectClaims {
     /// Where it listens.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub address: Option<String>,
-    /// Edition of the interface: "3" or "4".
+    /// Edition of the interface: "3" or "4", of a recording also "2.5".
     pub edition: String,
     /// Checksum style of what the suite sends, 0 to 3.
     pub checksum: u8,
@@ -220,8 +220,8 @@ impl Profile {
             found: found.to_owned(),
             expected: expected.to_owned(),
         };
-        if !["3", "4"].contains(&self.subject.edition.as_str()) {
-            let expected = "\"3\" or \"4\"; Edition 2.5 is not served yet";
+        if !["2.5", "3", "4"].contains(&self.subject.edition.as_str()) {
+            let expected = "\"2.5\", \"3\" or \"4\"";
             return Err(value("subject.edition", &self.subject.edition, expected));
         }
         if self.subject.checksum > 3 {
@@ -265,6 +265,22 @@ impl Profile {
     #[must_use]
     pub fn idd(&self) -> u8 {
         if self.subject.edition == "3" { 30 } else { 32 }
+    }
+
+    /// Checks that the suite speaks the edition itself.
+    ///
+    /// # Errors
+    /// It can only judge recordings of it.
+    pub fn check_active(&self) -> Result<(), ProfileError> {
+        if self.subject.edition != "2.5" {
+            return Ok(());
+        }
+        Err(ProfileError::Value {
+            key: "subject.edition".into(),
+            found: self.subject.edition.clone(),
+            expected: "\"3\" or \"4\"; Edition 2.5 is judged on recordings: dli-check capture FILE"
+                .into(),
+        })
     }
 
     /// Whether all vehicles are said to be simulated.
@@ -315,7 +331,7 @@ mod tests {
                 .to_string()
                 .contains("timers.answr")
         );
-        let profile: Profile = toml::from_str("[subject]\nedition = \"2.5\"").unwrap();
+        let profile: Profile = toml::from_str("[subject]\nedition = \"2\"").unwrap();
         assert!(profile.check().unwrap_err().to_string().contains("edition"));
     }
 }

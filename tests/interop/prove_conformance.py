@@ -21,6 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import cucs_operator
 from lossy_relay import Relay
 from second_cucs.faults import FAULTS as CUCS_FAULTS
 from second_scenarios import PROGRAM, free_port
@@ -28,12 +29,10 @@ from second_vsm.program import CIRCUMSTANCES, FAULTS
 from second_vsm.variants import VARIANTS
 
 LIMIT_S = 1200
-CUCS = PROGRAM.with_name("second_cucs.py")
-# One script for all scenarios: what one does not grant is left out by a lawful station.
-CUCS_STEPS = "discover take:4 station:1 monitor:1 configure upload:-33.5,-70.6 radius:10 radius:180 mode:12 mode:16 monitor:6 release"
 HEAD_CUCS = """# The proof of the conformance suite on a CUCS
 
-Written by `tests/interop/prove_conformance.py --cucs`: `dli-check cucs` plays a vehicle to the second CUCS of `tests/interop`.
+Written by `tests/interop/prove_conformance.py --cucs`: `dli-check cucs` plays a vehicle to the second CUCS of `tests/interop`;
+`cucs_operator.py` acts and looks for its operator.
 """
 HEAD = """# The proof of the conformance suite
 
@@ -205,11 +204,13 @@ def cucs_runs():
 
 def judge_cucs(run, args):
     """Lets the suite's scripted vehicle judge one CUCS, scenario by scenario."""
-    began, port = time.monotonic(), free_port()
+    began = time.monotonic()
     with tempfile.TemporaryDirectory() as directory:
-        report = Path(directory) / "report.json"
-        own = " ".join([sys.executable, str(CUCS), "--vsm", f"127.0.0.1:{port}", "--keep-going", *run.options, CUCS_STEPS])
-        command = [args.dli_check, "cucs", "--listen", f"127.0.0.1:{port}", "--command", own, "--json", str(report), *(["--strict"] if run.faulty else [])]
+        report, profile = Path(directory) / "report.json", Path(directory) / "profile.toml"
+        faults = [run.id] if run.faulty else []
+        profile.write_text(cucs_operator.profile(free_port(), faults))
+        command = [args.dli_check, "cucs", "--listen", f"127.0.0.1:{free_port()}", "--profile", str(profile), "--json", str(report),
+                   *(["--strict"] if run.faulty else [])]
         collect(run, command, report, args.limit)
     run.seconds = time.monotonic() - began
     print(f"{run.id:12} {run.seconds:6.0f} s  {run.gap() or 'as expected'}", flush=True)

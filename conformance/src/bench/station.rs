@@ -457,6 +457,7 @@ fn empty_piece(draft: &Draft) -> crate::wire::Piece {
         properties: 0,
         data: Vec::new(),
         bytes: Vec::new(),
+        wrapped: None,
     }
 }
 

@@ -211,15 +211,17 @@ impl Session<'_> {
                     Err(error) => Ended::Left(error),
                 }
             }
-            None => {
-                let board = self.board.clone();
-                let board = board
-                    .as_ref()
-                    .expect("a step without a command has a board");
-                board.show(scenario, step, number);
-                terminal::print_card(&board.card());
-                self.step_of_operator(vehicle, step, board, mark, (least, end))
-            }
+            None => match self.board.clone() {
+                Some(board) => {
+                    board.show(scenario, step, number);
+                    terminal::print_card(&board.card());
+                    self.step_of_operator(vehicle, step, &board, mark, (least, end))
+                }
+                None => {
+                    vehicle.serve(least);
+                    Ended::Done
+                }
+            },
         };
         if let (Ended::Missing, Some(done)) = (&ended, &step.done) {
             self.remarks.push(format!(
@@ -261,15 +263,6 @@ impl Session<'_> {
                 None => Ended::Left(format!("{by} did not end in time")),
             };
         }
-        match status {
-            Some(0) => {}
-            Some(other) => self
-                .remarks
-                .push(format!("on.{} ended with status {other}", step.id)),
-            None => self
-                .remarks
-                .push(format!("on.{} did not end in time", step.id)),
-        }
         vehicle.serve(least);
         let Some(done) = &step.done else {
             return Ended::Done;
@@ -277,6 +270,12 @@ impl Session<'_> {
         let grace = self.net.now() + LAST_WORDS;
         while !self.shown(done, mark) {
             if self.net.now() >= grace || self.net.interrupted() {
+                // The wire decides; how the command ended only helps to find out why.
+                let ended = match status {
+                    Some(status) => format!("ended with status {status}"),
+                    None => "did not end in time".into(),
+                };
+                self.remarks.push(format!("on.{} {ended}", step.id));
                 return Ended::Missing;
             }
             vehicle.serve(self.net.now() + TICK);

@@ -60,6 +60,7 @@ pub(super) fn judge(arguments: &CucsArguments) -> Result<u8, String> {
     if let Some(command) = &arguments.command {
         profile.on.insert("start".into(), command.clone());
     }
+    profile.check_active().map_err(|error| error.to_string())?;
     let scenarios = scenarios(&arguments.scenario)?;
     check_commands(&profile, &scenarios)?;
     if arguments.cards {

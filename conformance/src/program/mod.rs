@@ -106,13 +106,18 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// How a rule is judged by this program: by a scene, by traffic, or not at all.
+/// How a rule is judged by this program: by a scene, by traffic, by an operator's word, or not at all.
 fn judged_by(id: &str) -> Vec<&'static str> {
+    use crate::passive::{cucs_judges, judges_of};
     let scene = rules::scenes().iter().any(|scene| scene.rule == id);
-    let judge = crate::passive::judges()
-        .iter()
-        .any(|judge| judge.rule == id);
-    [("active", scene), ("passive", judge)]
+    let traffic = cucs_judges().iter().any(|judge| judge.rule == id)
+        || (judges_of("2.5").iter()).any(|applied| applied.judge.rule == id);
+    let step = crate::scripted::Scenario::names()
+        .filter_map(|name| crate::scripted::Scenario::named(name).ok())
+        .any(|scenario| {
+            (scenario.step.iter()).any(|step| step.rules.iter().any(|rule| rule == id))
+        });
+    [("active", scene), ("passive", traffic), ("operator", step)]
         .into_iter()
         .filter(|(_, is)| *is)
         .map(|(name, _)| name)
@@ -141,7 +146,7 @@ fn list(as_json: bool) {
     }
     for rule in &catalogue.rule {
         print(&format!(
-            "{:<11} {:<6} {:<5} {:<9} {:<15} {}",
+            "{:<11} {:<6} {:<5} {:<9} {:<24} {}",
             rule.id,
             format!("{:?}", rule.level).to_lowercase(),
             format!("{:?}", rule.subject).to_lowercase(),

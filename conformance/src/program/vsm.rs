@@ -88,6 +88,7 @@ pub(super) fn subject(arguments: &VsmArguments) -> Result<(SocketAddr, Profile),
         text.ok_or("no address: give it as an argument, or as subject.address in the profile")?;
     profile.subject.address = Some(text.clone());
     profile.check().map_err(|error| error.to_string())?;
+    profile.check_active().map_err(|error| error.to_string())?;
     let mut addresses = text
         .to_socket_addrs()
         .map_err(|error| format!("address {text:?}: {error}; expected HOST:PORT"))?;

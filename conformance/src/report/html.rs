@@ -115,8 +115,9 @@ fn title(out: &mut String, report: &Report) {
     }
 }
 
+/// What fails, first what nobody expects.
 fn fails(out: &mut String, report: &Report) {
-    let failed: Vec<&RuleReport> = Verdict::ALL
+    let mut failed: Vec<(bool, &RuleReport)> = Verdict::ALL
         .into_iter()
         .filter(|verdict| verdict.is_fail())
         .flat_map(|verdict| {
@@ -125,22 +126,32 @@ fn fails(out: &mut String, report: &Report) {
                 .iter()
                 .filter(move |rule| rule.verdict == verdict)
         })
+        .map(|rule| {
+            let unexpected = report.unexpected();
+            (!unexpected.iter().any(|other| other.id == rule.id), rule)
+        })
         .collect();
     if failed.is_empty() {
         out.push_str("<h2>Nothing fails</h2>");
         return;
     }
+    failed.sort_by_key(|(expected, _)| *expected);
     let _ = write!(
         out,
         "<h2>{}</h2><table><tr><th>rule</th><th>what was expected, and what came</th><th>what breaks in the field</th></tr>",
         plural_verb(failed.len())
     );
-    for rule in failed {
+    for (expected, rule) in failed {
         let _ = write!(
             out,
-            "<tr><td><a href=\"#{0}\">{0}</a><br>{1}</td><td>{2}</td><td>{3}</td></tr>",
+            "<tr><td class=\"id\"><a href=\"#{0}\">{0}</a><br>{1}{2}</td><td>{3}</td><td>{4}</td></tr>",
             escape(&rule.id),
             badge(rule.verdict),
+            if expected {
+                " <span class=\"small\">expected</span>"
+            } else {
+                ""
+            },
             escape(&rule.reason),
             escape(&rule.breaks)
         );

@@ -4,15 +4,22 @@
 //! by their names in the table; [`Draft`] makes a message, right or wrong on purpose. `stanag_msgs` has the table; its
 //! strict codec is not used here, because what it refuses is what has to be judged.
 
+mod ed25;
+
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use serde_json::{Map, Value, json};
 use stanag_msgs::table::{self, FieldInfo, MessageInfo, Wire};
 use stanag_msgs::{DecodeError, Id};
 
+pub use ed25::{WRAPPER as WRAPPER_25, Wrapped};
+
 /// Bytes of the header.
 pub const HEADER: usize = 16;
+/// Seconds from 1970 to 2000.
+const EPOCH_2000_S: f64 = 946_684_800.0;
 
 /// A message as it lies in a datagram, nothing verified but that its bytes are there.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,6 +40,8 @@ pub struct Piece {
     pub data: Vec<u8>,
     /// Header, data and checksum.
     pub bytes: Vec<u8>,
+    /// The wrapper, where it is that of Edition 2.5. Source and destination are fields then, and there are no properties.
+    pub wrapped: Option<Wrapped>,
 }
 
 impl Piece {
@@ -57,6 +66,10 @@ impl Piece {
     /// The checksum that the message carries, and the one that it should.
     #[must_use]
     pub fn checksums(&self) -> (u64, u64) {
+        if self.wrapped.is_some() {
+            let (summed, sum) = self.bytes.split_at(self.bytes.len() - 4);
+            return (number(sum), number(&checksum(2, summed)));
+        }
         let (summed, sum) = self
             .bytes
             .split_at(self.bytes.len() - trailer(self.style()));
@@ -102,6 +115,10 @@ fn number(bytes: &[u8]) -> u64 {
 /// The messages of a datagram, and why the rest of it is none.
 #[must_use]
 pub fn split(datagram: &[u8]) -> (Vec<Piece>, Option<String>) {
+    if stanag_msgs::ed25::is_ed25(datagram) {
+        let (parts, fault) = ed25::split(datagram);
+        return (parts.into_iter().map(piece_25).collect(), fault);
+    }
     let mut pieces = Vec::new();
     let mut rest = datagram;
     while !rest.is_empty() {
@@ -135,10 +152,26 @@ pub fn split(datagram: &[u8]) -> (Vec<Piece>, Option<String>) {
             properties,
             data: rest[HEADER..HEADER + usize::from(length)].to_vec(),
             bytes: rest[..end].to_vec(),
+            wrapped: None,
         });
         rest = &rest[end..];
     }
     (pieces, None)
+}
+
+fn piece_25((wrapped, data, bytes): ed25::Part) -> Piece {
+    let (source, destination) = ed25::ends(ed25::info(&wrapped), &data);
+    Piece {
+        reserved: 0,
+        length: u16::try_from(data.len()).unwrap_or(u16::MAX),
+        source,
+        destination,
+        message_type: u16::try_from(wrapped.message_type).unwrap_or(u16::MAX),
+        properties: 0,
+        data,
+        bytes,
+        wrapped: Some(wrapped),
+    }
 }
 
 /// Who sent a datagram, seen from the suite.
@@ -167,6 +200,8 @@ pub struct Seen {
     pub info: Option<&'static MessageInfo>,
     /// The fields, or why the data are not those of the message.
     pub fields: Result<BTreeMap<&'static str, Vec<u8>>, DecodeError>,
+    /// What was on the wire, where this is its counterpart in Edition 4.
+    pub original: Option<Arc<Seen>>,
 }
 
 impl Seen {
@@ -179,7 +214,10 @@ impl Seen {
         socket: usize,
         piece: Piece,
     ) -> Self {
-        let info = table::message(piece.message_type);
+        let info = match &piece.wrapped {
+            Some(wrapped) => ed25::info(wrapped),
+            None => table::message(piece.message_type),
+        };
         let fields = match info {
             Some(info) => table::walk(info, &piece.data)
                 .map(|step| step.map(|(field, bytes)| (field.name, bytes.to_vec())))
@@ -196,6 +234,67 @@ impl Seen {
             piece,
             info,
             fields,
+            original: None,
+        }
+    }
+
+    /// The messages of Edition 4 that hold the same as this one of Edition 2.5, with the fields that correspond.
+    #[must_use]
+    pub fn in_edition_4(seen: &Arc<Self>) -> Vec<Arc<Self>> {
+        let Some(info) = seen.info.filter(|_| seen.piece.wrapped.is_some()) else {
+            return Vec::new();
+        };
+        info.ed4_messages
+            .iter()
+            .filter_map(|&kind| {
+                let other = table::message(kind)?;
+                let mut draft = Draft::new(kind);
+                for field in info.fields {
+                    if let Some((message, number)) = field.ed4
+                        && message == kind
+                        && let Some(target) = other.fields.get(usize::from(number).checked_sub(1)?)
+                    {
+                        draft = seen.carry(field, target, draft);
+                    }
+                }
+                let bytes = draft.encode(seen.piece.source, seen.piece.destination, 32, 2);
+                let piece = split(&bytes).0.into_iter().next()?;
+                let made = Self::new(seen.at, seen.wall_ms, seen.direction, seen.socket, piece);
+                Some(Arc::new(Self {
+                    original: Some(seen.clone()),
+                    ..made
+                }))
+            })
+            .collect()
+    }
+
+    /// Carries one field over; what has no number or text, or does not fit the step of Edition 4, is left out.
+    fn carry(&self, field: &FieldInfo, target: &FieldInfo, draft: Draft) -> Draft {
+        if matches!(target.wire, Wire::Char(_)) {
+            return match self.text(field.name) {
+                Some(text) => draft.text(target.name, text.as_bytes()),
+                None => draft,
+            };
+        }
+        let Some(value) = self.value(field.name).filter(|value| value.is_finite()) else {
+            return draft;
+        };
+        // Times count from 1970 in seconds there, from 2000 in milliseconds here.
+        let value = if target.wire == Wire::U40 {
+            (value - EPOCH_2000_S) * 1000.0
+        } else {
+            value
+        };
+        match target.wire.integers() {
+            Some((low, high)) => {
+                let raw = (value / target.step()).round();
+                if (low as f64..=high as f64).contains(&raw) {
+                    draft.raw(target.name, raw as i64)
+                } else {
+                    draft
+                }
+            }
+            None => draft.set(target.name, value),
         }
     }
 
@@ -259,6 +358,9 @@ impl Seen {
     /// For evidence: everything about it, enumerations by name.
     #[must_use]
     pub fn evidence(&self) -> Value {
+        if let Some(original) = &self.original {
+            return original.evidence();
+        }
         let fields: Map<String, Value> = self
             .info
             .and_then(|info| stanag_msgs::json::fields(info, &self.piece.data, false).ok())

@@ -1,0 +1,304 @@
+//! Judges of Edition 2.5: its wrapper, its full vectors, its numbers. What later editions share with it is judged by the
+//! other judges on its counterpart in Edition 4 ([`SHARED`]).
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use stanag_msgs::ed25::Version;
+use stanag_msgs::table::Wire;
+
+use super::view::{Found, Judge, View};
+use crate::wire::{Seen, WRAPPER_25};
+
+pub(super) const JUDGES: &[Judge] = &[
+    Judge {
+        rule: "WRAP-002",
+        judge: wrapper_of_34_bytes,
+    },
+    Judge {
+        rule: "WRAP-003",
+        judge: length_is_that_of_all_fields,
+    },
+    Judge {
+        rule: "WRAP-006",
+        judge: sum_over_the_message,
+    },
+    Judge {
+        rule: "WRAP-011",
+        judge: version_text,
+    },
+    Judge {
+        rule: "WRAP-015",
+        judge: instances_and_sequence,
+    },
+    Judge {
+        rule: "SCALAR-001",
+        judge: byte_order,
+    },
+    Judge {
+        rule: "SCALAR-002",
+        judge: floats_are_numbers,
+    },
+    Judge {
+        rule: "TIME-001",
+        judge: seconds_since_1970,
+    },
+    Judge {
+        rule: "ACK-002",
+        judge: acknowledged_by_configuration_only,
+    },
+    Judge {
+        rule: "ACK-004",
+        judge: acknowledgements_name_a_message,
+    },
+];
+
+/// Rules whose judges look at bytes, texts, or values by the table: they run on the messages as they are.
+pub(super) const AS_THEY_ARE: &[&str] = &["WRAP-004", "SCALAR-005", "SCALAR-006"];
+/// Rules whose judges know messages of Edition 4: they run on the counterparts.
+pub(super) const SHARED: &[&str] = &[
+    "AUTH-011",
+    "ROUTE-012",
+    "CONF-007",
+    "ALERT-001",
+    "ALERT-003",
+];
+
+/// #1400 and #1401.
+const ACKNOWLEDGEMENT: u16 = 1400;
+const CONFIGURATION: u16 = 1401;
+/// Seconds from 1970 to 2000.
+const EPOCH_2000_S: f64 = 946_684_800.0;
+
+fn wrapper_of_34_bytes(view: &View<'_>, found: &mut Found) {
+    for datagram in view
+        .of_subject()
+        .filter(|datagram| !datagram.bytes.is_empty())
+    {
+        found.saw();
+        let Some(fault) = &datagram.fault else {
+            if datagram
+                .messages
+                .iter()
+                .any(|seen| seen.piece.wrapped.is_none())
+            {
+                found.fail_at(
+                    datagram,
+                    "expected the wrapper of Edition 2.5; this is the header of a later edition",
+                );
+            }
+            continue;
+        };
+        // Six words of 32 bits, the version as a number: the text's own arithmetic, and that of skylight-uas.
+        let word = datagram.bytes.get(12..16).map_or(0, |word| {
+            word.iter()
+                .fold(0, |value, &byte| value << 8 | usize::from(byte))
+        });
+        let reading = if datagram.bytes.len() == 24 + word + 4 {
+            "; a wrapper of six words, the version as a number (the reading of 24 bytes), would fit"
+        } else {
+            ""
+        };
+        found.fail_at(
+            datagram,
+            format!("expected datagrams that split into messages with {WRAPPER_25} bytes of wrapper; {fault}{reading}"),
+        );
+    }
+}
+
+fn length_is_that_of_all_fields(view: &View<'_>, found: &mut Found) {
+    for seen in view.messages() {
+        let Some(info) = seen.info else { continue };
+        let fixed = info.fields.iter().all(|field| field.wire.bytes().is_some());
+        if fixed {
+            let (is, expected) = (seen.piece.data.len(), info.full_bytes());
+            found.check(seen, is == expected, || {
+                format!("expected {expected} bytes of data in #{}, where every field is always sent; got {is}", info.id)
+            });
+        }
+    }
+}
+
+fn sum_over_the_message(view: &View<'_>, found: &mut Found) {
+    for seen in view.messages() {
+        let (value, expected) = seen.piece.checksums();
+        found.check(seen, value == expected, || {
+            format!("expected checksum 0x{expected:08x}, the sum of the bytes before it, in #{}; got 0x{value:08x}", seen.kind())
+        });
+    }
+}
+
+fn version_text(view: &View<'_>, found: &mut Found) {
+    let mut first: Option<String> = None;
+    for seen in view.messages() {
+        let Some(wrapped) = &seen.piece.wrapped else {
+            continue;
+        };
+        let text = wrapped.text();
+        found.check(seen, Version::from_text(&text).is_some(), || {
+            let known: Vec<&str> = Version::ALL.iter().map(|version| version.text()).collect();
+            format!(
+                "expected one of the versions {}, got {text:?}",
+                known.join(", ")
+            )
+        });
+        found.check(seen, wrapped.version.contains(&0), || {
+            "expected the version to end in NUL within its ten bytes".into()
+        });
+        let first = first.get_or_insert_with(|| text.clone());
+        found.check(seen, *first == text, || {
+            format!(
+                "expected the same version in each message of the subject: {first:?}, then {text:?}"
+            )
+        });
+    }
+}
+
+fn instances_and_sequence(view: &View<'_>, found: &mut Found) {
+    let mut known: BTreeMap<(u32, u16, u32), Arc<Seen>> = BTreeMap::new();
+    for seen in view.messages() {
+        let Some(wrapped) = &seen.piece.wrapped else {
+            continue;
+        };
+        let key = (seen.piece.source.0, seen.kind(), wrapped.instance);
+        // The same bytes again are a copy of the network, or of several interfaces.
+        let again = known
+            .get(&key)
+            .is_some_and(|before| before.piece.bytes != seen.piece.bytes);
+        found.check(seen, !again, || {
+            format!(
+                "expected an instance id of its own for each #{}; {} came twice with other content",
+                seen.kind(),
+                wrapped.instance
+            )
+        });
+        found.check(seen, wrapped.sequence == u32::MAX, || {
+            format!(
+                "expected the unused packet sequence number to be -1, got 0x{:08x}",
+                wrapped.sequence
+            )
+        });
+        known.entry(key).or_insert_with(|| seen.clone());
+    }
+}
+
+fn byte_order(view: &View<'_>, found: &mut Found) {
+    for datagram in view.of_subject() {
+        let Some(word) = datagram.bytes.get(18..22) else {
+            continue;
+        };
+        found.saw();
+        let other = u32::from_le_bytes([word[0], word[1], word[2], word[3]]) as usize;
+        if datagram.fault.is_some() && datagram.bytes.len() == WRAPPER_25 + other {
+            found.fail_at(datagram, format!("expected the most significant byte first; the length fits only the other way round ({other} bytes)"));
+        }
+    }
+}
+
+fn floats_are_numbers(view: &View<'_>, found: &mut Found) {
+    for seen in view.messages() {
+        let Some(info) = seen.info else { continue };
+        for field in info.fields {
+            if !matches!(field.wire, Wire::F32 | Wire::F64) {
+                continue;
+            }
+            let Some(value) = seen.value(field.name) else {
+                continue;
+            };
+            found.check(seen, value.is_finite(), || {
+                format!(
+                    "expected a number in {} of #{}, got {value}",
+                    field.name, info.id
+                )
+            });
+            if let Some((low, high)) = field.range
+                && (value < low || value > high)
+            {
+                found.warn(
+                    seen,
+                    format!(
+                        "{} of #{} is {value}, outside of the text's {low} to {high} {}",
+                        field.name,
+                        info.id,
+                        field.unit.unwrap_or_default()
+                    ),
+                );
+            }
+        }
+    }
+}
+
+fn seconds_since_1970(view: &View<'_>, found: &mut Found) {
+    for seen in view.messages() {
+        let Some(stamp) = seen.value("Time Stamp") else {
+            continue;
+        };
+        let off = stamp - (seen.wall_ms as f64 / 1000.0 + EPOCH_2000_S);
+        // Only a live run has one clock for both ends; on a recording an offset of years is no matter of clocks.
+        let most = if view.live { 5.0 } else { 30.0 * 86_400.0 };
+        let named = if (off + EPOCH_2000_S).abs() < 86_400.0 {
+            ": seconds since 2000"
+        } else if (stamp / 1000.0 - seen.wall_ms as f64 / 1000.0 - EPOCH_2000_S).abs() < 86_400.0 {
+            ": milliseconds"
+        } else {
+            ""
+        };
+        found.check(seen, off.abs() <= most, || {
+            format!("expected seconds since 1970 in the time stamp of #{}, got {stamp}, {off:.0} s off{named}", seen.kind())
+        });
+    }
+}
+
+/// Which message a #1400 is about: type and instance, by the names that the table gives them.
+fn about(seen: &Seen) -> (Option<i64>, Option<i64>) {
+    let named = |part: &str| {
+        let field = seen
+            .info?
+            .fields
+            .iter()
+            .find(|field| field.name.contains(part))?;
+        seen.raw(field.name)
+    };
+    (named("Message Type"), named("Instance"))
+}
+
+fn acknowledged_by_configuration_only(view: &View<'_>, found: &mut Found) {
+    let configured: BTreeSet<i64> = view
+        .requests()
+        .filter(|seen| seen.kind() == CONFIGURATION)
+        .filter_map(|seen| about(seen).0)
+        .collect();
+    for seen in view
+        .messages()
+        .filter(|seen| seen.kind() == ACKNOWLEDGEMENT)
+    {
+        let Some(kind) = about(seen).0 else { continue };
+        found.check(seen, configured.contains(&kind), || {
+            format!("expected no #1400 about #{kind}, which no #1401 asked to be acknowledged")
+        });
+    }
+}
+
+fn acknowledgements_name_a_message(view: &View<'_>, found: &mut Found) {
+    let sent: BTreeSet<(i64, i64)> = view
+        .requests()
+        .filter_map(|seen| {
+            Some((
+                seen.kind().into(),
+                i64::from(seen.piece.wrapped.as_ref()?.instance),
+            ))
+        })
+        .collect();
+    for seen in view
+        .messages()
+        .filter(|seen| seen.kind() == ACKNOWLEDGEMENT)
+    {
+        let (Some(kind), Some(instance)) = about(seen) else {
+            continue;
+        };
+        let instance = i64::from(instance as u32);
+        found.check(seen, sent.contains(&(kind, instance)), || {
+            format!("expected #1400 to name a message that was sent; #{kind} with instance {instance} was not")
+        });
+    }
+}

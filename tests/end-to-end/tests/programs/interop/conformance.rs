@@ -1,0 +1,239 @@
+//! The fast set of the conformance suite: a handful of rules on the bridge and on the second VSM, three faults that have to
+//! fail, and both ground stations without an operator. `cargo xtask conform` runs the full set.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use kit::process::{Running, free_udp_port, program};
+use serde_json::Value;
+use tempfile::TempDir;
+use vsm_tests::ground::Ground;
+use vsm_tests::{here, plain_python};
+
+/// Discovery, rights, acknowledgement, the form of messages: what everything else rests on.
+const FEW: [&str; 7] = [
+    "DISC-001", "DISC-003", "AUTH-001", "AUTH-002", "ACK-001", "WRAP-003", "PV-003",
+];
+/// A busy machine needs several times what it takes alone.
+const LIMIT: Duration = Duration::from_secs(170);
+
+/// What `dli-check` found: its exit status, and its report.
+struct Judged {
+    status: Option<i32>,
+    report: Value,
+    output: String,
+}
+
+impl Judged {
+    fn verdict(&self, rule: &str) -> &str {
+        let rules = self.report["rules"].as_array().expect("rules");
+        let found = rules.iter().find(|found| found["id"] == rule);
+        found.map_or("not judged", |found| {
+            found["verdict"].as_str().expect("a verdict")
+        })
+    }
+
+    fn passes(&self, rules: &[&str]) {
+        for rule in rules {
+            assert_eq!(self.verdict(rule), "pass", "{rule}\n{}", self.output);
+        }
+    }
+}
+
+/// Runs it to its end in this folder, with our programs on the path.
+fn dli_check(folder: &Path, arguments: &[&str]) -> Judged {
+    let own = program("dli-check");
+    let beside = own.parent().expect("the folder of the programs");
+    let path = std::env::var("PATH").unwrap_or_default();
+    let report = tempfile::tempdir().expect("a folder");
+    let json = report.path().join("report.json");
+    let mut run = Running::spawn(
+        Command::new(&own)
+            .args(arguments)
+            .arg("--json")
+            .arg(&json)
+            .env("PATH", format!("{}:{path}", beside.display()))
+            .current_dir(folder),
+    );
+    let status = run.wait(LIMIT).and_then(|status| status.code());
+    let output = run.output();
+    let text = fs::read(&json).unwrap_or_else(|error| panic!("{error}: {output}"));
+    Judged {
+        status,
+        report: serde_json::from_slice(&text).expect("report.json"),
+        output,
+    }
+}
+
+/// The few rules on a VSM.
+fn judge_vsm(address: &str) -> Judged {
+    let mut arguments = vec!["vsm", address, "--simulated", "--speed", "10", "--quiet"];
+    for rule in FEW {
+        arguments.extend(["--rule", rule]);
+    }
+    dli_check(here(), &arguments)
+}
+
+#[test]
+fn the_bridge_passes_the_few_rules() {
+    let ground = Ground::with_tables("[[cucs]]\nid = \"1b:00:00:a1\"\nloi = [2, 3, 4, 5]\n");
+    let _bridge = ground.bridge();
+    let _aircraft = ground.aircraft();
+    let judged = judge_vsm(&ground.dli());
+    judged.passes(&FEW);
+    assert_eq!(judged.status, Some(0), "{}", judged.output);
+}
+
+fn second_vsm(options: &[&str]) -> (Running, String) {
+    let port = free_udp_port().to_string();
+    let script = here().join("interop/second_vsm.py").display().to_string();
+    let mut arguments = vec![script.as_str(), "--port", &port, "--speed", "10"];
+    arguments.extend(options);
+    let mut vsm = Running::start(&plain_python(), arguments);
+    vsm.wait_for("ready", Duration::from_secs(30));
+    (vsm, format!("127.0.0.1:{port}"))
+}
+
+#[test]
+fn the_second_vsm_passes_them_and_three_faults_do_not() {
+    let (_vsm, address) = second_vsm(&[]);
+    let judged = judge_vsm(&address);
+    judged.passes(&FEW);
+    assert_eq!(judged.status, Some(0), "{}", judged.output);
+    let faults = [
+        ("V03", "WRAP-003"),
+        ("V28", "DISC-003"),
+        ("V32", "AUTH-002"),
+    ];
+    std::thread::scope(|scope| {
+        for (fault, rule) in faults {
+            scope.spawn(move || {
+                let (_vsm, address) = second_vsm(&["--mutant", fault]);
+                let judged = judge_vsm(&address);
+                assert_eq!(judged.verdict(rule), "fail", "{fault}\n{}", judged.output);
+                assert_eq!(judged.status, Some(1), "{fault}\n{}", judged.output);
+            });
+        }
+    });
+}
+
+#[test]
+fn our_ground_station_is_judged_without_an_operator() {
+    let folder = here().join("../examples/dli-check");
+    let scenarios: [&[&str]; 4] = [
+        &["normal"],
+        &["handover", "odd"],
+        &["deny", "revoke"],
+        &["damaged", "malformed"],
+    ];
+    std::thread::scope(|scope| {
+        for names in scenarios {
+            let folder = &folder;
+            scope.spawn(move || {
+                let listen = format!("127.0.0.1:{}", free_udp_port());
+                let mut arguments = vec![
+                    "cucs",
+                    "--listen",
+                    &listen,
+                    "--profile",
+                    "cucs.toml",
+                    "--expected",
+                    "cucs-known.toml",
+                ];
+                for name in names {
+                    arguments.extend(["--scenario", name]);
+                }
+                let judged = dli_check(folder, &arguments);
+                // What a scenario does not show is not needed there: only an unexpected fail is an error.
+                assert!(!judged.output.contains("no message"), "{}", judged.output);
+                let unexpected: Vec<&Value> = judged.report["rules"]
+                    .as_array()
+                    .expect("rules")
+                    .iter()
+                    .filter(|rule| {
+                        rule["verdict"] == "fail"
+                            && !["AUTH-014", "AUTH-015", "MODE-016"]
+                                .contains(&rule["id"].as_str().unwrap_or_default())
+                    })
+                    .collect();
+                assert!(
+                    unexpected.is_empty(),
+                    "{names:?} {unexpected:?}\n{}",
+                    judged.output
+                );
+                if names[0] == "normal" {
+                    judged.passes(&["DISC-008", "ROUTE-022", "ACK-008", "ACK-009", "SCALAR-003"]);
+                }
+                if names[0] == "damaged" {
+                    judged.passes(&["WRAP-010", "ROBUST-001", "ROBUST-005"]);
+                }
+            });
+        }
+    });
+}
+
+/// The second ground station in these scenarios, with these faults.
+fn judge_second_cucs(scenarios: &[&str], faults: &[&str]) -> Judged {
+    let folder = TempDir::new().expect("a folder");
+    let operator = here().join("interop/cucs_operator.py");
+    let control = free_udp_port().to_string();
+    let mut made = Command::new(plain_python());
+    made.arg(&operator)
+        .args(["--profile", &control])
+        .args(faults);
+    let profile = made.output().expect("python").stdout;
+    fs::write(folder.path().join("profile.toml"), profile).expect("the profile");
+    let listen = format!("127.0.0.1:{}", free_udp_port());
+    let mut arguments = vec!["cucs", "--listen", &listen, "--profile", "profile.toml"];
+    for scenario in scenarios {
+        arguments.extend(["--scenario", scenario]);
+    }
+    dli_check(folder.path(), &arguments)
+}
+
+#[test]
+fn the_second_ground_station_passes_and_its_faults_do_not() {
+    let lawful: [(&[&str], &[&str]); 3] = [
+        (
+            &["normal"],
+            &[
+                "DISC-008",
+                "CONF-010",
+                "CONF-011",
+                "MODE-016",
+                "ALERT-007",
+                "ALERT-008",
+                "PV-008",
+                "ACK-009",
+            ],
+        ),
+        (
+            &["revoke", "damaged"],
+            &["AUTH-014", "AUTH-015", "WRAP-010"],
+        ),
+        (&["handover", "odd"], &["HAND-008", "ROBUST-011"]),
+    ];
+    // What is found on the wire, by the operator's eyes, and by a station that no longer answers.
+    let faults = [
+        ("damaged", "C03", "WRAP-010"),
+        ("unloaded", "C16", "ROUTE-023"),
+        ("odd", "C24", "ROBUST-011"),
+    ];
+    std::thread::scope(|scope| {
+        for (scenarios, rules) in lawful {
+            scope.spawn(move || {
+                let judged = judge_second_cucs(scenarios, &[]);
+                judged.passes(rules);
+                assert_eq!(judged.status, Some(0), "{}", judged.output);
+            });
+        }
+        for (scenario, fault, rule) in faults {
+            scope.spawn(move || {
+                let judged = judge_second_cucs(&[scenario], &[fault]);
+                assert_eq!(judged.verdict(rule), "fail", "{fault}\n{}", judged.output);
+            });
+        }
+    });
+}
