@@ -5,8 +5,6 @@ use stanag_msgs::ed25;
 use stanag_msgs::table::{self, Direction, MessageInfo};
 use stanag_msgs::{DecodeError, Id};
 
-use super::number;
-
 /// Bytes of the wrapper before and behind the data.
 pub const WRAPPER: usize = ed25::HEADER_BYTES + ed25::TRAILER_BYTES;
 
@@ -99,4 +97,11 @@ pub(super) fn ends(info: Option<&'static MessageInfo>, data: &[u8]) -> (Id, Id) 
         Some(Direction::ToVsm) => (cucs, vehicle),
         _ => (vehicle, cucs),
     }
+}
+
+/// The unsigned integer of these bytes, the most significant first.
+pub(super) fn number(bytes: &[u8]) -> u64 {
+    bytes
+        .iter()
+        .fold(0, |value, &byte| value << 8 | u64::from(byte))
 }

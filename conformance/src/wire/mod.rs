@@ -14,6 +14,7 @@ use serde_json::{Map, Value, json};
 use stanag_msgs::table::{self, FieldInfo, MessageInfo, Wire};
 use stanag_msgs::{DecodeError, Id};
 
+use ed25::number;
 pub use ed25::{WRAPPER as WRAPPER_25, Wrapped};
 
 /// Bytes of the header.
@@ -104,12 +105,6 @@ fn crc32(bytes: &[u8]) -> u32 {
             crc >> 1 ^ if crc & 1 == 1 { 0xEDB8_8320 } else { 0 }
         })
     })
-}
-
-fn number(bytes: &[u8]) -> u64 {
-    bytes
-        .iter()
-        .fold(0, |value, &byte| value << 8 | u64::from(byte))
 }
 
 /// The messages of a datagram, and why the rest of it is none.

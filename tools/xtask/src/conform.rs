@@ -13,7 +13,8 @@ use anyhow::{Context as _, Result};
 
 use crate::steps::{Steps, cargo, root};
 
-/// Builds, starts bridge and vehicle, and judges. Arguments behind `conform` are passed on, such as `--rule AUTH-002`.
+/// Builds, starts bridge and vehicle, and judges. Arguments behind `conform` are passed on, such as `--rule AUTH-002`; `--docs`
+/// writes the report that stands in the documents.
 pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     let packages = [
         "--package",
@@ -69,8 +70,18 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     judge
         .arg("--expected")
         .arg(root().join("conformance/known.toml"));
-    steps.run_here(judge.args(std::env::args().skip(2)))
+    for argument in std::env::args().skip(2) {
+        if argument == "--docs" {
+            judge.arg("--html").arg(root().join(REPORT));
+        } else {
+            judge.arg(argument);
+        }
+    }
+    steps.run_here(&mut judge)
 }
+
+/// The report of the full run that stands in the documents.
+const REPORT: &str = "docs/reference/conformance-report.html";
 
 fn program(name: &str, folder: &Path) -> Command {
     let mut command = Command::new(root().join("target/debug").join(name));
