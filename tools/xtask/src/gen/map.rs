@@ -69,13 +69,14 @@ fn first_sentence(source: &str) -> String {
     sentence.trim_end_matches(['.', ':']).to_owned()
 }
 
-const CRATES: [&str; 10] = [
+const CRATES: [&str; 11] = [
     "vsm",
     "stanag-msgs",
     "mavlink-link",
     "mapping",
     "curve-paths",
     "conformance",
+    "conformance/mavlink",
     "tools/cucs",
     "tools/px4-sim",
     "tools/curve-plan",

@@ -1,0 +1,412 @@
+//! Sockets, the clock of the run, and the recording of every datagram and frame.
+
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs, UdpSocket};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use conformance::bench::net::Datagram;
+use conformance::wire::Direction;
+use serde_json::{Value, json};
+
+use crate::wire::frame::{Frame, Key, split};
+use crate::wire::{STAMP_HZ, wall_stamp};
+
+/// What is recorded at most: a subject that floods must not fill the memory.
+const MAX_RECORDED_BYTES: usize = 256 << 20;
+/// How far our clock follows verified frames beyond the wall clock. ArduPilot's run minutes ahead; a frame from next year must not
+/// carry the suite along.
+const FOLLOW: u64 = 3600 * STAMP_HZ;
+
+/// A frame that was sent or received.
+#[derive(Debug)]
+pub struct Seen {
+    /// Time since the run began.
+    pub at: Duration,
+    /// Sent or received.
+    pub direction: Direction,
+    /// Number of the socket.
+    pub socket: usize,
+    /// The other end.
+    pub remote: SocketAddr,
+    /// Our signing timestamp by the wall clock when it was seen.
+    pub wall_stamp: u64,
+    /// The frame.
+    pub frame: Frame,
+    /// Whether its signature is that of the run's key; `None` where it is unsigned or no key was given.
+    pub verified: Option<bool>,
+}
+
+impl Seen {
+    /// As evidence in a report.
+    #[must_use]
+    pub fn evidence(&self) -> Value {
+        let frame = &self.frame;
+        let sender = format!("{}/{}", frame.system, frame.component);
+        let target = frame.target().map_or_else(
+            || "all".to_owned(),
+            |(system, component)| format!("{system}/{component}"),
+        );
+        let hex = if frame.is("SETUP_SIGNING") {
+            "not shown: holds a key".to_owned()
+        } else {
+            conformance::wire::hex(&frame.bytes)
+        };
+        json!({
+            "time": self.at.as_secs_f64(),
+            "direction": if self.direction == Direction::Sent { "sent" } else { "received" },
+            "id": frame.id,
+            "name": frame.name(),
+            "source": sender,
+            "destination": target,
+            "fields": frame.fields(),
+            "hex": hex,
+        })
+    }
+}
+
+/// Everything sent and received so far.
+#[derive(Debug, Default)]
+pub struct Recording {
+    /// Datagrams, in the order of time.
+    pub datagrams: Vec<Datagram>,
+    /// Their frames.
+    pub seen: Vec<Arc<Seen>>,
+    /// Bytes that were part of no frame.
+    pub skipped: usize,
+    /// Datagrams that found no room.
+    pub dropped: usize,
+    bytes: usize,
+}
+
+/// The network of a run.
+#[derive(Debug)]
+pub struct Net {
+    start: Instant,
+    key: Mutex<Option<Key>>,
+    recording: Mutex<Recording>,
+    arrived: Condvar,
+    interrupted: AtomicBool,
+    stamp: AtomicU64,
+    sockets: AtomicUsize,
+    sending: Mutex<()>,
+}
+
+impl Net {
+    /// A network without sockets; `key` verifies what comes and signs what goes.
+    #[must_use]
+    pub fn new(key: Option<Key>) -> Arc<Self> {
+        Arc::new(Self {
+            start: Instant::now(),
+            key: Mutex::new(key),
+            recording: Mutex::default(),
+            arrived: Condvar::new(),
+            interrupted: AtomicBool::new(false),
+            stamp: AtomicU64::new(0),
+            sockets: AtomicUsize::new(0),
+            sending: Mutex::default(),
+        })
+    }
+
+    /// The key in force.
+    pub fn key(&self) -> Option<Key> {
+        *self.key.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes another key, or none.
+    pub fn set_key(&self, key: Option<Key>) {
+        *self.key.lock().unwrap_or_else(PoisonError::into_inner) = key;
+    }
+
+    /// Time since the run began.
+    #[must_use]
+    pub fn now(&self) -> Duration {
+        self.start.elapsed()
+    }
+
+    /// The next timestamp of ours: the time, later than every one before and than what verified frames carried.
+    pub fn stamp(&self) -> u64 {
+        let wall = wall_stamp();
+        let last = self
+            .stamp
+            .fetch_update(Ordering::SeqCst, Ordering::SeqCst, |last| {
+                Some(wall.max(last + 1))
+            })
+            .unwrap_or_default();
+        wall.max(last + 1)
+    }
+
+    /// Holds back every other sender of the suite.
+    pub fn hold(&self) -> MutexGuard<'_, ()> {
+        self.sending.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn follow(&self, stamp: u64) {
+        if stamp < wall_stamp() + FOLLOW {
+            self.stamp.fetch_max(stamp, Ordering::SeqCst);
+        }
+    }
+
+    /// Ends every wait: the operator stops the run.
+    pub fn interrupt(&self) {
+        self.interrupted.store(true, Ordering::SeqCst);
+        self.arrived.notify_all();
+    }
+
+    /// Whether the operator stopped the run.
+    #[must_use]
+    pub fn interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::SeqCst)
+    }
+
+    /// The recording, locked.
+    pub fn recording(&self) -> MutexGuard<'_, Recording> {
+        self.recording
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How many frames there are: a mark to search from.
+    #[must_use]
+    pub fn mark(&self) -> usize {
+        self.recording().seen.len()
+    }
+
+    /// How many datagrams there are.
+    #[must_use]
+    pub fn datagrams(&self) -> usize {
+        self.recording().datagrams.len()
+    }
+
+    fn record(
+        &self,
+        direction: Direction,
+        socket: usize,
+        local: SocketAddr,
+        remote: SocketAddr,
+        bytes: &[u8],
+    ) -> bool {
+        let (frames, skipped) = split(bytes);
+        let key = self.key();
+        let wall = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or_default();
+        let found = !frames.is_empty();
+        // Locked before the time is taken, so that times of the recording never go back.
+        let mut recording = self.recording();
+        let seen: Vec<_> = frames
+            .into_iter()
+            .map(|frame| {
+                let verified = key.and_then(|key| frame.verifies(&key));
+                if let (Direction::Received, Some(true), Some(signature)) =
+                    (direction, verified, frame.signature)
+                {
+                    self.follow(signature.stamp);
+                }
+                Arc::new(Seen {
+                    at: self.now(),
+                    direction,
+                    socket,
+                    remote,
+                    wall_stamp: wall_stamp(),
+                    frame,
+                    verified,
+                })
+            })
+            .collect();
+        if recording.bytes > MAX_RECORDED_BYTES {
+            recording.dropped += 1;
+            return found;
+        }
+        recording.bytes += 500 + 4 * bytes.len();
+        if direction == Direction::Received {
+            recording.skipped += skipped;
+        }
+        recording.datagrams.push(Datagram {
+            at: self.start.elapsed(),
+            wall,
+            direction,
+            local,
+            remote,
+            bytes: bytes.to_vec(),
+            messages: Vec::new(),
+            fault: None,
+        });
+        recording.seen.extend(seen);
+        drop(recording);
+        if direction == Direction::Received {
+            self.arrived.notify_all();
+        }
+        found
+    }
+
+    /// The first frame from `mark` on that `wanted` accepts, waited for until `deadline` (time of the run).
+    pub fn wait(
+        &self,
+        mark: usize,
+        deadline: Duration,
+        mut wanted: impl FnMut(&Seen) -> bool,
+    ) -> Option<Arc<Seen>> {
+        let mut next = mark;
+        let mut recording = self.recording();
+        loop {
+            while let Some(seen) = recording.seen.get(next) {
+                if wanted(seen) {
+                    return Some(seen.clone());
+                }
+                next += 1;
+            }
+            let left = deadline.saturating_sub(self.now());
+            if left.is_zero() || self.interrupted() {
+                return None;
+            }
+            recording = self
+                .arrived
+                .wait_timeout(recording, left)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
+        }
+    }
+
+    /// All frames from `mark` on that `wanted` accepts.
+    pub fn all(&self, mark: usize, wanted: impl Fn(&Seen) -> bool) -> Vec<Arc<Seen>> {
+        let recording = self.recording();
+        recording.seen[mark.min(recording.seen.len())..]
+            .iter()
+            .filter(|seen| wanted(seen))
+            .cloned()
+            .collect()
+    }
+
+    /// Waits this long, or until the operator stops the run.
+    pub fn pause(&self, time: Duration) {
+        let deadline = self.now() + time;
+        while !self.interrupted() && self.now() < deadline {
+            std::thread::sleep(
+                (deadline - self.now().min(deadline)).min(Duration::from_millis(20)),
+            );
+        }
+    }
+}
+
+/// A UDP socket with its receiving thread; closed when dropped.
+#[derive(Debug)]
+pub struct Port {
+    net: Arc<Net>,
+    socket: Arc<UdpSocket>,
+    /// Its number in the recording.
+    pub number: usize,
+    /// Its address.
+    pub local: SocketAddr,
+    remote: Arc<Mutex<Option<SocketAddr>>>,
+    closing: Arc<AtomicBool>,
+}
+
+impl Port {
+    /// Opens `udpin:HOST:PORT` (or `udp:`), which waits for the first sender of a frame, or `udpout:HOST:PORT`, which sends there.
+    ///
+    /// # Errors
+    /// The text names no such address, or the socket cannot be opened.
+    pub fn open(net: &Arc<Net>, text: &str) -> Result<Self, String> {
+        let (scheme, address) = text
+            .split_once(':')
+            .filter(|(scheme, _)| matches!(*scheme, "udp" | "udpin" | "udpout"))
+            .ok_or_else(|| format!("link {text:?}: expected udpin:HOST:PORT (waits for the subject) or udpout:HOST:PORT (sends to it)"))?;
+        let address = address
+            .to_socket_addrs()
+            .map_err(|error| {
+                format!("link {text:?}: {error}; expected HOST:PORT behind the scheme")
+            })?
+            .next()
+            .ok_or_else(|| format!("link {text:?} names no host"))?;
+        if scheme == "udpout" {
+            Self::to(net, address).map_err(|error| format!("link {text:?}: {error}"))
+        } else {
+            let socket = UdpSocket::bind(address).map_err(|error| {
+                format!("link {text:?}: {error}; is another station or router on this port?")
+            })?;
+            Self::with(net, socket, None).map_err(|error| format!("link {text:?}: {error}"))
+        }
+    }
+
+    /// A socket on a fresh port that sends to this address.
+    ///
+    /// # Errors
+    /// The system has no socket.
+    pub fn to(net: &Arc<Net>, remote: SocketAddr) -> std::io::Result<Self> {
+        let any: IpAddr = if remote.is_ipv4() {
+            [0, 0, 0, 0].into()
+        } else {
+            [0_u16; 8].into()
+        };
+        // Which of our addresses goes there: a recording with 0.0.0.0 in it would not open as one conversation.
+        let probe = UdpSocket::bind((any, 0))?;
+        probe.connect(remote)?;
+        let socket = UdpSocket::bind((probe.local_addr()?.ip(), 0))?;
+        Self::with(net, socket, Some(remote))
+    }
+
+    fn with(
+        net: &Arc<Net>,
+        socket: UdpSocket,
+        remote: Option<SocketAddr>,
+    ) -> std::io::Result<Self> {
+        let local = socket.local_addr()?;
+        socket.set_read_timeout(Some(Duration::from_millis(50)))?;
+        let number = net.sockets.fetch_add(1, Ordering::SeqCst);
+        let socket = Arc::new(socket);
+        let remote = Arc::new(Mutex::new(remote));
+        let closing = Arc::new(AtomicBool::new(false));
+        let (thread_net, thread_socket, thread_remote, thread_closing) =
+            (net.clone(), socket.clone(), remote.clone(), closing.clone());
+        std::thread::spawn(move || {
+            let mut buffer = vec![0; 65_536];
+            while !thread_closing.load(Ordering::SeqCst) {
+                // A refused datagram (ICMP) is an error of the next call: the subject may come back.
+                if let Ok((length, from)) = thread_socket.recv_from(&mut buffer)
+                    && thread_net.record(
+                        Direction::Received,
+                        number,
+                        local,
+                        from,
+                        &buffer[..length],
+                    )
+                {
+                    thread_remote
+                        .lock()
+                        .unwrap_or_else(PoisonError::into_inner)
+                        .get_or_insert(from);
+                }
+            }
+        });
+        Ok(Self {
+            net: net.clone(),
+            socket,
+            number,
+            local,
+            remote,
+            closing,
+        })
+    }
+
+    /// The other end, once it is known.
+    #[must_use]
+    pub fn remote(&self) -> Option<SocketAddr> {
+        *self.remote.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Sends a datagram. That the network refuses it is for the missing answer to show.
+    pub fn send(&self, bytes: &[u8]) {
+        if let Some(remote) = self.remote() {
+            self.net
+                .record(Direction::Sent, self.number, self.local, remote, bytes);
+            let _ = self.socket.send_to(bytes, remote);
+        }
+    }
+}
+
+impl Drop for Port {
+    fn drop(&mut self) {
+        self.closing.store(true, Ordering::SeqCst);
+    }
+}
