@@ -8,6 +8,7 @@ pub mod passive;
 mod program;
 pub mod router;
 pub mod runner;
+pub mod scene;
 pub mod station;
 pub mod wire;
 

@@ -6,9 +6,9 @@ use std::time::Duration;
 use conformance::verdict::{Judged, Stop};
 use conformance::wire::Direction;
 
-use crate::autopilot::Scene;
 use crate::bench::peer::station_heartbeat;
 use crate::bench::{Bench, Peer, Port, Seen, Trial};
+use crate::scene::Scene;
 use crate::wire::{Craft, Draft, Key};
 
 /// All scenes.

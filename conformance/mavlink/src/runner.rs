@@ -8,10 +8,10 @@ use conformance::report::RuleReport;
 use conformance::verdict::{Judged, Judgement, Stop, Verdict};
 use conformance::wire::Direction;
 
-use crate::autopilot::Scene;
 use crate::bench::{Bench, Peer, Seen, Trial};
 use crate::catalogue::{Catalogue, NEEDS, Role, Rule};
 use crate::passive::{JUDGES, View};
+use crate::scene::Scene;
 
 /// What is run.
 #[derive(Clone, Debug, Default)]

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use conformance::verdict::{Judged, Precondition, Stop};
 
-use super::Scene;
 use crate::bench::{Peer, Seen, Trial};
+use crate::scene::Scene;
 use crate::wire::Draft;
 
 pub(super) const SCENES: &[Scene] = &[

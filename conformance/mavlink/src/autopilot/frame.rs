@@ -2,8 +2,8 @@
 
 use conformance::verdict::{Judged, Stop};
 
-use super::Scene;
 use crate::bench::Trial;
+use crate::scene::Scene;
 use crate::wire::Draft;
 
 pub(super) const SCENES: &[Scene] = &[

@@ -6,8 +6,9 @@ use conformance::verdict::{Judged, Precondition, Stop};
 use conformance::wire::Direction;
 use sha2::{Digest, Sha256};
 
-use super::{Scene, command, signing};
+use super::{command, signing};
 use crate::bench::Trial;
+use crate::scene::Scene;
 use crate::wire::{Draft, Key};
 
 pub(super) const SCENES: &[Scene] = &[

@@ -4,12 +4,12 @@ use std::cell::{Cell, RefCell};
 
 use conformance::verdict::{Judged, Precondition, Stop};
 
-use super::Scene;
 use super::mission::{
     Item, aboard, count_draft, expect_aboard, is_ack, is_request, plan, preserving, upload,
     upload_with,
 };
 use crate::bench::Trial;
+use crate::scene::Scene;
 use crate::wire::Draft;
 
 pub(super) const SCENES: &[Scene] = &[

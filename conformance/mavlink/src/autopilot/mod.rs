@@ -1,6 +1,6 @@
 //! Rules of an autopilot: a scene each, in which the suite plays a ground station.
 //!
-//! A scene is given a [`Trial`], plays, and returns: `Ok` is a pass, a `Stop` carried out by `?` is anything else. To add one: write
+//! A scene is given a [`Trial`](crate::bench::Trial), plays, and returns: `Ok` is a pass, a `Stop` carried out by `?` is anything else. To add one: write
 //! the rule into `rules.toml`, the function in the file of its group, name it in that file's `SCENES`, and show with a fault of
 //! `tests/interop/mavlink_peers` that it can fail.
 
@@ -13,17 +13,7 @@ mod param;
 mod signing;
 pub(crate) mod survey;
 
-use conformance::verdict::Judged;
-
-use crate::bench::Trial;
-
-/// A rule with its scene.
-pub struct Scene {
-    /// Rule id.
-    pub rule: &'static str,
-    /// What is played.
-    pub play: fn(&Trial<'_>) -> Judged,
-}
+use crate::scene::Scene;
 
 /// All scenes, in the order of the run: from harmless to what the subject may not survive.
 #[must_use]

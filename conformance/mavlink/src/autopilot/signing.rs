@@ -7,10 +7,10 @@ use conformance::means::shell;
 use conformance::verdict::{Judged, Precondition, Stop};
 use conformance::wire::Direction;
 
-use super::Scene;
 use crate::bench::peer::station_heartbeat;
 use crate::bench::trial::Probe;
 use crate::bench::{Peer, Port, Seen, Trial};
+use crate::scene::Scene;
 use crate::wire::{Draft, Key, STAMP_HZ, wall_stamp};
 
 pub(super) const SCENES: &[Scene] = &[
