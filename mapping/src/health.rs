@@ -4,6 +4,7 @@
 use mavlink_link::dialect::MavState;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
+use crate::airframe::refused_autopilot;
 use crate::parameter::Parameters;
 use crate::telemetry::Telemetry;
 
@@ -28,6 +29,10 @@ pub enum HealthFault {
     Charge,
     /// HEARTBEAT: a failsafe flies the vehicle, or it is an emergency.
     Failsafe,
+    /// EXTENDED_SYS_STATE: a VTOL fell back to hovering without a transition to it (PX4's quad-chute).
+    Transition,
+    /// HEARTBEAT: another autopilot than PX4.
+    Autopilot,
 }
 
 /// Something that is wrong.
@@ -45,7 +50,7 @@ pub struct Finding {
 
 impl HealthFault {
     /// All of them.
-    pub const ALL: [HealthFault; 9] = [
+    pub const ALL: [HealthFault; 11] = [
         HealthFault::Motors,
         HealthFault::InertialSensors,
         HealthFault::Compass,
@@ -55,6 +60,8 @@ impl HealthFault {
         HealthFault::BatterySensor,
         HealthFault::Charge,
         HealthFault::Failsafe,
+        HealthFault::Transition,
+        HealthFault::Autopilot,
     ];
 
     /// The text of the alert that clears it.
@@ -70,6 +77,10 @@ impl HealthFault {
             HealthFault::BatterySensor => "battery measurement restored",
             HealthFault::Charge => "battery no longer low",
             HealthFault::Failsafe => "no failsafe controls the vehicle any longer",
+            HealthFault::Transition => {
+                "the failed transition is over: on the ground, or on wings again"
+            }
+            HealthFault::Autopilot => "the vehicle's autopilot is PX4",
         }
     }
 }
@@ -90,6 +101,13 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
             text: text.to_owned(),
         });
     };
+    if let Some(why) = vehicle.autopilot.and_then(refused_autopilot) {
+        found(HealthFault::Autopilot, P::Failed, S::VsmStatus, why);
+    }
+    if vehicle.transition_failed {
+        let text = "transition failed: the VTOL fell back to hovering (quad-chute); land it or return, by hover";
+        found(HealthFault::Transition, P::Emergency, S::Engine, text);
+    }
     if fails(MOTOR_OUTPUTS) {
         found(
             HealthFault::Motors,

@@ -46,7 +46,7 @@
 //!     geoid_m: Some(47.4),
 //!     agl: Agl::AboveHome,
 //!     altimeter: Altimeter::STANDARD,
-//!     hovers: true,
+//!     wings: None,
 //!     limits: Limits::default(),
 //!     performance: Performance::default(),
 //!     curving: Curving::default(),
@@ -61,6 +61,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod airframe;
 pub mod alert;
 pub mod altitude;
 pub mod area;

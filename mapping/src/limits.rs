@@ -3,7 +3,7 @@
 //!
 //! The same bounds are reported in the configuration phase (41003), and refuse a 2016, a 13002 and a 13003 beyond them.
 
-use geo::{Distance, Haversine, Point};
+use geo::{Destination, Distance, Haversine, Point};
 
 use crate::altitude::Level;
 use crate::parameter::Parameters;
@@ -24,6 +24,8 @@ pub struct Limits {
     /// Fastest commanded speed, m/s; the vehicle's own counts where it is lower
     /// ([`Performance`]).
     pub speed_m_s: f64,
+    /// Lowest transition of a VTOL, m above home.
+    pub transition_m: f64,
     /// Most mission items.
     pub items: usize,
 }
@@ -37,6 +39,7 @@ impl Default for Limits {
             below_home: false,
             highest_m: 5_000.0,
             speed_m_s: 100.0,
+            transition_m: 20.0,
             items: 500,
         }
     }
@@ -201,6 +204,14 @@ impl Default for Performance {
 #[must_use]
 pub fn metres(from: (f64, f64), to: (f64, f64)) -> f64 {
     Haversine.distance(Point::new(from.1, from.0), Point::new(to.1, to.0))
+}
+
+/// The place at a distance, m, from another in a direction, rad clockwise from true north; degrees north and east.
+#[must_use]
+pub fn moved(from: (f64, f64), course_rad: f64, distance_m: f64) -> (f64, f64) {
+    let from = Point::new(from.1, from.0);
+    let at = Haversine.destination(from, course_rad.to_degrees(), distance_m);
+    (at.y(), at.x())
 }
 
 /// The widest circle, m: of a multicopter MC_ORBIT_RAD_MAX (PX4 accepts a wider one, and then stops), of a fixed wing the

@@ -21,6 +21,10 @@ impl Px4Mode {
     pub const RTL: Px4Mode = Px4Mode::new(4, 5);
     /// AUTO.LAND.
     pub const LAND: Px4Mode = Px4Mode::new(4, 6);
+    /// AUTO.VTOL_TAKEOFF: hover, transition, loiter.
+    pub const VTOL_TAKEOFF: Px4Mode = Px4Mode::new(4, 10);
+    /// GUIDED_COURSE: a fixed wing keeps a course over ground, an altitude and an air speed.
+    pub const COURSE: Px4Mode = Px4Mode::new(4, 19);
     /// OFFBOARD: set points come over the link.
     pub const OFFBOARD: Px4Mode = Px4Mode::new(6, 0);
 
@@ -65,8 +69,10 @@ pub const MODES: &[(Px4Mode, u8, &str)] = &[
     (Px4Mode::LOITER, 12, "AUTO.LOITER"),
     (Px4Mode::ORBIT, 12, "ORBIT"),
     (Px4Mode::OFFBOARD, 15, "OFFBOARD"),
+    (Px4Mode::COURSE, 15, "GUIDED_COURSE"),
     (Px4Mode::LAND, 19, "AUTO.LAND"),
     (Px4Mode::TAKEOFF, 21, "AUTO.TAKEOFF"),
+    (Px4Mode::VTOL_TAKEOFF, 21, "AUTO.VTOL_TAKEOFF"),
     (Px4Mode::RTL, 32, "AUTO.RTL"),
     (Px4Mode::new(1, 0), 33, "MANUAL"),
     (Px4Mode::new(2, 0), 34, "ALTCTL"),
@@ -76,7 +82,6 @@ pub const MODES: &[(Px4Mode, u8, &str)] = &[
     (Px4Mode::new(4, 1), 38, "AUTO.READY"),
     (Px4Mode::new(4, 8), 39, "AUTO.FOLLOW_TARGET"),
     (Px4Mode::new(4, 9), 40, "AUTO.PRECLAND"),
-    (Px4Mode::new(4, 10), 41, "AUTO.VTOL_TAKEOFF"),
     (Px4Mode::new(10, 0), 42, "TERMINATION"),
     (Px4Mode::new(11, 0), 43, "ALTITUDE_CRUISE"),
     (Px4Mode::new(4, 11), 44, "EXTERNAL1"),
@@ -87,7 +92,6 @@ pub const MODES: &[(Px4Mode, u8, &str)] = &[
     (Px4Mode::new(4, 16), 49, "EXTERNAL6"),
     (Px4Mode::new(4, 17), 50, "EXTERNAL7"),
     (Px4Mode::new(4, 18), 51, "EXTERNAL8"),
-    (Px4Mode::new(4, 19), 52, "GUIDED_COURSE"),
 ];
 
 fn row(mode: Px4Mode) -> Option<&'static (Px4Mode, u8, &'static str)> {

@@ -20,10 +20,15 @@ pub const NAMES: &[&str] = &[
     "FW_AIRSPD_MAX",
     "FW_AIRSPD_MIN",
     "FW_AIRSPD_TRIM",
+    "FW_LND_ANG",
+    "FW_R_LIM",
+    "FW_T_CLMB_MAX",
+    "FW_T_SINK_MAX",
     "GF_ACTION",
     "GF_MAX_HOR_DIST",
     "GF_MAX_VER_DIST",
     "MIS_TAKEOFF_ALT",
+    "MIS_TKO_LAND_REQ",
     "MPC_ACC_HOR",
     "MPC_JERK_AUTO",
     "MPC_XY_CRUISE",
@@ -35,6 +40,8 @@ pub const NAMES: &[&str] = &[
     "NAV_ACC_RAD",
     "NAV_DLL_ACT",
     "NAV_LOITER_RAD",
+    "VTO_LOITER_ALT",
+    "VT_FW_MIN_ALT",
 ];
 
 /// Their values, as far as they are known.

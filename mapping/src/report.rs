@@ -174,7 +174,12 @@ pub fn waypoint_states(
         Scaled::from_si(amsl_m + offset_m).ok()
     };
     states.altitude_type = Some(altitude_type);
-    states.speed_type = Some(SpeedType::Ground);
+    // Of a wing's legs it is the air speed that is commanded.
+    states.speed_type = Some(if vehicle.airframe().has_wings() {
+        SpeedType::Indicated
+    } else {
+        SpeedType::Ground
+    });
     if let Some(from) = leg(along.from) {
         states.from_waypoint_latitude = Some(Bam32::from_degrees(from.latitude));
         states.from_waypoint_longitude = Some(Bam32::from_degrees(from.longitude));

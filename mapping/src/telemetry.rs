@@ -3,10 +3,11 @@
 //! A plain value. Whoever feeds it decides which messages to believe (verified, fresh) and when it is stale.
 
 use mavlink_link::dialect::{
-    AUTOPILOT_VERSION_DATA, GpsFixType, MavLandedState, MavMessage, MavModeFlag, MavState, MavType,
-    MissionState,
+    AUTOPILOT_VERSION_DATA, GpsFixType, MavAutopilot, MavLandedState, MavMessage, MavModeFlag,
+    MavState, MavType, MavVtolState, MissionState,
 };
 
+use crate::airframe::Airframe;
 use crate::mode::Px4Mode;
 
 /// A place: WGS-84 latitude and longitude in degrees, altitude in metres above mean sea level.
@@ -74,8 +75,15 @@ pub struct Telemetry {
     pub system_status: Option<MavState>,
     /// HEARTBEAT.type.
     pub vehicle_type: Option<MavType>,
+    /// HEARTBEAT.autopilot.
+    pub autopilot: Option<MavAutopilot>,
     /// EXTENDED_SYS_STATE.landed_state.
     pub landed: Option<MavLandedState>,
+    /// EXTENDED_SYS_STATE.vtol_state; `None` of what is no VTOL.
+    pub vtol_state: Option<MavVtolState>,
+    /// A VTOL hovers that was on its wings or on the way there, without a transition back: PX4's quad-chute. It stands until
+    /// the next transition to wings, or the ground.
+    pub transition_failed: bool,
     /// GLOBAL_POSITION_INT, once the vehicle has a position.
     pub position: Option<Place>,
     /// Metres above home (GLOBAL_POSITION_INT.relative_alt).
@@ -125,13 +133,17 @@ impl Telemetry {
                 );
                 self.system_status = Some(m.system_status);
                 self.vehicle_type = Some(m.mavtype);
+                self.autopilot = Some(m.autopilot);
             }
             MavMessage::CURRENT_MODE(m) => {
                 self.mode = Some(Px4Mode(m.custom_mode));
                 self.intended_mode =
                     (m.intended_custom_mode != 0).then_some(Px4Mode(m.intended_custom_mode));
             }
-            MavMessage::EXTENDED_SYS_STATE(m) => self.landed = Some(m.landed_state),
+            MavMessage::EXTENDED_SYS_STATE(m) => {
+                self.landed = Some(m.landed_state);
+                self.turn_vtol(m.vtol_state);
+            }
             MavMessage::GLOBAL_POSITION_INT(m) => {
                 self.position = Some(place(m.lat, m.lon, f64::from(m.alt) / 1e3));
                 self.above_home_m = Some(f64::from(m.relative_alt) / 1e3);
@@ -231,6 +243,8 @@ impl Telemetry {
     /// its sensors measure is reported again.
     pub fn restart(&mut self) {
         self.landed = None;
+        self.vtol_state = None;
+        self.transition_failed = false;
         self.position = None;
         self.above_home_m = None;
         self.velocity_ned = None;
@@ -242,10 +256,38 @@ impl Telemetry {
         self.reached = None;
     }
 
-    /// Whether it can stand still in the air: every type but a fixed wing, and any whose type is not known yet.
+    /// The next state of a VTOL. A transition back takes seconds, in which this message is sent several times: one that hovers
+    /// without it was dropped out of its wings.
+    fn turn_vtol(&mut self, next: MavVtolState) {
+        use MavVtolState as V;
+        let before = self.vtol_state;
+        let winged = matches!(
+            before,
+            Some(V::MAV_VTOL_STATE_FW | V::MAV_VTOL_STATE_TRANSITION_TO_FW)
+        );
+        if !self.airborne() || next == V::MAV_VTOL_STATE_TRANSITION_TO_FW {
+            self.transition_failed = false;
+        } else {
+            self.transition_failed |= winged && next == V::MAV_VTOL_STATE_MC;
+        }
+        self.vtol_state = (next != V::MAV_VTOL_STATE_UNDEFINED).then_some(next);
+    }
+
+    /// What it is; a vehicle whose type is not known yet is taken for one that hovers.
+    #[must_use]
+    pub fn airframe(&self) -> Airframe {
+        self.vehicle_type
+            .map_or(Airframe::Multicopter, Airframe::of)
+    }
+
+    /// Whether it stands still in the air as it flies now: a fixed wing never does, a VTOL does until it flies on its wings.
     #[must_use]
     pub fn hovers(&self) -> bool {
-        self.vehicle_type != Some(MavType::MAV_TYPE_FIXED_WING)
+        match self.airframe() {
+            Airframe::Multicopter => true,
+            Airframe::FixedWing => false,
+            Airframe::Vtol => self.vtol_state != Some(MavVtolState::MAV_VTOL_STATE_FW),
+        }
     }
 }
 

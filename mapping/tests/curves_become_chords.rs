@@ -28,7 +28,7 @@ fn site() -> Site {
         geoid_m: Some(47.4),
         agl: Agl::AboveHome,
         altimeter: Altimeter::STANDARD,
-        hovers: true,
+        wings: None,
         limits: Limits::default(),
         performance: Performance::default(),
         curving: Curving::default(),

@@ -145,10 +145,12 @@ impl<'a> Draft<'a> {
         let leg = waypoint::leg(number, waypoint, site).map_err(at)?;
         let before = self.compiled.order.last().copied();
         distance(&leg, before.as_ref(), site).map_err(at)?;
+        self.on_wings(&leg).map_err(at)?;
         curve::check(plan, number, waypoint).map_err(at)?;
         let begun_at = self.compiled.items.len();
         if let Some(speed_m_s) = leg.speed_m_s {
-            self.compiled.push(number, change_speed(speed_m_s));
+            self.compiled
+                .push(number, change_speed(speed_m_s, site.hovers()));
         }
         let curve = match before {
             Some(p1) => curve::fly(plan, &p1, &leg, &mut self.compiled, site)?,
@@ -166,6 +168,29 @@ impl<'a> Draft<'a> {
         Ok(next)
     }
 
+    /// Whether wings can climb and turn to a waypoint from the ones before it. A curve to it or from there is judged by itself.
+    ///
+    /// # Errors
+    /// They cannot.
+    fn on_wings(&self, to: &Leg) -> Result<(), Reason> {
+        let (Some(wings), Some(from)) = (&self.site.wings, self.compiled.order.last()) else {
+            return Ok(());
+        };
+        let speed_m_s = to
+            .speed_m_s
+            .unwrap_or_else(|| self.compiled.speed_m_s(self.site));
+        wings.check_climb(from, to, self.site.home.amsl_m, speed_m_s)?;
+        let [.., start, _] = self.compiled.order.as_slice() else {
+            return Ok(());
+        };
+        let curved = |number: u16| self.plan.curves_from(number).next().is_some();
+        // From a loiter it leaves in whatever direction it needs.
+        if curved(start.number) || curved(from.number) || self.plan.loiter(from.number).is_some() {
+            return Ok(());
+        }
+        wings.check_turn([start, from, to], speed_m_s)
+    }
+
     /// The items at the waypoint itself.
     fn arrive(
         &mut self,
@@ -176,7 +201,7 @@ impl<'a> Draft<'a> {
         let number = leg.number;
         let loiter = self.plan.loiter(number);
         let circles = |kind| kind == Some(LoiterType::Circular);
-        if self.site.hovers && loiter.is_some_and(|loiter| circles(loiter.waypoint_loiter_type)) {
+        if self.site.hovers() && loiter.is_some_and(|loiter| circles(loiter.waypoint_loiter_type)) {
             self.compiled.notes.push(format!(
                 "waypoint {number}: a multicopter flies no circle in a route, it hovers there (13003)"
             ));
@@ -207,7 +232,7 @@ impl<'a> Draft<'a> {
             let wished_m_s = leg
                 .speed_m_s
                 .unwrap_or_else(|| compiled.speed_m_s(self.site));
-            compiled.push(leg.number, change_speed(wished_m_s));
+            compiled.push(leg.number, change_speed(wished_m_s, self.site.hovers()));
         }
     }
 
@@ -238,7 +263,7 @@ impl<'a> Draft<'a> {
             mut straight,
             ..
         } = self;
-        if site.hovers {
+        if site.hovers() {
             straight.retain(|at| !ends.contains(at));
             stop_where_missed(&mut compiled, &straight, &site.performance);
             for end in ends {

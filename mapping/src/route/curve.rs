@@ -76,7 +76,7 @@ pub(super) fn fly(
         compiled.notes.push(text);
     }
     if let Some(speed_m_s) = chords.speed_at_start_m_s {
-        compiled.push(p4.number, change_speed(speed_m_s));
+        compiled.push(p4.number, change_speed(speed_m_s, site.hovers()));
     }
     for chord in &chords.vertices {
         let place = (chord.latitude, chord.longitude);
@@ -84,7 +84,7 @@ pub(super) fn fly(
         let item = item::placed(place, chord.level, NAV_WAYPOINT, params);
         compiled.push(p4.number, item);
         if let Some(speed_m_s) = chord.speed_m_s {
-            compiled.push(p4.number, change_speed(speed_m_s));
+            compiled.push(p4.number, change_speed(speed_m_s, site.hovers()));
         }
     }
     Ok(Some(chords))
@@ -213,12 +213,12 @@ pub(super) fn chords(
         ..Options::flight(tolerance_m)
     };
     let densified = densify(&legs, &options).map_err(|fault| shape(&fault))?;
-    let airframe = if site.hovers {
+    let airframe = if site.hovers() {
         Airframe::Multicopter(site.curving.multicopter)
     } else {
         Airframe::FixedWing(site.curving.fixed_wing)
     };
-    let climbs = site.hovers && !is_level(&densified);
+    let climbs = site.hovers() && !is_level(&densified);
     let wished_m_s = speed_m_s;
     let speed_m_s = if climbs {
         climbing_speed(wished_m_s, &densified, site.curving.policy)?

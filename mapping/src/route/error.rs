@@ -82,6 +82,105 @@ pub enum Reason {
     /// A circle that is too wide.
     #[error("Loiter Radius {0:.0} m, at most {max:.0}", max = WIDEST_CIRCLE_M)]
     LoiterRadius(f64),
+    /// A wing cannot bank that far.
+    #[error(
+        "Loiter Radius {radius_m:.0} m at {speed_m_s:.1} m/s, at least {least_m:.0} (FW_R_LIM)"
+    )]
+    TightCircle {
+        /// Metres.
+        radius_m: f64,
+        /// Metres.
+        least_m: f64,
+        /// m/s
+        speed_m_s: f64,
+    },
+    /// A waypoint that a wing cannot turn to.
+    #[error(
+        "the turn of {turn_deg:.0} deg at waypoint {at} cannot reach it: it lies inside the turn circle of \
+         {radius_m:.0} m at {speed_m_s:.1} m/s (FW_R_LIM); move it further away, or fly slower"
+    )]
+    TightTurn {
+        /// The waypoint of the turn.
+        at: u16,
+        /// Degrees.
+        turn_deg: f64,
+        /// Metres.
+        radius_m: f64,
+        /// m/s
+        speed_m_s: f64,
+    },
+    /// A leg that a wing cannot climb or descend.
+    #[error(
+        "its altitude changes by {climb_m:.0} m on a leg of {distance_m:.0} m, at {speed_m_s:.1} m/s at most \
+         {most_m:.0} m (FW_T_CLMB_MAX, FW_T_SINK_MAX)"
+    )]
+    Steep {
+        /// Metres, up positive.
+        climb_m: f64,
+        /// Metres.
+        distance_m: f64,
+        /// m/s
+        speed_m_s: f64,
+        /// Metres.
+        most_m: f64,
+    },
+    /// A wing's route without a landing.
+    #[error(
+        "PX4 flies no route of a fixed wing or VTOL without a landing (MIS_TKO_LAND_REQ): send an approach route first \
+         (13001, Route Type approach; its last waypoint is the touch-down), or configure vehicle.landing"
+    )]
+    NoLanding,
+    /// An approach route that leads from nowhere to its touch-down.
+    #[error(
+        "the approach route of a wing needs a waypoint before its last one, which is the touch-down"
+    )]
+    ShortApproach,
+    /// A loop in the approach.
+    #[error("a loop in an approach route: it leads to the touch-down, without repetition")]
+    LoopInApproach,
+    /// The vehicle would wait before its landing.
+    #[error(
+        "a timed loiter before the touch-down: PX4 lands from a waypoint, or from a loiter without duration, which it \
+         leaves at its altitude"
+    )]
+    ApproachLoiter,
+    /// The glide is too steep.
+    #[error(
+        "from here to the touch-down {height_m:.0} m of height on {final_m:.0} m, {glide_deg:.1} deg, at most \
+         {most_deg:.1} (FW_LND_ANG): place it {needed_m:.0} m away, or lower"
+    )]
+    GlideSlope {
+        /// Metres above the touch-down.
+        height_m: f64,
+        /// Metres over ground.
+        final_m: f64,
+        /// Degrees.
+        glide_deg: f64,
+        /// Degrees.
+        most_deg: f64,
+        /// Metres over ground that the height needs.
+        needed_m: f64,
+    },
+    /// The touch-down lies in the circle of the loiter before it.
+    #[error(
+        "the touch-down is {away_m:.0} m from the centre of its loiter, inside the radius of {radius_m:.0} m"
+    )]
+    LandingInsideLoiter {
+        /// Metres.
+        away_m: f64,
+        /// Metres.
+        radius_m: f64,
+    },
+    /// A VTOL would transition too low.
+    #[error(
+        "a transition {height_m:.0} m above home, at least {least_m:.0} (vehicle.limits.transition_m, VT_FW_MIN_ALT)"
+    )]
+    LowTransition {
+        /// Metres above home.
+        height_m: f64,
+        /// Metres above home.
+        least_m: f64,
+    },
     /// A number of turns: PX4 has no such item.
     #[error(
         "a loiter counted in turns: PX4 accepts times only; a fixed wing's turns become a time where \

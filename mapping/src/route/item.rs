@@ -19,13 +19,19 @@ pub(super) fn placed(place: (f64, f64), level: Level, command: u16, params: [f32
     }
 }
 
-/// PX4 applies a speed to the present leg only when it is called a ground speed.
-pub(super) fn change_speed(speed_m_s: f64) -> Item {
+/// PX4 applies a speed to the present leg of a multicopter only when it is called a ground speed, and to that of a wing only
+/// when it is called an air speed, which is what it flies there.
+pub(super) fn change_speed(speed_m_s: f64, hovers: bool) -> Item {
+    let kind = if hovers {
+        SPEED_TYPE_GROUND
+    } else {
+        SPEED_TYPE_AIR
+    };
     Item {
         frame: FRAME_MISSION,
         command: DO_CHANGE_SPEED,
         autocontinue: true,
-        params: [SPEED_TYPE_GROUND, speed_m_s as f32, THROTTLE_UNCHANGED, 0.0],
+        params: [kind, speed_m_s as f32, THROTTLE_UNCHANGED, 0.0],
         ..Item::default()
     }
 }
@@ -39,9 +45,20 @@ pub(crate) fn degrees_e7(degrees: f64) -> i32 {
 pub(super) const NAV_WAYPOINT: u16 = 16;
 /// MAV_CMD_NAV_LAND.
 pub(super) const NAV_LAND: u16 = 21;
+/// MAV_CMD_NAV_LOITER_UNLIM.
+pub(super) const NAV_LOITER_UNLIM: u16 = 17;
+/// MAV_CMD_NAV_LOITER_TO_ALT.
+pub(super) const NAV_LOITER_TO_ALT: u16 = 31;
+/// MAV_CMD_NAV_VTOL_LAND.
+pub(super) const NAV_VTOL_LAND: u16 = 85;
+/// MAV_CMD_DO_LAND_START.
+pub(super) const DO_LAND_START: u16 = 189;
+/// MAV_CMD_DO_VTOL_TRANSITION.
+pub(super) const DO_VTOL_TRANSITION: u16 = 3000;
 /// MAV_CMD_DO_JUMP.
 pub(super) const DO_JUMP: u16 = 177;
 /// MAV_CMD_DO_CHANGE_SPEED.
 pub(super) const DO_CHANGE_SPEED: u16 = 178;
+const SPEED_TYPE_AIR: f32 = 0.0;
 const SPEED_TYPE_GROUND: f32 = 1.0;
 const THROTTLE_UNCHANGED: f32 = -1.0;

@@ -18,6 +18,7 @@ use stanag_msgs::enums::{LoiterDirection, LoiterDurationUnits, LoiterType, Speed
 use stanag_msgs::messages::UaLoiterWaypoint;
 
 use super::error::Reason;
+use super::item::NAV_LOITER_UNLIM;
 use crate::limits::{Performance, WIDEST_CIRCLE_M};
 
 /// A loiter as PX4 flies it: command and param1 to param4 of the item at its place, and the speed within it.
@@ -113,7 +114,6 @@ fn speed(requested: &UaLoiterWaypoint, performance: &Performance) -> Result<Opti
     Ok(Some(performance.check(speed_m_s)?))
 }
 
-pub(super) const NAV_LOITER_UNLIM: u16 = 17;
 pub(super) const NAV_LOITER_TIME: u16 = 19;
 
 #[cfg(test)]

@@ -4,7 +4,10 @@ use mavlink_link::service::mission::Item;
 
 use super::brake;
 use super::error::{Reason, RouteError};
-use super::item::{self, DO_CHANGE_SPEED, DO_JUMP, NAV_LAND, degrees_e7};
+use super::item::{
+    self, DO_CHANGE_SPEED, DO_JUMP, DO_LAND_START, NAV_LAND, NAV_LOITER_UNLIM, NAV_VTOL_LAND,
+    degrees_e7,
+};
 use super::site::Site;
 use crate::altitude::Level;
 use crate::limits::{Limits, Performance};
@@ -191,28 +194,53 @@ impl CompiledMission {
     /// Whether it ends in a landing.
     #[must_use]
     pub fn has_landing(&self) -> bool {
-        self.items.iter().any(|item| item.command == NAV_LAND)
+        self.items.iter().any(touches_down)
     }
 
-    /// Whether this item lands the vehicle.
+    /// Where its landing pattern begins: that of a wing.
+    #[must_use]
+    pub fn landing_start(&self) -> Option<u16> {
+        let mut items = self.items.iter();
+        let at = items.position(|item| item.command == DO_LAND_START)?;
+        u16::try_from(at).ok()
+    }
+
+    /// Whether this item is the touch-down of a landing.
+    #[must_use]
+    pub fn is_touch_down(&self, seq: u16) -> bool {
+        self.items.get(usize::from(seq)).is_some_and(touches_down)
+    }
+
+    /// Whether the route is flown to its end when this item is current: a wing stays there, or lands.
+    #[must_use]
+    pub fn is_past_the_route(&self, seq: u16) -> bool {
+        let staying = self.landing_start().map(|at| at.saturating_sub(1));
+        let stays = |at: &u16| {
+            let item = self.items.get(usize::from(*at));
+            item.is_some_and(|item| item.command == NAV_LOITER_UNLIM)
+        };
+        staying.filter(stays).is_some_and(|at| seq >= at)
+    }
+
+    /// Whether this item lands the vehicle, or leads to one that does.
     #[must_use]
     pub fn lands(&self, seq: u16) -> bool {
-        let item = self.items.get(usize::from(seq));
-        item.is_some_and(|item| item.command == NAV_LAND)
+        self.landing_start().is_some_and(|start| seq >= start) || self.is_touch_down(seq)
     }
 
     /// What each item with a place is flown at, and the waypoint that it belongs to.
     fn levels(&self) -> impl Iterator<Item = (Level, u16)> + '_ {
-        let items = self.items.iter().zip(&self.waypoint_of);
+        let route = self.landing_start().map_or(self.items.len(), usize::from);
+        let items = self.items.iter().zip(&self.waypoint_of).take(route);
         items
-            .filter(|(item, _)| item.is_global() && item.command != NAV_LAND)
+            .filter(|(item, number)| item.is_global() && !touches_down(item) && **number != 0)
             .filter_map(|(item, waypoint)| {
                 Some((Level::of_frame(item.frame, item.z.into())?, *waypoint))
             })
     }
 
-    /// Ends the route by landing at its last waypoint: an approach.
-    pub fn land_at_the_end(&mut self) {
+    /// Ends the route by landing at its last waypoint: an approach of a multicopter.
+    pub(super) fn land_at_the_end(&mut self) {
         let Some(last) = self.order.last().copied() else {
             return;
         };
@@ -235,4 +263,8 @@ impl CompiledMission {
         self.items.push(item);
         self.waypoint_of.push(waypoint);
     }
+}
+
+fn touches_down(item: &Item) -> bool {
+    matches!(item.command, NAV_LAND | NAV_VTOL_LAND)
 }

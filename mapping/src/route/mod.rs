@@ -12,20 +12,25 @@
 //! | Waypoint Type (0802.17) 1, end of a loop | DO_JUMP after it: `waypoint` |
 //!
 //! In the order that they are read best: `site` (what a route is compiled for), `compile` (waypoint by waypoint), `waypoint`,
-//! `loiter` and `curve` (the items of each), `brake` (where PX4 must stop), `mission` (the result), `error` (each refusal).
+//! `loiter` and `curve` (the items of each), `brake` (where PX4 must stop), `wings` (what wings can), `landing` (how a route
+//! ends), `mission` (the result), `error` (each refusal).
 
 mod brake;
 mod compile;
 mod curve;
 mod error;
 mod item;
+mod landing;
 mod loiter;
 mod mission;
 mod site;
 mod waypoint;
+mod wings;
 
 pub use compile::compile;
 pub use error::{CurveError, Reason, RouteError};
 pub(crate) use item::degrees_e7;
+pub use landing::complete;
 pub use mission::{CompiledMission, Curved, Leg};
 pub use site::{Curving, FixedWing, Multicopter, Policy, Site, Vertices};
+pub use wings::{Pattern, Wings};

@@ -3,6 +3,7 @@
 pub use curve_paths::Vertices;
 pub use curve_paths::flight::{FixedWing, Multicopter, Policy};
 
+use super::wings::Wings;
 use crate::altitude::{Agl, Altimeter};
 use crate::limits::{Limits, Performance};
 use crate::parameter::Parameters;
@@ -19,14 +20,22 @@ pub struct Site {
     pub agl: Agl,
     /// What pressure altitudes are flown by.
     pub altimeter: Altimeter,
-    /// Whether it can stand still.
-    pub hovers: bool,
+    /// Its wings; none of a multicopter. A VTOL flies its routes on them.
+    pub wings: Option<Wings>,
     /// Bounds.
     pub limits: Limits,
     /// What it can, and does by itself.
     pub performance: Performance,
     /// How curved legs are flown.
     pub curving: Curving,
+}
+
+impl Site {
+    /// Whether the vehicle can stand still on its route.
+    #[must_use]
+    pub fn hovers(&self) -> bool {
+        self.wings.is_none()
+    }
 }
 
 /// How curved legs are flown: `vehicle.curve`.

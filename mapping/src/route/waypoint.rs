@@ -82,7 +82,15 @@ pub(super) fn items(
     let Some(requested) = requested else {
         return Ok(vec![fly_to]);
     };
-    let loiter = loiter::loiter(requested, leg.speed_m_s, site.hovers, &site.performance)?;
+    let loiter = loiter::loiter(requested, leg.speed_m_s, site.hovers(), &site.performance)?;
+    if let Some(wings) = &site.wings {
+        let speed_m_s = loiter.speed_m_s.or(leg.speed_m_s);
+        let speed_m_s = speed_m_s.unwrap_or(site.performance.cruise_m_s);
+        // Without a radius it is the vehicle's own.
+        if loiter.params[2] != 0.0 {
+            wings.check_circle(loiter.params[2].into(), speed_m_s)?;
+        }
+    }
     let stay = there(loiter.command, loiter.params);
     match loiter
         .speed_m_s
@@ -91,8 +99,10 @@ pub(super) fn items(
         None => Ok(vec![stay]),
         // The loiter's speed is not the speed of the leg to it, nor of the next one.
         Some(speed_m_s) => {
-            let back = leg.speed_m_s.map(change_speed);
-            Ok([fly_to, change_speed(speed_m_s), stay]
+            let back = leg
+                .speed_m_s
+                .map(|speed_m_s| change_speed(speed_m_s, site.hovers()));
+            Ok([fly_to, change_speed(speed_m_s, site.hovers()), stay]
                 .into_iter()
                 .chain(back)
                 .collect())

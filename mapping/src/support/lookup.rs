@@ -102,14 +102,9 @@ static VALUES: &[(u16, &str, &[u8])] = &[
 
 /// The same of a fixed wing, where it differs.
 static FIXED_WING: &[(u16, &str, &[u8])] = &[
-    (
-        2016,
-        "Select Flight Path Control Mode",
-        &[0, 2, 11, 12, 19, 20, 21, 23, 24],
-    ),
     (2016, "Altitude Command Type", &[0, 1]),
-    (2016, "Heading Command Type", &[0]),
-    (2017, "Loiter Type", &[1]),
+    (2016, "Heading Command Type", &[0, 2]),
+    (2017, "Loiter Type", &[1, 3]),
     (13003, "Waypoint Loiter Type", &[1]),
     (13003, "Loiter Direction", &[0, 1, 2]),
     (13003, "Loiter Duration Units", &[0, 1]),

@@ -15,6 +15,38 @@ pub enum Airframe {
     Quad,
     /// Fixed wing: no hover, a loiter is an orbit (HEARTBEAT.type 1).
     Plane,
+    /// Standard VTOL: a quadrotor that transitions to wings (HEARTBEAT.type 22).
+    Vtol,
+}
+
+impl Airframe {
+    /// Parameters that PX4 starts it with, where they differ from a quadrotor's: rc.fw_defaults, rc.vtol_defaults, and the
+    /// airframes 10041 and 10043.
+    pub(crate) fn defaults(self) -> &'static [(Param, f64)] {
+        match self {
+            Self::Quad => &[],
+            Self::Plane => &[
+                (Param::MAV_TYPE, 1.0),
+                (Param::MIS_TKO_LAND_REQ, 2.0),
+                (Param::COM_DISARM_PRFLT, -1.0),
+                (Param::MIS_TAKEOFF_ALT, 25.0),
+                (Param::RTL_RETURN_ALT, 100.0),
+                (Param::RTL_DESCEND_ALT, 100.0),
+                (Param::RTL_LAND_DELAY, -1.0),
+                (Param::RTL_TYPE, 1.0),
+            ],
+            Self::Vtol => &[
+                (Param::MAV_TYPE, 22.0),
+                (Param::MIS_TKO_LAND_REQ, 2.0),
+                (Param::MIS_TAKEOFF_ALT, 20.0),
+                (Param::MPC_XY_VEL_MAX, 8.0),
+                (Param::FW_AIRSPD_MIN, 7.0),
+                (Param::FW_AIRSPD_TRIM, 10.0),
+                (Param::FW_AIRSPD_MAX, 12.0),
+                (Param::RTL_TYPE, 1.0),
+            ],
+        }
+    }
 }
 
 /// Settings of one simulated vehicle. The same settings and the same calls give the same flight,
@@ -109,6 +141,7 @@ parameters! {
     COM_OBL_RC_ACT = Int(0);
     COM_OF_LOSS_T = Real(1.0);
     COM_POS_LOW_ACT = Int(3);
+    COM_QC_ACT = Int(0);
     COM_RCL_EXCEPT = Int(0);
     COM_RC_IN_MODE = Int(1);
     COM_RC_LOSS_T = Real(0.5);
@@ -116,8 +149,11 @@ parameters! {
     FW_AIRSPD_MAX = Real(20.0);
     FW_AIRSPD_MIN = Real(10.0);
     FW_AIRSPD_TRIM = Real(15.0);
+    FW_LND_ANG = Real(5.0);
     FW_R_LIM = Real(50.0);
+    FW_T_CLMB_MAX = Real(5.0);
     FW_T_CLMB_R_SP = Real(3.0);
+    FW_T_SINK_MAX = Real(5.0);
     FW_T_SINK_R_SP = Real(2.0);
     GF_ACTION = Int(2);
     GF_MAX_HOR_DIST = Real(0.0);
@@ -195,6 +231,8 @@ parameters! {
     SYS_HAS_GPS = Int(1);
     SYS_HAS_MAG = Int(1);
     SYS_HITL = Int(0);
+    VTO_LOITER_ALT = Real(80.0);
+    VT_FW_MIN_ALT = Real(0.0);
 }
 
 /// The vehicle's parameters.

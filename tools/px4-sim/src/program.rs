@@ -64,6 +64,7 @@ struct Arguments {
 enum Frame {
     Quad,
     Plane,
+    Vtol,
 }
 
 /// The command line, for completions and the manual page.
@@ -87,6 +88,7 @@ pub fn main() -> ExitCode {
             airframe: match arguments.airframe {
                 Frame::Quad => Airframe::Quad,
                 Frame::Plane => Airframe::Plane,
+                Frame::Vtol => Airframe::Vtol,
             },
             seed: arguments.seed,
             wind_ne_ms: [arguments.wind.0, arguments.wind.1],

@@ -321,6 +321,10 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("vehicle.signing", "{ key_file = \"uav1.key\" }"),
     ("vehicle.signing.key_file", "\"uav1.key\""),
     ("vehicle.vehicle_link_id", "0"),
+    ("vehicle.landing.course_deg", "270.0"),
+    ("vehicle.landing.glide_deg", "4.0"),
+    ("vehicle.landing.radius_m", "-80.0"),
+    ("vehicle.landing.place", "[47.0, 8.0]"),
     ("vehicle.area.keep", "\"in\""),
     (
         "vehicle.area.vertices",

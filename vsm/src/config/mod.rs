@@ -44,4 +44,4 @@ pub use error::ConfigError;
 pub use forward::{Commands, Forward, Relay};
 pub use station::{Checksum, Cucs, Delivery, Edition};
 pub use value::{Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Provisional, Signing};
-pub use vehicle::{Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Limits, Vehicle};
+pub use vehicle::{Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Landing, Limits, Vehicle};

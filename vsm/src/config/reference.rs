@@ -99,6 +99,9 @@ signing = { key_file = \"k\"#signing }
 #vehicle.curve
 [vehicle.limits]
 #vehicle.limits
+[vehicle.landing]
+course_deg = 90.0
+#vehicle.landing
 [[vehicle.area]]
 keep = \"out\"
 centre = [47.0, 8.0]

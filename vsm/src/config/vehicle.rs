@@ -46,6 +46,8 @@ table! {
         /// Bounds of a route.
         #[serde(default)]
         pub limits: Limits => Table(Limits::KEYS),
+        /// Where a fixed wing or VTOL lands while no approach route is loaded; without it a route without one is refused.
+        pub landing: Option<Landing> => Table(Landing::KEYS),
         /// Areas of its geofence, which no CUCS can take away.
         #[serde(default)]
         pub area: Vec<Area> => Table(Area::KEYS),
@@ -130,6 +132,8 @@ table! {
         pub highest_m: f64 => Value("5000.0"),
         /// Fastest commanded speed, m/s; the vehicle's own limit (MPC_XY_VEL_MAX, FW_AIRSPD_MAX) applies where it is lower
         pub speed_m_s: f64 => Value("100.0"),
+        /// Lowest transition of a VTOL, m above home; VT_FW_MIN_ALT applies where it is higher
+        pub transition_m: f64 => Value("20.0"),
     }
 }
 
@@ -142,6 +146,7 @@ impl Default for Limits {
             below_home,
             highest_m,
             speed_m_s,
+            transition_m,
             ..
         } = mapping::limits::Limits::default();
         Limits {
@@ -151,7 +156,86 @@ impl Default for Limits {
             below_home,
             highest_m,
             speed_m_s,
+            transition_m,
         }
+    }
+}
+
+table! {
+    /// `vehicle.landing`: a loiter down to `height_m`, then straight to the touch-down.
+    #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Landing {
+        /// Landing pattern of a fixed wing or VTOL: the course of its final approach, degrees clockwise from true north, 0
+        /// to 360 ([wings.md](../guide/wings.md))
+        pub course_deg: f64 => Required,
+        /// Height of its loiter, m above home, above 0 to 500
+        #[serde(default = "Landing::default_height_m")]
+        pub height_m: f64 => Value("50.0"),
+        /// Slope of the glide of a fixed wing, degrees, above 0 to 45; at most the vehicle's FW_LND_ANG
+        pub glide_deg: Option<f64> => Nothing("FW_LND_ANG of the vehicle"),
+        /// Radius of its loiter, m, -1000 to 1000; negative is counter-clockwise
+        pub radius_m: Option<f64> => Nothing("NAV_LOITER_RAD of the vehicle"),
+        /// Touch-down: degrees north and east
+        pub place: Option<[f64; 2]> => Nothing("home"),
+    }
+}
+
+impl Landing {
+    fn default_height_m() -> f64 {
+        50.0
+    }
+
+    /// As routes are ended by it.
+    #[must_use]
+    pub fn pattern(&self) -> mapping::route::Pattern {
+        mapping::route::Pattern {
+            course_rad: self.course_deg.to_radians(),
+            height_m: self.height_m,
+            glide_deg: self.glide_deg,
+            radius_m: self.radius_m,
+            place: self.place.map(|[north, east]| (north, east)),
+        }
+    }
+
+    fn check(&self, at: usize) -> Result<(), Fault> {
+        for (key, value, range, expected) in [
+            (
+                "course_deg",
+                Some(self.course_deg),
+                0.0..=360.0,
+                "0 to 360 (degrees)",
+            ),
+            (
+                "height_m",
+                Some(self.height_m),
+                1.0..=500.0,
+                "1 to 500 (metres)",
+            ),
+            (
+                "glide_deg",
+                self.glide_deg,
+                0.5..=45.0,
+                "0.5 to 45 (degrees)",
+            ),
+            (
+                "radius_m",
+                self.radius_m.map(f64::abs),
+                10.0..=1000.0,
+                "10 to 1000 (metres), or negative",
+            ),
+        ] {
+            if let Some(value) = value.filter(|value| !range.contains(value)) {
+                return fault(at, &format!("vehicle.landing.{key}"), value, expected);
+            }
+        }
+        let on_earth = |[north, east]: [f64; 2]| north.abs() <= 90.0 && east.abs() <= 180.0;
+        if let Some(place) = self.place.filter(|place| !on_earth(*place)) {
+            let [north, east] = place;
+            let found = format!("[{north}, {east}]");
+            return fault(at, "vehicle.landing.place", found, "degrees north and east");
+        }
+        Ok(())
     }
 }
 
@@ -222,6 +306,9 @@ impl Vehicle {
         if let Err(found) = check_areas(&self.area) {
             return fault(at, "vehicle.area", found, "areas that make a fence");
         }
+        if let Some(landing) = &self.landing {
+            landing.check(at)?;
+        }
         self.limits.check(at)
     }
 }
@@ -245,6 +332,7 @@ impl Limits {
             ("vehicle.limits.first_m", self.first_m),
             ("vehicle.limits.leg_m", self.leg_m),
             ("vehicle.limits.speed_m_s", self.speed_m_s),
+            ("vehicle.limits.transition_m", self.transition_m),
         ] {
             if !(value.is_finite() && value > 0.0) {
                 return fault(at, key, value, "a number above 0");

@@ -5,12 +5,13 @@
 
 use std::time::Duration;
 
+use mapping::airframe::Airframe;
 use mapping::altitude::{Agl, Altimeter};
 use mapping::limits::{Limits, Performance};
 use mapping::parameter::Parameters;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
-use mapping::route::{Curving, Policy, Vertices};
+use mapping::route::{Curving, Pattern, Policy, Vertices, Wings};
 use mavlink_link::Now;
 use stanag_msgs::enums::{CommandedEngineState, RouteType};
 use stanag_msgs::messages::{LoiterConfiguration, UaStickCommand, VehicleId};
@@ -54,6 +55,8 @@ pub(crate) struct Bounds {
     pub(crate) limits: Limits,
     /// Without what the vehicle's parameters add to it.
     pub(crate) curving: Curving,
+    /// Where wings land without an approach route.
+    pub(crate) landing: Option<Pattern>,
 }
 
 /// A message of a CUCS that may have to be answered.
@@ -193,12 +196,34 @@ impl ParameterView<'_> {
         Performance::of(hovers, self.values, &context.bounds.limits)
     }
 
+    /// The same along a route: a VTOL flies it on its wings, whatever it does now.
+    pub(crate) fn route_performance(&self, context: &Context<'_>) -> Performance {
+        let hovers = !context.vehicle.telemetry.airframe().has_wings();
+        Performance::of(hovers, self.values, &context.bounds.limits)
+    }
+
+    /// What a route must respect on wings; `None` of a multicopter.
+    pub(crate) fn wings(&self, context: &Context<'_>) -> Option<Wings> {
+        let vtol = match context.vehicle.telemetry.airframe() {
+            Airframe::Multicopter => return None,
+            Airframe::FixedWing => false,
+            Airframe::Vtol => true,
+        };
+        let Bounds {
+            limits, landing, ..
+        } = context.bounds;
+        Some(Wings::of(vtol, self.values, limits, *landing))
+    }
+
     /// Whether parameters that bound a route are still on their way.
-    pub(crate) fn awaits_performance(&self) -> bool {
-        self.reading
-            && Performance::NAMES
-                .iter()
-                .any(|name| self.get(name).is_none())
+    pub(crate) fn awaits_performance(&self, context: &Context<'_>) -> bool {
+        let wings: &[&str] = if context.vehicle.telemetry.airframe().has_wings() {
+            &Wings::NAMES
+        } else {
+            &[]
+        };
+        let mut names = Performance::NAMES.iter().chain(wings);
+        self.reading && names.any(|name| self.get(name).is_none())
     }
 }
 
@@ -246,6 +271,7 @@ impl Bounds {
             below_home,
             highest_m,
             speed_m_s,
+            transition_m,
         } = config.limits;
         Bounds {
             agl: match config.agl {
@@ -259,6 +285,7 @@ impl Bounds {
                 below_home,
                 highest_m,
                 speed_m_s,
+                transition_m,
                 items: usize::from(config.curve.max_items),
             },
             curving: Curving {
@@ -273,6 +300,7 @@ impl Bounds {
                 },
                 ..Curving::default()
             },
+            landing: config.landing.as_ref().map(config::Landing::pattern),
         }
     }
 }

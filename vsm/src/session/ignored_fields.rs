@@ -33,11 +33,13 @@ pub(crate) fn report(message_type: u16, names: &[&str], place: &str) -> Option<S
     (!names.is_empty()).then(|| format!("{message_type}: ignored{place}: {list}"))
 }
 
-/// The fields of a 2016 that are commanded and of which nothing is made in this mode. `routed` where a route is flown.
+/// The fields of a 2016 that are commanded and of which nothing is made in this mode. `routed` where a route is flown,
+/// `winged` where wings are launched, which loiter then.
 pub(crate) fn ignored_fields(
     command: &VehicleOperatingModeCommand,
     mode: Mode,
     routed: bool,
+    winged: bool,
 ) -> Vec<&'static str> {
     use {AltitudeCommandType as A, HeadingCommandType as H};
     let steers = mode == Mode::Autopilot;
@@ -59,7 +61,9 @@ pub(crate) fn ignored_fields(
             "Commanded Turn Rate" => turns_to([H::TurnRate; 2]),
             "Commanded Speed" => routed || matches!(mode, Mode::Loiter | Mode::Autopilot),
             "Commanded Waypoint Number" => routed,
-            "Loiter Position Latitude" | "Loiter Position Longitude" => mode == Mode::Loiter,
+            "Loiter Position Latitude" | "Loiter Position Longitude" => {
+                mode == Mode::Loiter || mode == Mode::Launch && winged
+            }
             _ => !is_unused(message.info(), one),
         };
         if !heeded {
@@ -114,7 +118,7 @@ mod tests {
             ..VehicleOperatingModeCommand::default()
         };
         assert_eq!(
-            ignored_fields(&command, Mode::Loiter, false),
+            ignored_fields(&command, Mode::Loiter, false, false),
             [
                 "Commanded Altitude",
                 "Commanded Vertical Speed",
@@ -123,7 +127,7 @@ mod tests {
             ]
         );
         assert_eq!(
-            ignored_fields(&command, Mode::Waypoint, true),
+            ignored_fields(&command, Mode::Waypoint, true, false),
             ["Commanded Altitude", "Commanded Vertical Speed", "Thrust"]
         );
         let empty = VehicleOperatingModeCommand {
@@ -131,6 +135,9 @@ mod tests {
             thrust: Some(0),
             ..VehicleOperatingModeCommand::default()
         };
-        assert_eq!(ignored_fields(&empty, Mode::ContingencyA, false), [""; 0]);
+        assert_eq!(
+            ignored_fields(&empty, Mode::ContingencyA, false, false),
+            [""; 0]
+        );
     }
 }

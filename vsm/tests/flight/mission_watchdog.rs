@@ -213,6 +213,8 @@ fn honest_flight_on_wings_is_never_held() {
     for (seed, wind) in [(1, [0.0, 0.0]), (2, [5.0, -5.0])] {
         let plane = Config {
             airframe: Airframe::Plane,
+            // No landing is what this is about.
+            params: vec![(Param::MIS_TKO_LAND_REQ, 0.0)],
             wind_ne_ms: wind,
             ..Config::default()
         };
@@ -295,6 +297,7 @@ fn a_vehicle_that_sinks_in_its_mission_is_held_above_the_ground() {
 fn wings_that_dive_in_their_mission_are_held_above_the_ground() {
     let plane = Config {
         airframe: Airframe::Plane,
+        params: vec![(Param::MIS_TKO_LAND_REQ, 0.0)],
         ..Config::default()
     };
     let mut rig = Rig::ready_with(Setup {

@@ -157,11 +157,12 @@ fn with(airframe: Airframe, params: &[(Param, f64)]) -> Setup {
 fn a_speed_that_the_vehicle_does_not_fly_is_refused_with_waypoint_value_and_range() {
     use Airframe::{Plane, Quad};
     let faster = [(Param::MPC_XY_VEL_MAX, 15.0)];
+    let anywhere = [(Param::MIS_TKO_LAND_REQ, 0.0)];
     for (airframe, params, beyond_m_s, fine_m_s, range) in [
         (Quad, &[][..], 12.5, 12.0, "0.5 to 12.0"),
         (Quad, &faster[..], 15.5, 15.0, "0.5 to 15.0"),
-        (Plane, &[][..], 20.5, 20.0, "10.0 to 20.0"),
-        (Plane, &[][..], 9.5, 10.0, "10.0 to 20.0"),
+        (Plane, &anywhere[..], 20.5, 20.0, "10.0 to 20.0"),
+        (Plane, &anywhere[..], 9.5, 10.0, "10.0 to 20.0"),
     ] {
         let mut rig = Rig::ready_with(with(airframe, params));
         let (named, text) = refused(&mut rig, at_speed(beyond_m_s));

@@ -89,27 +89,29 @@ facts! {
     }
     2016 taken "a mode, and what goes with it; answered by what the vehicle then does: HEARTBEAT, CURRENT_MODE, MISSION_CURRENT, POSITION_TARGET_GLOBAL_INT, ORBIT_EXECUTION_STATUS, EXTENDED_SYS_STATE" {
         "Time Stamp": RECEIVED_STAMP;
-        "Select Flight Path Control Mode": "2 POSCTL once MANUAL_CONTROL runs; 11 MISSION_SET_CURRENT where a waypoint is commanded, AUTO.MISSION; 12 AUTO.LOITER, or DO_REPOSITION, DO_ORBIT, refused on the ground; 15 SET_POSITION_TARGET_LOCAL_NED, 20 a second, then OFFBOARD; 19 AUTO.LAND; 20 while it lands; 21 AUTO.LOITER, COMPONENT_ARM_DISARM, NAV_TAKEOFF; 23, 24 the upload of such a route where one is stored, AUTO.MISSION, else AUTO.RTL, AUTO.LAND; others are refused; absent or 0: the present mode";
+        "Select Flight Path Control Mode": "2 POSCTL once MANUAL_CONTROL runs; 11 MISSION_SET_CURRENT where a waypoint is commanded, AUTO.MISSION; 12 AUTO.LOITER, or DO_REPOSITION, DO_ORBIT, refused on the ground; 15 SET_POSITION_TARGET_LOCAL_NED, 20 a second, then OFFBOARD, on wings GUIDED_COURSE; 19 AUTO.LAND, on wings the landing pattern in AUTO.MISSION; 20 while it lands, of a fixed wing DO_GO_AROUND; 21 AUTO.LOITER, COMPONENT_ARM_DISARM, NAV_TAKEOFF, of a VTOL NAV_VTOL_TAKEOFF; 23, 24 the upload of such a route where one is stored, AUTO.MISSION, else AUTO.RTL, AUTO.LAND; others are refused; absent or 0: the present mode";
         "Altitude Command Type": "1 altitude, 0 none: the altitude is not flown; 2 and 3 in 15, elsewhere refused";
         "Commanded Altitude": "12, 15: flown to; 21: taken off to; refused in 11, and below home unless vehicle.limits.below_home is true";
         "Commanded Vertical Speed": "15: flown, or the limit of the way to an altitude; elsewhere 16000 reports that it is ignored";
-        "Heading Command Type": "15: 1 heading, 2 course, 3 both, 5 turn rate; 4 is refused; elsewhere 0 alone";
+        "Heading Command Type": "15: 1 heading, 2 course, 3 both, 5 turn rate, on wings 2 alone (GUIDED_CHANGE_HEADING); 4 is refused; elsewhere 0 alone";
         "Heading Reference": "15: 0 true; magnetic is refused";
         "Commanded Heading": "15: where the nose points";
         "Commanded Course": "15: where it flies";
         "Commanded Turn Rate": "15: how fast it turns";
         "Commanded Speed": "DO_CHANGE_SPEED in 11 and 12 (a multicopter's circle: DO_ORBIT), flown in 15; refused beyond the range that 41003 reports; 0: none";
-        "Speed Type": "0, 1 and 2 alike: over ground by a multicopter, through the air by a fixed wing; others are refused";
+        "Speed Type": "0, 1 and 2 alike: over ground by a multicopter, through the air on wings; others are refused";
         "Commanded Waypoint Number": "11, and routes flown by 19, 23, 24: the flight starts at it; 0: none; elsewhere 16000 reports that it is ignored";
         "Altimeter Setting": "of pressure altitudes, from now on; 0: none";
         "Altitude Type": "datum of the altitude: 0 and 1 by the altimeter setting, 2 above home, 3 ellipsoid";
-        "Loiter Position Latitude": "12: flown to; 0, 0: none";
-        "Loiter Position Longitude": "12: flown to; 0, 0: none";
+        "Loiter Position Latitude": "12: flown to; 21 on wings: loitered at after the climb; 0, 0: none";
+        "Loiter Position Longitude": "12: flown to; 21 on wings: loitered at after the climb; 0, 0: none";
     }
     2017 taken "kept, field by field, for the loiters that 2016 commands" {
         "Time Stamp": RECEIVED_STAMP;
-        "Loiter Type": "4 hover (not of a fixed wing), 1 circle; others are refused";
-        "Loiter Radius": "of the circle; 0: none; above 1000 m it is refused";
+        "Loiter Type": "4 hover (not of a fixed wing), 1 circle, 3 figure 8 (on wings, DO_FIGURE_EIGHT); others are refused; a VTOL transitions for it";
+        "Loiter Radius": "of the circle, or of the ends of a figure 8; 0: none; above 1000 m it is refused";
+        "Loiter Length": "of a figure 8; 0: none";
+        "Loiter Bearing": "of the long axis of a figure 8";
         "Loiter Direction": "2 counter-clockwise, 0 and 1 clockwise; others are refused";
     }
 }

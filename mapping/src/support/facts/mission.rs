@@ -14,7 +14,7 @@ facts! {
         "Time Stamp": RECEIVED_STAMP;
         "Initial Waypoint Number": "where the route starts; 0 deletes its definition";
         "Route ID": "names it for 13000; routes without one are distinguished by their type";
-        "Route Type": "flown by 2016: 0 launch by 21, 1 approach by 19, 2 flight by 11, 3, 4 contingency A, B by 23, 24";
+        "Route Type": "flown by 2016: 0 launch by 21, 1 approach by 19, and the landing of every route of wings, 2 flight by 11, 3, 4 contingency A, B by 23, 24";
     } sends "on download" {
         "Time Stamp": STAMP;
         "Initial Waypoint Number": AS_RECEIVED;

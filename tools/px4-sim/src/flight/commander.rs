@@ -38,6 +38,7 @@ enum Cause {
     Sticks,
     Setpoints,
     GroundStation,
+    Wings,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,7 +61,7 @@ pub(crate) struct Commander {
     /// The mode that disarming leads back to.
     after_disarming: Mode,
     failsafe: Option<Failsafe>,
-    overridden: [bool; 3],
+    overridden: [bool; 4],
     sticks_at: Option<f64>,
     sticks_regained: bool,
     setpoints_at: Option<f64>,
@@ -148,6 +149,8 @@ impl Commander {
             Mode::Offboard => self.setpoints_alive(facts),
             Mode::Loiter
             | Mode::Takeoff
+            | Mode::VtolTakeoff
+            | Mode::Course
             | Mode::Rtl
             | Mode::Land
             | Mode::Orbit
@@ -184,7 +187,9 @@ impl Commander {
     /// mission stands in AUTO.MISSION afterwards, with what is left of it.
     fn intend(&mut self, mode: Mode) {
         self.intended = mode;
-        if !prevents_arming(mode) && mode != Mode::Takeoff || mode == Mode::Termination {
+        if !prevents_arming(mode) && !matches!(mode, Mode::Takeoff | Mode::VtolTakeoff)
+            || mode == Mode::Termination
+        {
             self.after_disarming = mode;
         }
     }
@@ -213,7 +218,7 @@ impl Commander {
         self.flown = false;
         self.landed_at = None;
         self.sticks_regained = self.sticks_alive(facts);
-        self.overridden = [false; 3];
+        self.overridden = [false; 4];
         notes.push(Note::Info(format!("Armed by {reason}\t")));
         true
     }
@@ -334,11 +339,27 @@ impl Commander {
         let exempt = facts.params.int(Param::COM_RCL_EXCEPT);
         let bit = match self.intended {
             Mode::Mission => 1,
-            Mode::Loiter | Mode::Takeoff => 2,
+            Mode::Loiter | Mode::Takeoff | Mode::VtolTakeoff => 2,
             Mode::Offboard => 4,
             _ => 0,
         };
         self.sticks_regained && exempt & bit == 0 && !self.overridden[Cause::Sticks as usize]
+    }
+
+    /// A VTOL has dropped out of its wings: COM_QC_ACT, at once.
+    pub(crate) fn quad_chute(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
+        let mode = match facts.params.int(Param::COM_QC_ACT) {
+            0 => Mode::Rtl,
+            1 => Mode::Land,
+            2 => Mode::Loiter,
+            _ => return,
+        };
+        self.failsafe = Some(Failsafe {
+            cause: Cause::Wings,
+            mode,
+            then: None,
+        });
+        notes.push(Note::Critical("Failsafe activated\t".into()));
     }
 
     /// The loss of OFFBOARD setpoints. Without sticks to fall back on, PX4 does at once, without a hold, what the loss of

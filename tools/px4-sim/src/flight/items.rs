@@ -78,7 +78,14 @@ pub(crate) fn turn_switch_distance(view: &View<'_>) -> f64 {
 pub(crate) fn has_place(item: &Item) -> bool {
     matches!(
         item.command,
-        WAYPOINT | LOITER_UNLIM | LOITER_TIME | LAND | TAKEOFF | LOITER_TO_ALT | 84 | 85
+        WAYPOINT
+            | LOITER_UNLIM
+            | LOITER_TIME
+            | LAND
+            | TAKEOFF
+            | LOITER_TO_ALT
+            | VTOL_TAKEOFF
+            | VTOL_LAND
     )
 }
 
@@ -165,9 +172,13 @@ pub(crate) const RETURN_TO_LAUNCH: u16 = 20;
 pub(crate) const LAND: u16 = 21;
 pub(crate) const TAKEOFF: u16 = 22;
 pub(crate) const LOITER_TO_ALT: u16 = 31;
+pub(crate) const VTOL_TAKEOFF: u16 = 84;
+pub(crate) const VTOL_LAND: u16 = 85;
 pub(crate) const DELAY: u16 = 93;
 pub(crate) const JUMP: u16 = 177;
 pub(crate) const CHANGE_SPEED: u16 = 178;
+pub(crate) const LAND_START: u16 = 189;
+pub(crate) const TRANSITION: u16 = 3000;
 
 #[cfg(test)]
 mod tests {

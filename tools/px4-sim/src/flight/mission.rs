@@ -5,15 +5,17 @@
 
 use mavlink_link::service::mission::{Item, plan_id};
 
+use super::feasibility;
 use super::items::{
     CHANGE_SPEED, DELAY, JUMP, LAND, LOITER_TIME, LOITER_TO_ALT, LOITER_UNLIM, RETURN_TO_LAUNCH,
-    TAKEOFF, acceptance, altitude_m, has_place, hold_time, loiter_radius, place,
+    TAKEOFF, TRANSITION, VTOL_LAND, acceptance, has_place, hold_time, loiter_radius, place,
     turn_switch_distance,
 };
 use super::view::{Note, View, loiter};
-use crate::config::Airframe;
-use crate::physics::motion::Ned;
+use crate::config::{Airframe, Param};
+use crate::physics::motion::{Ned, wrap_pi};
 use crate::physics::trajectory::{Circle, Guidance, Heading, Leg};
+use crate::physics::vtol::BRAKE_M_S2;
 
 /// The phase within an item.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -138,14 +140,9 @@ impl Mission {
 
     /// PX4's own checks, few as they are. They need a home.
     pub(crate) fn check(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
-        self.feasible = None;
-        for item in &self.items {
-            let height = altitude_m(item, view) - view.frame.origin().altitude_m + view.home.d;
-            if item.command == TAKEOFF && height <= 0.0 {
-                self.feasible = Some("Mission rejected: takeoff altitude too low!".into());
-                break;
-            }
-        }
+        self.feasible = (!self.items.is_empty())
+            .then(|| feasibility::fault(&self.items, view))
+            .flatten();
         if let Some(text) = &self.feasible {
             notes.push(Note::Critical(format!("{text}\t")));
         }
@@ -249,8 +246,16 @@ impl Mission {
             });
             return;
         }
-        if item.command == LAND {
-            self.work = Work::ToLand(view.position.d);
+        self.from = if activation { view.position } else { self.from };
+        match (item.command, view.airframe) {
+            // A plane glides down from where it is; a VTOL flies there on its wings first.
+            (LAND, Airframe::Plane) => {
+                self.from = view.position;
+                self.work = Work::Landing;
+            }
+            (VTOL_LAND, Airframe::Plane) => self.work = Work::Landing,
+            (LAND | VTOL_LAND, _) => self.work = Work::ToLand(view.position.d),
+            _ => {}
         }
     }
 
@@ -274,7 +279,7 @@ impl Mission {
                     .min((view.home.d - top.d).max(0.0) / 2.0 + 1e-3);
                 if !view.landed && view.position.d < top.d + margin {
                     self.from = view.position;
-                    self.work = if item.command == LAND {
+                    self.work = if matches!(item.command, LAND | VTOL_LAND) {
                         Work::ToLand(top.d)
                     } else {
                         Work::Item
@@ -292,11 +297,23 @@ impl Mission {
                 }
             }
             Work::Landing => {
+                // A VTOL turns back where it still comes to a stop over the place.
+                if view.vtol.is_some() && view.airframe == Airframe::Plane {
+                    let speed = view.velocity.horizontal();
+                    let stops = speed * speed / (2.0 * BRAKE_M_S2) + view.acceptance();
+                    let off = place(&item, view) - view.position;
+                    if off.horizontal() < stops {
+                        notes.push(Note::Transition { to_wings: false });
+                    }
+                }
                 if view.landed {
                     self.complete(view, notes);
                 }
             }
             Work::Item => {
+                if item.command == TRANSITION {
+                    self.transit(&item, view, notes);
+                }
                 if self.item_done(&item, view) {
                     self.apply(&item, notes);
                     self.complete(view, notes);
@@ -348,7 +365,14 @@ impl Mission {
     fn item_done(&mut self, item: &Item, view: &View<'_>) -> bool {
         match item.command {
             LOITER_UNLIM => false,
-            LAND => view.landed,
+            LAND | VTOL_LAND => view.landed,
+            TRANSITION => {
+                (view.airframe == Airframe::Plane) == to_wings(item) || view.vtol.is_none()
+            }
+            // It leaves its circle at its altitude, on the tangent to the next place.
+            LOITER_TO_ALT if view.airframe == Airframe::Plane && item.params[0] > 0.0 => {
+                self.is_near(item, view) && self.heads_on(view)
+            }
             DELAY => self.waited(f64::from(item.params[0]), view),
             _ if !has_place(item) => true,
             _ => {
@@ -364,6 +388,39 @@ impl Mission {
         }
     }
 
+    fn transit(&self, item: &Item, view: &View<'_>, notes: &mut Vec<Note>) {
+        if !view.landed && !self.item_is_flown(item, view) {
+            notes.push(Note::Transition {
+                to_wings: to_wings(item),
+            });
+        }
+    }
+
+    fn item_is_flown(&self, item: &Item, view: &View<'_>) -> bool {
+        (view.airframe == Airframe::Plane) == to_wings(item)
+    }
+
+    /// Whether it flies towards the place after the current one.
+    fn heads_on(&self, view: &View<'_>) -> bool {
+        let Some(next) = self.place_from(self.index + 1, view) else {
+            return true;
+        };
+        let off = wrap_pi((next - view.position).bearing() - view.velocity.bearing());
+        off.abs() < TANGENT_RAD
+    }
+
+    /// DO_GO_AROUND: the place above the touch-down that a plane loiters about then; none where it does not glide.
+    pub(crate) fn abort_landing(&mut self, view: &View<'_>) -> Option<Ned> {
+        let item = self.items.get(self.index).copied()?;
+        let glides = self.running && item.command == LAND && view.airframe == Airframe::Plane;
+        let at = place(&item, view);
+        let climb = view.params.get(Param::MIS_LND_ABRT_ALT);
+        glides.then(|| Ned {
+            d: (at.d - climb).min(view.position.d),
+            ..at
+        })
+    }
+
     fn waited(&mut self, seconds: f64, view: &View<'_>) -> bool {
         let since = *self.reached_at.get_or_insert(view.now);
         view.now - since >= seconds
@@ -376,7 +433,7 @@ impl Mission {
             return false;
         }
         match view.airframe {
-            Airframe::Quad => off.horizontal() <= acceptance(item, view),
+            Airframe::Quad | Airframe::Vtol => off.horizontal() <= acceptance(item, view),
             Airframe::Plane if matches!(item.command, LOITER_TIME | LOITER_TO_ALT) => {
                 off.horizontal() <= view.acceptance() + loiter_radius(item, view).abs()
             }
@@ -450,11 +507,43 @@ impl Mission {
                     heading,
                 )
             }
-            Work::Landing => (
-                Guidance::Land(Leg::to(place(item, view), acceptance, speed)),
-                Heading::Hold,
-            ),
+            Work::Landing => (self.come_down(item, view, speed), Heading::Hold),
             Work::Item => (self.along(item, view, speed), heading),
+        }
+    }
+
+    /// A plane along its glide, a VTOL level until it hovers, the others straight down.
+    fn come_down(&self, item: &Item, view: &View<'_>, speed: f64) -> Guidance {
+        let target = place(item, view);
+        let leg = Leg::to(target, view.acceptance(), speed);
+        match (view.airframe, item.command) {
+            (Airframe::Plane, LAND) => Guidance::Land(Leg {
+                from: self.from,
+                ..leg
+            }),
+            (Airframe::Plane, _) => Guidance::Leg(Leg {
+                from: self.from,
+                ..Leg::to(
+                    Ned {
+                        d: self.from.d,
+                        ..target
+                    },
+                    view.acceptance(),
+                    speed,
+                )
+            }),
+            // Over the place first: it has come to a stop near it.
+            (_, VTOL_LAND) if (target - view.position).horizontal() > OVER_M => {
+                Guidance::Leg(Leg::to(
+                    Ned {
+                        d: view.position.d.min(-1.0),
+                        ..target
+                    },
+                    view.acceptance(),
+                    speed,
+                ))
+            }
+            _ => Guidance::Land(leg),
         }
     }
 
@@ -493,7 +582,7 @@ impl Mission {
         let next = self.place_index(here + 1)?;
         let target = place(&self.items[next], view);
         // PX4 flies to a landing point at the height it comes from.
-        Some(if self.items[next].command == LAND {
+        Some(if matches!(self.items[next].command, LAND | VTOL_LAND) {
             Ned {
                 d: place(&self.items[here], view).d,
                 ..target
@@ -547,3 +636,13 @@ impl Mission {
         None
     }
 }
+
+/// DO_VTOL_TRANSITION.param1: MAV_VTOL_STATE_FW, else a hover.
+fn to_wings(item: &Item) -> bool {
+    item.params[0].round() as i64 == 4
+}
+
+/// So near the tangent a plane leaves its circle, rad.
+const TANGENT_RAD: f64 = 0.2;
+/// So near the place a VTOL comes down, m.
+const OVER_M: f64 = 2.0;

@@ -11,6 +11,7 @@
 //! Nothing here sends a message: texts and mode changes leave as notes, which the vehicle delivers.
 
 pub(crate) mod commander;
+pub(crate) mod feasibility;
 pub(crate) mod items;
 pub(crate) mod mission;
 pub(crate) mod mode;

@@ -53,6 +53,10 @@ modes! {
     Stabilized = 7, 0, MAV_STANDARD_MODE_NON_STANDARD, "Stabilized";
     /// Climbing from the ground.
     Takeoff = 4, 2, MAV_STANDARD_MODE_TAKEOFF, "Takeoff";
+    /// Hovering up, transitioning, loitering (VTOL only).
+    VtolTakeoff = 4, 10, MAV_STANDARD_MODE_NON_STANDARD, "VTOL Takeoff";
+    /// Keeping a course over ground, an altitude and an air speed.
+    Course = 4, 19, MAV_STANDARD_MODE_NON_STANDARD, "Course";
     /// Coming down here.
     Land = 4, 6, MAV_STANDARD_MODE_LAND, "Land";
     /// Circling a point (multicopter only).
@@ -109,7 +113,13 @@ impl Mode {
                     bits |= MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED;
                 }
             }
-            Self::Takeoff | Self::Loiter | Self::Mission | Self::Rtl | Self::Land => {
+            Self::Takeoff
+            | Self::VtolTakeoff
+            | Self::Course
+            | Self::Loiter
+            | Self::Mission
+            | Self::Rtl
+            | Self::Land => {
                 bits |= MavModeFlag::MAV_MODE_FLAG_AUTO_ENABLED
                     | MavModeFlag::MAV_MODE_FLAG_GUIDED_ENABLED
                     | MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED;

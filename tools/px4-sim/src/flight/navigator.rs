@@ -6,7 +6,7 @@ use crate::config::{Airframe, Param};
 use crate::flight::mission::Mission;
 use crate::flight::mode::Mode;
 use crate::flight::view::{Note, View, loiter};
-use crate::physics::motion::Ned;
+use crate::physics::motion::{Ned, wrap_pi};
 use crate::physics::trajectory::{Circle, Guidance, Heading, Leg};
 
 /// The target of DO_REPOSITION.
@@ -20,6 +20,8 @@ pub(crate) struct Reposition {
     pub speed: Option<f64>,
     /// Loiter radius of a plane, m, where given; positive is clockwise.
     pub radius: Option<f64>,
+    /// A figure eight of a plane: half its length and the radius of its ends, m, and the direction of its long axis, radians.
+    pub eight: Option<[f64; 3]>,
 }
 
 impl Reposition {
@@ -30,6 +32,7 @@ impl Reposition {
             yaw: f64::NAN,
             speed: None,
             radius: None,
+            eight: None,
         }
     }
 }
@@ -54,6 +57,18 @@ enum Return {
     Land,
 }
 
+/// How far a VTOL's take-off has come.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+enum VtolTakeoff {
+    /// Hovering up to this height (local down), before a transition towards this place.
+    Hover(f64, Ned),
+    Transition(Ned),
+    /// Climbing to its loiter.
+    Climb(Ned),
+    #[default]
+    Done,
+}
+
 /// The navigator; the default has nothing active and no mission.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Navigator {
@@ -64,15 +79,46 @@ pub(crate) struct Navigator {
     reposition: Option<Reposition>,
     takeoff_altitude: Option<f64>,
     takeoff_target: Ned,
+    takeoff_place: Option<Ned>,
+    vtol_takeoff: VtolTakeoff,
+    course: f64,
+    course_d: f64,
+    lobe: bool,
     homeward: Return,
     orbit: Option<Circle>,
     speed: Option<f64>,
 }
 
 impl Navigator {
-    /// NAV_TAKEOFF's altitude, AMSL; none is MIS_TAKEOFF_ALT above here.
-    pub(crate) fn set_takeoff_altitude(&mut self, amsl: Option<f64>) {
+    /// NAV_TAKEOFF's altitude, AMSL; none is MIS_TAKEOFF_ALT above here. A plane loiters about `place` then.
+    pub(crate) fn set_takeoff(&mut self, amsl: Option<f64>, place: Option<Ned>) {
         self.takeoff_altitude = amsl;
+        self.takeoff_place = place;
+    }
+
+    /// NAV_VTOL_TAKEOFF: the altitude of the transition, AMSL, and the place of the loiter.
+    pub(crate) fn set_vtol_takeoff(&mut self, amsl: Option<f64>, place: Ned) {
+        self.takeoff_altitude = amsl;
+        self.takeoff_place = Some(place);
+    }
+
+    /// GUIDED_CHANGE_HEADING: a course over ground, radians.
+    pub(crate) fn set_course(&mut self, course: f64) {
+        self.course = course;
+    }
+
+    /// DO_CHANGE_ALTITUDE in the course mode, local down.
+    pub(crate) fn set_course_height(&mut self, d: f64) {
+        self.course_d = d;
+    }
+
+    /// The loiter that is flown now.
+    pub(crate) fn kept_loiter(&self) -> Reposition {
+        let kept = self.reposition.unwrap_or(Reposition::to(self.hold));
+        Reposition {
+            target: self.hold,
+            ..kept
+        }
     }
 
     /// DO_REPOSITION.
@@ -140,7 +186,13 @@ impl Navigator {
                 flown
             }
             Mode::Takeoff => self.take_off(view, &mut then),
+            Mode::VtolTakeoff => self.vtol_take_off(view, notes, &mut then),
+            Mode::Course => self.keep_course(view),
             Mode::Rtl => self.return_home(view, notes),
+            Mode::Land if view.airframe == Airframe::Plane && view.vtol.is_some() => {
+                notes.push(Note::Transition { to_wings: false });
+                (loiter(self.hold, view), Heading::Hold)
+            }
             Mode::Land => (self.land(self.hold, view), Heading::Hold),
             Mode::Orbit => self.fly_orbit(view),
             _ if view.landed => (Guidance::Ground, Heading::Hold),
@@ -164,6 +216,16 @@ impl Navigator {
                 self.apply_reposition(view);
             }
             Mode::Takeoff => self.prepare_takeoff(view, notes),
+            Mode::VtolTakeoff => self.prepare_vtol_takeoff(view),
+            Mode::Course => {
+                self.speed = None;
+                self.course_d = view.position.d;
+                self.course = if view.velocity.horizontal() > 1.0 {
+                    view.velocity.bearing()
+                } else {
+                    view.yaw
+                };
+            }
             Mode::Rtl => self.prepare_return(view, notes),
             _ => {}
         }
@@ -182,8 +244,12 @@ impl Navigator {
         }
     }
 
-    fn stay(&self, view: &View<'_>) -> (Guidance, Heading) {
+    fn stay(&mut self, view: &View<'_>) -> (Guidance, Heading) {
         let mut guidance = loiter(self.hold, view);
+        let eight = self.reposition.and_then(|r| r.eight);
+        if let (Some(eight), Guidance::Circle(_)) = (eight, &guidance) {
+            guidance = Guidance::Circle(self.lobe_of(eight, view));
+        }
         if let Guidance::Leg(leg) = &mut guidance
             && let Some(speed) = self.speed
         {
@@ -194,12 +260,107 @@ impl Navigator {
         {
             circle.radius = radius;
         }
+        if let Guidance::Circle(circle) = &mut guidance
+            && let Some(speed) = self.speed
+        {
+            circle.speed = speed;
+        }
         let heading = match self.reposition {
             Some(reposition) if reposition.yaw.is_finite() => Heading::To(reposition.yaw),
             Some(_) => Heading::Along,
             None => Heading::Hold,
         };
         (guidance, heading)
+    }
+
+    /// The circle of the end of a figure eight that is flown now: one clockwise, the other counter-clockwise.
+    fn lobe_of(&mut self, [half, radius, axis]: [f64; 3], view: &View<'_>) -> Circle {
+        let off = view.position - self.hold;
+        let along = off.n * axis.cos() + off.e * axis.sin();
+        let v = view.velocity;
+        let towards = (v.n * axis.cos() + v.e * axis.sin()) / v.horizontal().max(1.0);
+        // It has flown round an end when it heads back past its centre: on to the other one.
+        let past = half - radius + PAST_M;
+        if self.lobe && towards < -STRAIGHT && along < past {
+            self.lobe = false;
+        } else if !self.lobe && towards > STRAIGHT && along > -past {
+            self.lobe = true;
+        }
+        let side = if self.lobe { 1.0 } else { -1.0 };
+        let reach = side * (half - radius);
+        Circle {
+            centre: Ned::new(
+                self.hold.n + reach * axis.cos(),
+                self.hold.e + reach * axis.sin(),
+                self.hold.d,
+            ),
+            radius: side * radius,
+            speed: view.cruise(),
+        }
+    }
+
+    /// Straight on along the course, wherever that leads.
+    fn keep_course(&self, view: &View<'_>) -> (Guidance, Heading) {
+        let far = Ned::new(
+            view.position.n + AHEAD_M * self.course.cos(),
+            view.position.e + AHEAD_M * self.course.sin(),
+            self.course_d,
+        );
+        let mut leg = view.leg(far);
+        leg.speed = self.speed.unwrap_or(leg.speed);
+        (Guidance::Leg(leg), Heading::Along)
+    }
+
+    fn prepare_vtol_takeoff(&mut self, view: &View<'_>) {
+        let ground = view.frame.origin().altitude_m;
+        let amsl = self.takeoff_altitude.take();
+        let d = amsl.map_or(view.position.d, |amsl| ground - amsl);
+        let place = self.takeoff_place.take().unwrap_or(view.position);
+        let loiter = Ned {
+            d: view.position.d - view.params.get(Param::VTO_LOITER_ALT),
+            ..place.or(view.position)
+        };
+        self.takeoff_target = Ned { d, ..view.position };
+        self.vtol_takeoff = VtolTakeoff::Hover(d, loiter);
+        self.mission.set_finished(false);
+    }
+
+    fn vtol_take_off(
+        &mut self,
+        view: &View<'_>,
+        notes: &mut Vec<Note>,
+        then: &mut Option<Mode>,
+    ) -> (Guidance, Heading) {
+        let up = Guidance::Climb(view.leg(self.takeoff_target));
+        match self.vtol_takeoff {
+            VtolTakeoff::Hover(d, loiter) => {
+                let bearing = (loiter - view.position).bearing();
+                let turned = wrap_pi(bearing - view.yaw).abs() < ALIGNED_RAD;
+                if !view.landed && view.position.d - d < view.altitude_acceptance() && turned {
+                    notes.push(Note::Transition { to_wings: true });
+                    self.vtol_takeoff = VtolTakeoff::Transition(loiter);
+                }
+                (up, Heading::To(bearing))
+            }
+            VtolTakeoff::Transition(loiter) => {
+                if view.airframe == Airframe::Plane {
+                    self.vtol_takeoff = VtolTakeoff::Climb(loiter);
+                }
+                (up, Heading::Hold)
+            }
+            VtolTakeoff::Climb(at) => {
+                let off = at - view.position;
+                let near = view.acceptance() + view.params.get(Param::NAV_LOITER_RAD).abs();
+                if off.d.abs() < view.altitude_acceptance() && off.horizontal() < near {
+                    self.vtol_takeoff = VtolTakeoff::Done;
+                    self.mission.set_finished(true);
+                    self.reposition = Some(Reposition::to(at));
+                    *then = Some(Mode::Loiter);
+                }
+                (loiter(at, view), Heading::Hold)
+            }
+            VtolTakeoff::Done => (loiter(view.position, view), Heading::Hold),
+        }
     }
 
     fn prepare_takeoff(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
@@ -237,12 +398,24 @@ impl Navigator {
         let height = view.home.d - self.takeoff_target.d;
         // Half the height, for take-offs lower than the acceptance: they would be finished on the ground.
         let margin = match view.airframe {
-            Airframe::Quad => view.altitude_acceptance().min((height / 2.0).max(0.1)),
+            Airframe::Quad | Airframe::Vtol => {
+                view.altitude_acceptance().min((height / 2.0).max(0.1))
+            }
             Airframe::Plane => 0.0,
         };
         if !view.landed && to_go < margin {
             self.mission.set_finished(true);
             *then = Some(Mode::Loiter);
+            // A plane loiters about the place of the command, where it gave one.
+            let place = self.takeoff_place.take();
+            self.reposition = place
+                .filter(|_| view.airframe == Airframe::Plane)
+                .map(|at| {
+                    Reposition::to(Ned {
+                        d: self.takeoff_target.d,
+                        ..at
+                    })
+                });
         }
         (
             Guidance::Climb(view.leg(self.takeoff_target)),
@@ -290,14 +463,20 @@ impl Navigator {
                 let over = Ned { d, ..view.home };
                 let off = over - view.position;
                 let near = match view.airframe {
-                    Airframe::Quad => off.horizontal() < 1.0,
+                    Airframe::Quad | Airframe::Vtol => off.horizontal() < 1.0,
                     Airframe::Plane => true,
                 };
-                if near && view.position.d > d - view.altitude_acceptance() {
+                // RTL_LAND_DELAY -1, as wings come: it loiters there.
+                let lands = view.params.get(Param::RTL_LAND_DELAY) >= 0.0;
+                if lands && near && view.position.d > d - view.altitude_acceptance() {
                     notes.push(Note::Info("RTL: land at destination\t".into()));
                     self.homeward = Return::Land;
                 }
                 (loiter(over, view), Heading::Hold)
+            }
+            Return::Land if view.airframe == Airframe::Plane && view.vtol.is_some() => {
+                notes.push(Note::Transition { to_wings: false });
+                (loiter(view.home, view), Heading::Hold)
             }
             Return::Land => (self.land(view.home, view), Heading::Hold),
         }
@@ -313,7 +492,7 @@ impl Navigator {
         }))
     }
 
-    fn fly_orbit(&self, view: &View<'_>) -> (Guidance, Heading) {
+    fn fly_orbit(&mut self, view: &View<'_>) -> (Guidance, Heading) {
         match self.orbit.filter(|_| !view.landed) {
             Some(orbit) => (Guidance::Circle(orbit), Heading::Along),
             None => self.stay(view),
@@ -339,7 +518,7 @@ fn stopping_point(view: &View<'_>) -> Ned {
 
 fn fly_to(target: Ned, view: &View<'_>) -> Guidance {
     match view.airframe {
-        Airframe::Quad => Guidance::Leg(view.leg(target)),
+        Airframe::Quad | Airframe::Vtol => Guidance::Leg(view.leg(target)),
         Airframe::Plane => loiter(target, view),
     }
 }
@@ -368,3 +547,11 @@ fn return_height(view: &View<'_>) -> f64 {
     // Never lower than now, never higher than RTL_RETURN_ALT unless it is already.
     height.max(highest).min(view.position.d)
 }
+
+/// A course is flown to a place so far ahead, m.
+const AHEAD_M: f64 = 20_000.0;
+/// A VTOL has turned towards its transition, rad: MIS_YAW_ERR as PX4 comes.
+const ALIGNED_RAD: f64 = 0.21;
+/// So much of its speed leads along a figure eight where it leaves an end, and so far before the end's centre it may, m.
+const STRAIGHT: f64 = 0.9;
+const PAST_M: f64 = 5.0;

@@ -6,6 +6,7 @@
 use crate::config::{Airframe, Param, Params};
 use crate::physics::motion::{LocalFrame, Ned};
 use crate::physics::trajectory::{Circle, Guidance, Leg};
+use crate::physics::vtol::VtolState;
 
 /// What the navigator knows of the vehicle.
 #[derive(Debug, Clone, Copy)]
@@ -26,8 +27,12 @@ pub(crate) struct View<'a> {
     pub frame: &'a LocalFrame,
     /// Parameters.
     pub params: &'a Params,
-    /// Airframe.
+    /// What it is flown as now: a VTOL on its wings as a plane, else as a quadrotor.
     pub airframe: Airframe,
+    /// What it is.
+    pub kind: Airframe,
+    /// The state of a VTOL.
+    pub vtol: Option<VtolState>,
 }
 
 impl View<'_> {
@@ -39,7 +44,7 @@ impl View<'_> {
     /// Vertical acceptance, m.
     pub(crate) fn altitude_acceptance(&self) -> f64 {
         match self.airframe {
-            Airframe::Quad => self.params.get(Param::NAV_MC_ALT_RAD),
+            Airframe::Quad | Airframe::Vtol => self.params.get(Param::NAV_MC_ALT_RAD),
             Airframe::Plane => self.params.get(Param::NAV_FW_ALT_RAD),
         }
     }
@@ -47,7 +52,7 @@ impl View<'_> {
     /// Speed where nothing else is commanded, m/s.
     pub(crate) fn cruise(&self) -> f64 {
         match self.airframe {
-            Airframe::Quad => self.params.get(Param::MPC_XY_CRUISE),
+            Airframe::Quad | Airframe::Vtol => self.params.get(Param::MPC_XY_CRUISE),
             Airframe::Plane => self.params.get(Param::FW_AIRSPD_TRIM),
         }
     }
@@ -69,12 +74,14 @@ pub(crate) enum Note {
     Reached(u16),
     /// Change to AUTO.RTL: the item was NAV_RETURN_TO_LAUNCH.
     ReturnHome,
+    /// Begin a transition of a VTOL.
+    Transition { to_wings: bool },
 }
 
 /// Staying at a place: on it for a multicopter, round it on wings.
 pub(crate) fn loiter(at: Ned, view: &View<'_>) -> Guidance {
     match view.airframe {
-        Airframe::Quad => Guidance::Leg(view.leg(at)),
+        Airframe::Quad | Airframe::Vtol => Guidance::Leg(view.leg(at)),
         Airframe::Plane => Guidance::Circle(Circle {
             centre: at,
             radius: view.params.get(Param::NAV_LOITER_RAD),

@@ -12,3 +12,4 @@ pub(crate) mod noise;
 pub(crate) mod plane;
 pub(crate) mod quad;
 pub(crate) mod trajectory;
+pub(crate) mod vtol;

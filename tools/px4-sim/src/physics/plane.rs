@@ -64,6 +64,38 @@ impl Plane {
         }
     }
 
+    /// Continues a motion that another airframe has flown.
+    pub(crate) fn take_over(&mut self, motion: Motion, airspeed: f64) {
+        self.motion = motion;
+        self.airspeed = airspeed;
+        self.climb = 0.0;
+        self.bank = 0.0;
+        self.target.position = motion.position;
+    }
+
+    /// Straight and level, faster or slower by `push` m/s2; true once it is as fast, or as slow, as `until`.
+    pub(crate) fn glide_level(&mut self, dt: f64, push: f64, until: f64) -> bool {
+        let demand = Demand {
+            course: self.motion.attitude[2],
+            climb: 0.0,
+            airspeed: self.airspeed,
+        };
+        let wide = PlaneTuning {
+            airspeed_min: 0.0,
+            airspeed_max: f64::MAX,
+            bank_max: 0.1,
+            climb: 0.0,
+            sink: 0.0,
+        };
+        self.fly(dt, &demand, &wide);
+        self.airspeed = (self.airspeed + push * dt).max(0.0);
+        if push > 0.0 {
+            self.airspeed >= until
+        } else {
+            self.airspeed <= until
+        }
+    }
+
     /// One step; `error` is the estimator's position error.
     pub(crate) fn step(&mut self, dt: f64, guidance: &Guidance, error: Ned, tuning: &PlaneTuning) {
         let believed = self.motion.position + error;
@@ -76,11 +108,7 @@ impl Plane {
                 climb: self.climb_to(leg.target.d, believed, tuning),
                 airspeed: leg.speed,
             }),
-            Guidance::Land(leg) => Some(Demand {
-                course: self.course(),
-                climb: -tuning.sink.min(0.4 + 0.15 * -self.motion.position.d),
-                airspeed: leg.speed.min(tuning.airspeed_min * 1.2),
-            }),
+            Guidance::Land(leg) => Some(self.glide_down(leg, believed, tuning)),
             Guidance::Circle(circle) => Some(Demand {
                 course: round(circle, believed),
                 climb: self.climb_to(circle.centre.d, believed, tuning),
@@ -119,6 +147,41 @@ impl Plane {
             course,
             climb: self.climb_to(leg.target.d, believed, tuning),
             airspeed: leg.speed,
+        }
+    }
+
+    /// Along the leg down to its end, and on straight ahead until the ground is there; a leg without a beginning is landed
+    /// straight ahead at once.
+    fn glide_down(&mut self, leg: &Leg, believed: Ned, tuning: &PlaneTuning) -> Demand {
+        let airspeed = leg.speed.min(tuning.airspeed_min * 1.2);
+        let flare = -tuning.sink.min(0.4 + 0.15 * -self.motion.position.d);
+        let line = leg.target - leg.from;
+        let length = line.horizontal();
+        let along = (line.n * (leg.target.n - believed.n) + line.e * (leg.target.e - believed.e))
+            / length.max(1.0);
+        if length < 1.0 || along <= 0.0 {
+            return Demand {
+                course: self.course(),
+                climb: flare,
+                airspeed,
+            };
+        }
+        let course = self.along(leg, believed, tuning).course;
+        // The glide slope, and back to it.
+        let slope_d = leg.target.d - (leg.target.d - leg.from.d) * (along / length).min(1.0);
+        let sinks = self.motion.velocity.horizontal() * line.d / length;
+        let climb = -sinks + 0.4 * (believed.d - slope_d);
+        Demand {
+            course,
+            climb: climb.clamp(-2.0 * tuning.sink, tuning.climb).max(
+                // The flare.
+                if self.motion.position.d > -4.0 {
+                    flare
+                } else {
+                    f64::NEG_INFINITY
+                },
+            ),
+            airspeed,
         }
     }
 

@@ -85,6 +85,15 @@ impl Quad {
         }
     }
 
+    /// Continues a motion that another airframe has flown.
+    pub(crate) fn take_over(&mut self, motion: Motion) {
+        self.motion = motion;
+        self.trajectory.reset(motion.position, motion.velocity);
+        self.steering = Steering::Other;
+        (self.heading, self.heading_rate) = (motion.attitude[2], 0.0);
+        (self.push, self.trim) = (Ned::default(), Ned::default());
+    }
+
     /// One step. `error` is the estimator's present position error: the controllers steer by what
     /// they believe.
     pub(crate) fn step(

@@ -9,7 +9,7 @@ use mavlink_link::service::Node;
 
 use super::command::{Answer, Command, REQUEST_OPERATOR_CONTROL, is_for};
 use super::state::{Outgoing, Vehicle};
-use crate::config::Airframe;
+use crate::config::{Airframe, Param};
 use crate::flight::mode::{Mode, UnknownMode};
 use crate::flight::navigator::Reposition;
 use crate::physics::motion::{Geodetic, Ned};
@@ -60,6 +60,7 @@ impl Vehicle {
         let airframe = match self.config.airframe {
             Airframe::Quad => ParamUse::RotaryWing,
             Airframe::Plane => ParamUse::FixedWing,
+            Airframe::Vtol => ParamUse::Vtol,
         };
         first_unused_param_set(
             command.id,
@@ -92,11 +93,14 @@ impl Vehicle {
             21 => self.force_land(),
             22 => self.take_off(c),
             34 => self.orbit(c),
+            35 => self.figure_eight(c),
+            84 => self.vtol_take_off(c),
             176 => self.set_mode(c),
             178 => self.change_speed(c),
             179 => self.set_home_here(c),
             185 => self.terminate(c),
             186 => self.change_altitude(c),
+            191 => self.go_around(),
             192 => self.reposition(c),
             // Regions of interest, camera triggers and the like: taken, without effect here.
             80 | 189 | 195 | 196 | 197 | 201 | 206 | 211 | 214 | 530..=532 => Answer::Accepted,
@@ -109,6 +113,8 @@ impl Vehicle {
             300 => self.start_mission(c),
             400 => self.arm_or_disarm(c),
             401 => Answer::Accepted,
+            3000 => self.transition(c),
+            43_002 => self.change_course(c),
             410 => self.request_message(mav::HOME_POSITION_DATA::ID, c),
             510 => self.get_interval(c),
             511 => {
@@ -164,7 +170,9 @@ impl Vehicle {
     }
 
     fn take_off(&mut self, c: &Command) -> Answer {
-        self.navigator.set_takeoff_altitude(c.given(7));
+        let place = c.given(5).zip(c.given(6));
+        let place = place.map(|_| self.local_target_of(c));
+        self.navigator.set_takeoff(c.given(7), place);
         self.switch(Mode::Takeoff, None)
     }
 
@@ -317,6 +325,7 @@ impl Vehicle {
                 yaw: c.param(4),
                 speed: c.given(1).filter(|s| *s > 0.0),
                 radius: c.given(3).filter(|r| r.abs() > 1e-6),
+                eight: None,
             });
         }
         answer
@@ -330,16 +339,24 @@ impl Vehicle {
     }
 
     pub(crate) fn change_altitude(&mut self, c: &Command) -> Answer {
+        let d = self.frame.origin().altitude_m - c.param(1);
+        if self.commander.mode() == Mode::Course {
+            self.navigator.set_course_height(d);
+            return Answer::Accepted;
+        }
         if self.commander.mode() != Mode::Loiter {
             return Answer::TemporarilyRejected;
         }
-        let d = self.frame.origin().altitude_m - c.param(1);
-        self.hold_at(Reposition::to(Ned::new(f64::NAN, f64::NAN, d)));
+        let kept = self.navigator.kept_loiter();
+        self.hold_at(Reposition {
+            target: Ned { d, ..kept.target },
+            ..kept
+        });
         Answer::Accepted
     }
 
     pub(crate) fn orbit(&mut self, c: &Command) -> Answer {
-        if self.config.airframe == Airframe::Plane {
+        if self.body.flown_as() == Airframe::Plane {
             if !self.request(Mode::Loiter, false) {
                 self.critical("Orbit command rejected");
                 return Answer::TemporarilyRejected;
@@ -369,6 +386,70 @@ impl Vehicle {
             radius: if requested < 0.0 { -radius } else { radius },
             speed,
         });
+        Answer::Accepted
+    }
+
+    /// On wings only: a multicopter has none.
+    pub(crate) fn figure_eight(&mut self, c: &Command) -> Answer {
+        if self.config.airframe == Airframe::Quad {
+            self.critical("Figure 8 command only available for fixed wing and vtol vehicles.");
+            return Answer::Unsupported;
+        }
+        if self.body.flown_as() != Airframe::Plane || !self.request(Mode::Loiter, false) {
+            self.critical("Figure 8 command rejected, Only available in fixed wing mode.");
+            return Answer::TemporarilyRejected;
+        }
+        let own = self.params.get(Param::NAV_LOITER_RAD).abs();
+        let minor = c.given(2).filter(|r| r.abs() > 1e-6).map_or(own, f64::abs);
+        let major = c.given(1).map_or(2.5 * minor, f64::abs).max(2.0 * minor);
+        self.hold_at(Reposition {
+            eight: Some([major, minor, c.given(4).unwrap_or(0.0)]),
+            ..Reposition::to(self.local_target_of(c))
+        });
+        Answer::Accepted
+    }
+
+    fn vtol_take_off(&mut self, c: &Command) -> Answer {
+        self.navigator
+            .set_vtol_takeoff(c.given(7), self.local_target_of(c));
+        self.switch(Mode::VtolTakeoff, None)
+    }
+
+    /// As PX4 does, the answer does not depend on whether there is a transition.
+    fn transition(&mut self, c: &Command) -> Answer {
+        if self.config.airframe != Airframe::Vtol {
+            return Answer::Unsupported;
+        }
+        // On the ground it stays a multicopter.
+        if !self.landed {
+            self.body.turn(c.param(1).round() as i64 == WINGS);
+        }
+        Answer::Accepted
+    }
+
+    /// PX4 denies it in every other mode, of a heading, and of what is not on wings.
+    fn change_course(&mut self, c: &Command) -> Answer {
+        let may = self.body.flown_as() == Airframe::Plane
+            && self.commander.is_armed()
+            && self.commander.mode() == Mode::Course
+            && c.param(1).round() == 0.0;
+        match c.given(2).filter(|_| may) {
+            Some(degrees) => {
+                self.navigator.set_course(degrees.to_radians());
+                Answer::Accepted
+            }
+            None => Answer::Denied,
+        }
+    }
+
+    /// Accepted in every state; it ends the glide of a wing, which then loiters above the touch-down.
+    fn go_around(&mut self) -> Answer {
+        let loiter = self.navigate(|nav, view, _| nav.mission.abort_landing(view));
+        if let Some(at) = loiter.filter(|_| self.commander.mode() == Mode::Mission)
+            && self.request(Mode::Loiter, false)
+        {
+            self.hold_at(Reposition::to(at));
+        }
         Answer::Accepted
     }
 
@@ -420,3 +501,5 @@ impl Vehicle {
 const QUEUE: usize = 8;
 /// COMPONENT_ARM_DISARM.param2: do it in the air, too.
 const FORCE: i64 = 21196;
+/// DO_VTOL_TRANSITION.param1: MAV_VTOL_STATE_FW.
+const WINGS: i64 = 4;

@@ -16,6 +16,7 @@ use super::state::Vehicle;
 use crate::config::Airframe;
 use crate::flight::mode::Mode;
 use crate::physics::motion::{Geodetic, Ned, quaternion};
+use crate::physics::vtol::VtolState;
 
 impl Vehicle {
     /// The message of a stream, or `None` while there is nothing to report.
@@ -97,6 +98,7 @@ impl Vehicle {
             mavtype: match self.config.airframe {
                 Airframe::Quad => mav::MavType::MAV_TYPE_QUADROTOR,
                 Airframe::Plane => mav::MavType::MAV_TYPE_FIXED_WING,
+                Airframe::Vtol => mav::MavType::MAV_TYPE_VTOL_FIXEDROTOR,
             },
             autopilot: mav::MavAutopilot::MAV_AUTOPILOT_PX4,
             base_mode: mode.base_mode(armed),
@@ -208,7 +210,7 @@ impl Vehicle {
     /// A fixed wing only: PX4 estimates no wind for a multicopter in its simulator.
     fn wind(&self) -> Option<mav::WIND_COV_DATA> {
         let [n, e] = self.config.wind_ne_ms;
-        (self.config.airframe == Airframe::Plane).then(|| mav::WIND_COV_DATA {
+        (self.config.airframe != Airframe::Quad).then(|| mav::WIND_COV_DATA {
             time_usec: self.boot_us(),
             wind_x: n as f32,
             wind_y: e as f32,
@@ -240,10 +242,13 @@ impl Vehicle {
     fn extended_sys_state(&self) -> mav::EXTENDED_SYS_STATE_DATA {
         use mav::MavLandedState as Landed;
         mav::EXTENDED_SYS_STATE_DATA {
-            vtol_state: mav::MavVtolState::MAV_VTOL_STATE_UNDEFINED,
+            vtol_state: (self.body.vtol()).map_or(
+                mav::MavVtolState::MAV_VTOL_STATE_UNDEFINED,
+                VtolState::reported,
+            ),
             landed_state: match (self.landed, self.commander.mode()) {
                 (true, _) => Landed::MAV_LANDED_STATE_ON_GROUND,
-                (false, Mode::Takeoff) => Landed::MAV_LANDED_STATE_TAKEOFF,
+                (false, Mode::Takeoff | Mode::VtolTakeoff) => Landed::MAV_LANDED_STATE_TAKEOFF,
                 (false, Mode::Land) => Landed::MAV_LANDED_STATE_LANDING,
                 (false, _) => Landed::MAV_LANDED_STATE_IN_AIR,
             },

@@ -91,6 +91,8 @@ pub struct HealthFaults {
     /// The mode entered, once, in place of the next one that DO_SET_MODE names and that is accepted: a take-off that ends
     /// in that moment puts PX4 into AUTO.LOITER.
     pub instead: Option<Mode>,
+    /// The wings fail: once on them, or on the way there, it drops out of them (quad-chute).
+    pub quad_chute: bool,
     /// In AUTO.MISSION it flies so much lower than its items, m, as a wing whose altitude reference is wrong.
     pub low_m: u16,
 }
@@ -159,15 +161,13 @@ impl Vehicle {
             airframe: match config.airframe {
                 Airframe::Quad => ParamUse::RotaryWing,
                 Airframe::Plane => ParamUse::FixedWing,
+                Airframe::Vtol => ParamUse::Vtol,
             },
         };
         let node = Node::new(config.system_id, COMPONENT);
         let mut params = Params::default();
         params.set(Param::MAV_SYS_ID, f64::from(config.system_id));
-        if config.airframe == Airframe::Plane {
-            params.set(Param::MAV_TYPE, 1.0);
-        }
-        for (param, value) in &config.params {
+        for (param, value) in config.airframe.defaults().iter().chain(&config.params) {
             params.set(*param, *value);
         }
         let tuning = Tuning::read(config.airframe, &params);
@@ -296,7 +296,9 @@ impl Vehicle {
             home: self.home_or_zero(),
             frame: &self.frame,
             params: &self.params,
-            airframe: self.config.airframe,
+            airframe: self.body.flown_as(),
+            kind: self.config.airframe,
+            vtol: self.body.vtol(),
         };
         let done = call(&mut self.navigator, &view, &mut notes);
         self.take_notes(notes);
@@ -344,6 +346,7 @@ impl Vehicle {
                     self.send_reached(seq);
                 }
                 Note::ReturnHome => {}
+                Note::Transition { to_wings } => self.body.turn(to_wings),
             }
         }
     }

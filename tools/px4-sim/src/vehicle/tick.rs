@@ -56,6 +56,9 @@ impl Vehicle {
     }
 
     fn fly(&mut self, now: f64) {
+        if self.health_faults.quad_chute && !self.landed && self.body.quad_chute() {
+            self.decide(|commander, facts, notes| commander.quad_chute(facts, notes));
+        }
         let (mode, armed) = (self.commander.mode(), self.commander.is_armed());
         if armed {
             self.charge = (self.charge - DT / 1500.0).max(0.5);
@@ -126,8 +129,8 @@ impl Vehicle {
         let landed = if self.landed {
             motion.position.d > -LIFTED_M
         } else {
-            let still = match self.config.airframe {
-                Airframe::Quad => true,
+            let still = match self.body.flown_as() {
+                Airframe::Quad | Airframe::Vtol => true,
                 Airframe::Plane => motion.velocity.horizontal() < 1.0,
             };
             self.contact >= LANDED_AFTER_S && still

@@ -1,5 +1,6 @@
 //! What the bridge asks of a vehicle for a message of a CUCS.
 
+use mapping::airframe;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::VsmAuthorisationResponse;
@@ -57,6 +58,10 @@ impl Aircraft {
 
     /// A command of a CUCS that holds the right for it.
     pub(crate) fn command(&mut self, dli: &mut DliEffects<'_>, origin: Origin, message: &Message) {
+        let autopilot = self.vehicle.telemetry.autopilot;
+        if let Some(why) = autopilot.and_then(airframe::refused_autopilot) {
+            return self.effects(dli).refuse(Some(origin), why);
+        }
         self.observe(
             dli,
             reports::Input::NoteIgnored {

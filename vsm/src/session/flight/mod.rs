@@ -3,7 +3,8 @@
 //! A 2016 becomes a [task](situation::Task), most often a [maneuver](super::maneuver): steps for the vehicle, each
 //! confirmed by what it shows. One maneuver is in progress at a time; a later command supersedes it. Parts:
 //!
-//! - `mode_command`: what a 2016 asks of PX4, or why PX4 cannot do it; pure. `situation`: what it judges by
+//! - `mode_command`: what a 2016 asks of PX4, or why PX4 cannot do it; pure. `wings`: where wings do it otherwise.
+//!   `situation`: what it judges by
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
 //! - `settings` (2017, altimeter), `engine` (2008)
 //! - `loss_action`: what is flown once the controlling CUCS is lost
@@ -17,6 +18,7 @@ mod steering;
 mod sticks;
 #[cfg(test)]
 mod tests;
+mod wings;
 
 use std::ops::Deref;
 use std::time::Duration;
@@ -264,8 +266,8 @@ impl Flight {
         new: &LoiterConfiguration,
         effects: &mut Effects<'_>,
     ) {
-        let hovers = context.vehicle.telemetry.hovers();
-        let merged = match settings::merged(&self.loiter, new, hovers) {
+        let airframe = context.vehicle.telemetry.airframe();
+        let merged = match settings::merged(&self.loiter, new, airframe) {
             Ok(merged) => merged,
             Err(why) => return effects.refuse(Some(origin), why),
         };
@@ -348,7 +350,11 @@ impl Flight {
             altimeter,
             limits: context.bounds.limits,
             performance: context.parameters.performance(context),
+            route_performance: context.parameters.route_performance(context),
+            wings: context.parameters.wings(context),
+            vtol_loiter_m: context.parameters.get("VTO_LOITER_ALT"),
         };
+        let winged = situation.wings.is_some();
         // What is refused changes nothing: the altimeter setting is stored only where the rest can be flown.
         let task = mode_command::task(command, &situation).and_then(|task| {
             self.set_altimeter(altimeter, origin, effects)
@@ -366,7 +372,7 @@ impl Flight {
         // Named, not refused: a station may send every field every time, and one that commands a hold must hold.
         if let Some((origin, mode)) = origin.zip(situation::mode_of(command, telemetry)) {
             let routed = task.flies_a_route(telemetry.mode);
-            let names = ignored_fields::ignored_fields(command, mode, routed);
+            let names = ignored_fields::ignored_fields(command, mode, routed, winged);
             let place = format!(" in mode {}", mode.raw());
             let text = ignored_fields::report(origin.message_type, &names, &place);
             if let Some(text) = text {
@@ -383,7 +389,8 @@ impl Flight {
                 if let Some(why) = waits_for_transfer(&steps, context) {
                     return effects.refuse(origin, why);
                 }
-                let restarts = mode_command::restarts_route(command, telemetry)
+                let uploaded = context.mission.uploaded;
+                let restarts = mode_command::restarts_route(command, telemetry, uploaded)
                     && command.select_flight_path_control_mode == Some(Mode::Waypoint);
                 if restarts && context.mission.progress.was_flown() {
                     report_restart(context, effects);
@@ -608,9 +615,10 @@ impl Flight {
         if self.maneuver.is_some() || self.commanded_in == mode {
             return;
         }
-        // It hovers where it has taken off to.
-        let taken_off =
-            self.commanded_in == Some(Px4Mode::TAKEOFF) && mode == Some(Px4Mode::LOITER);
+        // It hovers, or loiters, where it has taken off to.
+        let taken_off = [Some(Px4Mode::TAKEOFF), Some(Px4Mode::VTOL_TAKEOFF)]
+            .contains(&self.commanded_in)
+            && mode == Some(Px4Mode::LOITER);
         if !taken_off {
             self.commanded = Commanded::default();
         }

@@ -1,6 +1,7 @@
 //! What a 2016 asks of PX4, or why PX4 cannot do it: a pure function of the [`Situation`].
 //!
-//! [`task`] comes first, then the modes: routes (11, 19, 23, 24), launch (21), loiter (12), steering (15).
+//! [`task`] comes first, then the modes: routes (11, 19, 23, 24), launch (21), loiter (12), steering (15). What wings do
+//! otherwise is in [`wings`].
 
 use mapping::altitude::Level;
 use mapping::limits::{HeightError, metres};
@@ -14,12 +15,13 @@ use stanag_msgs::enums::{
 };
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
-use super::settings::circle;
+use super::settings::{self, Pattern};
 use super::situation::{
     Situation, Task, altitude, checked_level, flown_as, has, level, mode_of, names_mode,
     names_nothing, speed, steps_to_waypoint,
 };
 use super::steering::{self, Vertical};
+use super::wings;
 use crate::session::maneuver::{self, Step};
 use crate::session::mission::record::UploadedMission;
 
@@ -64,26 +66,20 @@ pub(crate) fn task(
         Mode::Waypoint => waypoint(command, at),
         Mode::Loiter => loiter(command, at),
         Mode::Launch => launch(command, at),
-        Mode::AutolandEngage if at.telemetry.airborne() && has(RouteType::Approach, at) => {
-            fly(command, RouteType::Approach, at)
-        }
-        Mode::AutolandEngage => Ok(plain(&[Px4Mode::LAND], at)),
+        Mode::AutolandEngage => wings::land(command, at),
         Mode::ContingencyA => contingency(command, RouteType::ContingencyA, &[Px4Mode::RTL], at),
         Mode::ContingencyB => contingency(command, RouteType::ContingencyB, &[Px4Mode::LAND], at),
-        // A multicopter that lands is stopped where it is; DO_GO_AROUND is for wings.
-        Mode::AutolandWaveOff if at.telemetry.mode == Some(Px4Mode::LAND) => {
-            Ok(plain(&[Px4Mode::LOITER], at))
-        }
-        Mode::AutolandWaveOff if at.telemetry.hovers() => Err(
-            "mode 20 (wave-off): the vehicle is not landing, there is nothing to abort".to_owned(),
-        ),
+        Mode::AutolandWaveOff => wings::wave_off(at),
         Mode::FlightDirector => Ok(Task::Manual),
+        Mode::Autopilot if at.wings.is_some() && !at.telemetry.hovers() => {
+            wings::steer(command, at)
+        }
         Mode::Autopilot => steer(command, at),
         other => Err(format!("mode {}: not supported by PX4", other.raw())),
     }
 }
 
-fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
+pub(super) fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
     // PX4 forgets commanded speeds and altitudes when its mode changes.
     let commanded = if at.telemetry.mode.is_some_and(|mode| modes.contains(&mode)) {
         at.commanded
@@ -120,13 +116,14 @@ fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
 }
 
 /// The route of this type, once it is uploaded.
-fn fly(
+pub(super) fn fly(
     command: &VehicleOperatingModeCommand,
     route: RouteType,
     at: &Situation<'_>,
 ) -> Result<Task, String> {
     // What makes it impossible is found out before another route goes aboard for it.
-    let speed = speed(command, at)?;
+    let speed = speed(command, &at.route_performance)?;
+    wings::may_begin_a_route(at)?;
     let number = command
         .commanded_waypoint_number
         .filter(|number| *number != 0);
@@ -176,12 +173,12 @@ fn fly(
                 .first_item_of(number)
                 .ok_or_else(|| format!("{} aboard", absent(number)))?,
         ),
-        None => restarts_route(command, at.telemetry).then_some(0),
+        None => restarts_route(command, at.telemetry, Some(uploaded)).then_some(0),
     };
     // A speed for the leg that is being flown is the operator's decision: it applies, and the mission watchdog holds a
     // vehicle that flies past its waypoint.
     let begins = enters || start.is_some();
-    if let Some(speed_m_s) = speed.filter(|_| begins && at.telemetry.hovers()) {
+    if let Some(speed_m_s) = speed.filter(|_| begins && at.wings.is_none()) {
         let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
         let seq = seq.unwrap_or(0);
         let level = Some(comes_level(uploaded, seq, enters, at));
@@ -207,15 +204,15 @@ fn fly(
     };
     if let Some(speed_m_s) = speed {
         // After the mode: entering one takes PX4 back to its own speed.
-        steps.push(maneuver::change_speed(speed_m_s));
+        steps.push(maneuver::change_speed(speed_m_s, at.wings.is_none()));
         commanded.speed_m_s = Some(speed_m_s);
-        commanded.speed_type = Some(flown_as(at.telemetry));
+        commanded.speed_type = Some(flown_as(at.wings.is_none()));
     }
     Ok(Task::Steps(steps, commanded))
 }
 
 /// Whether a route aboard is still above home: it was compiled for home as it was at its load.
-fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> Result<(), String> {
+pub(super) fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> Result<(), String> {
     let home = at.telemetry.home.ok_or("home is not known yet")?;
     let checked = uploaded.compiled.check_heights(home.amsl_m, &at.limits);
     checked.map_err(|fault| format!("the route aboard, from the present home: {fault}"))
@@ -236,10 +233,16 @@ fn comes_level(uploaded: &UploadedMission, seq: u16, enters: bool, at: &Situatio
 }
 
 /// Whether a route that has been flown to its end restarts: where the mode is commanded, and no waypoint.
-pub(crate) fn restarts_route(command: &VehicleOperatingModeCommand, vehicle: &Telemetry) -> bool {
-    let complete = vehicle
-        .mission
-        .is_some_and(|mission| mission.state == MissionState::MISSION_STATE_COMPLETE);
+pub(crate) fn restarts_route(
+    command: &VehicleOperatingModeCommand,
+    vehicle: &Telemetry,
+    uploaded: Option<&UploadedMission>,
+) -> bool {
+    // A wing's mission is not complete at the end of its route: it waits there for its landing.
+    let past = |seq| uploaded.is_some_and(|uploaded| uploaded.compiled.is_past_the_route(seq));
+    let complete = vehicle.mission.is_some_and(|mission| {
+        mission.state == MissionState::MISSION_STATE_COMPLETE || past(mission.seq)
+    });
     complete && names_mode(command) && !steps_to_waypoint(command)
 }
 
@@ -257,7 +260,7 @@ fn serves(uploaded: &UploadedMission, wanted: RouteType, at: &Situation<'_>) -> 
 }
 
 /// Whether the vehicle itself names the route that was loaded as its mission: another station may have changed it.
-fn holds(vehicle: &Telemetry, uploaded: &UploadedMission) -> bool {
+pub(super) fn holds(vehicle: &Telemetry, uploaded: &UploadedMission) -> bool {
     uploaded.mission_id == 0
         || vehicle
             .mission
@@ -287,9 +290,6 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
         );
     }
     let route = has(RouteType::Launch, at);
-    if route && !at.telemetry.hovers() {
-        return Err("mode 21: the launch route of a fixed wing is not flown; delete it".to_owned());
-    }
     let metres = altitude(command).ok_or("mode 21 needs a commanded altitude to take off to")?;
     let level = checked_level(metres, command, at)?;
     let home = at.telemetry.home.ok_or("mode 21: home is not known yet")?;
@@ -300,12 +300,21 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
             "mode 21: {height_m:.1} m above home, expected at least {LOWEST_LAUNCH_M} m"
         ));
     }
-    let commanded = Commanded {
-        altitude_amsl_m: Some(amsl_m),
-        ..Commanded::default()
+    let (mut steps, commanded) = match &at.wings {
+        Some(wings) => wings::launch(command, at, wings, amsl_m)?,
+        None => {
+            let commanded = Commanded {
+                altitude_amsl_m: Some(amsl_m),
+                ..Commanded::default()
+            };
+            (maneuver::launch(amsl_m), commanded)
+        }
     };
-    let mut steps = maneuver::launch(amsl_m);
     if route {
+        if at.wings.is_some() {
+            // On its way up a wing turns to nothing.
+            steps.push(maneuver::climbed());
+        }
         match at.uploaded {
             Some(uploaded)
                 if uploaded.route_type == RouteType::Launch
@@ -328,11 +337,13 @@ struct Draft {
     commanded: Commanded,
     /// The speed that is still to be commanded by itself, m/s.
     speed_m_s: Option<f64>,
+    /// The mode is named: the loiter is flown as it is configured now.
+    anew: bool,
 }
 
 /// Mode 12: here or at a place, at an altitude, hovering or on a circle.
 fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
-    let speed = speed(command, at)?;
+    let speed = speed(command, &at.performance)?;
     let place = place(command, at)?;
     let level = match altitude(command) {
         Some(metres) => Some(checked_level(metres, command, at)?),
@@ -358,21 +369,26 @@ fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
             Commanded::default()
         },
         speed_m_s: speed,
+        anew: names_mode(command),
     };
-    if place.is_none() && level.is_none() {
+    let pattern = settings::pattern(at.loiter, at.telemetry.airframe())?;
+    // A VTOL hovers, or circles on its wings, as the loiter asks: it turns into that first.
+    let hovers = wings::transition_for(pattern, names_mode(command), at, &mut draft.steps)?;
+    if place.is_none() && level.is_none() && !wings::circles_here(pattern, hovers, command) {
         stay(&mut draft, command, loiters, at)?;
     } else {
-        go(&mut draft, place, level, at)?;
+        go(&mut draft, place, level, (pattern, hovers), at)?;
     }
     let Draft {
         mut steps,
         mut commanded,
         speed_m_s,
+        ..
     } = draft;
     if let Some(speed_m_s) = speed_m_s {
-        steps.push(maneuver::change_speed(speed_m_s));
+        steps.push(maneuver::change_speed(speed_m_s, hovers));
         commanded.speed_m_s = Some(speed_m_s);
-        commanded.speed_type = Some(flown_as(at.telemetry));
+        commanded.speed_type = Some(flown_as(hovers));
     }
     Ok(Task::Steps(steps, commanded))
 }
@@ -393,7 +409,7 @@ fn stay(
             draft.steps.extend(faster_or_slower(speed_m_s, at)?);
             draft.speed_m_s = None;
             draft.commanded.speed_m_s = Some(speed_m_s);
-            draft.commanded.speed_type = Some(flown_as(at.telemetry));
+            draft.commanded.speed_type = Some(flown_as(true));
         }
         Some(_) if loiters => {}
         _ if names_mode(command) => {
@@ -410,6 +426,7 @@ fn go(
     draft: &mut Draft,
     place: Option<(f64, f64)>,
     level: Option<Level>,
+    (pattern, hovers): (Pattern, bool),
     at: &Situation<'_>,
 ) -> Result<(), String> {
     if !at.telemetry.airborne() {
@@ -426,14 +443,31 @@ fn go(
         return Err(format!("mode 12 without an altitude: the present {fault}"));
     }
     let amsl_m = level.amsl(home.amsl_m);
-    let hovers = at.telemetry.hovers();
-    match (place, circle(at.loiter, hovers)?) {
-        (Some(place), Some(radius_m)) => {
+    let here = (present.latitude, present.longitude);
+    // Where nothing but its altitude is commanded, a wing that loiters keeps its circle.
+    let keeps = place.is_none()
+        && at.telemetry.mode == Some(Px4Mode::LOITER)
+        && draft.steps.is_empty()
+        && !hovers;
+    match (place.or((!hovers).then_some(here)), pattern) {
+        _ if keeps && !draft.anew => draft.steps.extend(maneuver::change_altitude(amsl_m)),
+        (Some(place), Pattern::FigureEight(shape)) => {
+            if let (Some(wings), [_, Some(radius_m), _]) = (&at.wings, shape) {
+                wings::check_circle(wings, radius_m, draft.speed_m_s, at)?;
+            }
+            draft
+                .steps
+                .extend(maneuver::figure_eight(place, amsl_m, shape));
+        }
+        (Some(place), Pattern::Circle(radius_m)) => {
             let turn = match at.loiter.loiter_direction {
                 Some(LoiterDirection::CounterClockwise) => -radius_m,
                 _ => radius_m,
             };
             let speed = draft.speed_m_s;
+            if let Some(wings) = at.wings.as_ref().filter(|_| !hovers) {
+                wings::check_circle(wings, radius_m, speed, at)?;
+            }
             if hovers {
                 // PX4 takes the speed on a multicopter's circle from DO_ORBIT alone: no DO_CHANGE_SPEED follows.
                 within_the_circle(speed, radius_m)?;
@@ -480,7 +514,7 @@ fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String
     }
 }
 
-fn place(
+pub(super) fn place(
     command: &VehicleOperatingModeCommand,
     at: &Situation<'_>,
 ) -> Result<Option<(f64, f64)>, String> {
@@ -517,9 +551,6 @@ fn place(
 
 /// Mode 15: speed, direction and climb by set points.
 fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
-    if !at.telemetry.hovers() {
-        return Err("mode 15: PX4 accepts no velocity setpoints for a fixed wing".to_owned());
-    }
     if !at.telemetry.airborne() {
         return Err("mode 15 needs an airborne vehicle".to_owned());
     }
@@ -558,7 +589,7 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
         }
     };
     let order = steering::Order {
-        speed_m_s: speed(command, at)?,
+        speed_m_s: speed(command, &at.performance)?,
         direction: steering::direction(command)?,
         vertical,
     };
@@ -624,6 +655,9 @@ mod tests {
                 altimeter: Altimeter::STANDARD,
                 limits: Limits::default(),
                 performance: Performance::default(),
+                route_performance: Performance::default(),
+                wings: None,
+                vtol_loiter_m: None,
             };
             task(&command, &at).map(|task| matches!(task, Task::Launch(..)))
         };
@@ -681,6 +715,9 @@ mod tests {
                     ..Limits::default()
                 },
                 performance: Performance::default(),
+                route_performance: Performance::default(),
+                wings: None,
+                vtol_loiter_m: None,
             };
             task(&command, &at).map(drop)
         };

@@ -1,5 +1,6 @@
 //! Settings that hold until others are commanded: the loiter configuration (2017) and the altimeter setting (2016).
 
+use mapping::airframe::Airframe;
 use mapping::altitude::Altimeter;
 use mapping::limits::WIDEST_CIRCLE_M;
 use mavlink_link::store::{Store as _, StoreError};
@@ -19,18 +20,32 @@ use crate::session::store::{record_fault, vehicle_record};
 pub(super) fn merged(
     old: &LoiterConfiguration,
     new: &LoiterConfiguration,
-    hovers: bool,
+    airframe: Airframe,
 ) -> Result<LoiterConfiguration, String> {
     let merged = merge(old, new);
-    circle(&merged, hovers)?;
+    pattern(&merged, airframe)?;
     Ok(merged)
 }
 
-/// The circle that is configured: its radius in metres; `None` for a hover, or the vehicle's own loiter.
+/// How a loiter is flown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Pattern {
+    /// As the vehicle does by itself: it hovers, or circles within its own radius.
+    Own,
+    /// Standing still.
+    Hover,
+    /// On a circle of this radius, m.
+    Circle(f64),
+    /// Half the length of a figure eight and the radius of its ends, m, and the direction of its long axis, rad; what is none
+    /// is PX4's own.
+    FigureEight([Option<f64>; 3]),
+}
+
+/// The pattern that is configured.
 ///
 /// # Errors
-/// PX4 cannot fly it: the reason, for the operator.
-pub(super) fn circle(loiter: &LoiterConfiguration, hovers: bool) -> Result<Option<f64>, String> {
+/// PX4 cannot fly it with this airframe: the reason, for the operator.
+pub(super) fn pattern(loiter: &LoiterConfiguration, airframe: Airframe) -> Result<Pattern, String> {
     match loiter.loiter_direction {
         None
         | Some(
@@ -51,13 +66,36 @@ pub(super) fn circle(loiter: &LoiterConfiguration, hovers: bool) -> Result<Optio
             "Loiter Radius {radius_m:.0} m, at most {WIDEST_CIRCLE_M:.0}"
         ));
     }
+    // 0 is what a full presence vector carries for none.
+    let above_zero = |m: &f64| *m > 0.0;
+    let radius_m = radius_m.filter(above_zero);
     match loiter.loiter_type {
-        Some(LoiterType::Hover) if hovers => Ok(None),
-        Some(LoiterType::Hover) => Err("Loiter Type 4 (hover): it is a fixed wing".to_owned()),
-        // Radius 0 is what a full presence vector carries for none.
-        None | Some(LoiterType::Circular) => Ok(radius_m.filter(|radius_m| *radius_m > 0.0)),
+        Some(LoiterType::Hover) if airframe == Airframe::FixedWing => {
+            Err("Loiter Type 4 (hover): it is a fixed wing".to_owned())
+        }
+        Some(LoiterType::Hover) => Ok(Pattern::Hover),
+        None | Some(LoiterType::Circular) => Ok(radius_m.map_or(Pattern::Own, Pattern::Circle)),
+        Some(LoiterType::Figure8) if airframe.has_wings() => {
+            let length = loiter.loiter_length.map(|length| length.si());
+            let half_m = length.filter(above_zero).map(|length_m| length_m / 2.0);
+            if let (Some(half_m), Some(radius_m)) = (half_m, radius_m)
+                && half_m < 2.0 * radius_m
+            {
+                return Err(format!(
+                    "Loiter Type 3 (figure 8): Loiter Length {:.0} m, at least four times the Loiter Radius of \
+                     {radius_m:.0} m",
+                    2.0 * half_m
+                ));
+            }
+            let bearing = loiter.loiter_bearing.map(|bearing| bearing.radians());
+            Ok(Pattern::FigureEight([half_m, radius_m, bearing]))
+        }
+        Some(LoiterType::Racetrack) => Err(
+            "Loiter Type 2 (racetrack): PX4 has none; fly it as a route with a loop, or a circle or figure 8".to_owned(),
+        ),
         Some(other) => Err(format!(
-            "Loiter Type {} is not flown by PX4, only 1 (circular) and 4 (hover)",
+            "Loiter Type {} is not flown by PX4 with this airframe, only 1 (circular), 3 (figure 8, on wings) and 4 \
+             (hover, not of a fixed wing)",
             other.raw()
         )),
     }

@@ -8,6 +8,7 @@ use mapping::limits::{Limits, Performance};
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
+use mapping::route::Wings;
 use mapping::telemetry::Telemetry;
 use stanag_msgs::enums::{
     AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType, RouteType, SpeedType,
@@ -68,7 +69,14 @@ pub(crate) struct Situation<'a> {
     pub(crate) agl: Agl,
     pub(crate) altimeter: Altimeter,
     pub(crate) limits: Limits,
+    /// As it flies now.
     pub(crate) performance: Performance,
+    /// As it flies a route: a VTOL on its wings.
+    pub(crate) route_performance: Performance,
+    /// Its wings; none of a multicopter.
+    pub(crate) wings: Option<Wings>,
+    /// VTO_LOITER_ALT: how high above its take-off a VTOL loiters after a launch, m.
+    pub(crate) vtol_loiter_m: Option<f64>,
 }
 
 /// The mode that a command is about: its own, or the present one where it names none.
@@ -171,7 +179,7 @@ pub(super) fn level(
 /// It is beyond the limits, or of a type that is not flown.
 pub(super) fn speed(
     command: &VehicleOperatingModeCommand,
-    at: &Situation<'_>,
+    performance: &Performance,
 ) -> Result<Option<f64>, String> {
     if command.speed_type == Some(SpeedType::Thrust)
         && command.thrust.is_some_and(|thrust| thrust > 0)
@@ -185,7 +193,7 @@ pub(super) fn speed(
     else {
         return Ok(None);
     };
-    let checked = at.performance.check(speed_m_s);
+    let checked = performance.check(speed_m_s);
     let speed_m_s = checked.map_err(|fault| fault.to_string())?;
     match command.speed_type {
         None | Some(SpeedType::Ground | SpeedType::Indicated | SpeedType::True) => {
@@ -197,8 +205,8 @@ pub(super) fn speed(
 
 /// What a speed is flown as, whatever type it was commanded as: PX4 takes the speed of a multicopter over ground and that
 /// of a fixed wing through the air.
-pub(super) fn flown_as(vehicle: &Telemetry) -> SpeedType {
-    if vehicle.hovers() {
+pub(super) fn flown_as(hovers: bool) -> SpeedType {
+    if hovers {
         SpeedType::Ground
     } else {
         SpeedType::Indicated

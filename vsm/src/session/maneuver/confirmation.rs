@@ -2,7 +2,8 @@
 
 use mapping::limits::metres;
 use mapping::mode::Px4Mode;
-use mapping::telemetry::Place;
+use mapping::telemetry::{Place, Telemetry};
+use mavlink_link::dialect::MavVtolState;
 
 use crate::session::link::state::VehicleState;
 
@@ -21,6 +22,10 @@ pub(crate) enum Confirmation {
     Orbit { centre: (f64, f64), radius_m: f64 },
     /// It flies about as fast as this, m/s over ground.
     Speed(f64),
+    /// It flies about this course over ground, rad from true north.
+    Course(f64),
+    /// A VTOL flies on its wings, or hovers.
+    Hovers(bool),
     /// It flies to this place, or to this altitude only.
     Target {
         place: Option<(f64, f64)>,
@@ -54,6 +59,19 @@ impl Confirmation {
             Confirmation::Speed(wanted) => telemetry
                 .groundspeed
                 .is_some_and(|flown| (flown - wanted).abs() < speed_slack(*wanted)),
+            Confirmation::Course(wanted) => course(telemetry).is_some_and(|flown| {
+                (flown - wanted).sin().abs() < COURSE_SLACK.sin() && (flown - wanted).cos() > 0.0
+            }),
+            Confirmation::Hovers(wanted) => {
+                let transits = matches!(
+                    telemetry.vtol_state,
+                    Some(
+                        MavVtolState::MAV_VTOL_STATE_TRANSITION_TO_FW
+                            | MavVtolState::MAV_VTOL_STATE_TRANSITION_TO_MC
+                    )
+                );
+                !transits && telemetry.hovers() == *wanted
+            }
             // The set point is compared, not the position: the flight there may take minutes.
             Confirmation::Target { place, amsl_m } => {
                 telemetry.target.is_some_and(|target: Place| {
@@ -84,9 +102,25 @@ impl Confirmation {
                 let flown = vehicle.telemetry.groundspeed.unwrap_or(0.0);
                 format!("{wanted:.1} m/s, it flies {flown:.1}")
             }
+            Confirmation::Course(wanted) => {
+                let flown = course(&vehicle.telemetry).unwrap_or(0.0);
+                format!(
+                    "a course of {:.0} deg, it flies {:.0}",
+                    wanted.to_degrees().rem_euclid(360.0),
+                    flown.to_degrees().rem_euclid(360.0)
+                )
+            }
+            Confirmation::Hovers(true) => "that it hovers".to_owned(),
+            Confirmation::Hovers(false) => "that it flies on its wings".to_owned(),
             Confirmation::Target { .. } => "that it flies to the commanded place".to_owned(),
         }
     }
+}
+
+/// Course over ground, rad; none of a vehicle that stands still.
+fn course(telemetry: &Telemetry) -> Option<f64> {
+    let [north, east, _] = telemetry.velocity_ned?;
+    (north.hypot(east) > SLOWEST_M_S).then(|| east.atan2(north))
 }
 
 /// How far a flown speed may be from the one commanded: on a circle PX4 lags behind its set point, by a sixth at 5 m/s on
@@ -97,5 +131,9 @@ fn speed_slack(speed_m_s: f64) -> f64 {
 
 /// How near the radius of a circle must be to the one commanded, m.
 const RADIUS_SLACK_M: f64 = 0.5;
+/// How near a course over ground must be to the one commanded, rad: gusts turn a small wing by more than a degree.
+const COURSE_SLACK: f64 = 0.1;
+/// Slower, a course says nothing.
+const SLOWEST_M_S: f64 = 2.0;
 /// How near a set point must be to the one commanded, m.
 const TARGET_SLACK_M: f64 = 2.0;

@@ -8,7 +8,9 @@ mod step;
 
 pub(crate) use confirmation::Confirmation;
 pub(crate) use step::{
-    Step, arm, change_speed, disarm, enter, launch, mode_after, orbit, reposition, shows_speed,
+    Step, arm, change_altitude, change_speed, climbed, course, disarm, enter, figure_eight,
+    go_around, launch, launch_vtol, launch_wing, mode_after, orbit, reposition, shows_speed,
+    transition,
 };
 
 use std::collections::VecDeque;

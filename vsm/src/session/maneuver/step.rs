@@ -93,11 +93,39 @@ pub(crate) fn mode_after(steps: &[Step], now: Option<Px4Mode>) -> Option<Px4Mode
 pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
     // A short climb may have ended in AUTO.LOITER before a HEARTBEAT shows AUTO.TAKEOFF.
     const TAKEN_OFF: &[Px4Mode] = &[Px4Mode::TAKEOFF, Px4Mode::LOITER];
-    // Armed in AUTO.MISSION, PX4 would take off along its mission at once.
-    let mut steps: Vec<Step> = enter(&[Px4Mode::LOITER]).into();
     // PX4 takes plain AUTO.TAKEOFF to MIS_TAKEOFF_ALT: the altitude must be in the command. Unused parameters that
     // are neither 0 nor NaN are denied.
     let take_off = [0.0, 0.0, 0.0, f32::NAN, f32::NAN, f32::NAN, amsl_m as f32];
+    let command = long(MavCmd::MAV_CMD_NAV_TAKEOFF, take_off);
+    rising(command, TAKEN_OFF, LIFT_OFF_WITHIN)
+}
+
+/// Arms, and takes a wing off to an altitude above mean sea level, where it loiters; about `place`, where one is given. PX4
+/// leaves the ground as the vehicle is set: from a runway, by hand or from a catapult.
+pub(crate) fn launch_wing(amsl_m: f64, place: Option<(f64, f64)>) -> Vec<Step> {
+    const TAKEN_OFF: &[Px4Mode] = &[Px4Mode::TAKEOFF, Px4Mode::LOITER];
+    let params = [0.0, 0.0, 0.0, f32::NAN];
+    let command = at_place(MavCmd::MAV_CMD_NAV_TAKEOFF, params, place, amsl_m);
+    rising(command, TAKEN_OFF, ROLL_WITHIN)
+}
+
+/// Arms, and takes a VTOL off: it hovers up to an altitude above mean sea level, transitions towards `place`, and loiters
+/// there.
+pub(crate) fn launch_vtol(amsl_m: f64, place: (f64, f64)) -> Vec<Step> {
+    const TAKEN_OFF: &[Px4Mode] = &[Px4Mode::VTOL_TAKEOFF, Px4Mode::LOITER];
+    let params = [0.0, 0.0, 0.0, f32::NAN];
+    let command = at_place(
+        MavCmd::MAV_CMD_NAV_VTOL_TAKEOFF,
+        params,
+        Some(place),
+        amsl_m,
+    );
+    rising(command, TAKEN_OFF, ROLL_WITHIN)
+}
+
+fn rising(take_off: Command, taken_off: &'static [Px4Mode], within: Duration) -> Vec<Step> {
+    // Armed in AUTO.MISSION, PX4 would take off along its mission at once.
+    let mut steps: Vec<Step> = enter(&[Px4Mode::LOITER]).into();
     steps.extend([
         Step::Command {
             command: arm(true),
@@ -109,21 +137,150 @@ pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
             within: STATE_WITHIN,
         },
         Step::Command {
-            command: long(MavCmd::MAV_CMD_NAV_TAKEOFF, take_off),
+            command: take_off,
             what: "take-off",
             patience: Duration::ZERO,
         },
         Step::Confirm {
-            confirmation: Confirmation::Mode(TAKEN_OFF),
+            confirmation: Confirmation::Mode(taken_off),
             within: STATE_WITHIN,
         },
         Step::Confirm {
             // The mode alone does not show a take-off: AUTO.LOITER was entered before arming.
             confirmation: Confirmation::OffTheGround,
-            within: LIFT_OFF_WITHIN,
+            within,
         },
     ]);
     steps
+}
+
+/// The end of a wing's take-off: PX4 loiters then by itself.
+pub(crate) fn climbed() -> Step {
+    Step::Confirm {
+        confirmation: Confirmation::Mode(&[Px4Mode::LOITER]),
+        within: CLIMB_WITHIN,
+    }
+}
+
+/// MAV_CMD_DO_VTOL_TRANSITION, and the state that it leads to.
+pub(crate) fn transition(to_hover: bool) -> [Step; 2] {
+    let state = if to_hover {
+        VTOL_STATE_MC
+    } else {
+        VTOL_STATE_FW
+    };
+    [
+        Step::Command {
+            command: long(
+                MavCmd::MAV_CMD_DO_VTOL_TRANSITION,
+                [state, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            ),
+            what: "transition",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            confirmation: Confirmation::Hovers(to_hover),
+            within: TRANSITION_WITHIN,
+        },
+    ]
+}
+
+/// MAV_CMD_GUIDED_CHANGE_HEADING to a course over ground, rad, and the flight along it. PX4 takes it in GUIDED_COURSE only.
+pub(crate) fn course(course_rad: f64) -> [Step; 2] {
+    const COURSE_OVER_GROUND: f32 = 0.0;
+    let degrees = course_rad.to_degrees().rem_euclid(360.0) as f32;
+    [
+        Step::Command {
+            command: long(
+                MavCmd::MAV_CMD_GUIDED_CHANGE_HEADING,
+                [COURSE_OVER_GROUND, degrees, 0.0, 0.0, 0.0, 0.0, 0.0],
+            ),
+            what: "course",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            confirmation: Confirmation::Course(course_rad),
+            within: TURN_WITHIN,
+        },
+    ]
+}
+
+/// MAV_CMD_DO_CHANGE_ALTITUDE: PX4 takes it in AUTO.LOITER and GUIDED_COURSE, and keeps circle and course.
+pub(crate) fn change_altitude(amsl_m: f64) -> [Step; 2] {
+    const FRAME_GLOBAL: f32 = 0.0;
+    [
+        Step::Command {
+            command: long(
+                MavCmd::MAV_CMD_DO_CHANGE_ALTITUDE,
+                [amsl_m as f32, FRAME_GLOBAL, 0.0, 0.0, 0.0, 0.0, 0.0],
+            ),
+            what: "altitude",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            confirmation: Confirmation::Target {
+                place: None,
+                amsl_m: Some(amsl_m),
+            },
+            within: STATE_WITHIN,
+        },
+    ]
+}
+
+/// MAV_CMD_DO_GO_AROUND: PX4 climbs out of a landing, and loiters above the touch-down.
+pub(crate) fn go_around() -> [Step; 2] {
+    [
+        Step::Command {
+            command: long(MavCmd::MAV_CMD_DO_GO_AROUND, [0.0; 7]),
+            what: "go-around",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            confirmation: Confirmation::Mode(&[Px4Mode::LOITER]),
+            within: STATE_WITHIN,
+        },
+    ]
+}
+
+/// MAV_CMD_DO_FIGURE_EIGHT of a fixed wing about a place: half its length and the radius of its ends, m, and the direction of
+/// its long axis, rad from true north; what is none is PX4's own.
+pub(crate) fn figure_eight(
+    place: (f64, f64),
+    amsl_m: f64,
+    [half_m, radius_m, bearing_rad]: [Option<f64>; 3],
+) -> [Step; 2] {
+    let or_own = |value: Option<f64>| value.map_or(f32::NAN, |value| value as f32);
+    let params = [or_own(half_m), or_own(radius_m), 0.0, or_own(bearing_rad)];
+    let command = at_place(MavCmd::MAV_CMD_DO_FIGURE_EIGHT, params, Some(place), amsl_m);
+    [
+        Step::Command {
+            command,
+            what: "figure eight",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            confirmation: Confirmation::Mode(&[Px4Mode::LOITER]),
+            within: STATE_WITHIN,
+        },
+    ]
+}
+
+/// A COMMAND_INT at a place and altitude; INT32_MAX is no place.
+fn at_place(command: MavCmd, params: [f32; 4], place: Option<(f64, f64)>, amsl_m: f64) -> Command {
+    let (x, y) = place.map_or((i32::MAX, i32::MAX), |(latitude, longitude)| {
+        (e7(latitude), e7(longitude))
+    });
+    Command {
+        command,
+        payload: Payload::Int {
+            frame: MavFrame::MAV_FRAME_GLOBAL,
+            params,
+            x,
+            y,
+            z: amsl_m as f32,
+        },
+        repetition: Repetition::Safe,
+    }
 }
 
 /// Disarms, and waits until that is seen.
@@ -151,9 +308,10 @@ pub(crate) fn arm(armed: bool) -> Command {
 
 /// MAV_CMD_DO_CHANGE_SPEED. No message of PX4 shows the commanded speed: the acknowledgement must do.
 ///
-/// PX4 applies a speed to the present leg only when it is called a ground speed.
-pub(crate) fn change_speed(speed_m_s: f64) -> Step {
-    let kind = 1.0;
+/// PX4 applies a speed to the present leg of a multicopter only when it is called a ground speed, and to what a wing flies at
+/// the moment only when it is called an air speed.
+pub(crate) fn change_speed(speed_m_s: f64, hovers: bool) -> Step {
+    let kind = if hovers { 1.0 } else { 0.0 };
     Step::Command {
         command: long(
             MavCmd::MAV_CMD_DO_CHANGE_SPEED,
@@ -172,26 +330,10 @@ pub(crate) fn reposition(
 ) -> [Step; 3] {
     // Without this flag PX4 denies DO_REPOSITION outside AUTO.LOITER.
     const CHANGE_MODE: f32 = 1.0;
-    // INT32_MAX is no position in a COMMAND_INT: the vehicle stays where it is.
-    let (x, y) = place.map_or((i32::MAX, i32::MAX), |(latitude, longitude)| {
-        (e7(latitude), e7(longitude))
-    });
-    let command = Command {
-        command: MavCmd::MAV_CMD_DO_REPOSITION,
-        payload: Payload::Int {
-            frame: MavFrame::MAV_FRAME_GLOBAL,
-            params: [
-                speed_m_s.map_or(-1.0, |speed| speed as f32),
-                CHANGE_MODE,
-                0.0,
-                f32::NAN,
-            ],
-            x,
-            y,
-            z: amsl_m as f32,
-        },
-        repetition: Repetition::Safe,
-    };
+    let speed = speed_m_s.map_or(-1.0, |speed| speed as f32);
+    let params = [speed, CHANGE_MODE, 0.0, f32::NAN];
+    // Without a place the vehicle stays where it is.
+    let command = at_place(MavCmd::MAV_CMD_DO_REPOSITION, params, place, amsl_m);
     [
         Step::Command {
             command,
@@ -229,23 +371,9 @@ pub(crate) fn orbit(
     speed_m_s: Option<f64>,
     hovers: bool,
 ) -> Vec<Step> {
-    let radius = radius_m as f32;
-    let command = Command {
-        command: MavCmd::MAV_CMD_DO_ORBIT,
-        payload: Payload::Int {
-            frame: MavFrame::MAV_FRAME_GLOBAL,
-            params: [
-                radius,
-                speed_m_s.map_or(f32::NAN, |speed| speed as f32),
-                0.0,
-                f32::NAN,
-            ],
-            x: e7(place.0),
-            y: e7(place.1),
-            z: amsl_m as f32,
-        },
-        repetition: Repetition::Safe,
-    };
+    let speed = speed_m_s.map_or(f32::NAN, |speed| speed as f32);
+    let params = [radius_m as f32, speed, 0.0, f32::NAN];
+    let command = at_place(MavCmd::MAV_CMD_DO_ORBIT, params, Some(place), amsl_m);
     const FLOWN: &[Px4Mode] = &[Px4Mode::ORBIT];
     const WINGED: &[Px4Mode] = &[Px4Mode::LOITER];
     let mut steps = vec![
@@ -295,5 +423,16 @@ const LIFT_OFF_WITHIN: Duration = Duration::from_secs(12);
 const ARM_PATIENCE: Duration = Duration::from_secs(8);
 /// For some tenths of a second after an upload PX4 refuses to fly it.
 const MODE_PATIENCE: Duration = Duration::from_secs(2);
+/// A wing rolls on its runway first.
+const ROLL_WITHIN: Duration = Duration::from_secs(60);
+/// Until it loiters: at 3 m/s to 500 m.
+const CLIMB_WITHIN: Duration = Duration::from_secs(200);
+/// VT_TRANS_TIMEOUT is 15 s as PX4 comes; a transition back slows down first.
+const TRANSITION_WITHIN: Duration = Duration::from_secs(30);
+/// Half a circle of 200 m at 15 m/s.
+const TURN_WITHIN: Duration = Duration::from_secs(60);
+/// MAV_VTOL_STATE of DO_VTOL_TRANSITION.
+const VTOL_STATE_MC: f32 = 3.0;
+const VTOL_STATE_FW: f32 = 4.0;
 /// To another speed on a circle.
 const SPEED_WITHIN: Duration = Duration::from_secs(15);

@@ -260,9 +260,14 @@ impl RouteUpload {
         let route = self.route.as_ref();
         let initial = route.and_then(|route| route.initial_waypoint_number);
         let own = route.filter(|_| self.alone).map(|route| plan.part(route));
-        let plan = own.as_ref().unwrap_or(plan);
-        let compiled = site.map(|site| route::compile(plan, initial.unwrap_or(0), site));
-        let mut compiled = match compiled {
+        let judged = own.as_ref().unwrap_or(plan);
+        let compiled = site.map(|site| {
+            let mut compiled = route::compile(judged, initial.unwrap_or(0), site)?;
+            // The landing of a wing may be another route of the plan.
+            route::complete(&mut compiled, plan, self.route_type, site)?;
+            Ok(compiled)
+        });
+        let compiled = match compiled {
             Some(Ok(compiled)) => compiled,
             // Home and the geoid separation are reported within seconds; any other fault would be the same later.
             Some(Err(RouteError {
@@ -279,10 +284,7 @@ impl RouteUpload {
         };
         // What is loaded stays as it is now, whatever a CUCS sends of the route during the upload.
         if let Some(route) = route {
-            self.plan = plan.part(route);
-        }
-        if self.route_type == RouteType::Approach {
-            compiled.land_at_the_end();
+            self.plan = judged.part(route);
         }
         Ok(Some(compiled))
     }

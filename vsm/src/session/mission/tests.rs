@@ -137,7 +137,7 @@ fn compiled(world: &mut World, mission: &Mission) -> Vec<Item> {
             geoid_m: telemetry.geoid_m,
             agl: context.bounds.agl,
             altimeter: Altimeter::STANDARD,
-            hovers: telemetry.hovers(),
+            wings: None,
             limits: context.bounds.limits,
             performance: views.parameters.performance(&context),
             curving: context.bounds.curving,

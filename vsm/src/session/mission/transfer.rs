@@ -314,7 +314,7 @@ impl Transfers {
         let now = context.mono();
         *blocked = false;
         // The parameters bound the route.
-        if context.parameters.awaits_performance() && upload.may_wait(now) {
+        if context.parameters.awaits_performance(context) && upload.may_wait(now) {
             return;
         }
         // A mode on its way in must be seen before another plan goes up: it could be flown at once.
@@ -683,9 +683,9 @@ fn site(context: &Context<'_>) -> Option<Site> {
         geoid_m: telemetry.geoid_m,
         agl: context.bounds.agl,
         altimeter: context.flight.altimeter,
-        hovers: telemetry.hovers(),
+        wings: context.parameters.wings(context),
         limits: context.bounds.limits,
-        performance: context.parameters.performance(context),
+        performance: context.parameters.route_performance(context),
         curving: context.bounds.curving,
     })
 }
@@ -703,7 +703,9 @@ fn advise_where_it_continues(
             && mission.state != MissionState::MISSION_STATE_COMPLETE
     });
     let Some(mission) = mission else { return };
-    if let Some(number) = compiled.waypoint_of.get(usize::from(mission.seq)) {
+    let number = compiled.waypoint_of.get(usize::from(mission.seq));
+    // At the end of a wing's route, and in its landing pattern, the route is flown again from its start.
+    if let Some(number) = number.filter(|number| **number != 0) {
         effects.advise(format!(
             "the vehicle already holds this plan: mode 11 continues to waypoint {number}, unless another is commanded"
         ));

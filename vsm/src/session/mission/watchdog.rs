@@ -258,6 +258,14 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
     let telemetry = &context.vehicle.telemetry;
     let uploaded = uploaded?;
     let mission = flown(context, uploaded)?;
+    // Beyond the route a wing waits for its landing, or lands: PX4 aborts a landing by itself, and a hold would keep it low.
+    if uploaded
+        .compiled
+        .landing_start()
+        .is_some_and(|start| mission.seq + 1 >= start)
+    {
+        return None;
+    }
     let items = &uploaded.compiled.items;
     let item = items.get(usize::from(mission.seq))?;
     let here = telemetry.position?;

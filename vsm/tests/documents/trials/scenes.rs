@@ -34,6 +34,7 @@ pub(super) fn plane() -> Setup {
     Setup {
         vehicles: vec![px4_sim::Config {
             airframe: Airframe::Plane,
+            params: vec![(px4_sim::Param::MIS_TKO_LAND_REQ, 0.0)],
             ..px4_sim::Config::default()
         }],
         ..Setup::default()

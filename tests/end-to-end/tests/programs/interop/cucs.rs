@@ -84,3 +84,47 @@ fn a_foreign_ground_station_flies_a_route() {
 
 /// A flight takes 40 s; a busy machine may need more.
 const FLIGHT: Duration = Duration::from_secs(240);
+
+#[test]
+fn a_fixed_wing_is_flown_from_launch_to_landing() {
+    on_wings("plane");
+}
+
+#[test]
+fn a_vtol_is_flown_from_launch_to_landing() {
+    on_wings("vtol");
+}
+
+/// Routes refused, an approach and a route, launch, course, loiter, the end of the route, go-around or hover, landing.
+fn on_wings(airframe: &str) {
+    let ground = Ground::new();
+    let bridge = ground.bridge();
+    let aircraft = ground.aircraft_with(&["--airframe", airframe, "--speed", FAST]);
+    let script = here().join("interop/wings.py").display().to_string();
+    let dli = ground.dli();
+    let arguments = [
+        &script,
+        "--vsm",
+        &dli,
+        "--bind",
+        "127.0.0.1",
+        "--airframe",
+        airframe,
+        "--fast",
+        FAST,
+        "--leg",
+        "150",
+    ];
+    let mut station = Running::start(&plain_python(), arguments);
+    let status = station.wait(FLIGHT);
+    assert!(
+        status.is_some_and(|status| status.success()),
+        "{status:?}\nthe station:\n{}\nthe bridge:\n{}\nthe aircraft:\n{}",
+        station.output(),
+        bridge.output(),
+        aircraft.output()
+    );
+}
+
+/// How much faster than time wings are flown.
+const FAST: &str = "20";

@@ -1,11 +1,12 @@
 //! The fixed wing: no hover, a loiter is an orbit, a corner is a turn.
 
 use crate::vehicle::support::*;
-use px4_sim::{Airframe, Config, Mode};
+use px4_sim::{Airframe, Config, Mode, Param};
 
 fn plane(wind_ne_ms: [f64; 2]) -> Flight {
     let mut flight = Flight::boot(Config {
         airframe: Airframe::Plane,
+        params: vec![(Param::MIS_TKO_LAND_REQ, 0.0)],
         wind_ne_ms,
         ..Config::default()
     });

@@ -13,5 +13,5 @@ mod recordings;
 mod reports;
 mod reupload;
 mod signing;
-mod small_radius;
 mod support;
+mod wings;

@@ -1,0 +1,315 @@
+//! What a 2016 asks of wings where they do it otherwise than a multicopter: launch (21), landing and its abort (19, 20),
+//! steering (15), and the transitions of a VTOL.
+//!
+//! | 2016 | fixed wing | VTOL on its wings | VTOL that hovers |
+//! |---|---|---|---|
+//! | 11 | AUTO.MISSION | the same | transition, then the same: the route's first item |
+//! | 12 | a circle or figure eight by 2017 | a circle; hover (2017 type 4) after a transition | hovers; a circle after a transition |
+//! | 15 | GUIDED_COURSE | the same | set points, as a multicopter |
+//! | 19 | the landing pattern aboard | the same | lands where it is |
+//! | 20 | DO_GO_AROUND, then loiter | loiter | loiter |
+//! | 21 | NAV_TAKEOFF, then loiter | | NAV_VTOL_TAKEOFF: transition, then loiter |
+//!
+//! PX4's course mode keeps a course over ground, an altitude and an air speed. It has no heading: the difference is the wind's.
+
+use std::f64::consts::TAU;
+
+use mapping::airframe::Airframe;
+use mapping::mode::Px4Mode;
+use mapping::report::Commanded;
+use mapping::route::Wings;
+use stanag_msgs::enums::{AltitudeCommandType, HeadingCommandType, RouteType};
+use stanag_msgs::messages::VehicleOperatingModeCommand;
+
+use super::mode_command::{check_heights, fly, holds, plain};
+use super::settings::Pattern;
+use super::situation::{
+    Situation, Task, altitude, checked_level, flown_as, has, names_mode, speed,
+};
+use super::steering::{self, Direction};
+use crate::session::maneuver::{self, Step};
+
+/// Whether the vehicle can begin a route from where it is.
+///
+/// # Errors
+/// Wings on the ground, or a VTOL too low for its transition.
+pub(super) fn may_begin_a_route(at: &Situation<'_>) -> Result<(), String> {
+    let Some(wings) = &at.wings else {
+        return Ok(());
+    };
+    if at.telemetry.stands() {
+        return Err("the vehicle is on the ground: launch it first (mode 21)".to_owned());
+    }
+    if at.telemetry.hovers() {
+        check_transition(wings, at)?;
+    }
+    Ok(())
+}
+
+/// Whether a VTOL is high enough to transition.
+fn check_transition(wings: &Wings, at: &Situation<'_>) -> Result<(), String> {
+    let height_m = at
+        .telemetry
+        .position
+        .zip(at.telemetry.home)
+        .map(|(here, home)| here.amsl_m - home.amsl_m)
+        .ok_or("the vehicle has not reported position and home yet")?;
+    // It hovers about the altitude that it was sent to.
+    if height_m + ALTITUDE_SLACK_M >= wings.transition_m {
+        return Ok(());
+    }
+    Err(format!(
+        "a transition {height_m:.0} m above home, at least {:.0} (vehicle.limits.transition_m, VT_FW_MIN_ALT): climb first",
+        wings.transition_m
+    ))
+}
+
+/// Mode 19.
+pub(super) fn land(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Task, String> {
+    let approach = has(RouteType::Approach, at);
+    if !at.telemetry.airborne() {
+        return Ok(plain(&[Px4Mode::LAND], at));
+    }
+    if at.wings.is_none() {
+        return if approach {
+            fly(command, RouteType::Approach, at)
+        } else {
+            Ok(plain(&[Px4Mode::LAND], at))
+        };
+    }
+    if at.telemetry.hovers() {
+        return Ok(plain(&[Px4Mode::LAND], at));
+    }
+    let aboard = at.uploaded.filter(|uploaded| holds(at.telemetry, uploaded));
+    let pattern = aboard.and_then(|uploaded| Some((uploaded, uploaded.compiled.landing_start()?)));
+    match pattern {
+        Some((uploaded, start)) => {
+            check_heights(uploaded, at)?;
+            let mut steps = vec![Step::SetCurrent(start..=uploaded.compiled.place_from(start))];
+            steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
+            Ok(Task::Steps(steps, Commanded::default()))
+        }
+        None if approach => fly(command, RouteType::Approach, at),
+        // PX4 turns back to a hover, and lands here.
+        None if at.telemetry.airframe() == Airframe::Vtol => Ok(plain(&[Px4Mode::LAND], at)),
+        None => Err(
+            "mode 19: the vehicle carries no landing pattern: send an approach route (13001), or load a route (13000) with \
+             vehicle.landing configured"
+                .to_owned(),
+        ),
+    }
+}
+
+/// Mode 20.
+pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
+    let loiter = || Ok(plain(&[Px4Mode::LOITER], at));
+    if at.telemetry.mode == Some(Px4Mode::LAND) {
+        return loiter();
+    }
+    let seq = at.telemetry.mission.map(|mission| mission.seq);
+    let landing = at
+        .uploaded
+        .filter(|_| at.telemetry.mode == Some(Px4Mode::MISSION))
+        .zip(seq)
+        .filter(|(uploaded, seq)| uploaded.compiled.lands(*seq));
+    match landing {
+        Some((uploaded, seq)) => {
+            let low = uploaded.compiled.is_touch_down(seq);
+            if low && at.telemetry.airframe() == Airframe::FixedWing {
+                // Only by this PX4 climbs out of a glide.
+                Ok(Task::Steps(
+                    maneuver::go_around().into(),
+                    Commanded::default(),
+                ))
+            } else {
+                loiter()
+            }
+        }
+        None => Err(
+            "mode 20 (wave-off): the vehicle is not landing, there is nothing to abort".to_owned(),
+        ),
+    }
+}
+
+/// Mode 21: the steps, and what they lead to.
+pub(super) fn launch(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+    wings: &Wings,
+    amsl_m: f64,
+) -> Result<(Vec<Step>, Commanded), String> {
+    let home = at.telemetry.home.ok_or("mode 21: home is not known yet")?;
+    let height_m = amsl_m - home.amsl_m;
+    let place = super::mode_command::place(command, at)?;
+    let commanded = Commanded {
+        altitude_amsl_m: Some(amsl_m),
+        loiter_position: place,
+        ..Commanded::default()
+    };
+    if !wings.vtol {
+        if height_m < LOWEST_WING_LAUNCH_M {
+            return Err(format!(
+                "mode 21: {height_m:.1} m above home, of a fixed wing at least {LOWEST_WING_LAUNCH_M} m"
+            ));
+        }
+        return Ok((maneuver::launch_wing(amsl_m, place), commanded));
+    }
+    if height_m < wings.transition_m {
+        return Err(format!(
+            "mode 21: a transition {height_m:.1} m above home, at least {:.0} (vehicle.limits.transition_m, VT_FW_MIN_ALT)",
+            wings.transition_m
+        ));
+    }
+    // PX4 turns towards the loiter to transition. Without one commanded it is ahead: whoever set the vehicle up has turned
+    // its nose into the wind.
+    let ahead = || {
+        let here = at.telemetry.position?;
+        let nose = at.telemetry.attitude?.yaw;
+        let from = (here.latitude, here.longitude);
+        let away_m = 2.0 * wings.loiter_radius_m.abs();
+        Some(mapping::limits::moved(from, nose, away_m))
+    };
+    let loiter = place
+        .or_else(ahead)
+        .ok_or("mode 21: the vehicle has not reported position and heading yet")?;
+    let commanded = Commanded {
+        // It loiters as high as its parameter says, whatever altitude it transitions at.
+        altitude_amsl_m: at.vtol_loiter_m.map(|above_m| home.amsl_m + above_m),
+        loiter_position: Some(loiter),
+        ..commanded
+    };
+    Ok((maneuver::launch_vtol(amsl_m, loiter), commanded))
+}
+
+/// Mode 15 on wings.
+pub(super) fn steer(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Task, String> {
+    if !at.telemetry.airborne() {
+        return Err("mode 15 needs an airborne vehicle".to_owned());
+    }
+    let course_rad = match command.heading_command_type {
+        Some(
+            kind @ (HeadingCommandType::Heading
+            | HeadingCommandType::HeadingAndCourse
+            | HeadingCommandType::TurnRate),
+        ) => {
+            return Err(format!(
+                "mode 15: Heading Command Type {} on wings: PX4 keeps a course over ground, the heading follows from the \
+                 wind; command a course (type 2)",
+                kind.raw()
+            ));
+        }
+        _ => match steering::direction(command)? {
+            Some(Direction::Steady { track, .. }) => Some(track),
+            Some(Direction::Turning(_)) | None => None,
+        },
+    };
+    let level = match (command.altitude_command_type, altitude(command)) {
+        (Some(AltitudeCommandType::VerticalSpeed), _) => {
+            return Err(
+                "mode 15: Altitude Command Type 2 (vertical speed) on wings: PX4 climbs by its own rate; command an altitude \
+                 (type 1)"
+                    .to_owned(),
+            );
+        }
+        (_, Some(metres)) => Some(checked_level(metres, command, at)?),
+        (_, None) => None,
+    };
+    let speed_m_s = speed(command, &at.performance)?;
+    let entered = at.telemetry.mode == Some(Px4Mode::COURSE);
+    let mut commanded = if entered {
+        at.commanded
+    } else {
+        Commanded::default()
+    };
+    commanded.loiter_position = None;
+    let mut steps = Vec::new();
+    if !entered {
+        // On entry PX4 keeps the present course and altitude, at its own speed.
+        steps.extend(maneuver::enter(&[Px4Mode::COURSE]));
+    }
+    // Speed and altitude first: a turn takes a while, and they would wait for it.
+    if let Some(speed_m_s) = speed_m_s {
+        steps.push(maneuver::change_speed(speed_m_s, false));
+        commanded.speed_m_s = Some(speed_m_s);
+        commanded.speed_type = Some(flown_as(false));
+    }
+    if let Some(level) = level {
+        let home = at.telemetry.home.ok_or("home is not known yet")?;
+        let amsl_m = level.amsl(home.amsl_m);
+        steps.extend(maneuver::change_altitude(amsl_m));
+        commanded.altitude_amsl_m = Some(amsl_m);
+    }
+    if let Some(course_rad) = course_rad {
+        steps.extend(maneuver::course(course_rad.rem_euclid(TAU)));
+    }
+    Ok(Task::Steps(steps, commanded))
+}
+
+/// Whether the vehicle hovers in a loiter of this pattern, after the transition that is added where it needs one.
+///
+/// # Errors
+/// A transition on the ground, or too low.
+pub(super) fn transition_for(
+    pattern: Pattern,
+    named: bool,
+    at: &Situation<'_>,
+    steps: &mut Vec<Step>,
+) -> Result<bool, String> {
+    let hovers = at.telemetry.hovers();
+    let Some(wings) = at.wings.as_ref().filter(|wings| wings.vtol) else {
+        return Ok(hovers);
+    };
+    let wanted = match pattern {
+        Pattern::Own => hovers,
+        Pattern::Hover => true,
+        Pattern::Circle(_) | Pattern::FigureEight(_) => false,
+    };
+    // A change of altitude or speed alone is no new loiter.
+    if wanted == hovers || !named {
+        return Ok(hovers);
+    }
+    if !at.telemetry.airborne() {
+        return Err("mode 12: a transition needs an airborne vehicle".to_owned());
+    }
+    check_transition(wings, at)?;
+    steps.extend(maneuver::transition(wanted));
+    Ok(wanted)
+}
+
+/// Whether a pattern is flown about the present place, where none is commanded: that of wings, when the mode is.
+pub(super) fn circles_here(
+    pattern: Pattern,
+    hovers: bool,
+    command: &VehicleOperatingModeCommand,
+) -> bool {
+    let shaped = matches!(pattern, Pattern::Circle(_) | Pattern::FigureEight(_));
+    !hovers && shaped && names_mode(command)
+}
+
+/// Whether wings can turn so tightly at the speed commanded, or their own.
+pub(super) fn check_circle(
+    wings: &Wings,
+    radius_m: f64,
+    speed_m_s: Option<f64>,
+    at: &Situation<'_>,
+) -> Result<(), String> {
+    let speed_m_s = speed_m_s.unwrap_or(at.route_performance.cruise_m_s);
+    let least_m = wings.turn_radius_m(speed_m_s);
+    if radius_m >= least_m {
+        return Ok(());
+    }
+    Err(format!(
+        "Loiter Radius {radius_m:.0} m at {speed_m_s:.1} m/s, at least {least_m:.0} (FW_R_LIM)"
+    ))
+}
+
+/// Lower, a fixed wing would loiter among what stands around its runway, m.
+const LOWEST_WING_LAUNCH_M: f64 = 10.0;
+/// How far below its altitude a VTOL may hover, m: NAV_MC_ALT_RAD as PX4 comes.
+const ALTITUDE_SLACK_M: f64 = 0.8;
