@@ -49,3 +49,66 @@ pub fn refused_autopilot(autopilot: MavAutopilot) -> Option<&'static str> {
         "the vehicle's autopilot is ArduPilot (HEARTBEAT.autopilot 3): only PX4 is flown",
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use mavlink_link::dialect::{
+        EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavLandedState, MavMessage, MavVtolState,
+    };
+
+    use super::*;
+    use crate::health::{HealthFault, findings};
+    use crate::parameter::Parameters;
+    use crate::telemetry::Telemetry;
+
+    fn state(vtol_state: MavVtolState) -> MavMessage {
+        MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA {
+            vtol_state,
+            landed_state: MavLandedState::MAV_LANDED_STATE_IN_AIR,
+        })
+    }
+
+    #[test]
+    fn a_vtol_hovers_until_it_flies_on_its_wings_and_a_quad_chute_is_seen() {
+        use MavVtolState as V;
+        let mut vehicle = Telemetry {
+            vehicle_type: Some(MavType::MAV_TYPE_VTOL_FIXEDROTOR),
+            ..Telemetry::default()
+        };
+        assert_eq!(vehicle.airframe(), Airframe::Vtol);
+        for (state_now, hovers, failed) in [
+            (V::MAV_VTOL_STATE_MC, true, false),
+            (V::MAV_VTOL_STATE_TRANSITION_TO_FW, true, false),
+            (V::MAV_VTOL_STATE_FW, false, false),
+            (V::MAV_VTOL_STATE_TRANSITION_TO_MC, true, false),
+            (V::MAV_VTOL_STATE_MC, true, false),
+            (V::MAV_VTOL_STATE_TRANSITION_TO_FW, true, false),
+            // Without a transition back.
+            (V::MAV_VTOL_STATE_MC, true, true),
+            (V::MAV_VTOL_STATE_MC, true, true),
+            (V::MAV_VTOL_STATE_TRANSITION_TO_FW, true, false),
+        ] {
+            vehicle.update(&state(state_now));
+            let found = (vehicle.hovers(), vehicle.transition_failed);
+            assert_eq!(found, (hovers, failed), "{state_now:?}");
+        }
+    }
+
+    #[test]
+    fn ardupilot_is_refused_by_name() {
+        let mut vehicle = Telemetry::default();
+        vehicle.update(&MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+            ..HEARTBEAT_DATA::default()
+        }));
+        let found = findings(&vehicle, &Parameters::default());
+        let named = found
+            .iter()
+            .find(|finding| finding.fault == HealthFault::Autopilot);
+        assert!(
+            named.is_some_and(|finding| finding.text.contains("ArduPilot")),
+            "{found:?}"
+        );
+        assert_eq!(refused_autopilot(MavAutopilot::MAV_AUTOPILOT_PX4), None);
+    }
+}

@@ -306,7 +306,8 @@ class Flight:
         if kinds[-1:] == [dli.REFUSED]:
             self.cucs.pump(0.3)
             self.say("refused: " + " ".join(m.fields.get("Text", "") for m in self.cucs.inbox[since:] if m.id == 16000))
-        self.cucs.pump(0.6)
+        # 3001 and 4000 come twice a second.
+        self.cucs.pump(0.55)
         return kinds
 
     def towards(self, number, seconds):

@@ -91,6 +91,8 @@ fn everything(airframe: Airframe) -> Rig {
         stations: 2,
         vehicles: vec![px4_sim::Config {
             airframe,
+            // A landing is no part of what is asked for.
+            params: vec![(px4_sim::Param::MIS_TKO_LAND_REQ, 0.0)],
             ..px4_sim::Config::default()
         }],
         ..Setup::default()

@@ -5,7 +5,7 @@
 //! - whole flights: `whole_route`, `lossy_links`, `restarts`, `full_disk`, `faults`, `many_at_once`, `shared_link`,
 //!   `captures_as_vehicles`
 //! - routes: `routes_by_type`, `route_refusals`, `refused_uploads`, `route_progress`, `curves`, `climbs`, `after_a_return`,
-//!   `mission_watchdog`, `fence`
+//!   `mission_watchdog`, `fence`, `wings`
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
@@ -55,3 +55,4 @@ mod station_profiles;
 mod status;
 mod vehicle_services;
 mod whole_route;
+mod wings;

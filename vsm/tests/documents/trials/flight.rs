@@ -1,15 +1,15 @@
 //! Messages that fly the vehicle: engine, sticks, modes and loiters.
 
-use stanag_msgs::Scaled;
 use stanag_msgs::enums::{
     AltitudeType, CommandedEngineState, FlightPathControlMode as Mode, HeadingCommandType,
     LoiterDirection, LoiterType, SpeedType,
 };
 use stanag_msgs::messages::{EngineCommand, LoiterConfiguration, VehicleOperatingModeCommand};
+use stanag_msgs::{Bam16, Scaled};
 
 use super::messages::{loiter_there, steering, sticks};
 use super::scenes::{
-    airborne, airborne_with_route, control, one, stream, then_5_s, then_20_s, then_loiter,
+    airborne, airborne_with_route, control, one, plane, stream, then_5_s, then_20_s, then_loiter,
 };
 use crate::scene::Trial;
 use kit::bridge::orders;
@@ -137,6 +137,19 @@ pub(super) fn flight() -> Vec<Trial> {
                 "Loiter Radius" = "40",
                 "Loiter Direction" = "2"
             ]
+        ),
+        trial!(
+            plane,
+            airborne,
+            then_loiter,
+            LoiterConfiguration {
+                loiter_type: Some(LoiterType::Figure8),
+                loiter_radius: Some(Scaled::saturating_from_si(60.0)),
+                loiter_length: Some(Scaled::saturating_from_si(300.0)),
+                loiter_bearing: Some(Bam16::from_radians(0.0)),
+                ..LoiterConfiguration::default()
+            },
+            ["Loiter Length" = "400", "Loiter Bearing" = "8192"]
         ),
     ]
 }
