@@ -143,10 +143,14 @@ impl Context<'_> {
         self.stations.get(index).map(GroundStation::asker)
     }
 
-    /// Which messages with a derived layout are used with a station.
+    /// Which messages with a derived layout are used with a station: all with one of Edition 2.5, whose layouts are those of
+    /// the text.
     pub(crate) fn provisional(&self, station: usize) -> config::Provisional {
-        let station = self.stations.get(station);
-        station.map_or(config::Provisional::Off, |one| one.profile.provisional)
+        match self.stations.get(station) {
+            Some(one) if one.speaks_ed25() => config::Provisional::All,
+            Some(one) => one.profile.provisional,
+            None => config::Provisional::Off,
+        }
     }
 
     /// Every CUCS of the configuration.

@@ -186,6 +186,31 @@ impl<'a> DliEffects<'a> {
             Kind::Report(_) => kind,
             _ => Kind::of_answer(&datagram),
         };
+        self.convey(station, datagram, kind);
+    }
+
+    /// Sends a datagram that is in Edition 2.5 already to its station.
+    pub(crate) fn send_translated(&mut self, station: usize, bytes: &[u8]) {
+        let Some(one) = self.stations.get(station) else {
+            return;
+        };
+        let (id, delivery) = (one.id(), one.profile.delivery);
+        if let (true, Some(peer)) = (delivery.to_address(), one.peer)
+            && let Some(datagram) = Datagram::of_ed25(Destination::Unicast(peer), id, bytes)
+        {
+            self.convey(station, datagram, Kind::Answer);
+        }
+        if self.multicast
+            && delivery.to_group()
+            && let Some(datagram) = Datagram::of_ed25(Destination::Multicast, id, bytes)
+            && self.may_go_to_group(station, &datagram, Kind::Answer)
+        {
+            self.post(station, datagram);
+        }
+    }
+
+    /// Sends a datagram to a station, within what it may be sent.
+    fn convey(&mut self, station: usize, datagram: Datagram, kind: Kind) {
         if self.held_until(station).is_some() {
             // Its allowance is looked at when it goes.
             return self.post(station, datagram);

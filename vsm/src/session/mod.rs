@@ -73,6 +73,7 @@ mod bridge;
 mod context;
 mod counters;
 mod duplicates;
+mod editions;
 mod effects;
 pub mod findings;
 mod flight;

@@ -43,6 +43,32 @@ impl Datagram {
         self.bytes.get(..self.length).unwrap_or_default()
     }
 
+    /// The same way with other bytes, of Edition 2.5; `None` where they are too many.
+    pub(crate) fn translated(&self, bytes: &[u8]) -> Option<Datagram> {
+        let mut datagram = Datagram {
+            length: bytes.len(),
+            bytes: [0; MAX_DATAGRAM],
+            ..*self
+        };
+        datagram
+            .bytes
+            .get_mut(..bytes.len())?
+            .copy_from_slice(bytes);
+        (!bytes.is_empty()).then_some(datagram)
+    }
+
+    /// A datagram of Edition 2.5 for a station.
+    pub(crate) fn of_ed25(to: Destination, destination: Id, bytes: &[u8]) -> Option<Datagram> {
+        let empty = Datagram {
+            to,
+            message_type: 0,
+            destination,
+            length: 0,
+            bytes: [0; MAX_DATAGRAM],
+        };
+        empty.translated(bytes)
+    }
+
     pub(crate) fn message_type(&self) -> u16 {
         self.message_type
     }

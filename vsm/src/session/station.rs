@@ -7,8 +7,9 @@ use stanag_msgs::Id;
 
 use super::allowance::StationAllowance;
 use super::authority::rules::{Asker, Silence};
+use super::editions::Translator;
 use super::station_profile::StationProfile;
-use crate::config::{Cucs, Dli};
+use crate::config::{Cucs, Dli, Edition};
 
 /// A CUCS of the configuration.
 #[derive(Debug)]
@@ -30,6 +31,10 @@ pub(crate) struct GroundStation {
     pub(crate) sends_heartbeats: bool,
     /// What it may still send.
     pub(crate) allowance: StationAllowance,
+    /// Whether it spoke Edition 2.5 last, and when.
+    pub(crate) spoken: Option<(bool, Duration)>,
+    /// Of what it says and is sent in Edition 2.5.
+    pub(crate) translator: Translator,
 }
 
 impl GroundStation {
@@ -44,11 +49,21 @@ impl GroundStation {
             clock_ahead_ms: None,
             sends_heartbeats: false,
             allowance: StationAllowance::default(),
+            spoken: None,
+            translator: Translator::default(),
         }
     }
 
     pub(crate) fn id(&self) -> Id {
         self.config.id
+    }
+
+    /// Whether it is spoken to in Edition 2.5: as it spoke last, or as the configuration says.
+    pub(crate) fn speaks_ed25(&self) -> bool {
+        match self.spoken {
+            Some((ed25, _)) => ed25,
+            None => self.profile.edition() == Edition::Ed25,
+        }
     }
 
     /// Its clock is so far ahead of this computer's, by a message. A change of seconds is one of the way here.

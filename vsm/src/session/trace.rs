@@ -12,7 +12,7 @@ use mavlink_link::dialect::MavMessage;
 use mavlink_link::frame::{FrameView, KEY_EXCHANGE_ID, Parser};
 use mavlink_link::link::LinkStats;
 use stanag_msgs::wrapper::{Frame, WrapperError};
-use stanag_msgs::{Message, Profile, table};
+use stanag_msgs::{Message, Profile, ed25, table};
 
 use super::counters::Counters;
 use super::link::frame::{OutFrame, Peer};
@@ -36,8 +36,8 @@ impl DliTrace {
     ) -> String {
         let mut text = format!("DLI received from {from}, {} bytes:", bytes.len());
         let mut separator = " ";
-        for frame in profile.frames(bytes) {
-            let _ = write!(text, "{separator}{}", received(profile, frame));
+        for message in messages(profile, bytes) {
+            let _ = write!(text, "{separator}{message}");
             separator = ", ";
         }
         let counted = after
@@ -124,10 +124,34 @@ const PASSED: &[&str] = &[
 /// A datagram for a station.
 pub(crate) fn dli_sent(profile: &Profile, to: SocketAddr, bytes: &[u8]) -> String {
     let mut text = format!("DLI sent to {to}, {} bytes:", bytes.len());
-    for frame in profile.frames(bytes) {
-        let _ = write!(text, " {}", received(profile, frame));
+    for message in messages(profile, bytes) {
+        let _ = write!(text, " {message}");
     }
     text
+}
+
+/// The messages of a datagram of any edition.
+fn messages(profile: &Profile, bytes: &[u8]) -> Vec<String> {
+    if !ed25::is_ed25(bytes) {
+        return profile
+            .frames(bytes)
+            .map(|frame| received(profile, frame))
+            .collect();
+    }
+    let name = |frame: Result<ed25::Frame<'_>, WrapperError>| match frame {
+        Ok(frame) => {
+            let ed25::Header {
+                message_type,
+                version,
+                instance,
+            } = frame.header;
+            let info = ed25::message(message_type, version);
+            let name = info.map_or("unknown message", |info| info.name);
+            format!("#{message_type} {name}, instance {instance}")
+        }
+        Err(fault) => fault.to_string(),
+    };
+    ed25::frames(bytes).map(name).collect()
 }
 
 /// A frame for a vehicle.

@@ -11,6 +11,7 @@
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
 //! - how stations are spoken to: `station_profiles`
 //! - who may command: `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
+//! - a station of Edition 2.5: `edition_25`
 //! - reports: `status`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
 //!   `vehicle_services`
 
@@ -23,6 +24,7 @@ mod commands_survive_a_restart;
 mod commands_without_a_mode;
 mod configuration_phase;
 mod curves;
+mod edition_25;
 mod effects_order;
 mod faults;
 mod fence;

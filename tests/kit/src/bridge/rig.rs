@@ -89,6 +89,8 @@ pub struct Rig {
     pub forward_is_stuck: bool,
     /// What went to the group, where the configuration has one.
     pub group: Vec<Vec<u8>>,
+    /// What the bridge sent to addresses of none of `stations`.
+    pub others: Vec<(SocketAddr, Vec<u8>)>,
     /// What the bridge sent to each address of the DLI side: (messages, bytes).
     pub sent_to: BTreeMap<SocketAddr, (u64, u64)>,
     /// MAVLink messages that arrived at the vehicles, by their ids.
@@ -153,6 +155,7 @@ impl Rig {
             forwarded: Vec::new(),
             forward_is_stuck: false,
             group: Vec::new(),
+            others: Vec::new(),
             sent_to: BTreeMap::new(),
             arrived: BTreeMap::new(),
             phase: "",
@@ -402,6 +405,8 @@ impl Rig {
                 .find(|station| station.address == packet.to)
             {
                 station.receive(station_now, &packet.payload);
+            } else {
+                self.others.push((packet.to, packet.payload));
             }
         }
         while let Some(packet) = self.mav.receive(clock) {

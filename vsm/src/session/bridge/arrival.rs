@@ -13,8 +13,9 @@ use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::UaStickCommand;
 use stanag_msgs::table::{self, Direction};
 use stanag_msgs::wrapper::{Frame, Header, WrapperError};
-use stanag_msgs::{Id, Message, TimeStamp};
+use stanag_msgs::{Id, Message, TimeStamp, ed25};
 
+use super::reach::Arriving;
 use super::{Bridge, destination_as_source};
 use crate::config::Edition;
 use crate::session::aircraft::Aircraft;
@@ -30,6 +31,23 @@ impl Bridge {
     /// Takes a datagram of the DLI side.
     pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
         let before = self.trace.then(|| DliTrace::begin(&self.counters));
+        if ed25::is_ed25(bytes) {
+            self.handle_ed25(now, from, bytes, disk);
+        } else {
+            self.handle_later(now, from, bytes, disk);
+        }
+        self.show_holders(now, disk);
+        if let Some(before) = before {
+            let source = self.readings.frames(bytes).next_source();
+            let readings = source.map_or(&self.readings, |source| self.readings_of(source));
+            let line = before.end(&self.counters, readings, from, bytes);
+            let vsm = self.vsm;
+            self.effects(now, disk).0.note(LogLevel::Debug, vsm, line);
+        }
+    }
+
+    /// Takes a datagram of Edition 3 or 4.
+    fn handle_later(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
         let mut frames = self.readings.frames(bytes);
         loop {
             // What a checksum is may be disputed: each station's is computed as it does.
@@ -45,18 +63,12 @@ impl Bridge {
                 None => break,
             }
         }
-        if let Some(before) = before {
-            let source = self.readings.frames(bytes).next_source();
-            let readings = source.map_or(&self.readings, |source| self.readings_of(source));
-            let line = before.end(&self.counters, readings, from, bytes);
-            let vsm = self.vsm;
-            self.effects(now, disk).0.note(LogLevel::Debug, vsm, line);
-        }
     }
 
     fn handle_frame(&mut self, now: Now, from: SocketAddr, frame: &Frame<'_>, disk: &mut dyn Disk) {
         // Before the message is decoded: a stranger's bytes get no further than the wrapper.
-        match self.admit(from, &frame.header) {
+        let edition = Edition::of_idd(frame.header.idd);
+        match self.admit(from, &frame.header, edition) {
             Ok(index) => {
                 let rate = if is_command(frame.header.message_type) {
                     COMMANDS
@@ -67,34 +79,53 @@ impl Bridge {
                 if !(station.allowance).take(now.mono, from, station.peer, rate) {
                     return self.counters.count("over the station's rate");
                 }
+                if !self.may_speak(now.mono, index, false) {
+                    return self.counters.count("another edition");
+                }
                 self.evidence.note_good(frame.header.source, from);
+                let station = &mut self.stations[index];
                 if station.profile.is_unknown() {
                     // The first question is asked as the station speaks, too.
                     station.profile.note(&frame.header);
                 }
                 self.asker = Some(index);
-                if self.is_there(now, from, index, frame, disk) {
+                let arriving = Arriving {
+                    bytes: frame.bytes,
+                    acknowledges: frame.header.message_type == ACKNOWLEDGEMENT,
+                    answer: self.answer_in(frame),
+                };
+                if self.is_there(now, from, index, &arriving, disk) {
+                    self.stations[index].spoken = Some((false, now.mono));
                     self.take_frame(now, index, frame, disk);
                 }
                 self.asker = None;
             }
-            Err(why) => {
-                self.counters.count(why.name());
-                if let Some(fault) = why.fault(&frame.header) {
-                    self.evidence.note(now.mono, from, fault);
-                }
-            }
+            Err(why) => self.note_barred(now, from, &frame.header, &why),
         }
     }
 
-    /// Takes a message from where its station is.
+    /// A frame gets no further than its header.
+    pub(super) fn note_barred(
+        &mut self,
+        now: Now,
+        from: SocketAddr,
+        header: &Header,
+        why: &Barred,
+    ) {
+        self.counters.count(why.name());
+        if let Some(fault) = why.fault(header) {
+            self.evidence.note(now.mono, from, fault);
+        }
+    }
+
+    /// Takes a message from where its station is; true where it is new, and was dispatched.
     pub(super) fn take_frame(
         &mut self,
         now: Now,
         index: usize,
         frame: &Frame<'_>,
         disk: &mut dyn Disk,
-    ) {
+    ) -> bool {
         let header = frame.header;
         let origin = Origin {
             station: index,
@@ -115,7 +146,8 @@ impl Bridge {
                     "unknown message type"
                 });
                 let why = fault.to_string();
-                return self.refuse(now, &origin, header.destination, why, disk);
+                self.refuse(now, &origin, header.destination, why, disk);
+                return false;
             }
         };
         if table::message(header.message_type)
@@ -123,12 +155,13 @@ impl Bridge {
         {
             self.counters.count("wrong direction");
             let why = "message is VSM to CUCS only".to_owned();
-            return self.refuse(now, &origin, header.destination, why, disk);
+            self.refuse(now, &origin, header.destination, why, disk);
+            return false;
         }
         self.received.count(header.message_type.into());
         if let Message::MessageAcknowledgement(_) = message {
             // It says that the station's computer is there, which `reach` has noted, and nothing of who sits before it.
-            return;
+            return false;
         }
         let station = &mut self.stations[index];
         station.received = Some(now.mono);
@@ -137,9 +170,11 @@ impl Bridge {
             if commands {
                 self.counters.count("no time stamp");
                 let why = NO_STAMP.to_owned();
-                return self.refuse_command(now, &origin, header.destination, why, disk);
+                self.refuse_command(now, &origin, header.destination, why, disk);
+                return false;
             }
-            return self.dispatch(now, origin, header.destination, &message, disk);
+            self.dispatch(now, origin, header.destination, &message, disk);
+            return true;
         };
         let wall_ms = i64::try_from(now.wall.as_millis()).unwrap_or(i64::MAX);
         let stamp_ms = i64::try_from(stamp.unix_ms()).unwrap_or(i64::MAX);
@@ -151,19 +186,27 @@ impl Bridge {
             Verdict::New => {}
             Verdict::Again(answer) => {
                 self.counters.count("duplicate");
-                return self.answer_again(now, &origin, frame, &message, answer, disk);
+                self.answer_again(now, &origin, frame, &message, answer, disk);
+                return false;
             }
             Verdict::Refused(counter, why) => {
                 self.counters.count(counter);
-                return self.refuse_command(now, &origin, header.destination, why, disk);
+                self.refuse_command(now, &origin, header.destination, why, disk);
+                return false;
             }
         }
         self.dispatch(now, origin, header.destination, &message, disk);
         self.forget_heartbeats(now.mono);
+        true
     }
 
     /// The index of the station that a frame is from, where it may speak and speaks to us.
-    fn admit(&self, from: SocketAddr, header: &Header) -> Result<usize, Barred> {
+    pub(super) fn admit(
+        &self,
+        from: SocketAddr,
+        header: &Header,
+        edition: Edition,
+    ) -> Result<usize, Barred> {
         let ours = |id| self.aircraft.iter().any(|aircraft| aircraft.id() == id);
         let to_us =
             [self.vsm, Id::BROADCAST].contains(&header.destination) || ours(header.destination);
@@ -179,7 +222,6 @@ impl Bridge {
         if let Some(expected) = station.config.address.filter(|one| *one != from.ip()) {
             return Err(Barred::Address(expected));
         }
-        let edition = Edition::of_idd(header.idd);
         if !station.profile.may_speak(edition) {
             return Err(Barred::Edition(edition));
         }
@@ -228,7 +270,7 @@ impl Bridge {
     /// Refuses a command of a listed station with the reason, also where no 17000 was requested: whoever gave it must know
     /// that the vehicle does not follow. Of sticks, that come in streams, only where it was requested, or the station flies
     /// by them and none of them counts.
-    fn refuse_command(
+    pub(super) fn refuse_command(
         &mut self,
         now: Now,
         origin: &Origin,
@@ -277,7 +319,7 @@ impl Bridge {
 }
 
 /// Why a frame gets no further than its header.
-enum Barred {
+pub(super) enum Barred {
     /// What we sent to the group came back.
     OurOwn,
     /// Nobody who is listed.
@@ -342,7 +384,7 @@ fn stamp_of(frame: &Frame<'_>) -> Option<TimeStamp> {
     Some(TimeStamp(stamp))
 }
 
-fn drop_name(fault: &WrapperError) -> &'static str {
+pub(super) fn drop_name(fault: &WrapperError) -> &'static str {
     match fault {
         WrapperError::Oversized { .. } => "oversized",
         WrapperError::NoHeader { .. } | WrapperError::Truncated { .. } => "truncated",
@@ -357,12 +399,12 @@ const NO_STAMP: &str = "a command needs its Time Stamp (field 1): without one a 
 pub(super) const ACKNOWLEDGEMENT: u16 = 17000;
 /// Commands of one station, which are logged each: 1,000 a second, 2,000 at once. An upload of 10,000 waypoints is
 /// slowed down, and sent again where it was cut.
-const COMMANDS: Rate = Rate {
+pub(super) const COMMANDS: Rate = Rate {
     cost: Duration::from_millis(1),
     burst: Duration::from_secs(2),
 };
 /// Questions, sticks and heartbeats: 4,000 a second.
-const QUESTIONS: Rate = Rate {
+pub(super) const QUESTIONS: Rate = Rate {
     cost: Duration::from_micros(250),
     burst: Duration::from_secs(2),
 };

@@ -4,10 +4,11 @@
 //! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: to which of them a frame of it goes. `reach`: which address is
 //! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
 //! `forwards`: other ground stations;
-//! `status`: what the bridge is doing; `reload`: another configuration while it runs.
+//! `editions`: stations of Edition 2.5; `status`: what the bridge is doing; `reload`: another configuration while it runs.
 
 mod arrival;
 mod dispatch;
+mod editions;
 mod forwards;
 mod keys;
 mod port;
@@ -25,6 +26,7 @@ use mavlink_link::Now;
 use mavlink_link::frame::FrameView;
 use mavlink_link::service::Node;
 use mavlink_link::store::{Changes, Disk, StoreError};
+use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::{Id, Profile};
 
 use self::port::Port;
@@ -94,6 +96,12 @@ pub struct Bridge {
     trace: bool,
     /// The station whose message is being handled.
     asker: Option<usize>,
+    /// What is on its way to stations of Edition 2.5.
+    translated: VecDeque<Datagram>,
+    /// The latest of it that went to the group, by type and instance.
+    sent_to_group: VecDeque<(u32, u32)>,
+    /// Who holds each vehicle, as these stations were shown last.
+    shown_holders: Vec<(Id, Id, LoiBitmap)>,
     /// What stands from the configuration.
     warnings: Vec<String>,
     started: Duration,
@@ -174,6 +182,9 @@ impl Bridge {
             not_before,
             trace: false,
             asker: None,
+            translated: VecDeque::new(),
+            sent_to_group: VecDeque::new(),
+            shown_holders: Vec::new(),
             warnings: config.warnings(),
             started: now.mono,
         };
@@ -253,6 +264,7 @@ impl Bridge {
         self.watch_forwards(now, disk);
         self.watch_paths(now, disk);
         self.watch_findings(now, disk);
+        self.show_holders(now, disk);
     }
 
     /// Begins to read the settings of every vehicle that [`mapping::hardening`] judges; a reading under way is joined.
@@ -280,6 +292,7 @@ impl Bridge {
             aircraft.handle_durable(&mut dli);
         }
         dli.release();
+        self.show_holders(now, disk);
     }
 
     /// Silence counts of a CUCS that has sent heartbeats while it holds something: who has given all up, or lost by silence
@@ -316,7 +329,7 @@ impl Bridge {
 
     /// The next datagram for the DLI side.
     pub fn poll_dli(&mut self) -> Option<Datagram> {
-        self.outbox.pop()
+        self.next_datagram()
     }
 
     /// The next frame for a vehicle: (index of the vehicle, frame).

@@ -7,7 +7,7 @@ use mavlink_link::store::Disk;
 use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::messages::Heartbeat;
 use stanag_msgs::wrapper::Frame;
-use stanag_msgs::{Message, TimeStamp};
+use stanag_msgs::{Message, TimeStamp, ed25};
 
 use super::Bridge;
 use super::arrival::ACKNOWLEDGEMENT;
@@ -17,6 +17,16 @@ use crate::session::log::LogLevel;
 use crate::session::outbox::{Destination, Outbox};
 use crate::session::paths::{Arrival, Proof, QUESTION_BYTES};
 
+/// What of a message shows where its station is.
+pub(super) struct Arriving<'a> {
+    /// The whole message, as it is held back.
+    pub(super) bytes: &'a [u8],
+    /// It is an acknowledgement, of which nothing else follows.
+    pub(super) acknowledges: bool,
+    /// The stamp of a question of ours that it answers.
+    pub(super) answer: Option<TimeStamp>,
+}
+
 impl Bridge {
     /// Whether a frame comes from where its station is, and may be taken. What does not is held back.
     pub(super) fn is_there(
@@ -24,7 +34,7 @@ impl Bridge {
         now: Now,
         from: SocketAddr,
         index: usize,
-        frame: &Frame<'_>,
+        arriving: &Arriving<'_>,
         disk: &mut dyn Disk,
     ) -> bool {
         let id = self.stations[index].id();
@@ -40,13 +50,13 @@ impl Bridge {
                     .intersects(commands)
             })
         };
-        let bytes = frame.bytes.len();
+        let bytes = arriving.bytes.len();
         let arrival = self.paths.arrived(now.mono, index, from, bytes, controls);
         if arrival == Arrival::Moved {
             self.moved(now, index, disk);
         }
         let mut taken = arrival != Arrival::Unproven;
-        if let Some(stamp) = self.answer_in(frame) {
+        if let Some(stamp) = arriving.answer {
             match self.paths.answered(now, index, from, stamp) {
                 Proof::None => {}
                 Proof::Round => self.ask(now, index, from, true),
@@ -64,8 +74,8 @@ impl Bridge {
         }
         self.ask(now, index, from, false);
         self.send_waiting(now, index);
-        if !taken && frame.header.message_type != ACKNOWLEDGEMENT {
-            let held = self.paths.hold(index, from, frame.bytes);
+        if !taken && !arriving.acknowledges {
+            let held = self.paths.hold(index, from, arriving.bytes);
             self.counters.count(if held {
                 "held back until the address is proven"
             } else {
@@ -76,7 +86,7 @@ impl Bridge {
     }
 
     /// The stamp that a 17000 of a heartbeat of ours names.
-    fn answer_in(&self, frame: &Frame<'_>) -> Option<TimeStamp> {
+    pub(super) fn answer_in(&self, frame: &Frame<'_>) -> Option<TimeStamp> {
         if frame.header.message_type != ACKNOWLEDGEMENT || frame.header.destination != self.vsm {
             return None;
         }
@@ -159,6 +169,9 @@ impl Bridge {
             self.welcome(now, index, disk);
         }
         for held in self.paths.take_held(index) {
+            for frame in ed25::frames(&held).flatten() {
+                self.take_ed25(now, index, &frame, disk);
+            }
             let readings = self.stations[index].profile.readings.clone();
             for frame in readings.frames(&held).flatten() {
                 self.take_frame(now, index, &frame, disk);

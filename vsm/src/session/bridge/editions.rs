@@ -1,0 +1,370 @@
+//! Datagrams of Edition 2.5: they are admitted, counted and proven as all others are, and become messages of Edition 4
+//! only where their station may speak (`session::editions`). What such a station is sent is translated when it leaves.
+//!
+//! The edition of a datagram is known from its first byte. A station that has proven its address, or holds something,
+//! speaks one edition: what comes in its name in another one is dropped until it has been quiet for [`QUIET`].
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::store::Disk;
+use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::table::Direction;
+use stanag_msgs::wrapper::{Header, MAX_DATAGRAM};
+use stanag_msgs::{ChecksumStyle, Envelope, Id, Message, TimeStamp, ed25};
+
+use super::Bridge;
+use super::arrival::{COMMANDS, QUESTIONS, drop_name};
+use super::reach::Arriving;
+use crate::config::Edition;
+use crate::session::context::Origin;
+use crate::session::duplicates::is_command;
+use crate::session::editions::{self, Addressed, Inbound, Standing};
+use crate::session::outbox::{Datagram, Destination};
+
+impl Bridge {
+    /// Takes a datagram of Edition 2.5.
+    pub(super) fn handle_ed25(
+        &mut self,
+        now: Now,
+        from: SocketAddr,
+        bytes: &[u8],
+        disk: &mut dyn Disk,
+    ) {
+        for frame in ed25::frames(bytes) {
+            match frame {
+                Ok(frame) => self.handle_ed25_frame(now, from, &frame, disk),
+                Err(fault) => {
+                    self.counters.count(drop_name(&fault));
+                    self.evidence.note_broken(now.mono, from, bytes, &fault);
+                }
+            }
+        }
+    }
+
+    fn handle_ed25_frame(
+        &mut self,
+        now: Now,
+        from: SocketAddr,
+        frame: &ed25::Frame<'_>,
+        disk: &mut dyn Disk,
+    ) {
+        let Some(at) = editions::addressed(frame) else {
+            return self.counters.count("bad length");
+        };
+        // The wrapper does not say who sends: what VSMs send to the group names the same vehicle and CUCS.
+        let sent_by_vsm = at
+            .info
+            .is_some_and(|info| info.direction == Direction::ToCucs);
+        let place = (frame.header.message_type, frame.header.instance);
+        if sent_by_vsm || self.sent_to_group.contains(&place) {
+            return self.counters.count("our own");
+        }
+        let header = header(frame, &at);
+        match self.admit(from, &header, Edition::Ed25) {
+            Ok(index) => {
+                let made = at.info.and_then(|info| info.ed4_messages.first());
+                let rate = if made.is_none_or(|made| is_command(*made)) {
+                    COMMANDS
+                } else {
+                    QUESTIONS
+                };
+                let station = &mut self.stations[index];
+                if !(station.allowance).take(now.mono, from, station.peer, rate) {
+                    return self.counters.count("over the station's rate");
+                }
+                if !self.may_speak(now.mono, index, true) {
+                    return self.counters.count("another edition");
+                }
+                self.evidence.note_good(header.source, from);
+                self.asker = Some(index);
+                let arriving = Arriving {
+                    bytes: frame.bytes,
+                    acknowledges: header.message_type == ED25_ACKNOWLEDGEMENT,
+                    answer: editions::proof(frame),
+                };
+                if self.is_there(now, from, index, &arriving, disk) {
+                    self.take_ed25(now, index, frame, disk);
+                }
+                self.asker = None;
+            }
+            Err(why) => self.note_barred(now, from, &header, &why),
+        }
+    }
+
+    /// Whether a station may speak this edition now.
+    pub(super) fn may_speak(&self, now: Duration, index: usize, ed25: bool) -> bool {
+        let station = &self.stations[index];
+        let Some((before, at)) = station.spoken else {
+            return true;
+        };
+        let id = station.id();
+        let holds = || {
+            self.aircraft
+                .iter()
+                .any(|one| !one.authority.rights().held(id).is_empty())
+        };
+        before == ed25 || now.saturating_sub(at) >= QUIET || !(station.proven || holds())
+    }
+
+    /// Takes a message of Edition 2.5 from where its station is.
+    pub(super) fn take_ed25(
+        &mut self,
+        now: Now,
+        index: usize,
+        frame: &ed25::Frame<'_>,
+        disk: &mut dyn Disk,
+    ) {
+        let Some(at) = editions::addressed(frame) else {
+            return;
+        };
+        self.stations[index].spoken = Some((true, now.mono));
+        let standing = Standing {
+            vsm: self.vsm,
+            stamp: self.outbox.stamp(now),
+            web_page: self.settings.web_page.as_deref(),
+        };
+        let stamp = standing.stamp;
+        let taken = match self.stations[index]
+            .translator
+            .inbound(frame, &at, &standing)
+        {
+            Ok(taken) => taken,
+            Err(refusal) => {
+                self.counters.count(refusal.counter);
+                let origin = Origin {
+                    station: index,
+                    message_type: header(frame, &at).message_type,
+                    stamp: editions::stamp(frame),
+                    ack_requested: false,
+                };
+                if at.info.is_some() {
+                    self.refuse_command(now, &origin, at.destination, refusal.why, disk);
+                }
+                return;
+            }
+        };
+        self.stations[index].received = Some(now.mono);
+        self.carry_out(now, index, &at, taken, stamp, disk);
+    }
+
+    fn carry_out(
+        &mut self,
+        now: Now,
+        index: usize,
+        at: &Addressed,
+        taken: Inbound,
+        stamp: TimeStamp,
+        disk: &mut dyn Disk,
+    ) {
+        let Inbound {
+            messages,
+            replies,
+            notices,
+            latch,
+        } = taken;
+        {
+            let (mut dli, aircraft) = self.effects(now, disk);
+            for reply in &replies {
+                dli.send_translated(index, reply);
+            }
+            if let Some(one) = aircraft.iter_mut().find(|one| one.id() == at.destination) {
+                for notice in notices {
+                    one.effects(&mut dli).answer_sometimes(&[index], notice);
+                }
+            }
+        }
+        let discovers = messages
+            .iter()
+            .any(|(_, message)| matches!(message, Message::CucsAuthorisationRequest(_)));
+        let mut accepted = false;
+        for (envelope, message) in messages {
+            accepted = self.take_made(now, index, &envelope, &message, disk);
+        }
+        if let Some(latch) = latch.filter(|_| accepted) {
+            let vehicle = latch.0;
+            let levels = self.levels(at.source, vehicle);
+            let translator = &mut self.stations[index].translator;
+            if translator.accept(latch, levels) {
+                let report = translator.preference_report(vehicle, at.source, stamp);
+                self.effects(now, disk).0.send_translated(index, &report);
+            }
+        }
+        if discovers && accepted {
+            self.show_holders_to(now, index, at.destination, disk);
+        }
+    }
+
+    /// A message that a datagram of Edition 2.5 has become goes the way of those that arrive in Edition 4.
+    fn take_made(
+        &mut self,
+        now: Now,
+        index: usize,
+        envelope: &Envelope,
+        message: &Message,
+        disk: &mut dyn Disk,
+    ) -> bool {
+        let mut bytes = [0; MAX_DATAGRAM];
+        let profile = self.stations[index].profile.readings.clone();
+        let Ok(length) = profile.encode(message, envelope, &mut bytes) else {
+            self.counters.count("undecodable");
+            return false;
+        };
+        let made = bytes.get(..length).unwrap_or_default();
+        let Some(Ok(frame)) = profile.frames(made).next() else {
+            return false;
+        };
+        self.take_frame(now, index, &frame, disk)
+    }
+
+    /// What a station holds of a vehicle.
+    fn levels(&self, station: Id, vehicle: Id) -> LoiBitmap {
+        let of = self.aircraft.iter().find(|one| one.id() == vehicle);
+        of.map_or(LoiBitmap::NONE, |one| {
+            one.authority.rights().held(station).levels()
+        })
+    }
+
+    /// #21 for each other holder of the vehicles that a station asks for (4.1.1.3).
+    fn show_holders_to(&mut self, now: Now, index: usize, vehicle: Id, disk: &mut dyn Disk) {
+        let asker = self.stations[index].id();
+        let all = self.holders();
+        let asked = all.into_iter().filter(|(of, holder, _)| {
+            *holder != asker && ([Id::BROADCAST, self.vsm, *of].contains(&vehicle))
+        });
+        for (of, holder, levels) in asked.collect::<Vec<_>>() {
+            self.show_holder(now, index, (of, holder, levels), disk);
+        }
+    }
+
+    fn show_holder(
+        &mut self,
+        now: Now,
+        index: usize,
+        (vehicle, holder, levels): (Id, Id, LoiBitmap),
+        disk: &mut dyn Disk,
+    ) {
+        let (vsm, stamp) = (self.vsm, self.outbox.stamp(now));
+        let translator = &mut self.stations[index].translator;
+        let line = translator.holder(vsm, vehicle, holder, levels, stamp);
+        self.effects(now, disk).0.send_translated(index, &line);
+    }
+
+    /// Vehicle, holder, and what it holds beyond listening.
+    fn holders(&self) -> Vec<(Id, Id, LoiBitmap)> {
+        let beyond = LoiBitmap::LOI3
+            .union(LoiBitmap::LOI4)
+            .union(LoiBitmap::LOI5);
+        let each = self.aircraft.iter().flat_map(|one| {
+            let holders = one.authority.rights().holders();
+            holders.map(|(id, rights)| (one.id(), id, rights.levels()))
+        });
+        each.filter(|(_, _, levels)| levels.intersects(beyond))
+            .collect()
+    }
+
+    /// Shows stations of Edition 2.5 who holds a vehicle now, where that has changed: everybody may hear it (4.1.1.3).
+    pub(super) fn show_holders(&mut self, now: Now, disk: &mut dyn Disk) {
+        let listens = |station: &&crate::session::station::GroundStation| {
+            station.speaks_ed25() && !station.removed
+        };
+        if !self.stations.iter().any(|one| listens(&one)) {
+            return;
+        }
+        let holders = self.holders();
+        if holders == self.shown_holders {
+            return;
+        }
+        let before = std::mem::replace(&mut self.shown_holders, holders.clone());
+        let ended = before.iter().filter(|(vehicle, id, _)| {
+            !holders
+                .iter()
+                .any(|(of, holder, _)| (of, holder) == (vehicle, id))
+        });
+        let ended = ended.map(|(vehicle, id, _)| (*vehicle, *id, LoiBitmap::NONE));
+        let begun = holders
+            .iter()
+            .filter(|line| !before.contains(line))
+            .copied();
+        let lines: Vec<_> = ended.chain(begun).collect();
+        for index in 0..self.stations.len() {
+            let station = &self.stations[index];
+            if !listens(&station) {
+                continue;
+            }
+            let own = station.id();
+            for line in lines.iter().filter(|(_, holder, _)| *holder != own) {
+                self.show_holder(now, index, *line, disk);
+            }
+        }
+    }
+
+    /// The next datagram for the DLI side, in the edition of its station.
+    pub(super) fn next_datagram(&mut self) -> Option<Datagram> {
+        loop {
+            if let Some(datagram) = self.translated.pop_front() {
+                return Some(datagram);
+            }
+            let datagram = self.outbox.pop()?;
+            if ed25::is_ed25(datagram.bytes()) {
+                self.remember_sent(&datagram);
+                return Some(datagram);
+            }
+            let id = datagram.destination();
+            let stations = self.stations.iter_mut();
+            let mut stations = stations.filter(|one| one.id() == id && one.speaks_ed25());
+            let Some(station) = stations.next() else {
+                return Some(datagram);
+            };
+            let readings = &station.profile.readings;
+            let Some(Ok(frame)) = readings.frames(datagram.bytes()).next() else {
+                continue;
+            };
+            let decoded = readings.decode(frame.header.message_type, frame.data);
+            let Ok(message) = decoded else { continue };
+            let envelope = frame.header.envelope();
+            for bytes in station.translator.outbound(&envelope, &message) {
+                if let Some(translated) = datagram.translated(&bytes) {
+                    self.remember_sent(&translated);
+                    self.translated.push_back(translated);
+                }
+            }
+        }
+    }
+
+    /// What goes to the group may come back, and looks as if its station had sent it.
+    fn remember_sent(&mut self, datagram: &Datagram) {
+        if datagram.to != Destination::Multicast {
+            return;
+        }
+        for frame in ed25::frames(datagram.bytes()).flatten() {
+            self.sent_to_group.truncate(MAX_REMEMBERED);
+            let ed25::Header {
+                message_type,
+                instance,
+                ..
+            } = frame.header;
+            self.sent_to_group.push_front((message_type, instance));
+        }
+    }
+}
+
+/// As the wrapper of Edition 4 would say it.
+fn header(frame: &ed25::Frame<'_>, at: &Addressed) -> Header {
+    Header {
+        source: at.source,
+        destination: at.destination,
+        message_type: frame.header.message_type.try_into().unwrap_or(u16::MAX),
+        ack_requested: false,
+        idd: Header::IDD_ED4,
+        checksum: ChecksumStyle::None,
+    }
+}
+
+/// #1400.
+const ED25_ACKNOWLEDGEMENT: u16 = 1400;
+/// A station that has sent nothing for this long may come back in another edition.
+const QUIET: Duration = Duration::from_secs(10);
+/// Messages to the group that are known again when they come back.
+const MAX_REMEMBERED: usize = 256;

@@ -1,0 +1,636 @@
+//! Stations of Edition 2.5 at the border of the codec: what they send becomes messages of Edition 4, and what they are
+//! sent becomes messages of Edition 2.5. Sessions, authority and mapping know one edition.
+//!
+//! Each station has a [`Translator`]. It has no clock and decides nothing about rights: what it makes of a datagram goes
+//! the way of every message, through the rules of addresses, time stamps, duplicates and levels of interoperability.
+//!
+//! Most messages go over field by field, by the places that the table of Edition 2.5 names for Edition 4 ([`record`]). By
+//! hand is what has another form there:
+//!
+//! - [`steering`]: the mode (#42), the demands (#43), the loiter (#41) and which of them rules (#48) become one 2016.
+//! - [`plans`]: the contingency waypoints of #802 are contingency routes in Edition 4.
+//! - [`requests`]: #1401 and #1400, which name a message by its instance; messages and fields that are named by their
+//!   numbers (#1200, #1402, #1403, and the answers #1300 to #1303).
+//!
+//! All fields of Edition 2.5 are always sent. So that nothing is commanded by a value that only fills its place, the text
+//! decides which fields count; what an aircraft has not reported keeps its last value, and a message that would state
+//! what is not known is not sent before it is ([`ESSENTIAL`]).
+
+pub(crate) mod plans;
+pub(crate) mod record;
+pub(crate) mod requests;
+pub(crate) mod steering;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use stanag_msgs::ed25::{self, Version};
+use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::table::{Direction, MessageInfo};
+use stanag_msgs::wrapper::{Envelope, MAX_DATAGRAM};
+use stanag_msgs::{Id, Message, TimeStamp};
+
+use self::plans::Plans;
+use self::record::{Fault, Record};
+use self::requests::Requests;
+use self::steering::{Latch, Steering};
+
+/// What one station of Edition 2.5 has said and was sent, as far as later messages depend on it.
+#[derive(Debug, Default)]
+pub(crate) struct Translator {
+    /// The version by which it calls the edition.
+    version: Option<Version>,
+    requests: Requests,
+    steering: BTreeMap<Id, Steering>,
+    plans: BTreeMap<Id, Plans>,
+    /// What each report said last: by vehicle, message and engine.
+    reports: BTreeMap<(Id, u16, u32), Record>,
+    /// The datagram that was translated last, and what it became: one for a station goes to the group as well.
+    last: Option<(Vec<u8>, Vec<Vec<u8>>)>,
+    /// Of the cautions that are this border's own.
+    cautions: u32,
+    /// The Message Instance ID that was used last.
+    instance: u32,
+    /// Alerts whose text took several messages: how many of each.
+    parts: BTreeMap<(Id, u32), u8>,
+}
+
+/// What the bridge knows of the sender of a message.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Standing<'a> {
+    /// The identification number of this VSM.
+    pub(crate) vsm: Id,
+    /// The stamp of an answer.
+    pub(crate) stamp: TimeStamp,
+    /// Where the status page is.
+    pub(crate) web_page: Option<&'a str>,
+}
+
+/// What a message of Edition 2.5 is in Edition 4.
+#[derive(Debug, Default)]
+pub(crate) struct Inbound {
+    /// Messages, in order, each with its envelope.
+    pub(crate) messages: Vec<(Envelope, Message)>,
+    /// Answers of this border itself, as datagrams.
+    pub(crate) replies: Vec<Vec<u8>>,
+    /// What of it was not applied, for the operator.
+    pub(crate) notices: Vec<String>,
+    /// What it changes here once the last of the messages is accepted.
+    pub(crate) latch: Option<(Id, Latch)>,
+}
+
+/// A message of Edition 2.5 that goes no further.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Refusal {
+    /// The counter.
+    pub(crate) counter: &'static str,
+    /// Why, for the operator.
+    pub(crate) why: String,
+}
+
+impl Refusal {
+    pub(super) fn new(counter: &'static str, why: impl Into<String>) -> Refusal {
+        let why = why.into();
+        Refusal { counter, why }
+    }
+}
+
+impl From<Fault> for Refusal {
+    fn from(fault: Fault) -> Refusal {
+        Refusal::new(fault.counter(), fault.to_string())
+    }
+}
+
+/// Sender, receiver and type of a message of Edition 2.5, as the wrapper of Edition 4 would name them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Addressed {
+    /// Field CUCS ID.
+    pub(crate) source: Id,
+    /// Field Vehicle ID, or VSM ID where that names no vehicle.
+    pub(crate) destination: Id,
+    /// Its row; `None` where the table has no message of this type, or its data has another length.
+    pub(crate) info: Option<&'static MessageInfo>,
+}
+
+/// Reads who sends a message to whom: fields 2 and 3 of every message.
+pub(crate) fn addressed(frame: &ed25::Frame<'_>) -> Option<Addressed> {
+    let word = |at: usize| {
+        let bytes = frame.data.get(at..at + 4)?;
+        Some(Id(u32::from_be_bytes(bytes.try_into().ok()?)))
+    };
+    let (vehicle, source) = (word(8)?, word(12)?);
+    let info = ed25::message(frame.header.message_type, frame.header.version)
+        .filter(|info| info.full_bytes() == frame.data.len());
+    let names_vsm = info.is_some_and(|info| {
+        info.fields
+            .get(3)
+            .is_some_and(|field| field.name == "VSM ID")
+    });
+    // A logical id 0 is best avoided, so 0 is nobody's.
+    let destination = match vehicle {
+        Id::NULL | Id(0) if names_vsm => word(16)?,
+        vehicle => vehicle,
+    };
+    Some(Addressed {
+        source,
+        destination,
+        info,
+    })
+}
+
+/// The stamp of a heartbeat of ours that a #1400 answers: who has it has received what was sent to this address.
+pub(crate) fn proof(frame: &ed25::Frame<'_>) -> Option<TimeStamp> {
+    let info = ed25::message(frame.header.message_type, frame.header.version)
+        .filter(|info| info.id == ACKNOWLEDGEMENT)?;
+    let answer = Record::read(info, frame.data).ok()?;
+    (answer.whole(8) == u32::from(REQUEST)).then(|| stamp_of(answer.number(6)))?
+}
+
+/// The Time Stamp of a message, also of one that is not taken.
+pub(crate) fn stamp(frame: &ed25::Frame<'_>) -> Option<TimeStamp> {
+    stamp_of(
+        frame
+            .data
+            .first_chunk()
+            .map(|bytes| f64::from_be_bytes(*bytes)),
+    )
+}
+
+fn stamp_of(seconds: Option<f64>) -> Option<TimeStamp> {
+    let ms = seconds.filter(|seconds| seconds.is_finite())? * 1e3;
+    let first = TimeStamp(0).unix_ms() as f64;
+    let fits = (first..first + TimeStamp::PERIOD_MS as f64).contains(&ms.round());
+    fits.then(|| TimeStamp::from_unix_ms(ms.round() as u64))
+}
+
+impl Translator {
+    /// Takes a message of the station.
+    ///
+    /// # Errors
+    /// It is not taken: under which name it is counted, and why.
+    pub(crate) fn inbound(
+        &mut self,
+        frame: &ed25::Frame<'_>,
+        at: &Addressed,
+        standing: &Standing<'_>,
+    ) -> Result<Inbound, Refusal> {
+        let message_type = frame.header.message_type;
+        let Some(info) = at.info else {
+            let known = ed25::message(message_type, frame.header.version);
+            return Err(match known {
+                Some(info) => Refusal::new(
+                    "bad length",
+                    format!(
+                        "{} bytes of data, expected {}",
+                        frame.data.len(),
+                        info.full_bytes()
+                    ),
+                ),
+                None => Refusal::new("unknown message type", "no message of Edition 2.5"),
+            });
+        };
+        if info.direction == Direction::ToCucs {
+            return Err(Refusal::new(
+                "wrong direction",
+                "message is VSM to CUCS only",
+            ));
+        }
+        let record = Record::read(info, frame.data)?;
+        if record.number(1).is_none() {
+            return Err(Refusal::new("no time stamp", "Time Stamp is before 2000"));
+        }
+        self.version = Some(frame.header.version);
+        let instance = frame.header.instance;
+        let mut taken = Inbound::default();
+        self.take(&record, at, standing, &mut taken)?;
+        let acknowledged = self.requests.acknowledges(info.id);
+        let Some((last, message)) = taken.messages.last_mut() else {
+            // Nothing of it goes further: what is taken here is acknowledged here.
+            if acknowledged {
+                let answer = requests::acknowledgement(&record, instance, standing);
+                taken
+                    .replies
+                    .push(self.datagram(&answer, at.destination, at.source));
+            }
+            return Ok(taken);
+        };
+        last.ack_requested = acknowledged;
+        self.requests.sent(message.id(), &record, instance);
+        Ok(taken)
+    }
+
+    /// The messages of Edition 4 for a record, by its type.
+    fn take(
+        &mut self,
+        record: &Record,
+        at: &Addressed,
+        standing: &Standing<'_>,
+        taken: &mut Inbound,
+    ) -> Result<(), Refusal> {
+        let envelope = Envelope::new(at.source, at.destination);
+        let vehicle = at.destination;
+        let message = match record.id() {
+            1 => Some(authorisation(record, at)?),
+            41..=43 | 48 => {
+                let steering = self.steering.entry(vehicle).or_default();
+                let order = steering.order(record)?;
+                taken.notices.extend(order.notice);
+                taken.latch = Some((vehicle, order.latch));
+                Some(order.message)
+            }
+            800..=806 => {
+                let plans = self.plans.entry(vehicle).or_default();
+                let messages = plans.received(record)?;
+                let all = messages.into_iter().map(|message| (envelope, message));
+                taken.messages.extend(all);
+                None
+            }
+            ACKNOWLEDGEMENT => None,
+            1401 => {
+                self.requests.configure(record)?;
+                None
+            }
+            1402 => Some(requests::schedule(record)?),
+            REQUEST => match record.whole(7) {
+                MODE_PREFERENCE_REPORT => {
+                    let report = self.preference(vehicle, standing.stamp);
+                    taken
+                        .replies
+                        .push(self.datagram(&report, vehicle, at.source));
+                    None
+                }
+                _ => Some(requests::report(record)?),
+            },
+            1200 => match self.requests.configuration(record)? {
+                Some(message) => Some(message),
+                None => {
+                    for answer in requests::unavailable(record, standing) {
+                        taken
+                            .replies
+                            .push(self.datagram(&answer, vehicle, at.source));
+                    }
+                    None
+                }
+            },
+            // Units and windows of remote displays, of which this VSM has none but its status page.
+            1201 => None,
+            1202 => {
+                let services = requests::services(standing);
+                taken
+                    .replies
+                    .push(self.datagram(&services, vehicle, at.source));
+                None
+            }
+            _ => Some(generic(record)?),
+        };
+        taken
+            .messages
+            .extend(message.map(|message| (envelope, message)));
+        Ok(())
+    }
+
+    /// The messages made of the last one were taken: what it says counts from here on. `accepted`: its sender controls
+    /// the vehicle.
+    pub(crate) fn accept(&mut self, (vehicle, latch): (Id, Latch), levels: LoiBitmap) -> bool {
+        let controls = levels.intersects(LoiBitmap::LOI4.union(LoiBitmap::LOI5));
+        let steering = self.steering.entry(vehicle).or_default();
+        controls && steering.accept(latch)
+    }
+
+    /// #109, as a datagram.
+    pub(crate) fn preference_report(&mut self, vehicle: Id, cucs: Id, stamp: TimeStamp) -> Vec<u8> {
+        let report = self.preference(vehicle, stamp);
+        self.datagram(&report, vehicle, cucs)
+    }
+
+    fn preference(&self, vehicle: Id, stamp: TimeStamp) -> Record {
+        let modes = self.steering.get(&vehicle).map(Steering::preference);
+        let mut report = new(109);
+        set_stamp(&mut report, stamp);
+        for (field, mode) in (4..).zip(modes.unwrap_or_default()) {
+            report.set(field, mode);
+        }
+        report
+    }
+
+    /// What a datagram of Edition 4 for this station is in Edition 2.5: none, one or several.
+    pub(crate) fn outbound(&mut self, envelope: &Envelope, message: &Message) -> Vec<Vec<u8>> {
+        let mut whole = [0; MAX_DATAGRAM];
+        let length = message.encode(envelope, &mut whole).unwrap_or(0);
+        let bytes = whole.get(..length).unwrap_or_default();
+        if let Some((last, became)) = &self.last
+            && last == bytes
+        {
+            return became.clone();
+        }
+        let became = self.translate(envelope, message);
+        self.last = Some((bytes.to_vec(), became.clone()));
+        became
+    }
+
+    fn translate(&mut self, envelope: &Envelope, message: &Message) -> Vec<Vec<u8>> {
+        let (vehicle, cucs) = (envelope.source, envelope.destination);
+        let mut record = Record::of(message);
+        let mut before = Vec::new();
+        self.note(vehicle, message, &mut before);
+        match message {
+            // The group copies of others and pushed heartbeats say nothing here; one that asks for an acknowledgement
+            // asks whether the station is at this address.
+            Message::Heartbeat(_) if envelope.ack_requested => {
+                return vec![self.question(&record, vehicle, cucs)];
+            }
+            Message::MessageAcknowledgement(answer) => {
+                let answer = self.requests.acknowledge(answer, vehicle);
+                before.extend(answer);
+                return self.datagrams(&before, vehicle, cucs);
+            }
+            Message::SubsystemStatusAlert(alert) => {
+                let text = alert.text.as_ref().map_or("", |text| text.as_str());
+                record.set_text(12, self.requests.in_own_numbers(text));
+                let records = self.alert(&record, vehicle);
+                return self.datagrams(&records, vehicle, cucs);
+            }
+            Message::UaRoute(_) | Message::UaPositionWaypoint(_) | Message::UaLoiterWaypoint(_) => {
+                let plans = self.plans.entry(vehicle).or_default();
+                match plans.sent(message) {
+                    Ok(Some(waypoint)) => before.push(waypoint),
+                    Ok(None) => {}
+                    Err(what) => {
+                        let caution = self.caution(&record, &what);
+                        before.push(caution);
+                    }
+                }
+                return self.datagrams(&before, vehicle, cucs);
+            }
+            Message::CurveSegment(_) | Message::CurveSegmentPaper(_) => {
+                let caution = self.caution(
+                    &record,
+                    "the plan has curved legs, which Edition 2.5 cannot name",
+                );
+                before.push(caution);
+                return self.datagrams(&before, vehicle, cucs);
+            }
+            _ => {}
+        }
+        if let Some(answers) = self.requests.answers(&record) {
+            before.extend(answers);
+            return self.datagrams(&before, vehicle, cucs);
+        }
+        for number in counterparts(record.id()) {
+            before.extend(self.report(number, &record, vehicle));
+        }
+        self.datagrams(&before, vehicle, cucs)
+    }
+
+    /// #1100. Edition 2.5 cannot append to a text: each part of a long one is an alert with a number of its own, and all
+    /// of them end with the first.
+    fn alert(&mut self, ed4: &Record, vehicle: Id) -> Vec<Record> {
+        let mut record = new(1100);
+        record.take_from(ed4);
+        let number = ed4.number(11).unwrap_or_default();
+        let id = number.abs() as u32;
+        let numbered = |mut record: Record, part: u8| {
+            let apart = f64::from(part.saturating_sub(1).min(MAX_PARTS)) * PART_NUMBERS;
+            record.set(8, number + apart.copysign(number));
+            record
+        };
+        if ed4.whole(3) == CLEARED {
+            let parts = self.parts.remove(&(vehicle, id)).unwrap_or(1);
+            return (1..=parts)
+                .map(|part| numbered(record.clone(), part))
+                .collect();
+        }
+        let part = ed4.number(16).map_or(1, |order| order as u8);
+        if part > 1 && (self.parts.len() < MAX_ALERTS || self.parts.contains_key(&(vehicle, id))) {
+            self.parts.insert((vehicle, id), part);
+        }
+        vec![numbered(record, part)]
+    }
+
+    /// Keeps what later messages are judged by.
+    fn note(&mut self, vehicle: Id, message: &Message, out: &mut Vec<Record>) {
+        match message {
+            Message::VsmAuthorisationResponse(response) => {
+                let granted = response.loi_granted.unwrap_or(LoiBitmap::NONE);
+                if granted.is_empty() {
+                    self.requests.lapse();
+                }
+                let steering = self.steering.entry(vehicle).or_default();
+                steering.granted(granted);
+            }
+            Message::VehicleOperatingModeReport(report) => {
+                let mode = report.select_flight_path_control_mode;
+                let steering = self.steering.entry(vehicle).or_default();
+                steering.shows(mode.map(|mode| mode.raw()));
+            }
+            Message::FromToNextWaypointStates(states) => {
+                let steering = self.steering.entry(vehicle).or_default();
+                let reached = steering.flies_to(states.to_waypoint_number);
+                if let (true, Some(stamp)) = (reached, states.time_stamp) {
+                    out.push(self.preference(vehicle, stamp));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// A report by its row; `None` while what it must state is not known.
+    fn report(&mut self, number: u16, ed4: &Record, vehicle: Id) -> Option<Record> {
+        let empty = Record::ed25(number)?;
+        let engine = if number == ENGINE { ed4.whole(2) } else { 0 };
+        let key = (vehicle, number, engine);
+        let keeps = (100..=110).contains(&number) || number == 20;
+        let mut record = match self.reports.get(&key) {
+            Some(known) if keeps => known.clone(),
+            _ => empty,
+        };
+        for (_, field) in RESET.iter().filter(|(of, _)| *of == number) {
+            record.set(*field, 0);
+        }
+        // What is essential must be known now: an old position with a new stamp would be a false one.
+        for (_, fields) in ESSENTIAL.iter().filter(|(of, _)| *of == number) {
+            for field in *fields {
+                record.clear(*field);
+            }
+        }
+        record.take_from(ed4);
+        if keeps {
+            self.reports.insert(key, record.clone());
+        }
+        let mut essential = ESSENTIAL.iter().filter(|(of, _)| *of == number);
+        let known =
+            essential.all(|(_, fields)| fields.iter().all(|field| record.number(*field).is_some()));
+        known.then_some(record)
+    }
+
+    /// What asks an address for a proof: a request that the station acknowledges, since it was just configured to.
+    fn question(&mut self, heartbeat: &Record, vsm: Id, cucs: Id) -> Vec<u8> {
+        let mut both = Vec::new();
+        for (number, field, value) in [(1401, 6, REQUEST), (REQUEST, 7, RESOURCES)] {
+            let mut record = new(number);
+            record.set(1, heartbeat.number(1).unwrap_or_default());
+            record.set(4, vsm.0);
+            record.set(5, Id::NULL.0);
+            record.set(field, value);
+            both.extend(self.datagram(&record, Id::NULL, cucs));
+        }
+        both
+    }
+
+    /// #1100 of this border itself: what a station is not sent, because its edition cannot name it.
+    fn caution(&mut self, of: &Record, text: &str) -> Record {
+        self.cautions += 1;
+        let mut alert = new(1100);
+        alert.set(1, of.number(1).unwrap_or_default());
+        for (field, value) in [(4, 2.0), (5, -1.0), (6, 9.0), (7, 3.0), (10, 30.0)] {
+            alert.set(field, value);
+        }
+        // Negative in the first instance, and apart from the numbers of the bridge's own alerts.
+        alert.set(8, -f64::from(CAUTIONS + self.cautions % CAUTIONS));
+        alert.set_text(9, text);
+        alert
+    }
+
+    fn datagrams(&mut self, records: &[Record], vehicle: Id, cucs: Id) -> Vec<Vec<u8>> {
+        let all = records.iter();
+        all.map(|record| self.datagram(record, vehicle, cucs))
+            .collect()
+    }
+
+    /// A message with its wrapper, in a datagram of its own.
+    fn datagram(&mut self, record: &Record, vehicle: Id, cucs: Id) -> Vec<u8> {
+        let version = self.version.unwrap_or(Version::Ed25);
+        let mut record = record.clone();
+        // 700 names the parties of a handover in its own fields 3 and 4.
+        for (field, id) in [(2, vehicle), (3, cucs)] {
+            if record.number(field).is_none() {
+                record.set(field, id.0);
+            }
+        }
+        let number = u32::from(record.id());
+        let Some(info) = ed25::message(number, version) else {
+            return Vec::new();
+        };
+        let data = record.data(info);
+        // Stamps of ours rise strictly, so their low bits tell the messages of a mission apart, after a restart too.
+        let stamp = stamp_of(record.number(1)).map_or(0, |stamp| stamp.0 as u32);
+        // Several messages may be made of one; the difference is taken modulo 2^32.
+        let rises = stamp.wrapping_sub(self.instance).wrapping_sub(1) < u32::MAX / 2;
+        self.instance = if rises {
+            stamp
+        } else {
+            self.instance.wrapping_add(1)
+        };
+        let header = ed25::Header {
+            version,
+            instance: self.instance,
+            message_type: number,
+        };
+        let mut out = [0; MAX_DATAGRAM];
+        let length = ed25::encode(&header, &data, &mut out).unwrap_or(0);
+        out.get(..length).unwrap_or_default().to_vec()
+    }
+
+    /// #21 that shows who holds a vehicle, as every station may listen to it (4.1.1.3): in field 3 is the holder.
+    pub(crate) fn holder(
+        &mut self,
+        vsm: Id,
+        vehicle: Id,
+        holder: Id,
+        levels: LoiBitmap,
+        stamp: TimeStamp,
+    ) -> Vec<u8> {
+        let mut record = new(21);
+        set_stamp(&mut record, stamp);
+        record.set(4, vsm.0);
+        record.set(5, Id::NULL.0);
+        record.set(6, levels.raw());
+        record.set(7, levels.raw());
+        record.set(9, u8::from(!levels.is_empty()));
+        self.datagram(&record, vehicle, holder)
+    }
+}
+
+/// #1: of a broadcast the mode is always 0 (4.1.1.1), so it releases nothing.
+fn authorisation(record: &Record, at: &Addressed) -> Result<Message, Refusal> {
+    let mut record = record.clone();
+    if at.destination == Id::BROADCAST {
+        if record.whole(10) != 0 {
+            return Err(Refusal::new(
+                "out of range",
+                "Controlled Station Mode of a broadcast, expected 0: request control of a single vehicle",
+            ));
+        }
+        record.set(8, 0);
+    }
+    to(&record, CucsAuthorisationRequest::ID)
+}
+
+/// A message of which each field has a place in Edition 4, or none.
+fn generic(record: &Record) -> Result<Message, Refusal> {
+    let info = ed25::message(record.id().into(), Version::Ed25);
+    let Some(target) = info.and_then(|info| info.ed4_messages.first()) else {
+        return Err(Refusal::new(
+            "not supported",
+            format!("message #{} is not supported by this VSM", record.id()),
+        ));
+    };
+    to(record, *target)
+}
+
+/// A record as the message of Edition 4 with this number.
+fn to(record: &Record, target: u16) -> Result<Message, Refusal> {
+    let Some(target) = record::ed4(target) else {
+        return Err(Refusal::new("not supported", "no such message"));
+    };
+    Ok(record.to_ed4(target)?.message()?)
+}
+
+/// An empty message of Edition 2.5; the number is one of this border's own.
+fn new(number: u16) -> Record {
+    Record::ed25(number).unwrap_or_else(|| Record::new(&stanag_msgs::messages::Heartbeat::INFO))
+}
+
+fn set_stamp(record: &mut Record, stamp: TimeStamp) {
+    record.set(1, stamp.unix_ms() as f64 / 1e3);
+}
+
+/// The messages of Edition 2.5 that a VSM sends for one of Edition 4.
+pub(crate) fn counterparts(ed4: u16) -> impl Iterator<Item = u16> {
+    ed25::messages()
+        .filter(move |info| info.direction != Direction::ToVsm && info.ed4_messages.contains(&ed4))
+        .map(|info| info.id)
+}
+
+/// Messages that this border composes or answers itself.
+const ACKNOWLEDGEMENT: u16 = 1400;
+const REQUEST: u16 = 1403;
+const RESOURCES: u16 = 1202;
+const ENGINE: u16 = 105;
+const MODE_PREFERENCE_REPORT: u32 = 109;
+/// Cautions of this border are numbered from here.
+const CAUTIONS: u32 = 1_000_000_000;
+
+/// Fields by which a report says that others hold nothing: they are not kept. Message and field.
+const RESET: &[(u16, u8)] = &[
+    (104, 19),
+    (104, 20),
+    (106, 4),
+    (110, 10),
+    (110, 16),
+    (110, 22),
+];
+
+/// What must be known before a report is sent: Edition 2.5 has no way to leave it out. Position and altitude; energy, of
+/// which an unknown one would be an empty one.
+pub(crate) const ESSENTIAL: &[(u16, &[u8])] = &[(101, &[4, 5, 6]), (104, &[16])];
+
+/// Subsystem state of an alert that has ended.
+const CLEARED: u32 = 0;
+/// The numbers of the parts of one alert are so far apart.
+const PART_NUMBERS: f64 = 1e7;
+const MAX_PARTS: u8 = 90;
+/// Alerts in several parts that are known at once.
+const MAX_ALERTS: usize = 256;

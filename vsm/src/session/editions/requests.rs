@@ -1,0 +1,384 @@
+//! Messages that name messages: acknowledgements by instance (#1400, #1401), requests and schedules by type (#1402,
+//! #1403), configuration by message and field (#1200, #1300 to #1304).
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use stanag_msgs::ed25;
+use stanag_msgs::enums::AckType;
+use stanag_msgs::messages::{
+    ConfigurationComplete, FieldConfigurationEnumeratedResponse, FieldConfigurationFloatResponse,
+    FieldConfigurationIntegerResponse, FieldConfigurationRequest,
+    FieldConfigurationUnsignedResponse, GenericInformationRequestMessage, MessageAcknowledgement,
+    MessageParameterAvailability, ScheduleMessageUpdateCommand,
+};
+use stanag_msgs::table::{Direction, FieldInfo, MessageInfo, Wire};
+use stanag_msgs::{Id, Message, TimeStamp};
+
+use super::record::{Record, ed4};
+use super::{Refusal, Standing, new, set_stamp, stamp_of, to};
+
+/// What a station has asked for, by the numbers of its edition.
+#[derive(Debug, Default)]
+pub(crate) struct Requests {
+    /// The messages that it wants acknowledged (#1401).
+    acknowledged: BTreeSet<u16>,
+    /// What was made of its latest messages, so that an answer names them as it did.
+    sent: VecDeque<Sent>,
+    /// The message of Edition 2.5 that one of Edition 4 was last made of.
+    numbers: BTreeMap<u16, u16>,
+    /// A level of interoperability is being configured: that of the request.
+    configuring: Option<u8>,
+}
+
+/// A message that may be acknowledged.
+#[derive(Debug)]
+struct Sent {
+    ed4: u16,
+    stamp: TimeStamp,
+    number: u16,
+    instance: u32,
+    seconds: f64,
+    /// #1400 says once that it was received.
+    done: bool,
+}
+
+impl Requests {
+    /// Whether messages of this type are acknowledged.
+    pub(super) fn acknowledges(&self, number: u16) -> bool {
+        self.acknowledged.contains(&number)
+    }
+
+    /// #1401: one message more.
+    pub(super) fn configure(&mut self, record: &Record) -> Result<(), Refusal> {
+        let number = record.whole(6);
+        let known = ed25::message(number, ed25::Version::Ed25);
+        match known.filter(|info| info.direction != Direction::ToCucs) {
+            // An acknowledgement is never acknowledged: two peers would answer each other without end.
+            Some(info) if info.id != 1400 => {
+                self.acknowledged.insert(info.id);
+                Ok(())
+            }
+            _ => Err(Refusal::new(
+                "out of range",
+                format!("Message Type {number}, expected a message that a CUCS sends"),
+            )),
+        }
+    }
+
+    /// The connection has ended, or configuration was aborted (4.1.8.2).
+    pub(super) fn lapse(&mut self) {
+        self.acknowledged.clear();
+    }
+
+    /// A message of the station became this one of Edition 4.
+    pub(super) fn sent(&mut self, ed4: u16, record: &Record, instance: u32) {
+        self.numbers.insert(ed4, record.id());
+        let Some((seconds, stamp)) = record.number(1).zip(stamp_of(record.number(1))) else {
+            return;
+        };
+        if self.sent.len() >= MAX_SENT {
+            self.sent.pop_front();
+        }
+        self.sent.push_back(Sent {
+            ed4,
+            stamp,
+            number: record.id(),
+            instance,
+            seconds,
+            done: false,
+        });
+    }
+
+    /// #1400 for a 17000. It says that a message was received and is not refused: an #1100 says why one is.
+    pub(super) fn acknowledge(
+        &mut self,
+        answer: &MessageAcknowledgement,
+        vsm: Id,
+    ) -> Option<Record> {
+        if answer.acknowledgement_type == Some(AckType::Refused) {
+            return None;
+        }
+        let (of, stamp) = (
+            answer.original_message_type?,
+            answer.original_message_time_stamp?,
+        );
+        let mut sent = self.sent.iter_mut().rev();
+        let sent = sent.find(|one| one.ed4 == of && one.stamp == stamp && !one.done)?;
+        sent.done = true;
+        let mut record = new(1400);
+        set_stamp(&mut record, answer.time_stamp?);
+        record.set(4, vsm.0);
+        record.set(5, Id::NULL.0);
+        record.set(6, sent.seconds);
+        record.set(7, sent.instance);
+        record.set(8, u32::from(sent.number));
+        Some(record)
+    }
+
+    /// A text of the bridge with the messages of Edition 4 under the numbers of Edition 2.5, where it names them: at its
+    /// beginning, after the word message, or in brackets.
+    pub(super) fn in_own_numbers(&self, text: &str) -> String {
+        let mut out = String::with_capacity(text.len());
+        let mut before = "";
+        for (index, word) in text.split(' ').enumerate() {
+            if index > 0 {
+                out.push(' ');
+            }
+            let digits = word.trim_matches(|c: char| !c.is_ascii_digit());
+            let bracketed = word.starts_with('(') && word.contains(')');
+            let names = index == 0 || before == "message" || bracketed;
+            let number = digits
+                .parse()
+                .ok()
+                .filter(|number| *number >= 2000 && names);
+            match number.and_then(|number| self.own_number(number)) {
+                Some(own) => out.push_str(&word.replacen(digits, &format!("#{own}"), 1)),
+                None => out.push_str(word),
+            }
+            before = word;
+        }
+        out
+    }
+
+    fn own_number(&self, ed4: u16) -> Option<u16> {
+        let last = self.numbers.get(&ed4).copied();
+        let mut all = ed25::messages();
+        last.or_else(|| {
+            all.find(|info| info.ed4_messages.contains(&ed4))
+                .map(|info| info.id)
+        })
+    }
+
+    /// #1200: `None` where it is about something that Edition 4 has no name for.
+    pub(super) fn configuration(&mut self, record: &Record) -> Result<Option<Message>, Refusal> {
+        let request = record.whole(6);
+        self.configuring = match request {
+            1..=4 => Some([2, 3, 4, 4][request as usize - 1]),
+            ABORT => {
+                self.lapse();
+                None
+            }
+            _ => None,
+        };
+        let mut moved = record.clone();
+        if request == SINGLE {
+            let (number, field) = (record.whole(7), record.whole(8));
+            let info = ed25::message(number, ed25::Version::Ed25).ok_or_else(|| {
+                Refusal::new(
+                    "out of range",
+                    format!("Requested Message {number} is not known"),
+                )
+            })?;
+            let place = match u8::try_from(field).ok().filter(|field| *field > 0) {
+                None => info.ed4_messages.first().map(|message| (*message, 0)),
+                Some(field) => {
+                    let row = info.fields.get(usize::from(field) - 1);
+                    let row = row.ok_or_else(|| {
+                        let fields = info.fields.len();
+                        let why = format!("Requested Field {field}, message {number} has {fields}");
+                        Refusal::new("out of range", why)
+                    })?;
+                    row.ed4
+                }
+            };
+            let Some((message, field)) = place else {
+                return Ok(None);
+            };
+            moved.set(7, u32::from(message));
+            moved.set(8, field);
+        }
+        to(&moved, FieldConfigurationRequest::ID).map(Some)
+    }
+
+    /// The answers of a configuration, by the numbers of Edition 2.5: `None` where this is none.
+    pub(super) fn answers(&mut self, answer: &Record) -> Option<Vec<Record>> {
+        let id = answer.id();
+        let (message, field) = match id {
+            FieldConfigurationIntegerResponse::ID
+            | FieldConfigurationFloatResponse::ID
+            | FieldConfigurationUnsignedResponse::ID
+            | FieldConfigurationEnumeratedResponse::ID => (answer.whole(7), answer.whole(8)),
+            MessageParameterAvailability::ID => (answer.whole(5), answer.whole(6)),
+            ConfigurationComplete::ID => {
+                let mut records = self.unnamed(answer);
+                let mut complete = new(1203);
+                complete.take_from(answer);
+                records.push(complete);
+                return Some(records);
+            }
+            _ => return None,
+        };
+        let places = places(u16::try_from(message).ok()?, u8::try_from(field).ok()?);
+        let records = places.map(|(info, field)| match id {
+            MessageParameterAvailability::ID => {
+                let mut record = new(1303);
+                record.take_from(answer);
+                record.set(7, u32::from(info.id));
+                record.set(8, field.map_or(0, |field| field.bit + 1));
+                if answer.number(7).is_none() {
+                    record.set(9, 0);
+                }
+                record
+            }
+            FieldConfigurationEnumeratedResponse::ID => {
+                let mut record = new(1302);
+                record.take_from(answer);
+                name(record, info, field)
+            }
+            _ => limits(answer, info, field),
+        });
+        Some(records.collect())
+    }
+
+    /// What of Edition 2.5 has no message in Edition 4: #1303 says that it is not supported, before the #1203 of its level.
+    fn unnamed(&mut self, complete: &Record) -> Vec<Record> {
+        let Some(level) = self.configuring.take() else {
+            return Vec::new();
+        };
+        let missing = ed25::messages().filter(|info| {
+            info.ed4_messages.is_empty() && info.loi.contains(&level) && !OWN.contains(&info.id)
+        });
+        missing
+            .map(|info| unsupported(complete, info.id.into(), 0))
+            .collect()
+    }
+}
+
+/// #1303: not available.
+fn unsupported(of: &Record, message: u32, field: u32) -> Record {
+    let mut record = new(1303);
+    record.set(1, of.number(1).unwrap_or_default());
+    record.set(4, of.number(2).unwrap_or_default());
+    record.set(5, Id::NULL.0);
+    record.set(7, message);
+    record.set(8, field);
+    record
+}
+
+/// #1303 and #1203 for a field that has no place in Edition 4: nothing is done with it.
+pub(super) fn unavailable(request: &Record, standing: &Standing<'_>) -> Vec<Record> {
+    let mut complete = new(1203);
+    let mut field = unsupported(request, request.whole(7), request.whole(8));
+    for record in [&mut field, &mut complete] {
+        set_stamp(record, standing.stamp);
+        record.set(4, standing.vsm.0);
+        record.set(5, Id::NULL.0);
+    }
+    vec![field, complete]
+}
+
+/// #1304.
+pub(super) fn services(standing: &Standing<'_>) -> Record {
+    let mut record = new(1304);
+    set_stamp(&mut record, standing.stamp);
+    record.set_text(4, standing.web_page.unwrap_or_default());
+    record
+}
+
+/// #1400 for a message that this border itself carries out.
+pub(super) fn acknowledgement(of: &Record, instance: u32, standing: &Standing<'_>) -> Record {
+    let mut record = new(1400);
+    set_stamp(&mut record, standing.stamp);
+    record.set(4, standing.vsm.0);
+    record.set(5, Id::NULL.0);
+    record.set(6, of.number(1).unwrap_or_default());
+    record.set(7, instance);
+    record.set(8, u32::from(of.id()));
+    record
+}
+
+/// #1402. Edition 4 has whole hertz: less than one becomes one, since 0 would cancel.
+pub(super) fn schedule(record: &Record) -> Result<Message, Refusal> {
+    let mut moved = record.clone();
+    moved.set(4, u32::from(report_of(record.whole(4))?));
+    let hertz = record.number(5).unwrap_or_default();
+    moved.set(
+        5,
+        if hertz > 0.0 {
+            hertz.round().max(1.0)
+        } else {
+            0.0
+        },
+    );
+    to(&moved, ScheduleMessageUpdateCommand::ID)
+}
+
+/// #1403.
+pub(super) fn report(record: &Record) -> Result<Message, Refusal> {
+    let mut moved = record.clone();
+    moved.set(7, u32::from(report_of(record.whole(7))?));
+    to(&moved, GenericInformationRequestMessage::ID)
+}
+
+/// The message of Edition 4 that a report of Edition 2.5 is made of.
+fn report_of(number: u32) -> Result<u16, Refusal> {
+    let info = ed25::message(number, ed25::Version::Ed25);
+    let sent = info.filter(|info| info.direction != Direction::ToVsm);
+    let place = sent.and_then(|info| info.ed4_messages.first().copied());
+    place.ok_or_else(|| {
+        Refusal::new(
+            "not supported",
+            format!("message #{number} is not sent by this VSM"),
+        )
+    })
+}
+
+/// Where a message of Edition 4, or one field of it, is in Edition 2.5.
+fn places(
+    message: u16,
+    number: u8,
+) -> impl Iterator<Item = (&'static MessageInfo, Option<&'static FieldInfo>)> {
+    ed25::messages()
+        .filter(move |info| info.ed4_messages.contains(&message))
+        .flat_map(move |info| {
+            let fields = info.fields.iter();
+            let fields = fields.filter(move |field| field.ed4 == Some((message, number)));
+            let whole = (number == 0).then_some((info, None));
+            whole
+                .into_iter()
+                .chain(fields.map(move |field| (info, Some(field))))
+        })
+}
+
+fn name(mut record: Record, info: &MessageInfo, field: Option<&FieldInfo>) -> Record {
+    record.set(7, u32::from(info.id));
+    record.set(8, field.map_or(0, |field| field.bit + 1));
+    record
+}
+
+/// #1300 or #1301, by the type that the field has in Edition 2.5. The bounds of Edition 4 are in steps of its wire.
+fn limits(
+    answer: &Record,
+    info: &'static MessageInfo,
+    field: Option<&'static FieldInfo>,
+) -> Record {
+    let real = field.is_some_and(|field| matches!(field.wire, Wire::F32 | Wire::F64));
+    let mut record = new(if real { 1301 } else { 1300 });
+    let there = field.and_then(|field| field.ed4);
+    let there =
+        there.and_then(|(message, number)| ed4(message)?.fields.get(usize::from(number) - 1));
+    let step = there.map_or(1.0, |there| match there.wire {
+        Wire::F32 | Wire::F64 => 1.0,
+        _ => there.step(),
+    });
+    for (of, at) in [(1, 1), (4, 2), (5, 3), (6, 4), (9, 9), (20, 21)] {
+        if let Some(value) = answer.number(at) {
+            record.set(of, value);
+        }
+    }
+    for bound in 10..=18 {
+        // The same order in all three messages of Edition 4, after Default Value.
+        if let Some(value) = answer.number(bound + 1) {
+            record.set(bound, value * step);
+        }
+    }
+    record.set_text(19, answer.text(20));
+    name(record, info, field)
+}
+
+const SINGLE: u32 = 0;
+const ABORT: u32 = 6;
+/// Messages that this border answers itself, so that they are supported.
+const OWN: &[u16] = &[48, 109, 1202, 1401];
+/// Messages whose answers are awaited at most.
+const MAX_SENT: usize = 256;

@@ -1,0 +1,184 @@
+use std::io::Read as _;
+
+use stanag_msgs::ed25::{self, Version};
+use stanag_msgs::field::FieldInfo;
+use stanag_msgs::table::{self, MESSAGES};
+
+use super::record::Value;
+use super::*;
+
+/// Messages that another codec has made: data and row.
+fn vectors() -> Vec<(Vec<u8>, Vec<u8>)> {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../tests/data/dli/vectors-ed25-4586.jsonl.gz"
+    );
+    let (file, mut text) = (std::fs::File::open(path).unwrap(), String::new());
+    flate2::read::GzDecoder::new(file)
+        .read_to_string(&mut text)
+        .unwrap();
+    let wires = text.lines().map(|line| {
+        let value: serde_json::Value = serde_json::from_str(line).unwrap();
+        let hex = value["wire"].as_str().unwrap();
+        let bytes = (0..hex.len() / 2).map(|at| u8::from_str_radix(&hex[2 * at..2 * at + 2], 16));
+        bytes.collect::<Result<Vec<u8>, _>>().unwrap()
+    });
+    wires
+        .map(|wire| {
+            let frame = ed25::frames(&wire).next().unwrap().unwrap();
+            (frame.data.to_vec(), wire.clone())
+        })
+        .collect()
+}
+
+/// How far a field may be off after it went through Edition 4.
+fn tolerance(field: &FieldInfo, place: &FieldInfo) -> f64 {
+    if field.unit == Some("s since 1970") {
+        return 0.000_6;
+    }
+    place.step() * 0.51 + 1e-6
+}
+
+fn close(field: &FieldInfo, place: &FieldInfo, sent: &Value, back: &Value) -> bool {
+    let (Value::Number(sent), Value::Number(back)) = (sent, back) else {
+        return sent == back;
+    };
+    let apart = (sent - back).abs();
+    let turns = field.unit == Some("rad");
+    let within = |apart: f64| apart <= tolerance(field, place) + sent.abs() * 1e-6;
+    within(apart) || turns && within((apart - std::f64::consts::TAU).abs())
+}
+
+/// Each field with a place in Edition 4 comes back from there as it was, for every message and every vector.
+#[test]
+fn fields_survive_the_way_through_edition_4() {
+    let mut ways = 0;
+    for (data, wire) in vectors() {
+        let frame = ed25::frames(&wire).next().unwrap().unwrap();
+        let header = frame.header;
+        let info = ed25::message(header.message_type, header.version).unwrap();
+        // Vectors keep to the ranges, but for times, which Edition 4 has from 2000 to 2034 only.
+        let Ok(record) = Record::read(info, &data) else {
+            continue;
+        };
+        for target in info.ed4_messages {
+            let target = table::message(*target).unwrap();
+            let Ok(there) = record.to_ed4(target).and_then(|there| there.message()) else {
+                continue;
+            };
+            let there = Record::of(&there);
+            let mut back = Record::new(info);
+            back.take_from(&there);
+            ways += 1;
+            for field in info.fields {
+                let Some((message, number)) = field.ed4.filter(|(id, _)| *id == target.id) else {
+                    continue;
+                };
+                let place = &table::message(message).unwrap().fields[usize::from(number) - 1];
+                let of = |record: &Record| record.value(field.bit + 1);
+                match (of(&record), of(&back)) {
+                    (Some(sent), Some(back)) => assert!(
+                        close(field, place, &sent, &back),
+                        "{} {}: {sent:?} came back as {back:?}",
+                        info.id,
+                        field.name
+                    ),
+                    (sent, back) => assert_eq!(sent, back, "{} {}", info.id, field.name),
+                }
+            }
+        }
+    }
+    assert!(ways > 500, "{ways}");
+}
+
+/// Every message that a VSM sends is whole: it has its length, its sum, and every field within its range.
+#[test]
+fn whatever_edition_4_says_is_a_whole_message_of_edition_25_or_none() {
+    let mut made = std::collections::BTreeSet::new();
+    for info in MESSAGES {
+        let mut translator = Translator::default();
+        let Some(message) = Message::empty(info.id) else {
+            continue;
+        };
+        let envelope = Envelope::new(Id(0x1b00_0101), Id(0x1b00_00a0));
+        let message = message.stamped(TimeStamp(800_000_000_000));
+        for bytes in translator.outbound(&envelope, &message) {
+            for frame in ed25::frames(&bytes) {
+                let frame = frame.unwrap();
+                let info = ed25::message(frame.header.message_type, Version::Ed25).unwrap();
+                assert_eq!(frame.data.len(), info.full_bytes());
+                Record::read(info, frame.data)
+                    .unwrap_or_else(|fault| panic!("{}: {fault}", info.id));
+                made.insert(info.id);
+            }
+        }
+    }
+    // What needs more than an empty message: an acknowledgement of something, a position, a waypoint of a plan.
+    for number in [
+        20, 21, 100, 102, 103, 105, 106, 107, 108, 110, 700, 900, 1100, 1101, 1203, 1304,
+    ] {
+        assert!(made.contains(&number), "{number} of {made:?}");
+    }
+}
+
+#[test]
+fn nothing_is_reported_before_it_is_known_and_what_is_absent_keeps_its_last_value() {
+    use stanag_msgs::messages::InertialStates;
+    use stanag_msgs::scalar::Altitude;
+    use stanag_msgs::{Bam16, Bam32};
+    let mut translator = Translator::default();
+    let envelope = Envelope::new(Id(0x1b00_0101), Id(0x1b00_00a0));
+    let mut ms = 800_000_000_000;
+    let mut report = |translator: &mut Translator, states: InertialStates| {
+        ms += 1;
+        let message = Message::from(states).stamped(TimeStamp(ms));
+        let all = translator.outbound(&envelope, &message);
+        all.first().map(|bytes| {
+            let frame = ed25::frames(bytes).next().unwrap().unwrap();
+            Record::read(ed25::message(101, Version::Ed25).unwrap(), frame.data).unwrap()
+        })
+    };
+    let attitude = InertialStates {
+        phi: Some(Bam16::from_radians(0.25)),
+        ..InertialStates::default()
+    };
+    assert!(
+        report(&mut translator, attitude).is_none(),
+        "no position is known"
+    );
+    let place = InertialStates {
+        latitude: Some(Bam32::from_degrees(47.0)),
+        longitude: Some(Bam32::from_degrees(8.0)),
+        altitude: Some(Altitude::from_si(500.0).unwrap()),
+        ..InertialStates::default()
+    };
+    let known = report(&mut translator, place).expect("a position");
+    assert!((known.number(4).unwrap() - 47_f64.to_radians()).abs() < 1e-8);
+    assert!(
+        (known.number(14).unwrap() - 0.25).abs() < 1e-4,
+        "roll as it was last"
+    );
+    assert!(
+        report(&mut translator, InertialStates::default()).is_none(),
+        "an old position is none"
+    );
+}
+
+#[test]
+fn texts_name_messages_by_the_numbers_of_the_edition() {
+    let requests = Requests::default();
+    let own = |text: &str| requests.in_own_numbers(text);
+    assert_eq!(
+        own("13000 of 1b:00:00:b0 refused"),
+        "#800 of 1b:00:00:b0 refused"
+    );
+    assert_eq!(
+        own("message 2005 is not supported"),
+        "message #46 is not supported"
+    );
+    assert_eq!(own("load it again (13000)"), "load it again (#800)");
+    assert_eq!(
+        own("climbs to 3000 m, 13002 m"),
+        "climbs to 3000 m, 13002 m"
+    );
+}

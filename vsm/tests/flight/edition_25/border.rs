@@ -1,0 +1,198 @@
+//! What is dropped and refused by name, and that no edition is a way around the rules of another.
+
+use kit::bridge::vehicle_id;
+use serde_json::json;
+
+use super::*;
+
+fn count(rig: &Rig, name: &str) -> u64 {
+    let bridge = rig.bridge.as_ref().unwrap();
+    bridge
+        .status(String::new(), rig.now().mono)
+        .refused
+        .get(name)
+}
+
+#[test]
+fn malformed_datagrams_are_dropped_by_name() {
+    let (mut rig, mut station) = rig();
+    let good = station.datagram(&rig, vehicle_id(0), 1, &json!({ "VSM ID": -1 }));
+    let sum = |bytes: &mut Vec<u8>| {
+        let end = bytes.len() - 4;
+        let sum: u32 = bytes[..end].iter().map(|byte| u32::from(*byte)).sum();
+        bytes[end..].copy_from_slice(&sum.to_be_bytes());
+    };
+    let changed = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut bytes = good.clone();
+        change(&mut bytes);
+        let end = bytes.len() - 4;
+        let sum: u32 = bytes[..end].iter().map(|byte| u32::from(*byte)).sum();
+        bytes[end..].copy_from_slice(&sum.to_be_bytes());
+        bytes
+    };
+    let mut wrong_sum = good.clone();
+    *wrong_sum.last_mut().unwrap() ^= 1;
+    let mut text = station.datagram(&rig, vehicle_id(0), 800, &json!({ "Mission Plan Mode": 5 }));
+    text[30 + 16..30 + 36].fill(b'A');
+    sum(&mut text);
+    let mut nan = station.datagram(&rig, vehicle_id(0), 43, &json!({}));
+    nan[30 + 17..30 + 21].copy_from_slice(&f32::NAN.to_be_bytes());
+    sum(&mut nan);
+    let far = station.datagram(
+        &rig,
+        vehicle_id(0),
+        43,
+        &json!({ "Commanded Altitude": 2e5 }),
+    );
+    let down = station.datagram(&rig, vehicle_id(0), 101, &json!({}));
+    let stranger = changed(&|bytes| bytes[30 + 15] ^= 0x40);
+    let other_vehicle = changed(&|bytes| bytes[30 + 11] ^= 0x40);
+    let unknown = changed(&|bytes| bytes[14..18].copy_from_slice(&1999_u32.to_be_bytes()));
+    let version = changed(&|bytes| bytes[..3].copy_from_slice(b"2.7"));
+    let mut short = good.clone();
+    short.truncate(50);
+    for (bytes, name) in [
+        (wrong_sum, "wrong checksum"),
+        (short, "truncated"),
+        (version, "unknown IDD version"),
+        (unknown, "unknown message type"),
+        (stranger, "unauthorised source"),
+        (other_vehicle, "misaddressed"),
+        (text, "unterminated text"),
+        (nan, "not a number"),
+        (far, "out of range"),
+        (down, "our own"),
+    ] {
+        let before = count(&rig, name);
+        rig.deliver_from(station.address, &bytes);
+        rig.run(0.3);
+        assert_eq!(count(&rig, name), before + 1, "{name}");
+    }
+    // A length that is not the message's.
+    let mut long = good.clone();
+    long.splice(65..65, [0; 4]);
+    long[18..22].copy_from_slice(&39_u32.to_be_bytes());
+    let end = long.len() - 4;
+    let total: u32 = long[..end].iter().map(|byte| u32::from(*byte)).sum();
+    long[end..].copy_from_slice(&total.to_be_bytes());
+    rig.deliver_from(station.address, &long);
+    rig.run(0.3);
+    assert_eq!(count(&rig, "bad length"), 1);
+    let alerts = station.alerts(&rig).concat();
+    assert!(
+        alerts.contains("Commanded Altitude 200000, expected -1000 to 100000 m"),
+        "{alerts}"
+    );
+}
+
+#[test]
+fn what_edition_4_has_no_message_for_is_refused_by_name() {
+    let (mut rig, mut station) = ready();
+    for number in [47, 203, 400, 46, 1500, 201] {
+        station.send(&mut rig, vehicle_id(0), number, &json!({}));
+        rig.run(0.5);
+    }
+    let alerts = station.alerts(&rig).join("|");
+    for number in [47, 203, 400, 46, 1500, 201] {
+        let named =
+            alerts.contains(&format!("#{number} ")) || alerts.contains(&format!("{number} of"));
+        assert!(named, "#{number} in {alerts}");
+    }
+    mode(&mut rig, &mut station, 2);
+    mode(&mut rig, &mut station, 25);
+    rig.run(0.5);
+    let alerts = station.alerts(&rig).join("|");
+    assert!(
+        alerts.contains("sticks") && alerts.contains("reserved"),
+        "{alerts}"
+    );
+}
+
+#[test]
+fn a_command_needs_its_level_and_a_repetition_does_nothing() {
+    let (mut rig, mut station) = rig();
+    request(&mut rig, &mut station, 1, 1);
+    station.send(
+        &mut rig,
+        vehicle_id(0),
+        42,
+        &json!({ "Select Flight Path Control Mode": 21 }),
+    );
+    station.send(&mut rig, vehicle_id(0), 48, &json!({ "Altitude Mode": 2 }));
+    rig.run(0.5);
+    assert_eq!(count(&rig, "without the right"), 2);
+    assert!(
+        station.take(&rig, 109).is_empty(),
+        "a preference without the right is none"
+    );
+    // Repeated: once carried out.
+    request(&mut rig, &mut station, 0x0f, 1);
+    let order = station.datagram(&rig, vehicle_id(0), 41, &json!({ "Loiter Type": 4 }));
+    rig.deliver_from(station.address, &order);
+    rig.run(0.3);
+    rig.deliver_from(station.address, &order);
+    rig.run(0.3);
+    assert_eq!(count(&rig, "duplicate"), 1);
+}
+
+#[test]
+fn a_recorded_demand_is_not_kept_for_the_next_mode() {
+    let (mut rig, mut station) = ready();
+    let demand =
+        json!({ "Altitude Command Type": 1, "Commanded Altitude": 60.0, "Altitude Type": 2 });
+    let recorded = station.datagram(&rig, vehicle_id(0), 43, &demand);
+    // It was held back for over a minute; the station has sent other things since.
+    for _ in 0..14 {
+        rig.run(5.0);
+        station.send(
+            &mut rig,
+            vehicle_id(0),
+            1403,
+            &json!({ "Message Type": 106 }),
+        );
+    }
+    rig.deliver_from(station.address, &recorded);
+    rig.run(0.3);
+    let bridge = rig.bridge.as_ref().unwrap();
+    let refused = bridge.status(String::new(), rig.now().mono).refused;
+    assert_eq!(refused.get("late"), 1, "{refused:?}");
+    mode(&mut rig, &mut station, 21);
+    rig.run(5.0);
+    assert!(
+        rig.truth().landed,
+        "a launch without an altitude of its own is refused"
+    );
+}
+
+#[test]
+fn a_station_speaks_one_edition_at_a_time() {
+    let (mut rig, mut station) = ready();
+    // Its id in Edition 4, from its own address.
+    let beat = stanag_msgs::Message::from(stanag_msgs::messages::Heartbeat {
+        time_stamp: Some(stanag_msgs::TimeStamp(1)),
+    });
+    let mut bytes = [0; 548];
+    let envelope = stanag_msgs::Envelope::new(CUCS, vehicle_id(0));
+    let length = beat.encode(&envelope, &mut bytes).unwrap();
+    rig.deliver_from(station.address, &bytes[..length]);
+    rig.run(0.3);
+    assert_eq!(count(&rig, "another edition"), 1);
+    // Station 0 speaks Edition 4, and nothing of Edition 2.5 is taken in its name.
+    assert!(
+        rig.carry_out(orders::transfer(
+            stanag_msgs::enums::MissionPlanMode::Download
+        ))
+        .is_some()
+    );
+    let mut forged = StationEd25::new(rig.stations[0].id, rig.stations[0].address);
+    forged.send(
+        &mut rig,
+        vehicle_id(0),
+        1,
+        &json!({ "VSM ID": -1, "Requested/Handover LOI": 15, "Controlled Station Mode": 2 }),
+    );
+    rig.run(0.3);
+    let seen = count(&rig, "another edition");
+    assert!(seen >= 1, "{seen}");
+    station.receive(&rig);
+}

@@ -1,0 +1,243 @@
+//! Discovery to release, and the fields of #41, #43 and #48 by what they do.
+
+use kit::bridge::{VSM, vehicle_id};
+use px4_sim::Mode as Px4;
+use serde_json::json;
+use stanag_msgs::Id;
+
+use super::*;
+
+#[test]
+fn a_broadcast_shows_what_can_be_had_and_grants_nothing() {
+    let (mut rig, mut station) = rig();
+    let fields = json!({ "VSM ID": -1, "Data Link ID": Id::NULL.0 as i32 });
+    station.send(&mut rig, Id::BROADCAST, 1, &fields);
+    rig.run(0.5);
+    let [offer] = &station.take(&rig, 21)[..] else {
+        panic!("one #21")
+    };
+    assert_eq!(offer["Vehicle ID"], vehicle_id(0).0);
+    assert_eq!(offer["CUCS ID"], CUCS.0);
+    assert_eq!(offer["VSM ID"], VSM.0);
+    assert_eq!(
+        (&offer["LOI Authorized"], &offer["LOI Granted"]),
+        (&json!(0x0f), &json!(0))
+    );
+    assert_eq!(offer["Controlled Station Mode"], 0);
+    assert!(
+        station.take(&rig, 101).is_empty(),
+        "no status before a grant"
+    );
+}
+
+#[test]
+fn a_flight_from_control_to_release() {
+    let (mut rig, mut station) = ready();
+    let identity = station.take(&rig, 20);
+    assert_eq!(identity[0]["Vehicle ID Update"], vehicle_id(0).0);
+    take_off(&mut rig, &mut station, 20.0);
+    rig.run(2.0);
+    let states = station.take(&rig, 101);
+    let last = states.last().expect("#101 is pushed");
+    let (latitude, _) = orders::place(0.0, 0.0);
+    assert!((last["Latitude"].as_f64().unwrap() - latitude.to_radians()).abs() < 1e-6);
+    assert!(last["W_Speed"].as_f64().unwrap().abs() < 1.0);
+    assert!(
+        last["Time Stamp"].as_f64().unwrap() > 1.7e9,
+        "seconds since 1970"
+    );
+    // Mode 12 here, then over there with #48 manual.
+    mode(&mut rig, &mut station, 12);
+    assert!(rig.until(10.0, |rig| rig.truth().mode == Px4::Loiter));
+    rig.run(1.0);
+    assert_eq!(
+        station.take(&rig, 106).last().unwrap()["Select Flight Path Control Mode"],
+        12
+    );
+    mode(&mut rig, &mut station, 19);
+    assert!(rig.until(60.0, |rig| rig.truth().landed));
+    rig.run(3.0);
+    let released = request(&mut rig, &mut station, 0, 0);
+    assert_eq!(released[0]["LOI Granted"], 0);
+    station.receive(&rig);
+    station.received.clear();
+    rig.run(2.0);
+    assert!(
+        station.take(&rig, 101).is_empty(),
+        "status ends with the release"
+    );
+}
+
+#[test]
+fn a_demand_moves_the_vehicle_only_where_it_rules() {
+    let (mut rig, mut station) = ready();
+    take_off(&mut rig, &mut station, 20.0);
+    mode(&mut rig, &mut station, 12);
+    rig.run(5.0);
+    let height = |rig: &Rig| -rig.truth().position.d;
+    let (latitude, longitude) = orders::place(60.0, 0.0);
+    let there = json!({
+        "Altitude Command Type": 1, "Commanded Altitude": 40.0, "Altitude Type": 2,
+        "Commanded Waypoint Number": 65535,
+        "Loiter Position Latitude": latitude.to_radians(),
+        "Loiter Position Longitude": longitude.to_radians(),
+    });
+    // Configuration rules in mode 12: neither altitude nor place of #43 is flown to, and the station is told.
+    steer(&mut rig, &mut station, &there);
+    rig.run(8.0);
+    assert!((height(&rig) - 20.0).abs() < 1.5, "{}", height(&rig));
+    assert!(rig.truth().position.n.abs() < 2.0);
+    let alerts = station.alerts(&rig);
+    assert!(
+        alerts.iter().any(|text| text.contains("Loiter Position")),
+        "{alerts:?}"
+    );
+    // Manual by #48, reported by #109.
+    station.send(
+        &mut rig,
+        vehicle_id(0),
+        48,
+        &json!({ "Altitude Mode": 2, "Speed Mode": 2, "Course/Heading Mode": 2 }),
+    );
+    rig.run(0.5);
+    assert_eq!(
+        station.take(&rig, 109).last().unwrap()["Altitude Mode State"],
+        2
+    );
+    steer(&mut rig, &mut station, &there);
+    assert!(rig.until(40.0, |rig| height(rig) > 38.0
+        && rig.truth().position.n > 50.0));
+}
+
+#[test]
+fn the_loiter_altitude_rules_in_mode_12_and_a_demand_in_mode_15() {
+    let (mut rig, mut station) = ready();
+    take_off(&mut rig, &mut station, 20.0);
+    let height = |rig: &Rig| -rig.truth().position.d;
+    station.send(
+        &mut rig,
+        vehicle_id(0),
+        41,
+        &json!({ "Loiter Type": 4, "Loiter Altitude": 30.0, "Altitude Type": 2 }),
+    );
+    rig.run(0.5);
+    mode(&mut rig, &mut station, 12);
+    assert!(
+        rig.until(40.0, |rig| (height(rig) - 30.0).abs() < 1.0),
+        "{:?}",
+        station.alerts(&rig)
+    );
+    // 15: #43 overrides, at once.
+    mode(&mut rig, &mut station, 15);
+    rig.run(0.2);
+    steer(
+        &mut rig,
+        &mut station,
+        &json!({ "Altitude Command Type": 1, "Commanded Altitude": 45.0, "Altitude Type": 2 }),
+    );
+    assert!(
+        rig.until(60.0, |rig| height(rig) > 43.5),
+        "{:?}",
+        station.alerts(&rig)
+    );
+    rig.run(2.0);
+    assert_eq!(
+        station.take(&rig, 106).last().unwrap()["Select Flight Path Control Mode"],
+        15
+    );
+}
+
+#[test]
+fn commands_are_acknowledged_by_instance_once_1401_asks_for_it() {
+    let (mut rig, mut station) = ready();
+    let loiter = json!({ "Loiter Type": 1, "Loiter Radius": 30.0, "Loiter Direction": 1 });
+    station.send(&mut rig, vehicle_id(0), 41, &loiter);
+    rig.run(0.5);
+    assert!(station.take(&rig, 1400).is_empty());
+    station.send(
+        &mut rig,
+        vehicle_id(0),
+        1401,
+        &json!({ "Message Type": 41 }),
+    );
+    rig.run(0.2);
+    let instance = station.send(&mut rig, vehicle_id(0), 41, &loiter);
+    rig.run(0.5);
+    let [answer] = &station.take(&rig, 1400)[..] else {
+        panic!("one #1400")
+    };
+    assert_eq!(answer["Original Message Instance ID"], instance);
+    assert_eq!(answer["Original Message Type"], 41);
+    // A release ends it.
+    request(&mut rig, &mut station, 0, 0);
+    request(&mut rig, &mut station, 0x0f, 1);
+    station.send(&mut rig, vehicle_id(0), 41, &loiter);
+    rig.run(0.5);
+    assert!(station.take(&rig, 1400).is_empty());
+}
+
+#[test]
+fn reports_come_as_they_are_requested_and_scheduled() {
+    let (mut rig, mut station) = ready();
+    station.send(
+        &mut rig,
+        vehicle_id(0),
+        1403,
+        &json!({ "Message Type": 100 }),
+    );
+    rig.run(0.5);
+    assert_eq!(station.take(&rig, 100).len(), 1);
+    station.send(
+        &mut rig,
+        vehicle_id(0),
+        1402,
+        &json!({ "Requested Message Type": 102, "Frequency": 2.0 }),
+    );
+    rig.run(3.2);
+    let count = station.take(&rig, 102).len();
+    assert!((5..=8).contains(&count), "{count}");
+    station.send(
+        &mut rig,
+        vehicle_id(0),
+        1403,
+        &json!({ "Message Type": 503 }),
+    );
+    rig.run(0.5);
+    let alerts = station.alerts(&rig);
+    assert!(
+        alerts.iter().any(|text| text.contains("refused")),
+        "{alerts:?}"
+    );
+}
+
+#[test]
+fn the_configuration_phase_speaks_in_messages_and_fields_of_the_edition() {
+    let (mut rig, mut station) = rig();
+    // LOI 4, of whatever message.
+    station.send(
+        &mut rig,
+        vehicle_id(0),
+        1200,
+        &json!({ "VSM ID": -1, "Request Type": 3 }),
+    );
+    rig.run(4.0);
+    let real = station.take(&rig, 1301);
+    let altitude = real
+        .iter()
+        .find(|one| one["Requested Message"] == 43 && one["Requested Field"] == 5);
+    let altitude = altitude.expect("the limits of #43.05");
+    let high = altitude["Max Value"].as_f64().unwrap();
+    assert!(
+        (100.0..100_000.0).contains(&high),
+        "metres, not steps: {high}"
+    );
+    let modes = station.take(&rig, 1303);
+    let refused = |message: u16, field: u8| {
+        modes
+            .iter()
+            .any(|one| one["Reported Message"] == message && one["Reported Field"] == field)
+    };
+    assert!(refused(47, 0), "#47 is not supported");
+    assert!(!refused(48, 0));
+    assert_eq!(station.take(&rig, 1203).len(), 1);
+}

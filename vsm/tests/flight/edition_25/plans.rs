@@ -1,0 +1,194 @@
+//! Missions: #800 to #806 there and back, contingency waypoints, and what one route cannot be.
+
+use kit::bridge::vehicle_id;
+use px4_sim::Mode as Px4;
+use serde_json::{Value, json};
+use stanag_msgs::enums::MissionPlanMode;
+
+use super::*;
+
+fn with(mut waypoint: Value, field: &str, value: u16) -> Value {
+    waypoint[field] = json!(value);
+    waypoint
+}
+
+fn send_square(rig: &mut Rig, station: &mut StationEd25) {
+    let sent = [
+        (801, route(101, "R1", 2)),
+        (802, waypoint(101, 102, 40.0, 0.0)),
+        (802, waypoint(102, 103, 40.0, 40.0)),
+        (
+            803,
+            json!({ "Waypoint Number": 102, "Waypoint Loiter Time": 4, "Waypoint Loiter Type": 4 }),
+        ),
+        (802, waypoint(103, 0, 0.0, 40.0)),
+    ];
+    for (number, fields) in sent {
+        station.send(rig, vehicle_id(0), number, &fields);
+    }
+    rig.run(0.5);
+}
+
+#[test]
+fn a_route_is_uploaded_flown_and_downloaded_as_it_was_sent() {
+    let (mut rig, mut station) = ready();
+    send_square(&mut rig, &mut station);
+    assert_eq!(
+        transfer(&mut rig, &mut station, 2),
+        Some(1),
+        "{:?}",
+        station.alerts(&rig)
+    );
+    take_off(&mut rig, &mut station, 20.0);
+    mode(&mut rig, &mut station, 11);
+    assert!(rig.until(20.0, |rig| rig.truth().mode == Px4::Mission));
+    assert!(rig.until(120.0, |rig| rig.truth().position.e > 38.0
+        && rig.truth().position.n < 5.0));
+    let flown: Vec<_> = station
+        .take(&rig, 110)
+        .iter()
+        .filter_map(|one| one["To Waypoint Number"].as_u64())
+        .collect();
+    for number in [101, 102, 103] {
+        assert!(flown.contains(&number), "{number} in {flown:?}");
+    }
+    // Whatever is downloaded is what was sent, field by field.
+    assert_eq!(transfer(&mut rig, &mut station, 3), Some(1));
+    let routes = station.take(&rig, 801);
+    assert_eq!(
+        (&routes[0]["Route ID"], &routes[0]["Route Type"]),
+        (&json!("R1"), &json!(2))
+    );
+    let waypoints = station.take(&rig, 802);
+    assert_eq!(waypoints.len(), 3);
+    let expected = waypoint(102, 103, 40.0, 40.0);
+    let second = waypoints
+        .iter()
+        .find(|one| one["Waypoint Number"] == 102)
+        .unwrap();
+    for field in [
+        "Waypoint to Latitude or Relative Y",
+        "Waypoint to Longitude or Relative X",
+    ] {
+        let (sent, back) = (
+            expected[field].as_f64().unwrap(),
+            second[field].as_f64().unwrap(),
+        );
+        assert!((sent - back).abs() < 3e-9, "{field}");
+    }
+    assert_eq!(second["Next Waypoint"], 103);
+    assert_eq!(second["Waypoint to Altitude"], json!(20.0));
+    let loiters = station.take(&rig, 803);
+    assert_eq!(loiters[0]["Waypoint Loiter Time"], 4);
+}
+
+#[test]
+fn contingency_waypoints_are_routes_and_differing_ones_are_refused() {
+    let (mut rig, mut station) = ready();
+    let plan = |a: u16| {
+        vec![
+            (801, route(1, "R1", 2)),
+            (
+                802,
+                with(waypoint(1, 2, 40.0, 0.0), "Contingency Waypoint A", 20),
+            ),
+            (
+                802,
+                with(waypoint(2, 0, 80.0, 0.0), "Contingency Waypoint A", a),
+            ),
+            (802, waypoint(20, 0, -40.0, 0.0)),
+            (802, waypoint(30, 0, 0.0, -40.0)),
+        ]
+    };
+    for (number, fields) in plan(30) {
+        station.send(&mut rig, vehicle_id(0), number, &fields);
+    }
+    rig.run(0.5);
+    assert_eq!(transfer(&mut rig, &mut station, 2), None);
+    let alerts = station.alerts(&rig).concat();
+    assert!(
+        alerts.contains("800 of 1b:00:00:b0 refused: route R1: Contingency Waypoint A"),
+        "{alerts}"
+    );
+    for (number, fields) in plan(20) {
+        station.send(&mut rig, vehicle_id(0), number, &fields);
+    }
+    rig.run(0.5);
+    assert_eq!(
+        transfer(&mut rig, &mut station, 2),
+        Some(1),
+        "{:?}",
+        station.alerts(&rig)
+    );
+    assert_eq!(transfer(&mut rig, &mut station, 3), Some(1));
+    let contingency = station.take(&rig, 801);
+    let contingency = contingency.iter().find(|one| one["Route Type"] == 3);
+    assert_eq!(
+        contingency.expect("a contingency route A")["Initial Waypoint Number"],
+        20
+    );
+    let waypoints = station.take(&rig, 802);
+    let of = |number: u16| {
+        let one = waypoints
+            .iter()
+            .find(|one| one["Waypoint Number"] == number);
+        one.unwrap()["Contingency Waypoint A"].clone()
+    };
+    assert_eq!((of(1), of(2), of(20)), (json!(20), json!(20), json!(0)));
+}
+
+#[test]
+fn a_loiter_time_of_zero_is_no_loiter() {
+    let (mut rig, mut station) = ready();
+    for (number, fields) in [
+        (801, route(1, "R1", 2)),
+        (802, waypoint(1, 2, 40.0, 0.0)),
+        (
+            803,
+            json!({ "Waypoint Number": 1, "Waypoint Loiter Type": 4 }),
+        ),
+        (802, waypoint(2, 0, 60.0, 0.0)),
+    ] {
+        station.send(&mut rig, vehicle_id(0), number, &fields);
+    }
+    rig.run(0.5);
+    assert_eq!(
+        transfer(&mut rig, &mut station, 2),
+        Some(1),
+        "{:?}",
+        station.alerts(&rig)
+    );
+    take_off(&mut rig, &mut station, 20.0);
+    mode(&mut rig, &mut station, 11);
+    // In Edition 4 a loiter without a duration has no end.
+    let flown = rig.until(60.0, |rig| rig.truth().position.n > 54.0);
+    assert!(flown, "{:?} {:?}", rig.truth(), station.alerts(&rig));
+}
+
+#[test]
+fn a_plan_of_edition_4_reaches_a_station_of_edition_25() {
+    let (mut rig, mut station) = rig();
+    assert!(rig.carry_out(orders::request_control()).is_some());
+    rig.send_plan(orders::square());
+    assert!(rig.carry_out(orders::load()).is_some());
+    assert!(rig.carry_out(orders::request_control()).is_some());
+    // Control passes by a release.
+    let release = stanag_msgs::messages::CucsAuthorisationRequest {
+        requested_handover_access: Some(stanag_msgs::enums::RequestedAccess::Relinquish),
+        ..Default::default()
+    };
+    assert!(rig.carry_out(release).is_some());
+    let granted = request(&mut rig, &mut station, LOI_4_AND_5, 1);
+    assert_ne!(granted[0]["LOI Granted"], 0);
+    assert_eq!(
+        transfer(&mut rig, &mut station, MissionPlanMode::Download.raw()),
+        Some(1)
+    );
+    let mut numbers: Vec<_> = station
+        .take(&rig, 802)
+        .iter()
+        .filter_map(|one| one["Waypoint Number"].as_u64())
+        .collect();
+    numbers.sort_unstable();
+    assert_eq!(numbers, [101, 102, 103, 104]);
+}
