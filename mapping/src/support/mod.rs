@@ -3,9 +3,11 @@
 //!
 //! A message that is not listed is neither sent nor acted on: one for the VSM is refused, and 16000 gives the reason.
 
+mod edition_25;
 mod facts;
 mod lookup;
 mod row;
 
+pub use edition_25::{Edition25, edition_25, edition_25_rows};
 pub use lookup::{FieldSupport, Received, field, message, provisional, rows, values};
 pub use row::MessageSupport;

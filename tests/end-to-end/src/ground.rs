@@ -27,20 +27,27 @@ impl Ground {
         reason = "each is another: its key and ports are drawn"
     )]
     pub fn new() -> Self {
-        Self::laid_out(true, "")
+        Self::laid_out(true, "", "")
     }
 
     /// The same with MAVLink signing off.
     pub fn unsigned() -> Self {
-        Self::laid_out(false, "")
+        Self::laid_out(false, "", "")
     }
 
     /// The same, signed, with further tables of configuration.
     pub fn with_tables(tables: &str) -> Self {
-        Self::laid_out(true, tables)
+        Self::laid_out(true, "", tables)
     }
 
-    fn laid_out(signed: bool, tables: &str) -> Self {
+    /// The same in a multicast group of the loopback interface, with further tables; returns the group too.
+    pub fn in_group(tables: &str) -> (Self, String) {
+        let group = format!("225.200.1.25:{}", free_udp_port());
+        let keys = format!("multicast = \"{group}\"\ninterface = \"127.0.0.1\"");
+        (Self::laid_out(true, &keys, tables), group)
+    }
+
+    fn laid_out(signed: bool, dli_keys: &str, tables: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let ground = Self {
             folder,
@@ -52,12 +59,15 @@ impl Ground {
         let seed = crate::seed_from_clock().to_le_bytes();
         let key: [u8; 32] = core::array::from_fn(|i| seed[i % 8] ^ (i as u8).wrapping_mul(167) | 1);
         write_key(&ground.path("uav1.key"), &key);
-        fs::write(ground.path("vsm.toml"), ground.configuration() + tables)
-            .expect("the configuration");
+        fs::write(
+            ground.path("vsm.toml"),
+            ground.configuration(dli_keys) + tables,
+        )
+        .expect("the configuration");
         ground
     }
 
-    fn configuration(&self) -> String {
+    fn configuration(&self, dli_keys: &str) -> String {
         let Self {
             dli, mavlink, http, ..
         } = self;
@@ -71,6 +81,7 @@ impl Ground {
 [dli]
 vsm_id = "1b:00:00:01"
 listen = "127.0.0.1:{dli}"
+{dli_keys}
 [[cucs]]
 id = "1b:00:00:a0"
 loi = [2, 3, 4, 5]

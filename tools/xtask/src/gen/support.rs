@@ -6,29 +6,33 @@ use std::fmt::Write;
 use mapping::support::{self, MessageSupport, Received};
 use mavlink::Message as _;
 use mavlink_link::dialect::MavMessage;
-use stanag_msgs::table::{FieldInfo, MESSAGES, MessageInfo};
+use stanag_msgs::ed25;
+use stanag_msgs::table::{Direction, FieldInfo, MESSAGES, MessageInfo};
 
 /// `docs/reference/support.md`; `place` is the file and heading of a message's description.
 pub(super) fn markdown(place: impl Fn(&MessageInfo) -> String) -> String {
     let mut page = String::from(HEAD);
     let _ = writeln!(
         page,
-        "## Messages\n\n| id | name | direction | from a CUCS | sent | layout | confidence |\n|---|---|---|---|---|---|---|"
+        "## Messages\n\n| id | name | direction | from a CUCS | sent | Edition 3 | Edition 2.5 | layout | confidence |\n|---|---|---|---|---|---|---|---|---|"
     );
     for message in MESSAGES {
         let row = support::message(message.id);
         let (taken, sends) = summary(message, row);
         let _ = writeln!(
             page,
-            "| [{0}](dli/{1}) | {2} | {3} | {taken} | {sends} | {4} | {5} |",
+            "| [{0}](dli/{1}) | {2} | {3} | {taken} | {sends} | {6} | {7} | {4} | {5} |",
             message.id,
             place(message),
             message.name,
             message.direction.text(),
             message.layout.text(),
             message.confidence.letter(),
+            edition_3(message.id),
+            numbers(message),
         );
     }
+    edition_25(&mut page);
     mavlink(&mut page);
     page.push_str("\n## Fields\n");
     for message in MESSAGES {
@@ -40,23 +44,99 @@ pub(super) fn markdown(place: impl Fn(&MessageInfo) -> String) -> String {
             continue;
         }
         page.push_str(
-            "| field | name | from a CUCS | sent | confidence |\n|---|---|---|---|---|\n",
+            "| field | name | from a CUCS | sent | Edition 2.5 | confidence |\n|---|---|---|---|---|---|\n",
         );
         for field in message.fields {
             let does = support::field(message, field);
             let _ = writeln!(
                 page,
-                "| {} | {} | {} | {} | {} |",
+                "| {} | {} | {} | {} | {} | {} |",
                 field.bit + 1,
                 field.name,
                 received(does.received),
                 does.sent
                     .map_or_else(|| "no".to_owned(), |from| format!("yes: {from}")),
+                place_of(message, field),
                 confidence(message, field),
             );
         }
     }
     page
+}
+
+/// Whether a station of Edition 3 has the message.
+fn edition_3(id: u16) -> &'static str {
+    match id {
+        4 | 5 => "none",
+        3002 => "fields 1 to 19",
+        _ => "the same",
+    }
+}
+
+/// The messages of Edition 2.5 that hold the same.
+fn numbers(message: &MessageInfo) -> String {
+    let of = ed25::messages().filter(|info| info.ed4_messages.contains(&message.id));
+    let numbers: Vec<_> = of.map(|info| format!("#{}", info.id)).collect();
+    if numbers.is_empty() {
+        return "none".to_owned();
+    }
+    numbers.join(", ")
+}
+
+/// Where Edition 2.5 has a field: `#43.05`.
+fn place_of(message: &MessageInfo, field: &FieldInfo) -> String {
+    let here = Some((message.id, field.bit + 1));
+    let places = ed25::messages().flat_map(|info| {
+        let fields = info.fields.iter().filter(move |field| field.ed4 == here);
+        fields.map(|field| format!("#{}.{:02}", info.id, field.bit + 1))
+    });
+    let places: Vec<_> = places.collect();
+    if places.is_empty() {
+        return "no".to_owned();
+    }
+    places.join(", ")
+}
+
+/// Every message of Edition 2.5, and what becomes of it.
+fn edition_25(page: &mut String) {
+    page.push_str(EDITION_25);
+    for info in ed25::messages() {
+        let numbers: Vec<_> = info.ed4_messages.iter().map(u16::to_string).collect();
+        let by_hand = support::edition_25(info.id);
+        let uses = |id: &u16| {
+            support::message(*id).is_some_and(|row| !row.taken.is_empty() || !row.sends.is_empty())
+        };
+        let does = match by_hand {
+            Some(row) => row.does.to_owned(),
+            None if info.ed4_messages.iter().any(uses) => {
+                format!("{}, field by field", numbers.join(", "))
+            }
+            None if info.direction == Direction::ToCucs => "never".to_owned(),
+            None => "refused".to_owned(),
+        };
+        let own = by_hand.map_or(&[][..], |row| row.honoured);
+        let left = info.fields.iter().skip(3).filter(|field| {
+            field.ed4.is_none()
+                && !own.contains(&(field.bit + 1))
+                && does != "never"
+                && does != "refused"
+        });
+        let left: Vec<_> = left
+            .map(|field| format!("{} ({})", field.bit + 1, field.name))
+            .collect();
+        let _ = writeln!(
+            page,
+            "| #{} | {} | {} | {does} | {} |",
+            info.id,
+            info.name,
+            info.direction.text(),
+            if left.is_empty() {
+                "none".to_owned()
+            } else {
+                left.join(", ")
+            },
+        );
+    }
 }
 
 /// For each message of MAVLink the messages of the DLI whose row names it, by the texts of the row.
@@ -81,7 +161,6 @@ fn mavlink(page: &mut String) {
 
 /// What is done with a whole message: on receipt, and whether it is sent.
 pub(super) fn summary(message: &MessageInfo, row: Option<&MessageSupport>) -> (String, String) {
-    use stanag_msgs::table::Direction;
     let taken = match row {
         _ if message.direction == Direction::ToCucs => "never",
         Some(row) if !row.taken.is_empty() => row.taken,
@@ -109,6 +188,17 @@ pub(super) fn confidence(message: &MessageInfo, field: &FieldInfo) -> &'static s
     field.confidence.unwrap_or(message.confidence).letter()
 }
 
+const EDITION_25: &str = "
+## Edition 2.5
+
+Each of its 79 messages, and what it is inside: a number without # is of Edition 4, whose row says what is done. The last column has
+the fields with no place in Edition 4: ignored from a CUCS, and sent as 0 or as an empty text, since every field is always sent. A
+field that the vehicle has not reported for a while keeps its last value.
+
+| id | name | direction | what is done | fields without a place |
+|---|---|---|---|---|
+";
+
 const HEAD: &str = "# What is supported
 
 Generated by `cargo xtask gen` from the message table and the facts in `mapping/src/support`; changes here are lost.
@@ -120,6 +210,8 @@ The layouts: [dli/](dli/README.md).
 - **refused**: the message is answered by 17000 type 3 if an acknowledgement was requested, and by 16000 with the reason.
 - **never**: a CUCS does not send that message, or this VSM does not.
 - **ed2-derived**: the layout is derived from Edition 2 and provisional: `dli.provisional` selects whether it is used.
+- **Edition 3**: it has the layouts of Edition 4, answered with IDD version 30.
+- **Edition 2.5**: the message, or the field, that holds the same; [below](#edition-25) what is done with each of its messages.
 - **confidence**: A an Edition 4 definition whose author claims to have checked it against the text, B one Edition 4 source or the text of
   Edition 3, C inferred from Edition 2.5, ? found in no source.
 

@@ -11,6 +11,7 @@ use stanag_msgs::{Message, TimeStamp, ed25};
 
 use super::Bridge;
 use super::arrival::ACKNOWLEDGEMENT;
+use crate::session::aircraft::Aircraft;
 use crate::session::authority::Input;
 use crate::session::authority::rules::CONTROL;
 use crate::session::log::LogLevel;
@@ -104,6 +105,11 @@ impl Bridge {
     /// What is due of the stations' addresses.
     pub(super) fn watch_paths(&mut self, now: Now, disk: &mut dyn Disk) {
         for index in 0..self.stations.len() {
+            let id = self.stations[index].id();
+            let holds = |one: &Aircraft| !one.authority.rights().held(id).is_empty();
+            if self.stations[index].speaks_ed25() && self.aircraft.iter().any(holds) {
+                self.paths.keep(now.mono, index);
+            }
             if self.paths.handle_timeout(now.mono, index) {
                 self.moved(now, index, disk);
                 // A CUCS that never proves anything has waited for its old address to fall silent: once in a while.

@@ -418,7 +418,10 @@ impl Translator {
                     self.requests.lapse();
                 }
                 let steering = self.steering.entry(vehicle).or_default();
-                steering.granted(granted);
+                if steering.granted(granted) {
+                    // What it sent without control was refused.
+                    self.plans.remove(&vehicle);
+                }
             }
             Message::VehicleOperatingModeReport(report) => {
                 let mode = report.select_flight_path_control_mode;

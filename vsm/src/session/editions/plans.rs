@@ -39,7 +39,7 @@ impl Plans {
                 let name = record.text(5).to_owned();
                 if first == 0 {
                     self.routes.remove(&name);
-                } else if kind < CONTINGENCY_A {
+                } else if kind < CONTINGENCY_A && self.routes.len() < MAX_ROUTES {
                     self.routes.insert(name, first);
                 }
                 // A route that is deleted begins nowhere, which must be said.
@@ -231,3 +231,5 @@ const DOWNLOAD: u32 = 3;
 const FLIGHT: u32 = 2;
 const CONTINGENCY_A: u32 = 3;
 const ARRIVAL_TIME: u32 = 3;
+/// Routes whose contingencies are compared; a plan has fewer.
+const MAX_ROUTES: usize = 256;

@@ -264,11 +264,12 @@ impl Steering {
         false
     }
 
-    /// #21: what it demanded before it lost or won control counts no more.
-    pub(super) fn granted(&mut self, levels: LoiBitmap) {
+    /// #21: what it demanded before it lost or won control counts no more. True where it did either.
+    pub(super) fn granted(&mut self, levels: LoiBitmap) -> bool {
         let both = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
         let control = LoiBitmap::from_raw(levels.raw() & both.raw());
-        if control.is_empty() != self.control.is_empty() {
+        let changed = control.is_empty() != self.control.is_empty();
+        if changed {
             let (shown, to) = (self.shown, self.to);
             *self = Steering {
                 shown,
@@ -277,6 +278,7 @@ impl Steering {
             };
         }
         self.control = control;
+        changed
     }
 
     /// 3001.

@@ -139,7 +139,7 @@ fn nothing_is_reported_before_it_is_known_and_what_is_absent_keeps_its_last_valu
         })
     };
     let attitude = InertialStates {
-        phi: Some(Bam16::from_radians(0.25)),
+        roll: Some(Bam16::from_radians(0.25)),
         ..InertialStates::default()
     };
     assert!(

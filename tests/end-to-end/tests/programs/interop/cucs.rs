@@ -128,3 +128,36 @@ fn on_wings(airframe: &str) {
 
 /// How much faster than time wings are flown.
 const FAST: &str = "20";
+
+/// It sends to the group from one socket and receives from it on another.
+#[test]
+fn a_station_of_edition_25_flies_in_a_multicast_group() {
+    let tables = "[[cucs]]\nid = \"1b:00:00:b0\"\nloi = [2, 3, 4, 5]\naddress = \"127.0.0.1\"\n";
+    let (ground, group) = Ground::in_group(tables);
+    let bridge = ground.bridge();
+    let aircraft = ground.aircraft();
+    let script = here()
+        .join("interop/cucs_ed25.py")
+        .display()
+        .to_string();
+    let dli = ground.dli();
+    let arguments = [
+        &script,
+        "--vsm",
+        &dli,
+        "--group",
+        &group,
+        "--bind",
+        "127.0.0.1",
+    ];
+    let mut station = Running::start(&plain_python(), arguments);
+    let status = station.wait(FLIGHT);
+    assert!(
+        status.is_some_and(|status| status.success())
+            && station.output().contains("landed and released"),
+        "{status:?}\n{}\nthe bridge:\n{}\nthe aircraft:\n{}",
+        station.output(),
+        bridge.output(),
+        aircraft.output()
+    );
+}

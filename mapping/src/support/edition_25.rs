@@ -1,0 +1,84 @@
+//! What this VSM does with the messages of Edition 2.5 that are more than another form of one of Edition 4.
+//!
+//! All others go over field by field, and what is done with them is what the table has for Edition 4.
+
+/// One message of Edition 2.5.
+#[derive(Debug, Clone, Copy)]
+pub struct Edition25 {
+    /// Its Message Type.
+    pub id: u16,
+    /// What is done with it, or when it is sent.
+    pub does: &'static str,
+    /// Fields without a place in Edition 4 that count all the same, by their numbers.
+    pub honoured: &'static [u8],
+}
+
+/// The row of a message, where it has one.
+#[must_use]
+pub fn edition_25(id: u16) -> Option<&'static Edition25> {
+    EDITION_25.iter().find(|row| row.id == id)
+}
+
+/// All rows, in the order of their types.
+#[must_use]
+pub fn edition_25_rows() -> &'static [Edition25] {
+    EDITION_25
+}
+
+macro_rules! rows {
+    ($($id:literal $does:literal $([$($field:literal),*])?;)*) => {
+        static EDITION_25: &[Edition25] = &[$(
+            Edition25 { id: $id, does: $does, honoured: &[$($($field),*)?] },
+        )*];
+    };
+}
+
+rows! {
+    1 "1; a broadcast is a question whatever levels it names, and its mode must be 0";
+    20 "3";
+    21 "2; in answer to #1 and on every change also one line for each other holder, with its id in field 3";
+    41 "2017; altitude and speed are flown in mode 12, unless #48 says manual" [9, 10, 11, 12];
+    42 "2016, with what the #43 before it commands for that mode; mode 2 is refused, since it is flown by sticks";
+    43 "2016 where #48 and the mode let it rule, else kept for the next #42: an altitude or a heading whose command type is \
+        not 0, a speed and an altimeter setting that are not 0, and a waypoint that is new";
+    47 "refused: relative routes are not flown";
+    48 "kept, and reported by #109; 1 becomes 0 when a waypoint is reached" [4, 5, 6];
+    101 "4000, once position and altitude are known; not while they are not";
+    104 "3002, once the energy level is known; flaps, brakes and gear are 0" ;
+    109 "after #48, on #1403, and when a preference ends" [4, 5, 6];
+    802 "13002; contingency waypoints become contingency routes, which must be the same for all waypoints of a flight route; \
+         a speed of 0 and a time without speed type 3 fill their places" [13, 14];
+    803 "13003 with seconds; a time of 0 is no loiter";
+    900 "14000";
+    1100 "16000, with the numbers of Edition 2.5; each part of a long text is an alert with a number of its own";
+    1200 "40000, by the numbers of Edition 2.5; #1303 at once for what has no place in Edition 4";
+    1201 "acknowledged: there are no remote displays beside the status page";
+    1202 "answered by #1304 with the status page" [6];
+    1300 "41000 and 41003, in the units of the field";
+    1301 "41000, 41001 and 41003 of a field that is a float here, in its unit";
+    1302 "41002";
+    1303 "44003, and for each message of the level that has none in Edition 4";
+    1400 "17000 types 1 and 2, once for each message; not of one that is refused, which #1100 says. Of a station it proves an \
+          address";
+    1401 "its message is acknowledged from then on, until a release or an abort; sent with #1403 to ask an address for a proof" [6];
+    1402 "17001; less than 1 Hz is 1 Hz";
+    1403 "17002";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stanag_msgs::ed25;
+
+    #[test]
+    fn rows_name_messages_of_the_edition_and_fields_without_a_place() {
+        assert!(EDITION_25.is_sorted_by(|one, next| one.id < next.id));
+        for row in EDITION_25 {
+            let info = ed25::message(row.id.into(), ed25::Version::Ed25).expect("a message");
+            for number in row.honoured {
+                let field = &info.fields[usize::from(*number) - 1];
+                assert!(field.ed4.is_none(), "{} {}", row.id, field.name);
+            }
+        }
+    }
+}
