@@ -33,7 +33,7 @@ use stanag_msgs::wrapper::{Envelope, MAX_DATAGRAM};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use self::plans::Plans;
-use self::record::{Fault, Record};
+use self::record::{Fault, Record, times};
 use self::requests::Requests;
 use self::steering::{Latch, Steering};
 
@@ -282,6 +282,17 @@ impl Translator {
                     .replies
                     .push(self.datagram(&services, vehicle, at.source));
                 None
+            }
+            600 => {
+                // A moment or a duration (4.1.4.2.1 does not say): Edition 4 has the moment.
+                let mut record = record.clone();
+                if !record
+                    .number(12)
+                    .is_some_and(|limit| times().contains(&limit))
+                {
+                    record.clear(12);
+                }
+                Some(generic(&record)?)
             }
             _ => Some(generic(record)?),
         };

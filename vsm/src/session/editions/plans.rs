@@ -25,6 +25,10 @@ pub(crate) struct Plans {
     routes: BTreeMap<String, u16>,
     /// Waypoints with a loiter.
     loiters: BTreeSet<u16>,
+    /// The routes of this upload: the same once more begins another.
+    uploaded: BTreeSet<String>,
+    /// Where its contingency routes begin.
+    named: [u16; 2],
     /// Where the contingency routes of a download begin.
     sent: [u16; 2],
 }
@@ -37,6 +41,10 @@ impl Plans {
             801 => {
                 let (first, kind) = (record.whole(4) as u16, record.whole(6));
                 let name = record.text(5).to_owned();
+                if self.uploaded.contains(&name) || self.uploaded.len() >= MAX_ROUTES {
+                    self.end_upload();
+                }
+                self.uploaded.insert(name.clone());
                 if first == 0 {
                     self.routes.remove(&name);
                 } else if kind < CONTINGENCY_A && self.routes.len() < MAX_ROUTES {
@@ -69,9 +77,26 @@ impl Plans {
         let number = record.whole(4) as u16;
         let links = [12, 13, 14].map(|field| record.whole(field) as u16);
         let mut messages = Vec::new();
-        for (kind, first) in (0..).zip(&links[1..]) {
-            if *first != 0 && !self.names(kind, *first) {
-                messages.push(contingency(record, kind, *first)?);
+        for (kind, first) in (0..2).zip(&links[1..]) {
+            match self.named[kind] {
+                named if *first == 0 || named == *first => {}
+                0 => messages.push(contingency(record, kind, *first)?),
+                // A second 13001 of the route would begin another upload.
+                named => {
+                    return Err(Refusal::new(
+                        "not supported",
+                        format!(
+                            "Contingency Waypoint {} {first}, of other waypoints it is {named}: one contingency route is \
+                             flown, name the same in all of them",
+                            NAMES[kind]
+                        ),
+                    ));
+                }
+            }
+        }
+        for (named, first) in self.named.iter_mut().zip(&links[1..]) {
+            if *first != 0 {
+                *named = *first;
             }
         }
         self.waypoints.insert(number, links);
@@ -79,11 +104,10 @@ impl Plans {
         Ok(messages)
     }
 
-    /// Whether a waypoint names this as its contingency already.
-    fn names(&self, kind: usize, first: u16) -> bool {
-        let mut links = self.waypoints.values().map(|links| links[1 + kind]);
-        let mut others = links.clone().filter(|other| *other != 0);
-        links.any(|other| other == first) && others.all(|other| other == first)
+    /// What follows is another upload.
+    fn end_upload(&mut self) {
+        self.uploaded.clear();
+        self.named = [0; 2];
     }
 
     fn loiter(&mut self, record: &Record) -> Result<Vec<Message>, Refusal> {
@@ -119,12 +143,14 @@ impl Plans {
             }
             LOAD => {
                 self.check()?;
+                self.end_upload();
                 command.clear(6);
             }
             DOWNLOAD => {
                 self.sent = [0; 2];
                 command.clear(6);
             }
+            CANCEL => self.end_upload(),
             _ => {}
         }
         Ok(vec![to(&command, MissionTransferCommand::ID)?])
@@ -139,7 +165,7 @@ impl Plans {
                 seen.insert(at, [links[1], links[2]]);
                 at = links[0];
             }
-            for (index, kind) in ["A", "B"].iter().enumerate() {
+            for (index, kind) in NAMES.iter().enumerate() {
                 let mut all = seen.iter().map(|(number, links)| (*number, links[index]));
                 let Some((begin, named)) = all.next() else {
                     continue;
@@ -228,6 +254,9 @@ fn contingency(waypoint: &Record, kind: usize, first: u16) -> Result<Message, Re
 const CLEAR: u32 = 1;
 const LOAD: u32 = 2;
 const DOWNLOAD: u32 = 3;
+const CANCEL: u32 = 5;
+/// Of the contingencies.
+const NAMES: [&str; 2] = ["A", "B"];
 const FLIGHT: u32 = 2;
 const CONTINGENCY_A: u32 = 3;
 const ARRIVAL_TIME: u32 = 3;

@@ -350,7 +350,7 @@ fn checked(field: &'static FieldInfo, bytes: &[u8]) -> Result<Option<Value>, Fau
 }
 
 /// The moments that Edition 4 can name, s since 1970.
-fn times() -> std::ops::Range<f64> {
+pub(super) fn times() -> std::ops::Range<f64> {
     let epoch = TimeStamp(0).unix_ms() as f64 / 1e3;
     epoch..epoch + TimeStamp::PERIOD_MS as f64 / 1e3
 }
@@ -426,7 +426,14 @@ fn write(
                 None => number,
             };
             if field.wire == Wire::F32 {
-                out.extend((number as f32).to_be_bytes());
+                // The nearest float of an end of a range may lie outside.
+                let single = number as f32;
+                let single = match field.range {
+                    Some((low, _)) if f64::from(single) < low => single.next_up(),
+                    Some((_, high)) if f64::from(single) > high => single.next_down(),
+                    _ => single,
+                };
+                out.extend(single.to_be_bytes());
             } else {
                 out.extend(number.to_be_bytes());
             }
@@ -434,7 +441,8 @@ fn write(
         _ => {
             let (low, high) = field.wire.integers().unwrap_or_default();
             let raw = if field.unit == Some(TimeStamp::UNIT) {
-                TimeStamp::from_unix_ms((number * 1e3).round() as u64).0 as i64
+                let seconds = within(times().start, times().end)?;
+                TimeStamp::from_unix_ms((seconds * 1e3).round() as u64).0 as i64
             } else if field.identification {
                 number as i64
             } else if matches!(field.wire, Wire::Bam16 | Wire::Bam32) {

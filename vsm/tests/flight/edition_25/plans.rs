@@ -104,6 +104,16 @@ fn contingency_waypoints_are_routes_and_differing_ones_are_refused() {
         station.send(&mut rig, vehicle_id(0), number, &fields);
     }
     rig.run(0.5);
+    let alerts = station.alerts(&rig).concat();
+    assert!(
+        alerts.contains("802 of 1b:00:00:b0 refused: Contingency Waypoint A 30"),
+        "{alerts}"
+    );
+    // Carrying on from one waypoint, and elsewhere from the other.
+    for (number, fields) in plan(0) {
+        station.send(&mut rig, vehicle_id(0), number, &fields);
+    }
+    rig.run(0.5);
     assert_eq!(transfer(&mut rig, &mut station, 2), None);
     let alerts = station.alerts(&rig).concat();
     assert!(
@@ -132,7 +142,7 @@ fn contingency_waypoints_are_routes_and_differing_ones_are_refused() {
         let one = waypoints
             .iter()
             .find(|one| one["Waypoint Number"] == number);
-        one.unwrap()["Contingency Waypoint A"].clone()
+        one.unwrap_or_else(|| panic!("{number} of {waypoints:?}"))["Contingency Waypoint A"].clone()
     };
     assert_eq!((of(1), of(2), of(20)), (json!(20), json!(20), json!(0)));
 }
