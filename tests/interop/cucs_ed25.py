@@ -36,7 +36,7 @@ class Cucs:
     """The station: fields by name out and in."""
 
     def __init__(self, options):
-        self.id, self.vehicle = options.id, BROADCAST
+        self.id, self.vehicle, self.slow = options.id, BROADCAST, options.slow
         self.inbox, self.faults, self.sent = [], [], set()
         self.instance = int(time.time()) & 0xFFFFFF
         self.last_ms = 0
@@ -98,7 +98,7 @@ class Cucs:
 
     def wait(self, what, wanted, timeout):
         """The first thing that `wanted` finds, by any message so far."""
-        end = time.monotonic() + timeout
+        end = time.monotonic() + timeout * self.slow
         while (found := wanted()) is None or found is False:
             if time.monotonic() > end:
                 texts = [m["fields"]["Text"] for m in self.inbox if m["id"] == 1100]
@@ -109,7 +109,7 @@ class Cucs:
 
     def ask(self, what, id, timeout, answer, wanted, **fields):
         """Sends a message, again every second, until an answer that is wanted has come."""
-        since, end = len(self.inbox), time.monotonic() + timeout
+        since, end = len(self.inbox), time.monotonic() + timeout * self.slow
         while True:
             self.send(id, **fields)
             again = time.monotonic() + 1.0
@@ -237,6 +237,7 @@ def main():
     parser.add_argument("--id", type=identification, default=identification("1b:00:00:b0"))
     parser.add_argument("--bind", default="0.0.0.0")
     parser.add_argument("--group", type=address)
+    parser.add_argument("--slow", type=float, default=1.0, help="allow so many times the time of each step")
     parser.add_argument("--interface", default="127.0.0.1")
     cucs = Cucs(parser.parse_args())
     began = time.monotonic()
