@@ -41,10 +41,9 @@ rows! {
     42 "2016, with what the #43 before it commands for that mode; mode 2 is refused, since it is flown by sticks";
     43 "2016 where #48 and the mode let it rule, else kept for the next #42: an altitude or a heading whose command type is \
         not 0, a speed and an altimeter setting that are not 0, and a waypoint that is new";
-    47 "refused: relative routes are not flown";
     48 "kept, and reported by #109; 1 becomes 0 when a waypoint is reached" [4, 5, 6];
     101 "4000, once position and altitude are known; not while they are not";
-    104 "3002, once the energy level is known; flaps, brakes and gear are 0" ;
+    104 "3002, once the energy level is known; flaps, brakes and gear are 0";
     109 "after #48, on #1403, and when a preference ends" [4, 5, 6];
     802 "13002; contingency waypoints become contingency routes, which must be the same for all waypoints of a flight route; \
          a speed of 0 and a time without speed type 3 fill their places" [13, 14];

@@ -1,3 +1,5 @@
+//! Every message of the edition there and back, by vectors of another codec; and what is never sent.
+
 use std::io::Read as _;
 
 use stanag_msgs::ed25::{self, Version};
