@@ -88,7 +88,7 @@ fn place_of(message: &MessageInfo, field: &FieldInfo) -> String {
     let here = Some((message.id, field.bit + 1));
     let places = ed25::messages().flat_map(|info| {
         let fields = info.fields.iter().filter(move |field| field.ed4 == here);
-        fields.map(|field| format!("#{}.{:02}", info.id, field.bit + 1))
+        fields.map(move |field| format!("#{}.{:02}", info.id, field.bit + 1))
     });
     let places: Vec<_> = places.collect();
     if places.is_empty() {

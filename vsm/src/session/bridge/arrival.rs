@@ -396,7 +396,7 @@ pub(super) fn drop_name(fault: &WrapperError) -> &'static str {
 }
 
 const NO_STAMP: &str = "a command needs its Time Stamp (field 1): without one a recording of it could not be told from it";
-pub(super) const ACKNOWLEDGEMENT: u16 = 17000;
+const ACKNOWLEDGEMENT: u16 = 17000;
 /// Commands of one station, which are logged each: 1,000 a second, 2,000 at once. An upload of 10,000 waypoints is
 /// slowed down, and sent again where it was cut.
 pub(super) const COMMANDS: Rate = Rate {

@@ -5,12 +5,11 @@ use std::net::SocketAddr;
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
 use stanag_msgs::enums::LoiBitmap;
-use stanag_msgs::messages::Heartbeat;
+use stanag_msgs::messages::{Heartbeat, MessageAcknowledgement};
 use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Message, TimeStamp, ed25};
 
 use super::Bridge;
-use super::arrival::ACKNOWLEDGEMENT;
 use crate::session::aircraft::Aircraft;
 use crate::session::authority::Input;
 use crate::session::authority::rules::CONTROL;
@@ -88,11 +87,13 @@ impl Bridge {
 
     /// The stamp that a 17000 of a heartbeat of ours names.
     pub(super) fn answer_in(&self, frame: &Frame<'_>) -> Option<TimeStamp> {
-        if frame.header.message_type != ACKNOWLEDGEMENT || frame.header.destination != self.vsm {
+        if frame.header.message_type != MessageAcknowledgement::ID
+            || frame.header.destination != self.vsm
+        {
             return None;
         }
         let readings = self.readings_of(frame.header.source);
-        match readings.decode(ACKNOWLEDGEMENT, frame.data) {
+        match readings.decode(MessageAcknowledgement::ID, frame.data) {
             Ok(Message::MessageAcknowledgement(answer))
                 if answer.original_message_type == Some(Heartbeat::ID) =>
             {
