@@ -16,6 +16,7 @@
 //! decides which fields count; what an aircraft has not reported keeps its last value, and a message that would state
 //! what is not known is not sent before it is ([`ESSENTIAL`]).
 
+mod form;
 pub(crate) mod plans;
 pub(crate) mod record;
 pub(crate) mod requests;
@@ -32,8 +33,10 @@ use stanag_msgs::table::{Direction, MessageInfo};
 use stanag_msgs::wrapper::{Envelope, MAX_DATAGRAM};
 use stanag_msgs::{Id, Message, TimeStamp};
 
+pub(crate) use self::form::{Refusal, Standing};
+use self::form::{generic, new, set_stamp, stamp_of, to};
 use self::plans::Plans;
-use self::record::{Fault, Record, times};
+use self::record::{Record, times};
 use self::requests::Requests;
 use self::steering::{Latch, Steering};
 
@@ -57,17 +60,6 @@ pub(crate) struct Translator {
     parts: BTreeMap<(Id, u32), u8>,
 }
 
-/// What the bridge knows of the sender of a message.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Standing<'a> {
-    /// The identification number of this VSM.
-    pub(crate) vsm: Id,
-    /// The stamp of an answer.
-    pub(crate) stamp: TimeStamp,
-    /// Where the status page is.
-    pub(crate) web_page: Option<&'a str>,
-}
-
 /// What a message of Edition 2.5 is in Edition 4.
 #[derive(Debug, Default)]
 pub(crate) struct Inbound {
@@ -79,28 +71,6 @@ pub(crate) struct Inbound {
     pub(crate) notices: Vec<String>,
     /// What it changes here once the last of the messages is accepted.
     pub(crate) latch: Option<(Id, Latch)>,
-}
-
-/// A message of Edition 2.5 that goes no further.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Refusal {
-    /// The counter.
-    pub(crate) counter: &'static str,
-    /// Why, for the operator.
-    pub(crate) why: String,
-}
-
-impl Refusal {
-    pub(super) fn new(counter: &'static str, why: impl Into<String>) -> Refusal {
-        let why = why.into();
-        Refusal { counter, why }
-    }
-}
-
-impl From<Fault> for Refusal {
-    fn from(fault: Fault) -> Refusal {
-        Refusal::new(fault.counter(), fault.to_string())
-    }
 }
 
 /// Sender, receiver and type of a message of Edition 2.5, as the wrapper of Edition 4 would name them.
@@ -156,13 +126,6 @@ pub(crate) fn stamp(frame: &ed25::Frame<'_>) -> Option<TimeStamp> {
             .first_chunk()
             .map(|bytes| f64::from_be_bytes(*bytes)),
     )
-}
-
-fn stamp_of(seconds: Option<f64>) -> Option<TimeStamp> {
-    let ms = seconds.filter(|seconds| seconds.is_finite())? * 1e3;
-    let first = TimeStamp(0).unix_ms() as f64;
-    let fits = (first..first + TimeStamp::PERIOD_MS as f64).contains(&ms.round());
-    fits.then(|| TimeStamp::from_unix_ms(ms.round() as u64))
 }
 
 impl Translator {
@@ -580,35 +543,6 @@ fn authorisation(record: &Record, at: &Addressed) -> Result<Message, Refusal> {
         record.set(8, 0);
     }
     to(&record, CucsAuthorisationRequest::ID)
-}
-
-/// A message of which each field has a place in Edition 4, or none.
-fn generic(record: &Record) -> Result<Message, Refusal> {
-    let info = ed25::message(record.id().into(), Version::Ed25);
-    let Some(target) = info.and_then(|info| info.ed4_messages.first()) else {
-        return Err(Refusal::new(
-            "not supported",
-            format!("message #{} is not supported by this VSM", record.id()),
-        ));
-    };
-    to(record, *target)
-}
-
-/// A record as the message of Edition 4 with this number.
-fn to(record: &Record, target: u16) -> Result<Message, Refusal> {
-    let Some(target) = record::ed4(target) else {
-        return Err(Refusal::new("not supported", "no such message"));
-    };
-    Ok(record.to_ed4(target)?.message()?)
-}
-
-/// An empty message of Edition 2.5; the number is one of this border's own.
-fn new(number: u16) -> Record {
-    Record::ed25(number).unwrap_or_else(|| Record::new(&stanag_msgs::messages::Heartbeat::INFO))
-}
-
-fn set_stamp(record: &mut Record, stamp: TimeStamp) {
-    record.set(1, stamp.unix_ms() as f64 / 1e3);
 }
 
 /// The messages of Edition 2.5 that a VSM sends for one of Edition 4.

@@ -13,8 +13,8 @@ use stanag_msgs::messages::{
     MissionTransferCommand, UaLoiterWaypoint, UaPositionWaypoint, UaRoute,
 };
 
+use super::form::{Refusal, generic, new, to};
 use super::record::Record;
-use super::{Refusal, generic, new, to};
 
 /// What a station has sent of a plan, and was sent.
 #[derive(Debug, Default)]

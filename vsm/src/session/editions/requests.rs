@@ -14,8 +14,8 @@ use stanag_msgs::messages::{
 use stanag_msgs::table::{Direction, FieldInfo, MessageInfo, Wire};
 use stanag_msgs::{Id, Message, TimeStamp};
 
+use super::form::{Refusal, Standing, new, set_stamp, stamp_of, to};
 use super::record::{Record, ed4};
-use super::{Refusal, Standing, new, set_stamp, stamp_of, to};
 
 /// What a station has asked for, by the numbers of its edition.
 #[derive(Debug, Default)]

@@ -20,8 +20,8 @@ use stanag_msgs::Message;
 use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
+use super::form::{Refusal, to};
 use super::record::{Record, ed4};
-use super::{Refusal, to};
 
 /// What a station steers one vehicle by.
 #[derive(Debug, Default)]
