@@ -136,10 +136,7 @@ fn a_station_of_edition_25_flies_in_a_multicast_group() {
     let (ground, group) = Ground::in_group(tables);
     let bridge = ground.bridge();
     let aircraft = ground.aircraft();
-    let script = here()
-        .join("interop/cucs_ed25.py")
-        .display()
-        .to_string();
+    let script = here().join("interop/cucs_ed25.py").display().to_string();
     let dli = ground.dli();
     let arguments = [
         &script,
