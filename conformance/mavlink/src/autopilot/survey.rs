@@ -71,9 +71,10 @@ pub(crate) fn survey(
                 .set("command", 512)
                 .set("param1", 148);
             let mark = peer.send(&version);
-            peer.wait(mark, Duration::from_secs(1), |seen| {
-                seen.frame.is("AUTOPILOT_VERSION")
-            });
+            // Its acknowledgement too: a late one would pass for the answer to a command of the first scene.
+            for name in ["AUTOPILOT_VERSION", "COMMAND_ACK"] {
+                peer.wait(mark, Duration::from_secs(1), |seen| seen.frame.is(name));
+            }
             return Ok(remarks);
         }
     }
