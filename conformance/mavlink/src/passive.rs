@@ -21,7 +21,7 @@ pub struct View<'a> {
     pub role: Role,
     /// The key at the beginning of the run.
     pub key: Option<Key>,
-    /// Since when the suite has changed keys in this run: from then on not every frame is of the run's key.
+    /// Since when the suite has changed keys, or restarted the subject, in this run: from then on not every frame is of the run's key.
     pub rekeyed: Option<Duration>,
     /// Since when the suite has sent times of the future: from then on the subject's stamps may be odd.
     pub shifted: Option<Duration>,
@@ -352,7 +352,7 @@ fn rising(view: &View<'_>) -> Found {
 }
 
 fn epoch(view: &View<'_>) -> Found {
-    let frames = before(signed(view), view.shifted.or(view.rekeyed));
+    let frames = before(before(signed(view), view.shifted), view.rekeyed);
     // The last: PX4 begins low, and is lifted by the first signed frame of its peer.
     let Some(seen) = frames.last() else {
         return unseen("no signed frame of the subject");

@@ -265,7 +265,11 @@ impl Run<'_> {
             frames: &frames,
             role: self.role,
             key: self.bench.net.key(),
-            rekeyed: since(&|report| report.group == "KEY"),
+            // A restart brings PX4's timestamps back to those of its key file.
+            rekeyed: since(&|report| {
+                report.group == "KEY"
+                    || matches!(report.id.as_str(), "SIGN-007" | "SIGN-019" | "SIGN-032")
+            }),
             shifted: since(&|report| matches!(report.id.as_str(), "SIGN-011" | "SIGN-012")),
             logs: &self.bench.logs,
             phrase: self.bench.phrase.as_deref(),

@@ -1,0 +1,4 @@
+"""Runs a subject."""
+from .program import main
+
+main()

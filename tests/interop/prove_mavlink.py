@@ -1,0 +1,148 @@
+#!/usr/bin/env python3
+"""The proof of `mavlink-check`: judges the lawful autopilot of `mavlink_peers`, then each of its faults by the rule that it breaks.
+
+    prove_mavlink.py --mavlink-check target/debug/mavlink-check [--only SIGN-003] [--out docs/reference/mavlink-conformance-proof.md]
+
+Every run has a subject and ports of its own. Ends with 0 where nothing fails on the lawful one and each fault is found.
+"""
+import argparse
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from mavlink_peers.faults import FAULTS
+
+HERE = Path(__file__).resolve().parent
+HEAD = """# The proof of mavlink-check
+
+Written by `tests/interop/prove_mavlink.py`: `mavlink-check` judges the Python autopilot of `tests/interop/mavlink_peers`, which has a codec of its own.
+Nothing may fail on the lawful one; each fault has to make its own rule fail (with `--strict`).
+"""
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return sock.getsockname()[1]
+
+
+def start(folder):
+    """Starts the subject of a folder; its options are kept there for a restart."""
+    options = json.loads((folder / "options.json").read_text())
+    log = open(folder / "subject.log", "a")
+    process = subprocess.Popen([sys.executable, "-m", "mavlink_peers", "autopilot", *options], cwd=HERE, stderr=log, start_new_session=True)
+    (folder / "pid").write_text(str(process.pid))
+    return process
+
+
+def stop(folder):
+    try:
+        os.kill(int((folder / "pid").read_text()), signal.SIGKILL)
+    except (OSError, ValueError):
+        pass
+
+
+def judge(fault, args):
+    """Verdicts and reasons by rule; with a fault only of its own rule."""
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        key = os.urandom(32).hex()
+        (folder / "key").write_text(key)
+        (folder / "subject.key").write_text(key)
+        ports = [free_port(), free_port()]
+        options = ["--key-file", str(folder / "subject.key")]
+        # Where a signature would hide what is judged of frames, the subject has no key.
+        unsigned = fault in ("FRAME-002",)
+        if unsigned:
+            options = []
+        for port in ports:
+            options += ["--link", f"127.0.0.1:{port}", "--port", str(free_port())]
+        if fault:
+            options += ["--fault", fault]
+        (folder / "options.json").write_text(json.dumps(options))
+        subject = start(folder)
+        report = folder / "report.json"
+        command = [args.mavlink_check, "autopilot", f"udpin:127.0.0.1:{ports[0]}", "--second", f"udpin:127.0.0.1:{ports[1]}", "--simulated", "--allow", "setup-signing",
+                   # The clock of the subject is its own: it sets none of the computer's.
+                   "--system-time", "--restart", f"{sys.executable} {HERE / 'prove_mavlink.py'} --restart {folder}", "--quiet", "--no-repeat", "--json", str(report)]
+        if not unsigned:
+            command += ["--key-file", str(folder / "key")]
+        if fault:
+            command += ["--strict"]
+            for rule in wanted(fault):
+                command += ["--rule", rule]
+        try:
+            subprocess.run(command, capture_output=True, text=True, timeout=args.limit)
+        except subprocess.TimeoutExpired:
+            pass
+        stop(folder)
+        subject.wait()
+        rules = json.loads(report.read_text())["rules"] if report.exists() else []
+        crash = "Traceback" in (folder / "subject.log").read_text()
+    found = {rule["id"]: (rule["verdict"], rule["reason"]) for rule in rules}
+    if fault:
+        verdict, reason = found.get(fault, ("no end", ""))
+        print(f"{fault:10} {time.monotonic() - began:5.1f} s  {verdict}{' (subject crashed)' if crash else ''}: {reason[:100]}", flush=True)
+    else:
+        print(f"lawful     {time.monotonic() - began:5.1f} s  fails: {[f'{k}: {v[1]}' for k, v in found.items() if v[0] in ('fail', 'flaky')]}", flush=True)
+    return fault, found
+
+
+def wanted(fault):
+    """The rule of a fault, and what gives a passive rule something to look at."""
+    passive = ("FRAME-001", "FRAME-008", "FRAME-009", "HB-001", "SIGN-002", "SIGN-010", "SIGN-014", "SIGN-015", "SIGN-016", "SIGN-028", "PARAM-010")
+    return [fault, "SIGN-040" if fault != "PARAM-010" else "PARAM-003"] if fault in passive else [fault]
+
+
+def table(done):
+    lawful = next((found for fault, found in done if not fault), {})
+    lines = [HEAD, "## The lawful autopilot", "", "| verdict | rules |", "|---|---|"]
+    for verdict in ("pass", "warning", "inconclusive", "not_applicable", "fail", "flaky"):
+        ids = [rule for rule, found in lawful.items() if found[0] == verdict]
+        if ids:
+            lines.append(f"| {verdict} | {len(ids)}{'' if verdict == 'pass' else ': ' + ', '.join(ids)} |")
+    lines += ["", "## Faults", "", "| rule | the autopilot | verdict |", "|---|---|---|"]
+    for fault, found in done:
+        if fault:
+            lines.append(f"| {fault} | {FAULTS[fault]} | {found.get(fault, ('no end',))[0]} |")
+    caught = sum(found.get(fault, ("",))[0] in ("fail", "flaky") for fault, found in done if fault)
+    without = sorted(set(lawful) - set(FAULTS))
+    lines += ["", f"{caught} of {len([1 for fault, _ in done if fault])} faults are found.", "", "Rules of an autopilot without a fault: " + (", ".join(without) or "none") + "."]
+    return "\n".join(lines) + "\n"
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Prove mavlink-check on a Python autopilot and its faults.")
+    parser.add_argument("--mavlink-check", default="target/debug/mavlink-check", metavar="PROGRAM")
+    parser.add_argument("--only", action="append", metavar="RULE", help="just this fault, or 'lawful' (repeat)")
+    parser.add_argument("--at-once", type=int, default=6, help="number of runs side by side")
+    parser.add_argument("--limit", type=float, default=240, metavar="S", help="time for one run")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the table here")
+    parser.add_argument("--restart", type=Path, metavar="DIR", help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.restart:
+        stop(args.restart)
+        start(args.restart)
+        return
+    chosen = [fault for fault in (None, *FAULTS) if not args.only or (fault or "lawful") in args.only]
+    with ThreadPoolExecutor(args.at_once) as pool:
+        done = list(pool.map(lambda fault: judge(fault, args), chosen))
+    text = table(done)
+    if args.out:
+        args.out.write_text(text)
+    missed = [fault for fault, found in done if fault and found.get(fault, ("",))[0] not in ("fail", "flaky")]
+    wrong = [rule for fault, found in done if not fault for rule, verdict in found.items() if verdict[0] in ("fail", "flaky")]
+    print(f"missed: {missed or 'none'}; failed on the lawful: {wrong or 'none'}")
+    sys.exit(1 if missed or wrong else 0)
+
+
+if __name__ == "__main__":
+    main()
