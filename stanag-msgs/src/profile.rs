@@ -21,8 +21,8 @@ use crate::enums::LoiBitmap;
 use crate::error::{DecodeError, EncodeError};
 use crate::field::Field;
 use crate::scalar::{FineAngularRate, Integer};
-use crate::table::Message;
 use crate::table::messages::PositiveHandoverAuthorisationGranted as Message5;
+use crate::table::{self, Message};
 use crate::wrapper::{self, Envelope, Frames, Sum16Variant, frames_with};
 
 /// How a peer reads what [`DISPUTED`] lists.
@@ -171,13 +171,53 @@ impl Profile {
         let mut message = message.clone();
         self.translate(&mut message, Way::Out);
         let id = message.id();
-        wrapper::encode_with(self.checksum_1, id, envelope, out, |out| match out {
+        wrapper::encode_with(self.checksum_1, id, envelope, out, |out| {
+            self.put_data(id, out, |out| message.encode_data(out))
+        })
+    }
+
+    /// [`Profile::encode`] with a full presence vector, for a peer that takes no other: what is absent is zeros
+    /// ([`fill`](table::fill)). A message with a field of unknown length is written as it is.
+    ///
+    /// # Errors
+    /// As [`Message::encode`].
+    pub fn encode_full(
+        &self,
+        message: &Message,
+        envelope: &Envelope,
+        out: &mut [u8],
+    ) -> Result<usize, EncodeError> {
+        let info = message.info();
+        if info.fields.iter().any(|field| field.wire.bytes().is_none()) {
+            return self.encode(message, envelope, out);
+        }
+        let mut translated = message.clone();
+        self.translate(&mut translated, Way::Out);
+        let mut partial = [0; wrapper::MAX_DATA];
+        let length = translated.encode_data(&mut partial)?;
+        let partial = partial.get(..length).unwrap_or_default();
+        wrapper::encode_with(self.checksum_1, info.id, envelope, out, |out| {
+            self.put_data(info.id, out, |out| {
+                let available = out.len();
+                table::fill(info, partial, out).ok_or(EncodeError::BufferTooSmall { available })
+            })
+        })
+    }
+
+    /// Has message data written, behind the byte that only this peer has.
+    fn put_data(
+        &self,
+        id: u16,
+        out: &mut [u8],
+        put: impl FnOnce(&mut [u8]) -> Result<usize, EncodeError>,
+    ) -> Result<usize, EncodeError> {
+        match out {
             [high, rest @ ..] if id == Message5::ID && self.message_5_presence_bytes == 3 => {
                 *high = 0;
-                message.encode_data(rest).map(|bytes| bytes + 1)
+                put(rest).map(|bytes| bytes + 1)
             }
-            _ => message.encode_data(out),
-        })
+            _ => put(out),
+        }
     }
 
     fn translate(&self, message: &mut Message, way: Way) {

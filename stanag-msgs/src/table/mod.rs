@@ -26,6 +26,7 @@ pub use codec::walk;
 pub use info::{Direction, Layout, MessageInfo, Traffic};
 
 use crate::error::{DecodeError, EncodeError};
+use crate::id::Id;
 use crate::wrapper::{self, Envelope, MAX_DATA};
 
 /// The message of this type, where the table has it.
@@ -168,6 +169,38 @@ pub fn select(message: &Message, presence: u64) -> Message {
     try_select(message, presence | 1).unwrap_or_else(|| message.clone())
 }
 
+/// Message data with every field present: those that are absent in `data` are zeros, an identification number the null id.
+/// `None` where `data` is not this message's, or a field has no known length.
+///
+/// For peers that take full presence vectors alone. What an absent field would claim as a zero is for the caller to judge.
+pub fn fill(info: &'static MessageInfo, data: &[u8], out: &mut [u8]) -> Option<usize> {
+    let head = usize::from(info.presence_bytes);
+    let all = (1_u64 << info.fields.len()) - 1;
+    out.get_mut(..head)?
+        .copy_from_slice(all.to_be_bytes().get(8 - head..)?);
+    let mut present = walk(info, data).peekable();
+    let mut end = head;
+    for field in info.fields {
+        let bytes = field.wire.bytes()?;
+        let place = out.get_mut(end..end + bytes)?;
+        match present.next_if(|next| matches!(next, Ok((known, _)) if known.bit == field.bit)) {
+            Some(Ok((_, value))) => place.copy_from_slice(value),
+            _ if field.identification => place.copy_from_slice(&Id::NULL.0.to_be_bytes()),
+            _ => place.fill(0),
+        }
+        end += bytes;
+    }
+    // What is left is no field, or an error.
+    present.next().is_none().then_some(end)
+}
+
+/// Whether a sender has left out a field of this message: it sends partial presence vectors.
+pub fn is_partial(info: &'static MessageInfo, data: &[u8]) -> bool {
+    let vector = data.get(..usize::from(info.presence_bytes));
+    let present = vector.map(|bytes| bytes.iter().map(|byte| byte.count_ones()).sum::<u32>());
+    present.is_some_and(|present| (present as usize) < info.fields.len())
+}
+
 fn try_select(message: &Message, presence: u64) -> Option<Message> {
     let info = message.info();
     let (mut whole, mut part) = ([0; MAX_DATA], [0; MAX_DATA]);
@@ -211,6 +244,46 @@ mod tests {
         };
         assert_eq!(part, Message::from(expected));
         assert_eq!(select(&whole, u64::MAX), whole);
+    }
+
+    #[test]
+    fn every_message_can_be_filled_and_keeps_what_it_has() {
+        for info in MESSAGES {
+            let stamp = TimeStamp(0x12_3456_7890);
+            let message = Message::empty(info.id)
+                .expect("of the table")
+                .stamped(stamp);
+            let (mut some, mut full) = ([0; MAX_DATA], [0; MAX_DATA]);
+            let length = message.encode_data(&mut some).expect("it fits");
+            let some = &some[..length];
+            assert_eq!(is_partial(info, some), info.fields.len() > 1, "{}", info.id);
+            let sized = info.fields.iter().all(|field| field.wire.bytes().is_some());
+            let Some(length) = fill(info, some, &mut full) else {
+                assert!(!sized, "{}", info.id);
+                continue;
+            };
+            let full = &full[..length];
+            assert_eq!(length, info.full_bytes(), "{}", info.id);
+            assert!(!is_partial(info, full), "{}", info.id);
+            let mut fields = walk(info, full);
+            let mut kept = walk(info, some);
+            assert_eq!(fields.next(), kept.next(), "{}: its stamp", info.id);
+            for field in fields {
+                let (field, bytes) = field.expect("a whole field");
+                let null = Id::NULL.0.to_be_bytes();
+                if field.identification {
+                    assert_eq!(bytes, null, "{} {}", info.id, field.name);
+                } else {
+                    assert!(
+                        bytes.iter().all(|byte| *byte == 0),
+                        "{} {}",
+                        info.id,
+                        field.name
+                    );
+                }
+            }
+            assert!(Message::decode(info.id, full).is_ok(), "{}", info.id);
+        }
     }
 
     #[test]

@@ -367,6 +367,12 @@ impl Config {
                 return fault(at, "vehicle.id", vehicle.id, OWN_ID);
             }
             ids.push(vehicle.id);
+            if let Some(logical) = vehicle.logical_id {
+                if ids.contains(&logical) {
+                    return fault(at, "vehicle.logical_id", logical, OWN_ID);
+                }
+                ids.push(logical);
+            }
             let system = (&vehicle.link, vehicle.system_id);
             if links.contains(&system) {
                 let expected = "a system id of its own for each vehicle of one link: set another here, by MAV_SYS_ID in \

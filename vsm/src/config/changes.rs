@@ -41,7 +41,14 @@ const DLI: [&str; 5] = [
     "max_messages_s",
 ];
 /// Keys of `[[vehicle]]` that do not: its link and what is signed on it.
-const VEHICLE: [&str; 5] = ["link", "system_id", "signing", "link_id", "vehicle_link_id"];
+const VEHICLE: [&str; 6] = [
+    "logical_id",
+    "link",
+    "system_id",
+    "signing",
+    "link_id",
+    "vehicle_link_id",
+];
 
 impl Config {
     /// What `new` changes of a bridge that runs with this configuration.
@@ -126,6 +133,7 @@ impl Config {
                 .map(|key| format!("vehicle {}: {key}", before.id));
             report.restart.extend(kept);
             vehicle.link.clone_from(&before.link);
+            vehicle.logical_id = before.logical_id;
             vehicle.system_id = before.system_id;
             vehicle.signing.clone_from(&before.signing);
             vehicle.link_id = before.link_id;

@@ -315,6 +315,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("forward.vehicles", "[\"1b:00:01:01\"]"),
     ("forward.key_file", "\"qgc.key\""),
     ("vehicle.id", "\"1b:00:01:01\""),
+    ("vehicle.logical_id", "\"00:00:00:01\""),
     ("vehicle.link", "\"udpin:127.0.0.1:14550\""),
     ("vehicle.system_id", "1"),
     ("vehicle.tail_number", "\"PX4-01\""),

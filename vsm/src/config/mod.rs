@@ -42,6 +42,8 @@ pub use changes::{Changes, Report};
 pub use disputed::Readings;
 pub use error::ConfigError;
 pub use forward::{Commands, Forward, Relay};
-pub use station::{Checksum, Cucs, Delivery, Edition};
-pub use value::{Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Provisional, Signing};
+pub use station::{Checksum, Cucs, Delivery, Edition, Presence};
+pub use value::{
+    Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Provisional, Signing, owner_name,
+};
 pub use vehicle::{Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Landing, Limits, Vehicle};

@@ -43,6 +43,10 @@ table! {
         /// Checksum of what it is sent: `"none"`, `"sum16"`, `"sum32"`, `"crc32"` (Edition 4 only), or `"auto"`, as it sends
         #[serde(default, deserialize_with = "auto")]
         pub checksum: Option<Checksum> => Value("\"auto\""),
+        /// Presence vectors of what it is sent in Edition 3 or 4: `"full"`, `"partial"`, or `"auto"`: full until it has said that it
+        /// supports partial ones (Presence Vector Support of messages 1 and 4), or has sent one
+        #[serde(default, deserialize_with = "auto")]
+        pub presence: Option<Presence> => Value("\"auto\""),
         /// Where answers and reports for it go: `"unicast"` to its address, `"group"` to `dli.multicast`, `"both"`, which is
         /// unicast alone where there is no group
         #[serde(default)]
@@ -94,6 +98,28 @@ impl Edition {
 /// `cucs.checksum`: how what a station is sent is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Checksum(pub ChecksumStyle);
+
+impl Checksum {
+    /// As the configuration has it.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self.0 {
+            ChecksumStyle::None => "none",
+            ChecksumStyle::Sum16 => "sum16",
+            ChecksumStyle::Sum32 => "sum32",
+            ChecksumStyle::Crc32 => "crc32",
+        }
+    }
+}
+
+/// `cucs.presence`: presence vectors of what a station is sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Presence {
+    /// Every field is sent.
+    Full,
+    /// What is not known is absent.
+    Partial,
+}
 
 /// `cucs.delivery`: where answers and reports for a station go.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -159,6 +185,12 @@ impl Choice for Edition {
         ("3", Edition::Ed3),
         ("4", Edition::Ed4),
     ];
+}
+
+impl Choice for Presence {
+    const EXPECTED: &'static str = "\"auto\", \"full\" or \"partial\"";
+    const ALL: &'static [(&'static str, Self)] =
+        &[("full", Presence::Full), ("partial", Presence::Partial)];
 }
 
 impl Choice for Checksum {

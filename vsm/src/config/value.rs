@@ -246,13 +246,56 @@ pub enum OnLoss {
     Rtl,
 }
 
-/// An identification number that something can own: neither broadcast, null, nor of the reserved owner ff.
+/// An identification number that something can own: neither broadcast, null, nor of the reserved owner ff. Its first byte may
+/// be the country's code by name.
 pub(super) fn id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Id, D::Error> {
-    const EXPECTED: &str =
-        "four bytes in hex, the owning nation first, such as \"1b:00:00:01\" (ff is reserved)";
+    const EXPECTED: &str = "four bytes in hex, the owning nation first, such as \"1b:00:00:01\" (ff is reserved), or its name in \
+                            place of the first, such as \"DEU:00:00:01\"";
+    let text = String::deserialize(deserializer)?;
+    let named = text.split_once(':').and_then(|(name, rest)| {
+        let code = u8::try_from(country_code(name)?).ok()?;
+        Some(format!("{code:02x}:{rest}"))
+    });
+    match named.as_ref().unwrap_or(&text).parse::<Id>() {
+        Ok(id) if id.0 >> 24 != 0xff => Ok(id),
+        _ => Err(de::Error::invalid_value(
+            de::Unexpected::Str(&text),
+            &EXPECTED,
+        )),
+    }
+}
+
+/// The names of table B1-1 of Edition 2.5, with their codes.
+fn countries() -> &'static [(i64, &'static str, &'static str)] {
+    let message = stanag_msgs::ed25::message(20, stanag_msgs::ed25::Version::Ed25);
+    let field = message.and_then(|info| info.field("Owning Country Code"));
+    field
+        .and_then(|field| field.enumeration)
+        .map_or(&[], |countries| countries.values)
+}
+
+fn country_code(name: &str) -> Option<i64> {
+    let mut all = countries().iter();
+    all.find(|(_, _, known)| known.eq_ignore_ascii_case(name))
+        .map(|(code, ..)| *code)
+}
+
+/// The name of the nation or organisation that owns an id, where table B1-1 of Edition 2.5 has it.
+#[must_use]
+pub fn owner_name(id: Id) -> Option<&'static str> {
+    let mut all = countries().iter();
+    all.find(|(code, ..)| *code == i64::from(id.owner()))
+        .map(|(_, _, name)| *name)
+}
+
+/// `vehicle.logical_id`: of the owner 0, and not 0 itself, which other messages use for "none".
+pub(super) fn logical_id<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<Id>, D::Error> {
+    const EXPECTED: &str = "an id that no nation owns: \"00:00:00:01\" to \"00:ff:ff:ff\"";
     let text = String::deserialize(deserializer)?;
     match text.parse::<Id>() {
-        Ok(id) if id.0 >> 24 != 0xff => Ok(id),
+        Ok(id) if id.owner() == 0 && id != Id(0) => Ok(Some(id)),
         _ => Err(de::Error::invalid_value(
             de::Unexpected::Str(&text),
             &EXPECTED,

@@ -7,7 +7,7 @@ use stanag_msgs::Id;
 use super::error::{Fault, fault};
 use super::key::WhenAbsent::{Nothing, Required, Table, Value, ValueOrTable};
 use super::key::table;
-use super::value::{self, LinkAddress, Signing, SigningTable, id};
+use super::value::{self, LinkAddress, Signing, SigningTable, id, logical_id};
 
 table! {
     /// `[[vehicle]]`
@@ -17,6 +17,10 @@ table! {
         /// Identification number of the vehicle (the wrapper's destination of commands)
         #[serde(deserialize_with = "id")]
         pub id: Id => Required,
+        /// Logical id, `"00:.."`, by which it is offered until it is there; then a message 3 names the `id` in its place, for as
+        /// long as this VSM runs
+        #[serde(default, deserialize_with = "logical_id")]
+        pub logical_id: Option<Id> => Nothing("its `id` at once"),
         /// Where its MAVLink is: `udpin:ADDRESS:PORT` bind and wait, `udpout:HOST:PORT`, `serial:DEVICE:BAUD`. Vehicles that
         /// differ in `system_id` may share one, each with a key of its own
         pub link: LinkAddress => Required,

@@ -3,13 +3,18 @@
 use std::path::Path;
 
 use crate::config::airside::AirsideConfig;
-use crate::config::{Config, ExchangeMode, Signing};
+use crate::config::{Config, ExchangeMode, Signing, owner_name};
 use crate::shell::key_file::{self, KeyFileError};
 use crate::shell::server::StartError;
 use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 
 use super::process::{Failure, bad, print};
+
+/// Who owns an id, where that is known.
+fn owner(id: Id) -> String {
+    owner_name(id).map_or_else(String::new, |name| format!(", owned by {name}"))
+}
 
 pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     // A file that cannot be read is told by the one that reads it in earnest.
@@ -42,9 +47,10 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
             ""
         };
         text += &format!(
-            "  CUCS {} from {from}: LOI {}{overrides}\n",
+            "  CUCS {} from {from}: LOI {}{overrides}{}\n",
             station.id,
-            station.loi.0.in_words()
+            station.loi.0.in_words(),
+            owner(station.id)
         );
     }
     for warning in config.warnings() {
@@ -74,8 +80,11 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
             Signing::Off => "NOT SIGNED: anyone in range can command it".to_owned(),
         };
         text += &format!(
-            "  vehicle {} (system {}) on {}: {signing}\n",
-            vehicle.id, vehicle.system_id, vehicle.link
+            "  vehicle {} (system {}) on {}: {signing}{}\n",
+            vehicle.id,
+            vehicle.system_id,
+            vehicle.link,
+            owner(vehicle.id)
         );
     }
     for forward in config.forwards() {

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::process::{Failure, bad, failed, print, runtime};
@@ -21,6 +21,18 @@ struct Running {
     vsm: String,
     uptime_s: f64,
     findings: Vec<Finding>,
+    /// None in the answers of earlier versions.
+    #[serde(default)]
+    stations: Vec<Speaks>,
+}
+
+/// How a station speaks, by what was received of it.
+#[derive(Debug, Deserialize, Serialize)]
+struct Speaks {
+    id: String,
+    /// Lines of its `[[cucs]]`.
+    #[serde(default)]
+    profile: Vec<String>,
 }
 
 pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
@@ -38,9 +50,12 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
             }
         }
     }
+    let speak: Vec<&Speaks> = (running.iter().flat_map(|running| &running.stations))
+        .filter(|station| !station.profile.is_empty())
+        .collect();
     let store = config.store.dir.display();
     if json {
-        let report = json!({"running": running.is_some(), "findings": found});
+        let report = json!({"running": running.is_some(), "findings": found, "profiles": speak});
         print(&format!("{report}\n"))?;
     } else {
         let mut text = match &running {
@@ -58,6 +73,13 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
         }
         if found.is_empty() {
             text += "nothing found\n";
+        }
+        for station in &speak {
+            let lines = station.profile.join(", ");
+            text += &format!(
+                "CUCS {} is answered as it speaks; to fix that, its [[cucs]] takes: {lines}\n",
+                station.id
+            );
         }
         print(&text)?;
     }

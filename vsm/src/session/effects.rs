@@ -48,6 +48,8 @@ pub(crate) struct DliEffects<'a> {
     pub(crate) vsm: Id,
     pub(crate) multicast: bool,
     pub(crate) stations: &'a [GroundStation],
+    /// Vehicles that are not there yet, each with the logical id that stands for it.
+    pub(crate) logical: &'a [(Id, Id)],
     /// What each station has sent lately, and what it was answered.
     pub(crate) remembered: &'a mut [Remembered],
     /// Alerts of the VSM itself, not of a vehicle.
@@ -112,6 +114,7 @@ impl<'a> DliEffects<'a> {
             vsm: self.vsm,
             multicast: self.multicast,
             stations: self.stations,
+            logical: self.logical,
             remembered: self.remembered,
             alerts: self.alerts,
             outbox: self.outbox,
@@ -164,6 +167,7 @@ impl<'a> DliEffects<'a> {
         let Some(one) = self.stations.get(station) else {
             return;
         };
+        let source = self.shown_as(source);
         let (envelope, delivery) = (one.profile.envelope(source, one.id()), one.profile.delivery);
         if let (true, Some(peer)) = (delivery.to_address(), one.peer) {
             let to = Destination::Unicast(peer);
@@ -179,6 +183,14 @@ impl<'a> DliEffects<'a> {
                 self.post(station, datagram);
             }
         }
+    }
+
+    /// The id in whose name a vehicle speaks.
+    fn shown_as(&self, source: Id) -> Id {
+        let mut logical = self.logical.iter();
+        logical
+            .find(|(real, _)| *real == source)
+            .map_or(source, |(_, logical)| *logical)
     }
 
     fn deliver_to_address(&mut self, station: usize, datagram: Datagram, kind: Kind) {
@@ -331,7 +343,7 @@ impl<'a> DliEffects<'a> {
             acknowledgement_type: Some(answer),
         };
         let (message, delivery) = (Message::from(message), one.profile.delivery);
-        let envelope = one.profile.envelope(source, one.id());
+        let envelope = one.profile.envelope(self.shown_as(source), one.id());
         let compose = |to| Outbox::compose(to, &one.profile, &envelope, &message);
         // It has waited for the disk where it had to: neither of the two is held again.
         if let (true, Some(peer)) = (delivery.to_address(), one.peer)

@@ -225,6 +225,9 @@ impl Outbox {
         envelope: &Envelope,
         message: &Message,
     ) -> Option<Datagram> {
+        if !profile.may_be_sent(message) {
+            return None;
+        }
         let mut datagram = Datagram {
             to,
             message_type: message.id(),

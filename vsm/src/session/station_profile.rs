@@ -3,11 +3,17 @@
 //! Each `[[cucs]]` has one ([`StationProfile::of`]), so that stations of several makes are served at once; the machines
 //! know nothing of it. What the configuration leaves to `auto` is as the station speaks: it follows the latest message that
 //! was taken of it, from where it is, so that nobody changes it who only writes its id into a datagram.
+//!
+//! **Full presence vectors.** A station that has not said that it supports partial ones, and has sent none, is sent every
+//! field; one that is not known is zero there. What a zero would put on a map or show as a state is not sent before it is
+//! known, and a route is never filled: it might come back, and be flown.
 
+use serde::{Deserialize, Serialize};
+use stanag_msgs::enums::PresenceVectorSupport;
 use stanag_msgs::wrapper::Header;
 use stanag_msgs::{ChecksumStyle, EncodeError, Envelope, Id, Message, Profile};
 
-use crate::config::{Checksum, Cucs, Delivery, Dli, Edition, Provisional};
+use crate::config::{Checksum, Cucs, Delivery, Dli, Edition, Presence, Provisional};
 
 /// How a station is spoken to.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,11 +24,25 @@ pub(crate) struct StationProfile {
     checksum: Option<ChecksumStyle>,
     /// The version and the checksum of the latest message that was taken of it.
     spoken: Option<(u8, ChecksumStyle)>,
+    /// `None`: as far as it supports them.
+    presence: Option<Presence>,
+    vectors: Vectors,
     /// How it reads what the sources leave open.
     pub(crate) readings: Profile,
     pub(crate) delivery: Delivery,
     /// Which messages with a derived layout are used with it.
     pub(crate) provisional: Provisional,
+}
+
+/// What a station has shown of the presence vectors that it supports.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+enum Vectors {
+    #[default]
+    Nothing,
+    /// It has sent a partial one.
+    Sent,
+    /// It has said whether it supports partial ones.
+    Said(bool),
 }
 
 impl StationProfile {
@@ -32,6 +52,8 @@ impl StationProfile {
             edition: cucs.edition,
             checksum: cucs.checksum.map(|Checksum(style)| style),
             spoken: None,
+            presence: cucs.presence,
+            vectors: Vectors::Nothing,
             readings: dli.disputed.with(&cucs.disputed).profile,
             delivery: cucs.delivery,
             provisional: cucs.provisional.unwrap_or(dli.provisional),
@@ -42,6 +64,7 @@ impl StationProfile {
     pub(crate) fn reconfigure(&mut self, cucs: &Cucs, dli: &Dli) {
         *self = StationProfile {
             spoken: self.spoken,
+            vectors: self.vectors,
             ..StationProfile::of(cucs, dli)
         };
     }
@@ -65,6 +88,73 @@ impl StationProfile {
     /// It has sent a message with this header.
     pub(crate) fn note(&mut self, header: &Header) {
         self.spoken = Some((header.idd, header.checksum));
+    }
+
+    /// It has sent this message. `partial`: with fields left out.
+    pub(crate) fn note_message(&mut self, message: &Message, partial: bool) {
+        let said = match message {
+            Message::CucsAuthorisationRequest(request) => request.presence_vector_support,
+            Message::PositiveHandoverAuthorisationRequest(request) => {
+                request.presence_vector_support
+            }
+            _ => None,
+        };
+        self.vectors = match (said, self.vectors) {
+            (Some(PresenceVectorSupport::FullOnly), _) => Vectors::Said(false),
+            (Some(PresenceVectorSupport::Partial), _) => Vectors::Said(true),
+            (_, Vectors::Nothing) if partial => Vectors::Sent,
+            (_, known) => known,
+        };
+    }
+
+    /// The lines of its `[[cucs]]` that would fix how it speaks; none before anything was received of it. They are not needed:
+    /// they keep a station that is replaced, or pretended, from being answered in another way.
+    pub(crate) fn lines(&self) -> Vec<String> {
+        if self.is_unknown() {
+            return Vec::new();
+        }
+        let presence = if self.takes_full_vectors() {
+            "full"
+        } else {
+            "partial"
+        };
+        let mut lines = vec![format!("edition = \"{}\"", self.edition().text())];
+        if self.edition() != Edition::Ed25 {
+            let checksum = Checksum(self.checksum()).text();
+            lines.push(format!("checksum = \"{checksum}\""));
+            lines.push(format!("presence = \"{presence}\""));
+        }
+        lines
+    }
+
+    /// What a restart has to know of how it speaks.
+    pub(crate) fn shown(&self) -> Shown {
+        Shown {
+            spoken: self.spoken.map(|(idd, style)| (idd, style.code())),
+            partial: !matches!(self.vectors, Vectors::Nothing | Vectors::Said(false)),
+        }
+    }
+
+    /// What was known of it before a restart.
+    pub(crate) fn restore(&mut self, shown: Shown) {
+        let spoken = shown.spoken;
+        self.spoken = spoken.map(|(idd, style)| (idd, ChecksumStyle::from_code(style)));
+        if shown.partial {
+            self.vectors = Vectors::Sent;
+        }
+    }
+
+    /// Whether it is sent every field of a message.
+    pub(crate) fn takes_full_vectors(&self) -> bool {
+        match self.presence {
+            Some(presence) => presence == Presence::Full,
+            None => matches!(self.vectors, Vectors::Nothing | Vectors::Said(false)),
+        }
+    }
+
+    /// Whether a message can be sent to it as it is known now.
+    pub(crate) fn may_be_sent(&self, message: &Message) -> bool {
+        !self.takes_full_vectors() || !claims_by_zeros(message)
     }
 
     /// The version that it is answered in: its own, where that is of the edition.
@@ -108,14 +198,49 @@ impl StationProfile {
         envelope: &Envelope,
         out: &mut [u8],
     ) -> Result<usize, EncodeError> {
+        // Edition 2.5 has no vectors: its border fills in by rules of its own.
+        let full = self.edition() != Edition::Ed25 && self.takes_full_vectors();
+        if full && !is_of_route(message) {
+            return self.readings.encode_full(message, envelope, out);
+        }
         self.readings.encode(message, envelope, out)
     }
+}
+
+/// What a restart has to know of how a station speaks.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Shown {
+    /// IDD version and checksum code of its latest message.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) spoken: Option<(u8, u8)>,
+    /// It takes partial presence vectors.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(crate) partial: bool,
+}
+
+/// Whether zeros in place of what is absent would state a position, an altitude or a mode.
+fn claims_by_zeros(message: &Message) -> bool {
+    match message {
+        Message::InertialStates(m) => {
+            m.latitude.is_none() || m.longitude.is_none() || m.altitude.is_none()
+        }
+        Message::VehicleOperatingModeReport(m) => m.select_flight_path_control_mode.is_none(),
+        _ => false,
+    }
+}
+
+/// Whether it is a part of a plan, which a station may send back to be flown.
+fn is_of_route(message: &Message) -> bool {
+    matches!(message.id(), 13_001..=13_006 | 50_001 | 50_002)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::config::Config;
+    use stanag_msgs::messages::{
+        CucsAuthorisationRequest, InertialStates, UaPositionWaypoint, VehicleOperatingStates,
+    };
     use std::path::Path;
 
     const VSM: Id = Id(0x1b00_0001);
@@ -170,6 +295,58 @@ mod tests {
         expected.set("loi_bits", "m").expect("a reading");
         assert_eq!(own.readings, expected);
         assert_ne!(of_all.readings, own.readings);
+    }
+
+    /// A station that has asked for LOI 2 with these fields.
+    fn sent(
+        profile: &mut StationProfile,
+        support: Option<PresenceVectorSupport>,
+        partial: bool,
+    ) -> bool {
+        let request = CucsAuthorisationRequest {
+            presence_vector_support: support,
+            ..Default::default()
+        };
+        profile.note_message(&request.into(), partial);
+        profile.takes_full_vectors()
+    }
+
+    #[test]
+    fn vectors_are_full_until_the_station_supports_partial_ones() {
+        let mut one = profile("");
+        assert!(one.takes_full_vectors());
+        assert!(sent(&mut one, None, false), "it has said nothing");
+        assert!(!sent(&mut one, Some(PresenceVectorSupport::Partial), false));
+        assert!(sent(&mut one, Some(PresenceVectorSupport::FullOnly), false));
+        assert!(sent(&mut one, None, true), "what it says counts");
+        let mut other = profile("");
+        assert!(!sent(&mut other, None, true), "it has sent one");
+        let mut again = profile("");
+        again.restore(other.shown());
+        assert!(!again.takes_full_vectors());
+        assert!(!profile("presence = \"partial\"").takes_full_vectors());
+        let mut fixed = profile("presence = \"full\"");
+        assert!(sent(&mut fixed, Some(PresenceVectorSupport::Partial), true));
+    }
+
+    #[test]
+    fn no_position_is_made_of_zeros_and_no_route_is_filled() {
+        let full = profile("presence = \"full\"");
+        let nowhere = Message::from(InertialStates::default());
+        assert!(!full.may_be_sent(&nowhere));
+        assert!(profile("presence = \"partial\"").may_be_sent(&nowhere));
+        let bytes = |message: &Message| {
+            let mut out = [0; stanag_msgs::MAX_DATAGRAM];
+            let envelope = full.envelope(VSM, CUCS);
+            full.encode(message, &envelope, &mut out).expect("it fits")
+        };
+        let waypoint = Message::from(UaPositionWaypoint::default());
+        assert_eq!(
+            bytes(&waypoint),
+            16 + usize::from(waypoint.info().presence_bytes)
+        );
+        let states = Message::from(VehicleOperatingStates::default());
+        assert_eq!(bytes(&states), 16 + states.info().full_bytes());
     }
 
     #[test]

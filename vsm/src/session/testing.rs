@@ -276,6 +276,7 @@ impl World {
                 vsm: VSM,
                 multicast: false,
                 stations: &self.stations,
+                logical: &[],
                 remembered: &mut self.remembered,
                 alerts: &mut self.vsm_alerts,
                 outbox: &mut self.outbox,

@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
 
+use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use mavlink_link::Now;
 use mavlink_link::store::MemoryDisk;
 use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
@@ -383,4 +384,138 @@ fn what_waits_while_readings_change_is_not_sent_in_words_that_mean_something_els
         };
         assert_ne!(answer.acknowledgement_type, Some(AckType::Refused));
     }
+}
+
+#[test]
+fn several_stations_of_one_computer_are_told_apart_by_their_ids() {
+    let vouched = "address = \"127.0.0.1\"";
+    let mut scene = Scene::new("", vouched, vouched);
+    let ours = Profile::default();
+    for (index, station) in [FIRST, SECOND, FIRST].into_iter().enumerate() {
+        let request = CucsAuthorisationRequest {
+            time_stamp: Some(scene.stamp()),
+            requested_handover_loi: Some(LoiBitmap::LOI2),
+            requested_handover_access: Some(RequestedAccess::Request),
+            ..Default::default()
+        };
+        let bytes = encode(
+            &ours,
+            station,
+            VEHICLE,
+            32,
+            ChecksumStyle::None,
+            &request.into(),
+        );
+        // One gateway: one address and port for both.
+        let sent = scene.deliver(FIRST, &bytes);
+        let got = read(&ours, &sent, &[2, 17_000]);
+        assert!(got.len() >= 2, "{index}: {sent:?}");
+        assert!(
+            got.iter().all(|(header, _)| header.destination == station),
+            "{got:?}"
+        );
+        assert!(
+            sent.iter()
+                .all(|(to, _)| *to == Destination::Unicast(address(FIRST)))
+        );
+    }
+    let holders = scene.bridge.status(String::new(), scene.now().mono);
+    assert_eq!(
+        holders
+            .stations
+            .iter()
+            .filter(|one| one.address.is_some())
+            .count(),
+        2
+    );
+    assert_eq!(
+        holders.stations[1].profile,
+        [
+            "edition = \"4\"",
+            "checksum = \"none\"",
+            "presence = \"partial\""
+        ]
+    );
+}
+
+#[test]
+fn a_station_that_supports_full_vectors_alone_is_sent_those() {
+    let mut scene = Scene::new("", "address = \"127.0.0.1\"\npresence = \"full\"", "");
+    let ours = Profile::default();
+    let sent = scene.listen(FIRST, &ours, 32, ChecksumStyle::None);
+    let mut seen = 0;
+    for (_, bytes) in &sent {
+        for frame in ours.frames(bytes).flatten() {
+            let info = stanag_msgs::table::message(frame.header.message_type).expect("known");
+            assert!(
+                !stanag_msgs::table::is_partial(info, frame.data),
+                "{}",
+                info.id
+            );
+            seen += usize::from(info.id == 2);
+        }
+    }
+    assert!(seen > 0, "{sent:?}");
+    // The vehicle is nowhere that is known: no status puts it at 0, 0.
+    assert!(!types(&scene.wait(3), false).contains(&4_000));
+}
+
+#[test]
+fn a_logical_id_stands_for_a_vehicle_until_that_is_there() {
+    const LOGICAL: Id = Id(7);
+    let mut rig = Rig::new(Setup {
+        vehicle_keys: "logical_id = \"00:00:00:07\"",
+        ..Setup::default()
+    });
+    // Before the vehicle has said anything.
+    let request = CucsAuthorisationRequest {
+        time_stamp: Some(TimeStamp::from_unix_ms(
+            u64::try_from(START.as_millis()).unwrap_or(0),
+        )),
+        ..orders::request_control()
+    };
+    rig.stations[0].send_as_is(LOGICAL, &request.into());
+    rig.run(20.0);
+    let update = |message: &Message| match message {
+        Message::VehicleId(id) => id.vehicle_id_update,
+        _ => None,
+    };
+    let received = &rig.station().received;
+    let first = received
+        .iter()
+        .position(|(_, source, _)| *source == LOGICAL);
+    let introduced = received.iter().position(|(_, source, message)| {
+        *source == LOGICAL && update(message) == Some(vehicle_id(0))
+    });
+    let real = received
+        .iter()
+        .position(|(_, source, _)| *source == vehicle_id(0));
+    assert!(
+        first.is_some() && first <= introduced,
+        "{first:?} {introduced:?}"
+    );
+    assert!(
+        introduced.is_some() && introduced < real,
+        "{introduced:?} {real:?}"
+    );
+    let last_logical = received
+        .iter()
+        .rposition(|(_, source, _)| *source == LOGICAL);
+    assert!(last_logical < real, "it keeps its own id from then on");
+    // Who still uses the logical one means the same vehicle.
+    let before = rig.station().received.len();
+    let again = CucsAuthorisationRequest {
+        time_stamp: Some(TimeStamp::from_unix_ms(
+            u64::try_from(START.as_millis()).unwrap_or(0) + 60_000,
+        )),
+        ..orders::request_control()
+    };
+    rig.stations[0].send_as_is(LOGICAL, &again.into());
+    rig.run(1.0);
+    let answered = rig.station().received[before..]
+        .iter()
+        .any(|(_, source, message)| {
+            *source == vehicle_id(0) && matches!(message, Message::VsmAuthorisationResponse(_))
+        });
+    assert!(answered);
 }

@@ -49,6 +49,63 @@ fn every_key_of_the_contract_is_read() {
 }
 
 #[test]
+fn a_country_may_be_named_in_place_of_its_code() {
+    let text = GOOD.replace("id = \"1b:00:00:a0\"", "id = \"deu:00:00:a0\"");
+    let config = Config::parse(&text, Path::new("")).expect("good");
+    let station = config.stations().next().expect("one");
+    assert_eq!(station.id, stanag_msgs::Id(0x0900_00a0));
+    assert_eq!(vsm::config::owner_name(station.id), Some("DEU"));
+    let fault = refusal(&GOOD.replace("id = \"1b:00:00:a0\"", "id = \"XYZ:00:00:a0\""));
+    for part in ["line 9", "XYZ:00:00:a0", "DEU:00:00:01"] {
+        assert!(fault.contains(part), "{fault}");
+    }
+}
+
+#[test]
+fn keys_of_groups_and_profiles_are_refused_with_what_they_may_be() {
+    let station = "override = false";
+    let dli = "interface = \"127.0.0.1\"";
+    for (replaced, by, parts) in [
+        (dli, "ttl = 300", &["ttl", "300", "0 to 255"][..]),
+        (dli, "interface = \"no such one\"", &["interface", "eth0"]),
+        (
+            dli,
+            "sources = [\"fd00::1\"]",
+            &["sources", "addresses of IPv4"],
+        ),
+        (station, "edition = \"5\"", &["edition", "\"2.5\"", "\"4\""]),
+        (station, "checksum = \"md5\"", &["checksum", "crc32"]),
+        (
+            station,
+            "edition = \"3\"\nchecksum = \"crc32\"",
+            &["checksum", "Edition 3 has no CRC-32"],
+        ),
+        (station, "presence = \"none\"", &["presence", "partial"]),
+        (station, "delivery = \"multicast\"", &["delivery", "group"]),
+        (station, "delivry = \"group\"", &["delivry", "delivery"]),
+        (
+            station,
+            "disputed = { ack_typ = \"0,1,2\" }",
+            &["ack_typ", "no such entry"],
+        ),
+        (
+            "multicast = \"225.200.1.0:51017\"",
+            "multicast = \"10.0.0.1:51017\"",
+            &["multicast", "[ff15::4586]:51017"],
+        ),
+    ] {
+        let fault = refusal(&GOOD.replace(replaced, by));
+        assert!(fault.contains("line "), "{by}: {fault}");
+        for part in parts {
+            assert!(fault.contains(part), "{by}: {part}: {fault}");
+        }
+    }
+    let without = GOOD.replace("multicast = \"225.200.1.0:51017\"\n", "");
+    let fault = refusal(&without.replace(station, "delivery = \"group\""));
+    assert!(fault.contains("group without dli.multicast"), "{fault}");
+}
+
+#[test]
 fn interface_without_multicast_is_legal() {
     let text = GOOD.replace("multicast = \"225.200.1.0:51017\"\n", "");
     assert!(Config::parse(&text, Path::new("")).is_ok());

@@ -34,6 +34,7 @@ fn a_group_joins_bridges_and_stations_of_two_namespaces() {
         return start_inside();
     };
     let scene = Scene::new(far);
+    scene.as_typed_in_the_guide();
     scene.ipv4_with_two_bridges_and_two_stations();
     scene.ipv6();
     scene.sources_are_those_that_are_listed();
@@ -145,6 +146,35 @@ impl Scene {
             text(&unknown).contains("eth9 is no interface of this computer: expected one of"),
             "{}",
             text(&unknown)
+        );
+    }
+
+    /// The file and the command of docs/guide/connecting-a-cucs.md, letter by letter.
+    fn as_typed_in_the_guide(&self) {
+        let guide = include_str!("../../../docs/guide/connecting-a-cucs.md");
+        let (_, section) = guide
+            .split_once("## In a multicast group")
+            .expect("the section");
+        let (_, config) = section.split_once("```toml\n").expect("the file");
+        let (config, rest) = config.split_once("```").expect("its end");
+        let line = rest
+            .lines()
+            .find_map(|line| line.trim().strip_prefix("cucs "));
+        let folder = self.folder.path().join("guide");
+        std::fs::create_dir_all(&folder).expect("a folder");
+        std::fs::write(folder.join("vsm.toml"), config).expect("a file");
+        let mut command = Command::new(program("vsm"));
+        let mut bridge = Running::spawn(command.args(["run", "vsm.toml"]).current_dir(&folder));
+        bridge.wait_for("ready", LIMIT);
+        let words = line.expect("the command").split(' ');
+        let output = Command::new(program("cucs"))
+            .args(words)
+            .output()
+            .expect("it starts");
+        let printed = text(&output);
+        assert!(
+            output.status.success() && printed.contains("1b:00:01:01"),
+            "{printed}"
         );
     }
 

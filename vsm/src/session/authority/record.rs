@@ -17,6 +17,7 @@ use crate::session::context::{Context, Origin};
 use crate::session::effects::Effects;
 use crate::session::log::LogLevel;
 use crate::session::station::GroundStation;
+use crate::session::station_profile::Shown;
 use crate::session::store::vehicle_record;
 
 /// What is known of the holders of rights beside these, and the audit log.
@@ -102,6 +103,9 @@ struct Holder {
     peer: Option<SocketAddr>,
     #[serde(default)]
     proven: bool,
+    /// How it speaks.
+    #[serde(flatten)]
+    shown: Shown,
 }
 
 /// A station as the record knows it from before a restart.
@@ -112,6 +116,8 @@ pub(crate) struct KnownStation {
     pub(crate) peer: Option<SocketAddr>,
     /// It had proved to be there.
     pub(crate) proven: bool,
+    /// How it spoke.
+    pub(crate) shown: Shown,
 }
 
 impl AuthorityRecord {
@@ -207,6 +213,7 @@ impl AuthorityRecord {
                 sends_heartbeats: holder.beats,
                 peer: holder.peer,
                 proven: holder.proven,
+                shown: holder.shown,
             });
         }
         Ok((rights, known))
@@ -300,6 +307,9 @@ impl AuthorityRecord {
                 beats: station.is_some_and(|station| station.sends_heartbeats),
                 peer: station.and_then(|station| station.peer),
                 proven: station.is_some_and(|station| station.proven),
+                shown: station
+                    .map(|station| station.profile.shown())
+                    .unwrap_or_default(),
             }
         });
         let holders: Vec<Holder> = holders.collect();

@@ -66,6 +66,13 @@ impl Bridge {
     }
 
     fn handle_frame(&mut self, now: Now, from: SocketAddr, frame: &Frame<'_>, disk: &mut dyn Disk) {
+        // What is for a logical id is for the vehicle that it stands for, also once that is there.
+        let mut frame = *frame;
+        let meant = |(_, logical): &&(Id, Id)| *logical == frame.header.destination;
+        if let Some((real, _)) = self.logical.iter().find(meant) {
+            frame.header.destination = *real;
+        }
+        let frame = &frame;
         // Before the message is decoded: a stranger's bytes get no further than the wrapper.
         let edition = Edition::of_idd(frame.header.idd);
         match self.admit(from, &frame.header, edition) {
@@ -150,6 +157,8 @@ impl Bridge {
                 return false;
             }
         };
+        let partial = table::is_partial(message.info(), frame.data);
+        self.stations[index].profile.note_message(&message, partial);
         if table::message(header.message_type)
             .is_some_and(|info| info.direction == Direction::ToCucs)
         {
@@ -210,7 +219,8 @@ impl Bridge {
         let ours = |id| self.aircraft.iter().any(|aircraft| aircraft.id() == id);
         let to_us =
             [self.vsm, Id::BROADCAST].contains(&header.destination) || ours(header.destination);
-        if header.source == self.vsm || ours(header.source) {
+        let is_logical = |id| self.logical.iter().any(|(_, logical)| *logical == id);
+        if header.source == self.vsm || ours(header.source) || is_logical(header.source) {
             // What we sent to the group comes back to us.
             return Err(Barred::OurOwn);
         }
@@ -347,7 +357,11 @@ impl Barred {
     /// What is worth a finding. A group is shared with other VSMs and their stations: what is for them is no fault.
     fn fault(&self, header: &Header) -> Option<Fault> {
         match *self {
-            Barred::Source { to_us: true } => Some(Fault::NotListed(header.source)),
+            Barred::Source { to_us: true } => Some(Fault::NotListed(
+                header.source,
+                Edition::of_idd(header.idd),
+                header.checksum,
+            )),
             Barred::Address(expected) => Some(Fault::Address(header.source, expected)),
             Barred::Edition(edition) => Some(Fault::OtherEdition(header.source, edition)),
             Barred::Misaddressed { known: false } => {

@@ -33,6 +33,7 @@ use self::port::Port;
 pub use self::vehicles::link_config;
 use super::aircraft::Aircraft;
 use super::alerts::Alerts;
+use super::authority::Input;
 use super::authority::record::KnownStation;
 use super::authority::rules::Silence;
 use super::context::{Settings, WATCH_SLACK};
@@ -75,6 +76,9 @@ pub struct Bridge {
     paths: Paths,
     /// Of the VSM itself, not of a vehicle.
     alerts: Alerts,
+    /// The logical ids of vehicles, by their ids; `waiting`: of those that are not there yet.
+    logical: Vec<(Id, Id)>,
+    waiting: Vec<(Id, Id)>,
     /// Of the next vehicle.
     next_number: i32,
     counters: Counters,
@@ -170,6 +174,11 @@ impl Bridge {
             // The alert ids of the VSM itself follow those of its vehicles, which are numbered from 0; vehicles that are
             // added later follow the VSM.
             alerts: Alerts::new(i32::try_from(config.vehicles().count()).unwrap_or(i32::MAX / 2)),
+            logical: config
+                .vehicles()
+                .filter_map(|vehicle| Some((vehicle.id, vehicle.logical_id?)))
+                .collect(),
+            waiting: Vec::new(),
             next_number: 0,
             counters: Counters::default(),
             received: ByType::default(),
@@ -191,6 +200,14 @@ impl Bridge {
         for (vehicle, end) in config.vehicles().zip(ends) {
             bridge.add_vehicle(vehicle, end, now, not_before, disk)?;
         }
+        // Who holds a vehicle knows it by its id already: after a restart in flight it is not another for a moment.
+        let unheld = |real: Id| {
+            let mut all = bridge.aircraft.iter();
+            all.any(|one| one.id() == real && one.authority.rights().holders().next().is_none())
+        };
+        bridge.waiting = (bridge.logical.iter().copied())
+            .filter(|(real, _)| unheld(*real))
+            .collect();
         bridge.next_number += 1;
         bridge.restore_commands(now, disk)?;
         Ok(bridge)
@@ -220,6 +237,7 @@ impl Bridge {
                 station.peer = self.paths.peer(index);
                 station.proven = self.paths.is_proven(index);
             }
+            station.profile.restore(known.shown);
             if known.sends_heartbeats {
                 station.sends_heartbeats = true;
                 // Its silence counts from this start: what it sent while the VSM was down is not known.
@@ -261,10 +279,35 @@ impl Bridge {
         dli.clear_answers();
         self.forget_heartbeats(now.mono);
         self.name_others(now, disk);
+        self.introduce(now, disk);
         self.watch_forwards(now, disk);
         self.watch_paths(now, disk);
         self.watch_findings(now, disk);
         self.show_holders(now, disk);
+    }
+
+    /// A vehicle that was offered by its logical id is there: message 3 names the id that it has from now on. It keeps that
+    /// while its link is silent, too: to whoever flies it, it must not become another.
+    fn introduce(&mut self, now: Now, disk: &mut dyn Disk) {
+        let is_there = |real: Id| {
+            let mut all = self.aircraft.iter();
+            all.any(|one| one.id() == real && one.vehicle.live())
+        };
+        let there: Vec<Id> = (self.waiting.iter().map(|(real, _)| *real))
+            .filter(|real| is_there(*real))
+            .collect();
+        for real in there {
+            // First in the name of the logical id, then in its own.
+            for _ in 0..2 {
+                let (mut dli, aircraft) = self.effects(now, disk);
+                if let Some(one) = aircraft.iter_mut().find(|one| one.id() == real) {
+                    for station in 0..dli.stations.len() {
+                        one.ask_authority(&mut dli, Input::Returned { station });
+                    }
+                }
+                self.waiting.retain(|(waiting, _)| *waiting != real);
+            }
+        }
     }
 
     /// Begins to read the settings of every vehicle that [`mapping::hardening`] judges; a reading under way is joined.
@@ -386,6 +429,7 @@ impl Bridge {
             vsm: self.vsm,
             multicast: self.multicast,
             stations: &self.stations,
+            logical: &self.waiting,
             remembered: &mut self.remembered,
             alerts: &mut self.alerts,
             outbox: &mut self.outbox,

@@ -84,6 +84,13 @@ impl Bridge {
         self.readings = config.dli.disputed.profile.clone();
         self.paths.set_limits(Limits::of(&config.dli));
         self.warnings = config.warnings();
+        let known = self.logical.clone();
+        self.logical = (config.vehicles())
+            .filter_map(|vehicle| Some((vehicle.id, vehicle.logical_id?)))
+            .collect();
+        self.waiting.retain(|one| self.logical.contains(one));
+        let new = self.logical.iter().filter(|one| !known.contains(one));
+        self.waiting.extend(new.copied());
         self.remove_vehicles(config, now, disk);
         let settings = self.settings.clone();
         let (mut dli, aircraft) = self.effects(now, disk);

@@ -56,6 +56,8 @@ pub struct StationStatus {
     pub proof: &'static str,
     /// Since anything of it was accepted, s.
     pub silent_s: Option<f64>,
+    /// Lines of its `[[cucs]]` that would fix how it speaks, by what was received.
+    pub profile: Vec<String>,
 }
 
 /// One vehicle.
@@ -197,6 +199,7 @@ impl Bridge {
             silent_s: station
                 .received
                 .map(|at| now.saturating_sub(at).as_secs_f64()),
+            profile: station.profile.lines(),
         });
         let vehicles = self.aircraft.iter().map(|aircraft| {
             let telemetry = &aircraft.vehicle.telemetry;

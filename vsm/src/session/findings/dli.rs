@@ -12,13 +12,13 @@ use stanag_msgs::wrapper::{
 };
 
 use super::{Code, Finding};
-use crate::config::Edition;
+use crate::config::{Checksum, Edition};
 
 /// Why a frame or a datagram could not be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fault {
-    /// Its source is not listed.
-    NotListed(Id),
+    /// Its source is not listed; the edition and the checksum that it speaks with.
+    NotListed(Id, Edition, ChecksumStyle),
     /// Its source is listed with another address.
     Address(Id, IpAddr),
     /// Its source is listed with another edition than this one, in which it came.
@@ -73,7 +73,7 @@ impl Fault {
     /// Seen so often without anything good of the same address, it is a fault of the sender and no damage on the way.
     fn needs(self) -> u32 {
         match self {
-            Fault::NotListed(_)
+            Fault::NotListed(..)
             | Fault::Address(..)
             | Fault::OtherEdition(..)
             | Fault::Misaddressed(..) => 1,
@@ -152,7 +152,7 @@ impl Seen {
     /// Of the same sender, as far as that can be believed: the port tells nothing.
     fn is_same(&self, from: SocketAddr, fault: Fault) -> bool {
         match (self.fault, fault) {
-            (Fault::NotListed(one), Fault::NotListed(other))
+            (Fault::NotListed(one, ..), Fault::NotListed(other, ..))
             | (Fault::Address(one, _), Fault::Address(other, _))
             | (Fault::OtherEdition(one, _), Fault::OtherEdition(other, _))
             | (Fault::Misaddressed(one, _), Fault::Misaddressed(other, _)) => one == other,
@@ -227,7 +227,7 @@ impl DliEvidence {
             return;
         }
         self.seen.retain(|one| match one.fault {
-            Fault::NotListed(id)
+            Fault::NotListed(id, ..)
             | Fault::Address(id, _)
             | Fault::OtherEdition(id, _)
             | Fault::Misaddressed(id, _) => id != source,
@@ -326,11 +326,16 @@ fn finding(one: &Seen) -> Finding {
         finding
     };
     match one.fault {
-        Fault::NotListed(id) => of_cucs(
+        Fault::NotListed(id, edition, style) => of_cucs(
             Code::CucsNotListed,
             id,
             format!("sends from {ip}, but is not listed"),
-            format!("to let it in, add [[cucs]] with id = \"{id}\" and the LOI that it may have, such as loi = [2]"),
+            format!(
+                "to let it in, add [[cucs]] with id = \"{id}\" and the LOI that it may have, such as loi = [2]; as it speaks \
+                 now, edition = \"{}\" and checksum = \"{}\" fit, which need no line",
+                edition.text(),
+                Checksum(style).text()
+            ),
         ),
         Fault::Address(id, expected) => of_cucs(
             Code::CucsAddress,
@@ -359,7 +364,7 @@ fn finding(one: &Seen) -> Finding {
             let (how, cure) = match fits {
                 Some(Fits::Style1(Sum16Variant::Crc16)) => (
                     "it is a CRC-16".to_owned(),
-                    "set dli.disputed.checksum_1 = \"crc16\"".to_owned(),
+                    "set disputed = { checksum_1 = \"crc16\" } in its [[cucs]], or dli.disputed.checksum_1 = \"crc16\" for all".to_owned(),
                 ),
                 Some(Fits::Style1(Sum16Variant::Sum)) => (
                     "it is a sum of bytes".to_owned(),
@@ -558,7 +563,11 @@ mod tests {
         for n in 0..5 {
             evidence.note_broken(Duration::from_secs(n), address(1), b"", &fault);
         }
-        evidence.note(Duration::ZERO, address(2), Fault::NotListed(Id(7)));
+        evidence.note(
+            Duration::ZERO,
+            address(2),
+            Fault::NotListed(Id(7), Edition::Ed4, ChecksumStyle::None),
+        );
         let at = |s, evidence: &DliEvidence| {
             let mut found = vec![];
             evidence.judge(Duration::from_secs(s), None, &mut found);
@@ -577,7 +586,11 @@ mod tests {
     fn no_number_of_senders_fills_it_or_hides_another_kind() {
         let mut evidence = DliEvidence::default();
         for n in 0..10_000 {
-            evidence.note(Duration::ZERO, address(1), Fault::NotListed(Id(n)));
+            evidence.note(
+                Duration::ZERO,
+                address(1),
+                Fault::NotListed(Id(n), Edition::Ed4, ChecksumStyle::None),
+            );
         }
         for n in 0..100 {
             evidence.note(
