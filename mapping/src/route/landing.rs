@@ -309,8 +309,10 @@ mod tests {
 
     const HOME: (f64, f64) = (47.397_7, 8.545_6);
 
-    /// Waypoints as number, north, east and height in metres of home.
-    fn plan(routes: &[(RouteType, &[(u16, f64, f64, f64)])]) -> Plan {
+    /// A waypoint: its number, and north, east and height in metres of home.
+    type Point = (u16, f64, f64, f64);
+
+    fn plan(routes: &[(RouteType, &[Point])]) -> Plan {
         let (cucs, vehicle) = (Id(0x1b00_00a0), Id(0x1b00_0101));
         let mut plan = Plan::default();
         for (kind, points) in routes {
@@ -373,7 +375,7 @@ mod tests {
         compiled.items.iter().map(|item| item.command).collect()
     }
 
-    const ROUTE: (RouteType, &[(u16, f64, f64, f64)]) = (
+    const ROUTE: (RouteType, &[Point]) = (
         RouteType::Flight,
         &[(1, 300.0, 0.0, 60.0), (2, 600.0, 300.0, 60.0)],
     );
