@@ -179,7 +179,9 @@ impl<'a> Draft<'a> {
         let speed_m_s = to
             .speed_m_s
             .unwrap_or_else(|| self.compiled.speed_m_s(self.site));
-        wings.check_climb(from, to, self.site.home.amsl_m, speed_m_s)?;
+        let home_m = self.site.home.amsl_m;
+        let climb_m = to.level.amsl(home_m) - from.level.amsl(home_m);
+        wings.check_climb(climb_m, metres(from.place(), to.place()), speed_m_s)?;
         let [.., start, _] = self.compiled.order.as_slice() else {
             return Ok(());
         };
@@ -188,7 +190,8 @@ impl<'a> Draft<'a> {
         if curved(start.number) || curved(from.number) || self.plan.loiter(from.number).is_some() {
             return Ok(());
         }
-        wings.check_turn([start, from, to], speed_m_s)
+        let places = [start, from, to].map(Leg::place);
+        wings.check_turn(from.number, places, speed_m_s)
     }
 
     /// The items at the waypoint itself.

@@ -6,8 +6,7 @@
 use geo::{Bearing, Destination, Distance, Haversine, Point};
 
 use super::error::Reason;
-use super::mission::Leg;
-use crate::limits::{Limits, metres};
+use crate::limits::Limits;
 use crate::parameter::Parameters;
 
 /// A fixed wing, or a VTOL on its wings.
@@ -107,24 +106,21 @@ impl Wings {
         })
     }
 
-    /// Whether the leg `from` - `to` is flat enough at this speed.
+    /// Whether a leg is flat enough at this speed, that climbs so far on such a distance.
     ///
     /// # Errors
     /// It climbs or descends faster than the wing does.
     pub(super) fn check_climb(
         &self,
-        from: &Leg,
-        to: &Leg,
-        home_amsl_m: f64,
+        climb_m: f64,
+        distance_m: f64,
         speed_m_s: f64,
     ) -> Result<(), Reason> {
-        let climb_m = to.level.amsl(home_amsl_m) - from.level.amsl(home_amsl_m);
         let most_m_s = if climb_m > 0.0 {
             self.climb_m_s
         } else {
             self.sink_m_s
         };
-        let distance_m = metres(from.place(), to.place());
         let seconds = distance_m / speed_m_s;
         // Within PX4's own vertical acceptance no leg is too steep.
         if climb_m.abs() <= most_m_s * seconds + LEVEL_M {
@@ -138,16 +134,17 @@ impl Wings {
         })
     }
 
-    /// Whether `to` can be turned to at `at` by a vehicle that comes from `from`.
+    /// Whether the third place can be turned to at the second one, waypoint `at`, by a vehicle that comes from the first.
     ///
     /// # Errors
     /// It lies inside the turn circle.
     pub(super) fn check_turn(
         &self,
-        [from, at, to]: [&Leg; 3],
+        at: u16,
+        places: [(f64, f64); 3],
         speed_m_s: f64,
     ) -> Result<(), Reason> {
-        let [a, b, c] = [from, at, to].map(|leg| point(leg.place()));
+        let [a, b, c] = places.map(point);
         let (course, onward) = (Haversine.bearing(a, b), Haversine.bearing(b, c));
         let turn = (onward - course + 540.0).rem_euclid(360.0) - 180.0;
         let radius_m = self.turn_radius_m(speed_m_s);
@@ -159,7 +156,7 @@ impl Wings {
             return Ok(());
         }
         Err(Reason::TightTurn {
-            at: at.number,
+            at,
             turn_deg: turn.abs(),
             radius_m,
             speed_m_s,

@@ -4,7 +4,7 @@
 //! otherwise is in [`wings`].
 
 use mapping::altitude::Level;
-use mapping::limits::{HeightError, metres};
+use mapping::limits::HeightError;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::telemetry::Telemetry;
@@ -17,8 +17,8 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::settings::{self, Pattern};
 use super::situation::{
-    Situation, Task, altitude, checked_level, flown_as, has, level, mode_of, names_mode,
-    names_nothing, speed, steps_to_waypoint,
+    Situation, Task, altitude, check_heights, checked_level, flown_as, has, holds, level, mode_of,
+    names_mode, names_nothing, place, plain, speed, steps_to_waypoint,
 };
 use super::steering::{self, Vertical};
 use super::wings;
@@ -66,7 +66,10 @@ pub(crate) fn task(
         Mode::Waypoint => waypoint(command, at),
         Mode::Loiter => loiter(command, at),
         Mode::Launch => launch(command, at),
-        Mode::AutolandEngage => wings::land(command, at),
+        Mode::AutolandEngage => match wings::land(at)? {
+            Some(task) => Ok(task),
+            None => fly(command, RouteType::Approach, at),
+        },
         Mode::ContingencyA => contingency(command, RouteType::ContingencyA, &[Px4Mode::RTL], at),
         Mode::ContingencyB => contingency(command, RouteType::ContingencyB, &[Px4Mode::LAND], at),
         Mode::AutolandWaveOff => wings::wave_off(at),
@@ -77,16 +80,6 @@ pub(crate) fn task(
         Mode::Autopilot => steer(command, at),
         other => Err(format!("mode {}: not supported by PX4", other.raw())),
     }
-}
-
-pub(super) fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
-    // PX4 forgets commanded speeds and altitudes when its mode changes.
-    let commanded = if at.telemetry.mode.is_some_and(|mode| modes.contains(&mode)) {
-        at.commanded
-    } else {
-        Commanded::default()
-    };
-    Task::Steps(maneuver::enter(modes).into(), commanded)
 }
 
 fn contingency(
@@ -116,7 +109,7 @@ fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
 }
 
 /// The route of this type, once it is uploaded.
-pub(super) fn fly(
+fn fly(
     command: &VehicleOperatingModeCommand,
     route: RouteType,
     at: &Situation<'_>,
@@ -211,13 +204,6 @@ pub(super) fn fly(
     Ok(Task::Steps(steps, commanded))
 }
 
-/// Whether a route aboard is still above home: it was compiled for home as it was at its load.
-pub(super) fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> Result<(), String> {
-    let home = at.telemetry.home.ok_or("home is not known yet")?;
-    let checked = uploaded.compiled.check_heights(home.amsl_m, &at.limits);
-    checked.map_err(|fault| format!("the route aboard, from the present home: {fault}"))
-}
-
 /// Whether the vehicle comes to the place that a flight from this item leads to first without a climb or a descent on the
 /// way: on entering AUTO.MISSION PX4 climbs before, on the spot.
 fn comes_level(uploaded: &UploadedMission, seq: u16, enters: bool, at: &Situation<'_>) -> bool {
@@ -257,14 +243,6 @@ fn serves(uploaded: &UploadedMission, wanted: RouteType, at: &Situation<'_>) -> 
     } else {
         uploaded.route_type == wanted
     }
-}
-
-/// Whether the vehicle itself names the route that was loaded as its mission: another station may have changed it.
-pub(super) fn holds(vehicle: &Telemetry, uploaded: &UploadedMission) -> bool {
-    uploaded.mission_id == 0
-        || vehicle
-            .mission
-            .is_some_and(|mission| mission.mission_id == uploaded.mission_id)
 }
 
 /// Whether a route that a mode has put aboard is still what has been sent. What 13000 has loaded stays until the next
@@ -512,41 +490,6 @@ fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String
         )),
         _ => Ok(()),
     }
-}
-
-pub(super) fn place(
-    command: &VehicleOperatingModeCommand,
-    at: &Situation<'_>,
-) -> Result<Option<(f64, f64)>, String> {
-    let (latitude, longitude) = match (
-        command.loiter_position_latitude,
-        command.loiter_position_longitude,
-    ) {
-        (None, None) => return Ok(None),
-        (Some(latitude), Some(longitude)) => (latitude.degrees(), longitude.degrees()),
-        _ => return Err("a loiter position needs latitude and longitude".to_owned()),
-    };
-    // What a full presence vector carries for no position.
-    if latitude == 0.0 && longitude == 0.0 {
-        return Ok(None);
-    }
-    if !(-90.0..=90.0).contains(&latitude) {
-        return Err(format!(
-            "loiter latitude {latitude:.4} deg, expected -90 to 90"
-        ));
-    }
-    let from = at
-        .telemetry
-        .position
-        .ok_or("the vehicle has not reported a position yet")?;
-    let distance_m = metres((from.latitude, from.longitude), (latitude, longitude));
-    if distance_m > at.limits.leg_m {
-        return Err(format!(
-            "loiter position {distance_m:.0} m away, at most {:.0}",
-            at.limits.leg_m
-        ));
-    }
-    Ok(Some((latitude, longitude)))
 }
 
 /// Mode 15: speed, direction and climb by set points.

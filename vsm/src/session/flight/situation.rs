@@ -4,7 +4,7 @@
 //! altitude or heading command type 0, speed 0, waypoint 0, and a loiter position of exactly 0, 0.
 
 use mapping::altitude::{self, Agl, Altimeter, Level};
-use mapping::limits::{Limits, Performance};
+use mapping::limits::{Limits, Performance, metres};
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
@@ -211,4 +211,64 @@ pub(super) fn flown_as(hovers: bool) -> SpeedType {
     } else {
         SpeedType::Indicated
     }
+}
+
+pub(super) fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
+    // PX4 forgets commanded speeds and altitudes when its mode changes.
+    let commanded = if at.telemetry.mode.is_some_and(|mode| modes.contains(&mode)) {
+        at.commanded
+    } else {
+        Commanded::default()
+    };
+    Task::Steps(maneuver::enter(modes).into(), commanded)
+}
+
+/// Whether a route aboard is still above home: it was compiled for home as it was at its load.
+pub(super) fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> Result<(), String> {
+    let home = at.telemetry.home.ok_or("home is not known yet")?;
+    let checked = uploaded.compiled.check_heights(home.amsl_m, &at.limits);
+    checked.map_err(|fault| format!("the route aboard, from the present home: {fault}"))
+}
+
+/// Whether the vehicle itself names the route that was loaded as its mission: another station may have changed it.
+pub(super) fn holds(vehicle: &Telemetry, uploaded: &UploadedMission) -> bool {
+    uploaded.mission_id == 0
+        || vehicle
+            .mission
+            .is_some_and(|mission| mission.mission_id == uploaded.mission_id)
+}
+
+pub(super) fn place(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Option<(f64, f64)>, String> {
+    let (latitude, longitude) = match (
+        command.loiter_position_latitude,
+        command.loiter_position_longitude,
+    ) {
+        (None, None) => return Ok(None),
+        (Some(latitude), Some(longitude)) => (latitude.degrees(), longitude.degrees()),
+        _ => return Err("a loiter position needs latitude and longitude".to_owned()),
+    };
+    // What a full presence vector carries for no position.
+    if latitude == 0.0 && longitude == 0.0 {
+        return Ok(None);
+    }
+    if !(-90.0..=90.0).contains(&latitude) {
+        return Err(format!(
+            "loiter latitude {latitude:.4} deg, expected -90 to 90"
+        ));
+    }
+    let from = at
+        .telemetry
+        .position
+        .ok_or("the vehicle has not reported a position yet")?;
+    let distance_m = metres((from.latitude, from.longitude), (latitude, longitude));
+    if distance_m > at.limits.leg_m {
+        return Err(format!(
+            "loiter position {distance_m:.0} m away, at most {:.0}",
+            at.limits.leg_m
+        ));
+    }
+    Ok(Some((latitude, longitude)))
 }

@@ -21,10 +21,10 @@ use mapping::route::Wings;
 use stanag_msgs::enums::{AltitudeCommandType, HeadingCommandType, RouteType};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
-use super::mode_command::{check_heights, fly, holds, plain};
 use super::settings::Pattern;
 use super::situation::{
-    Situation, Task, altitude, checked_level, flown_as, has, names_mode, speed,
+    Situation, Task, altitude, check_heights, checked_level, flown_as, has, holds, names_mode,
+    place, plain, speed,
 };
 use super::steering::{self, Direction};
 use crate::session::maneuver::{self, Step};
@@ -64,24 +64,18 @@ fn check_transition(wings: &Wings, at: &Situation<'_>) -> Result<(), String> {
     ))
 }
 
-/// Mode 19.
-pub(super) fn land(
-    command: &VehicleOperatingModeCommand,
-    at: &Situation<'_>,
-) -> Result<Task, String> {
+/// Mode 19; none where the approach route is flown, which may have to be uploaded first.
+pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     let approach = has(RouteType::Approach, at);
+    let here = || Ok(Some(plain(&[Px4Mode::LAND], at)));
     if !at.telemetry.airborne() {
-        return Ok(plain(&[Px4Mode::LAND], at));
+        return here();
     }
     if at.wings.is_none() {
-        return if approach {
-            fly(command, RouteType::Approach, at)
-        } else {
-            Ok(plain(&[Px4Mode::LAND], at))
-        };
+        return if approach { Ok(None) } else { here() };
     }
     if at.telemetry.hovers() {
-        return Ok(plain(&[Px4Mode::LAND], at));
+        return here();
     }
     let aboard = at.uploaded.filter(|uploaded| holds(at.telemetry, uploaded));
     let pattern = aboard.and_then(|uploaded| Some((uploaded, uploaded.compiled.landing_start()?)));
@@ -90,11 +84,11 @@ pub(super) fn land(
             check_heights(uploaded, at)?;
             let mut steps = vec![Step::SetCurrent(start..=uploaded.compiled.place_from(start))];
             steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
-            Ok(Task::Steps(steps, Commanded::default()))
+            Ok(Some(Task::Steps(steps, Commanded::default())))
         }
-        None if approach => fly(command, RouteType::Approach, at),
+        None if approach => Ok(None),
         // PX4 turns back to a hover, and lands here.
-        None if at.telemetry.airframe() == Airframe::Vtol => Ok(plain(&[Px4Mode::LAND], at)),
+        None if at.telemetry.airframe() == Airframe::Vtol => here(),
         None => Err(
             "mode 19: the vehicle carries no landing pattern: send an approach route (13001), or load a route (13000) with \
              vehicle.landing configured"
@@ -143,7 +137,7 @@ pub(super) fn launch(
 ) -> Result<(Vec<Step>, Commanded), String> {
     let home = at.telemetry.home.ok_or("mode 21: home is not known yet")?;
     let height_m = amsl_m - home.amsl_m;
-    let place = super::mode_command::place(command, at)?;
+    let place = place(command, at)?;
     let commanded = Commanded {
         altitude_amsl_m: Some(amsl_m),
         loiter_position: place,
